@@ -1,6 +1,7 @@
 // ethercat: the commands of IgH's command line tool, without a kernel module. See ethercat/README.md.
 #include "common/program.hpp"
 #include "common/source_arguments.hpp"
+#include "ethercat/attached.hpp"
 #include "ethercat/call.hpp"
 #include "ethercat/help.hpp"
 #include "ethercat/standalone.hpp"
@@ -9,8 +10,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 
 namespace {
 
@@ -30,10 +33,49 @@ std::vector<std::pair<unsigned, std::string>> sources_of(const Arguments& argume
     return all;
 }
 
+// The sockets of running applications: those of --attach; without any source also those in the usual folder.
+std::vector<std::string> sockets_of(const Arguments& arguments, bool any_source) {
+    auto all = arguments.values("attach");
+    if (!all.empty() || any_source) return all;
+    std::error_code ignored;
+    for (const auto& entry : std::filesystem::directory_iterator("/run/margay", ignored))
+        if (entry.path().extension() == ".sock") all.push_back(entry.path());
+    std::ranges::sort(all);
+    return all;
+}
+
+// What belongs to a source of the program's own.
+std::optional<Problem> check_attached(const Arguments& arguments) {
+    for (const auto* option : {"source", "eni", "record", "trace", "take-over"})
+        if (arguments.has(option))
+            return Problem{fmt::format("--{} is not for a running application", option), samples::exit_code::kUsage};
+    return std::nullopt;
+}
+
+Answer<std::vector<Master>> attached_masters(const std::vector<std::string>& sockets, const Arguments& arguments) {
+    if (const auto problem = check_attached(arguments)) return *problem;
+    const auto wanted = Numbers::parse(arguments.has("master") ? arguments.value("master") : "-");
+    if (!wanted)
+        return Problem{
+            fmt::format("--master: '{}' is no number, list or range of numbers (1,4,7-9)", arguments.value("master")),
+            samples::exit_code::kUsage};
+    std::vector<Master> masters;
+    for (unsigned index = 0; index < sockets.size(); ++index)
+        if (wanted->contains(index))
+            masters.push_back({index, std::make_unique<AttachedSession>(index, sockets[index])});
+    if (masters.empty())
+        return Problem{fmt::format("no master is selected by --master {}: {} applications serve a socket",
+                                   arguments.value("master"), sockets.size()),
+                       samples::exit_code::kUsage};
+    return masters;
+}
+
 Answer<std::vector<Master>> masters_of(const Arguments& arguments) {
-    const auto sources = sources_of(arguments);
+    const auto sources = arguments.has("attach") ? decltype(sources_of(arguments)){} : sources_of(arguments);
+    const auto sockets = sockets_of(arguments, !sources.empty());
+    if (!sockets.empty()) return attached_masters(sockets, arguments);
     if (sources.empty())
-        return Problem{"no source: use --source, or set MARGAY_MASTER0; see ethercat --help",
+        return Problem{"no source: use --source, or set MARGAY_MASTER0, or --attach; see ethercat --help",
                        samples::exit_code::kUsage};
     auto wanted = Numbers::parse(arguments.has("master") ? arguments.value("master") : "-");
     if (!wanted)

@@ -8,6 +8,7 @@
 #include "common/source_arguments.hpp"
 #include "common/xml_files.hpp"
 
+#include <margay/attach/server.hpp>
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
@@ -17,6 +18,7 @@
 #include <array>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -37,7 +39,8 @@ struct Options {
     bool count = false;       // write a counter to the outputs
     bool drives_too = false;  // to those of drives as well
     samples::PaceOptions pace;
-    std::string eni{};  // bring the segment up as this file says
+    std::string eni{};     // bring the segment up as this file says
+    std::string attach{};  // path of a socket for other programs; empty: none
 };
 
 constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
@@ -50,6 +53,10 @@ class SimpleIo {
     // Returns the exit code of the program.
     int run() {
         if (const auto ready = source_.begin(ctx_); !ready) return report_failure(ready.error());
+        if (!options_.attach.empty()) {
+            attach_.emplace(ctx_, options_.attach, AttachSettings{.name = options_.source.source});
+            if (!attach_->error().empty()) return samples::fail(attach_->error(), samples::exit_code::kSystem);
+        }
         const auto found = samples::scan_by(ctx_, eni_);
         if (!found) return report_failure(found.error());
         const auto bytes = samples::map_groups(ctx_, eni_, image_);
@@ -186,6 +193,7 @@ class SimpleIo {
     std::vector<std::span<std::byte>> counting_;  // outputs that get the counter
     Error last_;
     SuperviseRequest supervise_;
+    std::optional<AttachServer> attach_{};  // ends before the context
 };
 
 int run(samples::Source& source, const Options& options) {
@@ -218,8 +226,13 @@ int main(int argc, char** argv) {
                    "write the counter to the outputs of drives, too. DANGER: drives are switched on and move",
                    "--count");
     arguments.option("--eni", options.eni, "bring the segment up as this ENI file says");
+    arguments.option(
+        "--attach", options.attach,
+        "let `ethercat --attach` and other programs work on this one, by a socket at this path; a simulated "
+        "segment then runs in the time of the system");
     samples::add_pace_options(arguments, options.pace);
     return arguments.run(argc, argv, [&] {
+        options.source.options.real_time = !options.attach.empty();
         return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });
     });
 }

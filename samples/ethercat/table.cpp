@@ -21,6 +21,7 @@ constexpr Option kOptions[] = {
     {'q', "quiet", "", "print less, and no warnings", "", true},
     {'f', "force", "", "do what a check would refuse", "", true},
     {0, "take-over", "", "scan also when slaves are in SAFEOP or OP under another master; they go to INIT", "", true},
+    {0, "attach", "PATH", "work on the running application that serves this socket", "FILE", true},
     {0, "eni", "FILE", "expect and configure the slaves as this ENI file says", "FILE", true},
     {0, "record", "FILE", "write every frame sent and received to this file, as pcap", "FILE", true},
     {0, "trace", "", "print a line for every datagram to standard error", "", true},

@@ -36,6 +36,7 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"clock", {"util"}},
         {"network", {"mailbox", "clock"}},
         {"api", {"network", "osal contract"}},
+        {"attach", {"api"}},
         {"source",
          {"files", "sim", "osal/linux", "osal/virtual", "oshw/linux", "oshw/xdp", "oshw/pcap", "oshw/filters",
           "oshw/simulated"}},
@@ -44,7 +45,8 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"subdevice", {"wire"}},
         {"sim", {"subdevice"}},
         {"files", {"wire"}},
-        {"samples", {"files", "analyse", "api", "source", "osal/posix", "osal/bare", "osal/freertos", "oshw/lan9118"}},
+        {"samples",
+         {"files", "analyse", "api", "attach", "source", "osal/posix", "osal/bare", "osal/freertos", "oshw/lan9118"}},
         {"test", {"samples", "compat"}},
     };
     return rows;
@@ -86,8 +88,8 @@ std::string outside_fault(const std::string& layer, const std::string& header) {
         return layer == "oshw/xdp" || layer == "test" ? "" : "belongs to oshw/xdp/ only";
     if (begins("pugixml")) return layer == "files" ? "" : "belongs to src/files/ only";
     if (layer == "compat") return "";
-    if (leaf || layer == "files" || layer == "analyse" || layer == "osal/linux" || layer == "osal/posix" || layer == "oshw/linux" ||
-        layer == "oshw/xdp" || layer == "oshw/pcap")
+    if (leaf || layer == "files" || layer == "analyse" || layer == "attach" || layer == "osal/linux" ||
+        layer == "osal/posix" || layer == "oshw/linux" || layer == "oshw/xdp" || layer == "oshw/pcap")
         return "";
     if (layer == "osal/freertos" && (header == "FreeRTOS.h" || header == "semphr.h" || header == "task.h")) return "";
     if (freestanding_headers().count(header) != 0) return "";

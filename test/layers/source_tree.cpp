@@ -83,6 +83,7 @@ std::string layer_of(std::string_view path) {
         return folder == top || (folder.substr(0, top.size()) == top && folder[top.size()] == '/');
     };
     if (below("include/margay/files")) return "files";  // the public headers of src/files
+    if (below("include/margay/attach")) return "attach";  // of src/attach
     if (below("include/margay")) return "include";
     if (below("samples")) return "samples";
     if (below("test")) return "test";

@@ -1,0 +1,74 @@
+// Makes a running master visible to other programs, for example `ethercat`: states, slaves, process data, statistics,
+// events, and access to registers, SII and mailboxes, over a Unix socket. For hosted systems (target margay_attach).
+//
+//     margay::HostContext ctx;
+//     …                                                 // init()
+//     margay::AttachServer server(ctx, "/run/margay/line1.sock", {.name = "eth0"});
+//     if (!server.error().empty()) …                    // not served; the master works without it
+//     …                                                 // the cycle runs
+//
+// The server has a thread of its own. The cycle never waits for it: the thread only submits requests (request.hpp), at
+// most one for each client, and poll() executes them between the cycles as those of any other thread. What a client
+// sends has no other effect on the application: a message that is malformed or too long, a client that is slow, floods
+// or goes away ends its own connection, and the memory of the server is bounded by AttachSettings.
+//
+// Access. Whoever may write to the socket can do what the application could do by requests: change states, write
+// objects and registers. The file permissions of the socket decide who that is; `read_only` refuses everything that
+// writes.
+#pragma once
+
+#include <margay/context.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+namespace margay {
+
+struct AttachSettings {
+    std::string name{};       // what clients show as the source, for example the name of the interface
+    unsigned mode = 0600;     // permissions of the socket: 0660 lets the group in
+    std::string owner{};      // name of the user that owns the socket; empty: the user of the process
+    std::string group{};      // name of its group; empty: the group of the process
+    bool read_only = false;   // refuse everything that changes a slave
+    std::size_t clients = 8;  // connections at the same time, 1 to 32; more are told so and closed
+    std::size_t transfer_bytes = std::size_t{16} << 20;  // the largest file or object; at most twice as much memory for
+                                                         // each client
+};
+
+// What the server has seen. For tests and for the curious: a rising number of `malformed` is a faulty client.
+struct AttachCounts {
+    std::uint64_t accepted = 0;   // connections
+    std::uint64_t refused = 0;    // connections beyond AttachSettings::clients
+    std::uint64_t requests = 0;   // messages that were executed
+    std::uint64_t malformed = 0;  // connections that were closed because of what they sent
+    std::uint64_t stalled = 0;    // connections that were closed in the middle of a message, after 10 s
+};
+
+class AttachServer {
+  public:
+    // Binds the socket and starts the thread. Call it after init(), in the thread that owns the context: it observes
+    // EventQueue::callback (a callback that was set before is called too; one that the application sets later replaces
+    // it, and then clients see no events). A socket that a program has left behind is replaced; one that is served is
+    // not. Create the server before the thread gets a processor of its own: the server's thread inherits the
+    // processors, but not the real-time priority. Allocates memory; not for the cycle. `ctx` must outlive the server.
+    AttachServer(Context& ctx, std::string path, AttachSettings settings = {});
+    // Ends all connections and removes the socket; busy requests of clients end as canceled. In the thread that owns
+    // the context.
+    ~AttachServer();
+    AttachServer(const AttachServer&) = delete;
+    AttachServer& operator=(const AttachServer&) = delete;
+
+    // Why the socket is not served, as a sentence; empty: it is served.
+    [[nodiscard]] const std::string& error() const;
+    [[nodiscard]] const std::string& path() const;
+    // Callable from any thread.
+    [[nodiscard]] AttachCounts counts() const;
+
+  private:
+    class Loop;
+    std::unique_ptr<Loop> loop_;
+};
+
+}  // namespace margay

@@ -1,0 +1,388 @@
+#include "ethercat/attached.hpp"
+
+#include "common/program.hpp"
+#include "common/slave_report.hpp"
+#include "wire/esc.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <thread>
+
+namespace margay::ethercat {
+namespace {
+
+using attach::Operation;
+
+namespace reg = wire::reg;
+
+Problem not_attached(std::string_view what) {
+    return {fmt::format("{}: not while attached to an application", what), samples::exit_code::kUsage};
+}
+
+}  // namespace
+
+// ------------------------------------------------------------------ exchanges
+
+Answer<> AttachedSession::open() {
+    if (connected_) return {};
+    const auto error = client_.connect(path_);
+    if (!error.empty()) return Problem{error, samples::exit_code::kSystem};
+    connected_ = true;
+    return {};
+}
+
+Problem AttachedSession::problem_of(const Error& error, std::string_view slave_text) const {
+    Error without = error;
+    without.slave = 0;
+    auto words = samples::sentence(without);
+    if (!slave_text.empty()) words += fmt::format(" (the slave: \"{}\")", slave_text);
+    if (error.slave == 0) return {words};
+    const auto found = std::ranges::find(known_, error.slave, &attach::SlaveFacts::number);
+    if (found == known_.end() || found->ring_position == 0)
+        return {fmt::format("configured slave {}: {}", error.slave, words)};
+    return {fmt::format("position {}: {}", found->ring_position - 1, words)};
+}
+
+Answer<Octets> AttachedSession::ask(Operation operation, const attach::Arguments& arguments,
+                                    const TransferProgress& progress) {
+    const auto ready = open();
+    if (!ready) return ready.problem();
+    auto reply = client_.call(operation, arguments, progress);
+    last_error_ = reply.error.code;
+    if (reply.ok()) return std::move(reply.payload);
+    if (reply.status == attach::Status::refused) return Problem{reply.text};
+    return problem_of(reply.error, reply.text);
+}
+
+Answer<Octets> AttachedSession::ask_slave(std::uint16_t position, Operation operation, attach::Arguments arguments,
+                                          const TransferProgress& progress) {
+    const auto slave = slave_at(position);
+    if (!slave) return slave.problem();
+    arguments.slave = slave->number;
+    return ask(operation, arguments, progress);
+}
+
+Answer<Octets> AttachedSession::ask_whole(std::uint16_t position, Operation operation, attach::Arguments arguments) {
+    const auto most = static_cast<std::uint32_t>(client_.transfer_bytes());
+    for (std::uint32_t bytes = 1024;; bytes = std::min(bytes * 16, most)) {
+        arguments.bytes = bytes;
+        auto got = ask_slave(position, operation, arguments);
+        if (got || last_error_ != Errc::capacity || bytes >= client_.transfer_bytes()) return got;
+    }
+}
+
+// ------------------------------------------------------------------ facts
+
+// The table may change between two parts of it: then it is read again.
+Answer<std::vector<attach::SlaveFacts>> AttachedSession::table() {
+    std::vector<attach::SlaveFacts> all;
+    for (int again = 0; again < 8;) {
+        const auto part = ask(Operation::slaves, {.from = static_cast<std::uint32_t>(all.size() + 1)});
+        if (!part) return part.problem();
+        attach::Reader from(*part);
+        std::uint16_t count = 0;
+        std::uint16_t some = 0;
+        from(count, some);
+        for (; some != 0 && from.ok(); --some) from(all.emplace_back());
+        if (!from.complete()) return Problem{path_ + ": the answer is not complete", samples::exit_code::kSystem};
+        if (all.size() == count) return known_ = std::move(all);
+        if (all.size() < count && from.complete() && !all.empty() && all.back().number == all.size()) continue;
+        all.clear();
+        ++again;
+    }
+    return Problem{"the application scans the segment at present"};
+}
+
+Answer<attach::SlaveFacts> AttachedSession::slave_at(std::uint16_t position) {
+    const auto find = [&] { return std::ranges::find(known_, position + 1, &attach::SlaveFacts::ring_position); };
+    if (find() == known_.end()) {
+        const auto all = table();
+        if (!all) return all.problem();
+    }
+    if (find() == known_.end()) return Problem{fmt::format("there is no slave at position {}", position)};
+    return *find();
+}
+
+Answer<MasterFacts> AttachedSession::master() {
+    const auto all = slaves();
+    if (!all) return all.problem();
+    const auto facts = read<attach::MasterFacts>(ask(Operation::master, {}));
+    if (!facts) return facts.problem();
+    return MasterFacts{.source = client_.name().empty() ? path_ : client_.name(),
+                       .active = true,
+                       .slaves = static_cast<std::uint16_t>(all->size()),
+                       .frames_sent = facts->link.frames_sent,
+                       .frames_received = facts->link.frames_received,
+                       .bytes_on_wire = facts->link.bytes_on_wire,
+                       .frames_lost = facts->link.lost};
+}
+
+Answer<std::vector<SlaveFacts>> AttachedSession::slaves() {
+    const auto table_now = table();
+    if (!table_now) return table_now.problem();
+    const auto position_of = [&](std::uint16_t number) {
+        const auto found = std::ranges::find(*table_now, number, &attach::SlaveFacts::number);
+        return found == table_now->end() ? std::uint16_t{0} : found->ring_position;  // the first is 1
+    };
+    std::vector<SlaveFacts> all;
+    for (const auto& s : *table_now) {
+        if (s.ring_position == 0) continue;
+        SlaveFacts facts{.position = static_cast<std::uint16_t>(s.ring_position - 1),
+                         .alias = s.alias,
+                         .station_address = s.station_address,
+                         .name = s.name(),
+                         .identity = s.identity,
+                         .al = s.al,
+                         .problem = s.error.code == Errc::none ? std::string() : problem_of(s.error, {}).text,
+                         .dl = s.dl,
+                         .parent_port = s.parent_port,
+                         .entry_port = s.entry_port,
+                         .mailbox = s.mailbox,
+                         .boot_mailbox = s.boot_mailbox,
+                         .coe_details = s.coe_details,
+                         .ebus_current_ma = s.ebus_current_ma};
+        if (s.parent != 0) facts.parent = static_cast<std::uint16_t>(position_of(s.parent) - 1);
+        for (unsigned n = 0; n < facts.ports.size(); ++n) {
+            const auto& port = s.ports[n];
+            facts.signal[n] = (s.dl_status & wire::dl_status::communication(n)) != 0;
+            facts.ports[n] = {.type = port.type, .link = port.link, .open = port.open};
+            if (port.neighbour != 0) facts.ports[n].neighbour = position_of(port.neighbour);
+        }
+        all.push_back(std::move(facts));
+    }
+    std::ranges::sort(all, {}, &SlaveFacts::position);
+    return all;
+}
+
+// What the application has measured: to measure again would disturb its clocks.
+Answer<ClockFacts> AttachedSession::clock(std::uint16_t position) {
+    const auto all = table();
+    if (!all) return all.problem();
+    const auto slave = slave_at(position);
+    if (!slave) return slave.problem();
+    const auto master_facts = read<attach::MasterFacts>(ask(Operation::master, {}));
+    if (!master_facts) return master_facts.problem();
+    ClockFacts facts{.runs = slave->clock == ClockKind::bits32 || slave->clock == ClockKind::bits64,
+                     .reference = master_facts->reference_clock == slave->number,
+                     .measured = slave->clock != ClockKind::none && slave->clock != ClockKind::unknown,
+                     .delay_ns = slave->delay_ns};
+    if (!facts.measured) return facts;
+    const auto times = read_registers(position, reg::kPortReceiveTime.address, reg::kPortReceiveTime.length);
+    if (!times) return times.problem();
+    for (std::size_t port = 0; port < facts.receive_ns.size(); ++port)
+        facts.receive_ns[port] = load_le<std::uint32_t>(*times, 4 * port);
+    return facts;
+}
+
+// ------------------------------------------------------------------ states
+
+Answer<std::uint16_t> AttachedSession::rescan() { return not_attached("a scan would end the process data"); }
+Answer<> AttachedSession::set_debug_level(unsigned) {
+    return not_attached("the level of messages belongs to the program that opens the source");
+}
+
+// Sets the target, and waits until the slave is in the state. A supervision of the application brings the slave there.
+Answer<> AttachedSession::reach(std::uint16_t position, AlState target, AlState wanted) {
+    const auto set = ask_slave(position, Operation::set_target, {.state = target});
+    if (!set) return set.problem();
+    for (int n = 0; n < 1000 && !samples::stop_asked(); ++n) {
+        const auto all = table();
+        if (!all) return all.problem();
+        const auto slave = slave_at(position);
+        if (!slave) return slave.problem();
+        if (slave->al.state == wanted && !slave->al.error) return {};
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    const auto slave = slave_at(position);
+    if (!slave) return slave.problem();
+    auto text =
+        fmt::format("position {}: is in {} and not in {}", position, samples::al_text(slave->al), to_text(wanted));
+    if (slave->error.code != Errc::none) text += "; " + problem_of(slave->error, {}).text;
+    return Problem{text};
+}
+
+Answer<> AttachedSession::set_states(std::span<const std::uint16_t> positions, AlState state) {
+    std::string problems;
+    for (const auto position : positions) {
+        const auto done = reach(position, state, state);
+        if (!done) problems += (problems.empty() ? "" : "; ") + done.problem().text;
+    }
+    if (!problems.empty()) return Problem{problems};
+    return {};
+}
+
+// ------------------------------------------------------------------ mailboxes
+
+Answer<Octets> AttachedSession::upload(std::uint16_t position, std::uint16_t index, std::uint8_t subindex,
+                                       bool complete_access) {
+    return ask_whole(position, Operation::sdo_upload,
+                     {.index = index, .subindex = subindex, .complete_access = complete_access});
+}
+
+Answer<> AttachedSession::download(std::uint16_t position, std::uint16_t index, std::uint8_t subindex,
+                                   bool complete_access, std::span<const std::byte> value) {
+    const auto done = ask_slave(position, Operation::sdo_download,
+                                {.index = index,
+                                 .subindex = subindex,
+                                 .complete_access = complete_access,
+                                 .data = Octets(value.begin(), value.end())});
+    if (!done) return done.problem();
+    return {};
+}
+
+Answer<DictionaryEntryFacts> AttachedSession::dictionary_entry(std::uint16_t position, std::uint16_t index,
+                                                               std::uint8_t subindex) {
+    const auto entry = read<attach::EntryFacts>(
+        ask_slave(position, Operation::entry_description, {.index = index, .subindex = subindex}));
+    if (!entry) return entry.problem();
+    return DictionaryEntryFacts{.subindex = entry->subindex,
+                                .access = entry->access,
+                                .data_type = entry->data_type,
+                                .bits = entry->bits,
+                                .name = entry->name};
+}
+
+Answer<std::vector<DictionaryObjectFacts>> AttachedSession::dictionary(std::uint16_t position, bool entries) {
+    const auto list = ask_slave(position, Operation::object_list, {});
+    if (!list) return list.problem();
+    std::vector<DictionaryObjectFacts> objects;
+    for (std::size_t at = 0; at + 1 < list->size(); at += 2) {
+        const auto index = load_le<std::uint16_t>(*list, at);
+        const auto described =
+            read<attach::ObjectFacts>(ask_slave(position, Operation::object_description, {.index = index}));
+        if (!described) return described.problem();
+        auto& object = objects.emplace_back(
+            DictionaryObjectFacts{.index = index, .name = described->name, .code = described->code});
+        for (unsigned n = 0; entries && n <= described->max_subindex; ++n) {
+            const auto entry = dictionary_entry(position, index, static_cast<std::uint8_t>(n));
+            if (!entry && last_error_ == Errc::sdo_abort) continue;  // the object has no such subindex
+            if (!entry) return entry.problem();
+            object.entries.push_back(*entry);
+        }
+    }
+    return objects;
+}
+
+// The slave goes back to the target that it had.
+Answer<Octets> AttachedSession::foe_read(std::uint16_t position, const FileTransfer& file) {
+    const auto before = slave_at(position);
+    if (!before) return before.problem();
+    if (file.boot) {
+        const auto ready = reach(position, AlState::boot, AlState::boot);
+        if (!ready) return ready.problem();
+    }
+    auto content = ask_slave(
+        position, Operation::foe_read,
+        {.from = file.password, .bytes = static_cast<std::uint32_t>(client_.transfer_bytes()), .name = file.name},
+        file.progress);
+    if (!file.boot) return content;
+    const auto back = reach(position, before->target, before->al.state);
+    return content && !back ? Answer<Octets>(back.problem()) : std::move(content);
+}
+
+Answer<> AttachedSession::foe_write(std::uint16_t position, const FileTransfer& file,
+                                    std::span<const std::byte> content) {
+    const auto before = slave_at(position);
+    if (!before) return before.problem();
+    if (file.boot) {
+        const auto ready = reach(position, AlState::boot, AlState::boot);
+        if (!ready) return ready.problem();
+    }
+    const auto done = ask_slave(
+        position, Operation::foe_write,
+        {.from = file.password, .name = file.name, .data = Octets(content.begin(), content.end())}, file.progress);
+    if (done) return file.boot ? reach(position, before->target, before->al.state) : Answer<>();
+    auto problem = done.problem();
+    if (file.boot) problem.text += "; the slave stays in BOOT";
+    return problem;
+}
+
+Answer<Octets> AttachedSession::soe_read(std::uint16_t position, std::uint8_t drive, Idn idn) {
+    return ask_whole(position, Operation::soe_read,
+                     {.index = idn.value, .subindex = drive, .elements = soe_element::kValue});
+}
+
+Answer<SoeAttribute> AttachedSession::soe_attribute(std::uint16_t position, std::uint8_t drive, Idn idn) {
+    const auto bits = read<std::uint32_t>(
+        ask_slave(position, Operation::soe_read,
+                  {.index = idn.value, .subindex = drive, .elements = soe_element::kAttribute, .bytes = 4}));
+    if (!bits) return bits.problem();
+    return margay::soe_attribute(*bits);
+}
+
+Answer<> AttachedSession::soe_write(std::uint16_t position, std::uint8_t drive, Idn idn,
+                                    std::span<const std::byte> value) {
+    const auto done = ask_slave(position, Operation::soe_write,
+                                {.index = idn.value,
+                                 .subindex = drive,
+                                 .elements = soe_element::kValue,
+                                 .data = Octets(value.begin(), value.end())});
+    if (!done) return done.problem();
+    return {};
+}
+
+Answer<std::vector<EoeFacts>> AttachedSession::eoe(std::chrono::milliseconds) {
+    return not_attached("the ports of EoE and their counters belong to the program that bridges them");
+}
+
+Answer<> AttachedSession::set_ip(std::uint16_t position, const EoeIp& ip) {
+    Octets octets(128);
+    attach::Writer into(octets);
+    into(ip);
+    octets.resize(into.written().size());
+    const auto done = ask_slave(position, Operation::eoe_set_ip, {.data = std::move(octets)});
+    if (!done) return done.problem();
+    return {};
+}
+
+// ------------------------------------------------------------------ registers and SII
+
+Answer<Octets> AttachedSession::read_registers(std::uint16_t position, std::uint16_t address, std::size_t bytes) {
+    constexpr std::size_t kOnce = 1024;
+    Octets octets;
+    for (std::size_t at = 0; at < bytes; at += kOnce) {
+        const auto part = ask_slave(position, Operation::read_registers,
+                                    {.index = static_cast<std::uint16_t>(address + at),
+                                     .bytes = static_cast<std::uint32_t>(std::min(kOnce, bytes - at))});
+        if (!part) return part.problem();
+        octets.insert(octets.end(), part->begin(), part->end());
+    }
+    return octets;
+}
+
+Answer<> AttachedSession::write_registers(std::uint16_t position, std::uint16_t address,
+                                          std::span<const std::byte> value, bool urgent) {
+    const auto done = ask_slave(position, Operation::write_registers,
+                                {.index = address, .urgent = urgent, .data = Octets(value.begin(), value.end())});
+    if (!done) return done.problem();
+    return {};
+}
+
+Answer<> AttachedSession::read_sii(std::uint16_t position, std::uint32_t word, std::span<std::byte> into) {
+    const auto got =
+        ask_slave(position, Operation::read_sii, {.from = word, .bytes = static_cast<std::uint32_t>(into.size())});
+    if (!got) return got.problem();
+    if (got->size() != into.size()) return Problem{path_ + ": the answer is not complete", samples::exit_code::kSystem};
+    std::ranges::copy(*got, into.begin());
+    return {};
+}
+
+Answer<> AttachedSession::write_sii(std::uint16_t position, std::uint32_t word, std::span<const std::byte> value) {
+    sii_.erase(position);
+    const auto done =
+        ask_slave(position, Operation::write_sii, {.from = word, .data = Octets(value.begin(), value.end())});
+    if (!done) return done.problem();
+    return {};
+}
+
+void AttachedSession::pause(std::chrono::milliseconds time) {
+    const auto end = std::chrono::steady_clock::now() + time;
+    while (std::chrono::steady_clock::now() < end && !samples::stop_asked())
+        std::this_thread::sleep_for(
+            std::min<std::chrono::nanoseconds>(std::chrono::milliseconds(50), end - std::chrono::steady_clock::now()));
+}
+
+std::vector<std::string> AttachedSession::messages() { return std::exchange(notes_, {}); }
+
+}  // namespace margay::ethercat

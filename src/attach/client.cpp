@@ -1,0 +1,110 @@
+#include "attach/client.hpp"
+
+#include "attach/socket_address.hpp"
+
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+namespace margay::attach {
+namespace {
+
+constexpr std::size_t kMostPayload = (std::size_t{1} << 30) + 65536;  // a server sends no more
+
+Reply refused(std::string text) { return {.status = Status::refused, .text = std::move(text)}; }
+
+}  // namespace
+
+Client::~Client() {
+    if (fd_ >= 0) ::close(fd_);
+}
+
+std::string Client::connect(const std::string& path) {
+    path_ = path;
+    SocketAddress address;
+    if (!address.set(path)) return path + ": the path is empty, or too long for a socket";
+    fd_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (fd_ < 0 || ::connect(fd_, address.pointer(), address.bytes()) != 0)
+        return path + ": no application can be reached: " + std::strerror(errno);
+    std::array<std::byte, 8> hello{};
+    Writer into(hello);
+    into(kMagic, kProtocolVersion);
+    const auto reply = exchange(Operation::hello, hello, {});
+    if (!reply.ok()) return path + ": " + reply.text;
+    Reader from(reply.payload);
+    std::uint32_t magic = 0;
+    std::uint32_t version = 0;
+    from(magic, version, version_, name_, read_only_, transfer_bytes_);
+    if (!from.complete() || magic != kMagic || version != kProtocolVersion)
+        return path + ": the server is no Margay application of this version";
+    return {};
+}
+
+std::string Client::send_all(Bytes octets) {
+    while (!octets.empty()) {
+        const auto put = ::send(fd_, octets.data(), octets.size(), MSG_NOSIGNAL);
+        if (put < 0 && errno == EINTR) continue;
+        if (put <= 0) return "the application has ended the connection";
+        octets = octets.subspan(static_cast<std::size_t>(put));
+    }
+    return {};
+}
+
+std::string Client::receive_all(MutableBytes into) {
+    while (!into.empty()) {
+        const auto got = ::recv(fd_, into.data(), into.size(), 0);
+        if (got < 0 && errno == EINTR) continue;
+        if (got <= 0) return "the application has ended the connection";
+        into = into.subspan(static_cast<std::size_t>(got));
+    }
+    return {};
+}
+
+Reply Client::exchange(Operation operation, Bytes payload, const Progress& progress) {
+    if (fd_ < 0) return refused("not connected");
+    const Header request{.bytes = static_cast<std::uint32_t>(payload.size()),
+                         .number = ++number_,
+                         .what = static_cast<std::uint16_t>(operation)};
+    std::array<std::byte, Header::kBytes> octets{};
+    request.store(octets);
+    auto error = send_all(octets);
+    if (error.empty()) error = send_all(payload);
+    // A server without a free place answers before it reads: look at its answer all the same.
+    for (;;) {
+        if (auto ended = receive_all(octets); !ended.empty()) return refused(error.empty() ? ended : error);
+        const auto header = Header::load(octets);
+        const bool of_connection = header.number == 0 && header.what == static_cast<std::uint16_t>(Status::refused);
+        if (header.bytes > kMostPayload || (header.number != request.number && !of_connection))
+            return refused("the answer does not belong to the request");
+        Reply reply{.status = static_cast<Status>(header.what), .payload = std::vector<std::byte>(header.bytes)};
+        if (auto ended = receive_all(reply.payload); !ended.empty()) return refused(ended);
+        Reader from(reply.payload);
+        switch (reply.status) {
+            case Status::done: return reply;
+            case Status::failed: from(reply.error, reply.text); break;
+            case Status::refused: from(reply.text); break;
+            case Status::progress: {
+                std::uint64_t done = 0;
+                std::uint64_t total = 0;
+                from(done, total);
+                if (progress && from.complete()) progress(done, total);
+                continue;
+            }
+            default: return refused("the answer has an unknown status");
+        }
+        if (!from.complete()) return refused("the answer is not complete");
+        return reply;
+    }
+}
+
+Reply Client::call(Operation operation, const Arguments& arguments, const Progress& progress) {
+    std::vector<std::byte> payload(64 + arguments.name.size() + arguments.data.size());
+    Writer into(payload);
+    into(arguments);
+    return exchange(operation, into.written(), progress);
+}
+
+}  // namespace margay::attach

@@ -1,0 +1,56 @@
+// The other end of an AttachServer: a connection that sends one request at a time and waits for the answer.
+#pragma once
+
+#include "attach/facts.hpp"
+#include "attach/message.hpp"
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace margay::attach {
+
+// The answer of a server; `text`: a sentence (refused), or the words of the slave (failed).
+struct Reply {
+    Status status = Status::done;
+    std::vector<std::byte> payload{};
+    Error error{};
+    std::string text{};
+    [[nodiscard]] bool ok() const { return status == Status::done; }
+};
+
+class Client {
+  public:
+    Client() = default;
+    ~Client();
+    Client(const Client&) = delete;
+    Client& operator=(const Client&) = delete;
+
+    // A sentence when the server does not answer, or speaks another version; empty: connected.
+    [[nodiscard]] std::string connect(const std::string& path);
+
+    using Progress = std::function<void(std::size_t done, std::size_t total)>;
+    // Waits for the answer as long as the connection lasts.
+    [[nodiscard]] Reply call(Operation operation, const Arguments& arguments, const Progress& progress = {});
+
+    // As the server has said.
+    [[nodiscard]] const std::string& name() const { return name_; }
+    [[nodiscard]] const std::string& version() const { return version_; }
+    [[nodiscard]] bool read_only() const { return read_only_; }
+    [[nodiscard]] std::size_t transfer_bytes() const { return transfer_bytes_; }
+
+  private:
+    [[nodiscard]] Reply exchange(Operation operation, Bytes payload, const Progress& progress);
+    [[nodiscard]] std::string send_all(Bytes octets);
+    [[nodiscard]] std::string receive_all(MutableBytes into);
+
+    int fd_ = -1;
+    std::string path_{};
+    std::uint32_t number_ = 0;
+    std::string name_{};
+    std::string version_{};
+    bool read_only_ = false;
+    std::uint32_t transfer_bytes_ = 0;
+};
+
+}  // namespace margay::attach

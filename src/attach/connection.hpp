@@ -1,0 +1,71 @@
+// One client of a server: its socket, the message that it is sending, its request, and the answer that it is reading.
+#pragma once
+
+#include "attach/job.hpp"
+#include "attach/message.hpp"
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+namespace margay::attach {
+
+using Moment = std::chrono::steady_clock::time_point;
+
+class Connection {
+  public:
+    Connection(int fd, std::size_t most, Moment now) : most_(most), moved_(now), fd_(fd) {}
+    ~Connection();
+    Connection(const Connection&) = delete;
+    Connection& operator=(const Connection&) = delete;
+
+    enum class Came : std::uint8_t { nothing, message, wrong, gone };
+
+    [[nodiscard]] int fd() const { return fd_; }
+    [[nodiscard]] bool closed() const { return fd_ < 0; }
+    void close();
+
+    // A message is taken in only when the one before has been answered, so that a client that floods waits for itself.
+    [[nodiscard]] bool listens() const { return !closed() && job == nullptr && out_.empty() && !complete(); }
+    [[nodiscard]] bool has_output() const { return !out_.empty(); }
+    // In the middle of a message, of either direction.
+    [[nodiscard]] bool in_message() const { return !in_.empty() || !out_.empty(); }
+    [[nodiscard]] Moment moved() const { return moved_; }
+
+    // Reads what is there, up to a limit. `wrong`: the message is not allowed.
+    [[nodiscard]] Came receive(Moment now);
+    // False: the client is gone.
+    [[nodiscard]] bool send(Moment now);
+
+    // After Came::message.
+    [[nodiscard]] Operation operation() const { return static_cast<Operation>(header_.what); }
+    [[nodiscard]] Bytes payload() const { return Bytes(in_).subspan(Header::kBytes); }
+    void forget_message() { Octets().swap(in_); }
+
+    void answer(Status status, Octets payload, Moment now);
+
+    std::unique_ptr<Job> job{};
+    Moment begun{};     // of the job
+    Moment reported{};  // of its last progress
+    std::size_t reported_octets = 0;
+    bool unpolled = false;  // the job was withdrawn because the owner does not poll
+    bool greeted = false;
+
+  private:
+    [[nodiscard]] bool complete() const { return in_.size() >= Header::kBytes && in_.size() == wanted(); }
+    [[nodiscard]] std::size_t wanted() const {
+        return in_.size() < Header::kBytes ? Header::kBytes : Header::kBytes + header_.bytes;
+    }
+    [[nodiscard]] bool header_allowed() const;
+
+    std::size_t most_;
+    Header header_{};
+    Octets in_{};
+    Octets out_{};
+    std::size_t sent_ = 0;
+    Moment moved_;  // when octets moved last
+    int fd_;
+};
+
+}  // namespace margay::attach

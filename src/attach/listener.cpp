@@ -1,0 +1,95 @@
+#include "attach/listener.hpp"
+
+#include "attach/socket_address.hpp"
+
+#include <grp.h>
+#include <pwd.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+namespace margay::attach {
+namespace {
+
+std::string failed(const std::string& path, const char* what) {
+    return path + ": " + what + ": " + std::strerror(errno);
+}
+
+}  // namespace
+
+Listener::~Listener() {
+    if (fd_ >= 0) ::close(fd_);
+    struct stat found {};
+    if (bound_ && ::lstat(path_.c_str(), &found) == 0 && S_ISSOCK(found.st_mode) && found.st_ino == inode_)
+        ::unlink(path_.c_str());
+}
+
+std::string Listener::open(const std::string& path, const AttachSettings& settings) {
+    path_ = path;
+    if (settings.clients < 1 || settings.clients > 32)
+        return path + ": " + std::to_string(settings.clients) + " clients are wanted, and 1 to 32 are possible";
+    if (settings.transfer_bytes > (std::size_t{1} << 30)) return path + ": transfers have at most 1 GiB";
+    const auto error = bind_and_listen(settings);
+    if (!error.empty() && fd_ >= 0) {
+        ::close(fd_);
+        fd_ = -1;
+    }
+    return error;
+}
+
+// A socket that nobody serves refuses connections. Everything else stays as it is.
+std::string Listener::replace_left_behind() {
+    struct stat found {};
+    if (::lstat(path_.c_str(), &found) != 0) return {};
+    if (!S_ISSOCK(found.st_mode)) return path_ + ": is there and is no socket";
+    SocketAddress address;
+    if (!address.set(path_)) return path_ + ": the path is too long for a socket";
+    const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (probe < 0) return failed(path_, "no socket");
+    const bool dead = ::connect(probe, address.pointer(), address.bytes()) != 0 && errno == ECONNREFUSED;
+    ::close(probe);
+    if (!dead) return path_ + ": another program serves this socket";
+    if (::unlink(path_.c_str()) != 0) return failed(path_, "the socket of an ended program cannot be removed");
+    return {};
+}
+
+std::string Listener::set_access(const AttachSettings& settings) const {
+    uid_t user = static_cast<uid_t>(-1);
+    gid_t group = static_cast<gid_t>(-1);
+    if (!settings.owner.empty()) {
+        const auto* entry = ::getpwnam(settings.owner.c_str());
+        if (entry == nullptr) return path_ + ": there is no user '" + settings.owner + "'";
+        user = entry->pw_uid;
+    }
+    if (!settings.group.empty()) {
+        const auto* entry = ::getgrnam(settings.group.c_str());
+        if (entry == nullptr) return path_ + ": there is no group '" + settings.group + "'";
+        group = entry->gr_gid;
+    }
+    if ((!settings.owner.empty() || !settings.group.empty()) && ::lchown(path_.c_str(), user, group) != 0)
+        return failed(path_, "its owner cannot be set");
+    if (::chmod(path_.c_str(), settings.mode & 0777U) != 0) return failed(path_, "its permissions cannot be set");
+    return {};
+}
+
+// Nobody can connect before listen(): the permissions are right by then.
+std::string Listener::bind_and_listen(const AttachSettings& settings) {
+    SocketAddress address;
+    if (!address.set(path_)) return path_ + ": the path is empty, or too long for a socket";
+    if (auto error = replace_left_behind(); !error.empty()) return error;
+    fd_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (fd_ < 0) return failed(path_, "no socket");
+    if (::bind(fd_, address.pointer(), address.bytes()) != 0) return failed(path_, "cannot be bound");
+    struct stat found {};
+    if (::lstat(path_.c_str(), &found) != 0) return failed(path_, "cannot be found");
+    inode_ = found.st_ino;
+    bound_ = true;
+    if (auto error = set_access(settings); !error.empty()) return error;
+    if (::listen(fd_, 8) != 0) return failed(path_, "cannot listen");
+    return {};
+}
+
+}  // namespace margay::attach

@@ -1,0 +1,322 @@
+// The thread of an AttachServer: takes messages in, submits their requests, and sends the answers.
+#include <margay/attach/server.hpp>
+
+#include "api/queue.hpp"
+#include "attach/connection.hpp"
+#include "attach/event_log.hpp"
+#include "attach/listener.hpp"
+
+#include <margay/version.hpp>
+
+#include <poll.h>
+#include <pthread.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <thread>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+using attach::Connection;
+using attach::Octets;
+using attach::Status;
+
+constexpr auto kStall = 10s;       // a message must go on within this time
+constexpr auto kOwnerSilent = 3s;  // as wait()
+constexpr auto kProgressEvery = 100ms;
+constexpr auto kIdle = 5s;  // a client without a request that long may lose its place to a new client
+
+Octets text_payload(std::string text) {
+    Octets out(4 + text.size());
+    attach::Writer into(out);
+    into(text);
+    return out;
+}
+
+}  // namespace
+
+class AttachServer::Loop {
+  public:
+    Loop(Context& ctx, std::string path, AttachSettings settings)
+        : ctx_(ctx), path_(std::move(path)), settings_(std::move(settings)), events_(ctx) {}
+    ~Loop() { stop(); }
+    Loop(const Loop&) = delete;
+    Loop& operator=(const Loop&) = delete;
+
+    void start();
+    [[nodiscard]] const std::string& error() const { return error_; }
+    [[nodiscard]] const std::string& path() const { return path_; }
+    [[nodiscard]] AttachCounts counts() const {
+        return {.accepted = accepted_,
+                .refused = refused_,
+                .requests = requests_,
+                .malformed = malformed_,
+                .stalled = stalled_};
+    }
+
+  private:
+    void stop();
+    void run();
+    void wait();
+    void accept();
+    bool make_room();
+    void serve(Connection& client, short revents);
+    void take_message(Connection& client);
+    void hello(Connection& client);
+    void begin(Connection& client, attach::Operation operation, attach::Arguments arguments);
+    void look_after(Connection& client);
+    void end_job(Connection& client);
+    void drop(Connection& client);
+    [[nodiscard]] timespec patience() const;
+
+    Context& ctx_;
+    std::string path_;
+    AttachSettings settings_;
+    std::string error_{};
+    attach::Listener listener_{};
+    int wake_ = -1;
+    std::atomic<bool> stopping_{false};
+    attach::Moment now_{};
+    attach::EventLog events_;
+    std::vector<std::unique_ptr<Connection>> clients_{};
+    std::vector<pollfd> polled_{};
+    std::atomic<std::uint64_t> accepted_{0}, refused_{0}, requests_{0}, malformed_{0}, stalled_{0};
+    std::thread thread_{};
+};
+
+// ------------------------------------------------------------------ begin and end
+
+void AttachServer::Loop::start() {
+    error_ = listener_.open(path_, settings_);
+    if (!error_.empty()) return;
+    wake_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (wake_ < 0) {
+        error_ = path_ + ": no eventfd: " + std::strerror(errno);
+        return;
+    }
+    // The signals of the application are for its own threads.
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    thread_ = std::thread([this] {
+        const sched_param ordinary{};
+        (void)pthread_setschedparam(pthread_self(), SCHED_OTHER, &ordinary);
+        (void)pthread_setname_np(pthread_self(), "margay-attach");
+        run();
+    });
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+// The jobs end in the thread that calls this, which owns the context.
+void AttachServer::Loop::stop() {
+    stopping_ = true;
+    if (wake_ >= 0) (void)::eventfd_write(wake_, 1);
+    if (thread_.joinable()) thread_.join();
+    clients_.clear();
+    if (wake_ >= 0) ::close(wake_);
+    wake_ = -1;
+}
+
+// ------------------------------------------------------------------ the loop
+
+// A request that runs is looked at often in its first milliseconds, in which most requests end.
+timespec AttachServer::Loop::patience() const {
+    std::chrono::nanoseconds time = 250ms;
+    for (const auto& client : clients_) {
+        if (client->job == nullptr) continue;
+        time = std::min<std::chrono::nanoseconds>(time, now_ - client->begun < 50ms ? 200us : 2ms);
+    }
+    return {.tv_sec = 0, .tv_nsec = time.count()};
+}
+
+void AttachServer::Loop::wait() {
+    polled_.clear();
+    polled_.push_back({wake_, POLLIN, 0});
+    polled_.push_back({listener_.fd(), POLLIN, 0});
+    for (const auto& client : clients_) {
+        const short events =
+            static_cast<short>((client->listens() ? POLLIN : 0) | (client->has_output() ? POLLOUT : 0));
+        polled_.push_back({client->fd(), static_cast<short>(events | POLLRDHUP), 0});
+    }
+    const timespec time = patience();
+    if (::ppoll(polled_.data(), polled_.size(), &time, nullptr) < 0)
+        for (auto& each : polled_) each.revents = 0;
+    now_ = std::chrono::steady_clock::now();
+}
+
+void AttachServer::Loop::run() {
+    now_ = std::chrono::steady_clock::now();
+    while (!stopping_) {
+        wait();
+        events_.collect();
+        for (std::size_t n = 0; n < clients_.size(); ++n) serve(*clients_[n], polled_[n + 2].revents);
+        // A closed connection whose request is still busy keeps its place until the request is over.
+        std::erase_if(clients_, [](const auto& client) { return client->closed() && client->job == nullptr; });
+        if ((polled_[1].revents & POLLIN) != 0) accept();
+    }
+}
+
+bool AttachServer::Loop::make_room() {
+    if (clients_.size() < settings_.clients) return true;
+    const auto idle = std::ranges::min_element(clients_, {}, [](const auto& client) { return client->moved(); });
+    if ((*idle)->job != nullptr || (*idle)->in_message() || now_ - (*idle)->moved() < kIdle) return false;
+    clients_.erase(idle);
+    return true;
+}
+
+void AttachServer::Loop::accept() {
+    const int fd = ::accept4(listener_.fd(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+    if (fd < 0) {
+        // Without descriptors the connection stays in the queue: do not try again at once.
+        if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS)
+            std::this_thread::sleep_for(10ms);
+        return;
+    }
+    auto client = std::make_unique<Connection>(fd, settings_.transfer_bytes, now_);
+    if (make_room()) {
+        ++accepted_;
+        clients_.push_back(std::move(client));
+        return;
+    }
+    ++refused_;
+    client->answer(Status::refused,
+                   text_payload("all " + std::to_string(settings_.clients) + " connections are in use"), now_);
+    (void)client->send(now_);
+}
+
+// ------------------------------------------------------------------ a client
+
+void AttachServer::Loop::drop(Connection& client) {
+    client.close();
+    if (client.job != nullptr) client.job->request().cancel();
+}
+
+void AttachServer::Loop::serve(Connection& client, short revents) {
+    if (client.job != nullptr) look_after(client);
+    if (client.closed()) return;
+    if ((revents & (POLLRDHUP | POLLHUP | POLLERR | POLLNVAL)) != 0 && (revents & POLLIN) == 0) return drop(client);
+    if (client.listens() && (revents & POLLIN) != 0) {
+        switch (client.receive(now_)) {
+            case Connection::Came::nothing: break;
+            case Connection::Came::message: take_message(client); break;
+            case Connection::Came::wrong: ++malformed_; return drop(client);
+            case Connection::Came::gone: return drop(client);
+        }
+    }
+    if (client.has_output() && !client.send(now_)) return drop(client);
+    const bool waits_for_client = client.has_output() || (client.in_message() && client.job == nullptr);
+    if (waits_for_client && now_ - client.moved() > kStall) {
+        ++stalled_;
+        drop(client);
+    }
+}
+
+void AttachServer::Loop::hello(Connection& client) {
+    attach::Reader from(client.payload());
+    std::uint32_t magic = 0;
+    std::uint32_t version = 0;
+    from(magic, version);
+    if (!from.complete() || magic != attach::kMagic) {
+        ++malformed_;
+        return drop(client);
+    }
+    client.forget_message();
+    if (version != attach::kProtocolVersion)
+        return client.answer(Status::refused,
+                             text_payload("the server speaks version " + std::to_string(attach::kProtocolVersion) +
+                                          " of the protocol, and the client version " + std::to_string(version)),
+                             now_);
+    client.greeted = true;
+    Octets out(256 + settings_.name.size());
+    attach::Writer into(out);
+    into(attach::kMagic, attach::kProtocolVersion, std::string(MARGAY_VERSION_TEXT), settings_.name,
+         settings_.read_only, static_cast<std::uint32_t>(settings_.transfer_bytes));
+    out.resize(into.written().size());
+    client.answer(Status::done, std::move(out), now_);
+}
+
+void AttachServer::Loop::take_message(Connection& client) {
+    const auto operation = client.operation();
+    if (operation == attach::Operation::hello) return hello(client);
+    attach::Arguments arguments;
+    attach::Reader from(client.payload());
+    from(arguments);
+    if (!from.complete()) {
+        ++malformed_;
+        return drop(client);
+    }
+    client.forget_message();
+    ++requests_;
+    if (operation == attach::Operation::events) return client.answer(Status::done, events_.after(arguments.from), now_);
+    if (settings_.read_only && attach::writes(operation))
+        return client.answer(Status::refused, text_payload("the application allows reading only"), now_);
+    begin(client, operation, std::move(arguments));
+}
+
+void AttachServer::Loop::begin(Connection& client, attach::Operation operation, attach::Arguments arguments) {
+    std::string refusal;
+    auto job = attach::make_job(operation, std::move(arguments), settings_.transfer_bytes, refusal);
+    if (job == nullptr) return client.answer(Status::refused, text_payload(refusal), now_);
+    client.job = std::move(job);
+    client.begun = client.reported = now_;
+    client.reported_octets = 0;
+    client.unpolled = false;
+    if (!submit(ctx_, client.job->request())) end_job(client);
+}
+
+void AttachServer::Loop::look_after(Connection& client) {
+    Request& request = client.job->request();
+    if (!request.busy()) return end_job(client);
+    if (!client.unpolled && now_ - client.begun > kOwnerSilent && !RequestAccess::taken(request)) {
+        client.unpolled = true;
+        request.cancel();  // over at once, unless the owner accepts it at this moment
+        if (!request.busy()) return end_job(client);
+    }
+    const auto [done, total] = client.job->progress();
+    if (client.closed() || client.has_output() || now_ - client.reported < kProgressEvery ||
+        done == client.reported_octets)
+        return;
+    client.reported = now_;
+    client.reported_octets = done;
+    Octets out(16);
+    attach::Writer into(out);
+    into(static_cast<std::uint64_t>(done), static_cast<std::uint64_t>(total));
+    client.answer(Status::progress, std::move(out), now_);
+}
+
+void AttachServer::Loop::end_job(Connection& client) {
+    if (client.has_output()) return;  // a progress is being sent: the answer follows it
+    const auto job = std::move(client.job);
+    if (job->request().state() == RequestState::success) return client.answer(Status::done, job->answer(), now_);
+    Error error = job->request().error();
+    if (client.unpolled) error.code = Errc::not_polled;
+    if (error.code == Errc::none) error.code = Errc::wrong_state;  // refused before it was a request: no init()
+    const std::string text = job->slave_text();
+    Octets out(64 + text.size());
+    attach::Writer into(out);
+    into(error, text);
+    out.resize(into.written().size());
+    client.answer(Status::failed, std::move(out), now_);
+}
+
+// ------------------------------------------------------------------ AttachServer
+
+AttachServer::AttachServer(Context& ctx, std::string path, AttachSettings settings)
+    : loop_(std::make_unique<Loop>(ctx, std::move(path), std::move(settings))) {
+    loop_->start();
+}
+AttachServer::~AttachServer() = default;
+const std::string& AttachServer::error() const { return loop_->error(); }
+const std::string& AttachServer::path() const { return loop_->path(); }
+AttachCounts AttachServer::counts() const { return loop_->counts(); }
+
+}  // namespace margay

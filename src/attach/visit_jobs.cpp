@@ -1,0 +1,149 @@
+#include "attach/visit_jobs.hpp"
+
+#include <margay/clocks.hpp>
+#include <margay/context.hpp>
+#include <margay/expected.hpp>
+#include <margay/margay.hpp>
+
+#include <algorithm>
+
+namespace margay::attach {
+namespace {
+
+constexpr std::uint16_t kSlavesOnce = 8;
+constexpr std::size_t kFactsBytes = 8192;
+constexpr std::size_t kStartupBytes = 65536;
+
+void copy_master(Context& ctx, const Arguments&, Writer& into) {
+    MasterFacts facts{.slaves = static_cast<std::uint16_t>(ctx.slaves().size()),
+                      .groups = static_cast<std::uint16_t>(ctx.limits().groups),
+                      .reference_clock = reference_clock(ctx),
+                      .link = ctx.statistics()};
+    into(facts);
+}
+
+PartFacts facts_of(const ImagePart& part) { return {part.offset_bits, part.bits}; }
+
+SlaveFacts facts_of(Context& ctx, const Slave& s) {
+    SlaveFacts facts{.number = s.number,
+                     .ring_position = s.ring_position,
+                     .station_address = s.station_address.value,
+                     .alias = s.alias,
+                     .dl_status = s.dl_status,
+                     .identity = s.identity,
+                     .dl = s.dl,
+                     .al = s.al,
+                     .target = s.target,
+                     .seen = s.seen,
+                     .takes_part = s.takes_part,
+                     .error = s.error,
+                     .parent = s.parent,
+                     .parent_port = s.parent_port,
+                     .entry_port = s.entry_port,
+                     .mailbox = s.mailbox,
+                     .boot_mailbox = s.boot_mailbox,
+                     .coe_details = s.coe_details,
+                     .ebus_current_ma = s.ebus_current_ma,
+                     .sm_count = s.sm_count,
+                     .sync_managers = s.sync_managers,
+                     .group = s.image.group,
+                     .outputs = facts_of(s.image.outputs),
+                     .inputs = facts_of(s.image.inputs),
+                     .name_text = s.name_text,
+                     .name_bytes = s.name_bytes};
+    if (s.wanted != nullptr)
+        facts.wanted = {.vendor = s.wanted->vendor.value_or(0), .product = s.wanted->product.value_or(0)};
+    for (std::size_t n = 0; n < facts.ports.size(); ++n)
+        facts.ports[n] = {s.ports[n].type, s.ports[n].link, s.ports[n].open, s.ports[n].neighbour};
+    const SlaveClock& clock = slave_clock(ctx, s.number);
+    facts.clock = clock.kind;
+    facts.delay_ns = clock.delay_ns;
+    facts.difference_ns = clock.difference_ns;
+    facts.in_sync = clock.in_sync;
+    return facts;
+}
+
+// The number of all slaves, then how many follow, and these.
+void copy_slaves(Context& ctx, const Arguments& arguments, Writer& into) {
+    const auto all = ctx.slaves();
+    const std::size_t first = std::min<std::size_t>(std::max<std::uint32_t>(arguments.from, 1) - 1, all.size());
+    const auto some = all.subspan(first, std::min<std::size_t>(kSlavesOnce, all.size() - first));
+    into(static_cast<std::uint16_t>(all.size()), static_cast<std::uint16_t>(some.size()));
+    for (const Slave& slave : some) into(facts_of(ctx, slave));
+}
+
+void copy_group(Context& ctx, const Arguments& arguments, Writer& into) {
+    const Group& group = ctx.group(arguments.slave);
+    GroupFacts facts{.mapped = group.mapped,
+                     .mappings = group.mappings,
+                     .output_bytes = group.output_bytes,
+                     .input_bytes = group.input_bytes,
+                     .expected_wkc = group.expected_wkc,
+                     .cycle = group.cycle_received,
+                     .frames = group.frames};
+    const bool exchanged = group.mapped && !group.datagrams.empty();
+    facts.base = exchanged ? UINT32_MAX : 0;
+    for (std::size_t n = 0; exchanged && n < group.datagrams.size(); ++n) {
+        const auto planned = process_datagram(ctx, n, static_cast<std::uint8_t>(arguments.slave));
+        facts.base = std::min(facts.base, planned.address.value);
+        if (group.datagrams[n].came) facts.wkc += group.datagrams[n].got;
+    }
+    into(facts);
+    const std::size_t used =
+        group.mapped ? std::min<std::size_t>(std::size_t{group.output_bytes} + group.input_bytes, group.image.size())
+                     : 0;
+    const std::size_t at = std::min<std::size_t>(arguments.from, used);
+    into.octets(group.image.subspan(at, std::min(used - at, GroupFacts::kOnce)));
+}
+
+// One octet 1 before each command, and an octet 0 behind the last one.
+void copy_startup(Context& ctx, const Arguments& arguments, Writer& into) {
+    const SlaveConfiguration& config = ctx.slave(arguments.slave).config;
+    const SyncSettings dc = config.dc();
+    into(dc.source == SyncSettings::Source::application, dc.assign_activate,
+         std::max<std::int64_t>(dc.sync0_cycle.count(), 0), static_cast<std::int64_t>(dc.shift.count()),
+         static_cast<std::int64_t>(dc.sync1_cycle.count()));
+    for (const StartupCommand& command : config.startup()) {
+        const bool object = command.kind == StartupCommand::Kind::write_object;
+        if (!object && command.kind != StartupCommand::Kind::write_parameter) continue;
+        into(true, object, command.complete_access, command.index, command.subindex);
+        into.octets(command.octets());
+        if (!into.ok()) return;
+    }
+    into(false);
+}
+
+}  // namespace
+
+VisitJob::VisitJob(Copy copy, Arguments arguments, std::size_t bytes)
+    : copy_(copy), arguments_(std::move(arguments)), memory_(bytes) {
+    request_.priority = 1;
+    request_.user = this;
+    request_.visit = [](Context& ctx, void* user) {
+        auto& job = *static_cast<VisitJob*>(user);
+        Writer into(job.memory_);
+        job.copy_(ctx, job.arguments_, into);
+        job.written_ = into.written().size();
+        job.fits_ = into.ok();
+    };
+}
+
+Octets VisitJob::answer() {
+    memory_.resize(fits_ ? written_ : 0);  // an empty answer is no complete one: the client reports it
+    return std::move(memory_);
+}
+
+std::unique_ptr<Job> make_visit(Operation operation, Arguments arguments) {
+    const auto make = [&](VisitJob::Copy copy, std::size_t bytes) {
+        return std::make_unique<VisitJob>(copy, std::move(arguments), bytes);
+    };
+    switch (operation) {
+        case Operation::master: return make(copy_master, kFactsBytes);
+        case Operation::slaves: return make(copy_slaves, kFactsBytes);
+        case Operation::group: return make(copy_group, GroupFacts::kOnce + kFactsBytes);
+        case Operation::startup: return make(copy_startup, kStartupBytes);
+        default: return nullptr;
+    }
+}
+
+}  // namespace margay::attach

@@ -1,0 +1,451 @@
+// AttachServer: what clients see, what they can do, and that nothing they do reaches the cycle. In virtual time: the
+// owner's thread never waits for a client, and its cycles are counted.
+#include "attach/client.hpp"
+#include "attach/socket_address.hpp"
+#include "segment/bench.hpp"
+
+#include <margay/attach/server.hpp>
+
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <functional>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+using attach::Arguments;
+using attach::Client;
+using attach::Operation;
+using attach::Reader;
+using attach::Status;
+
+class Attach : public SegmentTest {
+  protected:
+    std::string folder = [] {
+        std::string name = "/tmp/margay-attach-XXXXXX";
+        return std::string(::mkdtemp(name.data()));
+    }();
+    std::string path = folder + "/line.sock";
+    std::array<std::byte, 1024> image{};
+    std::unique_ptr<AttachServer> server;
+
+    void SetUp() override {
+        plug_line({"coupler", "digital_in_8", "digital_out_8", "drive"});
+        switch_on();
+        ASSERT_TRUE(bring_up());
+        ASSERT_TRUE(config_map(ctx, image));
+        ASSERT_TRUE(reach(ctx, AlState::op, 5s));
+        serve({.name = "the line"});
+    }
+    void TearDown() override {
+        server.reset();
+        EXPECT_NE(::access(path.c_str(), F_OK), 0) << "the socket is still there";
+        ::rmdir(folder.c_str());
+    }
+    void serve(AttachSettings settings) {
+        server.reset();
+        server = std::make_unique<AttachServer>(ctx, path, std::move(settings));
+        ASSERT_EQ(server->error(), "");
+    }
+    // Runs the cycle in this thread until all `clients` have ended. Returns the cycles that were not right.
+    int run(const std::vector<std::function<void()>>& clients) {
+        std::atomic<std::size_t> left = clients.size();
+        std::vector<std::thread> threads;
+        for (const auto& client : clients)
+            threads.emplace_back([&left, &client] {
+                client();
+                --left;
+            });
+        int wrong = 0;
+        cycles = 0;
+        while (left != 0 || cycles < 100) {
+            wrong += cycle() ? 0 : 1;
+            ++cycles;
+        }
+        for (auto& thread : threads) thread.join();
+        return wrong;
+    }
+    bool cycle() {
+        const bool right = send_processdata(ctx) && receive_processdata(ctx, 500us);
+        const Time end = osal.now() + 1ms;
+        while (osal.now() < end) osal.wait(std::min(poll(ctx, osal.now()), end), wire.wait_handle());
+        return right;
+    }
+    int cycles = 0;
+};
+
+std::uint16_t slave_count(Client& client) {
+    const auto reply = client.call(Operation::master, {});
+    attach::MasterFacts facts;
+    Reader from(reply.payload);
+    from(facts);
+    return reply.ok() && from.complete() ? facts.slaves : 0;
+}
+
+TEST_F(Attach, ShowsWhatTheOwnerKnows) {
+    EXPECT_EQ(run({[&] {
+                  Client client;
+                  ASSERT_EQ(client.connect(path), "");
+                  EXPECT_EQ(client.name(), "the line");
+                  EXPECT_EQ(slave_count(client), 4);
+                  const auto reply = client.call(Operation::slaves, {.from = 2});
+                  ASSERT_TRUE(reply.ok()) << reply.text;
+                  Reader from(reply.payload);
+                  std::uint16_t all = 0;
+                  std::uint16_t some = 0;
+                  from(all, some);
+                  EXPECT_EQ(all, 4);
+                  ASSERT_EQ(some, 3);
+                  for (std::uint16_t n = 2; n <= 4; ++n) {
+                      attach::SlaveFacts facts;
+                      from(facts);
+                      EXPECT_EQ(facts.number, n);
+                      EXPECT_EQ(facts.al.state, AlState::op);
+                      EXPECT_EQ(facts.name(), ctx.slave(n).name());
+                      EXPECT_EQ(facts.station_address, 0x1000 + n);
+                      EXPECT_EQ(facts.identity, ctx.slave(n).identity);
+                      EXPECT_EQ(facts.parent, n - 1);
+                  }
+                  EXPECT_TRUE(from.complete());
+              }}),
+              0);
+}
+
+TEST_F(Attach, ShowsTheProcessImageOfOneCycle) {
+    std::vector<std::byte> seen;
+    attach::GroupFacts facts;
+    EXPECT_EQ(run({[&] {
+                  Client client;
+                  ASSERT_EQ(client.connect(path), "");
+                  const auto reply = client.call(Operation::group, {});
+                  Reader from(reply.payload);
+                  from(facts, seen);
+                  EXPECT_TRUE(from.complete());
+              }}),
+              0);
+    EXPECT_TRUE(facts.mapped);
+    EXPECT_EQ(facts.wkc, facts.expected_wkc);
+    EXPECT_EQ(facts.output_bytes, ctx.group(0).output_bytes);
+    EXPECT_EQ(seen.size(), std::size_t{facts.output_bytes} + facts.input_bytes);
+}
+
+TEST_F(Attach, RegistersSiiAndObjectsByTheRequestQueue) {
+    EXPECT_EQ(run({[&] {
+                  Client client;
+                  ASSERT_EQ(client.connect(path), "");
+                  const auto state = client.call(Operation::read_registers, {.slave = 4, .index = 0x0130, .bytes = 2});
+                  ASSERT_TRUE(state.ok()) << state.text;
+                  EXPECT_EQ(load_le<std::uint16_t>(state.payload) & 0x0FU, 8U);
+                  const auto sii = client.call(Operation::read_sii, {.slave = 4, .from = 8, .bytes = 8});
+                  ASSERT_TRUE(sii.ok());
+                  const auto object =
+                      client.call(Operation::sdo_upload, {.slave = 4, .index = 0x1018, .subindex = 2, .bytes = 64});
+                  ASSERT_TRUE(object.ok());
+                  ASSERT_EQ(object.payload.size(), 4U);
+                  EXPECT_EQ(load_le<std::uint32_t>(object.payload), load_le<std::uint32_t>(sii.payload, 4));
+                  const auto missing = client.call(Operation::sdo_upload, {.slave = 4, .index = 0x5FFF, .bytes = 64});
+                  EXPECT_EQ(missing.status, Status::failed);
+                  EXPECT_EQ(missing.error.code, Errc::sdo_abort);
+                  const auto nobody = client.call(Operation::read_registers, {.slave = 9, .bytes = 2});
+                  EXPECT_EQ(nobody.error.code, Errc::unknown_slave);
+              }}),
+              0);
+}
+
+TEST_F(Attach, FourClientsHammerAndNoCycleIsLost) {
+    std::atomic<int> answers{0};
+    const auto hammer = [&] {
+        Client client;
+        ASSERT_EQ(client.connect(path), "");
+        for (int n = 0; n < 25; ++n) {
+            for (const auto operation : {Operation::master, Operation::slaves, Operation::group, Operation::events})
+                answers += client.call(operation, {}).ok() ? 1 : 0;
+            answers += client.call(Operation::read_registers, {.slave = 1, .bytes = 64}).ok() ? 1 : 0;
+            answers += client.call(Operation::sdo_upload, {.slave = 4, .index = 0x1008, .bytes = 64}).ok() ? 1 : 0;
+        }
+    };
+    EXPECT_EQ(run({hammer, hammer, hammer, hammer}), 0) << "of " << cycles;
+    EXPECT_EQ(answers, 4 * 25 * 6);
+    EXPECT_EQ(server->counts().requests, 600U);
+}
+
+TEST_F(Attach, EventsComeInTheirOrderAndTheCallbackOfTheApplicationStays) {
+    int mine = 0;
+    server.reset();
+    ctx.events().user = &mine;
+    ctx.events().callback = [](const Event&, void* user) { ++*static_cast<int*>(user); };
+    serve({});
+    SuperviseRequest supervise;
+    ASSERT_TRUE(submit(ctx, supervise));
+    segment.set_power(3, false, osal.now());
+    for (int n = 0; n < 200; ++n) (void)cycle();
+    EXPECT_GT(mine, 0);
+    std::uint32_t count = 0;
+    std::uint64_t last = 0;
+    bool lost = false;
+    (void)run({[&] {
+        Client client;
+        ASSERT_EQ(client.connect(path), "");
+        const auto reply = client.call(Operation::events, {});
+        Reader from(reply.payload);
+        std::uint32_t dropped = 0;
+        from(last, dropped, count);
+        for (std::uint32_t n = 0; n < count; ++n) {
+            attach::EventFacts event;
+            from(event);
+            EXPECT_EQ(event.number, n + 1U);
+            lost |= event.kind == EventKind::lost && event.slave == 4 && !event.text.empty();
+        }
+        EXPECT_TRUE(from.complete());
+    }});
+    EXPECT_TRUE(lost);
+    EXPECT_EQ(last, static_cast<std::uint64_t>(mine));
+    supervise.cancel();
+}
+
+TEST_F(Attach, ReadOnlyRefusesWhatChangesASlave) {
+    serve({.read_only = true});
+    EXPECT_EQ(run({[&] {
+                  Client client;
+                  ASSERT_EQ(client.connect(path), "");
+                  EXPECT_TRUE(client.read_only());
+                  for (const auto operation :
+                       {Operation::set_target, Operation::write_registers, Operation::write_sii,
+                        Operation::sdo_download, Operation::foe_write, Operation::soe_write, Operation::eoe_set_ip}) {
+                      const auto reply = client.call(operation, {.slave = 1, .state = AlState::init});
+                      EXPECT_EQ(reply.status, Status::refused);
+                      EXPECT_EQ(reply.text, "the application allows reading only");
+                  }
+                  EXPECT_EQ(slave_count(client), 4);
+              }}),
+              0);
+}
+
+TEST_F(Attach, AnotherTargetIsReachedBesideTheCycle) {
+    SuperviseRequest supervise;
+    ASSERT_TRUE(submit(ctx, supervise));
+    (void)run({[&] {
+        Client client;
+        ASSERT_EQ(client.connect(path), "");
+        EXPECT_TRUE(client.call(Operation::set_target, {.slave = 4, .state = AlState::safeop}).ok());
+    }});
+    for (int n = 0; n < 500 && ctx.slave(4).al.state != AlState::safeop; ++n) (void)cycle();
+    EXPECT_EQ(ctx.slave(4).al.state, AlState::safeop);
+    supervise.cancel();
+}
+
+// ------------------------------------------------------------------ the socket
+
+TEST_F(Attach, TheSocketIsForItsOwnerOnly) {
+    struct stat found {};
+    ASSERT_EQ(::stat(path.c_str(), &found), 0);
+    EXPECT_EQ(found.st_mode & 0777U, 0600U);
+    serve({.mode = 0660});
+    ASSERT_EQ(::stat(path.c_str(), &found), 0);
+    EXPECT_EQ(found.st_mode & 0777U, 0660U);
+}
+
+TEST_F(Attach, ASocketThatIsServedIsNotReplacedAndOneThatWasLeftBehindIs) {
+    AttachServer second(ctx, path);
+    EXPECT_NE(second.error().find("another program serves this socket"), std::string::npos) << second.error();
+    const std::string left = folder + "/left.sock";
+    attach::SocketAddress address;
+    ASSERT_TRUE(address.set(left));
+    const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
+    ASSERT_EQ(::bind(fd, address.pointer(), address.bytes()), 0);
+    ::close(fd);
+    EXPECT_EQ(AttachServer(ctx, left).error(), "");
+    AttachServer nobody(ctx, folder + "/user.sock", {.owner = "no-such-user"});
+    EXPECT_NE(nobody.error().find("there is no user 'no-such-user'"), std::string::npos) << nobody.error();
+    AttachServer nowhere(ctx, folder + "/no/such/folder.sock");
+    EXPECT_NE(nowhere.error().find("cannot be bound"), std::string::npos) << nowhere.error();
+}
+
+TEST_F(Attach, AnOwnerThatDoesNotPollIsToldAndTheServerEnds) {
+    std::thread client([&] {
+        Client one;
+        ASSERT_EQ(one.connect(path), "");
+        EXPECT_EQ(one.call(Operation::master, {}).error.code, Errc::not_polled);
+    });
+    client.join();
+    Client other;
+    ASSERT_EQ(other.connect(path), "");
+    std::thread waits([&] { EXPECT_FALSE(other.call(Operation::master, {}).ok()); });
+    while (server->counts().requests < 2) std::this_thread::yield();
+    server.reset();  // with a request in its queue
+    waits.join();
+}
+
+// ------------------------------------------------------------------ hostile clients
+
+class Raw {
+  public:
+    explicit Raw(const std::string& path) : fd_(::socket(AF_UNIX, SOCK_STREAM, 0)) {
+        attach::SocketAddress address;
+        connected_ = address.set(path) && ::connect(fd_, address.pointer(), address.bytes()) == 0;
+    }
+    ~Raw() { ::close(fd_); }
+    Raw(const Raw&) = delete;
+    Raw& operator=(const Raw&) = delete;
+    bool send(Bytes octets) {
+        // False: the server is gone, or takes no more in.
+        return ::send(fd_, octets.data(), octets.size(), MSG_NOSIGNAL | MSG_DONTWAIT) ==
+               static_cast<ssize_t>(octets.size());
+    }
+    // Waits for the end of the connection.
+    bool ended() {
+        std::array<std::byte, 512> some{};
+        for (;;) {
+            const auto got = ::recv(fd_, some.data(), some.size(), 0);
+            if (got <= 0) return true;
+        }
+    }
+    bool hello() {
+        std::array<std::byte, 20> octets{};
+        attach::Writer into(octets);
+        into(std::uint32_t{8}, std::uint32_t{1}, std::uint32_t{0}, attach::kMagic, attach::kProtocolVersion);
+        std::array<std::byte, 12> answer{};
+        if (!send(octets) || ::recv(fd_, answer.data(), answer.size(), MSG_WAITALL) != 12) return false;
+        std::vector<std::byte> rest(attach::Header::load(answer).bytes);
+        return ::recv(fd_, rest.data(), rest.size(), MSG_WAITALL) == static_cast<ssize_t>(rest.size());
+    }
+    bool message(Operation operation, std::uint32_t bytes, Bytes payload) {
+        std::array<std::byte, 12> header{};
+        attach::Header{bytes, 7, static_cast<std::uint16_t>(operation), 0}.store(header);
+        return send(header) && (payload.empty() || send(payload));
+    }
+
+  private:
+    int fd_;
+    bool connected_ = false;
+};
+
+TEST_F(Attach, WhatIsMalformedEndsItsOwnConnectionOnly) {
+    EXPECT_EQ(run({[&] {
+                  Client good;
+                  ASSERT_EQ(good.connect(path), "");
+                  std::vector<std::byte> noise(4096, std::byte{0xA5});
+                  {
+                      Raw http(path);
+                      const std::string text = "GET / HTTP/1.1\r\n\r\n";
+                      EXPECT_TRUE(http.send(std::as_bytes(std::span(text))));
+                      EXPECT_TRUE(http.ended());
+                      Raw unasked(path);  // an operation before hello
+                      EXPECT_TRUE(unasked.message(Operation::master, 0, {}));
+                      EXPECT_TRUE(unasked.ended());
+                      Raw promises(path);  // 4 GiB, of which nothing comes
+                      EXPECT_TRUE(promises.hello());
+                      EXPECT_TRUE(promises.message(Operation::foe_write, 0xFFFF'FFFF, {}));
+                      EXPECT_TRUE(promises.ended());
+                      Raw unknown(path);
+                      EXPECT_TRUE(unknown.hello());
+                      EXPECT_TRUE(unknown.message(Operation::end, 0, {}));
+                      EXPECT_TRUE(unknown.ended());
+                      Raw lies(path);  // lengths within the payload
+                      EXPECT_TRUE(lies.hello());
+                      EXPECT_TRUE(lies.message(Operation::sdo_upload, 4096, noise));
+                      EXPECT_TRUE(lies.ended());
+                  }
+                  EXPECT_EQ(server->counts().malformed, 5U);
+                  EXPECT_EQ(slave_count(good), 4);
+              }}),
+              0);
+}
+
+TEST_F(Attach, RandomOctetsHaveNoEffect) {
+    EXPECT_EQ(run({[&] {
+                  std::minstd_rand numbers(7);
+                  std::vector<std::byte> octets(200);
+                  for (int n = 0; n < 100; ++n) {
+                      Raw raw(path);
+                      if (n % 4 != 0) (void)raw.hello();
+                      for (auto& octet : octets) octet = static_cast<std::byte>(numbers());
+                      const auto bytes = static_cast<std::uint32_t>(numbers() % octets.size());
+                      // Reading operations only: what is random and valid must not write.
+                      (void)raw.message(static_cast<Operation>(numbers() % 6), bytes, std::span(octets).first(bytes));
+                      if (n % 3 == 0) (void)raw.send(octets);
+                  }
+                  Client good;
+                  while (!good.connect(path).empty()) std::this_thread::yield();
+                  EXPECT_EQ(slave_count(good), 4);
+              }}),
+              0);
+}
+
+TEST_F(Attach, AClientThatFloodsAndDoesNotReadWaitsForItself) {
+    EXPECT_EQ(run({[&] {
+                  Raw flood(path);
+                  ASSERT_TRUE(flood.hello());
+                  std::array<std::byte, 64> arguments{};
+                  attach::Writer into(arguments);
+                  into(Arguments{});
+                  const auto bytes = static_cast<std::uint32_t>(into.written().size());
+                  int sent = 0;
+                  while (sent < 100'000 && flood.message(Operation::group, bytes, into.written())) ++sent;
+                  EXPECT_LT(sent, 100'000) << "the server reads on without answering";
+                  Client good;
+                  ASSERT_EQ(good.connect(path), "");
+                  for (int n = 0; n < 20; ++n) EXPECT_EQ(slave_count(good), 4);
+              }}),
+              0);
+}
+
+TEST_F(Attach, AClientThatGoesAwayInTheMiddleCancelsItsRequest) {
+    EXPECT_EQ(run({[&] {
+                  std::array<std::byte, 64> arguments{};
+                  attach::Writer into(arguments);
+                  into(Arguments{.slave = 4, .index = 0x1008, .bytes = 64});
+                  const auto bytes = static_cast<std::uint32_t>(into.written().size());
+                  for (int n = 0; n < 50; ++n) {
+                      Raw gone(path);
+                      if (!gone.hello()) continue;  // all places are in use for a moment
+                      EXPECT_TRUE(gone.message(Operation::sdo_upload, bytes, into.written()));
+                      Raw half(path);
+                      if (half.hello()) {
+                          EXPECT_TRUE(half.message(Operation::sdo_upload, bytes, Bytes(arguments).first(5)));
+                      }
+                  }
+                  Client good;
+                  while (!good.connect(path).empty()) std::this_thread::yield();
+                  EXPECT_EQ(slave_count(good), 4);
+              }}),
+              0);
+}
+
+TEST_F(Attach, MoreClientsThanPlacesAreToldSo) {
+    serve({.clients = 2});
+    EXPECT_EQ(run({[&] {
+                  Client first;
+                  Client second;
+                  Client third;
+                  ASSERT_EQ(first.connect(path), "");
+                  ASSERT_EQ(second.connect(path), "");
+                  EXPECT_NE(third.connect(path).find("all 2 connections are in use"), std::string::npos);
+                  EXPECT_EQ(slave_count(first), 4);
+              }}),
+              0);
+    EXPECT_EQ(server->counts().refused, 1U);
+}
+
+TEST_F(Attach, ATransferBeyondTheLimitIsRefused) {
+    serve({.transfer_bytes = 1000});
+    EXPECT_EQ(run({[&] {
+                  Client client;
+                  ASSERT_EQ(client.connect(path), "");
+                  const auto reply = client.call(Operation::sdo_upload, {.slave = 4, .index = 0x1008, .bytes = 1001});
+                  EXPECT_EQ(reply.text, "1001 octets are wanted, and the server transfers at most 1000");
+              }}),
+              0);
+}
+
+}  // namespace
+}  // namespace margay

@@ -1,0 +1,92 @@
+// ethercat attached to a running application: the same output as on a segment of its own, and what it refuses.
+#include "ethercat/ethercat_fixture.hpp"
+
+namespace margay::process {
+namespace {
+
+class EthercatAttach : public EthercatTest {
+  protected:
+    const std::string simple_io = std::string(MARGAY_BIN_DIR) + "/simple_io";
+
+    // Executes the commands while simple_io runs the segment. Its cycle goes on until the last command has ended.
+    [[nodiscard]] Ran attached(const std::string& commands, const std::string& segment = "sim:demo") const {
+        return folder.run("unset MARGAY_MASTER0\n" + simple_io + " " + segment +
+                          " --cycles 100000000 --period 2000 --attach s.sock > io.txt 2>&1 &\nio=$!\n"
+                          "n=0; until grep -q 'all slaves in OP' io.txt; do sleep 0.05; n=$((n+1)); "
+                          "[ $n -lt 1200 ] || { cat io.txt >&2; kill $io; exit 98; }; done\n"
+                          "e() { " +
+                          program + " \"$@\" --attach s.sock; }\n" + commands +
+                          "\nresult=$?\nkill $io; wait $io\n[ ! -e s.sock ] || echo 'the socket is still there' >&2\n"
+                          "exit $result");
+    }
+    [[nodiscard]] Ran own(const std::string& commands, const std::string& segment = "sim:demo") const {
+        return folder.run("e() { " + program + " \"$@\" --source " + segment + "; }\n" + commands);
+    }
+};
+
+TEST_F(EthercatAttach, CommandsPrintTheSameAsOnASegmentOfTheirOwn) {
+    const std::string commands =
+        "e slaves | sed 's/OP/PREOP/; s/PREPREOP/PREOP/'\n"
+        "e pdos\n"
+        "e cstruct\n"
+        "e config --verbose | sed 's/SAFEOP/X/; s/OP/X/'\n"
+        "e sdos -p 3 2>&1\n"
+        "e upload -p 3 -t uint32 0x1018 1 2>&1\n"
+        "e sii_read -p 2 --verbose\n"
+        "e reg_read -p 1 -t uint16 0x10\n"
+        "e crc\n"
+        "e upload -p 3 0x5fff 0 2>&1\n"
+        "e upload -p 99 0x1018 1 2>&1\n"
+        "e upload -p 0 0x1018 1 2>&1\n"
+        "e graph | sed 's/nOP/nPREOP/'\n";
+    const auto alone = own(commands);
+    const auto there = attached(commands + "true");
+    EXPECT_EQ(there.status, 0) << there.err;
+    EXPECT_EQ(there.err, "");
+    EXPECT_EQ(there.out, alone.out);
+    EXPECT_TRUE(contains(there.out, "EtherCAT coupler")) << there.out;
+}
+
+TEST_F(EthercatAttach, ObjectsOfADriveAreTheSame) {
+    const std::string commands =
+        "e pdos -p 0\n"
+        "e upload -p 0 0x1018 1\n"
+        "e upload -p 0 0x1008 0\n"
+        "e sdos -p 0\n";
+    const auto alone = own(commands, "sim:drives");
+    const auto there = attached(commands, "sim:drives");
+    EXPECT_EQ(there.err, alone.err);
+    EXPECT_EQ(there.out, alone.out);
+    EXPECT_TRUE(contains(there.out, "0x1018")) << there.out;
+    const auto written = attached("e download -p 0 0x6081 0 1234 && e upload -p 0 0x6081 0", "sim:drives");
+    EXPECT_EQ(written.status, 0) << written.err;
+    EXPECT_EQ(written.out, "0x000004d2 1234\n");
+}
+
+TEST_F(EthercatAttach, ShowsTheProcessDataAndChangesStates) {
+    const auto ran = attached(
+        "e master && e domains && e data | wc -c && e states -p 3 PREOP && e slaves -p 3 && e states -p 3 OP && "
+        "e slaves -p 3");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_TRUE(contains(ran.out, "Source: sim:demo\n  Phase: Operation\n")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "Domain0")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "3  0:3  PREOP  +")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "3  0:3  OP  +")) << ran.out;
+}
+
+TEST_F(EthercatAttach, WhatWouldDisturbTheApplicationIsRefused) {
+    for (const std::string command : {"rescan", "debug 1", "eoe"}) {
+        const auto ran = attached("e " + command);
+        EXPECT_EQ(ran.status, 2) << command;
+        EXPECT_TRUE(contains(ran.err, "not while attached to an application")) << ran.err;
+    }
+    const auto both = folder.run(program + " slaves --attach s.sock --source sim:demo");
+    EXPECT_EQ(both.status, 2);
+    EXPECT_TRUE(contains(both.err, "--source is not for a running application")) << both.err;
+    const auto nobody = folder.run(program + " slaves --attach s.sock");
+    EXPECT_EQ(nobody.status, 3) << nobody.err;
+    EXPECT_TRUE(contains(nobody.err, "s.sock: no application can be reached")) << nobody.err;
+}
+
+}  // namespace
+}  // namespace margay::process
