@@ -4,6 +4,8 @@
 #include "wire/emergency_code.hpp"
 #include "wire/text.hpp"
 
+#include <nlohmann/json.hpp>
+
 namespace margay::ethercat {
 namespace {
 

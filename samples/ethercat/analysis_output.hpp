@@ -3,7 +3,7 @@
 
 #include "analyse/analysis.hpp"
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 
 #include <string>
 

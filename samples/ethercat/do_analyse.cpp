@@ -5,6 +5,7 @@
 #include "ethercat/commands.hpp"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 namespace margay::ethercat {
 

@@ -15,8 +15,8 @@ TEST_F(EthercatTexts, HasTheCommandsOfTheManual) {
     for (const auto& command : ethercat::commands()) names += std::string(command.name) + " ";
     EXPECT_EQ(
         names,
-        "alias analyse config crc cstruct data debug domains download eoe foe_read foe_write graph ip master pdos reg_read "
-        "reg_write rescan sdos sii_read sii_write slaves soe_read soe_write states upload version xml ");
+        "alias analyse config crc cstruct data debug domains download eoe foe_read foe_write graph ip master pdos "
+        "reg_read reg_write rescan sdos sii_read sii_write slaves soe_read soe_write states upload version xml ");
 }
 
 TEST_F(EthercatTexts, HelpNamesEachCommandItsOptionsAndItsExitCodes) {

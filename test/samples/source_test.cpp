@@ -94,7 +94,7 @@ TEST_F(SourceTest, ARingOfASegmentFileHasTwoNics) {
 
 TEST_F(SourceTest, ARecordingThatIsNoneIsNamed) {
     EXPECT_NE(error_of("pcap:/no/such/file").find("/no/such/file"), std::string::npos);
-    EXPECT_NE(error_of("pcap:").find("cannot be read"), std::string::npos) << error_of("pcap:");
+    EXPECT_NE(error_of("pcap:").find("the name of the recording is missing"), std::string::npos) << error_of("pcap:");
     std::ofstream(folder / "text") << "this is a text file and no recording";
     EXPECT_NE(error_of("pcap:" + (folder / "text").string()).find("neither pcap nor pcapng"), std::string::npos);
 }
