@@ -103,7 +103,7 @@ inline constexpr SoeParameter kParameters[] = {
     soe_constant<std::uint16_t>(Idn::standard(1), "Cycle", 1000, "us"),
     soe_idn_list(Idn::standard(2), "List", DriveValues::list, 8),
     soe_all(Idn::standard(3), "All", SoeStorage::all_idns),
-    soe_value<DriveValues::speed>(Idn::standard(4), "Speed", "inc").within(kLimits<-100, 100>),
+    soe_value<DriveValues::speed>(Idn::standard(4), "Speed", "inc").within(-100, 100),
     soe_procedure(Idn::standard(5), "Homing", DriveValues::homing),
     soe_list(Idn::standard(6), "Label", DriveValues::label, 200, 1, SoeType::text),
     soe_text(Idn::standard(7), "Version", "a text of more than one message, and more than two of short ones"),
