@@ -29,7 +29,7 @@ struct Most {
     double mixed;
     double split;
 };
-constexpr Most kMost[] = {{2, 300, 180}, {8, 300, 200}, {31, 325, 285}};
+constexpr Most kMost[] = {{2, 320, 200}, {8, 320, 220}, {31, 340, 300}};
 
 // The source of the facade: slaves of this many octets in each direction.
 std::uint32_t octets = 8;
