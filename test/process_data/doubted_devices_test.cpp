@@ -161,7 +161,8 @@ struct BehindAHook : DoubtedDevices {
             write_outputs();
             (void)cycle();
             ASSERT_LE(state_of(tool), state) << n;
-            ASSERT_NE(program(tool).outputs()[0], std::byte{0xA2}) << n;
+            const auto outputs = program(tool).outputs();
+            ASSERT_TRUE(outputs.empty() || outputs[0] != std::byte{0xA2}) << n;
         }
     }
 };

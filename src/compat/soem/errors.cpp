@@ -5,6 +5,7 @@
 #include "wire/mailbox.hpp"
 
 #include <cstdio>
+#include <cstring>
 #include <ctime>
 #include <mutex>
 #include <set>
@@ -55,7 +56,10 @@ char* kept_for_now(std::string_view text) {
 
 std::string text_of(const ec_errort& e) {
     char line[200];
-    switch (e.Etype) {
+    int type = 0;  // the program may have written any value
+    static_assert(sizeof(type) == sizeof(e.Etype));
+    std::memcpy(&type, &e.Etype, sizeof(type));
+    switch (type) {
         case EC_ERR_TYPE_SDO_ERROR:
         case EC_ERR_TYPE_SDOINFO_ERROR: {
             const auto text = sdo_abort_text(static_cast<std::uint32_t>(e.AbortCode));
