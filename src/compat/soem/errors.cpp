@@ -89,7 +89,7 @@ std::string text_of(const ec_errort& e) {
             return line;
         default:
             std::snprintf(line, sizeof(line), "slave:%d index:%4.4x.%2.2x type:%d error:%8.8x\n", e.Slave, e.Index,
-                          e.SubIdx, static_cast<int>(e.Etype), static_cast<unsigned>(e.AbortCode));
+                          e.SubIdx, type, static_cast<unsigned>(e.AbortCode));
             return line;
     }
 }
