@@ -21,8 +21,6 @@ class AttachedSession final : public Session {
     Answer<std::vector<SlaveFacts>> slaves() override;
     Answer<SlaveTexts> texts(std::uint16_t position) override;
     Answer<ClockFacts> clock(std::uint16_t position) override;
-    Answer<ErrorCounters> error_counters(std::uint16_t position) override;
-    Answer<> reset_error_counters(std::uint16_t position) override;
     Answer<std::uint16_t> rescan() override;
     Answer<> set_debug_level(unsigned level) override;
     Answer<> set_states(std::span<const std::uint16_t> positions, AlState state) override;

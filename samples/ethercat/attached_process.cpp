@@ -72,36 +72,6 @@ Answer<Session::Description> AttachedSession::describe(std::uint16_t position) {
     return out;
 }
 
-Answer<ErrorCounters> AttachedSession::error_counters(std::uint16_t position) {
-    namespace reg = wire::reg;
-    constexpr std::uint16_t kFirst = reg::kRxErrorCounter.address;
-    const auto read = read_registers(position, kFirst, reg::kLostLinkCounter.end() - kFirst);
-    if (!read) return read.problem();
-    const auto at = [&](std::size_t address) { return std::to_integer<std::uint8_t>((*read)[address - kFirst]); };
-    ErrorCounters counters;
-    for (std::size_t port = 0; port < 4; ++port) {
-        counters.invalid_frames[port] = at(kFirst + 2 * port);
-        counters.rx_errors[port] = at(kFirst + 2 * port + 1);
-        counters.forwarded[port] = at(reg::kForwardedRxErrorCounter.address + port);
-        counters.lost_links[port] = at(reg::kLostLinkCounter.address + port);
-    }
-    counters.processing_unit = at(reg::kProcessingUnitErrorCounter.address);
-    counters.pdi = at(reg::kPdiErrorCounter.address);
-    return counters;
-}
-
-// A write to a counter clears it, whatever the value.
-Answer<> AttachedSession::reset_error_counters(std::uint16_t position) {
-    namespace reg = wire::reg;
-    constexpr std::array<std::byte, 8> kZeros{};
-    for (const auto& counters : {reg::kRxErrorCounter, reg::kForwardedRxErrorCounter, reg::kProcessingUnitErrorCounter,
-                                 reg::kPdiErrorCounter, reg::kLostLinkCounter}) {
-        const auto done = write_registers(position, counters.address, std::span(kZeros).first(counters.length), false);
-        if (!done) return done;
-    }
-    return {};
-}
-
 // ------------------------------------------------------------------ SyncManagers and PDOs
 
 Answer<PdoFacts> AttachedSession::mapped_pdo(std::uint16_t position, std::uint16_t index, const files::EsiPdo* named) {

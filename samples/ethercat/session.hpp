@@ -238,8 +238,8 @@ class Session {
     [[nodiscard]] virtual Answer<SlaveTexts> texts(std::uint16_t position) = 0;
     // Measures the delays of all slaves at the first call. The clocks are set then.
     [[nodiscard]] virtual Answer<ClockFacts> clock(std::uint16_t position) = 0;
-    [[nodiscard]] virtual Answer<ErrorCounters> error_counters(std::uint16_t position) = 0;
-    [[nodiscard]] virtual Answer<> reset_error_counters(std::uint16_t position) = 0;
+    [[nodiscard]] Answer<ErrorCounters> error_counters(std::uint16_t position);
+    [[nodiscard]] Answer<> reset_error_counters(std::uint16_t position);
 
     // Scans again. Returns the number of slaves.
     [[nodiscard]] virtual Answer<std::uint16_t> rescan() = 0;

@@ -153,6 +153,10 @@ struct Network {
     Crew requests;
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
+    // Another slave may be there, and can be compared: not in BOOT, where its firmware may use the EEPROM.
+    [[nodiscard]] bool is_doubted(const Slave& slave) const {
+        return marks(slave).unproved && slave.al.state != AlState::boot;
+    }
     // Nobody has looked for so long that a slave may have been exchanged for another one in the same state.
     [[nodiscard]] bool is_unobserved() const { return later(compared, kBelieved) < engine.now(); }
     // The slaves were compared with the list that expect() has set last.

@@ -121,7 +121,7 @@ Task<Result<>> check_fmmus(Network& network, Slave& slave) {
 bool needs_help(const Network& network, const Slave& slave) {
     if (network.marks(slave).in_use || slave.al.state == AlState::none || is_being_mapped(network, slave)) return false;
     if (stays_in_boot(network, slave)) return false;
-    if (network.marks(slave).unproved && slave.al.state != AlState::boot) return true;
+    if (network.is_doubted(slave)) return true;
     const AlState to = goal(network, slave);
     if (slave.al.error || slave.al.state != to || is_to_be_asked(network, slave)) return true;
     if (is_unfinished(network, slave)) return true;
@@ -165,8 +165,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
         co_return Nothing{};
     }
-    const bool doubted = network.marks(slave).unproved && slave.al.state != AlState::boot;
-    if (doubted && slave.al.state != AlState::none) {
+    if (network.is_doubted(slave) && slave.al.state != AlState::none) {
         co_await completion(clear_fmmus(network, slave));  // it gets no outputs until it is compared
     }
     // That the slave is gone again is reported by the next look; another slave, by the search.

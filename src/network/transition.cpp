@@ -221,8 +221,7 @@ void settle_request(Network& network, Slave& slave) {
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
     if (met && network.boot != nullptr) network.boot->reached(network, slave, row->from, row->to);
     // What follows is for this slave. After the comparison the next reading starts it.
-    const bool doubted = network.marks(slave).unproved && slave.al.state != AlState::boot;
-    if (!met || doubted || network.marks(slave).in_use || network.segment_in_use) return;
+    if (!met || network.is_doubted(slave) || network.marks(slave).in_use || network.segment_in_use) return;
     const TaskReference task = follow_transition(network, slave);
     (void)network.settling.start(task);
     if (SlaveWork* begun = find_work(network, slave)) begun->sequence = task;
