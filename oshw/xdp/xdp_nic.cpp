@@ -8,6 +8,7 @@
 #include <bpf/libbpf.h>
 #include <linux/if_link.h>
 #include <linux/if_xdp.h>
+#include <poll.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -113,9 +114,12 @@ struct XdpNic::Rings {
     [[nodiscard]] int fd() const { return socket == nullptr ? -1 : xsk_socket__fd(socket); }
     [[nodiscard]] std::byte* at(std::uint64_t chunk) const { return static_cast<std::byte*>(memory) + chunk; }
 
-    void take_down() {
+    void close_socket() {
         if (socket != nullptr) xsk_socket__delete(std::exchange(socket, nullptr));
         if (umem != nullptr) (void)xsk_umem__delete(std::exchange(umem, nullptr));
+    }
+    void take_down() {
+        close_socket();
         attached = Handle();
     }
     int load_program();
@@ -143,6 +147,7 @@ int XdpNic::Rings::attach(int interface, Mode wanted) {
 }
 
 int XdpNic::Rings::open_socket(const char* interface, Mode wanted) {
+    close_socket();
     xsk_umem_config memory_settings{};
     memory_settings.fill_size = kReceiveChunks;
     memory_settings.comp_size = kSendChunks;
@@ -204,6 +209,22 @@ Result<> XdpNic::fail(int error, std::string_view what, std::string_view advice)
 
 namespace {
 
+// The kernel frees the queue of a closed XDP socket, and the interface of a closed program, some time after the close:
+// a program that starts when another one has just ended finds them busy for some milliseconds. `step` is tried again
+// for this time.
+constexpr int kReleaseMs = 1000;
+constexpr int kTryAgainMs = 5;
+
+template <class Step>
+int once_free(Step step) {
+    int error = step();
+    for (int waited = 0; error == -EBUSY && waited < kReleaseMs; waited += kTryAgainMs) {
+        ::poll(nullptr, 0, kTryAgainMs);
+        error = step();
+    }
+    return error;
+}
+
 bool is_refused_mode(int error) {
     return error == -EOPNOTSUPP || error == -EINVAL || error == -EPROTONOSUPPORT || error == -ENOTSUP;
 }
@@ -234,10 +255,10 @@ Result<> XdpNic::set_up(const Settings& settings) noexcept {
         rings.take_down();
         rings.mode = mode;
         step = mode == Mode::generic ? "the kernel refused XDP in generic mode" : "its driver refused XDP";
-        error = rings.attach(interface_.index(), mode);
+        error = once_free([&] { return rings.attach(interface_.index(), mode); });
         if (error == 0) {
             step = mode == Mode::zero_copy ? "its driver refused XDP without copies" : "its XDP socket was refused";
-            error = rings.open_socket(interface_.name(), mode);
+            error = once_free([&] { return rings.open_socket(interface_.name(), mode); });
         }
         if (error == 0) break;
         if (!is_refused_mode(error)) break;

@@ -39,8 +39,9 @@ class XdpNic final : public Nic {
     // Opens the interface. On failure, problem() describes what the driver or the kernel has refused, and the remedy;
     // `actual` of the error is errno. An unplugged cable is not an error, see link_state(). Needs CAP_NET_RAW,
     // CAP_NET_ADMIN and CAP_BPF. The kernel removes the filter program when the NIC is closed, and also when the
-    // program ends in another way. While the NIC is open, packet sniffers do not see the frames that it receives.
-    // Allocates memory. Not callable from the cycle.
+    // program ends in another way. The kernel frees an interface some milliseconds after its program has ended: open()
+    // waits up to one second for an interface that is in use. While the NIC is open, packet sniffers do not see the
+    // frames that it receives. Allocates memory. Not callable from the cycle.
     [[nodiscard]] Result<> open(std::string_view interface, const Settings& settings) noexcept;
     [[nodiscard]] Result<> open(std::string_view interface) noexcept { return open(interface, Settings{}); }
     void close() noexcept;

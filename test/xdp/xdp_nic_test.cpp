@@ -19,6 +19,7 @@
 #include <cerrno>
 #include <csignal>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace margay {
@@ -224,6 +225,22 @@ TEST_F(Xdp, AnotherProgramIsAttachedAlready) {
     // The first one still works.
     ASSERT_EQ(far.send(frame_of({0x88, 0xA4}, 5)), SendStatus::sent);
     EXPECT_EQ(next(nic), frame_of({0x88, 0xA4}, 5));
+}
+
+// The kernel frees the queue of a closed XDP socket later: a program that starts at the end of another one waits for it.
+TEST_F(Xdp, OpeningWaitsForAnInterfaceThatIsAboutToBeFree) {
+    ASSERT_TRUE(open(nic).ok()) << nic.problem();
+    XdpNic second;
+    std::thread closing([&] {
+        ::usleep(100'000);
+        nic.close();
+    });
+    const auto opened = open(second);
+    closing.join();
+    ASSERT_TRUE(opened.ok()) << second.problem();
+    for (int n = 0; n < 20; ++n) ASSERT_TRUE(open(second).ok()) << n << ": " << second.problem();
+    ASSERT_EQ(far.send(frame_of({0x88, 0xA4}, 5)), SendStatus::sent);
+    EXPECT_EQ(next(second), frame_of({0x88, 0xA4}, 5));
 }
 
 TEST_F(Xdp, WithoutPrivileges) {
