@@ -135,7 +135,7 @@ void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) 
         really_out += slave.image.outputs.bits != 0 ? 1U : 0U;
     }
     Session::GroupFacts& facts = session.facts(group);
-    facts.group = &mapped;
+    facts.time = &mapped.dc_time;
     facts.writing_datagrams = 0;
     // Also a group without inputs, and slaves that refuse LRW: the first datagram is an LWR.
     constexpr std::uint8_t kLwr = 11;
@@ -185,7 +185,7 @@ int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std:
     show_counters(context, session, group);
     // Slaves that were in another group are not counted there any more.
     for (int n = 0; n < most_groups(context); ++n)
-        if (n != group && session.known_group(static_cast<std::size_t>(n)))
+        if (n != group && session.known_group(static_cast<std::uint8_t>(n)))
             show_counters(context, session, static_cast<std::uint8_t>(n));
     if (group == 0) {
         ec_slavet& all = slaves_of(context)[0];

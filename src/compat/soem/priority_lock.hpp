@@ -13,30 +13,39 @@ class PriorityLock {
     PriorityLock(const PriorityLock&) = delete;
     PriorityLock& operator=(const PriorityLock&) = delete;
 
-    // Returns the number of the calling thread.
-    std::uint32_t lock() noexcept {
+    void lock() noexcept {
         std::uint32_t nobody = 0;
-        const std::uint32_t me = thread();
-        if (!word_.compare_exchange_strong(nobody, me, std::memory_order_acquire)) [[unlikely]]
+        if (!word_.compare_exchange_strong(nobody, thread(), std::memory_order_acquire)) [[unlikely]]
             wait();
-        return me;
     }
-    // `mine`: what lock() has returned.
-    void unlock(std::uint32_t mine) noexcept {
-        if (!word_.compare_exchange_strong(mine, 0, std::memory_order_release)) [[unlikely]]
+    void unlock() noexcept {
+        if (!try_unlock()) [[unlikely]]
             pass_on();
     }
 
-  private:
+    // The parts of lock() and unlock() that need no function of the system. false: the rest is needed.
+    bool try_lock() noexcept {
+        std::uint32_t nobody = 0;
+        const std::uint32_t me = thread_;
+        return me != 0 && word_.compare_exchange_strong(nobody, me, std::memory_order_acquire);
+    }
+    bool try_unlock() noexcept {
+        std::uint32_t mine = thread_;
+        return word_.compare_exchange_strong(mine, 0, std::memory_order_release);
+    }
+    // After a try_unlock() that returned false.
+    void pass_on() noexcept;
+
     // The number of the calling thread in the kernel.
     static std::uint32_t thread() noexcept {
         if (thread_ == 0) [[unlikely]]
             thread_ = ask_thread();
         return thread_;
     }
+
+  private:
     static std::uint32_t ask_thread() noexcept;
     void wait() noexcept;
-    void pass_on() noexcept;
 
     static inline thread_local std::uint32_t thread_ [[gnu::tls_model("initial-exec")]] = 0;
     std::atomic<std::uint32_t> word_{0};

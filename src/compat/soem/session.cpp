@@ -53,16 +53,16 @@ std::unique_ptr<Session> Session::open(const std::string& source, const Limits& 
 }
 
 Session::Session(std::unique_ptr<hosted::Source> source, const Limits& limits)
-    : source_(std::move(source)), context_(limits), facts_(limits.groups), shown_(limits.slaves + 1U) {}
+    : source_(std::move(source)), context_(limits), shown_(limits.slaves + 1U) {}
 
 Session::~Session() {
     static_cast<void>(take_ownership(context_));
     inbox_.reset();
 }
 
-void Session::change_owner(std::uintptr_t thread) {
+void Session::change_owner() {
     static_cast<void>(take_ownership(context_));
-    owner_ = thread;
+    owner_ = calling_thread();
 }
 
 // One poll under the lock. Returns until when nothing is due.
@@ -169,13 +169,13 @@ void Sessions::remove(int place, const void* owner) {
     if (index >= kMost || owner == nullptr) return;
     Place& found = places_[index];
     {
-        const std::uint32_t thread = found.lock.lock();
+        found.lock.lock();
         const bool mine = found.owner.load() == owner;
         if (mine) {
             found.session->closing_ = true;
             found.owner.store(nullptr);
         }
-        found.lock.unlock(thread);
+        found.lock.unlock();
         if (!mine) return;
     }
     // Other threads leave their calls. A hook that closes the session of its own call would wait for itself: then the

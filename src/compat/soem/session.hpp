@@ -38,16 +38,16 @@ class Session {
     // except for the frames of a cycle.
     class Guard {
       public:
-        explicit Guard(Session& session) : session_(session), thread_(session.lock_->lock()) {
-            session.be_owner(thread_);
+        explicit Guard(Session& session) : session_(session) {
+            session.lock_->lock();
+            session.be_owner();
         }
-        ~Guard() { session_.lock_->unlock(thread_); }
+        ~Guard() { session_.lock_->unlock(); }
         Guard(const Guard&) = delete;
         Guard& operator=(const Guard&) = delete;
 
       private:
         Session& session_;
-        std::uint32_t thread_;
     };
 
     // For a thread that has the lock.
@@ -80,16 +80,15 @@ class Session {
                  bool again = true);
 
     // What the facade remembers of a group, and of the SyncManagers that it has shown to the program.
+    static constexpr RegisterReading kNoTime{};
     struct GroupFacts {
-        const Group* group = nullptr;    // after the first mapping
-        unsigned writing_datagrams = 0;  // the first ones of a cycle: their working counter counts twice
+        const RegisterReading* time = &kNoTime;  // of the reference clock; another one after the first mapping
+        unsigned writing_datagrams = 0;          // the first ones of a cycle: their working counter counts twice
     };
     using ShownSyncManagers = std::array<std::byte, 64>;
-    // Only of a group that the library knows.
-    [[nodiscard]] GroupFacts& facts(std::size_t group) { return facts_[group]; }
-    [[nodiscard]] bool known_group(std::size_t group) const {
-        return group < facts_.size() && facts_[group].group != nullptr;
-    }
+    // Of any group, also of a group that the library does not know.
+    [[nodiscard]] GroupFacts& facts(std::uint8_t group) { return facts_[group]; }
+    [[nodiscard]] bool known_group(std::uint8_t group) const { return facts_[group].time != &kNoTime; }
     [[nodiscard]] ShownSyncManagers& shown(std::size_t slave) { return shown_[slave < shown_.size() ? slave : 0]; }
 
     // Mail that no request waits for.
@@ -99,17 +98,20 @@ class Session {
     friend class Sessions;
     Session(std::unique_ptr<hosted::Source> source, const Limits& limits);
     // For a thread that has the lock.
-    void be_owner([[maybe_unused]] std::uint32_t thread) {
-#if defined(__x86_64__) || defined(__aarch64__)
-        // As the systems of the library distinguish threads.
-        const auto me = reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
-#else
-        const std::uintptr_t me = thread;
-#endif
-        if (owner_ != me) [[unlikely]]
-            change_owner(me);
+    void be_owner() {
+        if (!is_owner()) [[unlikely]]
+            change_owner();
     }
-    void change_owner(std::uintptr_t thread);
+    [[nodiscard]] bool is_owner() const { return owner_ == calling_thread(); }
+    // As the systems of the library distinguish threads.
+    static std::uintptr_t calling_thread() {
+#if defined(__x86_64__) || defined(__aarch64__)
+        return reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
+#else
+        return PriorityLock::thread();
+#endif
+    }
+    void change_owner();
     [[nodiscard]] bool closing() const { return closing_.load(std::memory_order_relaxed); }
     Time poll_once(Request* request, Time until, bool& over);
     void wait_for_work(Time until);
@@ -120,7 +122,7 @@ class Session {
     std::unique_ptr<hosted::Source> source_;
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
-    std::vector<GroupFacts> facts_;
+    std::array<GroupFacts, 256> facts_;
     std::vector<ShownSyncManagers> shown_;
 };
 
@@ -160,20 +162,20 @@ class Sessions {
         Session* session_ = nullptr;
     };
 
-    // Calls `work` with the session, under its lock: the lock keeps the session. Returns `none` when there is no
-    // session. Neither the library nor `work` throws.
-    template <class Work>
-    [[gnu::always_inline]] static int with_lock(int place, const void* owner, int none, Work work) {
+    // Calls Work::run() with the session, under its lock: the lock keeps the session. Returns Work::kNone when there is
+    // no session. Neither the library nor Work::run() throws.
+    template <class Work, class... Arguments>
+    [[gnu::always_inline]] static int with_lock(int place, const void* owner, Arguments... arguments) {
         // Any number in a port that was never opened leads to some place, whose owner is another one.
         Place& found = places_[static_cast<unsigned>(place) % kMost];
-        const std::uint32_t thread = found.lock.lock();
-        if (found.owner.load(std::memory_order_relaxed) == owner) [[likely]] {
-            Session& session = *found.session;
-            session.be_owner(thread);
-            none = work(session);
-        }
-        found.lock.unlock(thread);
-        return none;
+        if (!found.lock.try_lock()) [[unlikely]]
+            return in_any_case<Work, Arguments...>(arguments..., found, false, owner);
+        if (found.owner.load(std::memory_order_relaxed) != owner || !found.session->is_owner()) [[unlikely]]
+            return in_any_case<Work, Arguments...>(arguments..., found, true, owner);
+        const int result = Work::run(arguments..., *found.session);
+        if (!found.lock.try_unlock()) [[unlikely]]
+            return pass_on(found, result);
+        return result;
     }
 
     // Sleeps in the time of the open sessions: simulated segments in virtual time get it, otherwise the system.
@@ -187,6 +189,24 @@ class Sessions {
         Session* session = nullptr;               // stays when the owner is gone and calls have pinned it
     };
     static void end(Place& place);
+    // What with_lock() does when there is more to do than two instructions that compare and exchange. A function of its
+    // own, so that the usual way saves few registers.
+    template <class Work, class... Arguments>
+    [[gnu::noinline, gnu::cold]] static int in_any_case(Arguments... arguments, Place& found, bool locked,
+                                                        const void* owner) {
+        if (!locked) found.lock.lock();
+        int result = Work::kNone;
+        if (found.owner.load(std::memory_order_relaxed) == owner) {
+            found.session->be_owner();
+            result = Work::run(arguments..., *found.session);
+        }
+        found.lock.unlock();
+        return result;
+    }
+    [[gnu::noinline, gnu::cold]] static int pass_on(Place& found, int result) {
+        found.lock.pass_on();
+        return result;
+    }
     static std::array<Place, kMost> places_;
 };
 
