@@ -28,8 +28,7 @@ struct LineErrors {
     struct CableEnd {
         std::uint16_t slave = 0;  // 0: the master, or no known slave
         std::uint8_t port = 0;
-        std::uint8_t reported =
-            0;  // interruptions that were reported already, because the other end counted them first
+        std::uint8_t reported = 0;  // interruptions that the other end counted first: they were reported already
     };
     std::array<CableEnd, 4> other_ends{};  // the other ends of the cables at that time
     bool primed = false;                   // `last` contains values that were read
@@ -59,8 +58,11 @@ struct LineErrors {
 struct SuperviseRequest : Request {
     SuperviseRequest();
     AlState target = AlState::op;  // INIT, PREOP, SAFEOP or OP; for all slaves without a target of their own
-    Duration interval = std::chrono::milliseconds(10);  // between readings of the AL status while there are no cycles
-    Duration retry = std::chrono::milliseconds(500);    // waiting time after bringing a slave back has failed
+    // The time between two readings of the AL status while there are no cycles, and between two readings of the AL
+    // status of each slave while the slaves are in different states: then one BRD for all slaves cannot show every
+    // change.
+    Duration interval = std::chrono::milliseconds(10);
+    Duration retry = std::chrono::milliseconds(500);  // waiting time after bringing a slave back has failed
     // How often the error counters of all slaves are read; zero: never. The sums go to line_errors[n - 1] of slave n,
     // for as many slaves as it has elements. The caller's memory.
     Duration line_interval{0};
