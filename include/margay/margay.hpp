@@ -79,6 +79,16 @@ Time poll(Context& ctx, Time now);
 // start again from their initial values. End a SuperviseRequest before the call, and map the groups again after it.
 Result<std::uint16_t> config_init(Context& ctx);
 
+// The progress of the ScanRequest that is busy; after its end, the result of the last scan. All numbers are 0 until the
+// slaves have been counted. A slave with an error counts too: the scan has ended for that slave. Never waits; callable
+// by the owner of the context only, also between the calls of poll() that execute the request.
+struct ScanProgress {
+    std::uint16_t slaves = 0;      // slaves in the ring
+    std::uint16_t identified = 0;  // of them, the slaves whose ESC registers and SII have been read
+    std::uint16_t started = 0;     // of them, the slaves in PREOP, and the slaves that stay in INIT
+};
+[[nodiscard]] ScanProgress scan_progress(Context& ctx);
+
 // Sets the list of slaves that the next config_init() is to find: their identity, their numbers and their configuration
 // (see ExpectedSlave). An empty list: every slave is accepted. When the slaves were scanned already, they have not been
 // compared with the list: config_map() and reach() fail with scan_needed until config_init() has been called.

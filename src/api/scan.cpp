@@ -30,4 +30,17 @@ Result<std::uint16_t> config_init(Context& ctx) {
     return submit_and_wait(ctx, request, request.slaves);
 }
 
+ScanProgress scan_progress(Context& ctx) {
+    ScanProgress progress;
+    for (const Slave& slave : ctx.slaves()) {
+        if (slave.ring_position == 0) continue;  // missing
+        const bool failed = slave.error.code != Errc::none;
+        const bool stays = slave.held && !slave.mailbox.present();
+        ++progress.slaves;
+        if (slave.seen || failed) ++progress.identified;
+        if (failed || (slave.seen && (stays || slave.al.state >= AlState::preop))) ++progress.started;
+    }
+    return progress;
+}
+
 }  // namespace margay

@@ -7,6 +7,7 @@
 #include "wire/sii_writer.hpp"
 
 #include <random>
+#include <set>
 
 namespace margay {
 namespace {
@@ -55,6 +56,41 @@ TEST_F(Scan, FindsWhatIsThere) {
     EXPECT_EQ(ctx.slave(5).number, 0) << "there is no fifth";
     EXPECT_EQ(ctx.slave(0).number, 0);
     EXPECT_FALSE(ctx.errors().take());
+}
+
+// The EEPROM of slave 2 cannot be read: the scan ends for this slave with an error, which the progress counts.
+TEST_F(Scan, ShowsItsProgress) {
+    plug("coupler");
+    auto blank = sim::make_device("digital_in_8");
+    blank->sii.assign(blank->sii.size(), std::byte{0xFF});
+    plug(std::move(*blank));
+    for (int n = 0; n < 10; ++n) plug("drive");
+    switch_on();
+    ASSERT_TRUE(init(ctx, wire, osal));
+    EXPECT_EQ(scan_progress(ctx).slaves, 0);
+    ScanRequest scan;
+    ASSERT_TRUE(submit(ctx, scan));
+    ScanProgress before;
+    std::set<std::uint16_t> identified;
+    std::set<std::uint16_t> started;
+    while (scan.busy()) {
+        const Time next = poll(ctx, osal.now());
+        const ScanProgress now = scan_progress(ctx);
+        EXPECT_GE(now.slaves, before.slaves);
+        EXPECT_GE(now.identified, before.identified);
+        EXPECT_GE(now.started, before.started);
+        EXPECT_LE(now.started, now.identified);
+        EXPECT_LE(now.identified, now.slaves);
+        before = now;
+        identified.insert(now.identified);
+        started.insert(now.started);
+        osal.wait(next, -1);
+    }
+    EXPECT_EQ(before.slaves, 12);
+    EXPECT_EQ(before.identified, 12);
+    EXPECT_EQ(before.started, 12);
+    EXPECT_GT(identified.size(), 2U) << "there are values between none and all";
+    EXPECT_GT(started.size(), 2U);
 }
 
 TEST_F(Scan, SecondScanOfARunningSegmentStartsFromNothing) {
