@@ -22,7 +22,7 @@ static_assert(is_size(sizeof(MailboxChannel), 392, 320), "context_bytes(): kMail
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 200, 200), "context_bytes(): kClockBytes");
 static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");
-static_assert(is_size(sizeof(SlaveMarks), 20, 20), "context_bytes(): kMarksBytes");
+static_assert(is_size(sizeof(SlaveMarks), 24, 24), "context_bytes(): kMarksBytes");
 static_assert(is_size(sizeof(ProcessGroup), 424, 328), "context_bytes(): kGroupBytes");
 static_assert(is_size(sizeof(PreparedFrame) +
                           ProcessTables::datagrams_for(1) *

@@ -280,8 +280,10 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
         co_return Nothing{};
     }
     auto found = co_await discover_pdos(network, slave);
-    if (found) network.marks(slave).pdos_in_doubt = false;
-    if (found) co_return Nothing{};
+    if (found) {
+        network.marks(slave).pdos_in_doubt = network.marks(slave).new_firmware = false;
+        co_return Nothing{};
+    }
     slave.pdos_failed = true;
     slave.unplaced = !keep_place(slave);
     faults.note(network, slave, found.error());

@@ -215,6 +215,32 @@ constinit const detail::PdoPart detail::kPdoPart{
 
 namespace {
 
+// Computes a check value of all entries (FNV-1a), and passes them on.
+class PdoContent final : public EntrySink {
+  public:
+    explicit PdoContent(EntrySink* next) : next_(next) {}
+    void add(const FoundEntry& entry) override {
+        mix(std::uint32_t{entry.sync_manager} << 16 | entry.pdo);
+        mix(std::uint32_t{entry.index} << 16 | std::uint32_t{entry.subindex} << 8 | (entry.bits & 0xFFU));
+        if (next_ != nullptr) next_->add(entry);
+    }
+    void note_type(const FoundEntry& by_sii) override {
+        if (next_ != nullptr) next_->note_type(by_sii);
+    }
+    void forget() override {
+        if (next_ != nullptr) next_->forget();
+    }
+    // Not 0.
+    [[nodiscard]] std::uint32_t value() const { return value_ == 0 ? 1 : value_; }
+
+  private:
+    void mix(std::uint32_t word) {
+        for (int n = 0; n < 4; ++n, word >>= 8) value_ = (value_ ^ (word & 0xFFU)) * 0x01000193U;
+    }
+    EntrySink* next_;
+    std::uint32_t value_ = 0x811C9DC5U;
+};
+
 Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     SlaveConfiguration& config = slave.config;
     const bool compare = !network.marks(slave).pdos_compared;
@@ -232,7 +258,9 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     if (lists != nullptr) written = co_await lists->write(network, slave);
     if (!written || known || (said && !compare && sink == nullptr)) co_return written;
     Findings found;
-    auto asked = co_await ask_by_mail(network, slave, found, compare, sink);
+    PdoContent content(sink);
+    auto asked = co_await ask_by_mail(network, slave, found, compare, &content);
+    network.marks(slave).pdo_content = asked && found.source == ConfigurationSource::coe ? content.value() : 0;
     if (!asked) {
         if (sink != nullptr) sink->forget();
         if (!said) co_return asked;

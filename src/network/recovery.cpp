@@ -61,7 +61,11 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
 class Finding {
   public:
     Finding(SlaveMarks& marks, Slave& slave)
-        : marks_(marks), slave_(slave), sms_(slave.config.sms), kept_(slave.place_kept || marks.pdos_in_doubt) {
+        : marks_(marks),
+          slave_(slave),
+          sms_(slave.config.sms),
+          content_(marks.pdo_content),
+          kept_(slave.place_kept || marks.pdos_in_doubt) {
         marks_.finding = true;
         count_ = kept_ ? slave.config.used_sms().size() : 0U;
         slave.place_kept = kept_;
@@ -72,6 +76,7 @@ class Finding {
     ~Finding() {
         marks_.finding = false;
         if (!kept_ || is_by_application(slave_.config)) return;
+        marks_.pdo_content = content_;
         slave_.config.sms = sms_;
         slave_.config.sm_count = static_cast<std::uint8_t>(count_);
         slave_.config.source = ConfigurationSource::none;
@@ -79,13 +84,16 @@ class Finding {
     }
     [[nodiscard]] bool is_kept() const { return kept_; }
     [[nodiscard]] std::span<const ProcessSm> sms() const { return std::span(sms_).first(count_); }
-    void accept() { kept_ = marks_.pdos_in_doubt = false; }
+    // Whether the dictionary has the same PDOs as when the image was laid out, as far as it was read then.
+    [[nodiscard]] bool is_same_content() const { return content_ == 0 || content_ == marks_.pdo_content; }
+    void accept() { kept_ = marks_.pdos_in_doubt = marks_.new_firmware = false; }
 
   private:
     SlaveMarks& marks_;
     Slave& slave_;
     std::array<ProcessSm, SlaveConfiguration::kProcessSms> sms_;
     std::size_t count_ = 0;
+    std::uint32_t content_;
     bool kept_;
 };
 
@@ -109,6 +117,8 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& find
     auto discovered = co_await discover_pdos(network, slave);
     Error error = discovered.error();
     if (discovered && finding.is_kept()) error = compare_with_place(slave, finding.sms());
+    if (error.code == Errc::none && finding.is_kept() && !finding.is_same_content())
+        error = {.code = Errc::remapping_needed, .step = Step::configure_pdos, .slave = slave.number};
     if (error.code == Errc::none) error = check_late_slave(network, slave);
     slave.pdos_failed = error.code != Errc::none && error.code != Errc::no_place;
     if (error.code != Errc::none) co_return error;
@@ -130,7 +140,7 @@ Task<Result<>> find_process_data(Network& network, Slave& slave) {
 
 // From PREOP to SAFEOP.
 Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
-    const bool new_firmware = network.marks(slave).pdos_in_doubt;
+    const bool new_firmware = network.marks(slave).new_firmware;
     co_await required(find_process_data(network, slave));
     // Some firmware writes its identity into the EEPROM when it has started.
     if (new_firmware) {
@@ -195,6 +205,20 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
     update_mailbox(network, slave);
 }
 
+namespace {
+
+// A slave that has lost its power, or its own program, may have other PDOs in its dictionary: those of an SDO of the
+// application are gone, and a spare part may have stored others.
+void doubt_pdos(Network& network, const Slave& slave) {
+    const SlaveConfiguration& config = slave.config;
+    const bool written = !config.fixed_pdos && std::ranges::all_of(config.used_sms(), [&](const ProcessSm& sm) {
+        return find_list(slave, sm.number) != nullptr;
+    });
+    if (config.source == ConfigurationSource::coe && !written) network.marks(slave).pdos_in_doubt = true;
+}
+
+}  // namespace
+
 Task<Result<>> restart(Network& network, Slave& slave) {
     // Another slave may answer at this address: not every reading of the states sees that a slave was away.
     // A slave in BOOT is compared when it is in PREOP: its firmware may use the EEPROM.
@@ -202,6 +226,7 @@ Task<Result<>> restart(Network& network, Slave& slave) {
     if (slave.al.state != AlState::boot) same = co_await prove(network, slave);
     if (same && !slave.seen) same = co_await read_missing_slave(network, slave);
     if (!same) co_return same;
+    if (slave.al.state == AlState::init) doubt_pdos(network, slave);
     co_await required(back_to_init(network, slave));
     const ChangeReport report(network, slave);
     co_await required(sii_assign(network.station(slave), true));

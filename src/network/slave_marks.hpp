@@ -11,6 +11,11 @@ namespace margay {
 struct SlaveMarks {
     // The check value of the commands of IP when the slave left INIT last.
     std::uint32_t started_with = 0;
+    // The check value of the PDOs and entries that were read from its dictionary last; 0: none were read.
+    std::uint32_t pdo_content = 0;
+    // The number of the last cycle that was sent before the slave took part. Only inputs of later cycles are fresh.
+    // See `joining`.
+    std::uint32_t joined_after = 0;
     // The transition that was requested and is not confirmed yet; its after-commands are pending.
     Transition requested = Transition::none;
     // The transition whose commands or hook after the new state have failed or were cut: the slave must be started
@@ -18,9 +23,6 @@ struct SlaveMarks {
     Transition unfinished = Transition::none;
     // The state to which the supervision brought the slave last without an error.
     AlState settled = AlState::none;
-    // The number of the last cycle that was sent before the slave took part. Only inputs of later cycles are fresh.
-    // See `joining`.
-    std::uint32_t joined_after = 0;
     std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
     bool failure_reported = false;   // the failure of these attempts
     bool in_use : 1 = false;         // see SlaveToken
@@ -42,7 +44,8 @@ struct SlaveMarks {
     bool was_away : 1 = false;       // unproved because it did not answer: mail and writing to it are refused
     bool joining : 1 = false;        // no cycle behind joined_after was received yet
     bool from_boot : 1 = false;      // it was in BOOT, and may have other firmware: compared again in PREOP
-    bool pdos_in_doubt : 1 = false;  // it was in BOOT since its PDOs were read from it
+    bool pdos_in_doubt : 1 = false;  // it has started again, or was in BOOT, since its PDOs were read from it
+    bool new_firmware : 1 = false;   // it was in BOOT since then: its identity may change when its firmware has started
     bool held_back : 1 = false;      // brought to PREOP while it was held: its start-up commands were left out
 
     // Another slave may be there. `away`: this one did not answer.
