@@ -98,9 +98,9 @@ struct ClockStatus {
 };
 
 // What a SuperviseRequest does beside the reports of SlaveClock::in_sync: a slave that was reset gets its clock again
-// before SAFEOP. A slave that was away with power, and whose clock differs by more than 100 µs, is started again,
-// because its control loop would need long. A reference clock to which another program has written a time gets its own
-// rate again.
+// before SAFEOP. A slave that was disconnected but kept its power is started again if its clock differs by more than
+// 100 µs, because its control loop would need long. A reference clock to which another program has written a time gets
+// its own rate again.
 
 // Synchronises the clocks of all slaves; see configdc().
 struct ClockRequest : Request {

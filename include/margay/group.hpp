@@ -18,9 +18,11 @@ struct DatagramStatus {
     std::uint16_t accepted = 0;
     std::uint16_t full = 0;  // working counter if all slaves take part, optional ones included
     bool came = false;       // its frame came back; otherwise `got` has no meaning
-    bool fresh = false;  // its inputs were copied into the image: all slaves that are not known to be lost took part
-    // All slaves that can take part did so: the inputs of these slaves are in the image. The inputs of the others are
-    // unchanged, also where a device answers in their place.
+    // Its inputs were copied into the image: all slaves that are not known to be lost took part. Nothing is copied of a
+    // slave that was away and was not compared yet: inputs_fresh() distinguishes the slaves.
+    bool fresh = false;
+    // All slaves that can take part did so: their inputs are in the image, except as said for `fresh`. The inputs of
+    // the others are unchanged, also where a device answers in their place.
     [[nodiscard]] constexpr bool usable() const { return came && (got == accepted || got == full); }
     // The same, and no slave is missing.
     [[nodiscard]] constexpr bool right() const { return usable() && accepted == expected; }

@@ -5,11 +5,11 @@
 // again after a millisecond, for at most 10 seconds; after that, the hook has failed with Errc::timeout.
 //
 // A sequence is a coroutine that returns a Task. It may await all functions of HookedSlave: access to the mailbox and
-// the registers of its slave. It does not stop the cycle or other slaves. (While a request for
-// the whole segment waits for the hook to end, the supervision helps other slaves only from time to time.) The timeout
-// of the request that waits for a hook ends it: the error then has the step application_hook and names the slave. A
-// hook that no request waits for (the supervision executes it, or it follows a state that writestate() has requested)
-// may take any time while no request needs its slave, and 10 s otherwise; it ends when its slave is lost or leaves its
+// the registers of its slave. It does not stop the cycle or other slaves. (While a request for the whole segment waits
+// for the end of the hook, the supervision helps other slaves only from time to time.) When the request that waits for
+// a hook reaches its timeout, the hook ends: the error then has the step application_hook and names the slave. A hook
+// that no request waits for (the supervision executes it, or it follows a state that writestate() has requested) may
+// take any time while no request needs its slave, and 10 s otherwise; it ends when its slave is lost or leaves its
 // state. When the library ends a hook, the hook does not continue after its current co_await; its local objects are
 // destroyed.
 //

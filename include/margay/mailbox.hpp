@@ -26,8 +26,8 @@ struct RawMail : MailRequest {
     MailboxType type = MailboxType::voe;
     // The octets behind the mailbox header; empty: nothing is sent. The caller's memory.
     Borrowed<std::byte> message;
-    // The address in the mailbox header: 0 is the master; a gateway sets the address of the sender. A slave answers to
-    // this address, and the answer is taken from there. Other mail to the address of a slave goes to that slave.
+    // The address in the mailbox header: 0 is the master; a gateway sets the address of the sender. A slave sends its
+    // answer to this address, and the request receives it. Other mail to the address of a slave goes to that slave.
     std::uint16_t address = 0;
     // Destination of the answer; empty: the request ends when the slave has taken the message. Without a message, the
     // request waits for mail of this type that no other request and no listener takes.

@@ -212,11 +212,12 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //   wire.
 // - no_cycle: nothing was sent since the last receive_processdata(). The image is unchanged.
 // - no_frame (actual: the number of frames that did not come back): the inputs of these frames are old.
-// - working_counter (expected, actual): a slave did not take part. With detail Error::kOthersFresh, every slave that
-//   did not take part is known to be lost (by readstate() or the supervision; slave: one of them), and the inputs of
-//   all other slaves are fresh: the application may continue without the lost slaves. Without this detail it is not yet
-//   known which slave is missing, and the inputs of whole datagrams are old: inputs_fresh() says which slaves have old
-//   inputs.
+// - working_counter (expected, actual): a slave did not take part; or a slave that was away answers again, and its
+//   identity was not compared yet (slave: this one; then expected and actual may be equal). With detail
+//   Error::kOthersFresh, every slave that did not take part is known to be lost (by readstate() or the supervision;
+//   slave: one of them), and the inputs of all other slaves are fresh: the application may continue without the lost
+//   slaves. Without this detail it is not yet known which slave is missing, and the inputs of whole datagrams are old:
+//   inputs_fresh() says which slaves have old inputs.
 //
 // Overlapping cycles (GroupConfiguration::cycles_in_flight is 2 or more): the next cycle can be sent while earlier
 // cycles are still on the wire. Each receive_processdata() ends the oldest cycle and copies its inputs into the image.
@@ -241,9 +242,9 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
 // Whether the inputs of this slave in the image are those of the last received cycle: the slave takes part, and all
 // slaves that take part did so in every datagram that carries inputs of this slave. For a slave that has only outputs:
 // the same of the datagrams of its outputs. False before the first cycle, for an unknown slave, and for a slave that
-// has no process data or no place in the image. False from the moment when the slave is known to be lost;
-// GroupConfiguration::lost_inputs decides what its inputs are then. For the thread that receives; callable from the
-// cycle, costs a few instructions for each datagram of the group.
+// has no process data or no place in the image. False from the moment when the slave is known to be lost until it takes
+// part again and its identity was compared; GroupConfiguration::lost_inputs decides what its inputs are meanwhile. For
+// the thread that receives; callable from the cycle, costs a few instructions for each datagram of the group.
 [[nodiscard]] bool inputs_fresh(Context& ctx, std::uint16_t slave);
 
 // Datagram `n` of a mapped group, in the order of group(number).datagrams. Never waits; callable from the cycle.

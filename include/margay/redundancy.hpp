@@ -13,12 +13,12 @@
 // Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
 // of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the way they
 // came; all frames are sent by one NIC meanwhile. It fails with Errc::wrong_state (detail: Error::kRedundancy) while
-// the ring is broken, unless only the cable of the second NIC is, and with Errc::unsupported when a slave with a clock
-// is at a branch that only the frames of the second NIC reach. When a cable breaks, the clocks behind the break follow
-// the first clock there (EventKind::second_reference). A SuperviseRequest compares this clock with the reference clock
-// by the two copies of each frame, and steers its offset, so that both parts keep in step. When the ring is whole
-// again, all clocks follow the reference clock. Group::dc_time is that of the reference clock always, and its count is
-// that of its own part.
+// the ring is broken, except at the cable of the second NIC, and with Errc::unsupported when a slave with a clock is at
+// a branch that only the frames of the second NIC reach. When a cable breaks, the clocks behind the break follow the
+// first clock there (EventKind::second_reference). A SuperviseRequest compares this clock with the reference clock by
+// the two copies of each frame, and steers its offset, so that both parts keep in step. When the ring is whole again,
+// all clocks follow the reference clock. Group::dc_time always has the time of the reference clock; its `slaves` counts
+// only the slaves on the same side of the break as the reference clock.
 #pragma once
 
 #include <margay/context.hpp>

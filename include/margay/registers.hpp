@@ -24,9 +24,9 @@ struct RegisterReadRequest : SlaveRequest {
     std::span<std::byte> data;
 };
 
-// Writes them. A lost frame is sent again: a write with an effect at each access may have the effect twice. To a slave
-// that is missing (missing_slave), or that was away and whose identity was not compared since (identity_unread),
-// nothing is written: another device may have its station address now.
+// Writes them. A lost frame is sent again: a write with an effect at each access may have the effect twice. Nothing is
+// written while the slave is missing (missing_slave), or after it was away, until its identity is compared
+// (identity_unread): another device may have its station address now.
 struct RegisterWriteRequest : SlaveRequest {
     RegisterWriteRequest();
     std::uint16_t address = 0;

@@ -70,8 +70,8 @@ class Request {
   protected:
     explicit Request(const OperationDescription& operation) : operation_(&operation) {}
     // Cancels a busy request; in a thread that is not the owner, waits until the owner has ended the request. (When the
-    // thread of the owner has ended, call take_ownership() before.) Not allowed in a
-    // callback or hook of the library while the request is busy: that ends the program.
+    // thread of the owner has ended, call take_ownership() before.) Not allowed in a callback or hook of the library
+    // while the request is busy: that ends the program.
     ~Request();
 
   private:
@@ -106,10 +106,11 @@ class SlaveRequest : public Request {
 };
 
 // A request to the mailbox of a slave. `timeout` zero: no limit for the whole request, and 3 s for each answer of the
-// slave. A slave that is known to be absent is refused with missing_slave; one that was away, and whose identity was
-// not compared since, with identity_unread: see recover_slave() and SuperviseRequest. In INIT it is refused with
-// wrong_state. A busy request ends with missing_slave when the slave is seen to be lost, or the supervision finds
-// that no frame comes back any more, and with mailbox_closed when the slave is in INIT or starts again.
+// slave. The request is refused with missing_slave while the slave is known to be absent; with identity_unread after
+// the slave was away, until its identity is compared (see recover_slave() and SuperviseRequest); and with wrong_state
+// while the slave is in INIT. A busy request ends with missing_slave when the slave is seen to be lost, or the
+// supervision finds that no frame comes back any more, and with mailbox_closed when the slave is in INIT or starts
+// again.
 using MailRequest = SlaveRequest;
 
 // Finds all slaves, reads their identity and SII, and brings them to PREOP. See config_init().

@@ -44,9 +44,8 @@ Result<> tolerate(Context& ctx, const Tolerance& tolerance);
 // SuperviseRequest::target sets the target of all slaves when the request is submitted and when the value changes.
 //
 // Errors: wrong_state (no slaves yet), unknown_slave, invalid_argument (another state), unsupported (BOOT, and the
-// slave has no bootstrap mailboxes), above_highest, other_slave and
-// unexpected_slave (the slave is held); without a supervision also the errors of the state changes, with the first
-// slave that did not reach its target.
+// slave has no bootstrap mailboxes), above_highest, other_slave and unexpected_slave (the slave is held); without a
+// supervision also the errors of the state changes, of the first slave that did not reach its target.
 Result<> set_target(Context& ctx, std::uint16_t slave, AlState state);
 
 // The same as a request. Without a supervision it is busy until the slaves have reached their targets.

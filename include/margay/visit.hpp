@@ -12,8 +12,11 @@ namespace margay {
 //
 //     margay::AlStatus al;                             // lives until the request is over
 //     margay::VisitRequest request;
-//     request.visit = [](margay::Context& ctx, void* user) { *static_cast<margay::AlStatus*>(user) = ctx.slave(1).al;
-//     }; request.user = &al; margay::submit(ctx, request);                    // from any thread
+//     request.visit = [](margay::Context& ctx, void* user) {
+//         *static_cast<margay::AlStatus*>(user) = ctx.slave(1).al;
+//     };
+//     request.user = &al;
+//     margay::submit(ctx, request);                    // from any thread
 struct VisitRequest : Request {
     VisitRequest();
     void (*visit)(Context& ctx, void* user) = nullptr;

@@ -96,6 +96,7 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
     }
     if (!slot->datagrams.empty()) return;  // riders are awaited until their own deadline
     ++statistics_.lost;
+    note_silence();
     close_lost(*slot, now);
 }
 

@@ -1,5 +1,7 @@
 #include "link/frame_table.hpp"
 
+#include <bit>
+
 namespace margay {
 
 FrameSlot* FrameTable::open(Time now) {
@@ -18,26 +20,37 @@ FrameSlot* FrameTable::open(Time now) {
     return &slot;
 }
 
-// Indices are used in turn, so an index is used again after all others. When so many frames were lost that all indices
-// rest, the index that has rested longest is the next one in turn anyway.
+bool FrameTable::too_many_rest(unsigned first, unsigned count) const {
+    int rest = 0;
+    for (unsigned word = first / 32; word < (first + count) / 32; ++word)
+        rest += std::popcount(resting_[word].load(std::memory_order_relaxed));
+    return static_cast<unsigned>(rest) > count / 2;
+}
+
+// Indices are used in turn, and those that rest are left out. When most of them rest, none is left out: then an index
+// is used again after all others, and otherwise after at least half of them.
 bool FrameTable::claim_free(FrameSlot& slot, Time now) {
     refresh(now);
-    std::uint8_t index = next_index_;
-    const auto next = [this](std::uint8_t n) { return static_cast<std::uint8_t>((n + 1) & mask_); };
-    for (int tries = 0; tries <= mask_ && (at(index) != nullptr || resting(index)); ++tries) index = next(index);
-    for (int tries = 0; tries <= mask_ && at(index) != nullptr; ++tries) index = next(index);
-    if (at(index) != nullptr) return false;
-    take(slot, index);
-    return true;
+    for (const bool any : {too_many_rest(0, mask_ + 1U), true}) {
+        std::uint8_t index = next_index_;
+        for (int tries = 0; tries <= mask_; ++tries) {
+            if (at(index) == nullptr && (any || !resting(index))) {
+                take(slot, index);
+                return true;
+            }
+            index = static_cast<std::uint8_t>((index + 1) & mask_);
+        }
+    }
+    return false;
 }
 
 std::optional<std::uint8_t> FrameTable::free_index() {
-    for (const bool rested : {true, false})
+    for (const bool any : {too_many_rest(kSplit, 256 - kSplit), true})
         for (int tries = 0; tries < 256 - kSplit; ++tries) {
             const std::uint8_t index = next_overlapped_;
             next_overlapped_ = static_cast<std::uint8_t>((index + 1) | kSplit);
             // The owner has closed it and does not read its frame any more.
-            if (slot_of_[index].load(std::memory_order_acquire) == nullptr && !(rested && resting(index))) return index;
+            if (slot_of_[index].load(std::memory_order_acquire) == nullptr && (any || !resting(index))) return index;
         }
     return std::nullopt;
 }

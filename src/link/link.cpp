@@ -136,12 +136,18 @@ void Link::deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready) {
     }
 }
 
+void Link::note_silence() {
+    if (std::exchange(received_before_, statistics_.frames_received) != statistics_.frames_received) silence_ = 0;
+    longest_silence_ = std::max(longest_silence_, ++silence_);
+}
+
 void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
     if (slot.prepared != nullptr) {
         slot.prepared->slot = nullptr;
         remove_riders(*slot.prepared);
     }
     if (!slot.refused) ++statistics_.lost;
+    note_silence();
     List<Datagram> again;
     while (Datagram* d = slot.datagrams.pop_front()) {
         if (d->repeat_ == Repeat::yes && d->sendings_ < settings.sendings) {

@@ -12,6 +12,7 @@
 
 #include <array>
 #include <span>
+#include <utility>
 
 namespace margay {
 
@@ -96,6 +97,8 @@ class Link {
     [[nodiscard]] Time next_deadline(Time now);
 
     [[nodiscard]] const LinkStatistics& statistics() const { return statistics_; }
+    // The most frames that did not come back one after the other, without a frame that did, since the last call.
+    [[nodiscard]] std::uint32_t take_longest_silence() { return std::exchange(longest_silence_, 0); }
     [[nodiscard]] Nic& nic() { return nic_; }
 
   private:
@@ -118,6 +121,8 @@ class Link {
     [[nodiscard]] static bool matches(FrameSlot& slot, Bytes frame);
     void complete(Datagram& datagram, Errc errc, List<Waiter>& ready);
     void give_up(FrameSlot& slot, Time now, List<Waiter>& ready);
+    // One more frame did not come back.
+    void note_silence();
     // Closes the slot of a frame that is lost.
     void close_lost(FrameSlot& slot, Time now);
     void pack(FrameSlot& slot, wire::FrameBuilder& builder);
@@ -159,6 +164,9 @@ class Link {
     FrameTable frames_;
     List<Datagram> queue_;
     LinkStatistics statistics_;
+    std::uint64_t received_before_ = 0;  // frames received before the last one that did not come back
+    std::uint32_t silence_ = 0;          // frames that did not come back since
+    std::uint32_t longest_silence_ = 0;
     MacAddress source_;
     bool nic_busy_ = false;
     Time stuck_since_ = kNever;  // since then the NIC accepts no queued datagram

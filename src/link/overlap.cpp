@@ -79,6 +79,7 @@ void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time no
             commit_frame(frame, frame.bytes);
         } else {
             if (!frame.refused) ++statistics_.lost;
+            note_silence();
             forget_overlapped(frame, now);
             mark_not_received(frame);
         }

@@ -31,8 +31,8 @@ struct TimeDatagram {
     std::array<std::array<std::byte, 4>, kForms> forms{};
 };
 
-// How far the second reference is ahead of the first one, as frames that both copies of have come back show it: with a
-// constant that depends on the ways of the frames.
+// How far the second reference is ahead of the first one, measured with frames of which both copies have come back. The
+// value contains a constant that depends on the ways of the frames.
 struct PartDifference {
     std::int64_t sum_ns = 0;
     std::uint32_t count = 0;
@@ -89,17 +89,18 @@ class Redundancy final : public Nic, public Cables {
     void give_up(std::uint8_t index) noexcept override;
     void split() noexcept override { split_ = true; }
 
-    // The slave whose time the copies carry that are not sent by the head; 0: they carry no time. `is_first`: it is the
-    // reference of the whole segment.
+    // Sets the slave whose time is in the copies that the head does not send; 0: these copies carry no time.
+    // `is_first`: the slave is the reference of the whole segment.
     void set_second_reference(StationAddress slave, bool is_first) noexcept {
         second_.store(slave.value | (is_first ? kIsFirst : 0U), std::memory_order_relaxed);
         difference_ = {};
     }
-    // False as well when the second reference has not answered: its slave is lost.
+    // Also false after the second reference has not answered: its slave is lost.
     [[nodiscard]] bool has_second_reference() const noexcept { return second_.load(std::memory_order_relaxed) != 0; }
     // The differences since the last call.
     [[nodiscard]] PartDifference take_difference() noexcept { return std::exchange(difference_, PartDifference{}); }
-    // Frames are sent by the head only, and what comes back says nothing about the ring: the library has opened it.
+    // While `only` is true, only the head sends frames, and replies do not change the state of the ring: the library
+    // has opened the ring itself.
     void use_head_only(bool only) noexcept { head_only_.store(only, std::memory_order_relaxed); }
 
     [[nodiscard]] RedundancyStatus status() const noexcept;

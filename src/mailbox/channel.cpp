@@ -170,7 +170,8 @@ bool MailboxChannel::pick_message() {
     const Time t = now();
     const auto allowed = [&](const MailTurn& turn) {
         const auto& exchange = static_cast<const MailExchange&>(turn);
-        return exchange.options_.key == 0 || exchange.options_.key != owed_key_ || t >= owed_until_;
+        const std::uint64_t key = exchange.options_.key;
+        return key == 0 || (key != owed_key_ && owed_key_ != kAnyKey) || t >= owed_until_;
     };
     MailTurn* next = next_turn(queue_, allowed);
     sending_ = static_cast<MailExchange*>(next);

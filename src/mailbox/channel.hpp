@@ -66,9 +66,9 @@ class MailboxChannel {
     void resume();
     // Open, and not interrupted.
     [[nodiscard]] bool is_reachable() const { return open_ && !away_; }
-    // Another number after each close() and interrupt().
+    // Changes with each close() and interrupt().
     [[nodiscard]] std::uint32_t epoch() const { return epoch_; }
-    // The error of a sequence that finds another epoch than that of its beginning.
+    // Why epoch() has changed last: the error of a sequence that began before.
     [[nodiscard]] Errc cut_by() const { return cut_by_; }
 
     // Sends the message before all others, and repeats it for a second where frames are lost: it ends an operation in
@@ -185,6 +185,7 @@ class MailboxChannel {
 
     static constexpr std::uint8_t kMostStale = 16;         // a slave that always has mail must not prevent sending
     static constexpr std::uint8_t kMostSilentLooks = 100;  // one millisecond each
+    static constexpr std::uint64_t kAnyKey = UINT64_MAX;   // of owed_key_: a reply to any request may still arrive
 
     // A context has a channel for each slave, so the members are in the order of their sizes.
     bool open_ = false;

@@ -183,8 +183,11 @@ void MailboxChannel::interrupt() {
     if (!is_reachable()) return;
     // The slave may have the message on the wire: the next one needs another counter.
     if (sending_ != nullptr) out_counter_ = trial_counter_;
+    // It still answers what it has received.
+    const bool owes = !awaiting_.empty() || (sending_ != nullptr && sending_->options_.reply) || now() < owed_until_;
     away_ = true;
     end_exchanges(Errc::missing_slave);
+    if (owes) owed_key_ = kAnyKey;
 }
 
 void MailboxChannel::resume() {
@@ -192,6 +195,7 @@ void MailboxChannel::resume() {
     silent_looks_ = 0;
     glance_ = true;
     stale_ = kMostStale;
+    if (owed_key_ == kAnyKey) owed_until_ = now() + mail_timing::kOwedPatience;
 }
 
 void MailboxChannel::end_exchanges(Errc why) {

@@ -4,7 +4,7 @@
 //     MailSession session(channel, wire::MailboxType::coe, priority, give_up);
 //     const Error refused = co_await session;
 //     …
-//     MailExchange exchange(channel, wire::MailboxType::coe, client, {.give_up = give_up});
+//     MailExchange exchange(channel, wire::MailboxType::coe, client, {.patience = {.give_up = give_up}});
 //     const Error failed = co_await exchange;
 //
 // Both may be destroyed at any time: their destructors remove them from the channel.
@@ -76,8 +76,8 @@ class MailExchange : public MailTurn {
         : channel_(channel), client_(client), options_(options), type_(type) {
         priority = options.patience.priority;
     }
-    // Of the protocol of a session. It ends with Errc::mailbox_closed when the channel was closed since the session was
-    // granted: the slave knows nothing of the sequence any more.
+    // Of the protocol of a session. It ends with MailboxChannel::cut_by() when the channel was closed or interrupted
+    // since the session was granted: the slave may know nothing of the sequence any more.
     MailExchange(MailSession& session, MailClient& client, const Options& options);
     ~MailExchange();
 
@@ -112,7 +112,7 @@ class MailSession : public MailTurn {
     bool await_ready() noexcept;
     void await_suspend(std::coroutine_handle<> h) noexcept;
     Error await_resume() noexcept;
-    // False: it was not granted, or the channel was closed since.
+    // False: it was not granted, or the channel was closed or interrupted since.
     [[nodiscard]] bool holds() const;
 
   private:

@@ -192,8 +192,8 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     co_return co_await required(write_clock(network, slave));
 }
 
-// Sends the time until the slave's clock is within the limit. A clock that is not after this time stays under the eyes
-// of the supervision.
+// Sends the time until the slave's clock is within the limit, for kLongest at most. After that the supervision reports
+// the clock.
 Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
     constexpr Duration kLongest = std::chrono::milliseconds(800);
     const Time give_up = later(network.engine.now(), kLongest);

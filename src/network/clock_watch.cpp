@@ -94,9 +94,10 @@ Task<Result<>> look_at_clock(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-// The time of another clock was written to the reference: by a frame with ARMW while another slave was in its position,
-// or by another program. No time comes after it, so the rate would stay wrong. Not where the application or MasterClock
-// writes times to the reference.
+// Finds out whether the time of another clock was written to the reference: by a frame with ARMW while another slave
+// was in its position, or by another program. Nothing else writes a time to the reference, so its rate would stay
+// wrong: its control loop starts again. Where the application or MasterClock writes times to the reference, this is
+// left out.
 Task<Result<>> check_reference(Network& network) {
     Clocks& clocks = network.clocks;
     if (clocks.is_driven) co_return Nothing{};

@@ -200,8 +200,10 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
         co_await required(pdo_part(slave)->write(network, slave));
     }
     co_await required(write_all(station, slave, layout, running));
+    const Time begun = network.engine.now();
     co_await required(around_transition(network, slave, Transition::preop_to_safeop, Moment::before));
     co_await required(prepare_clock_if_any(network, slave));
+    co_await required(prove_after_hook(network, slave, AlState::safeop, begun));
     network.marks(slave).requested = Transition::none;
     mark_unfinished(network, slave, Transition::preop_to_safeop);
     auto state = co_await to_safeop(station, slave);
@@ -212,7 +214,9 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
         co_await required(write_fmmus(station, slave, layout, true));
         set_takes_part(network, slave, true);
     }
-    co_return co_await required(around_transition(network, slave, Transition::preop_to_safeop, Moment::after));
+    const Time reached = network.engine.now();
+    co_await required(around_transition(network, slave, Transition::preop_to_safeop, Moment::after));
+    co_return co_await required(prove_after_hook(network, slave, AlState::safeop, reached));
 }
 
 }  // namespace margay

@@ -83,6 +83,11 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
     settle_lost_inputs(*group);
 }
 
+void join_again(Network& network, const Slave& slave) {
+    const ProcessGroup* group = group_of(network, slave);
+    if (group != nullptr && slave.takes_part) note_joining(*group, slave);
+}
+
 void update_counted(Network& network, Slave& slave) {
     const bool has_share = exchanges(slave) || slave.unplaced;
     const bool counted = has_share && (slave.takes_part || is_wanted_in_exchange(network, slave));

@@ -17,6 +17,9 @@ void settle_groups(Network& network);
 // Sets whether the slave takes part, from the next cycle on. No effect when nothing changes.
 void set_takes_part(Network& network, Slave& slave, bool takes_part);
 
+// Call it when the slave was away and is known to be this slave again: the inputs of earlier cycles were not copied.
+void join_again(Network& network, const Slave& slave);
+
 // Adds the slave to the expected working counters, or removes it, according to what is wanted of the slave now.
 void update_counted(Network& network, Slave& slave);
 

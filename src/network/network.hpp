@@ -71,8 +71,9 @@ class RedundancyPart {
     [[nodiscard]] virtual Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) const = 0;
 
     // For the measurement of delays, whose frames must return by the way they came: closes the port of the last slave
-    // to the second NIC, for about a second, and sends by one NIC only. close_ring() opens the port again. The error of
-    // open_ring() is that of a ring that is broken, or that another frame way reaches clocks in.
+    // to the second NIC, for about a second, and sends by one NIC only. close_ring() opens the port again. Errors of
+    // open_ring(): wrong_state (the ring is broken), unsupported (only frames of the second NIC reach a slave with a
+    // clock).
     [[nodiscard]] virtual Task<Result<>> open_ring(Network& network) = 0;
     [[nodiscard]] virtual Task<Result<>> close_ring(Network& network) = 0;
     // The sequence between both was destroyed: the chip opens its port by itself.

@@ -159,7 +159,7 @@ StationAddress newcomer_address(const Network& network) {
 }
 
 bool is_lost(const Network& network, const Slave& slave) {
-    // Nobody is missing at a number that the list of expect() leaves out.
+    // The list of expect() has no slave of this number: no newcomer can be that slave.
     const bool nobody = !network.expected.empty() && slave.wanted == nullptr && !slave.unexpected;
     return slave.al.state == AlState::none && !nobody && !network.marks(slave).in_use &&
            (slave.ring_position == 0 || !slave.seen);

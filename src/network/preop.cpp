@@ -19,7 +19,9 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     network.marks(slave).unfinished = network.marks(slave).requested = Transition::none;
     network.marks(slave).started_with = check_of_ip_commands(slave);
     const Transition which = network.marks(slave).held_back ? Transition::none : Transition::init_to_preop;
+    const Time begun = network.engine.now();
     co_await required(around_transition(network, slave, which, Moment::before));
+    co_await required(prove_after_hook(network, slave, AlState::preop, begun));
     if (slave.al.state == AlState::none) {
         slave.al = co_await required(read_al_status(station));
     }
@@ -29,9 +31,11 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     if (state) {
         slave.al = *state;
         open_mailbox(network, slave, slave.mailbox);
-        // Its new firmware is there now, and its identity with it.
+        // After BOOT: its new firmware runs now, and may have another identity.
         co_await required(prove_before_request(network, slave, AlState::preop));
+        const Time reached = network.engine.now();
         co_await required(around_transition(network, slave, which, Moment::after));
+        co_await required(prove_after_hook(network, slave, AlState::preop, reached));
         co_return Nothing{};
     }
     auto seen = co_await read_al_status(station);

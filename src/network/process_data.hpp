@@ -15,10 +15,10 @@
 
 namespace margay {
 
-// State of overlapping cycles of a group. The sending thread writes `sent_at`, `sent` and `send_set`, the owner's
-// thread writes `received` and `receive_set`.
 struct Master;
 
+// State of overlapping cycles of a group. The sending thread writes `sent_at`, `sent` and `send_set`, the owner's
+// thread writes `received` and `receive_set`.
 struct Overlap {
     std::uint8_t sets = 1;  // sets of frames, each for one cycle; 1: cycles do not overlap
     std::array<Time, GroupConfiguration::kMostCyclesInFlight> sent_at{};

@@ -141,7 +141,9 @@ Task<Result<>> find_process_data(Network& network, Slave& slave) {
 // From PREOP to SAFEOP.
 Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     const bool new_firmware = network.marks(slave).new_firmware;
+    const Time begun = network.engine.now();
     co_await required(find_process_data(network, slave));
+    co_await required(prove_after_hook(network, slave, AlState::safeop, begun));
     // Some firmware writes its identity into the EEPROM when it has started.
     if (new_firmware) {
         co_await required(prove(network, slave));

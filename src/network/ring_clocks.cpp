@@ -17,7 +17,7 @@ namespace reg = wire::reg;
 constexpr wire::Register kLoops{reg::kDlControl.address, 2};
 constexpr std::uint16_t kTemporary = 0x0002;  // the loop settings are valid for about a second
 
-// The chip has not opened the port by itself meanwhile.
+// Shorter than the time after which the chip opens the port by itself.
 constexpr Duration kLongest = std::chrono::milliseconds(800);
 
 constexpr std::uint16_t closed(std::uint8_t port) { return static_cast<std::uint16_t>(0x0300U << (2 * port)); }

@@ -382,7 +382,10 @@ Task<Result<>> prove(Network& network, Slave& slave) {
         const bool away = network.marks(slave).was_away;
         network.marks(slave).trust();
         update_mailbox(network, slave);
-        if (away) settle_groups(network);
+        if (away) {
+            settle_groups(network);
+            join_again(network, slave);
+        }
     }
     if (slave.al.state >= AlState::preop && slave.al.state != AlState::boot)
         network.marks(slave).from_boot &= !same.ok();

@@ -37,9 +37,9 @@ struct SlaveMarks {
     bool leave_boot : 1 = false;
     bool finding : 1 = false;       // the slave comes back, and its process data is being found
     bool pdos_written : 1 = false;  // the application has written PDOs by SDO since the mapping
-    // It, or all slaves, did not answer for a while, or nobody has looked: another slave may have its station address
-    // now. Its identity is compared before its state is changed, also where a hook before the transition took long, and
-    // before what follows a transition is executed.
+    // The slave did not answer for a while, or nobody has looked whether it does: another slave may have its station
+    // address now. Its identity is compared before the next change of its state, and before the commands and hooks that
+    // follow a change.
     bool unproved : 1 = false;
     bool was_away : 1 = false;       // unproved because it did not answer: mail and writing to it are refused
     bool joining : 1 = false;        // no cycle behind joined_after was received yet
@@ -53,7 +53,7 @@ struct SlaveMarks {
         unproved = true;
         was_away |= away;
     }
-    // It is this slave.
+    // The comparison has shown that it is this slave.
     void trust() { unproved = was_away = false; }
 };
 

@@ -5,6 +5,7 @@
 #include "network/expectation.hpp"
 #include "network/line_errors.hpp"
 #include "network/members.hpp"
+#include "network/newcomer.hpp"
 #include "network/recovery.hpp"
 #include "network/search.hpp"
 #include "network/settings.hpp"
@@ -79,10 +80,13 @@ void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
 
 // Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave) {
-    if (!may_look_at(network, slave) || (slave.al.state == AlState::none && !slave.seen)) co_return Nothing{};
-    if (is_being_mapped(network, slave)) {  // the mapping reads its state; here only that it was away
+    if (slave.al.state == AlState::none && !slave.seen) co_return Nothing{};
+    // The mapping, or the request that changes the slave, reads its state; here only that it was away.
+    if (is_being_mapped(network, slave) || !may_look_at(network, slave)) {
         auto there = co_await read_al_status(network.station(slave));
-        if (does_not_answer(there.error())) network.marks(slave).doubt(true);
+        if (!does_not_answer(there.error()) || !is_known(slave)) co_return Nothing{};
+        network.marks(slave).doubt(true);
+        settle_groups(network);
         co_return Nothing{};
     }
     const bool was_there = slave.al.state != AlState::none;
@@ -251,6 +255,24 @@ bool report_working_counters(Watch& watch) {
 // A single lost frame of a cycle or of a roll is not reported. Where every tenth frame is lost, this many consecutive
 // losses occur by chance once in ten thousand million rolls.
 constexpr std::uint64_t kSilentFrames = 10;
+// Without cycles fewer frames are sent, so the time counts too: then this many.
+constexpr std::uint32_t kFewFrames = 4;
+constexpr Duration kSilence = std::chrono::milliseconds(60);
+constexpr Duration kShortSilence = std::chrono::milliseconds(30);
+
+// A silence between the last roll that came back and this one, while the supervision rested, or looked at slaves. A
+// device may have been exchanged meanwhile. Call it before the time of this roll is noted.
+void doubt_after_silence(Watch& watch) {
+    Network& network = watch.network;
+    const std::uint32_t lost = network.engine.link().take_longest_silence();
+    const auto silent_for = [&](Duration time) {
+        return network.engine.now() > later(network.states_read, watch.wanted.interval + time);
+    };
+    const bool silent = lost >= kSilentFrames || (lost >= kFewFrames && silent_for(kSilence));
+    if (!silent && (lost == 0 || !silent_for(kShortSilence))) return;
+    watch.last = {};
+    doubt_all(network, silent);
+}
 
 // Returns the number of frames lost since one was received.
 std::uint64_t count_lost_frames(Watch& watch) {
@@ -339,6 +361,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         if (roll.error().code == Errc::capacity) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
         co_return Nothing{};
     }
+    doubt_after_silence(watch);
     (void)count_lost_frames(watch);
     const Time now = network.engine.now();
     if (network.is_unobserved()) {  // perhaps another machine
@@ -412,6 +435,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         errors.primed = false;
         errors.other_ends = {};
     }
+    (void)network.engine.link().take_longest_silence();  // an earlier one
     Crew crew(network.tasks);
     for (;;) {
         co_await required(round(watch, crew));

@@ -203,12 +203,14 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     update_mailbox(network, slave);
     mailbox_starts(network, slave, which);
     if (network.boot != nullptr) network.boot->reached(network, slave, from, state);
-    // After BOOT its new firmware is there now, and its identity with it.
+    // After BOOT its new firmware runs now, and may have another identity.
     if (network.marks(slave).from_boot && state == AlState::preop) {
         co_await required(prove_before_request(network, slave, state));
     }
     if (concerns(slave, which, Moment::after)) {
+        const Time reached = network.engine.now();
         co_await required(around_transition(network, slave, which, Moment::after));
+        co_await required(prove_after_hook(network, slave, state, reached));
     } else {
         nothing_follows(network.marks(slave), which);
         if (is_unfinished(network, slave)) co_return unfinished_error(network, slave);
@@ -220,7 +222,7 @@ void settle_request(Network& network, Slave& slave) {
     const Row* row = row_of(network.marks(slave).requested);
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
     if (met && network.boot != nullptr) network.boot->reached(network, slave, row->from, row->to);
-    // What follows is for this slave. After the comparison the next reading starts it.
+    // What follows must reach no other slave: it waits for the comparison, and the next reading after that starts it.
     if (!met || network.is_doubted(slave) || network.marks(slave).in_use || network.segment_in_use) return;
     const TaskReference task = follow_transition(network, slave);
     (void)network.settling.start(task);

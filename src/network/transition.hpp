@@ -71,7 +71,8 @@ class WorkLimit {
 // Whether writestate() has requested this state, and it is not confirmed yet.
 [[nodiscard]] bool is_requested(const Network& network, const Slave& slave, AlState state);
 
-// After a hook before a transition that began at `begun`: compares the identity of a slave that may be another one.
+// Call it when commands and a hook have ended that began at `begun`: compares the identity if another slave may have
+// taken the place of this one meanwhile.
 [[nodiscard]] Task<Result<>> prove_after_hook(Network& network, Slave& slave, AlState state, Time begun);
 
 // Ends the work on the slave, if there is any: the slave has left the state in which the work executes a hook.

@@ -22,7 +22,7 @@ bool is_optional(const ExpectedSlave& wanted) {
 }
 
 bool may_be_missing(Network& network, const Slave& slave) {
-    // The list wants that an unexpected slave is absent.
+    // An unexpected slave is not in the list: nobody misses it.
     if (slave.wanted == nullptr) return slave.config.optional || !is_known(slave) || (slave.held && slave.unexpected);
     if (!slave.seen && network.tolerance.missing_slaves) return true;
     if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)

@@ -239,5 +239,47 @@ TEST_F(MailInInit, EndsWhatWaitsForAnAnswer) {
     EXPECT_LT(bus.osal.now() - before, 100ms);
 }
 
+// A slave that was lost and is found again still answers what it has received: this answer is not that of the next
+// request for the same object, which the slave refuses.
+struct LateAnswers : testing::TestWithParam<int> {
+    MailboxBus bus;
+    ScriptedSlave& slave = (bus.add_scripted(64), bus.add_scripted(64));
+    SuperviseRequest supervision;
+};
+TEST_P(LateAnswers, OfASlaveThatWasLostBelongToNoLaterRequest) {
+    bus.start();
+    ASSERT_TRUE(set_target(*bus.ctx, 0, AlState::preop).ok());
+    ASSERT_TRUE(submit(*bus.ctx, supervision).ok());
+    bus.idle(50ms);
+    int received = 0;
+    slave.on_mail = [&](const Mail&) {
+        const bool first = ++received == 1;
+        slave.delay = first ? std::chrono::milliseconds(GetParam()) : 400ms;
+        if (first)
+            slave.reply({0x00, 0x30, 0x60, 0x00, 0x20, 0, 0, 0, 0, 0});
+        else
+            slave.reply({0x00, 0x20, 0x80, 0x00, 0x20, 0, 0x30, 0x00, 0x09, 0x06});
+    };
+    const std::array values{std::byte{1}, std::byte{2}};
+    SdoDownload first;
+    SdoDownload second;
+    first.slave = second.slave = 2;
+    first.index = second.index = 0x2000;
+    first.data = Bytes(values).first(1);
+    second.data = Bytes(values).last(1);
+    ASSERT_TRUE(submit(*bus.ctx, first).ok());
+    bus.idle(10ms);
+    bus.segment.disconnect({0, 1});
+    for (int n = 0; n < 100 && first.busy(); ++n) bus.idle(1ms);
+    ASSERT_EQ(first.error().code, Errc::missing_slave);
+    ASSERT_TRUE(bus.segment.connect({0, 1}, {1, 0}));
+    bus.segment.reconsider();
+    for (int n = 0; n < 1000 && !submit(*bus.ctx, second).ok(); ++n) bus.idle(1ms);
+    bus.run(second, 5s);
+    EXPECT_EQ(second.error().code, Errc::sdo_abort) << bus.words(second.error());
+    EXPECT_EQ(second.error().detail, 0x06090030U);
+}
+INSTANTIATE_TEST_SUITE_P(Milliseconds, LateAnswers, testing::Values(30, 60, 120));
+
 }  // namespace
 }  // namespace margay

@@ -11,20 +11,6 @@ constexpr std::array kOctets{std::byte{0x5A}, std::byte{0xA5}};
 constexpr std::uint16_t kRegister = 0x0F80;
 
 struct DoubtedDevices : Identities {
-    // As a program has left the device yesterday in this place.
-    void make_like_slave_2(std::uint32_t device, AlState state) {
-        auto& there = segment.slave(device);
-        (void)there.ecat_write(0x0600, segment.slave(line[1]).peek(0x0600, 0x30), osal.now());
-        for (std::uint16_t sm = 0x0800; sm < 0x0820; sm += 8)
-            (void)there.ecat_write(sm, segment.slave(line[1]).peek(sm, 8), osal.now());
-        set(device, 0x0010, 0x1002);
-        for (const AlState next : {AlState::preop, AlState::safeop, AlState::op}) {
-            if (next > state) break;
-            set(device, 0x0120, static_cast<std::uint16_t>(next));
-            for (int n = 0; n < 3; ++n) settle_devices();
-        }
-        ASSERT_GE(state_of(device), static_cast<int>(std::min(state, AlState::safeop)));
-    }
     void bring_all_to_safeop() {
         ASSERT_TRUE(writestate(*ctx, 0, AlState::safeop).ok());
         ASSERT_EQ(statecheck(*ctx, 0, AlState::safeop, 1s)->state, AlState::safeop);

@@ -69,6 +69,33 @@ struct Identities : testing::Test, Plant {
             segment.advance(osal.now());
         }
     }
+    // Its FMMUs, SyncManagers, station address and state become those of slave 2, as a program has left the device
+    // yesterday in this place.
+    void make_like_slave_2(std::uint32_t device, AlState state) { make_like_slave_2(device, state, mapping_of(2)); }
+    struct Mapping {
+        std::array<std::byte, 0x30> fmmus{};
+        std::array<std::byte, 0x20> sync_managers{};
+    };
+    [[nodiscard]] Mapping mapping_of(std::size_t slave) {
+        Mapping mapping;
+        std::ranges::copy(segment.slave(line[slave - 1]).peek(0x0600, 0x30), mapping.fmmus.begin());
+        std::ranges::copy(segment.slave(line[slave - 1]).peek(0x0800, 0x20), mapping.sync_managers.begin());
+        return mapping;
+    }
+    void make_like_slave_2(std::uint32_t device, AlState state, const Mapping& mapping) {
+        auto& there = segment.slave(device);
+        (void)there.ecat_write(0x0600, mapping.fmmus, osal.now());
+        for (std::uint16_t sm = 0; sm < 0x20; sm += 8)
+            (void)there.ecat_write(static_cast<std::uint16_t>(0x0800 + sm),
+                                   std::span(mapping.sync_managers).subspan(sm, 8), osal.now());
+        set(device, 0x0010, 0x1002);
+        for (const AlState next : {AlState::preop, AlState::safeop, AlState::op}) {
+            if (next > state) break;
+            set(device, 0x0120, static_cast<std::uint16_t>(next));
+            for (int n = 0; n < 3; ++n) settle_devices();
+        }
+        ASSERT_GE(state_of(device), static_cast<int>(std::min(state, AlState::safeop)));
+    }
     [[nodiscard]] int state_of(std::uint32_t device) {
         return std::to_integer<int>(segment.slave(device).peek(0x0130, 1)[0]) & 0xF;
     }

@@ -32,12 +32,12 @@ struct AttachSettings {
     std::string owner{};      // name of the user that owns the socket; empty: the user of the process
     std::string group{};      // name of its group; empty: the group of the process
     bool read_only = false;   // refuse everything that changes a slave
-    std::size_t clients = 8;  // connections at the same time, 1 to 32; more are told so and closed
+    std::size_t clients = 8;  // connections at the same time, 1 to 32; others get an error and are closed
     std::size_t transfer_bytes = std::size_t{16} << 20;  // the largest file or object; at most twice as much memory for
                                                          // each client
 };
 
-// What the server has seen. For tests and for the curious: a rising number of `malformed` is a faulty client.
+// What the server has counted, for tests and for diagnosis: `malformed` increases when a client is faulty.
 struct AttachCounts {
     std::uint64_t accepted = 0;   // connections
     std::uint64_t refused = 0;    // connections beyond AttachSettings::clients
