@@ -148,8 +148,10 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 //
 // readstate() reads the AL status of all slaves and returns the lowest state, with the error indication if any slave
 // has it. Missing slaves that are optional or tolerated do not count. A slave whose configuration does not allow a
-// higher state (SlaveConfiguration::highest) does not lower the result once it has reached that state. Errors:
-// wrong_state (no slaves yet), unstable (a scan has begun meanwhile), those of reading the register.
+// higher state (SlaveConfiguration::highest) does not lower the result once it has reached that state. When ten frames
+// or more did not come back one after the other since the last reading, another machine may be there: where no
+// supervision is busy, readstate() then compares the identities of all slaves, too. Errors: wrong_state (no slaves
+// yet), unstable (a scan has begun meanwhile), other_slave, those of reading the register and the identity.
 //
 // writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
 // it is allowed. It reads the state of each slave, executes the start-up commands and the hook before the transition,
@@ -211,7 +213,8 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 // - invalid_argument: `timeout` is negative, and the frames are not back yet or cycles overlap. The cycle stays on the
 //   wire.
 // - no_cycle: nothing was sent since the last receive_processdata(). The image is unchanged.
-// - no_frame (actual: the number of frames that did not come back): the inputs of these frames are old.
+// - no_frame (actual: the number of frames that did not come back): the inputs of these frames are old. Machines may be
+//   exchanged while no frame comes back: a supervision compares the slaves afterwards, without one call readstate().
 // - working_counter (expected, actual): a slave did not take part; or a slave that was away answers again, and its
 //   identity was not compared yet (slave: this one; then expected and actual may be equal). With detail
 //   Error::kOthersFresh, every slave that did not take part is known to be lost (by readstate() or the supervision;

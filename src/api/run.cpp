@@ -310,11 +310,14 @@ Error what_is_wrong(Context& ctx) {
     Network& network = master_of(ctx)->network;
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::read_state};
     if (is_starved(*master_of(ctx))) return {.code = Errc::not_polled, .step = Step::exchange_process_data};
+    // A group that is left out is the cause of its slaves' states.
+    const Error trouble = cycles_trouble(network);
+    if (trouble.code == Errc::group_left_out) return trouble;
     for (const Slave& slave : network.slaves())
         if (const Error error = state_error(network, slave); error.code != Errc::none) return error;
     if (!network.supervised && later(network.states_read, Network::kBelieved) < network.engine.link().last_cycle())
         return {.code = Errc::not_supervised, .step = Step::read_state};
-    return cycles_trouble(network);
+    return trouble;
 }
 
 bool all_right(Context& ctx) { return what_is_wrong(ctx).code == Errc::none; }

@@ -149,6 +149,7 @@ SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
 // The frame is not in flight; the datagrams that were packed into it return to the queue.
 void Link::not_sent(PreparedFrame& frame, Time now) {
     ++statistics_.send_refused;
+    note_silence();
     if (!frame.slot->datagrams.empty()) note_stuck(now);
     unpack(*frame.slot);
     if (frame.slot != &frame.own) remove_riders(frame);

@@ -47,6 +47,14 @@ std::uint16_t lost_slave(const ProcessGroup& group, std::size_t n) {
     return 0;
 }
 
+// Whether inputs of another slave than `named` were left out, because its identity is not compared yet.
+bool others_are_doubted(const ProcessGroup& group, std::uint16_t named) {
+    return std::ranges::any_of(group.slaves, [&](const Slave& slave) {
+        return slave.image.group == group.number && slave.takes_part && slave.number != named &&
+               group.marks[slave.number - 1U].was_away;
+    });
+}
+
 void zero_bits(MutableBytes image, std::uint64_t first, std::uint64_t bits) {
     static constexpr std::array<std::byte, 1> kZero{};
     for (const std::uint64_t end = first + bits; first < end;) {
@@ -394,6 +402,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
     if (!group.complete) error.slave = lost_slave(group, 0);
     for (std::size_t n = 0; n < group.datagrams.size() && error.slave == 0; ++n)
         if (!group.datagrams[n].right()) error.slave = lost_slave(group, n);
+    if (error.detail == Error::kOthersFresh && others_are_doubted(group, error.slave)) error.detail = 0;
     return error;
 }
 

@@ -228,6 +228,7 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     co_await required(for_each_slave(network, start));
     scanning.done();
     network.states_read = network.compared = network.engine.now();
+    (void)network.engine.link().take_longest_silence();
     if (faults.error().code != Errc::none) co_return faults.error();
     co_return count;
 }

@@ -40,6 +40,10 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 // SlaveMarks::doubt() for all slaves that are known.
 void doubt_all(Network& network, bool away);
 
+// A single lost frame of a cycle or of a reading of all states is not reported. Where every tenth frame is lost, this
+// many consecutive losses occur by chance once in ten thousand million readings.
+inline constexpr std::uint32_t kSilentFrames = 10;
+
 // Compares the identity of the slave that answers at the address of `slave` with the known one. Another slave loses its
 // FMMUs and its station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave,
 // those of reading the SII.

@@ -125,6 +125,13 @@ const Slave* find_unfinished(const Network& network, std::uint16_t slave) {
 // A scan has begun: the table has other slaves now.
 constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 
+Task<Result<>> prove_if_there(Network& network, Slave& slave) {
+    if (slave.al.state == AlState::none || !network.is_doubted(slave) || network.marks(slave).in_use)
+        co_return Nothing{};
+    const SlaveToken token(network.marks(slave));
+    co_return co_await required(prove(network, slave));
+}
+
 }  // namespace
 
 Task<Result<AlStatus>> read_states(Network& network) {
@@ -134,6 +141,14 @@ Task<Result<AlStatus>> read_states(Network& network) {
     co_await required(for_each_slave(network, read, &first));
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
+    // Beside a supervision, the supervision compares the slaves after a silence.
+    if (!network.supervised && network.engine.link().take_longest_silence() >= kSilentFrames) {
+        doubt_all(network, true);
+        const auto compare = [&network](Slave& s) { return prove_if_there(network, s); };
+        co_await required(for_each_slave(network, compare, &first));
+        if (network.scans != scans) co_return kOtherSlaves;
+        if (first.code != Errc::none) co_return first;
+    }
     network.states_read = network.engine.now();
     // After a pause a reading alone does not show that the slaves are the same.
     if (later(network.compared, Network::kBelieved) >= network.states_read) network.compared = network.states_read;

@@ -345,6 +345,9 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
         co_await required(for_each_slave(network, doubt));
     }
     report_count(watch, roll.count);
+    // A slave in the place of another one leaves the number of slaves as it was.
+    const auto unplaced = [](const Slave& s) { return s.al.state != AlState::none && s.ring_position == 0; };
+    if (roll.count == watch.walked && std::ranges::any_of(network.slaves(), unplaced)) watch.walked = kNotWalked;
     if (walk_is_due(watch, roll)) (void)crew.start(search(watch));
     co_return Nothing{};
 }
@@ -435,7 +438,6 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         errors.primed = false;
         errors.other_ends = {};
     }
-    (void)network.engine.link().take_longest_silence();  // an earlier one
     Crew crew(network.tasks);
     for (;;) {
         co_await required(round(watch, crew));

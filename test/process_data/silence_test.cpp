@@ -121,5 +121,50 @@ TEST_F(Silence, InputsAreNotFreshBeforeACycleHasBroughtThem) {
     EXPECT_TRUE(fresh);
 }
 
+// Until all slaves are compared the cycle does not say that the inputs of all slaves but one are fresh.
+TEST_F(Silence, TheErrorOfTheCycleSaysNotThatOthersAreFresh) {
+    build();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(300);
+    begin_silence();
+    cycles(70);
+    end_silence();
+    int doubtful = 0;
+    for (int n = 0; n < 200; ++n) {
+        const auto received = cycle();
+        if (received || received.error().code != Errc::working_counter) continue;
+        ++doubtful;
+        for (std::uint16_t slave = 1; slave <= 3; ++slave) {
+            const bool said = received.error().detail == Error::kOthersFresh && received.error().slave != slave;
+            EXPECT_TRUE(!said || inputs_fresh(*ctx, slave)) << n << " slave " << slave;
+        }
+    }
+    EXPECT_GT(doubtful, 0);
+}
+
+// Without a supervision, readstate() compares after a silence. The other machine is in OP.
+TEST_F(Silence, ReadstateComparesWithoutASupervision) {
+    for (const int length : {30, 100, 900}) {
+        Silence one;
+        one.build();
+        one.make_like_slave_2(one.tool, AlState::op);
+        one.set(one.tool, 0x0420, 0);  // its watchdog is off
+        one.cycles(20);
+        ASSERT_TRUE(readstate(*one.ctx).ok());
+        one.begin_silence();
+        one.exchange();
+        one.cycles(length);
+        one.end_silence();
+        (void)readstate(*one.ctx);
+        const auto again = readstate(*one.ctx);
+        EXPECT_FALSE(again.ok() && again->state == AlState::op) << length;
+        one.write_outputs();
+        one.expect_no_outputs_of_slave_2(100);
+        EXPECT_FALSE(one.cycle().ok()) << length;
+        EXPECT_FALSE(all_right(*one.ctx)) << length;
+        EXPECT_FALSE(inputs_fresh(*one.ctx, 2)) << length;
+    }
+}
+
 }  // namespace
 }  // namespace margay
