@@ -129,10 +129,10 @@ std::string_view medium_text(PortType type) {
     switch (type) {
         case PortType::ebus: return "E-bus";
         case PortType::mii: return "Ethernet";
-        case PortType::not_implemented:
-        case PortType::not_configured: break;
+        case PortType::not_implemented: return "not there";
+        case PortType::not_configured: return "not configured";
     }
-    return "not known";
+    return "?";
 }
 
 std::string cable_text(const Cable& cable) {

@@ -6,6 +6,7 @@
 #include "common/segment_look.hpp"
 #include "common/sii_text.hpp"
 #include "ethercat/session_eeprom.hpp"
+#include "segment_report/cables.hpp"
 #include "segment_report/differences.hpp"
 #include "wire/coe.hpp"
 #include "wire/esc.hpp"
@@ -46,7 +47,10 @@ class Collector {
         each("PDOs", [&](SlaveState& slave) { read_pdos(slave); });
         each("versions", [&](SlaveState& slave) { read_versions(slave); });
         if (settings_.dictionaries) read_dictionaries();
-        each("clock", [&](SlaveState& slave) { read_clock(slave); });
+        read_master();
+        // The delays of a broken ring cannot be measured, and its slaves would not be mapped after the attempt.
+        const auto ring = ring_of(report_);
+        if (!ring.ring || ring.whole()) each("clock", [&](SlaveState& slave) { read_clock(slave); });
         read_image();
         if (settings_.cycles) {
             progress("cycles");
@@ -55,11 +59,7 @@ class Collector {
         }
         each("states", [&](SlaveState& slave) { read_end(slave); });
         refresh_problems();
-        const auto master = session_.master();
-        if (master)
-            report_.master = *master;
-        else
-            report_.messages.push_back(master.problem().text);
+        read_master();
         progress({});
     }
 
@@ -175,6 +175,14 @@ class Collector {
                     ++dictionary.unread;
             }
         return dictionary;
+    }
+
+    void read_master() {
+        const auto master = session_.master();
+        if (master)
+            report_.master = *master;
+        else
+            report_.messages.push_back(master.problem().text);
     }
 
     void read_clock(SlaveState& slave) {

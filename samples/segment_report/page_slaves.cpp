@@ -51,7 +51,7 @@ Markup state_cell(const SlaveState& slave) {
     const bool faulty = slave.now.error || !slave.facts.problem.empty();
     Markup cell = badge(faulty ? Severity::fault : Severity::good, samples::al_text(slave.now));
     if (slave.now.code != 0) cell += " " + Markup(state_text(slave.now).substr(samples::al_text(slave.now).size() + 2));
-    if (!slave.facts.problem.empty()) cell += Markup::raw("<br/>") + slave.facts.problem;
+    if (!slave.facts.problem.empty()) cell += Markup::raw("<br/>") + problem_text(slave.facts);
     return cell;
 }
 
@@ -131,7 +131,7 @@ Markup details_of(const SlaveState& slave) {
     Facts facts;
     facts.add("State", state_text(slave.now));
     if (slave.found) facts.add("Found in", state_text(*slave.found));
-    facts.add("Problem", s.problem);
+    facts.add("Problem", problem_text(s));
     facts.add("Order code", slave.texts.order);
     facts.add("Group", slave.texts.group);
     facts.add("Name (0x1008)", slave.versions.name == s.name ? std::string() : slave.versions.name);
@@ -144,7 +144,9 @@ Markup details_of(const SlaveState& slave) {
     if (s.mailbox.present())
         facts.add("Mailbox", fmt::format("{} octets out, {} octets in", s.mailbox.out_bytes, s.mailbox.in_bytes));
     facts.add("CoE", fmt::format("{}", fmt::join(samples::coe_detail_names(s.coe_details), ", ")));
-    if (s.ebus_current_ma != 0) facts.add("E-bus current", fmt::format("{} mA", s.ebus_current_ma));
+    if (s.ebus_current_ma != 0)
+        facts.add("E-bus current", s.ebus_current_ma > 0 ? fmt::format("takes {} mA", s.ebus_current_ma)
+                                                         : fmt::format("supplies {} mA", -s.ebus_current_ma));
     if (slave.counters)
         facts.add("Other counters", fmt::format("{} frames not processed, {} PDI errors",
                                                 slave.counters->processing_unit, slave.counters->pdi));

@@ -6,14 +6,15 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 
 namespace margay::segment_report {
 namespace {
 
 constexpr int kColumns = 7;   // of a row, unless a branch begins far to the right
 constexpr int kShortest = 3;  // columns of a branch that begins far to the right
-constexpr double kBoxWidth = 140, kBoxHeight = 54;
-constexpr double kStepX = 178, kStepY = 88;
+constexpr double kBoxWidth = 138, kBoxHeight = 54;
+constexpr double kStepX = 175, kStepY = 88;
 constexpr double kLeft = 14, kTop = 12;
 constexpr double kLane = 8;  // between vertical lines in the right margin
 constexpr std::size_t kNameLength = 19;
@@ -112,19 +113,21 @@ class Picture {
         for (const Link& link : branches) {
             const int column = places_[link.from].column;
             links_.push_back(link);
-            place_run(link.to, &link == &branches.back() ? column : column + 1, depth + 1);
+            place_run(link.to, &link == &branches.back() ? column : column + 1, depth);
         }
     }
 
-    // A run begins in a new row, and goes on in indented rows. The branches of a row follow below it, those of the box
-    // on the right first, so that no line crosses a box. Those of the first box are below the whole run.
+    // A run begins in a new row, and goes on in more rows. The branches of a row follow below it, those of the box on
+    // the right first, so that no line crosses a box. Those of the first slave are below the whole run, which is
+    // indented then.
     void place_run(std::size_t first, int column, int depth) {
         std::size_t box = first;
-        std::vector<Link> last;
+        std::optional<std::size_t> head;
+        std::vector<Link> below;
         most_depth_ = std::max(most_depth_, depth);
         for (bool more = true; more;) {
             more = false;
-            const int begin = box == first ? column : column + 1;
+            const int begin = below.empty() ? column : places_[*head].column + 1;
             const int limit = std::max(kColumns, begin + kShortest);
             const int row = next_row_++;
             last_row_ = std::max(last_row_, row);
@@ -134,10 +137,12 @@ class Picture {
                 auto children = ordered_children(box);
                 if (children.empty()) break;
                 std::vector<Link> others(children.begin() + 1, children.end());
-                if (box == first)
-                    last = std::move(others);
-                else
+                if (box < slaves() && !head) {
+                    head = box;
+                    below = std::move(others);
+                } else {
                     branches.push_back(std::move(others));
+                }
                 children.front().depth = depth;
                 through_[box] = children.front().cable;
                 links_.push_back(children.front());
@@ -145,9 +150,9 @@ class Picture {
                 more = at + 1 == limit;
                 if (more) break;
             }
-            for (std::size_t n = branches.size(); n-- > 0;) place_branches(branches[n], depth);
+            for (std::size_t n = branches.size(); n-- > 0;) place_branches(branches[n], depth + 1);
         }
-        place_branches(last, depth);
+        place_branches(below, depth);
     }
 
     [[nodiscard]] double right_edge() const {

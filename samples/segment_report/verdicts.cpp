@@ -58,23 +58,40 @@ class Judge {
         return text;
     }
 
+    // The same words about several slaves are one verdict.
+    class Grouped {
+      public:
+        void add(std::uint16_t position, std::string words) {
+            for (auto& [known, positions] : all_)
+                if (known == words) return positions.push_back(position);
+            all_.push_back({std::move(words), {position}});
+        }
+        [[nodiscard]] const auto& all() const { return all_; }
+
+      private:
+        std::vector<std::pair<std::string, std::vector<std::uint16_t>>> all_{};
+    };
+    void add(Severity severity, const Grouped& grouped, std::string_view section) {
+        for (const auto& [words, positions] : grouped.all())
+            add(severity, capital(slaves_text(positions)) + words, section);
+    }
+
     void states() {
         if (report_.slaves.empty()) return add(Severity::fault, "No slave answers.", "slaves");
-        bool faulty = false;
+        Grouped errors, problems, found, unread;
         for (const SlaveState& slave : report_.slaves) {
-            const auto who = fmt::format("Slave {}", slave.facts.position);
-            if (slave.now.error)
-                add(Severity::fault, fmt::format("{} is in {}.", who, state_text(slave.now)), "slaves");
-            if (!slave.facts.problem.empty())
-                add(Severity::fault, fmt::format("{}: {}", who, slave.facts.problem), "slaves");
+            const auto position = slave.facts.position;
+            if (slave.now.error) errors.add(position, ": " + state_text(slave.now));
+            if (!slave.facts.problem.empty()) problems.add(position, ": " + problem_text(slave.facts));
             if (slave.found && slave.found->error)
-                add(Severity::remark, fmt::format("{} was found in {}.", who, state_text(*slave.found)), "slaves");
-            faulty |= slave.now.error || !slave.facts.problem.empty();
-            if (!slave.problems.empty())
-                add(Severity::remark,
-                    fmt::format("{}: {} could not be read.", who, counted(slave.problems.size(), "thing")), "slaves");
+                found.add(position, ": found in " + state_text(*slave.found) + " before the scan");
+            for (const auto& problem : slave.problems) unread.add(position, ": could not be read: " + problem);
         }
-        if (!faulty) add(Severity::good, "No slave reports an error.", "slaves");
+        add(Severity::fault, errors, "slaves");
+        add(Severity::fault, problems, "slaves");
+        add(Severity::remark, found, "slaves");
+        add(Severity::remark, unread, "slaves");
+        if (errors.all().empty() && problems.all().empty()) add(Severity::good, "No slave reports an error.", "slaves");
     }
 
     void cables() {
@@ -88,11 +105,8 @@ class Judge {
             }
             if (cable.health == Health::good || cable.broken) continue;  // a broken ring has a verdict of its own
             good = false;
-            const auto damaged = cable.damaged();
-            const auto text = damaged != 0 ? fmt::format("{} damaged {}. ", name, counted(damaged, "frame"))
-                                           : fmt::format("{}: ", name);
             add(cable.health == Health::bad ? Severity::fault : Severity::remark,
-                text + capital(findings_text(cable)) + ".", "cables");
+                name + ": " + findings_text(cable) + ".", "cables");
         }
         if (good && !cables_.empty())
             add(Severity::good,
@@ -256,7 +270,9 @@ class Judge {
         const auto remarks =
             static_cast<std::size_t>(std::ranges::count(judgement_.verdicts, Severity::remark, &Verdict::severity));
         if (faults + remarks == 0) return text + "; nothing is wrong.";
-        return text + fmt::format("; {}, {} to look at.", counted(faults, "fault"), counted(remarks, "point"));
+        if (faults != 0) text += "; " + counted(faults, "fault");
+        if (remarks != 0) text += (faults != 0 ? " and " : "; ") + counted(remarks, "point") + " to look at";
+        return text + ".";
     }
 
     const Report& report_;
@@ -275,6 +291,11 @@ Severity Judgement::worst() const {
 
 Judgement judge(const Report& report, const std::vector<Cable>& cables, const std::vector<AlikeGroup>& groups) {
     return Judge(report, cables, groups).run();
+}
+
+std::string problem_text(const SlaveFacts& slave) {
+    const auto prefix = fmt::format("position {}: ", slave.position);
+    return slave.problem.starts_with(prefix) ? slave.problem.substr(prefix.size()) : slave.problem;
 }
 
 std::string_view to_text(Severity severity) {

@@ -36,4 +36,7 @@ struct Judgement {
 // "SAFEOP + ERROR, AL status code 0x001b: …".
 [[nodiscard]] std::string state_text(const AlStatus& status);
 
+// Why scan or configuration of the slave failed, without its position; empty: no error.
+[[nodiscard]] std::string problem_text(const SlaveFacts& slave);
+
 }  // namespace margay::segment_report
