@@ -21,8 +21,10 @@ std::string esc_text(const DlInformation& dl) {
 
 std::string clock_kind(const SlaveState& slave) {
     const ClockState& clock = slave.clock;
-    if (clock.facts.runs) return slave.facts.dl.dc_64bit ? "64 bit" : "32 bit";
-    return clock.facts.measured ? "receive times only" : "none";
+    const std::string width = slave.facts.dl.dc_64bit ? "64 bit" : "32 bit";
+    if (clock.facts.runs) return width;
+    if (clock.facts.measured) return "receive times only";
+    return slave.facts.dl.dc ? width + ", not measured" : "none";
 }
 
 // ESC register 0x0008.

@@ -17,7 +17,7 @@ constexpr double kBoxWidth = 138, kBoxHeight = 54;
 constexpr double kStepX = 175, kStepY = 88;
 constexpr double kLeft = 14, kTop = 12;
 constexpr double kLane = 8;  // between vertical lines in the right margin
-constexpr std::size_t kNameLength = 19;
+constexpr std::size_t kNameLength = 17;
 
 struct Place {
     int column = 0;

@@ -219,6 +219,7 @@ class Judge {
                             analysis.frames.requests),
                 "recording");
         if (!only) return;
+        if (analysis.slaves.empty()) add(Severity::fault, "No slave answers in the recording.", "recording");
         recording_states();
         if (!analysis.shortfalls.items.empty())
             add(Severity::remark,
