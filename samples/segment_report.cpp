@@ -161,7 +161,9 @@ class Program {
         report_.origin = Origin::application;
         report_.machine = read_machine({});
         ethercat::AttachedSession session(0, options_.attach);
-        collect(session, settings(), report_);
+        auto how = settings();
+        how.expected = true;  // an application can have missing slaves, which slaves() does not list
+        collect(session, how, report_);
         line_.clear();
         return report_.failure.empty() ? exit_code::kWell : fail(report_.failure, report_.failure_code);
     }
@@ -186,6 +188,7 @@ class Program {
         if (pcap_ != nullptr) wanted.options.record = pcap_->beside();
         ethercat::StandaloneSession session(std::move(wanted));
         auto how = settings();
+        how.expected = !options_.eni.empty() && how.map;
         if (options_.cycles != 0) how.cycles = [&] { return run_cycles(session); };
         collect(session, how, report_);
         line_.clear();

@@ -52,6 +52,7 @@ class Collector {
         const auto ring = ring_of(report_);
         if (!ring.ring || ring.whole()) each("clock", [&](SlaveState& slave) { read_clock(slave); });
         read_image();
+        if (settings_.expected) find_missing();
         if (settings_.cycles) {
             progress("cycles");
             report_.cycles = settings_.cycles();
@@ -204,6 +205,19 @@ class Collector {
             report_.domains = std::move(*domains);
         else
             report_.domains_problem = domains.problem().text;
+    }
+
+    void find_missing() {
+        const auto configs = session_.configs();
+        if (!configs) {
+            report_.messages.push_back(configs.problem().text);
+            return;
+        }
+        for (std::size_t n = 0; n < configs->size(); ++n)
+            if (const auto& config = (*configs)[n]; !config.position)
+                report_.missing.push_back(
+                    fmt::format("Configured slave {} (vendor 0x{:08x}, product 0x{:08x}) is missing.", n, config.vendor,
+                                config.product));
     }
 
     // What has changed until the end.

@@ -118,18 +118,17 @@ std::map<Key, EntryFacts> entries_of(const Report& report, const std::vector<std
 // Slaves without a dictionary take no part in the comparison of objects.
 void add_object_differences(const Report& report, const std::vector<std::uint16_t>& group, AlikeGroup& out) {
     std::vector<std::uint16_t> with;
+    std::map<std::string, std::vector<std::uint16_t>> remarks;
     for (const auto place : group) {
         const SlaveState& slave = report.slaves[place];
         if (!slave.dictionary) continue;
-        if (!slave.dictionary->problem.empty())
-            out.remarks.push_back(fmt::format("slave {} has no dictionary to compare: {}", slave.facts.position,
-                                              slave.dictionary->problem));
-        else
-            with.push_back(place);
-        if (slave.dictionary->unread != 0)
-            out.remarks.push_back(
-                fmt::format("slave {}: {} values could not be read", slave.facts.position, slave.dictionary->unread));
+        const auto& [objects, values, unread, problem] = *slave.dictionary;
+        if (problem.empty()) with.push_back(place);
+        if (!problem.empty()) remarks["no dictionary to compare: " + problem].push_back(slave.facts.position);
+        if (unread != 0) remarks[fmt::format("{} values could not be read", unread)].push_back(slave.facts.position);
     }
+    for (const auto& [words, positions] : remarks)
+        out.remarks.push_back(fmt::format("{}: {}", slaves_text(positions), words));
     if (with.size() < 2) return;
     for (const auto& [key, facts] : entries_of(report, with)) {
         if (covered_elsewhere(key)) continue;

@@ -43,13 +43,17 @@ Markup cables_table(const std::vector<const Cable*>& cables, std::string_view id
     return table.markup(id);
 }
 
-Markup other_counters(const Report& report) {
+Markup other_counters(const Report& report, const std::vector<Cable>& cables) {
+    const bool damaged = std::ranges::any_of(cables, [](const Cable& cable) { return cable.damaged() != 0; });
     Table table({{"Pos.", true}, {"Name"}, {"Frames not processed", true}, {"PDI errors", true}, {"What to do"}});
     for (const SlaveState& slave : report.slaves) {
         if (!slave.counters || (slave.counters->processing_unit == 0 && slave.counters->pdi == 0)) continue;
         std::string advice;
         if (slave.counters->processing_unit != 0)
-            advice = "Frames that are damaged, or no EtherCAT frames: keep other traffic off this network. ";
+            advice = damaged
+                         ? "Frames that a cable has damaged are not processed: mend the cable. "
+                         : "Frames that are no EtherCAT frames, or were damaged before: keep other traffic off this "
+                           "network. ";
         if (slave.counters->pdi != 0)
             advice += "The processor of the device and its ESC disagree: a matter of the device and its firmware.";
         table.add({slave_link(slave.facts.position), slave.facts.name, fmt::to_string(slave.counters->processing_unit),
@@ -74,12 +78,12 @@ Markup cables_section(const Report& report, const std::vector<Cable>& cables) {
         "links. They count what arrives at a port since the slave was switched on or the counters were cleared, and "
         "stop "
         "at 255. The fault is on the way to the port that counts: the cable, its plugs, or the sender.");
-    if (all.size() <= kShort) return content + cables_table(all, "cable-table") + other_counters(report);
+    if (all.size() <= kShort) return content + cables_table(all, "cable-table") + other_counters(report, cables);
     if (!faulty.empty())
         content += tag("h3", "Cables with errors") + cables_table(faulty, "faulty-cables");
     else
         content += paragraph("No error was counted on any cable.");
-    return content + other_counters(report) +
+    return content + other_counters(report, cables) +
            folded(fmt::format("All {} cables", all.size()), cables_table(all, "cable-table"));
 }
 

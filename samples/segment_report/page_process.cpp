@@ -99,7 +99,7 @@ Markup group_markup(const AlikeGroup& group) {
     content += paragraph(
         "Vendor " + code(fmt::format("0x{:08x}", group.vendor)) + ", product " +
         code(fmt::format("0x{:08x}", group.product)) +
-        (group.objects == 0 ? std::string("; no objects were compared.")
+        (group.objects == 0 ? std::string("; no object dictionaries were compared.")
                             : fmt::format("; {} of the dictionary compared.",
                                           group.objects == 1 ? "1 entry" : fmt::format("{} entries", group.objects))));
     if (matter.empty())

@@ -181,8 +181,9 @@ Markup recording_section(const Report& report) {
     content += frame_facts(*report.recording);
     if (report.origin == Origin::recording) content += slaves_table(analysis);
     content += cyclic_table(analysis) + event_lists(analysis);
-    return content + folded("The whole analysis as text, as `ethercat analyse` prints it",
-                            tag("pre", ethercat::analysis_text(analysis, false)));
+    return content + tag("div", "class=\"screen\"",
+                         folded("The whole analysis as text, as `ethercat analyse` prints it",
+                                tag("pre", ethercat::analysis_text(analysis, false))));
 }
 
 }  // namespace margay::segment_report

@@ -168,6 +168,7 @@ Markup slaves_section(const Report& report) {
                   "The states are those at the end of this report: the program brings the slaves to PREOP, to SAFEOP "
                   "to map their process data, and to OP for --cycles. “Found in” is the state before.") +
               all;
+    all += list_of(report.missing);
     for (const SlaveState& slave : report.slaves) {
         const auto title = fmt::format("{} {}", slave.facts.position, slave.facts.name);
         all += tag("div", fmt::format("id=\"slave{}\"", slave.facts.position),

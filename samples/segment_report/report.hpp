@@ -111,6 +111,7 @@ struct Report {
     int failure_code = 0;   // the exit code that belongs to it
     MasterFacts master{};
     std::vector<SlaveState> slaves{};
+    std::vector<std::string> missing{};  // configured slaves that are not there
     std::vector<DomainFacts> domains{};
     std::string domains_problem{};
     std::optional<Cycles> cycles{};

@@ -23,7 +23,8 @@ p{margin:.4rem 0;max-width:60rem}
 a{color:var(--link);text-decoration:none}
 a:hover{text-decoration:underline}
 .sub{color:var(--soft);margin:.2rem 0 1rem}
-.headline{font-size:1.15rem;font-weight:600;padding:.8rem 1rem;border-left:5px solid var(--good);background:var(--panel);
+.headline{font-size:1.15rem;font-weight:600;padding:.8rem 1rem;border-left:5px solid var(--good);
+background:var(--panel);
 max-width:none;margin:1rem 0}
 .headline.fault{border-color:var(--fault);background:var(--fault-panel)}
 .headline.remark{border-color:var(--remark);background:var(--remark-panel)}
@@ -31,8 +32,8 @@ nav{font-size:.9rem;display:flex;flex-wrap:wrap;gap:.2rem 1rem;margin:1rem 0}
 ul.verdicts{list-style:none;padding:0;margin:.5rem 0}
 ul.verdicts li{display:flex;gap:.7rem;padding:.28rem 0;border-bottom:1px solid var(--line)}
 ul.verdicts li:last-child{border-bottom:0}
-.badge{flex:none;display:inline-block;min-width:5.4rem;text-align:center;font-size:.78rem;font-weight:600;line-height:1.5rem;
-height:1.5rem;border:1px solid currentColor;border-radius:.8rem;padding:0 .5rem;color:var(--good)}
+.badge{flex:none;display:inline-block;min-width:5.4rem;text-align:center;font-size:.78rem;font-weight:600;
+line-height:1.5rem;height:1.5rem;border:1px solid currentColor;border-radius:.8rem;padding:0 .5rem;color:var(--good)}
 .badge.fault{color:var(--fault)}
 .badge.remark{color:var(--remark)}
 td .badge{min-width:0}
@@ -43,7 +44,8 @@ dd{margin:0;min-width:0;overflow-wrap:anywhere}
 table{border-collapse:collapse;font-size:.86rem;line-height:1.4;min-width:min(100%,40rem)}
 th,td{text-align:left;vertical-align:top;padding:.3rem .65rem;border-bottom:1px solid var(--line)}
 th{font-weight:600;color:var(--soft);white-space:nowrap;background:var(--panel)}
-td{max-width:26rem;overflow-wrap:anywhere}
+td{max-width:24rem;overflow-wrap:break-word}
+td:last-child{max-width:44rem}
 .n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
 tr.fault td{background:var(--fault-panel)}
 tr.remark td{background:var(--remark-panel)}
@@ -83,9 +85,11 @@ svg.cycle-figures{--cycle-ink:var(--ink);--cycle-bar:var(--bar);--cycle-grid:var
 footer{margin-top:3rem;color:var(--soft);font-size:.85rem}
 @media (max-width:40rem){body{padding:1rem .8rem 3rem}h1{font-size:1.3rem}dl{grid-template-columns:1fr;gap:0 0}
 dd{margin-bottom:.4rem}ul.verdicts li{flex-direction:column;gap:.1rem}.badge{align-self:flex-start}}
-@media print{body{max-width:none;padding:0;font-size:10pt}nav{display:none}.wide{overflow:visible}table{font-size:8pt;
+@media print{body{max-width:none;padding:0;font-size:10pt}nav,.screen,.verdicts a{display:none}
+summary{list-style:none}.wide{overflow:visible}table{font-size:8pt;
 width:100%;min-width:0}td code{white-space:normal}th,td{padding:.15rem .35rem}thead{display:table-header-group}
-tr,ul.verdicts li{break-inside:avoid}h2,h3,summary{break-after:avoid}a{color:inherit}pre{white-space:pre-wrap;font-size:7pt}
+tr,ul.verdicts li{break-inside:avoid}h2,h3,summary{break-after:avoid}a{color:inherit}
+pre{white-space:pre-wrap;font-size:7pt}
 details{border:0;padding:0}details::details-content{content-visibility:visible;block-size:auto}
 svg.topology{max-width:100%}th,tr td,.headline,.badge{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
 )";

@@ -21,17 +21,24 @@ class Judge {
 
     Judgement run() {
         if (!report_.failure.empty()) add(Severity::fault, report_.failure, "slaves");
+        for (const auto& missing : report_.missing) add(Severity::fault, missing, "slaves");
         if (report_.origin != Origin::recording && report_.failure.empty()) {
             states();
             cables();
             ring();
             processing();
             eeproms();
+            currents();
             image();
             alike();
         }
         cycles();
         recording();
+        if (!report_.messages.empty())
+            add(Severity::remark,
+                fmt::format("The master has {}, the first: {}", counted(report_.messages.size(), "message"),
+                            report_.messages.front()),
+                "run");
         auto& verdicts = judgement_.verdicts;
         std::ranges::stable_sort(verdicts, std::greater<>(), &Verdict::severity);
         judgement_.headline = headline();
@@ -133,19 +140,19 @@ class Judge {
     }
 
     void processing() {
+        Grouped frames, pdi;
+        // Damaged frames are not processed either: the verdict is that of the cable.
+        const bool damaged = std::ranges::any_of(cables_, [](const Cable& cable) { return cable.damaged() != 0; });
         for (const SlaveState& slave : report_.slaves) {
             if (!slave.counters) continue;
-            if (slave.counters->processing_unit != 0)
-                add(Severity::remark,
-                    fmt::format("Slave {} counted {} that it could not process: damaged, or no EtherCAT frames.",
-                                slave.facts.position, counted(slave.counters->processing_unit, "frame")),
-                    "cables");
+            if (slave.counters->processing_unit != 0 && !damaged)
+                frames.add(slave.facts.position,
+                           ": frames came that could not be processed: damaged before, or no EtherCAT frames.");
             if (slave.counters->pdi != 0)
-                add(Severity::remark,
-                    fmt::format("Slave {} counted {} between its ESC and its processor (PDI).", slave.facts.position,
-                                counted(slave.counters->pdi, "error")),
-                    "cables");
+                pdi.add(slave.facts.position, ": errors were counted between the ESC and its processor (PDI).");
         }
+        add(Severity::remark, frames, "cables");
+        add(Severity::remark, pdi, "cables");
     }
 
     void eeproms() {
@@ -163,6 +170,34 @@ class Judge {
         }
         if (good == report_.slaves.size() && good != 0)
             add(Severity::good, "The EEPROMs are readable and their checksums are right.", "eeprom");
+    }
+
+    // The E-bus current by the EEPROMs: a supply is negative there. It serves the slaves behind it on E-bus, up to the
+    // next supply.
+    void currents() {
+        struct Supply {
+            int gives_ma = 0;
+            int takes_ma = 0;
+        };
+        std::map<std::uint16_t, Supply> supplies;          // by position
+        std::map<std::uint16_t, std::uint16_t> served_by;  // position of the supply
+        for (const SlaveState& slave : report_.slaves) {
+            const SlaveFacts& s = slave.facts;
+            if (s.ebus_current_ma < 0) {
+                supplies[s.position].gives_ma = -s.ebus_current_ma;
+                served_by[s.position] = s.position;
+            } else if (s.parent && s.ports[s.entry_port].type == PortType::ebus && served_by.contains(*s.parent)) {
+                served_by[s.position] = served_by[*s.parent];
+                supplies[served_by[s.position]].takes_ma += s.ebus_current_ma;
+            }
+        }
+        for (const auto& [position, supply] : supplies)
+            if (supply.takes_ma > supply.gives_ma)
+                add(Severity::remark,
+                    fmt::format(
+                        "E-bus: the slaves behind slave {} take {} mA, and it supplies {} mA, by their EEPROMs.",
+                        position, supply.takes_ma, supply.gives_ma),
+                    "slaves");
     }
 
     void image() {
@@ -262,10 +297,12 @@ class Judge {
                                counted(report_.recording->analysis.slaves.size(), "slave"));
         else
             text = states_text();
-        std::size_t sentences = 0;
+        std::vector<const Cable*> worst;
         for (const Cable& cable : cables_)
-            if (cable.damaged() != 0 && ++sentences <= kSentences)
-                text += fmt::format("; {} damaged {}", cable_text(cable), counted(cable.damaged(), "frame"));
+            if (cable.damaged() != 0) worst.push_back(&cable);
+        std::ranges::stable_sort(worst, std::greater<>(), [](const Cable* cable) { return cable->damaged(); });
+        for (std::size_t n = 0; n < std::min(worst.size(), kSentences); ++n)
+            text += fmt::format("; {} damaged {}", cable_text(*worst[n]), counted(worst[n]->damaged(), "frame"));
         const auto faults =
             static_cast<std::size_t>(std::ranges::count(judgement_.verdicts, Severity::fault, &Verdict::severity));
         const auto remarks =

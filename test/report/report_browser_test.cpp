@@ -35,7 +35,8 @@ class ReportBrowser : public ReportTest {
             for (const slave of document.querySelectorAll('svg.topology a.slave'))
                 for (const text of slave.querySelectorAll('text'))
                     if (text.getBBox().width > slave.querySelector('rect').getBBox().width - 12) ++long;
-            document.body.setAttribute('data-measured', wide + ' ' + long + ' ' + getComputedStyle(document.body).backgroundColor);
+            const colour = getComputedStyle(document.body).backgroundColor;
+            document.body.setAttribute('data-measured', wide + ' ' + long + ' ' + colour);
             </script>)");
         folder.write("measured.html", copy);
     }

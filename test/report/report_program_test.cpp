@@ -50,6 +50,42 @@ TEST_F(ReportProgram, AFaultEndsWith1AndThePageIsThere) {
     EXPECT_EQ(page().verdicts("fault").size(), 1U);
 }
 
+TEST_F(ReportProgram, TheStateBeforeTheScanIsKept) {
+    folder.write("a.toml",
+                 "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"drive\"\npreset = [[0x0120, 0x04, 0x00]]\n");
+    const auto ran = run("sim:a.toml");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(page().cell("slave-table", 1, "Found in"), "INIT");
+    EXPECT_EQ(page().cell("slave-table", 2, "Found in"), "INIT + ERROR");
+    const auto remarks = page().verdicts("look at it");
+    ASSERT_EQ(remarks.size(), 1U);
+    EXPECT_TRUE(contains(remarks[0], "Slave 1: found in INIT + ERROR, AL status code 0x0011: ")) << remarks[0];
+}
+
+TEST_F(ReportProgram, ASlaveOfTheEniThatIsMissingIsAFault) {
+    const auto written =
+        folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:coupler,digital_in_8,digital_out_8 --write-eni a.xml");
+    ASSERT_EQ(written.status, 0) << written.err;
+    EXPECT_EQ(run("sim:coupler,digital_in_8,digital_out_8 --eni a.xml").status, 0);
+    const auto ran = run("sim:coupler,digital_in_8 --eni a.xml");
+    EXPECT_EQ(ran.status, 1) << ran.out;
+    const auto faults = page().verdicts("fault");
+    EXPECT_TRUE(std::ranges::any_of(faults, [](const auto& text) {
+        return contains(text, "Configured slave 2 (vendor 0x00004d47, product 0x00002008) is missing.");
+    })) << ran.out;
+    EXPECT_EQ(page().rows("slave-table"), 2U);
+}
+
+TEST_F(ReportProgram, ASegmentWithoutSlavesIsReported) {
+    folder.write("a.toml", "[[slave]]\ndevice = \"drive\"\npower = false\n");
+    const auto ran = run("sim:a.toml --record");
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_NE(ran.err, "");
+    EXPECT_TRUE(contains(page().headline(), "The segment could not be read: ")) << page().headline();
+    EXPECT_EQ(page().verdicts("fault").size(), 2U) << "and the lost frames";
+    EXPECT_TRUE(contains(page().text("//section[@id='recording']"), "report.pcap"));
+}
+
 TEST_F(ReportProgram, WrongArgumentsEndWith2AndTouchNothing) {
     folder.write("report.html", "old");
     for (const std::string arguments :

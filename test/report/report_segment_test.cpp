@@ -199,6 +199,18 @@ TEST_F(ReportSegment, AWrongChecksumIsAFault) {
         faults, [](const auto& text) { return contains(text, "The EEPROM of slave 1 has a wrong checksum"); }));
 }
 
+TEST_F(ReportSegment, TheEbusCurrentIsAddedUp) {
+    folder.write("few.toml", "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_in_8\"\ncount = 22\n");
+    const auto few = made("few.toml");
+    EXPECT_EQ(few.report.slaves[1].facts.ebus_current_ma, 90);
+    EXPECT_EQ(few.page.worst, Severity::good) << "1980 of 2000 mA";
+    folder.write("many.toml", "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_in_8\"\ncount = 23\n");
+    const ReadPage many(made("many.toml").page.html);
+    ASSERT_EQ(many.verdicts("look at it").size(), 1U);
+    EXPECT_TRUE(contains(many.verdicts("look at it")[0],
+                         "E-bus: the slaves behind slave 0 take 2070 mA, and it supplies 2000 mA, by their EEPROMs."));
+}
+
 TEST_F(ReportSegment, NamesOfSlavesAreText) {
     const std::string name = "EtherCAT coupler";
     for (const std::string hostile : {"<script>alert(1)", "\"'><b onclick=x>", "\xE2\x80\xAE\xFF\x01]]>&#0;&amp"}) {
