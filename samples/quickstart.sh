@@ -28,6 +28,7 @@ That was a simulated segment. What to try next:
   build/bin/slaveinfo                                 which interfaces and simulated segments there are
   build/bin/simple_io sim:demo                        to OP, exchanges process data (outputs stay 0)
   build/bin/segment_monitor sim:demo                  a live view; q ends it
+  build/bin/segment_report sim:tree -o /tmp/report.html  a page for a browser
   build/bin/eepromtool sim:demo 2 dump                what is in the EEPROM of the second slave
   sudo build/bin/slaveinfo eth0                       real slaves, on the interface that they are connected to
   sh test/run.sh --quick                              the tests, without sanitizers

@@ -29,7 +29,7 @@ CyclicOptions cyclic(const PaceOptions& options, bool real) {
 
 }  // namespace
 
-void add_pace_options(Arguments& arguments, PaceOptions& options) {
+void add_period_options(Arguments& arguments, PaceOptions& options) {
     arguments.option("--period", options.period_us, "cycle period in µs", Bounds{50, 1'000'000});
     arguments.option("--spin", options.spin_us,
                      "time before each cycle, in µs, in which the program polls the clock instead of sleeping",
@@ -37,6 +37,10 @@ void add_pace_options(Arguments& arguments, PaceOptions& options) {
     arguments.option("--priority", options.priority,
                      "real-time priority (SCHED_FIFO), with memory locked and no deep sleep; 0: none", Bounds{0, 99});
     arguments.option("--cpu", options.cpu, "bind the program to this processor [any]", Bounds{0, 1023});
+}
+
+void add_pace_options(Arguments& arguments, PaceOptions& options) {
+    add_period_options(arguments, options);
     arguments.option("--histogram", options.histogram,
                      "print the lateness and the round trip of the cycles, and write them to this SVG file");
 }

@@ -21,7 +21,9 @@ struct PaceOptions {
     std::string histogram;  // file for an SVG picture of the times; empty: none
 };
 
-// --period, --spin, --priority, --cpu, --histogram.
+// --period, --spin, --priority, --cpu.
+void add_period_options(Arguments& arguments, PaceOptions& options);
+// These and --histogram.
 void add_pace_options(Arguments& arguments, PaceOptions& options);
 
 class CyclePace {

@@ -121,9 +121,12 @@ std::string cycle_text(const CycleFigures& figures) {
 
 std::string cycle_svg(const CycleFigures& figures) {
     auto svg = fmt::format(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\">\n"
-        "<style>text{{font:12px sans-serif;fill:#333}}.title{{font-weight:bold}}.count{{text-anchor:end}}"
-        "rect{{fill:#3a7ca5}}line{{stroke:#ccc}}</style>\n",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"cycle-figures\" width=\"{0}\" height=\"{1}\" "
+        "viewBox=\"0 0 {0} {1}\">\n"
+        "<style>.cycle-figures text{{font:12px sans-serif;fill:var(--cycle-ink,#333)}}.cycle-figures .title"
+        "{{font-weight:bold}}.cycle-figures .count{{text-anchor:end}}.cycle-figures "
+        "rect{{fill:var(--cycle-bar,#3a7ca5)}}"
+        ".cycle-figures line{{stroke:var(--cycle-grid,#ccc)}}</style>\n",
         kWidth, 2 * kPanel + 40);
     svg += panel_svg("Wake-up after the deadline", figures.lateness, 10);
     svg += panel_svg("Round trip", figures.round_trip, 10 + kPanel);

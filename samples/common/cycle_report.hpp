@@ -20,7 +20,8 @@ struct CycleFigures {
 // A table and bars of characters, for a terminal or a log.
 [[nodiscard]] std::string cycle_text(const CycleFigures& figures);
 
-// An SVG picture: both histograms with logarithmic counts and times, and the error counters.
+// An SVG picture: both histograms with logarithmic counts and times, and the error counters. A page that contains it
+// can set the colours by the properties --cycle-ink, --cycle-bar and --cycle-grid of the class cycle-figures.
 [[nodiscard]] std::string cycle_svg(const CycleFigures& figures);
 
 }  // namespace margay::samples

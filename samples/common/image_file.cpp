@@ -1,6 +1,7 @@
 // Reads and writes image files; see eeprom.hpp.
 #include "common/eeprom.hpp"
 #include "common/intel_hex.hpp"
+#include "common/new_file.hpp"
 #include "common/program.hpp"
 
 #include <fmt/format.h>
@@ -24,33 +25,6 @@ using File = std::unique_ptr<std::FILE, CloseFile>;
 
 std::string failure(const std::string& path, std::string_view what) {
     return fmt::format("{}: {}: {}", path, what, std::strerror(errno));
-}
-
-std::string save_to(std::FILE* file, const std::string& path, std::string_view content) {
-    if (std::fwrite(content.data(), 1, content.size(), file) != content.size() || std::fflush(file) != 0)
-        return failure(path, "cannot be written");
-    return {};
-}
-
-// Writes to the file `at`. Errors name `path`, the name that the user gave.
-std::string save_directly(const std::string& at, const std::string& path, std::string_view content) {
-    const File file(std::fopen(at.c_str(), "wb"));
-    return file ? save_to(file.get(), path, content) : failure(path, "cannot be written");
-}
-
-// Writes a new file beside the old one and renames it, so that the file has either the old or the new content.
-std::string save_in_place(const std::string& path, std::string_view content) {
-    std::error_code error;
-    auto target = fs::canonical(path, error);
-    const bool existed = !error;
-    if (!existed) target = path;
-    const auto beside = target.string() + ".new";
-    auto failed = save_directly(beside, path, content);
-    if (failed.empty() && existed) fs::permissions(beside, fs::status(target, error).permissions(), error);
-    if (failed.empty() && std::rename(beside.c_str(), target.c_str()) != 0)
-        failed = failure(path, "cannot be replaced");
-    if (!failed.empty()) fs::remove(beside, error);
-    return failed;
 }
 
 }  // namespace
@@ -95,10 +69,9 @@ std::string save_image(const std::string& path, ImageFormat format, Bytes image)
         write_out(content);  // run_program() reports a failure of the output
         return {};
     }
-    std::error_code error;
-    const auto kind = fs::status(path, error).type();
-    const bool in_place = kind == fs::file_type::regular || kind == fs::file_type::not_found;
-    return in_place ? save_in_place(path, content) : save_directly(path, path, content);
+    NewFile file(path);
+    const auto failed = file.write(content);
+    return failed.empty() ? file.commit() : failed;
 }
 
 }  // namespace margay::samples

@@ -30,27 +30,56 @@ bool wait_for_link(Nic& nic, Osal& osal) {
     return true;
 }
 
+// One read of the AL status, and its answer.
+struct Question {
+    wire::Command command = wire::Command::BRD;
+    std::uint8_t index = kIndex;
+    std::uint16_t position = 0;
+};
+struct Reply {
+    std::uint16_t wkc = 0;
+    std::array<std::byte, kOctets> octets{};
+};
+
 // The answer of the slaves in a frame. Returns nothing for any other frame, and for a frame that no slave has
 // processed.
-std::optional<SegmentLook> answer_in(Bytes frame) {
+std::optional<Reply> answer_in(Bytes frame, const Question& question) {
     wire::DatagramReader reader(frame);
     const auto datagram = reader.next();
-    if (!datagram || datagram->header.command != wire::Command::BRD || datagram->header.index != kIndex ||
+    if (!datagram || datagram->header.command != question.command || datagram->header.index != question.index ||
         datagram->header.address.ado() != wire::reg::kAlStatus.address || datagram->data.size() != kOctets ||
         datagram->wkc == 0)
         return std::nullopt;
-    return SegmentLook{.slaves = datagram->wkc, .al_status = load_le<std::uint16_t>(datagram->data, 0)};
+    Reply reply{.wkc = datagram->wkc};
+    std::ranges::copy(datagram->data, reply.octets.begin());
+    return reply;
 }
 
-std::optional<SegmentLook> wait_for_answer(Nic& nic, Osal& osal) {
+std::optional<Reply> wait_for_answer(Nic& nic, Osal& osal, const Question& question) {
     std::array<std::byte, wire::kMaxFrameBytes> buffer{};
     const Time give_up = osal.now() + kReplyTimeout;
     for (;;) {
         while (const auto size = nic.receive(buffer))
-            if (const auto answer = answer_in(Bytes(buffer).first(std::min(size, buffer.size())))) return answer;
+            if (const auto answer = answer_in(Bytes(buffer).first(std::min(size, buffer.size())), question))
+                return answer;
         if (osal.now() >= give_up) return std::nullopt;
         osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());
     }
+}
+
+// Sends the question up to kSendings times.
+std::optional<Reply> ask(Nic& nic, Osal& osal, const Question& question) {
+    std::array<std::byte, wire::kMaxFrameBytes> buffer{};
+    for (int sending = 0; sending < kSendings; ++sending) {
+        wire::FrameBuilder builder(buffer, nic.source_mac());
+        // Each slave adds 1 to a position, and the slave that reads 0 answers.
+        const auto position = static_cast<std::uint16_t>(0U - question.position);
+        (void)builder.append(question.command, question.index,
+                             wire::DatagramAddress(position, wire::reg::kAlStatus.address), kOctets);
+        if (nic.send(builder.finish()) == SendStatus::failed) return std::nullopt;
+        if (const auto answer = wait_for_answer(nic, osal, question)) return answer;
+    }
+    return std::nullopt;
 }
 
 }  // namespace
@@ -60,17 +89,32 @@ bool SegmentLook::running() const {
     return (al_status & kRunning) != 0;
 }
 
+AlStatus al_status_in(Bytes registers) {
+    const auto status = load_le<std::uint16_t>(registers, 0);
+    // While AL status reports a device id, the AL status code register contains the id (ETG.1020).
+    const bool is_code = (status & wire::al::kDeviceIdentification) == 0;
+    return {.state = static_cast<AlState>(status & wire::al::kStateMask),
+            .error = (status & wire::al::kErrorIndication) != 0,
+            .code = is_code ? load_le<std::uint16_t>(registers, 4) : std::uint16_t{0}};
+}
+
 SegmentLook look_at_segment(Nic& nic, Osal& osal) {
     if (!wait_for_link(nic, osal)) return {.link = false};
-    std::array<std::byte, wire::kMaxFrameBytes> buffer{};
-    for (int sending = 0; sending < kSendings; ++sending) {
-        wire::FrameBuilder builder(buffer, nic.source_mac());
-        (void)builder.append(wire::Command::BRD, kIndex,
-                             wire::DatagramAddress(std::uint16_t{0}, wire::reg::kAlStatus.address), kOctets);
-        if (nic.send(builder.finish()) == SendStatus::failed) return {};
-        if (const auto answer = wait_for_answer(nic, osal)) return *answer;
+    const auto answer = ask(nic, osal, {});
+    if (!answer) return {};
+    return {.slaves = answer->wkc, .al_status = load_le<std::uint16_t>(answer->octets, 0)};
+}
+
+std::vector<AlStatus> look_at_states(Nic& nic, Osal& osal) {
+    std::vector<AlStatus> all(look_at_segment(nic, osal).slaves);
+    for (std::size_t n = 0; n < all.size(); ++n) {
+        const auto answer = ask(nic, osal,
+                                {.command = wire::Command::APRD,
+                                 .index = static_cast<std::uint8_t>(n),
+                                 .position = static_cast<std::uint16_t>(n)});
+        if (answer) all[n] = al_status_in(answer->octets);
     }
-    return {};
+    return all;
 }
 
 }  // namespace margay::samples

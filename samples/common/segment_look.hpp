@@ -4,7 +4,10 @@
 #include "osal/osal.hpp"
 #include "oshw/nic.hpp"
 
+#include <margay/al_state.hpp>
+
 #include <cstdint>
+#include <vector>
 
 namespace margay::samples {
 
@@ -23,5 +26,13 @@ struct SegmentLook {
 // The public API reads registers only of slaves that a scan has found, and a scan begins by putting slaves to INIT.
 // Therefore this function builds the frame itself.
 [[nodiscard]] SegmentLook look_at_segment(Nic& nic, Osal& osal);
+
+// The AL status in the registers 0x0130 to 0x0135 of one slave.
+[[nodiscard]] AlStatus al_status_in(Bytes registers);
+
+// Reads the AL status and the AL status code of each slave, in the order of the ring, by its position. Writes nothing.
+// Blocks for the replies; a slave without a reply has AlState::none. Call it as look_at_segment(), which it calls
+// first.
+[[nodiscard]] std::vector<AlStatus> look_at_states(Nic& nic, Osal& osal);
 
 }  // namespace margay::samples

@@ -90,16 +90,15 @@ std::string ports_text(const Slave& slave) {
 
 std::string mailbox_text(const Slave& slave) {
     if (!slave.mailbox.present()) return "  Mailbox           none\n";
-    std::string text =
-        fmt::format("  Mailbox           out {} bytes at {:#06x}, in {} bytes at {:#06x}: {}\n",
-                    slave.mailbox.out_bytes, slave.mailbox.out_start, slave.mailbox.in_bytes, slave.mailbox.in_start,
-                    fmt::join(names_of(slave.mailbox.protocols, kProtocols), ", "));
+    std::string text = fmt::format("  Mailbox           out {} bytes at {:#06x}, in {} bytes at {:#06x}: {}\n",
+                                   slave.mailbox.out_bytes, slave.mailbox.out_start, slave.mailbox.in_bytes,
+                                   slave.mailbox.in_start, fmt::join(protocol_names(slave.mailbox.protocols), ", "));
     if (slave.boot_mailbox.present())
         text += fmt::format("  Boot mailbox      out {} bytes at {:#06x}, in {} bytes at {:#06x}\n",
                             slave.boot_mailbox.out_bytes, slave.boot_mailbox.out_start, slave.boot_mailbox.in_bytes,
                             slave.boot_mailbox.in_start);
     if ((slave.mailbox.protocols & mailbox_protocol::kCoE) != 0)
-        text += fmt::format("  CoE details       {}\n", fmt::join(names_of(slave.coe_details, kCoeDetails), ", "));
+        text += fmt::format("  CoE details       {}\n", fmt::join(coe_detail_names(slave.coe_details), ", "));
     return text;
 }
 
@@ -155,8 +154,8 @@ nlohmann::ordered_json slave_json(const Slave& s) {
         {"sync_managers_of_esc", s.dl.sync_managers},
         {"mailbox", mailbox_json(s.mailbox)},
         {"boot_mailbox", mailbox_json(s.boot_mailbox)},
-        {"protocols", names_of(s.mailbox.protocols, kProtocols)},
-        {"coe_details", names_of(s.coe_details, kCoeDetails)},
+        {"protocols", protocol_names(s.mailbox.protocols)},
+        {"coe_details", coe_detail_names(s.coe_details)},
         {"ebus_current_ma", s.ebus_current_ma},
         {"sii_bytes", s.sii_bytes},
         {"error",
@@ -192,6 +191,10 @@ std::string sentence(const Error& error) {
 }
 
 std::string al_text(const AlStatus& al) { return fmt::format("{}{}", to_text(al.state), al.error ? " + ERROR" : ""); }
+
+std::vector<std::string> protocol_names(unsigned bits) { return names_of(bits, kProtocols); }
+
+std::vector<std::string> coe_detail_names(unsigned bits) { return names_of(bits, kCoeDetails); }
 
 std::string slave_text(const Slave& s) {
     std::string text = fmt::format("Slave {}: {}\n", s.number, title(s));

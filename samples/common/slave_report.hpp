@@ -5,6 +5,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 namespace margay::samples {
 
@@ -13,6 +14,10 @@ namespace margay::samples {
 
 // "PREOP", "SAFEOP + ERROR" …
 [[nodiscard]] std::string al_text(const AlStatus& al);
+
+// The names of the bits of MailboxInfo::protocols ("CoE") and of Slave::coe_details ("SDO information").
+[[nodiscard]] std::vector<std::string> protocol_names(unsigned bits);
+[[nodiscard]] std::vector<std::string> coe_detail_names(unsigned bits);
 
 // Describes one slave in several lines.
 [[nodiscard]] std::string slave_text(const Slave& slave);

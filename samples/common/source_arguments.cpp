@@ -31,15 +31,16 @@ std::string ethernet_state(int socket, const char* name) {
 
 }  // namespace
 
+std::string source_text() {
+    return "interface (eth0; xdp:eth0 by AF_XDP; try-xdp:eth0 by AF_XDP, or else as eth0), two interfaces at the "
+           "ends of a ring (eth0+eth1, xdp:eth0+xdp:eth1), simulated segment "
+           "(sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin, sim:a.xml) or "
+           "recording (pcap:FILE; it answers only what the recorded master asked, so it must be one that "
+           "this program made by --record)";
+}
+
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more) {
-    arguments.positional(
-        "SOURCE", values.source,
-        "interface (eth0; xdp:eth0 by AF_XDP; try-xdp:eth0 by AF_XDP, or else as eth0), two interfaces at the "
-        "ends of a ring (eth0+eth1, xdp:eth0+xdp:eth1), simulated segment "
-        "(sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin, sim:a.xml) or "
-        "recording (pcap:FILE; it answers only what the recorded master asked, so it must be one that "
-        "this program made by --record)" +
-            more);
+    arguments.positional("SOURCE", values.source, source_text() + more);
     arguments.option("--record", values.options.record, "write every frame sent and received to this file, as pcap");
     arguments.flag("--trace", values.options.trace, "print a line for every datagram to standard error");
     arguments.flag(

@@ -15,6 +15,9 @@ struct SourceArguments {
     bool take_over = false;
 };
 
+// The forms of SOURCE, for --help. The text about a recording is for programs that record by --record.
+[[nodiscard]] std::string source_text();
+
 // Adds SOURCE, --record, --trace and --take-over. `more` is text about other SOURCEs that this program accepts.
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more = {});
 

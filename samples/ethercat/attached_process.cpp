@@ -213,20 +213,8 @@ void AttachedSession::add_fmmus(DomainFacts& domain, const attach::SlaveFacts& s
         notes_.push_back((fmmus ? sms : fmmus).problem().text);
         return;
     }
-    for (std::size_t at = 0; at < fmmus->size(); at += wire::reg::kFmmuStride) {
-        const auto fmmu = wire::load_fmmu(std::span(*fmmus).subspan(at));
-        if (!fmmu.active) continue;
-        for (std::size_t n = 0; n * wire::reg::kSyncManagerStride < sms->size(); ++n) {
-            const auto start = load_le<std::uint16_t>(*sms, n * wire::reg::kSyncManagerStride);
-            const auto length = load_le<std::uint16_t>(*sms, n * wire::reg::kSyncManagerStride + 2);
-            if (length == 0 || fmmu.physical_start < start || fmmu.physical_start >= start + length) continue;
-            domain.fmmus.push_back({.position = position,
-                                    .sync_manager = static_cast<std::uint8_t>(n),
-                                    .input = fmmu.read,
-                                    .logical = fmmu.logical_start.value,
-                                    .bytes = fmmu.length_bytes});
-        }
-    }
+    const auto mapped = mapped_fmmus(position, *fmmus, *sms);
+    domain.fmmus.insert(domain.fmmus.end(), mapped.begin(), mapped.end());
 }
 
 Answer<std::vector<DomainFacts>> AttachedSession::domains() {

@@ -1,6 +1,7 @@
 #include "ethercat/session.hpp"
 
 #include "wire/esc.hpp"
+#include "wire/fmmu.hpp"
 
 #include <array>
 #include <cstddef>
@@ -37,6 +38,30 @@ Answer<> Session::reset_error_counters(std::uint16_t position) {
         if (!done) return done;
     }
     return {};
+}
+
+std::vector<FmmuFacts> mapped_fmmus(std::uint16_t position, std::span<const std::byte> fmmus,
+                                    std::span<const std::byte> sync_managers) {
+    std::vector<FmmuFacts> all;
+    for (std::size_t at = 0; at + reg::kFmmuStride <= fmmus.size(); at += reg::kFmmuStride) {
+        const auto fmmu = wire::load_fmmu(fmmus.subspan(at));
+        if (!fmmu.active || fmmu.length_bytes == 0) continue;
+        for (std::size_t n = 0; (n + 1) * reg::kSyncManagerStride <= sync_managers.size(); ++n) {
+            const auto start = load_le<std::uint16_t>(sync_managers, n * reg::kSyncManagerStride);
+            const auto length = load_le<std::uint16_t>(sync_managers, n * reg::kSyncManagerStride + 2);
+            if (length == 0 || fmmu.physical_start < start || fmmu.physical_start >= start + length) continue;
+            const std::uint32_t end = (fmmu.length_bytes - 1U) * 8U + fmmu.logical_end_bit + 1U;
+            all.push_back({.position = position,
+                           .sync_manager = static_cast<std::uint8_t>(n),
+                           .input = fmmu.read,
+                           .logical = fmmu.logical_start.value,
+                           .bytes = fmmu.length_bytes,
+                           .start_bit = fmmu.logical_start_bit,
+                           .bits = end > fmmu.logical_start_bit ? end - fmmu.logical_start_bit : 0,
+                           .offset_bits = (fmmu.physical_start - start) * 8U + fmmu.physical_start_bit});
+        }
+    }
+    return all;
 }
 
 }  // namespace margay::ethercat

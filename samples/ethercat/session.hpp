@@ -181,7 +181,13 @@ struct FmmuFacts {
     bool input = false;
     std::uint32_t logical = 0;
     std::uint16_t bytes = 0;
+    std::uint8_t start_bit = 0;     // of the first logical octet
+    std::uint32_t bits = 0;         // that are mapped
+    std::uint32_t offset_bits = 0;  // of the first mapped bit in the SyncManager
 };
+// The FMMUs that map a SyncManager of the slave, by its registers from 0x0600 and from 0x0800.
+[[nodiscard]] std::vector<FmmuFacts> mapped_fmmus(std::uint16_t position, std::span<const std::byte> fmmus,
+                                                  std::span<const std::byte> sync_managers);
 
 struct DomainFacts {
     std::uint16_t index = 0;

@@ -1,6 +1,7 @@
 // The commands crc and graph: what the ports of the slaves say.
 #include "ethercat/call.hpp"
 #include "ethercat/commands.hpp"
+#include "ethercat/link_health.hpp"
 
 #include "common/slave_report.hpp"
 
@@ -83,17 +84,11 @@ struct End {
     std::size_t port = 0;
 };
 
-// Invalid frames and physical errors belong to the link; forwarded errors have their cause before it.
 std::string_view colour(const End& near, const End& far) {
-    unsigned errors = 0;
-    bool lost = false;
-    for (const End& end : {near, far}) {
-        if (end.counters == nullptr) continue;
-        errors =
-            std::max<unsigned>({errors, end.counters->invalid_frames[end.port], end.counters->rx_errors[end.port]});
-        lost |= end.counters->lost_links[end.port] != 0;
-    }
-    return errors >= 10 ? "red" : errors != 0 || lost ? "orange" : "darkgreen";
+    auto health = LinkHealth::good;
+    for (const End& end : {near, far})
+        if (end.counters != nullptr) health = std::max(health, link_health(*end.counters, end.port));
+    return health == LinkHealth::bad ? "red" : health == LinkHealth::doubtful ? "orange" : "darkgreen";
 }
 
 std::string dot_text(std::string_view text) {

@@ -51,9 +51,6 @@ std::string lines_text(const std::vector<SlaveFacts>& selected, const std::vecto
 }
 
 using Bit = std::pair<unsigned, std::string_view>;
-constexpr Bit kProtocols[] = {{mailbox_protocol::kAoE, "AoE"}, {mailbox_protocol::kEoE, "EoE"},
-                              {mailbox_protocol::kCoE, "CoE"}, {mailbox_protocol::kFoE, "FoE"},
-                              {mailbox_protocol::kSoE, "SoE"}, {mailbox_protocol::kVoE, "VoE"}};
 constexpr Bit kCoeDetails[] = {{coe_detail::kSdo, "SDO"},
                                {coe_detail::kSdoInformation, "SDO Info"},
                                {coe_detail::kPdoAssignment, "PDO Assign"},
@@ -116,7 +113,7 @@ std::string mailboxes_text(const SlaveFacts& s) {
                             s.boot_mailbox.out_bytes, s.boot_mailbox.in_start, s.boot_mailbox.in_bytes);
     text += fmt::format("  Standard  RX: 0x{:04x}/{}, TX: 0x{:04x}/{}\n  Supported protocols: {}\n",
                         s.mailbox.out_start, s.mailbox.out_bytes, s.mailbox.in_start, s.mailbox.in_bytes,
-                        fmt::join(names_of(s.mailbox.protocols, kProtocols), ", "));
+                        fmt::join(samples::protocol_names(s.mailbox.protocols), ", "));
     if ((s.mailbox.protocols & mailbox_protocol::kCoE) != 0)
         text += fmt::format("  CoE details: {}\n", fmt::join(names_of(s.coe_details, kCoeDetails), ", "));
     return text;
@@ -166,7 +163,7 @@ nlohmann::ordered_json slave_json(const SlaveFacts& s, const AliasAddress& addre
             {"parent", s.parent ? nlohmann::ordered_json(*s.parent) : nlohmann::ordered_json(nullptr)},
             {"ports", ports},
             {"dc", s.dl.dc},
-            {"protocols", names_of(s.mailbox.present() ? s.mailbox.protocols : 0, kProtocols)},
+            {"protocols", samples::protocol_names(s.mailbox.present() ? s.mailbox.protocols : 0)},
             {"current_ma", s.ebus_current_ma}};
 }
 

@@ -1,6 +1,7 @@
 #include "ethercat/standalone.hpp"
 
 #include "common/program.hpp"
+#include "common/segment_look.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
 #include "ethercat/session_eeprom.hpp"
@@ -46,7 +47,9 @@ Answer<> StandaloneSession::open_source() {
     // In virtual time there is no other master.
     const bool look = !source_->virtual_time() && !settings_.take_over;
     const auto refusal = look ? samples::scan_refusal(*source_) : std::string();
-    if (!refusal.empty()) return Problem{refusal};
+    refused_ = !refusal.empty();
+    if (refused_) return Problem{refusal};
+    if (settings_.note_states) found_states_ = samples::look_at_states(source_->nic(), source_->osal());
     const auto* plan = eni_.configuration ? &*eni_.configuration : nullptr;
     auto ctx = std::make_unique<HostContext>(
         source_->limits(samples::with_room({.slaves = 2048, .process_frames = 256}, plan)));

@@ -1,6 +1,7 @@
 // The session that opens a SOURCE itself and is the master of its segment, by the public API.
 #pragma once
 
+#include "common/cycle_pace.hpp"
 #include "common/source.hpp"
 #include "common/xml_files.hpp"
 #include "ethercat/session.hpp"
@@ -22,7 +23,8 @@ struct StandaloneSettings {
     std::string source{};
     samples::SourceOptions options{};
     bool take_over = false;
-    std::string eni{};  // path; empty: none
+    std::string eni{};         // path; empty: none
+    bool note_states = false;  // read the AL status of each slave before the scan, for found_states()
 };
 
 // Opens and scans the segment at the first call that needs it.
@@ -65,6 +67,18 @@ class StandaloneSession final : public Session {
     std::vector<std::string> messages() override;
     Answer<> close() override;
 
+    // The AL status of each slave before the scan, by position; empty without StandaloneSettings::note_states.
+    [[nodiscard]] const std::vector<AlStatus>& found_states() const { return found_states_; }
+    // Whether the segment was not scanned because another master may be running it.
+    [[nodiscard]] bool refused() const { return refused_; }
+    [[nodiscard]] bool virtual_time() const { return source_ != nullptr && source_->virtual_time(); }
+    // Brings all slaves to OP and exchanges process data with outputs of 0. They stay in OP until close().
+    struct CycleRun {
+        samples::CycleFigures figures{};
+        std::string problem{};  // why not all slaves have reached OP; empty: they have
+    };
+    Answer<CycleRun> run_cycles(unsigned cycles, const samples::PaceOptions& pace);
+
   private:
     Answer<> open();
     Answer<> open_source();
@@ -91,6 +105,8 @@ class StandaloneSession final : public Session {
     bool silent_ = false;
     bool closed_ = false;
     std::optional<Problem> failure_{};  // of opening
+    bool refused_ = false;
+    std::vector<AlStatus> found_states_{};
     std::unique_ptr<samples::Source> source_{};
     samples::EniFile eni_{};
     std::unique_ptr<HostContext> ctx_{};

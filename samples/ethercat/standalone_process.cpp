@@ -194,20 +194,8 @@ void StandaloneSession::add_fmmus(DomainFacts& domain, const Slave& slave) {
         note((fmmus ? sms : fmmus).problem().text);
         return;
     }
-    for (std::size_t at = 0; at < fmmus->size(); at += wire::reg::kFmmuStride) {
-        const auto fmmu = wire::load_fmmu(std::span(*fmmus).subspan(at));
-        if (!fmmu.active) continue;
-        for (std::size_t n = 0; n * wire::reg::kSyncManagerStride < sms->size(); ++n) {
-            const auto start = load_le<std::uint16_t>(*sms, n * wire::reg::kSyncManagerStride);
-            const auto length = load_le<std::uint16_t>(*sms, n * wire::reg::kSyncManagerStride + 2);
-            if (length == 0 || fmmu.physical_start < start || fmmu.physical_start >= start + length) continue;
-            domain.fmmus.push_back({.position = position,
-                                    .sync_manager = static_cast<std::uint8_t>(n),
-                                    .input = fmmu.read,
-                                    .logical = fmmu.logical_start.value,
-                                    .bytes = fmmu.length_bytes});
-        }
-    }
+    const auto mapped = mapped_fmmus(position, *fmmus, *sms);
+    domain.fmmus.insert(domain.fmmus.end(), mapped.begin(), mapped.end());
 }
 
 DomainFacts StandaloneSession::domain_facts(std::uint16_t index) {
@@ -235,6 +223,29 @@ Answer<std::vector<DomainFacts>> StandaloneSession::domains() {
     for (std::uint16_t n = 0; n < ctx_->limits().groups; ++n)
         if (ctx_->group(n).mapped) all.push_back(domain_facts(n));
     return all;
+}
+
+// ------------------------------------------------------------------ cycles
+
+Answer<StandaloneSession::CycleRun> StandaloneSession::run_cycles(unsigned cycles, const samples::PaceOptions& pace) {
+    constexpr Duration kReplyTimeout = std::chrono::milliseconds(10);
+    const auto ready = map();
+    if (!ready) return ready.problem();
+    CycleRun run;
+    const auto reached = reach(*ctx_, AlState::op, std::chrono::seconds(10));
+    if (!reached) run.problem = problem_of(*ctx_, reached.error()).text;
+    Osal& osal = source_->osal();
+    samples::CyclePace keeper(*source_, *ctx_, pace);
+    keeper.start();
+    for (unsigned n = 0; n < cycles && !samples::stop_asked(); ++n) {
+        const Time start = osal.now();
+        const auto sent = send_processdata(*ctx_);
+        const auto got = sent ? receive_processdata(*ctx_, kReplyTimeout) : Result<std::uint32_t>(sent.error());
+        keeper.count(osal.now() - start, got);
+        keeper.wait();
+    }
+    run.figures = keeper.figures();
+    return run;
 }
 
 }  // namespace margay::ethercat

@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -65,6 +66,7 @@ class Builder : private DescriptionReader {
         if (const auto fault = run(root)) return LoadedSegment(fault->text);
         result_->segment.power_up(now_);
         apply_presets();
+        apply_errors();
         if (noise_) result_->segment.set_noise(*noise_);
         for (const auto n : dark_) result_->segment.set_power(n, false, now_);
         for (const auto& late : result_->late) result_->segment.set_power(late.slave, false, now_);
@@ -101,41 +103,16 @@ class Builder : private DescriptionReader {
     }
 
     Fault slave(const toml::table& table) {
-        static constexpr std::string_view kKnown[] = {"name",
-                                                      "device",
-                                                      "sii",
-                                                      "chip",
-                                                      "parent",
-                                                      "port",
-                                                      "enter",
-                                                      "cable_ns",
-                                                      "serial",
-                                                      "alias",
-                                                      "drift_ppb",
-                                                      "clock_start_ns",
-                                                      "fmmus",
-                                                      "sync_managers",
-                                                      "ram_kib",
-                                                      "dc",
-                                                      "features",
-                                                      "type",
-                                                      "revision",
-                                                      "build",
-                                                      "sii_read_us",
-                                                      "sii_write_us",
-                                                      "sii_8_bytes",
-                                                      "sii_status",
-                                                      "power",
-                                                      "power_after_ms",
-                                                      "cable_broken",
-                                                      "emulated_eeprom",
-                                                      "station",
-                                                      "preset",
-                                                      "ports",
-                                                      "firmware_us",
-                                                      "count",
-                                                      "quirks",
-                                                      "sii_write_busy_us"};
+        static constexpr std::string_view kKnown[] = {
+            "name",        "device",         "sii",          "chip",
+            "parent",      "port",           "enter",        "cable_ns",
+            "serial",      "alias",          "drift_ppb",    "clock_start_ns",
+            "fmmus",       "sync_managers",  "ram_kib",      "dc",
+            "features",    "type",           "revision",     "build",
+            "sii_read_us", "sii_write_us",   "sii_8_bytes",  "sii_status",
+            "power",       "power_after_ms", "cable_broken", "emulated_eeprom",
+            "station",     "preset",         "errors",       "ports",
+            "firmware_us", "count",          "quirks",       "sii_write_busy_us"};
         if (const auto fault = check_keys(table, kKnown, "a slave")) return fault;
         std::int64_t count = 1;
         if (const auto fault = optional_integer(table, "count", 1, 65535, count)) return fault;
@@ -170,6 +147,7 @@ class Builder : private DescriptionReader {
         result_->names.push_back(name);
 
         if (const auto fault = presets(table, number)) return fault;
+        if (const auto fault = counted_errors(table, number)) return fault;
         if (const auto* node = table.get("power")) {
             const auto on = node->value_exact<bool>();
             if (!on) return at(*node, "'power' must be true or false");
@@ -218,6 +196,32 @@ class Builder : private DescriptionReader {
             esc.advance(now_);
         }
         if (!presets_.empty()) result_->segment.reconsider();
+    }
+
+    // Reads errors that were counted before: errors = [[0, 14, 1]], a port with its damaged frames and lost links.
+    Fault counted_errors(const toml::table& table, std::uint32_t number) {
+        const auto* node = table.get("errors");
+        if (node == nullptr) return {};
+        const auto* list = node->as_array();
+        if (list == nullptr) return at(*node, "'errors' is a list of lists: [[0, 14, 1], …]");
+        for (const auto& entry : *list) {
+            const auto* numbers = entry.as_array();
+            if (numbers == nullptr || numbers->size() != 3)
+                return at(entry, "an entry of 'errors' is a port, its damaged frames and its lost links");
+            std::array<std::int64_t, 3> values{};
+            for (std::size_t i = 0; i < values.size(); ++i)
+                if (const auto fault = integer((*numbers)[i], "errors", 0, i == 0 ? 3 : 255, values[i])) return fault;
+            errors_.push_back({number, static_cast<unsigned>(values[0]), values[1], values[2]});
+        }
+        return {};
+    }
+
+    void apply_errors() {
+        for (const auto& errors : errors_) {
+            auto& esc = result_->segment.slave(errors.slave);
+            for (std::int64_t n = 0; n < errors.damaged; ++n) esc.count_rx_error(errors.port, false);
+            for (std::int64_t n = 0; n < errors.lost_links; ++n) esc.count_lost_link(errors.port);
+        }
     }
 
     Fault make(const toml::table& table, sim::Device& device) const {
@@ -380,6 +384,12 @@ class Builder : private DescriptionReader {
         std::vector<std::byte> octets;
     };
     std::vector<Preset> presets_;
+    struct Errors {
+        std::uint32_t slave = 0;
+        unsigned port = 0;
+        std::int64_t damaged = 0, lost_links = 0;
+    };
+    std::vector<Errors> errors_;
     std::vector<std::uint32_t> dark_;
     std::vector<sim::PortRef> broken_;
     std::optional<sim::Segment::Noise> noise_;

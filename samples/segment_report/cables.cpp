@@ -1,0 +1,181 @@
+#include "segment_report/cables.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace margay::segment_report {
+namespace {
+
+constexpr unsigned kFull = 255;  // a counter of an ESC stops here
+
+const SlaveState* slave_at(const Report& report, std::optional<std::uint16_t> position) {
+    if (!position) return nullptr;
+    const auto at = std::ranges::find(report.slaves, *position, [](const SlaveState& s) { return s.facts.position; });
+    return at == report.slaves.end() ? nullptr : &*at;
+}
+
+EndCounts counts_of(const std::optional<ErrorCounters>& counters, std::uint8_t port) {
+    if (!counters) return {};
+    return {.damaged = counters->invalid_frames[port],
+            .symbols = counters->rx_errors[port],
+            .forwarded = counters->forwarded[port],
+            .lost_links = counters->lost_links[port]};
+}
+
+// How much the counts of the cable itself have grown; a counter below its earlier value was cleared meanwhile.
+unsigned growth_of(const EndCounts& before, const EndCounts& now) {
+    const auto more = [](unsigned from, unsigned to) { return to >= from ? to - from : to; };
+    return more(before.damaged, now.damaged) + more(before.symbols, now.symbols) +
+           more(before.lost_links, now.lost_links);
+}
+
+void add_end(const Report& report, const CableEnd& end, Cable& cable, EndCounts& counts) {
+    const SlaveState* slave = slave_at(report, end.slave);
+    if (slave == nullptr) return;  // the counters of the master's NIC are not those of an ESC
+    cable.known &= slave->counters.has_value();
+    counts = counts_of(slave->counters, end.port);
+    if (!slave->counters) return;
+    if (slave->counters_before) cable.growth += growth_of(counts_of(slave->counters_before, end.port), counts);
+    cable.health = std::max(cable.health, ethercat::link_health(*slave->counters, end.port));
+}
+
+Cable cable_between(const Report& report, const CableEnd& near, const CableEnd& far, PortType medium) {
+    Cable cable{.near = near, .far = far, .medium = medium};
+    add_end(report, near, cable, cable.near_counts);
+    add_end(report, far, cable, cable.far_counts);
+    return cable;
+}
+
+std::string counter(unsigned value, std::string_view one, std::string_view many) {
+    return fmt::format("{}{} {}", value, value >= kFull ? " or more" : "", value == 1 ? one : many);
+}
+
+// What has arrived at one end.
+std::string arrived_text(const CableEnd& at, const CableEnd& from, const EndCounts& counts) {
+    std::string text;
+    if (counts.damaged != 0)
+        text += fmt::format("{} from {} arrived at {}", counter(counts.damaged, "damaged frame", "damaged frames"),
+                            end_text(from), end_text(at));
+    if (counts.symbols != 0)
+        text += fmt::format("{}{} at {}", text.empty() ? "" : ", and ",
+                            counter(counts.symbols, "error of the physical layer", "errors of the physical layer"),
+                            end_text(at));
+    return text;
+}
+
+void add_sentence(std::string& text, const std::string& sentence) {
+    if (sentence.empty()) return;
+    if (!text.empty()) text += "; ";
+    text += sentence;
+}
+
+// The port of the last slave that leads to the second NIC: a frame leaves there, and no slave is behind it.
+std::optional<CableEnd> second_end(const Report& report) {
+    for (const SlaveState& slave : report.slaves)
+        for (std::uint8_t port = 0; port < 4; ++port) {
+            const Port& facts = slave.facts.ports[port];
+            const bool entry = port == slave.facts.entry_port;
+            if (facts.link && facts.open && facts.neighbour == 0 && !entry) return CableEnd{slave.facts.position, port};
+        }
+    return std::nullopt;
+}
+
+// The port of a slave that leads to a broken cable.
+std::uint8_t dark_port(const Report& report, std::size_t place) {
+    const SlaveFacts& slave = report.slaves[place].facts;
+    for (std::uint8_t port = 0; port < 4; ++port)
+        if (port != slave.entry_port && slave.ports[port].type != PortType::not_implemented && !slave.ports[port].link)
+            return port;
+    return slave.entry_port;
+}
+
+}  // namespace
+
+RingState ring_of(const Report& report) {
+    RingState state{.ring = report.master.devices.size() > 1};
+    if (!state.ring) return state;
+    for (const SlaveState& slave : report.slaves)
+        if (!slave.facts.parent && slave.facts.position != 0) state.behind = slave.facts.position;
+    state.unconnected = !second_end(report);
+    return state;
+}
+
+std::vector<Cable> cables_of(const Report& report) {
+    const auto ring = ring_of(report);
+    std::vector<Cable> all;
+    for (const SlaveState& slave : report.slaves) {
+        const SlaveFacts& s = slave.facts;
+        CableEnd near{s.parent, s.parent_port};
+        const bool behind = ring.behind == s.position;
+        if (behind) near = {static_cast<std::uint16_t>(s.position - 1), dark_port(report, s.position - 1U)};
+        all.push_back(cable_between(report, near, {s.position, s.entry_port}, s.ports[s.entry_port].type));
+        all.back().broken = behind;
+        if (behind) all.back().health = Health::bad;
+    }
+    if (const auto end = ring.ring ? second_end(report) : std::nullopt) {
+        const SlaveState* slave = slave_at(report, end->slave);
+        all.push_back(cable_between(report, *end, {std::nullopt, 1}, slave->facts.ports[end->port].type));
+    }
+    return all;
+}
+
+std::string end_text(const CableEnd& end) {
+    if (end.slave) return fmt::format("slave {}, port {}", *end.slave, end.port);
+    return end.port == 0 ? "the master" : "the second NIC of the master";
+}
+
+std::string_view medium_text(PortType type) {
+    switch (type) {
+        case PortType::ebus: return "E-bus";
+        case PortType::mii: return "Ethernet";
+        case PortType::not_implemented: return "not there";
+        case PortType::not_configured: return "not configured";
+    }
+    return "?";
+}
+
+std::string cable_text(const Cable& cable) {
+    const auto name = [](const CableEnd& end) {
+        if (end.slave) return fmt::format("slave {}", *end.slave);
+        return std::string(end.port == 0 ? "the master" : "the second NIC");
+    };
+    return fmt::format("{} between {} and {}", cable.medium == PortType::ebus ? "E-bus contact" : "cable",
+                       name(cable.near), name(cable.far));
+}
+
+std::string findings_text(const Cable& cable) {
+    if (!cable.known) return "the counters could not be read";
+    std::string text;
+    if (cable.broken) text = "there is no link: the ring is broken here";
+    add_sentence(text, arrived_text(cable.far, cable.near, cable.far_counts));
+    add_sentence(text, arrived_text(cable.near, cable.far, cable.near_counts));
+    if (cable.interruptions() != 0)
+        add_sentence(text, "the link was interrupted " + counter(cable.interruptions(), "time", "times"));
+    const unsigned marked = std::max(cable.near_counts.forwarded, cable.far_counts.forwarded);
+    if (marked != 0 && cable.damaged() == 0)
+        add_sentence(text, fmt::format("{} that another slave had marked as damaged passed: their cause is elsewhere",
+                                       counter(marked, "frame", "frames")));
+    if (cable.growth != 0) add_sentence(text, fmt::format("{} of it came during this report", cable.growth));
+    return text;
+}
+
+std::string advice_text(const Cable& cable) {
+    if (!cable.known || cable.health == ethercat::LinkHealth::good) return {};
+    if (cable.broken) return "Connect this cable, or exchange it with its plugs; then check both ports.";
+    const bool ebus = cable.medium == PortType::ebus;
+    if (cable.damaged() == 0 && cable.symbols() == 0)
+        return ebus ? "Each restart of a neighbour counts once. If the number grows in operation: push the terminals "
+                      "together, and check the supply of the E-bus."
+                    : "Each power-up of a neighbour and each unplugging counts once. If the number grows in operation: "
+                      "check the plugs at both ends, the strain relief, and the supply of both devices.";
+    if (cable.damaged() == 0)
+        return "No frame was damaged yet. Look for electrical disturbance: shield, earthing, cables of motors nearby; "
+               "a plug that is not tight.";
+    return ebus ? "Push the terminals together and clean the contacts. If it goes on, exchange the device on either "
+                  "side, one after the other."
+                : "Exchange this cable with its plugs; check shield, earthing and bending radius. If it goes on with "
+                  "a new cable, exchange the device that sends towards the counting port, then the other one.";
+}
+
+}  // namespace margay::segment_report

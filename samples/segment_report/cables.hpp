@@ -1,0 +1,68 @@
+// The cables of a segment with what the error counters at their ends say.
+#pragma once
+
+#include "ethercat/link_health.hpp"
+#include "segment_report/report.hpp"
+
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace margay::segment_report {
+
+struct CableEnd {
+    std::optional<std::uint16_t> slave{};  // not set: the master
+    std::uint8_t port = 0;                 // of the slave; of the master: 0 the first NIC, 1 the second NIC
+};
+
+// What was counted at a port. A counter of an ESC stops at 255.
+struct EndCounts {
+    unsigned damaged = 0;    // frames that arrived damaged, for the first time at this port
+    unsigned symbols = 0;    // errors of the physical layer
+    unsigned forwarded = 0;  // frames that another slave has marked as damaged
+    unsigned lost_links = 0;
+};
+
+using Health = ethercat::LinkHealth;
+
+struct Cable {
+    CableEnd near{};  // towards the master
+    CableEnd far{};
+    PortType medium = PortType::not_implemented;
+    EndCounts near_counts{}, far_counts{};
+    unsigned growth = 0;  // damaged frames, symbols and interruptions since the begin of the report
+    bool known = true;    // the counters were read
+    bool broken = false;  // of a ring: there is no link
+    Health health = Health::good;
+
+    [[nodiscard]] unsigned damaged() const { return near_counts.damaged + far_counts.damaged; }
+    [[nodiscard]] unsigned symbols() const { return near_counts.symbols + far_counts.symbols; }
+    // Both ends count the same interruption.
+    [[nodiscard]] unsigned interruptions() const { return std::max(near_counts.lost_links, far_counts.lost_links); }
+};
+
+// All cables in the order of the slaves, with that of the second NIC of a ring behind them.
+[[nodiscard]] std::vector<Cable> cables_of(const Report& report);
+
+// "slave 2, port 1", "the master", "the second NIC of the master".
+[[nodiscard]] std::string end_text(const CableEnd& end);
+// "cable between slave 2 and slave 3", "E-bus contact between slave 2 and slave 3".
+[[nodiscard]] std::string cable_text(const Cable& cable);
+// What was counted, in words; empty: nothing.
+[[nodiscard]] std::string findings_text(const Cable& cable);
+// What to do about it; empty: nothing.
+[[nodiscard]] std::string advice_text(const Cable& cable);
+[[nodiscard]] std::string_view medium_text(PortType type);
+
+// The master of a ring has two NICs, and slaves that are reached by the second NIC alone are behind a break.
+struct RingState {
+    bool ring = false;
+    std::optional<std::uint16_t> behind{};  // the first slave behind the break
+    bool unconnected = false;               // no slave has a link to the second NIC
+    [[nodiscard]] bool whole() const { return ring && !behind && !unconnected; }
+};
+[[nodiscard]] RingState ring_of(const Report& report);
+
+}  // namespace margay::segment_report

@@ -1,0 +1,27 @@
+// Collects the content of a report from a session. What cannot be read is noted in the report, and the rest is read.
+#pragma once
+
+#include "segment_report/report.hpp"
+
+#include <functional>
+#include <string>
+
+namespace margay::segment_report {
+
+struct CollectSettings {
+    bool dictionaries = true;  // compare the dictionaries of alike slaves
+    bool map = true;           // show the process image; a session of our own brings the slaves to SAFEOP for it
+    bool expected = false;     // slaves are expected: look for those that are not there
+    // Runs cycles; empty: none are wanted.
+    std::function<Cycles()> cycles{};
+    // Called with what is done now.
+    std::function<void(const std::string&)> progress{};
+};
+
+// Fills in master, slaves, process image, cycles and messages. With `report.failure` the slaves could not be read.
+void collect(ethercat::Session& session, const CollectSettings& settings, Report& report);
+
+// The system that the program runs on, and its interfaces; changes nothing and sends nothing.
+[[nodiscard]] Machine read_machine(const std::vector<std::string>& interfaces);
+
+}  // namespace margay::segment_report

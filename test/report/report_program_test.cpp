@@ -1,0 +1,258 @@
+// The program segment_report: files, exit codes, recordings, a running application, a segment of another master.
+#include "report/report_fixture.hpp"
+
+#include "process/netns.hpp"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+namespace margay::segment_report {
+namespace {
+
+namespace fs = std::filesystem;
+using process::contains;
+using process::content_of;
+using namespace std::chrono_literals;
+
+using ReportProgram = ReportTest;
+
+TEST_F(ReportProgram, WritesThePageAndSaysTheHeadline) {
+    const auto ran = run("sim:demo -o r.html");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(ran.err, "");
+    EXPECT_EQ(ran.out, "r.html: 5 slaves, all in SAFEOP; nothing is wrong.\n");
+    const auto read = page("r.html");
+    EXPECT_EQ("r.html: " + read.headline() + "\n", ran.out);
+    EXPECT_EQ(read.cell("slave-table", 1, "Found in"), "INIT");
+    EXPECT_TRUE(read.has("Margay "));
+    EXPECT_TRUE(contains(read.text("//section[@id='run']"), "segment_report sim:demo -o r.html"));
+    EXPECT_TRUE(contains(read.text("//section[@id='machine']"), "Linux "));
+    const auto piped = run("sim:demo -o - | tee copy.html");
+    EXPECT_EQ(piped.out, content_of(folder.path() / "copy.html"));
+    EXPECT_EQ(page("copy.html").headline(), read.headline());
+}
+
+TEST_F(ReportProgram, HelpSaysTheExitCodes) {
+    const auto ran = run("--help");
+    EXPECT_EQ(ran.status, 0);
+    EXPECT_TRUE(contains(ran.out, "Exit codes: 0 no error; 1 error of the segment or a device; 2 wrong arguments; 3"));
+    EXPECT_TRUE(contains(ran.out, "with 1 when it names one"));
+}
+
+TEST_F(ReportProgram, AFaultEndsWith1AndThePageIsThere) {
+    folder.write("a.toml", "[[slave]]\ndevice = \"drive\"\nerrors = [[0, 20, 0]]\n");
+    const auto ran = run("sim:a.toml");
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_EQ(ran.out,
+              "report.html: 1 slave, in SAFEOP; cable between the master and slave 0 damaged 20 frames; 1 fault.\n");
+    EXPECT_EQ(page().verdicts("fault").size(), 1U);
+}
+
+TEST_F(ReportProgram, TheStateBeforeTheScanIsKept) {
+    folder.write("a.toml",
+                 "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"drive\"\npreset = [[0x0120, 0x04, 0x00]]\n");
+    const auto ran = run("sim:a.toml");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(page().cell("slave-table", 1, "Found in"), "INIT");
+    EXPECT_EQ(page().cell("slave-table", 2, "Found in"), "INIT + ERROR");
+    const auto remarks = page().verdicts("look at it");
+    ASSERT_EQ(remarks.size(), 1U);
+    EXPECT_TRUE(contains(remarks[0], "Slave 1: found in INIT + ERROR, AL status code 0x0011: ")) << remarks[0];
+}
+
+TEST_F(ReportProgram, ASlaveOfTheEniThatIsMissingIsAFault) {
+    const auto written =
+        folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:coupler,digital_in_8,digital_out_8 --write-eni a.xml");
+    ASSERT_EQ(written.status, 0) << written.err;
+    EXPECT_EQ(run("sim:coupler,digital_in_8,digital_out_8 --eni a.xml").status, 0);
+    const auto ran = run("sim:coupler,digital_in_8 --eni a.xml");
+    EXPECT_EQ(ran.status, 1) << ran.out;
+    const auto faults = page().verdicts("fault");
+    EXPECT_TRUE(std::ranges::any_of(faults, [](const auto& text) {
+        return contains(text, "Configured slave 2 (vendor 0x00004d47, product 0x00002008) is missing.");
+    })) << ran.out;
+    EXPECT_EQ(page().rows("slave-table"), 2U);
+}
+
+TEST_F(ReportProgram, ASegmentWithoutSlavesIsReported) {
+    folder.write("a.toml", "[[slave]]\ndevice = \"drive\"\npower = false\n");
+    const auto ran = run("sim:a.toml --record");
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_NE(ran.err, "");
+    EXPECT_TRUE(contains(page().headline(), "The segment could not be read: ")) << page().headline();
+    EXPECT_EQ(page().verdicts("fault").size(), 2U) << "and the lost frames";
+    EXPECT_TRUE(contains(page().text("//section[@id='recording']"), "report.pcap"));
+}
+
+TEST_F(ReportProgram, WrongArgumentsEndWith2AndTouchNothing) {
+    folder.write("report.html", "old");
+    for (const std::string arguments :
+         {"", "sim:demo --attach x.sock", "--attach x.sock --cycles 3", "a.pcap --record", "sim:demo --record -o -",
+          "sim:demo --cycles 3 --no-map", "sim:demo --period 1", "sim:demo --unknown", "a.pcapng --eni b.xml"}) {
+        const auto ran = run(arguments);
+        EXPECT_EQ(ran.status, 2) << arguments << ran.err;
+        EXPECT_TRUE(ran.err.starts_with("segment_report: ")) << ran.err;
+    }
+    EXPECT_EQ(content_of(folder.path() / "report.html"), "old");
+}
+
+TEST_F(ReportProgram, AFailedRunLeavesTheOldPage) {
+    folder.write("report.html", "old");
+    folder.write("report.pcap", "old frames");
+    folder.write("empty.pcap", "");
+    for (const std::string arguments :
+         {"sim:nothing.toml --record", "empty.pcap", "missing.pcap", "--attach missing.sock", "nowhere0 --record",
+          "sim:demo --record --dc-log missing.csv"}) {
+        const auto ran = run(arguments);
+        EXPECT_EQ(ran.status, 3) << arguments << ran.err;
+        EXPECT_NE(ran.err, "") << arguments;
+        EXPECT_EQ(content_of(folder.path() / "report.html"), "old") << arguments;
+        EXPECT_EQ(content_of(folder.path() / "report.pcap"), "old frames") << arguments;
+        EXPECT_FALSE(fs::exists(folder.path() / "report.html.new")) << arguments;
+        EXPECT_FALSE(fs::exists(folder.path() / "report.pcap.new")) << arguments;
+    }
+}
+
+TEST_F(ReportProgram, LostOutputEndsWith3) {
+    auto ran = run("sim:demo -o /dev/full");
+    EXPECT_EQ(ran.status, 3);
+    EXPECT_TRUE(contains(ran.err, "/dev/full: cannot be written: No space left on device")) << ran.err;
+    ran = run("sim:demo -o missing/r.html");
+    EXPECT_EQ(ran.status, 3);
+    EXPECT_TRUE(contains(ran.err, "missing/r.html: cannot be written")) << ran.err;
+    ran = run("sim:demo -o - > /dev/full");
+    EXPECT_EQ(ran.status, 3);
+    // A file system without space for the page: the old one stays.
+    ran =
+        folder.run("mkdir full && mount -t tmpfs -o size=16k none full || exit 77\necho old > full/r.html\n" + program +
+                   " sim:drives -o full/r.html; code=$?; cat full/r.html; ls full; umount full; exit $code");
+    if (ran.status == 77) GTEST_SKIP() << "no file system can be mounted: " << ran.err;
+    EXPECT_EQ(ran.status, 3) << ran.err;
+    EXPECT_TRUE(contains(ran.err, "No space left on device")) << ran.err;
+    EXPECT_EQ(ran.out, "old\nr.html\n");
+}
+
+TEST_F(ReportProgram, RecordsBesideThePageAndTheRecordingCanBeReadAgain) {
+    const auto ran = run("sim:demo --record --cycles 200 -o r.html");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    const auto read = page("r.html");
+    EXPECT_TRUE(contains(read.headline(), "5 slaves, all in OP")) << read.headline();
+    const auto recording = read.text("//section[@id='recording']");
+    EXPECT_TRUE(contains(recording, "r.pcap, beside this page")) << recording;
+    EXPECT_TRUE(contains(recording, "Slaves (5)")) << "the analysis as text";
+    const auto cycles = read.text("//section[@id='cycles']");
+    EXPECT_TRUE(contains(cycles, "200 cycles with a period of 1000 µs, outputs 0, in virtual time")) << cycles;
+    EXPECT_TRUE(contains(cycles, "200 cycles, 0 overruns, 0 without all frames, 0 with a wrong working counter"));
+    EXPECT_EQ(read.count("//svg[@class='cycle-figures']"), 1U);
+    // The same program answers itself from the recording.
+    const auto again = run("pcap:r.pcap --cycles 200 -o again.html");
+    EXPECT_EQ(again.status, 0) << again.err;
+    EXPECT_EQ(page("again.html").headline(), read.headline());
+    // Without asking anything.
+    const auto analysed = run("r.pcap -o analysed.html");
+    EXPECT_EQ(analysed.status, 0) << analysed.err;
+    const auto seen = page("analysed.html");
+    EXPECT_EQ(seen.rows("recorded-slaves"), 5U);
+    EXPECT_EQ(seen.cell("recorded-slaves", 1, "Name"), "EtherCAT coupler");
+    EXPECT_EQ(seen.count("//svg[@id='topology']"), 0U) << "nothing is drawn that the recording does not show";
+    EXPECT_TRUE(contains(seen.headline(), "5 slaves seen")) << seen.headline();
+}
+
+TEST_F(ReportProgram, RecordingsOfOtherMastersAreAnalysed) {
+    const fs::path captures = MARGAY_CAPTURES_DIR;
+    if (captures.empty() || !fs::exists(captures)) GTEST_SKIP() << "MARGAY_CAPTURES_DIR is not known";
+    const auto ran = run((captures / "twincat-run-ek1100-el1004.pcapng").string() + " -o t.html");
+    EXPECT_LE(ran.status, 1) << ran.err;
+    const auto read = page("t.html");
+    EXPECT_TRUE(read.has("TwinCAT")) << "the master by its manners";
+    EXPECT_EQ(read.rows("recorded-slaves"), 2U);
+    EXPECT_EQ(read.cell("recorded-slaves", 1, "Station"), "0x03e9");
+    EXPECT_EQ(read.cell("recorded-slaves", 2, "Vendor"), "not seen");
+    const auto drive = run((captures / "soem-sdinfo-akd.pcapng").string() + " -o d.html");
+    EXPECT_EQ(drive.status, 1) << "the drive ends in an error state";
+    const auto faults = page("d.html").verdicts("fault");
+    ASSERT_EQ(faults.size(), 2U);
+    EXPECT_TRUE(contains(faults[0], "3 of 3381 frames in the recording did not come back.")) << faults[0];
+    EXPECT_TRUE(contains(faults[1], "Slave 0 ends in PREOP + ERROR, AL status code 0x001d: invalid output"))
+        << faults[1];
+    const auto nobody = run((captures / "soem-sdinfo-no-slaves.pcapng").string() + " -o n.html");
+    EXPECT_EQ(nobody.status, 1);
+    EXPECT_TRUE(contains(page("n.html").verdicts("fault").at(0), "No slave answers in the recording."));
+}
+
+TEST_F(ReportProgram, ALogOfTheMastersClockIsDrawn) {
+    folder.write("log.csv",
+                 "Time[ms];BusTimeOff[ns];Drift[ppm];CtlErr[ns];SystemTimeDifference[ns]\n0;1;0.5;10;3\n1;2;0.4;-20;"
+                 "4\n2;3;0.3;5;2\n");
+    const auto ran = run("sim:demo --dc-log log.csv");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(page().count("//section[@id='clocklog']//svg[@class='plot']"), 4U);
+    EXPECT_TRUE(contains(page().text("//section[@id='clocklog']"), "log.csv: 3 lines in 0.002 s."));
+    folder.write("bad.csv", "Time[ms]\n1\n");
+    EXPECT_EQ(run("sim:demo --dc-log bad.csv").status, 3);
+}
+
+TEST_F(ReportProgram, ReadsARunningApplication) {
+    const auto ran = folder.run(std::string(MARGAY_BIN_DIR) +
+                                "/simple_io sim:drive,pulse_axis,drive --cycles 100000000 --period 2000 --attach "
+                                "s.sock > io.txt 2>&1 &\nio=$!\n"
+                                "n=0; until grep -q 'all slaves in OP' io.txt; do sleep 0.05; n=$((n+1)); "
+                                "[ $n -lt 1200 ] || { cat io.txt >&2; kill $io; exit 98; }; done\n" +
+                                program + " --attach s.sock -o a.html; code=$?; kill $io; wait $io; exit $code");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_TRUE(contains(ran.out, "3 slaves, all in OP")) << ran.out;
+    const auto attached = page("a.html");
+    ASSERT_EQ(run("sim:drive,pulse_axis,drive -o own.html").status, 0);
+    const auto own = page("own.html");
+    ASSERT_EQ(attached.rows("slave-table"), 3U);
+    for (std::size_t row = 1; row <= 3; ++row) {
+        EXPECT_EQ(attached.cell("slave-table", row, "State"), "OP");
+        for (const std::string column : {"Name", "Product", "Revision", "Software"})
+            EXPECT_EQ(attached.cell("slave-table", row, column), own.cell("slave-table", row, column)) << row;
+    }
+    EXPECT_EQ(attached.cell("slave-table", 1, "Clock"), "64 bit, not measured") << "simple_io needs no clocks";
+    EXPECT_TRUE(attached.has("read from a running application"));
+    EXPECT_TRUE(attached.has("entries of the dictionary compared"));
+    EXPECT_EQ(attached.count("//svg[@id='topology']//a[@class='slave']"), 3U);
+}
+
+TEST_F(ReportProgram, ASegmentInOpIsLeftToItsMaster) {
+    constexpr auto kPatience = 60s;
+    const std::string bin = std::string(MARGAY_BIN_DIR) + "/";
+    process::Cable cable;
+    if (!cable.missing().empty()) GTEST_SKIP() << cable.missing();
+    folder.write("r.html", "old");
+    const auto output = (folder.path() / "r.html").string();
+    const auto report = [&](std::vector<std::string> arguments) {
+        arguments.insert(arguments.begin(), program);
+        process::Child child(cable.master_namespace(), arguments);
+        const int status = child.wait(kPatience);
+        return process::Ran{status, child.output(), child.errors()};
+    };
+    process::Child segment(cable.segment_namespace(), {bin + "virtual_segment", process::Cable::kSegment, "demo"});
+    ASSERT_TRUE(segment.says("serving", kPatience)) << segment.errors();
+    process::Child master(cable.master_namespace(),
+                          {bin + "simple_io", process::Cable::kMaster, "--cycles", "100000000", "--period", "2000"});
+    ASSERT_TRUE(master.says("all slaves in OP", kPatience)) << master.output() << master.errors();
+    const auto before = segment.output().size();
+    const auto refused = report({process::Cable::kMaster, "-o", output});
+    EXPECT_EQ(refused.status, 1);
+    EXPECT_TRUE(contains(refused.err, "slaves of this segment are in SAFEOP or OP (5 slaves answer)")) << refused.err;
+    EXPECT_EQ(content_of(output), "old");
+    EXPECT_FALSE(contains(segment.output().substr(before), ": INIT")) << segment.output().substr(before);
+    master.terminate();
+    (void)master.wait(kPatience);
+    // The interface and the kernel are in the report; the findings of nic_check too.
+    const auto taken = report({process::Cable::kMaster, "-o", output, "--take-over"});
+    EXPECT_LE(taken.status, 1) << taken.err;
+    const auto read = page("r.html");
+    EXPECT_EQ(read.rows("slave-table"), 5U);
+    const auto machine = read.text("//section[@id='machine']");
+    EXPECT_TRUE(contains(machine, "veth")) << machine;
+    EXPECT_TRUE(contains(machine, "What nic_check says")) << machine;
+}
+
+}  // namespace
+}  // namespace margay::segment_report
