@@ -169,7 +169,7 @@ TEST_F(GatewayLines, FilesPacketByPacket) {
 TEST_F(GatewayLines, FirmwareInBoot) {
     bus.add_device(sim::make_device("bootloader_open").value());
     bus.start();
-    ASSERT_TRUE(writestate(*bus.ctx, 1, AlState::boot));
+
     StateRequest boot;
     boot.slave = 1;
     boot.wanted = AlState::boot;
@@ -179,7 +179,7 @@ TEST_F(GatewayLines, FirmwareInBoot) {
     serve();
     with_client([&](GatewayClient& client) {
         auto reply = client.ask(0x1001, kFoe, packet(1, 0, text("firmware")));
-        ASSERT_EQ(reply.type, unsigned{kFoe});
+        ASSERT_EQ(reply.type, unsigned{kFoe}) << reply.error();
         std::size_t octets_read = 0;
         unsigned n = 1;
         for (; at(reply.data, 0) == 3 && number(reply.data, 2, 4) == n; ++n) {

@@ -212,6 +212,11 @@ TEST_P(Routing, ADeviceThatMayHaveBeenExchangedGetsNoMessage) {
     (void)readstate(ctx);
     segment.set_power(2, true, osal.now());
     osal.advance(100ms);
+    // What is there now has the address.
+    (void)segment.slave(2).ecat_write(0x0010, octets({0x03, 0x10}), osal.now());
+    sim::FrameEnd end{};
+    end.at = osal.now();
+    segment.slave(2).frame_end(end);
     (void)readstate(ctx);
     const auto refused = SDOwrite(ctx, 3, 0x6060, 0, false, octets({8}), 1s);
     ASSERT_EQ(refused.error().code, Errc::identity_unread) << words(refused.error());
