@@ -12,14 +12,18 @@ const MailJob& job_of(const RawMail& request) { return static_cast<const MailJob
 
 }  // namespace
 
+Rooms rooms_of(const SlaveFacts& slave) {
+    const auto room = [](std::size_t octets) {
+        return octets > wire::kMailboxHeaderBytes ? octets - wire::kMailboxHeaderBytes : 0;
+    };
+    return {.to_slave = room(slave.out_bytes), .from_slave = room(slave.in_bytes)};
+}
+
 // is_answer and more_follows are called in poll().
 void MailJob::take(const SlaveFacts& facts, std::size_t ring_bytes) {
     slave = facts.number;
     station = facts.station;
-    const auto room = [](std::size_t octets) {
-        return octets > wire::kMailboxHeaderBytes ? octets - wire::kMailboxHeaderBytes : 0;
-    };
-    rooms = {.to_slave = room(facts.out_bytes), .from_slave = room(facts.in_bytes)};
+    rooms = rooms_of(facts);
     answer_.resize(kMostDataBytes);
     memory_.resize(ring_bytes);
     ring_.emplace(memory_);

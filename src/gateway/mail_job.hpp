@@ -15,6 +15,8 @@ namespace margay::gateway {
 
 class Client;
 
+[[nodiscard]] Rooms rooms_of(const SlaveFacts& slave);
+
 class MailJob final : public RawMail {
   public:
     // Sends the message of a client.

@@ -22,7 +22,8 @@ constexpr int kListTimeouts = 4;  // a list has hundreds of fragments
 
 MailboxErrorCode code_of(const Error& error) {
     switch (error.code) {
-        case Errc::mailbox_error: return static_cast<MailboxErrorCode>(error.detail);
+        case Errc::mailbox_error:
+            return error.detail == 0 ? MailboxErrorCode::syntax : static_cast<MailboxErrorCode>(error.detail);
         case Errc::unknown_slave: return MailboxErrorCode::syntax;
         case Errc::unsupported: return MailboxErrorCode::unsupported_protocol;
         case Errc::invalid_argument:
@@ -193,6 +194,7 @@ void Router::finish(std::unique_ptr<MailJob> job, Moment now) {
     if (job->lost()) return fail(*job, MailboxErrorCode::no_more_memory, now);
     --job->client->running;
     if (job->transaction.kind == Kind::listening) return;
+    if (const SlaveFacts* slave = table_.find(job->station.value)) job->rooms = rooms_of(*slave);
     const bool answered = job->transaction.kind == Kind::answered;
     const Bytes answer = answered ? job->last() : Bytes();
     if (answered) reply(job->client, job->mail.header, answer, now);

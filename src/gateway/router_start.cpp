@@ -47,16 +47,16 @@ bool Router::start_one(Client& client, Moment now) {
 }
 
 bool Router::start(Client& client, Client::Waiting& message, Moment now) {
-    if (!table_.is_fresh(now)) {
-        table_.refresh(now);
-        return false;
-    }
     const Mail& mail = message.mail;
+    const SlaveFacts* slave = table_.find(mail.header.address);
+    // Facts that are a little old do for a slave that is known: the request checks its address.
+    const bool fresh = table_.is_fresh(now);
+    if (!fresh) table_.refresh(now);
+    if (!fresh && (slave == nullptr || !table_.is_usable(now))) return false;
     if (mail.header.address == 0) {
         answer_for_master(client, mail, now);
         return true;
     }
-    const SlaveFacts* slave = table_.find(mail.header.address);
     if (slave == nullptr) {
         reply_error(&client, mail.header, MailboxErrorCode::syntax, now);
         return true;

@@ -13,6 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kFresh = 100ms;
+constexpr auto kUsable = 1s;
 constexpr auto kOwnerSilent = 3s;  // as wait()
 
 SlaveFacts facts_of(const Slave& s) {
@@ -55,6 +56,8 @@ void SlaveTable::copy(Context& ctx, void* user) {
 
 bool SlaveTable::is_fresh(Moment now) const { return known_ && now - at_ < kFresh; }
 
+bool SlaveTable::is_usable(Moment now) const { return known_ && now - at_ < kUsable; }
+
 void SlaveTable::refresh(Moment now) {
     if (reading_) return;
     coming_.clear();
@@ -95,7 +98,7 @@ bool SlaveTable::step(Moment now) {
 
 const SlaveFacts* SlaveTable::find(std::uint16_t station) const {
     const auto found = std::ranges::find(slaves_, StationAddress{station}, &SlaveFacts::station);
-    return found == slaves_.end() ? nullptr : &*found;
+    return station == 0 || found == slaves_.end() ? nullptr : &*found;
 }
 
 }  // namespace margay::gateway

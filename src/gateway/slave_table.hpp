@@ -41,6 +41,7 @@ class SlaveTable {
     bool step(Moment now);
     [[nodiscard]] bool busy() const { return reading_; }
     [[nodiscard]] bool is_fresh(Moment now) const;
+    [[nodiscard]] bool is_usable(Moment now) const;  // or a little older
     // After an answer that contradicts the facts.
     void forget() { known_ = false; }
     // False: the owner of the context has not polled when the facts were wanted.

@@ -67,7 +67,7 @@ struct World {
         require(init(ctx, wire, osal).ok());
         require(config_init(ctx).ok());
     }
-    [[nodiscard]] gateway::Moment moment() const {
+    [[nodiscard]] gateway::Moment moment() {
         return gateway::Moment(std::chrono::duration_cast<gateway::Moment::duration>(osal.now().time_since_epoch()));
     }
     void step(gateway::Router& router) {
