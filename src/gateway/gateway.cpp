@@ -21,7 +21,6 @@ using gateway::messages_of;
 using gateway::TcpClient;
 using gateway::UdpClient;
 
-constexpr auto kStall = 10s;   // a half frame, and replies that nobody reads
 constexpr auto kIdleTcp = 5s;  // a client without a message that long may lose its place to a new one
 constexpr auto kIdleUdp = 1s;
 constexpr auto kForgetUdp = 60s;
@@ -130,8 +129,7 @@ void MailboxGateway::Loop::serve_tcp(TcpClient& client, short revents) {
     }
     take_frames(client);
     if (client.closed()) return;
-    const bool half = !client.received().empty() && router_.has_room(client);
-    if ((half || client.has_output()) && now_ - client.moved() > kStall) {
+    if (client.is_stalled(now_, router_.has_room(client))) {
         ++stalled_;
         drop(client);
     }

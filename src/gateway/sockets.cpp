@@ -12,6 +12,7 @@
 namespace margay::gateway {
 namespace {
 
+constexpr std::chrono::seconds kStall{10};
 constexpr std::size_t kAtOnce = 16 * 1024;
 constexpr int kTries = 16;  // to find a port that is free for both
 
@@ -128,8 +129,14 @@ TcpClient::Came TcpClient::receive(Moment now) {
     if (got < 0 && (errno == EAGAIN || errno == EINTR)) return Came::nothing;
     if (got <= 0) return Came::gone;
     moved_ = now;
+    if (in_.empty()) begun_ = now;
     in_.insert(in_.end(), block.begin(), block.begin() + got);
     return Came::octets;
+}
+
+bool TcpClient::is_stalled(Moment now, bool complete_ones) const {
+    if (has_output() && now - moved_ > kStall) return true;
+    return complete_ones && !in_.empty() && now - begun_ > kStall;
 }
 
 bool TcpClient::send(Octets frame, Moment now) {

@@ -74,7 +74,12 @@ class TcpClient final : public Client {
     [[nodiscard]] Came receive(Moment now);
     // What has come and is not taken yet; drop() removes its beginning.
     [[nodiscard]] Bytes received() const { return in_; }
-    void drop(std::size_t octets) { in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(octets)); }
+    void drop(std::size_t octets) {
+        in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(octets));
+        begun_ = moved_;
+    }
+    // For 10 s a frame is not whole, if `complete_ones` were taken out; or no reply was read.
+    [[nodiscard]] bool is_stalled(Moment now, bool complete_ones) const;
 
     bool send(Octets frame, Moment now) override;
     [[nodiscard]] bool takes_replies() const override { return out_.size() - sent_ < kMostOutput; }
@@ -89,7 +94,8 @@ class TcpClient final : public Client {
     Octets in_{};
     Octets out_{};
     std::size_t sent_ = 0;
-    Moment moved_;  // when octets moved last
+    Moment moved_;    // when octets moved last
+    Moment begun_{};  // when the first octet of in_ came, or a little later
     int fd_;
 };
 

@@ -1,6 +1,7 @@
 // MailboxGateway with many, slow, flooding, malformed and vanishing clients: nothing of it reaches the cycle, and the
 // other clients get their replies.
 #include "gateway/gateway_bench.hpp"
+#include "gateway/sockets.hpp"
 
 #include <poll.h>
 
@@ -218,6 +219,45 @@ TEST_F(GatewayClients, MoreConnectionsThanPlacesAreClosed) {
                   EXPECT_EQ(gateway->counts().refused, 2U);
               }}),
               0);
+}
+
+// One octet now and then does not keep a place: the whole frame has 10 s. With times of the test.
+TEST(GatewayConnections, AFrameThatNeverEndsAndRepliesThatNobodyReadsAreStalled) {
+    std::array<int, 2> ends{};
+    ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends.data()), 0);
+    gateway::Moment now{1h};
+    gateway::TcpClient client(ends[1], now);
+    const auto trickle = [&](const Octets& some) {
+        ASSERT_EQ(::send(ends[0], some.data(), some.size(), 0), static_cast<ssize_t>(some.size()));
+        EXPECT_EQ(client.receive(now), gateway::TcpClient::Came::octets);
+    };
+    now += 1h;
+    EXPECT_FALSE(client.is_stalled(now, true)) << "an idle client";
+    trickle(octets({0x10}));
+    for (int n = 0; n < 5; ++n) {
+        now += 2s;
+        EXPECT_FALSE(client.is_stalled(now, true));
+        trickle(octets({0x50}));
+    }
+    now += 1ms;
+    EXPECT_TRUE(client.is_stalled(now, true));
+    EXPECT_FALSE(client.is_stalled(now, false)) << "the frames wait for the gateway";
+    client.drop(client.received().size());
+    EXPECT_FALSE(client.is_stalled(now, true));
+    // The next frame begins behind the one that was taken out.
+    trickle(octets({1, 2, 3}));
+    now += 9s;
+    client.drop(1);
+    EXPECT_FALSE(client.is_stalled(now, true));
+    client.drop(2);
+    EXPECT_TRUE(client.send(octets({1, 2, 3}), now));
+    now += 10s;
+    EXPECT_FALSE(client.is_stalled(now, true));
+    now += 1ms;
+    EXPECT_TRUE(client.is_stalled(now, true));
+    EXPECT_TRUE(client.flush(now));
+    EXPECT_FALSE(client.is_stalled(now, true));
+    ::close(ends[0]);
 }
 
 // ------------------------------------------------------------------ settings, and the owner
