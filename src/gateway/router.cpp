@@ -15,7 +15,6 @@ using namespace std::chrono_literals;
 using wire::MailboxErrorCode;
 using Kind = Transaction::Kind;
 
-constexpr auto kOwnerSilent = 3s;  // as wait()
 // How long a conversation is kept for the next message of its client.
 constexpr auto kConversation = 250ms;
 constexpr int kListTimeouts = 4;  // a list has hundreds of fragments

@@ -14,7 +14,6 @@ using namespace std::chrono_literals;
 
 constexpr auto kFresh = 100ms;
 constexpr auto kUsable = 1s;
-constexpr auto kOwnerSilent = 3s;  // as wait()
 
 SlaveFacts facts_of(const Slave& s) {
     const bool boot = s.al.state == AlState::boot;

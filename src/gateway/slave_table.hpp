@@ -16,6 +16,9 @@ namespace margay::gateway {
 
 using Moment = std::chrono::steady_clock::time_point;
 
+// An owner that has not accepted a request for so long does not poll (as for wait()).
+inline constexpr std::chrono::seconds kOwnerSilent{3};
+
 struct SlaveFacts {
     std::uint16_t number = 0;
     StationAddress station{};
