@@ -103,6 +103,7 @@ void Router::refuse(Client& client, const Mail& mail, Moment now) {
 
 void Router::remove(Client& client) {
     client.waiting.clear();
+    client.running = 0;
     std::erase(clients_, &client);
     for (auto& job : running_)
         if (job->client == &client) {
