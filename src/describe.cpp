@@ -462,7 +462,11 @@ void write_cause(TextWriter& out, const Error& e) {
                 out << " (" << e.expected << " cycles are on the wire: call receive_processdata())";
             break;
         case Errc::unknown_slave:
-            if (e.slave != 0 || e.expected != 0) out << " (there are " << e.expected << ")";
+            if (e.detail != 0)
+                ((out << " (station address ").hex(e.detail, 4) << " is wanted, and the slave has ").hex(e.actual, 4)
+                    << ")";
+            else if (e.slave != 0 || e.expected != 0)
+                out << " (there are " << e.expected << ")";
             break;
         case Errc::nic:
             if (e.actual != 0) out << " (system error " << e.actual << ")";

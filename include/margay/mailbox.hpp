@@ -9,6 +9,7 @@
 //     margay::submit(ctx, request);                    // from any thread, beside the cycle
 #pragma once
 
+#include <margay/address.hpp>
 #include <margay/borrowed.hpp>
 #include <margay/mail_listener.hpp>
 #include <margay/request.hpp>
@@ -19,7 +20,8 @@ namespace margay {
 // library, uses a protocol of a slave at a time; the others wait. Errors: invalid_argument (the message is longer than
 // the mailbox of the slave; neither message nor answer; the protocol is none), mailbox_error (the slave has answered
 // with a mailbox error), capacity (the answer is longer than `answer`; expected: its size), timeout, unsupported (the
-// slave has no mailbox), wrong_state (the slave has not reached PREOP) …
+// slave has no mailbox), wrong_state (the slave has not reached PREOP), unknown_slave (no slave has the number, or the
+// slave has another address than `station`; detail: the wanted one, actual: that of the slave) …
 struct RawMail : MailRequest {
     RawMail();
     // Any protocol from 1 to 15. A message of the type `error` cannot be sent.
@@ -29,6 +31,9 @@ struct RawMail : MailRequest {
     // The address in the mailbox header: 0 is the master; a gateway sets the address of the sender. A slave sends its
     // answer to this address, and the request receives it. Other mail to the address of a slave goes to that slave.
     std::uint16_t address = 0;
+    // The station address that the slave must have when the request begins; 0: any. For a thread that has read the
+    // facts of the slaves (visit.hpp): after a new scan the number may belong to another slave.
+    StationAddress station{};
     // Destination of the answer; empty: the request ends when the slave has taken the message. Without a message, the
     // request waits for mail of this type that no other request and no listener takes.
     std::span<std::byte> answer;
@@ -36,7 +41,11 @@ struct RawMail : MailRequest {
     // library. A derived class can keep what the function needs. Mail that is not the answer goes to the other requests
     // and to the listeners.
     bool (*is_answer)(const RawMail& request, std::span<const std::byte> mail) = nullptr;
-    std::size_t bytes = 0;  // result: size of the answer in octets
+    // Whether more mail of the answer follows this mail without a message (fragments); nullptr: the answer is one mail.
+    // Called as is_answer, for mail that is the answer. The function keeps what it needs of the mail; only the last
+    // mail stays in `answer`. All of it must arrive within `timeout`; zero: each mail within 3 s after the one before.
+    bool (*more_follows)(const RawMail& request, std::span<const std::byte> mail) = nullptr;
+    std::size_t bytes = 0;  // result: size of the last mail of the answer in octets
 };
 
 // Submits a RawMail and waits for it. Returns the size of the answer. `timeout` zero: 3 s. Errors as of RawMail.

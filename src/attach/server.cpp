@@ -5,16 +5,12 @@
 #include "attach/connection.hpp"
 #include "attach/event_log.hpp"
 #include "attach/listener.hpp"
+#include "attach/service_thread.hpp"
 
 #include <margay/version.hpp>
 
 #include <poll.h>
-#include <pthread.h>
-#include <sched.h>
-#include <signal.h>
-#include <sys/eventfd.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -83,14 +79,12 @@ class AttachServer::Loop {
     AttachSettings settings_;
     std::string error_{};
     attach::Listener listener_{};
-    int wake_ = -1;
-    std::atomic<bool> stopping_{false};
     attach::Moment now_{};
     attach::EventLog events_;
     std::vector<std::unique_ptr<Connection>> clients_{};
     std::vector<pollfd> polled_{};
     std::atomic<std::uint64_t> accepted_{0}, refused_{0}, requests_{0}, malformed_{0}, stalled_{0};
-    std::thread thread_{};
+    attach::ServiceThread thread_{};
 };
 
 // ------------------------------------------------------------------ begin and end
@@ -98,32 +92,14 @@ class AttachServer::Loop {
 void AttachServer::Loop::start() {
     error_ = listener_.open(path_, settings_);
     if (!error_.empty()) return;
-    wake_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (wake_ < 0) {
-        error_ = path_ + ": no eventfd: " + std::strerror(errno);
-        return;
-    }
-    // The signals of the application are for its own threads.
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    thread_ = std::thread([this] {
-        const sched_param ordinary{};
-        (void)pthread_setschedparam(pthread_self(), SCHED_OTHER, &ordinary);
-        (void)pthread_setname_np(pthread_self(), "margay-attach");
-        run();
-    });
-    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+    if (const auto failed = thread_.start("margay-attach", [this] { run(); }); !failed.empty())
+        error_ = path_ + ": " + failed;
 }
 
 // The jobs end in the thread that calls this, which owns the context.
 void AttachServer::Loop::stop() {
-    stopping_ = true;
-    if (wake_ >= 0) (void)::eventfd_write(wake_, 1);
-    if (thread_.joinable()) thread_.join();
+    thread_.stop();
     clients_.clear();
-    if (wake_ >= 0) ::close(wake_);
-    wake_ = -1;
 }
 
 // ------------------------------------------------------------------ the loop
@@ -140,7 +116,7 @@ timespec AttachServer::Loop::patience() const {
 
 void AttachServer::Loop::wait() {
     polled_.clear();
-    polled_.push_back({wake_, POLLIN, 0});
+    polled_.push_back({thread_.wake_fd(), POLLIN, 0});
     polled_.push_back({listener_.fd(), POLLIN, 0});
     for (const auto& client : clients_) {
         const short events =
@@ -155,7 +131,7 @@ void AttachServer::Loop::wait() {
 
 void AttachServer::Loop::run() {
     now_ = std::chrono::steady_clock::now();
-    while (!stopping_) {
+    while (!thread_.stopping()) {
         wait();
         events_.collect();
         for (std::size_t n = 0; n < clients_.size(); ++n) serve(*clients_[n], polled_[n + 2].revents);

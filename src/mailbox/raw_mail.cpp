@@ -16,6 +16,12 @@ void keep(RawMail& request, Bytes mail) {
     std::ranges::copy(mail.first(std::min(mail.size(), request.answer.size())), request.answer.begin());
 }
 
+// Keeps mail of the answer. False: it was not the last one.
+bool keep_last(RawMail& request, Bytes mail) {
+    keep(request, mail);
+    return request.more_follows == nullptr || !request.more_follows(request, mail);
+}
+
 Error outcome(const RawMail& request, const MailboxChannel& channel) {
     if (request.bytes <= request.answer.size()) return {};
     Error error = channel.station().error(Errc::capacity, Step::mailbox_receive);
@@ -33,8 +39,7 @@ class RawMessage final : public MailClient {
     }
     Taken accept(const wire::MailboxMessage& mail) override {
         if (!answers(request_, mail.data)) return Taken::no;
-        keep(request_, mail.data);
-        return Taken::all;
+        return keep_last(request_, mail.data) ? Taken::all : Taken::more;
     }
 
   private:
@@ -60,9 +65,8 @@ class RawListener final : public MailListener {
   private:
     bool take(const UnaskedMail& mail) override {
         if (arrived || !answers(request_, mail.data)) return false;
-        keep(request_, mail.data);
-        arrived = true;
-        channel_.engine().wake(timer_);
+        arrived = keep_last(request_, mail.data);
+        if (arrived) channel_.engine().wake(timer_);
         return true;
     }
 

@@ -37,6 +37,7 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"network", {"mailbox", "clock"}},
         {"api", {"network", "osal contract"}},
         {"attach", {"api"}},
+        {"gateway", {"attach", "subdevice"}},
         {"source",
          {"files", "sim", "osal/linux", "osal/virtual", "oshw/linux", "oshw/xdp", "oshw/pcap", "oshw/filters",
           "oshw/simulated"}},
@@ -46,7 +47,8 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"sim", {"subdevice"}},
         {"files", {"wire"}},
         {"samples",
-         {"files", "analyse", "api", "attach", "source", "osal/posix", "osal/bare", "osal/freertos", "oshw/lan9118"}},
+         {"files", "analyse", "api", "attach", "gateway", "source", "osal/posix", "osal/bare", "osal/freertos",
+          "oshw/lan9118"}},
         {"test", {"samples", "compat"}},
     };
     return rows;
@@ -88,8 +90,9 @@ std::string outside_fault(const std::string& layer, const std::string& header) {
         return layer == "oshw/xdp" || layer == "test" ? "" : "belongs to oshw/xdp/ only";
     if (begins("pugixml")) return layer == "files" || layer == "test" ? "" : "belongs to src/files/ only";
     if (layer == "compat") return "";
-    if (leaf || layer == "files" || layer == "analyse" || layer == "attach" || layer == "osal/linux" ||
-        layer == "osal/posix" || layer == "oshw/linux" || layer == "oshw/xdp" || layer == "oshw/pcap")
+    if (leaf || layer == "files" || layer == "analyse" || layer == "attach" || layer == "gateway" ||
+        layer == "osal/linux" || layer == "osal/posix" || layer == "oshw/linux" || layer == "oshw/xdp" ||
+        layer == "oshw/pcap")
         return "";
     if (layer == "osal/freertos" && (header == "FreeRTOS.h" || header == "semphr.h" || header == "task.h")) return "";
     if (freestanding_headers().count(header) != 0) return "";

@@ -84,6 +84,7 @@ std::string layer_of(std::string_view path) {
     };
     if (below("include/margay/files")) return "files";  // the public headers of src/files
     if (below("include/margay/attach")) return "attach";  // of src/attach
+    if (below("include/margay/gateway")) return "gateway";  // of src/gateway
     if (below("include/margay")) return "include";
     if (below("samples")) return "samples";
     if (below("test")) return "test";

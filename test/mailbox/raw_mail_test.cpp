@@ -142,6 +142,65 @@ TEST_F(RawMailTest, TheAnswerToAnAddressIsTaken) {
     EXPECT_EQ(gateway.error().code, Errc::timeout);
 }
 
+// Fragments: mail that says that more follows, without a message between.
+TEST_F(RawMailTest, AnAnswerOfSeveralMails) {
+    answer_with({mail_bytes({2, 10}), mail_bytes({1, 11}), mail_bytes({0, 12})}, kOwn);
+    struct Parts : RawMail {
+        mutable std::vector<std::byte> kept{};
+    } request;
+    request.more_follows = [](const RawMail& self, std::span<const std::byte> mail) {
+        if (mail[0] != std::byte{0}) static_cast<const Parts&>(self).kept.push_back(mail[1]);
+        return mail[0] != std::byte{0};
+    };
+    const Mail message = mail_bytes({7});
+    request.slave = 1;
+    request.type = kOwn;
+    request.message = message;
+    request.answer = answer;
+    ASSERT_TRUE(submit(*bus.ctx, request).ok());
+    bus.run(request);
+    EXPECT_EQ(request.state(), RequestState::success) << bus.words(request.error());
+    EXPECT_EQ(request.kept, mail_bytes({10, 11}));
+    EXPECT_EQ(request.bytes, 2U);
+    EXPECT_EQ(answer[1], std::byte{12});
+    // The last mail does not come.
+    answer_with({mail_bytes({1, 10})}, kOwn);
+    request.timeout = 50ms;
+    ASSERT_TRUE(submit(*bus.ctx, request).ok());
+    bus.run(request);
+    EXPECT_EQ(request.error().code, Errc::timeout);
+    // Without a message.
+    request.message = {};
+    request.kept.clear();
+    ASSERT_TRUE(submit(*bus.ctx, request).ok());
+    slave.reply(mail_bytes({1, 20}), kOwn);
+    slave.reply(mail_bytes({0, 21}), kOwn);
+    bus.run(request);
+    EXPECT_EQ(request.state(), RequestState::success) << bus.words(request.error());
+    EXPECT_EQ(request.kept, mail_bytes({20}));
+    EXPECT_EQ(answer[1], std::byte{21});
+}
+
+TEST_F(RawMailTest, ASlaveWithAnotherStationAddressGetsNothing) {
+    answer_with({mail_bytes({4})}, kOwn);
+    const Mail message = mail_bytes({7});
+    RawMail request;
+    request.slave = 1;
+    request.type = kOwn;
+    request.message = message;
+    request.answer = answer;
+    request.station = StationAddress{0x1001};
+    ASSERT_TRUE(submit(*bus.ctx, request).ok());
+    bus.run(request);
+    EXPECT_EQ(request.state(), RequestState::success) << bus.words(request.error());
+    request.station = StationAddress{0x1002};
+    EXPECT_EQ(
+        bus.words(submit(*bus.ctx, request).error()),
+        "slave 1: sending to the mailbox: there is no such slave (station address 0x1002 is wanted, and the slave "
+        "has 0x1001)");
+    EXPECT_EQ(slave.received.size(), 1U);
+}
+
 TEST_F(RawMailTest, AWaitGetsOnlyWhatNoListenerTakesAlsoOfLaterListeners) {
     struct Later final : MailListener {
         Later() : MailListener(kOwn) {}

@@ -1,0 +1,88 @@
+// The mailbox gateway (ETG.8200): tools reach the mailboxes of the slaves over UDP and TCP while the application runs,
+// for example a commissioning tool for drives. For hosted systems (target margay_gateway).
+//
+//     margay::HostContext ctx;
+//     …                                                 // init()
+//     margay::MailboxGateway gateway(ctx);              // 127.0.0.1, port 34980, UDP and TCP
+//     if (!gateway.error().empty()) …                   // not served; the master works without it
+//     …                                                 // the cycle runs
+//
+// A datagram or a stream has EtherCAT frames of type 5: the frame header (2 octets), then mailbox messages. The address
+// in the mailbox header is the station address of the slave that gets the message; 0 is the master, which answers CoE
+// by its own object dictionary (ETG.1510, read only). A reply has the address, the counter and the priority of the
+// message that it answers. What cannot be routed or is not answered in time gets a mailbox error reply.
+// src/gateway/README.md has the rules of each protocol, the error codes, and what is not there.
+//
+// The gateway has a thread of its own. The cycle never waits for it: the thread only submits requests (request.hpp),
+// and poll() executes them between the cycles as those of any other thread, after the same checks: nothing goes to a
+// slave that is lost, below PREOP, or was away and not identified since. What a client sends has no other effect on the
+// application, and the memory of the gateway is bounded by MailboxGatewaySettings.
+//
+// Access. The protocol has no authentication: whoever reaches the port can write what the application could write by
+// the mailbox. So the default address is that of this machine. `read_only` refuses everything that may change a slave.
+#pragma once
+
+#include <margay/context.hpp>
+#include <margay/slave.hpp>
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+namespace margay {
+
+struct MailboxGatewaySettings {
+    static constexpr std::uint16_t kPort = 34980;  // 0x88A4, registered for EtherCAT
+
+    std::string address = "127.0.0.1";  // in digits, IPv4 or IPv6; "0.0.0.0" and "::" are all interfaces
+    std::uint16_t port = kPort;         // of UDP and TCP; 0: any free one, see MailboxGateway::port()
+    bool udp = true;
+    bool tcp = true;
+    bool read_only = false;    // refuse everything that may change a slave
+    std::size_t clients = 8;   // TCP connections and senders of UDP together, 1 to 16
+    std::size_t waiting = 16;  // messages of one client that wait for their turn, 1 to 256
+    // How long a message may wait for its turn, and then for the reply of the slave. 10 ms to 1 min.
+    std::chrono::milliseconds reply_timeout{3000};
+    // Of the object dictionary of the master.
+    std::string name = "Margay EtherCAT master";  // 0x1008
+    Identity identity{};                          // 0x1018
+};
+
+// What the gateway has seen. For tests and for the curious: a rising number of `malformed` is a faulty client.
+struct MailboxGatewayCounts {
+    std::uint64_t clients = 0;    // TCP connections, and senders of UDP that were new
+    std::uint64_t refused = 0;    // clients beyond MailboxGatewaySettings::clients
+    std::uint64_t messages = 0;   // mailbox messages from clients
+    std::uint64_t replies = 0;    // to clients, error replies included
+    std::uint64_t errors = 0;     // error replies, those of slaves included
+    std::uint64_t malformed = 0;  // datagrams that were dropped and connections that were closed for what they sent
+    std::uint64_t stalled = 0;    // connections that were closed because nothing moved for 10 s
+    std::uint64_t lost = 0;       // replies that the system did not take, or whose client was gone
+};
+
+class MailboxGateway {
+  public:
+    // Binds the ports and starts the thread. Create it after init() and before the thread gets a processor of its own:
+    // the thread of the gateway inherits the processors, but not the real-time priority. Allocates memory; not for the
+    // cycle. `ctx` must outlive the gateway.
+    explicit MailboxGateway(Context& ctx, MailboxGatewaySettings settings = {});
+    // Ends all connections; busy requests of clients end as canceled. In the thread that owns the context.
+    ~MailboxGateway();
+    MailboxGateway(const MailboxGateway&) = delete;
+    MailboxGateway& operator=(const MailboxGateway&) = delete;
+
+    // Why the gateway does not serve, as a sentence; empty: it does.
+    [[nodiscard]] const std::string& error() const;
+    // The port of UDP and TCP.
+    [[nodiscard]] std::uint16_t port() const;
+    // Callable from any thread.
+    [[nodiscard]] MailboxGatewayCounts counts() const;
+
+  private:
+    class Loop;
+    std::unique_ptr<Loop> loop_;
+};
+
+}  // namespace margay

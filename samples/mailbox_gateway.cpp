@@ -1,0 +1,120 @@
+// mailbox_gateway: tools reach the mailboxes of the slaves over UDP and TCP (ETG.8200).
+#include "common/program.hpp"
+#include "common/slave_report.hpp"
+#include "common/source_arguments.hpp"
+
+#include <margay/gateway/mailbox_gateway.hpp>
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+namespace {
+
+using namespace margay;
+using namespace margay::samples;
+using namespace std::chrono_literals;
+
+struct Options {
+    SourceArguments source;
+    std::string listen = "127.0.0.1:34980";
+    bool read_only = false;
+};
+
+// ADDRESS, ADDRESS:PORT or [ADDRESS]:PORT. False: the port is no number.
+bool parse(std::string_view text, MailboxGatewaySettings& settings) {
+    const bool bracket = text.starts_with('[');
+    const auto end = bracket ? text.find(']') : std::string_view::npos;
+    if (bracket && end == std::string_view::npos) return false;
+    const bool plain_six = !bracket && std::ranges::count(text, ':') > 1;
+    const auto colon = plain_six ? std::string_view::npos : text.find(':', bracket ? end : 0);
+    settings.address = bracket ? text.substr(1, end - 1) : text.substr(0, colon);
+    if (colon == std::string_view::npos) return !bracket || end + 1 == text.size();
+    const auto digits = text.substr(colon + 1);
+    const auto [rest, failed] = std::from_chars(digits.data(), digits.data() + digits.size(), settings.port);
+    return failed == std::errc{} && rest == digits.data() + digits.size() && (!bracket || colon == end + 1);
+}
+
+class Program {
+  public:
+    Program(Source& source, const MailboxGatewaySettings& settings) : source_(source), settings_(settings) {}
+
+    int run() {
+        if (const auto ready = source_.begin(ctx_); !ready) return fail(sentence(ready.error()));
+        // Slaves that fail do not keep the tools from the others.
+        if (const auto found = config_init(ctx_); !found) {
+            if (ctx_.slaves().empty()) return fail(sentence(found.error()));
+            while (const auto error = ctx_.errors().take()) warn(sentence(*error));
+        }
+        supervise_.target = AlState::preop;
+        if (const auto begun = submit(ctx_, supervise_); !begun) return fail(sentence(begun.error()));
+        MailboxGateway gateway(ctx_, settings_);
+        if (!gateway.error().empty()) return fail(gateway.error(), exit_code::kSystem);
+        for (const Slave& slave : ctx_.slaves())
+            if (slave.mailbox.present())
+                print_out("0x{:04x}: slave {} ({})\n", slave.station_address.value, slave.number, slave.name());
+        const bool six = settings_.address.find(':') != std::string::npos;
+        print_out("listening at {}{}{}, port {}\n", six ? "[" : "", settings_.address, six ? "]" : "", gateway.port());
+        serve();
+        const auto counts = gateway.counts();
+        print_out("{} clients, {} messages, {} replies, {} of them errors\n", counts.clients, counts.messages,
+                  counts.replies, counts.errors);
+        supervise_.cancel();
+        return exit_code::kWell;
+    }
+
+  private:
+    void serve() {
+        while (!stop_asked()) {
+            const Time next = poll(ctx_, source_.osal().now());
+            while (const auto event = ctx_.events().take()) {
+                std::array<char, 400> text{};
+                print_out("{}\n", describe(*event, text));
+            }
+            // A message of a client ends the wait.
+            source_.osal().wait(std::min(next, source_.osal().now() + 100ms), source_.nic().wait_handle());
+        }
+    }
+
+    Source& source_;
+    const MailboxGatewaySettings& settings_;
+    HostContext ctx_{source_.limits(Limits{.slaves = 1024})};
+    SuperviseRequest supervise_;
+};
+
+int run(Source& source, const MailboxGatewaySettings& settings) {
+    std::setvbuf(stdout, nullptr, _IOLBF, 0);
+    stop_at_signals();
+    return std::make_unique<Program>(source, settings)->run();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Options options;
+    Arguments arguments(
+        "mailbox_gateway",
+        "Lets tools reach the mailboxes of the slaves over UDP and TCP (ETG.8200): a frame is the EtherCAT frame "
+        "header "
+        "of type 5 and mailbox messages, whose address is the station address of the slave (0: the master). Brings the "
+        "slaves to PREOP; exchanges no process data. Runs until SIGINT or SIGTERM.");
+    add_source_arguments(arguments, options.source);
+    arguments.option("--listen", options.listen,
+                     "ADDRESS:PORT in digits. DANGER: the protocol has no passwords: whoever reaches another address "
+                     "than that of this machine can write to the slaves");
+    arguments.flag("--read-only", options.read_only, "refuse every message that may change a slave");
+    return arguments.run(argc, argv, [&] {
+        MailboxGatewaySettings settings{.read_only = options.read_only};
+        if (!parse(options.listen, settings))
+            return fail(fmt::format("--listen {}: is not ADDRESS:PORT", options.listen), exit_code::kUsage);
+        options.source.options.real_time = true;
+        return run_on_source(options.source, [&](Source& source) { return run(source, settings); });
+    });
+}

@@ -1,0 +1,51 @@
+// A message of a client as a request of the library, and the mail that answers it.
+#pragma once
+
+#include "gateway/frame.hpp"
+#include "gateway/slave_table.hpp"
+#include "gateway/transaction.hpp"
+
+#include <margay/detail/octet_ring.hpp>
+#include <margay/mailbox.hpp>
+
+#include <atomic>
+#include <optional>
+
+namespace margay::gateway {
+
+class Client;
+
+[[nodiscard]] Rooms rooms_of(const SlaveFacts& slave);
+
+class MailJob final : public RawMail {
+  public:
+    // Sends the message of a client.
+    MailJob(const SlaveFacts& slave, Mail mail, const Transaction& transaction, Client& client);
+    // Sends nothing, and takes the mail of this protocol that nobody else takes.
+    MailJob(const SlaveFacts& slave, MailboxType protocol);
+
+    // Mail that came before the last one, in the order of coming. While the request is busy, too.
+    [[nodiscard]] std::optional<Octets> earlier();
+    // After success: the last mail; empty: the message is not answered.
+    [[nodiscard]] Bytes last() const { return Bytes(answer_).first(std::min(bytes, answer_.size())); }
+    // Earlier mail was lost, because the thread of the gateway has not taken it out in time.
+    [[nodiscard]] bool lost() const { return lost_.load(std::memory_order_acquire); }
+
+    Mail mail{};
+    Transaction transaction{};
+    Rooms rooms{};
+    Client* client = nullptr;  // nullptr: it is gone
+    Moment begun{};
+    bool again = false;  // submitted for the second time, by newer facts
+
+  private:
+    void take(const SlaveFacts& slave, std::size_t ring_bytes);
+    void keep(Bytes earlier) const;
+
+    Octets answer_{};
+    mutable Octets memory_{};
+    mutable std::optional<OctetRing> ring_{};
+    mutable std::atomic<bool> lost_{false};
+};
+
+}  // namespace margay::gateway

@@ -1,0 +1,87 @@
+// A master with a cycle on a simulated segment, and a mailbox gateway. The owner's thread never waits for a client;
+// what it writes comes back as inputs, and each cycle is checked.
+#pragma once
+
+#include "gateway/gateway_client.hpp"
+#include "segment/bench.hpp"
+#include "util/bytes.hpp"
+
+#include <margay/gateway/mailbox_gateway.hpp>
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <thread>
+#include <vector>
+
+namespace margay {
+
+using namespace std::chrono_literals;
+using namespace testing_gateway;
+
+class GatewayTest : public SegmentTest {
+  protected:
+    static constexpr std::uint16_t kOdd = 0x1001;    // 64 KiB of objects; outputs come back as inputs
+    static constexpr std::uint16_t kPlain = 0x1002;  // no mailbox
+    static constexpr std::uint16_t kDrive = 0x1003;  // CiA 402
+    static constexpr std::uint16_t kVoice = 0x1004;  // VoE
+    static constexpr std::uint16_t kAxes = 0x1005;   // SoE
+    static constexpr std::uint16_t kPort = 0x1006;   // EoE
+    static constexpr std::size_t kRoom = 128 - 6;    // of a message to kOdd
+
+    std::array<std::byte, 4096> image{};
+    std::unique_ptr<MailboxGateway> gateway;
+
+    void SetUp() override {
+        plug_line({"odd_device", "digital_in_8", "drive", "voe_device", "soe_drive", "eoe_gateway"});
+        switch_on();
+        ASSERT_TRUE(bring_up());
+        ASSERT_TRUE(config_map(ctx, image));
+        const auto up = reach(ctx, AlState::op, 5s);
+        ASSERT_TRUE(up) << words(up.error());
+        serve({});
+    }
+    void TearDown() override { gateway.reset(); }
+    void serve(MailboxGatewaySettings settings) {
+        gateway.reset();
+        settings.port = 0;
+        gateway = std::make_unique<MailboxGateway>(ctx, std::move(settings));
+        ASSERT_EQ(gateway->error(), "");
+    }
+
+    // Runs the cycle in this thread until all `clients` have ended. Returns the cycles that were not right.
+    int run(const std::vector<std::function<void()>>& clients) {
+        std::atomic<std::size_t> left = clients.size();
+        std::vector<std::thread> threads;
+        for (const auto& client : clients)
+            threads.emplace_back([&left, &client] {
+                client();
+                --left;
+            });
+        int wrong = 0;
+        cycles = 0;
+        while (left != 0 || cycles < 100) {
+            wrong += cycle() ? 0 : 1;
+            ++cycles;
+        }
+        for (auto& thread : threads) thread.join();
+        return wrong;
+    }
+    // The first word of the outputs counts; the inputs are an output of the last cycles.
+    bool cycle() {
+        const Slave& odd = ctx.slave(1);
+        ++counter_;
+        store_le(odd.image.outputs.bytes.span(), 0, counter_);
+        const bool right = send_processdata(ctx) && receive_processdata(ctx, 500us);
+        const auto age = static_cast<std::uint16_t>(counter_ - load_le<std::uint16_t>(odd.image.inputs.bytes.span()));
+        const Time end = osal.now() + 1ms;
+        while (osal.now() < end) osal.wait(std::min(poll(ctx, osal.now()), end), wire.wait_handle());
+        return right && (age <= 4 || counter_ < 10);
+    }
+    int cycles = 0;
+
+  private:
+    std::uint16_t counter_ = 0;
+};
+
+}  // namespace margay
