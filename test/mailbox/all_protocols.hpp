@@ -101,6 +101,14 @@ class Device final : public sim::Model,
         (void)server.send(header, data);
         return true;
     }
+    [[nodiscard]] EoeResult set_ip(const EoeIp& ip) override {
+        ip_ = ip;
+        return EoeResult::success;
+    }
+    [[nodiscard]] EoeResult get_ip(EoeIp& ip) override {
+        ip = ip_;
+        return EoeResult::success;
+    }
     void received(EoeServer& server, Bytes frame, Time) override { (void)server.send(frame, 1); }
     Time step(VoeServer&, Time) override { return kNever; }
     Time step(EoeServer&, Time) override { return kNever; }
@@ -117,6 +125,7 @@ class Device final : public sim::Model,
     }
 
     MutableBytes image_;
+    EoeIp ip_;
     std::vector<std::byte> file_;
     std::vector<std::byte> coming_;
     std::array<std::byte, 64> memory_{};
