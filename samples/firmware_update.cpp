@@ -46,6 +46,13 @@ std::string words(const Known& known) {
                        known.version);
 }
 
+// Errors by which a transfer ends before the slave has changed anything: the slave refuses the request, or there is no
+// way to send it.
+bool refuses_all(Errc code) {
+    return code == Errc::foe_error || code == Errc::mailbox_error || code == Errc::unsupported ||
+           code == Errc::invalid_argument || code == Errc::wrong_state;
+}
+
 class Update {
   public:
     Update(Source& source, const Options& options) : source_(source), options_(options), number_(options.position) {}
@@ -218,7 +225,7 @@ int Update::write(FirmwareFile& file) {
     const auto written = transfer(request);
     if (!written) {
         const bool of_file = written.error().code == Errc::stream_failed;
-        const bool refused = written.error().code == Errc::foe_error && !begun_;
+        const bool refused = !begun_ && refuses_all(written.error().code);
         fail(sent_ ? told(request, file.error()) : sentence(written.error()));
         const int status = leave_after_failure(sent_ && !refused);
         return of_file ? exit_code::kSystem : status;

@@ -54,8 +54,10 @@ int main(int argc, char** argv) {
     arguments.flag("--all", options.all, "also print the checks that passed or do not apply");
     arguments.option("--only", options.checks.only,
                      "only checks whose names begin with one of these, for example states,mailbox.repeat");
-    arguments.flag("--eeprom-write", options.checks.write_eeprom,
-                   "also write the EEPROM: the alias, with the value that it has");
+    arguments.flag(
+        "--eeprom-write", options.checks.write_eeprom,
+        "also write the EEPROM: the alias, with the value that it has, and the word behind the content, which "
+        "gets its old value again");
     return arguments.run(argc, argv, [&] {
         if (options.position == 0) return fail("POSITION is missing; the first slave is 1", exit_code::kUsage);
         stop_at_signals();

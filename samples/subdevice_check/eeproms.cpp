@@ -179,7 +179,53 @@ void check_ownership(Session& session) {
         bench.fail(fmt::format("the master read the EEPROM in PREOP, and the slave is in {}", status_text(al)));
 }
 
-// The alias, with its own value.
+// Writes a word and waits until the EEPROM has stored it: it acknowledges nothing meanwhile. Returns the last status.
+std::uint16_t write_word(Bench& bench, std::uint32_t word, std::uint16_t value) {
+    std::uint16_t status = control::kBusy;
+    const Time begun = bench.now();
+    while ((status & (control::kBusy | control::kMissingAcknowledge)) != 0 && bench.now() - begun < 100ms) {
+        bench.write<std::uint16_t>(reg::kSiiData.address, value);
+        bench.write<std::uint32_t>(reg::kSiiAddress.address, word);
+        bench.write<std::uint16_t>(reg::kSiiControl.address, control::kWriteEnable | control::kCommandWrite);
+        status = control::kBusy;
+        while ((status & control::kBusy) != 0 && bench.now() - begun < 200ms) {
+            bench.wait(100us);
+            status = bench.read<std::uint16_t>(reg::kSiiControl.address);
+        }
+        if ((status & control::kWriteEnableError) != 0) return status;
+    }
+    return status;
+}
+
+std::uint16_t read_stored_word(Bench& bench, std::uint32_t word) {
+    std::uint16_t status = control::kMissingAcknowledge;
+    for (const Time until = bench.now() + 100ms; bench.now() < until && (status & control::kMissingAcknowledge) != 0;)
+        status = execute(bench, control::kCommandRead, word);
+    return bench.read<std::uint16_t>(reg::kSiiData.address);
+}
+
+// The alias keeps its value, so that a loss of power does no harm. An EEPROM that stores nothing shows at the word
+// behind the content, which no program reads: it gets another value, and its own again.
+void check_stored(Bench& bench, Bytes content) {
+    constexpr std::uint16_t kBad = control::kBusy | control::kMissingAcknowledge | control::kWriteEnableError;
+    const auto word = static_cast<std::uint32_t>(content.size() / sii::kWordBytes);
+    if (content.size() + sii::kWordBytes > bench.slave().sii_bytes) return;
+    const auto before = read_stored_word(bench, word);
+    const auto other = static_cast<std::uint16_t>(~before);
+    if ((write_word(bench, word, other) & kBad) != 0) return;  // the device keeps this word for itself
+    const auto after = read_stored_word(bench, word);
+    if (after != other)
+        bench.fail(
+            fmt::format("word 0x{:04x} took 0x{:04x} without an error and still reads 0x{:04x}: the EEPROM "
+                        "stores nothing, or it is write-protected",
+                        word, other, after));
+    if (after == before) return;
+    (void)write_word(bench, word, before);
+    if (const auto now = read_stored_word(bench, word); now != before)
+        bench.fail(
+            fmt::format("word 0x{:04x}, which is not in use, was 0x{:04x} and is 0x{:04x} now", word, before, now));
+}
+
 void check_write(Session& session) {
     if (!session.options.write_eeprom) session.bench.skip("the EEPROM is written only with --eeprom-write");
     needs_content(session);
@@ -187,34 +233,20 @@ void check_write(Session& session) {
     if (!sii::checksum_right(session.sii)) bench.skip("the checksum is wrong: nothing is written");
     bench.reset();
     const auto before = load_le<std::uint16_t>(session.sii, sii::word::kAlias * sii::kWordBytes);
-    Duration longest{};
     const Time begun = bench.now();
-    bool written = false;
-    // An EEPROM acknowledges nothing while it stores a word.
-    while (!written && bench.now() - begun < 100ms) {
-        bench.write<std::uint16_t>(reg::kSiiData.address, before);
-        bench.write<std::uint32_t>(reg::kSiiAddress.address, sii::word::kAlias);
-        bench.write<std::uint16_t>(reg::kSiiControl.address, control::kWriteEnable | control::kCommandWrite);
-        std::uint16_t status = control::kBusy;
-        while ((status & control::kBusy) != 0 && bench.now() - begun < 200ms) {
-            bench.wait(100us);
-            status = bench.read<std::uint16_t>(reg::kSiiControl.address);
-        }
-        if ((status & control::kWriteEnableError) != 0) {
-            bench.fail(fmt::format("a write command with write enable ended with the status 0x{:04x}", status));
-            return;
-        }
-        written = (status & (control::kBusy | control::kMissingAcknowledge)) == 0;
+    const auto status = write_word(bench, sii::word::kAlias, before);
+    if ((status & control::kWriteEnableError) != 0) {
+        bench.fail(fmt::format("a write command with write enable ended with the status 0x{:04x}", status));
+        return;
     }
-    if (!written) bench.fail("a word could not be written within 100 ms");
-    std::uint16_t status = control::kMissingAcknowledge;
-    for (const Time until = bench.now() + 100ms; bench.now() < until && (status & control::kMissingAcknowledge) != 0;)
-        status = execute(bench, control::kCommandRead, sii::word::kAlias);
-    longest = bench.now() - begun;
-    const auto after = bench.read<std::uint16_t>(reg::kSiiData.address);
+    if ((status & (control::kBusy | control::kMissingAcknowledge)) != 0)
+        bench.fail("a word could not be written within 100 ms");
+    const auto after = read_stored_word(bench, sii::word::kAlias);
+    const Duration longest = bench.now() - begun;
     if (after != before)
         bench.fail(fmt::format("the alias 0x{:04x} was written and 0x{:04x} was read back", before, after));
     if (longest > 15ms) bench.remark(fmt::format("to write a word and to read it back takes {} ms", longest / 1ms));
+    check_stored(bench, session.sii);
     // Without write enable nothing may be written.
     bench.write<std::uint16_t>(reg::kSiiData.address, static_cast<std::uint16_t>(~before));
     if ((execute(bench, control::kCommandWrite, sii::word::kAlias) & control::kWriteEnableError) == 0)
@@ -229,7 +261,7 @@ constexpr Check kChecks[] = {
     {"eeprom.chip", "the SII describes the chip that is there", kContent, check_chip},
     {"eeprom.read", "the interface executes read commands", kInterface, check_read},
     {"eeprom.ownership", "the master gives the EEPROM to the PDI and takes it back", kInterface, check_ownership},
-    {"eeprom.write", "a word can be written, and only with write enable", kInterface, check_write},
+    {"eeprom.write", "a word can be written and is stored, and only with write enable", kInterface, check_write},
 };
 
 }  // namespace

@@ -90,7 +90,7 @@ void check_write_only(Session& session) {
 std::optional<DictionaryEntry> writable(Session& session) {
     for (const auto& entry : session.sdo.entries) {
         const bool harmless = entry.index == 0x10F1 || (entry.index == 0x10F3 && entry.subindex == 5) ||
-                              entry.index == 0x1C32 || entry.index == 0x1C33 ||
+                              (entry.index >= 0x1C32 && entry.index <= 0x1C4F) ||
                               (entry.index >= 0x1C12 && entry.index <= 0x1C13);
         const bool number = entry.bits == 8 || entry.bits == 16 || entry.bits == 32;
         constexpr unsigned kBoth = coe::access::kReadPreop | coe::access::kWritePreop;

@@ -91,13 +91,17 @@ bool MailboxChannel::answers_by_error(const wire::MailboxMessage& mail, std::uin
 }
 
 // An error reply does not contain the message that it answers. When a message without reply was sent a moment ago, the
-// error most likely belongs to it, since nothing else answers such a message. Otherwise it belongs to the oldest
-// exchange that waits.
+// error most likely belongs to it, since nothing else answers such a message. When no other answer comes, it was that
+// of the oldest exchange that waits.
 void MailboxChannel::error_reply(Bytes data) {
     ++statistics_.errors;
     const bool of_unanswered = now() < std::exchange(unanswered_until_, Time::min());
-    if (of_unanswered || awaiting_.empty()) return;
-    finish(static_cast<MailExchange&>(*awaiting_.front()), error_of(number_, data));
+    if (awaiting_.empty()) return;
+    auto& oldest = static_cast<MailExchange&>(*awaiting_.front());
+    if (of_unanswered)
+        oldest.error_ = error_of(number_, data);
+    else
+        finish(oldest, error_of(number_, data));
 }
 
 }  // namespace margay

@@ -32,7 +32,7 @@ bool MailExchange::await_suspend(std::coroutine_handle<> h) noexcept {
 
 Error MailExchange::await_resume() noexcept {
     if (state_ != State::over) {  // timed out
-        error_ = channel_.overdue(*this);
+        if (error_.code == Errc::none) error_ = channel_.overdue(*this);
         channel_.forget(*this);
         state_ = State::over;
     }
@@ -47,6 +47,7 @@ void MailboxChannel::enqueue(MailExchange& exchange) {
 
 // A part of the reply has arrived: the timeout for the next part starts now.
 void MailboxChannel::prolong(MailExchange& exchange) {
+    exchange.error_ = {};
     exchange.timer_.unlink();
     engine_->sleep(exchange.timer_, exchange.timer_.handle, exchange.options_.patience.for_one(now()));
 }

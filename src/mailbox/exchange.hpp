@@ -96,7 +96,7 @@ class MailExchange : public MailTurn {
     const MailSession* session_ = nullptr;
     wire::MailboxType type_;
     State state_ = State::idle;
-    Error error_;
+    Error error_;  // before State::over: an error reply that may be the answer
     Engine::Sleep::Timer timer_;
 };
 

@@ -36,8 +36,9 @@ struct SiiTiming {
     Duration write_busy = std::chrono::microseconds(300);
     Duration reload = std::chrono::microseconds(700);
     bool reads_8_bytes = true;
-    unsigned nacks = 0;     // number of commands after power-up that the EEPROM does not acknowledge
-    bool emulated = false;  // EEPROM emulation: the firmware executes the commands
+    unsigned nacks = 0;            // number of commands after power-up that the EEPROM does not acknowledge
+    bool write_protected = false;  // the EEPROM acknowledges written words and does not store them
+    bool emulated = false;         // EEPROM emulation: the firmware executes the commands
     // Additional bits that 0x0502 always shows: sii_control::kTwoByteAddressing (bit 7) on boards with a large EEPROM.
     std::uint16_t status_bits = 0;
 };

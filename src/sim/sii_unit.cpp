@@ -136,7 +136,9 @@ void SiiUnit::finish() {
         read_block();
     } else if (command == control::kCommandWrite) {
         const std::size_t at = std::size_t{word_} * 2;
-        if (at + 2 <= image_.size())
+        if (at + 2 <= image_.size() && timing_.write_protected)
+            stored_ = Time::min();  // no write cycle
+        else if (at + 2 <= image_.size())
             store_le(MutableBytes(image_), at, write_data_);
         else
             errors_ |= control::kMissingAcknowledge;

@@ -48,6 +48,10 @@ struct ProcessDataArea {
     [[nodiscard]] constexpr std::uint16_t assignment() const {
         return static_cast<std::uint16_t>(0x1C10u + sync_manager);
     }
+    // The object with the synchronization parameters of the SyncManager (ETG.1020 "Synchronization").
+    [[nodiscard]] constexpr std::uint16_t sync_parameters() const {
+        return static_cast<std::uint16_t>(0x1C30u + sync_manager);
+    }
 };
 
 // A direction has at most this many areas in DeviceDescription::more_outputs or more_inputs.

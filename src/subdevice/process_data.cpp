@@ -2,12 +2,8 @@
 
 #include "subdevice/esc_registers.hpp"
 #include "subdevice/esm_checks.hpp"
-#include "subdevice/sync_objects.hpp"
-#include "subdevice/timestamp.hpp"
 
 #include <algorithm>
-#include <limits>
-#include <utility>
 
 namespace margay::subdevice {
 
@@ -85,23 +81,13 @@ void ProcessData::count_bytes(bool outputs) {
     });
 }
 
-// Calls `visit(area, place in the process image, octets)` for the SyncManagers with a length.
-template <class Visit>
-void ProcessData::for_each_used(bool outputs, Visit visit) const {
-    std::size_t at = 0;
-    for_each_area(application_.description(), outputs, [&](const ProcessDataArea& area, std::size_t n) {
-        const std::size_t bytes = sizes_.of(outputs, n);
-        if (bytes != 0) visit(area, at, bytes);
-        at += bytes;
-    });
-}
-
 // ------------------------------------------------------------------ start and stop
 
 void ProcessData::start(Time now) {
     outputs_expired_ = sync_seen_ = outputs_valid_ = false;
     arrived_ = silent_ = unseen_ = 0;
     missed_ = syncs_ = 0;
+    late_ = 0;
     const auto raises_no_event = [this](const ProcessDataArea& area) {
         return (read_sync_manager(esc_, area.sync_manager).control & wire::sm_control::kPdiInterrupt) == 0;
     };
@@ -124,49 +110,6 @@ void ProcessData::start(Time now) {
     process(part::kApplication | part::kInputs, now);
 }
 
-void ProcessData::read_sync_settings() {
-    const auto& device = application_.description();
-    const auto activation = read_register<std::uint8_t>(esc_, reg::kSyncActivation.address);
-    constexpr auto kBoth = wire::sync_activation::kCyclic | wire::sync_activation::kSync0;
-    mode_ = device.dc.supported && (activation & kBoth) == kBoth ? SyncMode::dc_sync0 : SyncMode::process_data;
-    acknowledged_sync_ = read_register<std::uint16_t>(esc_, reg::kSyncPulseLength.address) == 0;
-    sync_cycle_ns_ = read_register<std::uint32_t>(esc_, reg::kSync0CycleTime.address);
-    syncs_per_frame_ = 1;
-    if (mode_ == SyncMode::dc_sync0 && sync_cycle_ns_ != 0) {
-        const auto frame = static_cast<std::uint32_t>(dictionary_.number(kOutputSyncParameters, sync_subindex::kCycle));
-        const auto sync1 = read_register<std::uint32_t>(esc_, reg::kSync1CycleTime.address);
-        const bool sync1_on = (activation & wire::sync_activation::kSync1) != 0;
-        if (frame > sync_cycle_ns_) {
-            syncs_per_frame_ = (frame - sync_cycle_ns_ / 2) / sync_cycle_ns_ + 1;
-        } else if (frame == 0 && sync1_on && sync1 >= sync_cycle_ns_) {
-            // A SYNC1 cycle time of n SYNC0 cycles: SYNC1 occurs at each (n + 1)th SYNC0.
-            syncs_per_frame_ = sync1 / sync_cycle_ns_ + 1;
-        }
-    }
-    const auto* const setting = dictionary_.find(kSyncErrorSetting);
-    sync_error_limit_ = setting != nullptr
-                            ? static_cast<unsigned>(dictionary_.number(kSyncErrorSetting, sync_subindex::kErrorLimit))
-                            : device.sync_error_limit;
-    find_sync_objects();
-}
-
-void ProcessData::find_sync_objects() {
-    const auto memory = [this](std::uint16_t index, std::uint8_t subindex, std::size_t bytes) -> MutableBytes {
-        const auto* const object = dictionary_.find(index);
-        const auto* const entry = object != nullptr ? object->entry(subindex) : nullptr;
-        if (entry == nullptr || entry->bytes() != bytes) return {};
-        return dictionary_.in_image(*entry, subindex);
-    };
-    missed_object_ = memory(kOutputSyncParameters, sync_subindex::kMissedFrames, 2);
-    sync_error_object_ = memory(kOutputSyncParameters, sync_subindex::kSyncError, 1);
-    measure_object_ = memory(kOutputSyncParameters, sync_subindex::kGetCycleTime, 2);
-    output_time_object_ = memory(kOutputSyncParameters, sync_subindex::kCalcAndCopy, 4);
-    input_time_object_ = memory(kInputSyncParameters, sync_subindex::kCalcAndCopy, 4);
-    exceeded_object_ = memory(kOutputSyncParameters, sync_subindex::kCycleExceeded, 2);
-    timestamp_object_ = memory(kTimestamp, 0, 8);
-    if (!sync_error_object_.empty()) sync_error_object_[0] = std::byte{0};
-}
-
 AlStatusCode ProcessData::missing(Time now) {
     if (has_outputs()) {
         forget_old_outputs(now);
@@ -178,23 +121,6 @@ AlStatusCode ProcessData::missing(Time now) {
     constexpr unsigned kEnough = 4;
     const bool unlocked = application_.description().dc.pll && has_outputs() && locked_ < kEnough;
     return unlocked ? AlStatusCode::pll_error : AlStatusCode::none;
-}
-
-// A frame that comes with SYNC0 is before it in one cycle and behind it in the next one.
-void ProcessData::note_phase(Time now) {
-    const Duration cycle{sync_cycle_ns_};
-    const Duration near = cycle / 32;
-    const Duration since = now - last_sync_;
-    ++frames_;
-    collided_ |= sync_seen_ && (since < near || since > cycle - near);
-}
-
-void ProcessData::watch_lock() {
-    if (++syncs_of_period_ < syncs_per_frame_) return;
-    const bool right = frames_ == 1 && (syncs_per_frame_ > 1 || !collided_);
-    locked_ = right ? locked_ + 1 : 0;
-    frames_ = syncs_of_period_ = 0;
-    collided_ = false;
 }
 
 // In SAFEOP. In OP, watch() takes the device to SAFEOP instead.
@@ -231,6 +157,7 @@ bool ProcessData::watchdog_running() {
 void ProcessData::start_outputs(Time now) {
     outputs_valid_ = true;
     missed_ = syncs_ = 0;
+    late_ = 0;
     watchdog_ = has_outputs() ? watchdog_time() : Duration{};
     watched_ = watchdog_ != Duration::zero();
     if (const auto own = application_.description().output_timeout; own != Duration::zero() && has_outputs())
@@ -271,27 +198,11 @@ void ProcessData::update(unsigned parts, std::uint32_t areas, Time now) {
         application_.cycle(now, outputs_valid_);
         arm(now);
         if (measuring_) used = application_.clock(now);
-        measured(output_time_object_, used - now);
+        measured(true, used - now);
     }
     if ((parts & part::kInputs) == 0 || input_bytes_ == 0) return;
     give_inputs(now);
-    if (measuring_) measured(input_time_object_, application_.clock(now) - used);
-}
-
-// The master begins a measurement by a write to 0x1C32:08. The times of the measurement before are deleted.
-void ProcessData::begin_measurement() {
-    const bool wanted = !measure_object_.empty() && (std::to_integer<unsigned>(measure_object_[0]) & 1) != 0;
-    if (std::exchange(measuring_, wanted) || !wanted) return;
-    for (const MutableBytes object : {output_time_object_, input_time_object_})
-        std::fill(object.begin(), object.end(), std::byte{0});
-}
-
-// Keeps the longest time.
-void ProcessData::measured(MutableBytes object, Duration time) {
-    if (!measuring_ || object.empty()) return;
-    const auto most = std::numeric_limits<std::uint32_t>::max();
-    const auto ns = static_cast<std::uint32_t>(std::clamp<std::int64_t>(time.count(), 0, most));
-    if (ns > load_le<std::uint32_t>(object)) store_le(object, 0, ns);
+    if (measuring_) measured(false, application_.clock(now) - used);
 }
 
 // Whether the cyclic data of the master do not drive the application: there are no outputs, or none have arrived yet,
@@ -318,6 +229,7 @@ void ProcessData::take_outputs(std::uint32_t areas, Time now) {
         if ((areas & al_event::sync_manager(area.sync_manager)) != 0)
             esc_.read(area.start, outputs_.subspan(at, bytes));
     });
+    late_ &= ~areas;
     arrived_ |= areas;
     outputs_expired_ = false;
     if ((areas & last_output_) != 0 || !outputs_valid_) last_outputs_ = now;
@@ -403,58 +315,7 @@ void ProcessData::serve(Time now, std::uint32_t events) {
     if (inputs_fetched(events) || next_cycle_ <= now) process(part::kApplication | part::kInputs, now);
 }
 
-// ------------------------------------------------------------------ synchronization
-
-// Reading the status ends the signal and its AL event.
-void ProcessData::acknowledge(wire::Register status) { (void)read_register<std::uint8_t>(esc_, status.address); }
-
-void ProcessData::serve_sync(Time now) {
-    count_sync(now);
-    process(part::kApplication | part::kInputs, now);
-    const bool exceeded = sync_cycle_ns_ != 0 && (application_.clock(now) - now).count() > sync_cycle_ns_;
-    if (!exceeded || exceeded_object_.empty()) return;
-    const auto count = load_le<std::uint16_t>(exceeded_object_);
-    store_le(exceeded_object_, 0, static_cast<std::uint16_t>(count + 1));
-}
-
-void ProcessData::sync0(Time now) {
-    sync_by_pin_ = true;
-    if (acknowledged_sync_) acknowledge(reg::kSync0Status);
-    if (!running_ || mode_ != SyncMode::dc_sync0) return;
-    // Outputs that have arrived belong to this SYNC0, although the handler of their event has not executed yet.
-    const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
-    const auto outputs = outputs_waiting(events, now) & ~unseen_;
-    if (outputs != 0) update(part::kOutputs, outputs, now);
-    serve_sync(now);
-}
-
-void ProcessData::sync1(Time now) {
-    sync1_by_pin_ = true;
-    if (acknowledged_sync_) acknowledge(reg::kSync1Status);
-    if (running_ && mode_ == SyncMode::dc_sync0) application_.sync1(now);
-}
-
-void ProcessData::count_sync(Time now) {
-    const auto gap = (now - last_sync_).count();
-    if (sync_seen_ && sync_cycle_ns_ != 0 && gap > 0) {
-        const auto most = UINT32_MAX - sync_cycle_ns_ / 2;
-        const auto gap_ns = gap < std::int64_t{most} ? static_cast<std::uint32_t>(gap) : most;
-        const auto cycles = (gap_ns + sync_cycle_ns_ / 2) / sync_cycle_ns_;
-        if (cycles > 1) counters_.missed_syncs += cycles - 1;
-    }
-    sync_seen_ = true;
-    last_sync_ = now;
-    watch_lock();
-    if (!outputs_valid_ || !has_outputs() || ++syncs_ < syncs_per_frame_) return;
-    syncs_ = 0;
-    if (++missed_ > 1) show_missed_frames();
-}
-
-// The first frame period after outputs is the period of these outputs.
-void ProcessData::show_missed_frames() {
-    ++counters_.missed_frames;
-    if (missed_object_.size() == 2) store_le(missed_object_, 0, static_cast<std::uint16_t>(counters_.missed_frames));
-}
+// ------------------------------------------------------------------ monitoring
 
 AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
     if ((events & al_event::kWatchdog) != 0) {
@@ -467,7 +328,7 @@ AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
         if (now - last_sync_ > Duration{kLostSyncs * std::int64_t{sync_cycle_ns_}})
             return AlStatusCode::fatal_sync_error;
         if (sync_error_limit_ != 0 && missed_ > sync_error_limit_) {
-            if (!sync_error_object_.empty()) sync_error_object_[0] = std::byte{1};
+            show_sync_error(true);
             return application_.description().dc.pll ? AlStatusCode::dc_sync_timeout
                                                      : AlStatusCode::synchronization_error;
         }

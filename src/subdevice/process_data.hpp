@@ -41,7 +41,7 @@ class ProcessData {
   public:
     struct Counters {
         std::uint32_t missed_syncs = 0;   // SYNC0 signals that were not seen, by the time between those that were
-        std::uint32_t missed_frames = 0;  // frame periods (see syncs_per_frame()) in OP without new outputs
+        std::uint32_t missed_frames = 0;  // frame periods (see syncs_per_frame()) in OP in which outputs did not arrive
     };
 
     template <std::size_t O, std::size_t I, std::size_t E>
@@ -102,17 +102,27 @@ class ProcessData {
   private:
     [[nodiscard]] AlStatusCode build_map(bool outputs);
     void count_bytes(bool outputs);
+    // Calls `visit(area, place in the process image, octets)` for the SyncManagers with a length.
     template <class Visit>
-    void for_each_used(bool outputs, Visit visit) const;
+    void for_each_used(bool outputs, Visit visit) const {
+        std::size_t at = 0;
+        for_each_area(application_.description(), outputs, [&](const ProcessDataArea& area, std::size_t n) {
+            const std::size_t bytes = sizes_.of(outputs, n);
+            if (bytes != 0) visit(area, at, bytes);
+            at += bytes;
+        });
+    }
     void update(unsigned parts, std::uint32_t areas, Time now);
     void read_sync_settings();
     void find_sync_objects();
-    void show_missed_frames();
+    void count_missed_frames();
+    void add_to_sync_counter(std::uint16_t object, std::uint8_t subindex);
+    void show_sync_error(bool error);
     void take_outputs(std::uint32_t areas, Time now);
     void apply_outputs();
     void give_inputs(Time now);
     void begin_measurement();
-    void measured(MutableBytes object, Duration time);
+    void measured(bool outputs, Duration time);
     void forget_old_outputs(Time now);
     void forget_outputs(Time now);
     void acknowledge(wire::Register status);
@@ -163,7 +173,8 @@ class ProcessData {
     std::uint32_t syncs_per_frame_ = 1;
     std::uint32_t syncs_ = 0;  // SYNC0 signals of the present frame period
     Duration watchdog_{};
-    unsigned missed_ = 0;  // frame periods since the last outputs
+    std::uint32_t late_ = 0;  // outputs that have not arrived since the last frame period ended
+    unsigned missed_ = 0;     // frame periods since the last outputs
     // For DcDescription::pll: periods in succession with one frame, and the frames of this period.
     unsigned locked_ = 0;
     unsigned frames_ = 0;
@@ -175,13 +186,8 @@ class ProcessData {
     Time next_cycle_ = kNever;  // the application is called without an event
     Time next_poll_ = kNever;   // used when SyncManagers of the outputs do not raise events
     Time next_watch_ = kNever;
-    MutableBytes missed_object_;       // memory of 0x1C32:0B; empty: the object does not exist
-    MutableBytes sync_error_object_;   // memory of 0x1C32:20
-    MutableBytes measure_object_;      // memory of 0x1C32:08
-    MutableBytes output_time_object_;  // memory of 0x1C32:06
-    MutableBytes input_time_object_;   // memory of 0x1C33:06
-    MutableBytes exceeded_object_;     // memory of 0x1C32:0C
-    MutableBytes timestamp_object_;    // memory of 0x10F8
+    MutableBytes measure_object_;    // memory of 0x1C32:08; empty: the object does not exist
+    MutableBytes timestamp_object_;  // memory of 0x10F8
     bool measuring_ = false;
     Counters counters_;
 };

@@ -23,6 +23,9 @@
 namespace margay::subdevice {
 
 namespace standard {
+[[nodiscard]] constexpr std::size_t protocol_count(const MailboxProtocols& p) {
+    return std::size_t{p.aoe} + p.eoe + p.coe + p.foe + p.soe + p.voe;
+}
 
 // Calls `visit(object, entry, subindex)` for each subindex that may be mapped in this direction. Objects of the
 // communication (0x1000 to 0x1FFF), such as 0x10F3, are mapped only by a PDO of the author.
@@ -157,6 +160,12 @@ class StandardObjects {
 template <const DeviceDescription& Description, const auto& Own, std::size_t ValueBytes, std::size_t More = 0,
           std::uint32_t Type = 0, std::size_t MostMapped = StandardObjects<Description, Own, Type>::kMostMapped>
 class StandardDevice {
+    // The SII announces the protocols of the description. A master gets no answers from one that has no server.
+    static_assert(Description.protocols.coe, "a StandardDevice has CoE: DeviceDescription::protocols must say so");
+    static_assert(standard::protocol_count(Description.protocols) <= 1 + More,
+                  "DeviceDescription::protocols has a protocol for which `More` has no server");
+    static_assert(Description.mailbox.present(), "a device with CoE needs DeviceDescription::mailbox");
+
   public:
     using Objects = StandardObjects<Description, Own, Type>;
     static constexpr std::size_t kMailboxBytes =

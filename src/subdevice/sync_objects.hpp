@@ -10,6 +10,10 @@
 //     constexpr auto kOutputSync = sync_output_entries<Values::sync>(kDevice);
 //     constexpr auto kInputSync = sync_input_entries<Values::sync>(kDevice);
 //     … record(0x10F1, "Sync error setting", kSyncError), … record(0x1C32, "Output sync", kOutputSync), …
+//
+// Each further SyncManager of a device (DeviceDescription::more_outputs, more_inputs) has such an object, too: 0x1C30 +
+// number, from more_sync_output_entries() or more_sync_input_entries(). Type, cycle time and missed frames are those of
+// the SyncManager. The rest belongs to the whole device and is the memory of the first object: a device has one update.
 #pragma once
 
 #include "subdevice/object_dictionary.hpp"
@@ -24,7 +28,7 @@ namespace sync_subindex {
 // 0x10F1. The limit is the number of consecutive frame periods without new outputs that are tolerated in OP with DC;
 // 0: no limit. It is taken over at PREOP→SAFEOP.
 inline constexpr std::uint8_t kErrorLimit = 2;
-// 0x1C32 and 0x1C33.
+// 0x1C32, 0x1C33, and those of further SyncManagers.
 inline constexpr std::uint8_t kType = 1;       // 0 free run, 1 SM event, 2 DC SYNC0
 inline constexpr std::uint8_t kCycle = 2;      // cycle time of the master in ns; 0: unknown
 inline constexpr std::uint8_t kSupported = 4;  // bit 0 free run, bit 1 SM event, bits 2 and 3 DC (01: SYNC0)
@@ -33,7 +37,7 @@ inline constexpr std::uint8_t kMinCycle = 5;   // in ns
 // 0x1C33: from there until the inputs are in the SyncManager. 0: not measured (Application::clock()).
 inline constexpr std::uint8_t kCalcAndCopy = 6;
 inline constexpr std::uint8_t kGetCycleTime = 8;      // bit 0: measure; a write of 1 begins a new measurement
-inline constexpr std::uint8_t kMissedFrames = 0x0B;   // frame periods without new outputs
+inline constexpr std::uint8_t kMissedFrames = 0x0B;   // frame periods without new outputs in this SyncManager
 inline constexpr std::uint8_t kCycleExceeded = 0x0C;  // updates that took longer than the SYNC0 cycle
 inline constexpr std::uint8_t kSyncError = 0x20;      // the device left OP because of such periods
 }  // namespace sync_subindex
@@ -55,6 +59,15 @@ struct SyncValues {
     static constexpr std::size_t bytes = 29;
 };
 
+// Values of the object of a further SyncManager, in the image from `Offset` on.
+template <std::size_t Offset>
+struct MoreSyncValues {
+    using type = Field<std::uint16_t, Offset>;
+    using cycle = Field<std::uint32_t, Offset + 2>;
+    using missed_frames = Field<std::uint16_t, Offset + 6>;
+    static constexpr std::size_t bytes = 8;
+};
+
 namespace sync_entry {
 [[nodiscard]] constexpr std::uint16_t supported(const DeviceDescription& d) {
     return static_cast<std::uint16_t>((d.free_run_cycle != Duration::zero() ? 1u : 0u) | 2u |
@@ -72,33 +85,60 @@ template <std::size_t Offset>
                                 static_cast<std::uint16_t>(d.sync_error_limit))};
 }
 
+namespace sync_entry {
+// `Device`: the values of the device; the other fields are those of the SyncManager.
+template <class Device, class Type, class Cycle, class Missed>
+[[nodiscard]] constexpr std::array<Entry, 10> of_outputs(const DeviceDescription& d) {
+    using namespace sync_subindex;
+    return {
+        entry_count(kSyncError),
+        value<Type>(kType, "Synchronization type", od::kReadWritePreop, 1),
+        value<Cycle>(kCycle, "Cycle time", od::kReadWritePreop),
+        constant<std::uint16_t>(kSupported, "Synchronization types supported", supported(d)),
+        constant<std::uint32_t>(kMinCycle, "Minimum cycle time", min_cycle_ns(d)),
+        value<typename Device::output_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
+        value<typename Device::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>),
+        value<Missed>(kMissedFrames, "SM event missed counter", od::kReadOnly),
+        value<typename Device::cycle_exceeded>(kCycleExceeded, "Cycle exceeded counter", od::kReadOnly),
+        flag<typename Device::sync_error>(kSyncError, "Sync error", od::kReadOnly)};
+}
+template <class Device, class Type, class Cycle>
+[[nodiscard]] constexpr std::array<Entry, 7> of_inputs(const DeviceDescription& d) {
+    using namespace sync_subindex;
+    return {
+        entry_count(kGetCycleTime),
+        value<Type>(kType, "Synchronization type", od::kReadWritePreop, 1),
+        value<Cycle>(kCycle, "Cycle time", od::kReadWritePreop),
+        constant<std::uint16_t>(kSupported, "Synchronization types supported", supported(d)),
+        constant<std::uint32_t>(kMinCycle, "Minimum cycle time", min_cycle_ns(d)),
+        value<typename Device::input_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
+        value<typename Device::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>)};
+}
+}  // namespace sync_entry
+
 template <std::size_t Offset>
 [[nodiscard]] constexpr std::array<Entry, 10> sync_output_entries(const DeviceDescription& d) {
     using V = SyncValues<Offset>;
-    using namespace sync_subindex;
-    return {entry_count(kSyncError),
-            value<typename V::output_type>(kType, "Synchronization type", od::kReadWritePreop, 1),
-            value<typename V::output_cycle>(kCycle, "Cycle time", od::kReadWritePreop),
-            constant<std::uint16_t>(kSupported, "Synchronization types supported", sync_entry::supported(d)),
-            constant<std::uint32_t>(kMinCycle, "Minimum cycle time", sync_entry::min_cycle_ns(d)),
-            value<typename V::output_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
-            value<typename V::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>),
-            value<typename V::missed_frames>(kMissedFrames, "SM event missed counter", od::kReadOnly),
-            value<typename V::cycle_exceeded>(kCycleExceeded, "Cycle exceeded counter", od::kReadOnly),
-            flag<typename V::sync_error>(kSyncError, "Sync error", od::kReadOnly)};
+    return sync_entry::of_outputs<V, typename V::output_type, typename V::output_cycle, typename V::missed_frames>(d);
 }
 
 template <std::size_t Offset>
 [[nodiscard]] constexpr std::array<Entry, 7> sync_input_entries(const DeviceDescription& d) {
     using V = SyncValues<Offset>;
-    using namespace sync_subindex;
-    return {entry_count(kGetCycleTime),
-            value<typename V::input_type>(kType, "Synchronization type", od::kReadWritePreop, 1),
-            value<typename V::input_cycle>(kCycle, "Cycle time", od::kReadWritePreop),
-            constant<std::uint16_t>(kSupported, "Synchronization types supported", sync_entry::supported(d)),
-            constant<std::uint32_t>(kMinCycle, "Minimum cycle time", sync_entry::min_cycle_ns(d)),
-            value<typename V::input_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
-            value<typename V::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>)};
+    return sync_entry::of_inputs<V, typename V::input_type, typename V::input_cycle>(d);
+}
+
+// The object of a further SyncManager. `Device`: the offset of the SyncValues. `Offset`: that of its MoreSyncValues.
+template <std::size_t Device, std::size_t Offset>
+[[nodiscard]] constexpr std::array<Entry, 10> more_sync_output_entries(const DeviceDescription& d) {
+    using V = MoreSyncValues<Offset>;
+    return sync_entry::of_outputs<SyncValues<Device>, typename V::type, typename V::cycle, typename V::missed_frames>(
+        d);
+}
+template <std::size_t Device, std::size_t Offset>
+[[nodiscard]] constexpr std::array<Entry, 7> more_sync_input_entries(const DeviceDescription& d) {
+    using V = MoreSyncValues<Offset>;
+    return sync_entry::of_inputs<SyncValues<Device>, typename V::type, typename V::cycle>(d);
 }
 
 }  // namespace margay::subdevice

@@ -131,6 +131,16 @@ TEST(SiiQuirks, ShowInTheEepromInterface) {
     };
     EXPECT_EQ(status_after_write(Hand(odd({}))) & 0x8000, 0);
     EXPECT_EQ(status_after_write(Hand(odd({"sii_busy_until_stored"}))) & 0x8000, 0x8000);
+    const auto stored = [](Hand hand) {
+        hand.rig.write(0, reg::kSiiControl.address, bytes({1, 2, 0x60, 0, 0, 0, 0x12, 0x34}));
+        hand.wait(10ms);
+        EXPECT_EQ(hand.rig.get<std::uint16_t>(0, reg::kSiiControl.address) & 0x6000, 0) << "no error shows";
+        hand.rig.put<std::uint16_t>(0, reg::kSiiControl.address, 0x0100);
+        hand.wait(10ms);
+        return hand.rig.get<std::uint16_t>(0, reg::kSiiData.address);
+    };
+    EXPECT_EQ(stored(Hand(odd({}))), 0x3412);
+    EXPECT_NE(stored(Hand(odd({"sii_write_protected"}))), 0x3412);
     auto et = make_device("odd_device").value();
     et.chip.sii.reads_8_bytes = true;
     ASSERT_TRUE(add_quirk(et, "sii_4_bytes"));

@@ -258,8 +258,7 @@ TEST_F(FoeClient, EndlessMailThatIsNoAnswerDoesNotProlongTheWait) {
     auto& slave = start_scripted();
     slave.on_mail = [&](const Mail& mail) {
         if (FoeAsked(mail).opcode != Opcode::write) return;
-        for (int n = 0; n < 5000; ++n)
-            slave.reply(foe_message(Opcode::acknowledge, 9), wire::MailboxType::foe);
+        for (int n = 0; n < 5000; ++n) slave.reply(foe_message(Opcode::acknowledge, 9), wire::MailboxType::foe);
     };
     FoeWrite request;
     request.slave = 1;
@@ -348,8 +347,7 @@ TEST_F(FoeClient, HostileRepliesEndTheTransferOrAreIgnored) {
             ASSERT_TRUE(submit(*bus.ctx, request).ok());
             bus.run(request, 5s);
             const bool old = at == 0 && reply.size() == 12 && expected == Errc::protocol && reply[0] == std::byte{6};
-            EXPECT_EQ(request.error().code, old ? Errc::timeout : expected)
-                << at << " " << bus.words(request.error());
+            EXPECT_EQ(request.error().code, old ? Errc::timeout : expected) << at << " " << bus.words(request.error());
             bus.idle(200ms);
         }
     }
@@ -361,8 +359,7 @@ TEST_F(FoeClient, RefusedWithoutFoeOrBeforePreop) {
     bus.start();
     (void)scripted;
     std::array<std::byte, 4> memory{};
-    EXPECT_EQ(bus.words(FOEread(*bus.ctx, 1, "x", 0, memory).error()),
-              "slave 1: FoE read: not supported by the slave");
+    EXPECT_EQ(bus.words(FOEread(*bus.ctx, 1, "x", 0, memory).error()), "slave 1: FoE read: not supported by the slave");
     EXPECT_EQ(FOEread(*bus.ctx, 3, "x", 0, memory).error().code, Errc::unknown_slave);
     const auto preop = FOEread(*bus.ctx, 2, "firmware", kPassword, memory);
     EXPECT_EQ(bus.words(preop.error()),
@@ -434,6 +431,21 @@ TEST(FoeLostFrames, WhereNothingIsRepeated) {
         EXPECT_EQ(back, image);
         if (at == 0) frames = bus.nic->sent - before;
     }
+}
+
+// An error reply does not say what it answers. Behind the last acknowledgement of a file it may be the answer to that
+// message, or to the next one.
+TEST(FoeInBoot, ARequestBehindAFileGetsTheErrorReplyOfTheSlave) {
+    MailboxBus bus;
+    bus.add_device(sim::make_device("bootloader_open").value());
+    bus.start();
+    ASSERT_EQ(bring(bus, AlState::boot).code, Errc::none);
+    std::vector<std::byte> back(8192);
+    ASSERT_TRUE(FOEread(*bus.ctx, 1, "firmware", 0, back).ok());
+    const auto type = SDOread<std::uint32_t>(*bus.ctx, 1, 0x1000, 0);
+    EXPECT_EQ(bus.words(type.error()),
+              "slave 1: SDO upload of 0x1000:0: mailbox error reply (detail 0x0002: the mailbox "
+              "protocol is not supported)");
 }
 
 }  // namespace

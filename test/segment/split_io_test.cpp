@@ -42,6 +42,21 @@ TEST_F(SplitIo, TheSiiHasASyncManagerAndAnFmmuForEachArea) {
         EXPECT_EQ(*SDOread<std::uint8_t>(ctx, 1, 0x1C00, n, 1s), (std::array{1, 2, 3, 4, 3, 4}[n - 1U]));
 }
 
+// ETG.1020: each SyncManager of process data has its synchronization parameters at 0x1C30 + its number.
+TEST_F(SplitIo, EachSyncManagerHasItsSynchronizationParameters) {
+    constexpr std::array<std::uint16_t, 4> kIndices{0x1C32, 0x1C33, 0x1C34, 0x1C35};
+    for (const std::uint16_t index : kIndices) {
+        const auto cycle = static_cast<std::uint32_t>(1'000'000 + index);
+        EXPECT_TRUE(SDOwrite(ctx, 1, index, 2, cycle, 1s)) << index;
+        EXPECT_EQ(*SDOread<std::uint16_t>(ctx, 1, index, 1, 1s), 1U) << index;
+    }
+    for (const std::uint16_t index : kIndices)
+        EXPECT_EQ(*SDOread<std::uint32_t>(ctx, 1, index, 2, 1s), 1'000'000U + index);
+    EXPECT_EQ(*SDOread<std::uint8_t>(ctx, 1, 0x1C34, 0, 1s), 0x20U);
+    EXPECT_EQ(*SDOread<std::uint8_t>(ctx, 1, 0x1C35, 0, 1s), 8U);
+    EXPECT_EQ(SDOwrite(ctx, 1, 0x1C34, 0x0B, std::uint16_t{0}, 1s).error().detail, 0x06010002U) << "read only";
+}
+
 TEST_F(SplitIo, EachSyncManagerCarriesItsPart) {
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(1);
     ASSERT_EQ(out().size(), 6U);

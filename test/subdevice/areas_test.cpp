@@ -2,6 +2,7 @@
 // which order values lie in the process image, and what its SII says.
 #include "subdevice/sii_image.hpp"
 #include "subdevice/standard_device.hpp"
+#include "subdevice/sync_objects.hpp"
 
 #include "mail_hand.hpp"
 #include "wire/sii_check.hpp"
@@ -36,7 +37,10 @@ struct AreaValues {
     using torque = Field<std::int16_t, speed::end>;  // SM4
     using position = Field<std::int32_t, torque::end>;
     using heat = Field<std::int16_t, position::end>;
-    static constexpr std::size_t bytes = heat::end;
+    static constexpr std::size_t sync = heat::end;
+    static constexpr std::size_t sync4 = sync + SyncValues<sync>::bytes;
+    static constexpr std::size_t sync5 = sync4 + MoreSyncValues<sync4>::bytes;
+    static constexpr std::size_t bytes = sync5 + MoreSyncValues<sync5>::bytes;
 };
 constexpr Entry kBits[] = {flag<AreaValues::bits>(0, "Bits", od::kReadWrite | od::kRxMappable, 3)};
 constexpr Entry kSpeed[] = {value<AreaValues::speed>(0, "Speed", od::kReadWrite | od::kRxMappable)};
@@ -52,6 +56,10 @@ constexpr Entry kIn2[] = {entry_count(1), assigned(1, 0x1600)};
 constexpr Entry kIn3[] = {entry_count(1), assigned(1, 0x1A00)};
 constexpr Entry kIn4[] = {entry_count(1), assigned(1, 0x1601)};
 constexpr Entry kIn5[] = {entry_count(1), assigned(1, 0x1A01)};
+constexpr auto kSync2 = sync_output_entries<AreaValues::sync>(kTwoAreas);
+constexpr auto kSync3 = sync_input_entries<AreaValues::sync>(kTwoAreas);
+constexpr auto kSync4 = more_sync_output_entries<AreaValues::sync, AreaValues::sync4>(kTwoAreas);
+constexpr auto kSync5 = more_sync_input_entries<AreaValues::sync, AreaValues::sync5>(kTwoAreas);
 constexpr Object kAreaObjects[] = {record(0x1600, "Rx of SM2", kRx2, nullptr, DataType::pdo_mapping),
                                    record(0x1601, "Rx of SM4", kRx4, nullptr, DataType::pdo_mapping),
                                    record(0x1A00, "Tx of SM3", kTx3, nullptr, DataType::pdo_mapping),
@@ -60,6 +68,10 @@ constexpr Object kAreaObjects[] = {record(0x1600, "Rx of SM2", kRx2, nullptr, Da
                                    array(0x1C13, "TxPDO assignment", kIn3),
                                    array(0x1C14, "RxPDO assignment", kIn4),
                                    array(0x1C15, "TxPDO assignment", kIn5),
+                                   record(0x1C32, "Sync of SM2", kSync2),
+                                   record(0x1C33, "Sync of SM3", kSync3),
+                                   record(0x1C34, "Sync of SM4", kSync4),
+                                   record(0x1C35, "Sync of SM5", kSync5),
                                    variable(0x6000, "Position", kPosition),
                                    variable(0x6001, "Heat", kHeat),
                                    variable(0x7000, "Bits", kBits),
@@ -74,10 +86,13 @@ class AreaApplication final : public Application {
     void cycle(Time, bool outputs_valid) override {
         ++cycles;
         valid = outputs_valid;
+        spent += 700ns;
         speed = AreaValues::speed::load(values_);
         torque = AreaValues::torque::load(values_);
     }
+    Time clock(Time now) override { return now + spent; }
     DeviceDescription device = kTwoAreas;
+    Duration spent{};
     unsigned cycles = 0;
     int speed = 0;
     int torque = 0;
@@ -126,6 +141,14 @@ class Areas : public ::testing::TestWithParam<RunMode> {
         ASSERT_TRUE(esc.ecat_write(0x1480, raw({torque & 0xFF, torque >> 8})));
         (void)run();
     }
+    std::uint64_t sync_value(unsigned index, unsigned subindex) {
+        return stack.dictionary.number(static_cast<std::uint16_t>(index), static_cast<std::uint8_t>(subindex));
+    }
+    void sync0() {
+        esc.time += 1ms;
+        esc.raise(wire::al_event::kDcSync0);
+        (void)run();
+    }
     void to_op() {
         ASSERT_EQ(request(4), (AlStatus{AlState::safeop, false, 0}));
         first(1, 1);
@@ -165,6 +188,62 @@ TEST_P(Areas, TheLastOneDrives) {
     second(1001);  // a group that is exchanged more often
     EXPECT_EQ(application.cycles, before + 2);
     EXPECT_EQ(application.speed, -300);
+}
+
+// Objects 0x1C34 and 0x1C35 beside 0x1C32 and 0x1C33.
+TEST_P(Areas, EachCountsItsOwnMissedFrames) {
+    esc.ecat_set<std::uint32_t>(0x09A0, 1'000'000);
+    esc.ecat_set<std::uint8_t>(0x0981, 3);
+    ASSERT_EQ(request(4), (AlStatus{AlState::safeop, false, 0}));
+    first(1, 1);
+    second(2);
+    sync0();
+    ASSERT_EQ(request(8), (AlStatus{AlState::op, false, 0}));
+    for (int n = 0; n < 10; ++n) {
+        first(n, 1);
+        second(n);
+        sync0();
+    }
+    EXPECT_EQ(sync_value(0x1C32, 0x0B), 0U);
+    EXPECT_EQ(sync_value(0x1C34, 0x0B), 0U);
+    for (int n = 0; n < 20; ++n) {  // SM4 drives: the device stays in OP
+        second(n);
+        sync0();
+    }
+    EXPECT_EQ(sync_value(0x1C32, 0x0B), 20U);
+    EXPECT_EQ(sync_value(0x1C34, 0x0B), 0U);
+    EXPECT_EQ(stack.process_data.counters().missed_frames, 20U);
+    EXPECT_EQ(esc.al_status(), (AlStatus{AlState::op, false, 0}));
+    first(1, 1);
+    second(2);
+    sync0();
+    for (int n = 0; n < 5; ++n) {
+        first(n, 1);
+        sync0();
+    }
+    EXPECT_EQ(sync_value(0x1C32, 0x0B), 20U);
+    EXPECT_EQ(sync_value(0x1C34, 0x0B), 4U) << "with the limit of four, the fifth ends OP";
+    EXPECT_EQ(esc.al_status(), (AlStatus{AlState::safeop, true, 0x001A}));
+    EXPECT_EQ(sync_value(0x1C32, 0x20), 1U);
+    EXPECT_EQ(sync_value(0x1C34, 0x20), 1U) << "one error of the device";
+}
+
+TEST_P(Areas, HaveTheirOwnCycleTimesAndTheMeasuredTimesOfTheDevice) {
+    for (const unsigned index : {0x1C32U, 0x1C33U, 0x1C34U, 0x1C35U}) {
+        EXPECT_EQ(sync_value(index, 1), 1U);
+        EXPECT_EQ(sync_value(index, 4), 6U) << "SM event and DC SYNC0";
+    }
+    MoreSyncValues<AreaValues::sync4>::cycle::store(memory.values, 2'000'000);
+    EXPECT_EQ(sync_value(0x1C34, 2), 2'000'000U);
+    EXPECT_EQ(sync_value(0x1C32, 2), 0U);
+    EXPECT_EQ(sync_value(0x1C35, 2), 0U);
+    SyncValues<AreaValues::sync>::get_cycle_time::store(memory.values, 1);
+    application.spent = 0ns;
+    to_op();
+    EXPECT_GE(sync_value(0x1C32, 6), 700U);
+    EXPECT_EQ(sync_value(0x1C34, 6), sync_value(0x1C32, 6));
+    EXPECT_EQ(sync_value(0x1C35, 6), sync_value(0x1C33, 6));
+    EXPECT_EQ(sync_value(0x1C35, 8), 1U) << "one command for all";
 }
 
 TEST_P(Areas, InputsGoToTheirOwnSyncManagers) {

@@ -28,7 +28,7 @@ void Model::begin(const Surroundings& around, Time now) {
     start(around, now);
 }
 
-Verdict Model::before(subdevice::Transition transition, Time now) {
+Verdict Model::decide(subdevice::Transition transition, Time now) {
     if (const auto why = objection(transition); why != AlStatusCode::none) return Verdict::refuse(why);
     if (quirks_.has(Quirk::slow_state_changes) && transition.up()) {
         if (slow_until_ == kNever) slow_until_ = now + kSlow;

@@ -37,7 +37,8 @@ class Model : public subdevice::Application {
         (void)transition, (void)now;
         return subdevice::Verdict::go();
     }
-    subdevice::Verdict before(subdevice::Transition transition, Time now) final;
+    // Inline, because a program with RTTI may have a model of its own, and the library has no RTTI.
+    subdevice::Verdict before(subdevice::Transition transition, Time now) final { return decide(transition, now); }
     void dropped(subdevice::Transition) override { slow_until_ = kNever; }
 
     // The firmware starts. All objects have their initial values.
@@ -82,6 +83,7 @@ class Model : public subdevice::Application {
     std::array<std::byte, 32 * kDiagnosisLines> diagnosis_memory_{};
     subdevice::Emergencies emergencies_{queue_, history_};
     subdevice::DiagnosisHistory diagnosis_{diagnosis_memory_, kDiagnosisLines};
+    [[nodiscard]] subdevice::Verdict decide(subdevice::Transition transition, Time now);
     [[nodiscard]] subdevice::AlStatusCode objection(subdevice::Transition transition);
 
     Quirks quirks_;

@@ -136,6 +136,10 @@ bool eeprom_nacks(Device& device) {
     device.chip.sii.nacks = 2;
     return true;
 }
+bool eeprom_write_protected(Device& device) {
+    device.chip.sii.write_protected = true;
+    return true;
+}
 bool no_lrw(Device& device) {
     device.chip.features |= wire::features::kLrwNotSupported;
     return true;
@@ -244,6 +248,7 @@ constexpr Row kRows[] = {
     {{"sii_mailbox_1487", "the mailboxes in its SII are one octet larger than a frame carries"}, mailbox_1487},
     {{"sii_mailbox_large", "the mailboxes in its SII have 4 KiB"}, mailbox_large},
     {{"sii_mailbox_in_large", "the send mailbox in its SII is larger than a frame carries"}, mailbox_in_large},
+    {{"sii_write_protected", "its EEPROM takes written words and does not store them"}, eeprom_write_protected},
 };
 
 }  // namespace

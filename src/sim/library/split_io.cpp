@@ -1,6 +1,7 @@
 // "split_io": a device with two SyncManagers in each direction. Its digital channels have SM2 and SM3, its analogue
 // channels SM4 and SM5, whose PDOs the master may choose.
 #include "sim/library/device_tables.hpp"
+#include "subdevice/sync_objects.hpp"
 
 #include <algorithm>
 
@@ -20,7 +21,10 @@ struct SplitValues {
     using analogue_pins = Field<std::int16_t, digital_pins::end>;  // two
     static constexpr std::size_t rx = analogue_pins::end + 2;
     static constexpr std::size_t tx = rx + kListBytes<std::uint16_t, 1>;
-    static constexpr std::size_t bytes = tx + kListBytes<std::uint16_t, 1>;
+    static constexpr std::size_t sync = tx + kListBytes<std::uint16_t, 1>;
+    static constexpr std::size_t sync4 = sync + SyncValues<sync>::bytes;
+    static constexpr std::size_t sync5 = sync4 + MoreSyncValues<sync4>::bytes;
+    static constexpr std::size_t bytes = sync5 + MoreSyncValues<sync5>::bytes;
 };
 
 constexpr ProcessDataArea kSplitMoreOutputs[] = {
@@ -66,7 +70,14 @@ constexpr auto kSplitRxAssignment =
 constexpr auto kSplitTxAssignment =
     changeable_list<std::uint16_t, 1>(SplitValues::tx, 1, "Assigned PDO", std::array<std::uint16_t, 1>{0x1A01});
 
+constexpr auto kSplitSyncError = sync_error_entries<SplitValues::sync>(kSplitDevice);
+constexpr auto kSplitSync2 = sync_output_entries<SplitValues::sync>(kSplitDevice);
+constexpr auto kSplitSync3 = sync_input_entries<SplitValues::sync>(kSplitDevice);
+constexpr auto kSplitSync4 = more_sync_output_entries<SplitValues::sync, SplitValues::sync4>(kSplitDevice);
+constexpr auto kSplitSync5 = more_sync_input_entries<SplitValues::sync, SplitValues::sync5>(kSplitDevice);
+
 constexpr auto kSplitObjects = with_common<SplitCommon>({
+    record(0x10F1, "Sync error setting", kSplitSyncError),
     record(0x1600, "Digital outputs", kSplitRxDigital, nullptr, DataType::pdo_mapping),
     record(0x1601, "Analogue outputs", kSplitRxAnalogue, nullptr, DataType::pdo_mapping),
     record(0x1602, "One analogue output", kSplitRxOne, nullptr, DataType::pdo_mapping),
@@ -77,6 +88,10 @@ constexpr auto kSplitObjects = with_common<SplitCommon>({
     array(0x1C13, "TxPDO assignment of SM3", kOneTxPdo),
     array(0x1C14, "RxPDO assignment of SM4", kSplitRxAssignment, &kPdoAssignmentHooks),
     array(0x1C15, "TxPDO assignment of SM5", kSplitTxAssignment, &kPdoAssignmentHooks),
+    record(0x1C32, "Synchronization of SM2", kSplitSync2),
+    record(0x1C33, "Synchronization of SM3", kSplitSync3),
+    record(0x1C34, "Synchronization of SM4", kSplitSync4),
+    record(0x1C35, "Synchronization of SM5", kSplitSync5),
     variable(0x6000, "Digital inputs", kSplitDigitalIn),
     array(0x6010, "Analogue inputs", kSplitAnalogueIn),
     variable(0x6020, "Updates", kSplitUpdates),

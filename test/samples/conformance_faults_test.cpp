@@ -1,0 +1,402 @@
+// The checks of subdevice_check: faults of one device, made between its firmware and its ESC, are found by name.
+#include "samples/conformance.hpp"
+#include "subdevice/esc_access.hpp"
+#include "wire/coe.hpp"
+#include "wire/sii.hpp"
+#include "wire/sii_category.hpp"
+
+#include <set>
+
+namespace margay::samples::conformance {
+namespace {
+
+using Octets = std::vector<std::byte>;
+
+struct Fault {
+    std::string_view check;  // finds it, as an error
+    std::string_view what;
+    // Change what the firmware writes, or what it reads; return false to drop a write.
+    bool (*write)(std::uint16_t address, Octets& data) = nullptr;
+    void (*read)(std::uint16_t address, MutableBytes data) = nullptr;
+    // Acts on the ESC beside the firmware, in each step.
+    void (*step)(subdevice::EscAccess& esc) = nullptr;
+    // Changes chip or SII before the device is switched on.
+    void (*prepare)(sim::Device& device) = nullptr;
+    Severity severity = Severity::error;
+};
+
+class FaultyPdi final : public subdevice::EscAccess {
+  public:
+    FaultyPdi(subdevice::EscAccess& esc, const Fault& fault) : esc_(esc), fault_(fault) {}
+    void read(std::uint16_t address, MutableBytes into) noexcept override {
+        esc_.read(address, into);
+        if (fault_.read != nullptr) fault_.read(address, into);
+    }
+    void write(std::uint16_t address, Bytes data) noexcept override {
+        Octets octets(data.begin(), data.end());
+        if (fault_.write == nullptr || fault_.write(address, octets)) esc_.write(address, octets);
+    }
+    Time now() noexcept override { return esc_.now(); }
+
+  private:
+    subdevice::EscAccess& esc_;
+    const Fault& fault_;
+};
+
+class FaultyFirmware final : public sim::Firmware {
+  public:
+    FaultyFirmware(std::unique_ptr<sim::Firmware> inner, const Fault& fault)
+        : inner_(std::move(inner)), fault_(fault) {}
+    void start(subdevice::EscAccess& esc, Time now) override {
+        pdi_ = std::make_unique<FaultyPdi>(esc, fault_);
+        inner_->start(*pdi_, now);
+    }
+    Time step(Time now) override {
+        const auto next = inner_->step(now);
+        if (fault_.step == nullptr) return next;
+        fault_.step(*pdi_);
+        return std::min(next, now + std::chrono::milliseconds(1));
+    }
+
+  private:
+    std::unique_ptr<sim::Firmware> inner_;
+    const Fault& fault_;
+    std::unique_ptr<FaultyPdi> pdi_;
+};
+
+// In a write of the AL status code, one code instead of another.
+template <std::uint16_t From, std::uint16_t To>
+bool replace_code(std::uint16_t address, Octets& data) {
+    if (address == reg::kAlStatusCode.address && load_le<std::uint16_t>(data, 0) == From)
+        store_le<std::uint16_t>(data, 0, To);
+    return true;
+}
+// The error indication is never set.
+bool no_error_bit(std::uint16_t address, Octets& data) {
+    if (address == reg::kAlStatus.address) data[0] &= ~std::byte{wire::al::kErrorIndication};
+    return true;
+}
+// A write into the send mailbox of the odd device.
+bool is_mail(std::uint16_t address, const Octets& data) { return address == 0x1400 && data.size() > 8; }
+bool is_service(std::uint16_t address, const Octets& data, coe::Service service) {
+    return is_mail(address, data) && data.size() >= 14 && (std::to_integer<unsigned>(data[5]) & 0x0F) == 3 &&
+           coe::load_header(Bytes(data).subspan(6)).service == service;
+}
+template <std::uint32_t From, std::uint32_t To>
+bool replace_abort(std::uint16_t address, Octets& data) {
+    if (is_mail(address, data))
+        for (std::size_t at = 6; at + 4 <= data.size(); ++at)
+            if (load_le<std::uint32_t>(data, at) == From) store_le<std::uint32_t>(data, at, To);
+    return true;
+}
+bool replace_error_detail(std::uint16_t address, Octets& data) {
+    if (is_mail(address, data) && (std::to_integer<unsigned>(data[5]) & 0x0F) == 0) data[8] = std::byte{0x77};
+    return true;
+}
+// An SDO information response of one opcode.
+bool is_information(std::uint16_t address, const Octets& data, coe::InfoOpcode opcode) {
+    return is_service(address, data, coe::Service::sdo_information) &&
+           (std::to_integer<unsigned>(data[8]) & 0x7F) == static_cast<unsigned>(opcode);
+}
+// The first SDO response of an upload of this object.
+bool is_upload(std::uint16_t address, const Octets& data, std::uint16_t index, std::uint8_t subindex) {
+    return is_service(address, data, coe::Service::sdo_response) && data.size() >= 16 &&
+           (std::to_integer<unsigned>(data[8]) >> 5) == coe::response::kUpload &&
+           load_le<std::uint16_t>(data, 9) == index && std::to_integer<unsigned>(data[11]) == subindex;
+}
+// What the firmware reads at one address.
+template <std::uint16_t Address, unsigned Set, unsigned Cleared = 0>
+void read_bits(std::uint16_t address, MutableBytes data) {
+    if (address <= Address && Address < address + data.size()) {
+        auto& octet = data[Address - address];
+        octet = (octet | std::byte{Set}) & ~std::byte{Cleared};
+    }
+}
+// The firmware always reads a SyncManager as it should be.
+template <unsigned N, std::uint16_t Start, std::uint16_t Length, std::uint8_t Control>
+void read_right_sync_manager(std::uint16_t address, MutableBytes data) {
+    if (address != reg::sync_manager(N).address || data.size() < 8) return;
+    wire::store_sync_manager(data, {Start, Length, Control, 1});
+}
+
+// After an error in PREOP, a request for INIT with an acknowledge looks like one for PREOP without.
+bool error_in_preop = false;
+bool note_error(std::uint16_t address, Octets& data) {
+    if (address == reg::kAlStatus.address) error_in_preop = data[0] == std::byte{0x12};
+    return true;
+}
+void read_no_init_after_error(std::uint16_t address, MutableBytes data) {
+    if (error_in_preop && address == reg::kAlControl.address && data[0] == std::byte{0x11}) data[0] = std::byte{0x02};
+}
+
+// An SDO download of this subindex that was aborted looks like a success.
+template <std::uint16_t Index, std::uint8_t Subindex>
+bool grant(std::uint16_t address, Octets& data) {
+    if (!is_mail(address, data) || data.size() < 16 || data[8] != std::byte{0x80}) return true;
+    if (load_le<std::uint16_t>(data, 9) != Index || data[11] != std::byte{Subindex}) return true;
+    coe::store_header(MutableBytes(data).subspan(6), {0, coe::Service::sdo_response});
+    data[8] = std::byte{0x60};
+    store_le<std::uint32_t>(data, 12, 0);
+    return true;
+}
+// An SDO request that the firmware reads from the receive mailbox, behind the header of the mailbox.
+bool is_request(std::uint16_t address, Bytes data, unsigned command) {
+    return address == 0x1006 && data.size() >= 10 && coe::load_header(data).service == coe::Service::sdo_request &&
+           std::to_integer<unsigned>(data[2]) == command;
+}
+std::uint16_t al_status_of(subdevice::EscAccess& esc) {
+    std::array<std::byte, 2> word{};
+    esc.read(reg::kAlStatus.address, word);
+    return load_le<std::uint16_t>(word, 0);
+}
+void set_al_status(subdevice::EscAccess& esc, std::uint16_t status, std::uint16_t code) {
+    std::array<std::byte, 2> word{};
+    store_le(MutableBytes(word), 0, code);
+    esc.write(reg::kAlStatusCode.address, word);
+    store_le(MutableBytes(word), 0, status);
+    esc.write(reg::kAlStatus.address, word);
+}
+bool full_message = false;  // the last message had the size of the mailbox
+// Between the begin of an upload in segments and its last segment.
+bool in_segments = false;
+bool note_segments(std::uint16_t address, Octets& data) {
+    if (!is_service(address, data, coe::Service::sdo_response) || data.size() < 10) return true;
+    const auto command = std::to_integer<unsigned>(data[8]);
+    if (command >> 5 == coe::response::kUpload) in_segments = (command & 2) == 0;
+    if (command >> 5 == 0 && (command & 1) != 0) in_segments = false;
+    return true;
+}
+
+constexpr Fault kFaults[] = {
+    {"states.restart", "only the first start works",
+     [](std::uint16_t address, Octets& data) {
+         static unsigned starts = 0;
+         if (address == reg::kAlStatus.address && data[0] == std::byte{2} && ++starts > 2) data[0] = std::byte{0x11};
+         return true;
+     }},
+    {.check = "states.device_id",
+     .what = "the SII announces an ID that the device does not have",
+     .prepare =
+         [](sim::Device& device) {
+             const auto general = wire::sii::find_category(device.sii, wire::sii::category::kGeneral);
+             ASSERT_TRUE(general);
+             const auto at = static_cast<std::size_t>(general->data() - device.sii.data()) + 11;
+             device.sii[at] |= std::byte{wire::sii::general_flag::kIdentAlStatus};
+         }},
+    {"sdo.write_only", "a write-only entry is read",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::entry_response) &&
+             load_le<std::uint16_t>(data, 12) == 0x1000)
+             data[20] = std::byte{0x38};
+         return true;
+     }},
+    {"segments.client_abort", "an abort is answered", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         if (is_request(address, data, 0x80)) data[2] = std::byte{0x60};
+     }},
+    {"segments.new_request", "a new request ends the transfer without a reply", note_segments,
+     [](std::uint16_t address, MutableBytes data) {
+         if (!in_segments || !is_request(address, data, 0x40) || load_le<std::uint16_t>(data, 3) != 0x1000) return;
+         data[2] = std::byte{0x80};
+         in_segments = false;
+     }},
+    {"pdos.assignment", "a value is written while the count is not 0", grant<0x1C12, 1>},
+    {"pdos.unknown", "a PDO that does not exist", grant<0x1C12, 1>},
+    {"pdos.locked", "the count is written in SAFEOP", grant<0x1C12, 0>},
+    {"mailbox.octets", "the reply to a message of the size of the mailbox is empty",
+     [](std::uint16_t address, Octets& data) {
+         if (is_mail(address, data) && full_message) store_le<std::uint16_t>(data, 0, 0);
+         return true;
+     },
+     [](std::uint16_t address, MutableBytes data) {
+         if (address == 0x1000 && data.size() >= 6) full_message = load_le<std::uint16_t>(data, 0) == 128 - 6;
+     }},
+    {"mailbox.full", "every fourth reply has another type",
+     [](std::uint16_t address, Octets& data) {
+         static unsigned count = 0;
+         if (is_mail(address, data) && ++count % 4 == 0) data[5] |= std::byte{0x0F};
+         return true;
+     }},
+    {.check = "mailbox.channel",
+     .what = "the channel is not checked",
+     .read =
+         [](std::uint16_t address, MutableBytes data) {
+             if (address == 0x1000 && data.size() >= 6) data[4] &= std::byte{0xC0};
+         },
+     .severity = kRemark},
+    {.check = "clock.rate",
+     .what = "the quartz is a tenth too fast",
+     .prepare = [](sim::Device& device) { device.chip.clock.drift_ppb = 100'000'000; }},
+    {"clock.lost", "another code", replace_code<0x002C, 0x0001>},
+    {.check = "eeprom.ownership",
+     .what = "the slave reports an error while the master has the EEPROM",
+     .step =
+         [](subdevice::EscAccess& esc) {
+             std::array<std::byte, 1> owner{};
+             esc.read(reg::kSiiConfig.address, owner);
+             if ((owner[0] & std::byte{1}) == std::byte{0} && al_status_of(esc) == 2) set_al_status(esc, 0x12, 0x0050);
+         }},
+    {.check = "process_data.exchange",
+     .what = "OP ends after 50 ms",
+     .step =
+         [](subdevice::EscAccess& esc) {
+             static unsigned steps = 0;
+             if (al_status_of(esc) == 8 && ++steps > 50) set_al_status(esc, 0x14, 0x0001);
+         }},
+    {"process_data.inputs", "the inputs stay locked",
+     [](std::uint16_t address, Octets& data) {
+         if (address == 0x081F) data[0] |= std::byte{wire::sm_pdi_control::kDeactivate};
+         return true;
+     }},
+    {"watchdog.time", "the time is taken as too long", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         static bool longer = false;
+         if (address == reg::kProcessDataWatchdogTime.address) longer = load_le<std::uint16_t>(data, 0) > 1000;
+         if (longer) read_bits<0x0440, 0, 1>(address, data);
+     }},
+    {"watchdog.off", "a time of 0 counts as expired", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         static bool off = false;
+         if (address == reg::kProcessDataWatchdogTime.address) {
+             off = load_le<std::uint16_t>(data, 0) == 0;
+             if (off) store_le<std::uint16_t>(data, 0, 1000);
+         }
+         if (off) read_bits<0x0440, 0, 1>(address, data);
+     }},
+    {"states.up", "OP has a code",
+     [](std::uint16_t address, Octets& data) {
+         if (address == reg::kAlStatusCode.address) data[0] |= std::byte{1};
+         return true;
+     }},
+    {"states.up", "SAFEOP is never reached",
+     [](std::uint16_t address, Octets& data) {
+         if (address == reg::kAlStatus.address && data[0] == std::byte{4}) data[0] = std::byte{2};
+         return true;
+     }},
+    {"states.down", "SAFEOP is shown as OP",
+     [](std::uint16_t address, Octets& data) {
+         static bool op = false;
+         if (address != reg::kAlStatus.address) return true;
+         const bool down = op && data[0] == std::byte{4};
+         op = data[0] == std::byte{8};
+         return !down;
+     }},
+    {"states.same", "a request for the same state is an error",
+     [](std::uint16_t address, Octets& data) {
+         static std::byte last{};
+         if (address != reg::kAlStatus.address) return true;
+         if (data[0] == last && last == std::byte{2}) data[0] |= std::byte{0x10};
+         last = data[0];
+         return true;
+     }},
+    {"states.skipped", "another code", replace_code<0x0011, 0x0001>},
+    {"states.skipped", "no error indication", no_error_bit},
+    {"states.unknown", "another code", replace_code<0x0012, 0x0011>},
+    {"states.boot", "another code", replace_code<0x0013, 0x0001>},
+    {"states.acknowledge", "the code stays",
+     [](std::uint16_t address, Octets& data) {
+         return address != reg::kAlStatusCode.address || load_le<std::uint16_t>(data, 0) != 0;
+     }},
+    {"states.error_stays", "every request acknowledges", nullptr, read_bits<0x0120, 0x10>},
+    {"states.init_clears", "an error stays in PREOP", note_error, read_no_init_after_error},
+    {"sm.mailbox_settings", "another code", replace_code<0x0016, 0x0001>},
+    {"sm.mailbox_settings", "SyncManager 0 is not checked", nullptr, read_right_sync_manager<0, 0x1000, 128, 0x26>},
+    {"sm.mailbox_overlap", "SyncManager 1 is not checked", nullptr, read_right_sync_manager<1, 0x1400, 128, 0x22>},
+    {"sm.process_settings", "another code for outputs", replace_code<0x001D, 0x0001>},
+    {"sm.process_settings", "SyncManager 3 is not checked", nullptr, read_right_sync_manager<3, 0x1A00, 8, 0x20>},
+    {"sm.mailbox_off", "SyncManager 0 always looks switched on", nullptr, read_bits<0x0806, 1>},
+    {"sm.process_data_off", "SyncManager 2 always looks switched on", nullptr, read_bits<0x0816, 1>},
+    {"mailbox.duplicate", "each message looks new", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         static unsigned count = 0;
+         if (address == 0x1000 && data.size() >= 6)
+             data[5] = (data[5] & std::byte{0x8F}) | static_cast<std::byte>((++count % 7 + 1) << 4);
+     }},
+    {"mailbox.repeat", "a repeat is never acknowledged",
+     [](std::uint16_t address, Octets& data) {
+         if (address == 0x080F) data[0] &= ~std::byte{wire::sm_pdi_control::kRepeatAcknowledge};
+         return true;
+     }},
+    {"mailbox.type", "another detail", replace_error_detail},
+    {"mailbox.length", "another detail", replace_error_detail},
+    {"messages.counters", "the counter runs from 1 to 6",
+     [](std::uint16_t address, Octets& data) {
+         if (is_mail(address, data) && (std::to_integer<unsigned>(data[5]) >> 4) == 7) data[5] &= std::byte{0x1F};
+         return true;
+     }},
+    {"information.identity", "another product code",
+     [](std::uint16_t address, Octets& data) {
+         if (is_upload(address, data, 0x1018, 2)) data[12] ^= std::byte{1};
+         return true;
+     }},
+    {"information.lists", "a wrong length",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::list_response) && data[12] == std::byte{0})
+             data[14] ^= std::byte{1};
+         return true;
+     }},
+    {"information.entries", "another number of bits",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::entry_response) &&
+             load_le<std::uint16_t>(data, 12) == 0x1000)
+             data[18] ^= std::byte{8};
+         return true;
+     }},
+    {"information.errors", "another abort code", replace_abort<0x06020000, 0x08000000>},
+    {"sdo.aborts", "another abort code", replace_abort<0x06010002, 0x08000000>},
+    {"sdo.aborts", "another abort code for a subindex", replace_abort<0x06090011, 0x08000000>},
+    {"sdo.write", "wrong lengths have another abort code", replace_abort<0x06070012, 0x08000000>},
+    {"segments.toggle", "another abort code", replace_abort<0x05030000, 0x08000000>},
+    {"segments.without_begin", "another abort code", replace_abort<0x05040001, 0x08000000>},
+    {"pdos.mapped", "an entry is not mappable",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::entry_response) &&
+             load_le<std::uint16_t>(data, 12) == 0x7000)
+             data[20] &= ~std::byte{0x40};
+         return true;
+     }},
+    {"watchdog.expires", "another code", replace_code<0x001B, 0x001A>},
+    {"watchdog.expires", "the expired watchdog is not seen", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         read_bits<0x0220, 0, 0x40>(address, data);
+         read_bits<0x0440, 1>(address, data);
+     }},
+    {"process_data.outputs", "outputs always look written", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         read_bits<0x0440, 1>(address, data);
+         read_bits<0x0221, 0x04>(address, data);
+         read_bits<0x0220, 0, 0x40>(address, data);
+     }},
+    {"clock.sync0", "SYNC0 is not supported", nullptr,
+     [](std::uint16_t address, MutableBytes data) { read_bits<0x0981, 0x01, 0x02>(address, data); }},
+    {"clock.cycle_zero", "the cycle time is not checked", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         if (address == 0x09A0 && load_le<std::uint32_t>(data, 0) == 0) store_le<std::uint32_t>(data, 0, 1'000'000'000);
+         read_bits<0x0220, 0x04>(address, data);
+     }},
+};
+
+TEST(SubdeviceCheck, FaultsBetweenFirmwareAndEscAreFoundByName) {
+    for (const auto& fault : kFaults) {
+        auto device = sim::make_device("odd_device").value();
+        if (fault.prepare != nullptr) fault.prepare(device);
+        device.firmware = std::make_unique<FaultyFirmware>(std::move(device.firmware), fault);
+        const auto checked = check_it(std::move(device), {.only = only(fault.check)});
+        EXPECT_TRUE(has(checked.report, fault.check, fault.severity)) << fault.check << ": " << fault.what << "\n"
+                                                                      << report_text(checked.report, true);
+    }
+}
+
+// A check that nothing makes fail proves nothing.
+TEST(SubdeviceCheck, EveryCheckHasAFaultThatItFinds) {
+    std::set<std::string_view> found;
+    for (const auto& row : kQuirks) found.insert(row.check);
+    for (const auto& fault : kFaults) found.insert(fault.check);
+    std::set<std::string> without;
+    for (const auto& check : all_checks())
+        if (!found.contains(check.name)) without.emplace(check.name);
+    EXPECT_EQ(without, std::set<std::string>{});
+}
+
+}  // namespace
+}  // namespace margay::samples::conformance
