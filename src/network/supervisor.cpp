@@ -339,6 +339,9 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         if (roll.error().code == Errc::capacity) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
         co_return Nothing{};
     }
+    if (network.redundancy != nullptr && network.redundancy->are_ports_old() && !network.segment_in_use) {
+        co_await required(network.redundancy->read_ports(network));
+    }
     (void)count_lost_frames(watch);
     const Time now = network.engine.now();
     if (network.is_unobserved()) {  // perhaps another machine
