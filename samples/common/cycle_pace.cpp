@@ -88,10 +88,11 @@ void CyclePace::wait() {
     const auto tick = real ? runner_.wait() : virtual_.wake(source_.osal().now());
     const auto came = [](const CyclicTick& one) { return one.deadline + one.lateness; };
     if (ticked_) figures_.period.record(came(tick) - came(tick_));
-    // Cycles that are made up for belong to the overrun of the first of them.
-    figures_.overruns += tick.skipped != 0 || (tick.caught_up && !tick_.caught_up) ? 1U : 0U;
-    figures_.skipped += tick.skipped;
-    figures_.caught_up += tick.caught_up ? 1 : 0;
+    const OverrunCounters& all = real ? runner_.overruns() : virtual_.counters();
+    figures_.overruns += all.overruns - counted_.overruns;
+    figures_.skipped += all.skipped - counted_.skipped;
+    figures_.caught_up += all.caught_up - counted_.caught_up;
+    counted_ = all;
     figures_.lateness.record(tick.lateness);
     if (tick.stopped && stopped_.empty())
         stopped_ =

@@ -68,6 +68,7 @@ class CyclePace {
     CycleFigures figures_;
     CyclicTick tick_{};  // the deadline of the present cycle
     bool ticked_ = false;
+    OverrunCounters counted_{};  // those that the figures contain, or had before clear()
     std::string stopped_;
 };
 

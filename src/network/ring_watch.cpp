@@ -78,7 +78,12 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
 }
 
 void RingWatch::report_fault(Network& network, CablingFault fault) {
-    if (std::exchange(reported_fault_, fault) == fault || fault == CablingFault::none) return;
+    if (std::exchange(reported_fault_, fault) == fault) return;
+    if (fault == CablingFault::none) {  // the end of the fault is told with the state of the ring
+        before_ = behind_ = 0;
+        reported_ = RingState::broken;
+        return;
+    }
     const bool same = fault == CablingFault::same_port;
     network.report({.kind = same ? EventKind::nics_on_same_port : EventKind::second_segment});
 }
