@@ -8,12 +8,29 @@
 
 namespace margay {
 
+// What happens after an overrun: the task continues a whole period after a deadline, or later, because its work took
+// too long or because the system did not wake it up.
+enum class OverrunPolicy : std::uint8_t {
+    skip,      // the missed deadlines are left out, and the task continues with the newest one
+    catch_up,  // the missed deadlines follow each other without waiting, up to a limit; those before are left out
+    stop       // the task ends: CyclicTick::stopped is true, and no further deadline comes until start()
+};
+
 // The result of one wait: the deadline that has passed.
 struct CyclicTick {
     std::uint64_t cycle = 0;    // number of the deadline, from 1; skipped deadlines are counted too
     Time deadline{};            // the deadline that has passed
     Duration lateness{};        // time from the deadline until the task continued
     std::uint64_t skipped = 0;  // deadlines skipped since the previous tick because the task took too long
+    bool caught_up = false;     // OverrunPolicy::catch_up: this deadline was missed, and its cycle is made up for now
+    bool stopped = false;       // OverrunPolicy::stop: do not execute the cycle
+};
+
+// How often each policy had to act. The counters only grow until start().
+struct OverrunCounters {
+    std::uint64_t overruns = 0;   // times that the task continued a whole period late or later
+    std::uint64_t skipped = 0;    // deadlines left out
+    std::uint64_t caught_up = 0;  // cycles that were made up for
 };
 
 class CyclicSchedule {
@@ -21,11 +38,22 @@ class CyclicSchedule {
     // Deadlines are the times that are `phase` after a multiple of `period`. `period` must not be zero.
     constexpr CyclicSchedule(Duration period, Duration phase) : period_(period), phase_(phase % period) {}
 
+    // The default limit of OverrunPolicy::catch_up. After a stop of the whole program (a debugger, a suspended machine)
+    // thousands of cycles without a pause between them help nobody.
+    static constexpr std::uint64_t kCatchUpLimit = 10;
+    // `limit`: of OverrunPolicy::catch_up, how many missed deadlines are made up for.
+    constexpr void set_policy(OverrunPolicy policy, std::uint64_t limit = kCatchUpLimit) {
+        policy_ = policy;
+        limit_ = limit;
+    }
+
     // Sets the first deadline at least half a period after `now`.
     constexpr void start(Time now) {
         const Duration since = (now - Time{}) - phase_ + period_ / 2;
         deadline_ = Time{} + phase_ + (since / period_ + 1) * period_;
         cycle_ = 0;
+        counters_ = {};
+        behind_ = stopped_ = false;
     }
 
     [[nodiscard]] constexpr Time deadline() const { return deadline_; }
@@ -34,11 +62,20 @@ class CyclicSchedule {
     // Moves all further deadlines: a positive time makes them later, a negative one earlier.
     constexpr void shift(Duration by) { deadline_ += by; }
 
-    // The task continues at `now`, which must not be before deadline(). Deadlines that are a whole period old or older
-    // are skipped: the result is the newest deadline that has passed.
+    // The task continues at `now`, which must not be before deadline(), unless it has stopped. With
+    // OverrunPolicy::skip, deadlines that are a whole period old or older are skipped: the result is the newest
+    // deadline that has passed.
     constexpr CyclicTick wake(Time now) {
+        if (stopped_) return {.cycle = cycle_, .deadline = deadline_, .lateness = now - deadline_, .stopped = true};
+        const auto missed = static_cast<std::uint64_t>((now - deadline_) / period_);
+        if (missed != 0 && !behind_) ++counters_.overruns;
         CyclicTick tick;
-        tick.skipped = static_cast<std::uint64_t>((now - deadline_) / period_);
+        tick.skipped = policy_ == OverrunPolicy::catch_up ? missed - (missed < limit_ ? missed : limit_) : missed;
+        tick.caught_up = missed > tick.skipped;
+        tick.stopped = stopped_ = missed != 0 && policy_ == OverrunPolicy::stop;
+        behind_ = tick.caught_up;
+        counters_.caught_up += tick.caught_up ? 1 : 0;
+        counters_.skipped += tick.skipped;
         deadline_ += static_cast<Duration::rep>(tick.skipped) * period_;
         tick.deadline = deadline_;
         tick.lateness = now - deadline_;
@@ -47,11 +84,19 @@ class CyclicSchedule {
         return tick;
     }
 
+    [[nodiscard]] constexpr const OverrunCounters& counters() const { return counters_; }
+    [[nodiscard]] constexpr bool stopped() const { return stopped_; }
+
   private:
     Duration period_;
     Duration phase_;
     Time deadline_{};
     std::uint64_t cycle_ = 0;
+    OverrunPolicy policy_ = OverrunPolicy::skip;
+    std::uint64_t limit_ = kCatchUpLimit;
+    OverrunCounters counters_;
+    bool behind_ = false;   // the last cycle was made up for
+    bool stopped_ = false;  // by OverrunPolicy::stop
 };
 
 // A phase that keeps deadlines away from the kernel's timer tick. Ticks occur at multiples of 1, 2, 4 or 10 ms of the

@@ -97,6 +97,7 @@ class Monitor {
         Time next_show = source_.osal().now();
         while (!samples::stop_asked() && (options_.cycles == 0 || pace_.figures().cycles < options_.cycles)) {
             cycle();
+            if (!pace_.stopped().empty()) break;
             if (source_.osal().now() < next_show) continue;
             next_show = source_.osal().now() + kRefresh;
             // slows virtual time down, so that a person can read the screen
@@ -114,13 +115,15 @@ class Monitor {
     [[nodiscard]] int report() {
         store_errors();
         for (const auto& error : errors_) samples::warn(error);
+        if (!pace_.stopped().empty()) samples::warn(pace_.stopped());
         if (errors_dropped_ + ctx_.errors().dropped() != 0)
             samples::warn(fmt::format("{} more errors are not shown", errors_dropped_ + ctx_.errors().dropped()));
         if (bad_cycles_ != 0)
             samples::warn(fmt::format("{} cycles without all frames or with a wrong working counter", bad_cycles_));
         if (const auto failed = pace_.report(); !failed.empty())
             return samples::fail(failed, samples::exit_code::kSystem);
-        return bad_cycles_ != 0 || failed_ ? samples::exit_code::kSegment : samples::exit_code::kWell;
+        return bad_cycles_ != 0 || failed_ || !pace_.stopped().empty() ? samples::exit_code::kSegment
+                                                                       : samples::exit_code::kWell;
     }
 
     // Copies the entries of errors() and warnings() to lines for the screen and for report().
@@ -142,10 +145,12 @@ class Monitor {
 
   private:
     void cycle() {
-        const Time start = source_.osal().now();
+        samples::CycleTimes times{.start = source_.osal().now()};
         const auto sent = send_processdata(ctx_);
+        times.sent = source_.osal().now();
         model_.last = sent ? receive_processdata(ctx_, kReplyTimeout) : Result<std::uint32_t>(sent.error());
-        pace_.count(source_.osal().now() - start, model_.last);
+        times.back = source_.osal().now();
+        pace_.count(times, model_.last);
         if (!model_.last) ++bad_cycles_;
         pace_.wait();
         while (const auto event = ctx_.events().take()) {

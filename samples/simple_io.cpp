@@ -68,7 +68,8 @@ class SimpleIo {
         print_errors();
         if (options_.count) choose_outputs();
         if (!reach_op()) {
-            if (!stop_asked()) print_states();
+            if (!ends()) print_states();
+            if (!pace_.stopped().empty()) warn(pace_.stopped());
             leave();
             return 1;
         }
@@ -81,10 +82,12 @@ class SimpleIo {
         leave();
         if (const auto failed = pace_.report(); !failed.empty())
             return samples::fail(failed, samples::exit_code::kSystem);
-        return figures.wrong_wkc + figures.no_frame == 0 ? 0 : 1;
+        if (!pace_.stopped().empty()) warn(pace_.stopped());
+        return figures.wrong_wkc + figures.no_frame == 0 && pace_.stopped().empty() ? 0 : 1;
     }
 
   private:
+    [[nodiscard]] bool ends() const { return stop_asked() || !pace_.stopped().empty(); }
     void leave() {
         supervise_.cancel();
         (void)writestate(ctx_, 0, AlState::init);
@@ -119,14 +122,16 @@ class SimpleIo {
 
     // One cycle: sends, receives, and executes the other work of the master until the next cycle is due.
     Result<std::uint32_t> cycle() {
-        const Time start = source_.osal().now();
+        times_.start = source_.osal().now();
         Result<std::uint32_t> got;
         const auto sent = send_processdata(ctx_);
+        times_.sent = source_.osal().now();
         if (sent)
             got = receive_processdata(ctx_, kReplyTimeout);
         else
             got = sent.error();
-        round_trip_ = source_.osal().now() - start;
+        times_.back = source_.osal().now();
+        if (counts_) pace_.count(times_, got);
         pace_.wait();
         return got;
     }
@@ -139,7 +144,7 @@ class SimpleIo {
         for (int n = 0; n < 10; ++n) (void)cycle();
         if (!submit(ctx_, supervise_)) return false;
         const auto in_op = [](const Slave& slave) { return slave.al.state == AlState::op && !slave.al.error; };
-        for (unsigned n = 0; n < kMostCycles && !stop_asked(); ++n) {
+        for (unsigned n = 0; n < kMostCycles && !ends(); ++n) {
             (void)cycle();
             if (std::ranges::all_of(ctx_.slaves(), in_op)) break;
         }
@@ -149,10 +154,11 @@ class SimpleIo {
     }
 
     void exchange() {
-        for (cycles_ = 0; cycles_ < options_.cycles && !stop_asked(); ++cycles_) {
+        pace_.clear();
+        counts_ = true;
+        for (cycles_ = 0; cycles_ < options_.cycles && !ends(); ++cycles_) {
             for (const auto outputs : counting_) std::ranges::fill(outputs, static_cast<std::byte>(cycles_ >> 6));
             const auto got = cycle();
-            pace_.count(round_trip_, got);
             if (!got && (last_.code != got.error().code || last_.slave != got.error().slave))
                 warn(fmt::format("cycle {}: {}", cycles_, sentence(got.error())));
             last_ = got.error();
@@ -187,7 +193,8 @@ class SimpleIo {
     HostContext ctx_{source_.limits(samples::with_room({.slaves = 1024, .process_frames = 64}, eni_))};
     std::array<std::byte, 65536> image_{};
     samples::CyclePace pace_{source_, ctx_, options_.pace};
-    Duration round_trip_{};
+    samples::CycleTimes times_{};
+    bool counts_ = false;  // the cycles in OP
     unsigned cycles_ = 0;
     std::vector<samples::Drive> drives_;
     std::vector<std::span<std::byte>> counting_;  // outputs that get the counter

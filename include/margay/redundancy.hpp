@@ -12,13 +12,26 @@
 //
 // Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
 // of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the way they
-// came; all frames are sent by one NIC meanwhile. It fails with Errc::wrong_state (detail: Error::kRedundancy) while
-// the ring is broken, except at the cable of the second NIC, and with Errc::unsupported when a slave with a clock is at
-// a branch that only the frames of the second NIC reach. When a cable breaks, the clocks behind the break follow the
-// first clock there (EventKind::second_reference). A SuperviseRequest compares this clock with the reference clock by
-// the two copies of each frame, and steers its offset, so that both parts keep in step. When the ring is whole again,
-// all clocks follow the reference clock. Group::dc_time always has the time of the reference clock; its `slaves` counts
-// only the slaves on the same side of the break as the reference clock.
+// came; all frames are sent by one NIC meanwhile. It fails with Errc::unsupported when a slave with a clock is at a
+// branch that only the frames of the second NIC reach. In a ring that is broken between slaves, each part is measured
+// by the frames of its own NIC, and the clocks behind the break follow a second reference from the start. Both parts
+// then differ by the difference of the times that the two NICs need until a frame is on the cable: microseconds on a
+// PC. When the ring is whole, the SuperviseRequest measures the delays anew, and all clocks approach the reference clock
+// without a step. Delays that were measured in the whole ring are not measured again while it is broken.
+//
+// When a cable breaks, the clocks behind the break follow the first clock there (EventKind::second_reference). A
+// SuperviseRequest compares this clock with the reference clock by the two copies of each frame, and steers its offset,
+// so that both parts keep in step. When the ring is whole again, all clocks follow the reference clock. Group::dc_time
+// always has the time of the reference clock; its `slaves` counts only the slaves on the same side of the break as the
+// reference clock.
+//
+// Datagrams with addresses by position (auto increment) reach the slave of that position in either part; those that
+// found the ring changed are sent again. If a break has moved to another cable since the last frame that counts slaves,
+// a write may meet another slave than the one that was meant: then its reply has working counter 0, which is an error.
+//
+// When another segment is behind the second NIC (CablingFault::second_segment, EventKind::second_segment), its slaves
+// get no commands: with each 64th frame the second NIC sends a frame without commands (NOP), whose return shows that the
+// cable is right again.
 #pragma once
 
 #include <margay/context.hpp>

@@ -3,8 +3,10 @@
 #include "osal/linux/monotonic_clock.hpp"
 
 #include <fcntl.h>
+#include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
+#include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -31,6 +33,61 @@ long read_number(const char* path, long otherwise) noexcept {
     return number;
 }
 
+// The argument of sched_setattr(), as the kernel has defined it first. Not every C library declares it.
+struct SchedulingAttributes {
+    std::uint32_t size = sizeof(SchedulingAttributes);
+    std::uint32_t policy = 0;
+    std::uint64_t flags = 0;
+    std::int32_t nice = 0;
+    std::uint32_t priority = 0;
+    std::uint64_t runtime_ns = 0;
+    std::uint64_t deadline_ns = 0;
+    std::uint64_t period_ns = 0;
+};
+static_assert(sizeof(SchedulingAttributes) == 48, "SCHED_ATTR_SIZE_VER0");
+constexpr std::uint32_t kSchedDeadline = 6;
+constexpr std::uint64_t kResetOnFork = 1;  // without it, the thread can start no other threads
+
+const char* why_no_deadline(int error) noexcept {
+    switch (error) {
+        case EPERM:
+            return "no SCHED_DEADLINE (needs CAP_SYS_NICE, and a thread that may run on every processor of its domain: "
+                   "without `cpu`)";
+        case EBUSY:
+            return "no SCHED_DEADLINE (other threads have reserved the processors already, or it asks for more than "
+                   "sched_rt_runtime_us leaves)";
+        case EINVAL:
+            return "no SCHED_DEADLINE (the runtime is longer than the period or shorter than 1.024 µs, or the period "
+                   "is "
+                   "outside of sched_deadline_period_min_us to sched_deadline_period_max_us)";
+        default: return "no SCHED_DEADLINE (the kernel does not have it)";
+    }
+}
+
+// Each page of the stack that the cycle may use is written once, at most a quarter of what is free.
+constexpr std::size_t kTouchedStack = 256 * 1024;
+constexpr std::size_t kTouchedAtOnce = 4096;
+[[gnu::noinline]] void touch_stack(std::size_t octets) noexcept {
+    std::array<std::byte, kTouchedAtOnce> page;
+    // The compiler must not leave out the writing, nor turn the calls into a loop.
+    __asm__ volatile("" : : "r"(page.data()) : "memory");
+    page.fill(std::byte{0});
+    if (octets > page.size()) touch_stack(octets - page.size());
+    __asm__ volatile("" : : "r"(page.data()) : "memory");
+}
+
+void touch_stack() noexcept {
+    pthread_attr_t attributes;
+    if (::pthread_getattr_np(::pthread_self(), &attributes) != 0) return;
+    void* lowest = nullptr;
+    std::size_t size = 0;
+    (void)::pthread_attr_getstack(&attributes, &lowest, &size);
+    (void)::pthread_attr_destroy(&attributes);
+    const std::byte here{};
+    const auto left = static_cast<std::size_t>(&here - static_cast<const std::byte*>(lowest));
+    touch_stack(std::min(left / 4, kTouchedStack));
+}
+
 void pause_processor() noexcept {
 #if defined(__x86_64__) || defined(__i386__)
     __builtin_ia32_pause();
@@ -44,6 +101,7 @@ void pause_processor() noexcept {
 CyclicRunner::CyclicRunner(const CyclicOptions& options) noexcept
     : options_(options), schedule_(options.period, phase_off_the_tick(options.period)) {
     options_.spin = std::clamp(options_.spin, Duration::zero(), options_.period);
+    schedule_.set_policy(options_.overrun, options_.catch_up_limit);
 }
 
 CyclicRunner::~CyclicRunner() {
@@ -54,10 +112,27 @@ std::span<const CyclicRefusal> CyclicRunner::prepare() noexcept {
     refused_ = 0;
     if (options_.lock_memory && ::mlockall(MCL_CURRENT | MCL_FUTURE) != 0)
         refuse("memory is not locked (mlockall; needs CAP_IPC_LOCK or a larger RLIMIT_MEMLOCK)", errno);
+    if (options_.lock_memory) touch_stack();
     if (options_.cpu >= 0) stay_on_cpu();
     if (options_.hold_latency) hold_latency();
-    if (options_.priority > 0) take_priority();
+    if (options_.runtime <= Duration::zero() || !take_runtime())
+        if (options_.priority > 0) take_priority();
     return std::span(refusals_).first(refused_);
+}
+
+bool CyclicRunner::take_runtime() noexcept {
+    const auto period = static_cast<std::uint64_t>(options_.period.count());
+    const SchedulingAttributes wanted{.policy = kSchedDeadline,
+                                      .flags = kResetOnFork,
+                                      .runtime_ns = static_cast<std::uint64_t>(options_.runtime.count()),
+                                      .deadline_ns = period,
+                                      .period_ns = period};
+    if (::syscall(SYS_sched_setattr, 0, &wanted, 0U) != 0) {
+        refuse(why_no_deadline(errno), errno);
+        return false;
+    }
+    options_.spin = std::min(options_.spin, options_.runtime / 2);
+    return true;
 }
 
 void CyclicRunner::take_priority() noexcept {
@@ -97,6 +172,7 @@ void CyclicRunner::start() noexcept { schedule_.start(now()); }
 
 CyclicTick CyclicRunner::wait() noexcept {
     Time time = now();
+    if (schedule_.stopped()) return schedule_.wake(time);
     const Time sleep_until = schedule_.deadline() - options_.spin;
     if (time < sleep_until) {
         const auto since = sleep_until.time_since_epoch();

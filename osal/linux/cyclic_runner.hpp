@@ -15,6 +15,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 
 namespace margay {
@@ -24,10 +25,17 @@ struct CyclicOptions {
     // Time before a deadline at which the thread stops sleeping and polls the clock instead. The spin uses this share
     // of a processor and hides the wake-up latency of the kernel; 50 to 100 µs cover most of it.
     Duration spin{};
-    int priority = 0;          // priority of SCHED_FIFO, 1 to 99; 0: the thread keeps its policy
+    int priority = 0;  // priority of SCHED_FIFO, 1 to 99; 0: the thread keeps its policy
+    // Processor time that SCHED_DEADLINE reserves for the thread in each period; 0: not this policy. It must cover the
+    // spin, the exchange and the work: a thread that has used it is stopped until the next period. The kernel refuses
+    // it to a thread that is bound to a processor (`cpu`), unless a cpuset has made that processor a domain of its own.
+    // Where the kernel refuses it, `priority` is used if it is given.
+    Duration runtime{};
     int cpu = -1;              // the processor for the thread; -1: any
-    bool lock_memory = true;   // mlockall(): prevents later page faults
+    bool lock_memory = true;   // mlockall(), and touches the stack of the thread: prevents later page faults
     bool hold_latency = true;  // sets /dev/cpu_dma_latency to 0, so that processors do not enter deep sleep states
+    OverrunPolicy overrun = OverrunPolicy::skip;
+    std::uint64_t catch_up_limit = CyclicSchedule::kCatchUpLimit;  // of OverrunPolicy::catch_up
 };
 
 // A setting that the system did not grant. The task runs anyway, with more jitter.
@@ -50,7 +58,8 @@ class CyclicRunner {
     // Sets the first deadline, half a period to one and a half periods from now.
     void start() noexcept;
 
-    // Sleeps until the next deadline; returns at once when it has passed. One system call, none when late.
+    // Sleeps until the next deadline; returns at once when it has passed, and when OverrunPolicy::stop has ended the
+    // task (CyclicTick::stopped). One system call, none when late.
     CyclicTick wait() noexcept;
 
     // Moves the next deadline and all after it, later or (negative) earlier: for a cycle that follows the reference
@@ -60,18 +69,22 @@ class CyclicRunner {
     [[nodiscard]] Time deadline() const { return schedule_.deadline(); }
     [[nodiscard]] static Time now() noexcept;  // CLOCK_MONOTONIC, as LinuxOsal
     // The spin that is used. It may be shorter than requested: the kernel stops a SCHED_FIFO thread that has used its
-    // share of a second (sched_rt_runtime_us) until the second is over.
+    // share of a second (sched_rt_runtime_us) until the second is over, and a SCHED_DEADLINE thread that has used its
+    // runtime until the next period, so that the spin is at most half of that.
     [[nodiscard]] Duration spin() const { return options_.spin; }
+    [[nodiscard]] const OverrunCounters& overruns() const { return schedule_.counters(); }
 
   private:
     void refuse(const char* what, int error) noexcept;
+    // False: refused.
+    [[nodiscard]] bool take_runtime() noexcept;
     void take_priority() noexcept;
     void stay_on_cpu() noexcept;
     void hold_latency() noexcept;
 
     CyclicOptions options_;
     CyclicSchedule schedule_;
-    std::array<CyclicRefusal, 5> refusals_{};
+    std::array<CyclicRefusal, 6> refusals_{};
     std::size_t refused_ = 0;
     int latency_ = -1;
 };

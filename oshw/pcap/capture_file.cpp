@@ -3,6 +3,7 @@
 #include "oshw/pcap/packet_reader.hpp"
 #include "wire/ethernet.hpp"
 
+#include <cstring>
 #include <string>
 
 namespace margay {
@@ -40,7 +41,28 @@ Result<> CaptureFile::load(const std::string& path, CutOff cut_off) {
                   " packets before are used";
     }
     if (frames_.empty()) return fail(path, "it holds no EtherCAT frame");
+    take_origins(path);
     return {};
+}
+
+void CaptureFile::take_origins(const std::string& path) {
+    const auto origins = read_packet_origins(path);
+    for (auto& frame : frames_)
+        if (frame.number <= origins.size()) frame.origin = origins[frame.number - 1];
+}
+
+// The first frame of a NIC is one that it has sent.
+bool CaptureFile::is_of_ring(std::array<MacAddress, 2>& macs) const noexcept {
+    std::array<bool, 2> known{};
+    for (const auto& frame : frames_) {
+        const std::uint32_t at = frame.origin.interface;
+        if (at >= known.size()) return false;
+        if (known[at] || frame.reply) continue;
+        const auto source = bytes(frame).subspan(wire::kSourceMacOffset, macs[at].size());
+        std::memcpy(macs[at].data(), source.data(), source.size());
+        known[at] = true;
+    }
+    return known[0] && known[1] && macs[0] != macs[1];
 }
 
 std::string CaptureFile::add(Duration at, std::uint64_t number, Bytes packet, std::size_t length_on_wire) {

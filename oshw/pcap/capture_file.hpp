@@ -1,11 +1,14 @@
 // Reads all EtherCAT frames of a recording: pcap or pcapng, with microseconds or nanoseconds.
 #pragma once
 
+#include "oshw/pcap/pcapng.hpp"
 #include "util/bytes.hpp"
 
+#include <margay/mac_address.hpp>
 #include <margay/result.hpp>
 #include <margay/time.hpp>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -19,6 +22,7 @@ struct CapturedFrame {
     std::uint64_t number = 0;  // number of the packet in the file, from 1, as in Wireshark
     std::size_t offset = 0;
     std::size_t length = 0;
+    PacketOrigin origin{};  // of pcapng files
 };
 
 class CaptureFile {
@@ -44,6 +48,10 @@ class CaptureFile {
     [[nodiscard]] Bytes bytes(const CapturedFrame& frame) const noexcept {
         return Bytes(bytes_).subspan(frame.offset, frame.length);
     }
+    // The file has the frames of both NICs of a ring, for example by PcapRingRecorder: EtherCAT frames of exactly two
+    // interfaces, which send by different source addresses. `macs`: those addresses, of interface 0 first, without the
+    // mark of the first slave.
+    [[nodiscard]] bool is_of_ring(std::array<MacAddress, 2>& macs) const noexcept;
     // Number of skipped packets.
     [[nodiscard]] std::uint64_t skipped() const noexcept { return skipped_; }
 
@@ -51,6 +59,7 @@ class CaptureFile {
     [[nodiscard]] Result<> fail(const std::string& path, const std::string& what);
     // Returns an empty string when the packet was read or skipped, otherwise the error.
     [[nodiscard]] std::string add(Duration at, std::uint64_t number, Bytes packet, std::size_t length_on_wire);
+    void take_origins(const std::string& path);
 
     std::string problem_;
     std::string remark_;

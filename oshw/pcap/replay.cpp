@@ -39,9 +39,12 @@ std::string in_words(const wire::DatagramHeader& header) {
 
 ReplayNic::ReplayNic(Osal& clock) noexcept : clock_(clock), memory_(kFramesOnTheWay), queue_(memory_) {}
 
-Result<> ReplayNic::load(const std::string& path) {
+Result<> ReplayNic::load_end(const std::string& path, const std::array<MacAddress, 2>* macs, unsigned end) {
     problem_.clear();
     queue_.clear();
+    in_ring_ = macs != nullptr;
+    end_ = end;
+    if (in_ring_) macs_ = *macs;
     if (auto loaded = capture_.load(path); !loaded) {
         problem_ = capture_.problem();
         return loaded;
@@ -57,8 +60,29 @@ Result<> ReplayNic::load(const std::string& path) {
     const auto bytes = capture_.bytes(*request);
     for (std::size_t i = 0; i < source_mac_.size(); ++i)
         source_mac_[i] = std::to_integer<std::uint8_t>(bytes[wire::kSourceMacOffset + i]);
+    if (in_ring_) source_mac_ = macs_[end_];
     prepare();
     return {};
+}
+
+unsigned ReplayNic::sender_of(const CapturedFrame& frame) const noexcept {
+    if (!in_ring_) return 0;
+    const auto source = capture_.bytes(frame).subspan(wire::kSourceMacOffset);
+    for (unsigned nic = 0; nic < macs_.size(); ++nic) {
+        const auto own = std::as_bytes(std::span(macs_[nic]));
+        if ((source[0] & ~wire::kPassedEscBit) == own[0] && std::equal(own.begin() + 1, own.end(), source.begin() + 1))
+            return nic;
+    }
+    return kNobody;
+}
+
+// A copy that no slave has processed has no mark: where the file does not tell the direction, the source address of the
+// other NIC does.
+bool ReplayNic::was_received(const CapturedFrame& frame) const noexcept {
+    using Direction = PacketOrigin::Direction;
+    if (!in_ring_) return frame.reply;
+    if (frame.origin.direction != Direction::unknown) return frame.origin.direction == Direction::received;
+    return frame.reply || sender_of(frame) != frame.origin.interface;
 }
 
 void ReplayNic::complain(const std::string& what) {
@@ -67,7 +91,25 @@ void ReplayNic::complain(const std::string& what) {
 
 std::size_t ReplayNic::receive(std::span<std::byte> into) noexcept { return queue_.take(clock_.now(), into); }
 
+Result<> PcapReplayNic::load_ring(const std::string& path, PcapReplayNic& second) {
+    CaptureFile file;
+    std::array<MacAddress, 2> macs{};
+    if (auto loaded = file.load(path); !loaded) {
+        complain(file.problem());
+        return loaded;
+    }
+    if (!file.is_of_ring(macs)) {
+        complain("recording " + path + ": it has not the frames of two NICs with addresses of their own");
+        return Error{.code = Errc::nic, .step = Step::open_nic};
+    }
+    other_ = &second;
+    second.other_ = this;
+    if (auto loaded = load_end(path, &macs, 0); !loaded) return loaded;
+    return second.load_end(path, &macs, 1);
+}
+
 void PcapReplayNic::prepare() {
+    refused_ = false;
     series_.clear();
     outstanding_.clear();
     counters_ = {};
@@ -75,7 +117,9 @@ void PcapReplayNic::prepare() {
         const auto& frame = capture().frames()[i];
         if (!readable(capture().bytes(frame)))
             ++counters_.malformed;
-        else if (frame.reply)
+        else if (sender_of(frame) != end())
+            continue;
+        else if (was_received(frame))
             take_reply(i);
         else
             take_request(i);
@@ -86,12 +130,15 @@ void PcapReplayNic::prepare() {
 void PcapReplayNic::take_request(std::size_t frame) {
     constexpr std::size_t kRemembered = 256;  // the number of datagram indices
     Outstanding request{frame, {}};
-    wire::DatagramReader reader(capture().bytes(capture().frames()[frame]));
+    const auto& sent = capture().frames()[frame];
+    const bool refused = in_ring() && sent.origin.direction == PacketOrigin::Direction::refused;
+    wire::DatagramReader reader(capture().bytes(sent));
     while (const auto datagram = reader.next()) {
         auto& exchanges = series_[key_of(datagram->header)].exchanges;
         request.at.push_back(exchanges.size());
-        exchanges.emplace_back();
+        exchanges.push_back({.refused = refused});
     }
+    if (refused) return;
     outstanding_.push_back(std::move(request));
     if (outstanding_.size() > kRemembered) outstanding_.pop_front();
 }
@@ -149,6 +196,7 @@ void PcapReplayNic::connect(const Outstanding& request, std::size_t reply_frame)
         if (!a || !b) return;  // not possible: answers() has compared both frames
         series_[key_of(a->header)].exchanges[at] = {.answered = true,
                                                     .used = false,
+                                                    .refused = false,
                                                     .answer_offset = static_cast<std::uint32_t>(b->offset),
                                                     .answer_frame = static_cast<std::uint32_t>(reply_frame),
                                                     .latency = std::max(Duration::zero(), said.at - asked.at)};
@@ -177,7 +225,7 @@ PcapReplayNic::Use PcapReplayNic::find(const wire::DatagramHeader& header) noexc
 }
 
 SendStatus PcapReplayNic::send(std::span<const std::byte> frame) noexcept {
-    if (queue().full()) return SendStatus::busy;
+    if (queue().full() || (other_ != nullptr && other_->queue().full())) return SendStatus::busy;
     std::array<std::byte, HeldFrame::kMaxBytes> buffer{};
     if (frame.size() > buffer.size() || !readable(frame)) {
         ++counters_.malformed;
@@ -186,7 +234,6 @@ SendStatus PcapReplayNic::send(std::span<const std::byte> frame) noexcept {
     }
     std::copy(frame.begin(), frame.end(), buffer.begin());
     const auto answer = MutableBytes(buffer).first(frame.size());
-    answer[wire::kSourceMacOffset] |= wire::kPassedEscBit;
 
     std::array<Use, kMaxDatagrams> uses;
     std::size_t count = 0;
@@ -194,6 +241,8 @@ SendStatus PcapReplayNic::send(std::span<const std::byte> frame) noexcept {
     Duration latency{};
     bool missing = false;
     bool lost = false;
+    const Exchange* latest = nullptr;
+    refused_ = false;
     wire::DatagramReader reader(frame);
     while (const auto datagram = reader.next()) {
         const auto use = find(datagram->header);
@@ -206,13 +255,16 @@ SendStatus PcapReplayNic::send(std::span<const std::byte> frame) noexcept {
         exchange.used = true;
         repeated += use.fresh ? 0u : 1u;
         lost = lost || !exchange.answered;
+        refused_ = refused_ || (use.fresh && exchange.refused);
+        if (latest == nullptr || exchange.answer_frame > latest->answer_frame) latest = &exchange;
         latency = std::max(latency, exchange.latency);
         if (exchange.answered) write_answer(exchange, *datagram, answer);
     }
     if (!missing && !lost) {
         ++counters_.answered;
         counters_.repeated += repeated;
-        return queue().put(clock().now() + latency, answer) ? SendStatus::sent : SendStatus::busy;
+        deliver(latest, latency, answer);
+        return SendStatus::sent;
     }
     // The frame does not return. The answers for its other datagrams remain available. A recorded loss is now used up,
     // unless a datagram without any recording is the cause.
@@ -222,8 +274,21 @@ SendStatus PcapReplayNic::send(std::span<const std::byte> frame) noexcept {
         exchange.used = false;
         use.series->next = std::min(use.series->next, use.at);
     }
+    if (!missing && refused_) return SendStatus::failed;
     if (!missing) ++counters_.lost_as_recorded;
     return SendStatus::sent;
+}
+
+void PcapReplayNic::deliver(const Exchange* latest, Duration latency, MutableBytes answer) noexcept {
+    bool marked = true;
+    PcapReplayNic* to = this;
+    if (in_ring() && latest != nullptr) {
+        const auto& came = capture().frames()[latest->answer_frame];
+        marked = came.reply;
+        if (came.origin.interface != end()) to = other_;
+    }
+    if (marked) answer[wire::kSourceMacOffset] |= wire::kPassedEscBit;
+    (void)to->queue().put(clock().now() + latency, answer);  // send() has found room
 }
 
 void PcapReplayNic::write_answer(const Exchange& exchange, const wire::DatagramView& request,

@@ -27,7 +27,7 @@ class ReplayNic : public Nic {
 
     // Reads a recording; on failure, problem() describes the reason. Allocates memory; after load(), only the text of
     // problem() allocates.
-    [[nodiscard]] Result<> load(const std::string& path);
+    [[nodiscard]] Result<> load(const std::string& path) { return load_end(path, nullptr, 0); }
 
     // One sentence: the reason why load() failed, or the first request without an answer in the recording. Empty if
     // there is no error.
@@ -37,8 +37,19 @@ class ReplayNic : public Nic {
     [[nodiscard]] LinkState link_state() noexcept override { return LinkState::up; }
     [[nodiscard]] MacAddress source_mac() const noexcept override { return source_mac_; }
     [[nodiscard]] Time next_arrival() const noexcept override { return queue_.next_due(); }
+    [[nodiscard]] const CaptureFile& capture() const noexcept { return capture_; }
 
   protected:
+    // `macs`: of both NICs of a ring; nullptr: there is one NIC. `end`: the NIC of the ring that this one replays.
+    [[nodiscard]] Result<> load_end(const std::string& path, const std::array<MacAddress, 2>* macs, unsigned end);
+    static constexpr unsigned kNobody = 2;
+    // The NIC of the ring that has sent this copy of a frame; 0 without a ring; kNobody: neither of them.
+    [[nodiscard]] unsigned sender_of(const CapturedFrame& frame) const noexcept;
+    // False: a frame that was sent, accepted or not.
+    [[nodiscard]] bool was_received(const CapturedFrame& frame) const noexcept;
+    [[nodiscard]] unsigned end() const noexcept { return end_; }
+    [[nodiscard]] bool in_ring() const noexcept { return in_ring_; }
+
     explicit ReplayNic(Osal& clock) noexcept;
     ~ReplayNic() = default;
 
@@ -46,7 +57,6 @@ class ReplayNic : public Nic {
     virtual void prepare() = 0;
     // Keeps the first error, because later errors are mostly its consequence.
     void complain(const std::string& what);
-    [[nodiscard]] const CaptureFile& capture() const noexcept { return capture_; }
     [[nodiscard]] Osal& clock() noexcept { return clock_; }
     [[nodiscard]] FrameQueue& queue() noexcept { return queue_; }
 
@@ -55,6 +65,9 @@ class ReplayNic : public Nic {
     CaptureFile capture_;
     std::string problem_;
     MacAddress source_mac_{};
+    bool in_ring_ = false;
+    unsigned end_ = 0;
+    std::array<MacAddress, 2> macs_{};
     std::vector<HeldFrame> memory_;
     FrameQueue queue_;
 };
@@ -81,6 +94,12 @@ class PcapReplayNic final : public ReplayNic {
     explicit PcapReplayNic(Osal& clock, UsedUp used_up = UsedUp::repeat_last) noexcept
         : ReplayNic(clock), used_up_(used_up) {}
 
+    // Loads a recording of both NICs of a ring: pcapng with two interfaces (PcapRingRecorder). This NIC replays the
+    // first interface, and `second` the other one. An answer comes back at the NIC at which it was recorded. A frame
+    // that a NIC had not accepted is not accepted again, and the link is down until one is accepted.
+    [[nodiscard]] Result<> load_ring(const std::string& path, PcapReplayNic& second);
+    [[nodiscard]] LinkState link_state() noexcept override { return refused_ ? LinkState::down : LinkState::up; }
+
     // The n-th request with the same command, address and length gets the n-th recorded answer. Reads and read-writes
     // get the recorded data, writes keep their data. A frame is answered completely or not at all; if it is not
     // answered, the answers to its other datagrams remain for the next request.
@@ -93,6 +112,7 @@ class PcapReplayNic final : public ReplayNic {
     struct Exchange {
         bool answered = false;
         bool used = false;
+        bool refused = false;             // the NIC had not accepted the frame
         std::uint32_t answer_offset = 0;  // offset of the datagram header from the start of the frame
         std::uint32_t answer_frame = 0;   // index in capture().frames()
         Duration latency{};
@@ -122,9 +142,13 @@ class PcapReplayNic final : public ReplayNic {
     // Finds the exchange that answers this datagram now; the series is nullptr if there is none.
     [[nodiscard]] Use find(const wire::DatagramHeader& header) noexcept;
     void write_answer(const Exchange& exchange, const wire::DatagramView& request, MutableBytes frame) const noexcept;
+    // The NIC at which the answer arrives, and whether a slave has marked it.
+    void deliver(const Exchange* latest, Duration latency, MutableBytes answer) noexcept;
 
     UsedUp used_up_;
     Counters counters_;
+    PcapReplayNic* other_ = nullptr;  // the other NIC of the ring
+    bool refused_ = false;            // the last frame
     std::unordered_map<std::uint64_t, Series> series_;
     std::deque<Outstanding> outstanding_;
 };

@@ -22,9 +22,11 @@ CyclicOptions cyclic(const PaceOptions& options, bool real) {
     return {.period = std::chrono::microseconds(options.period_us),
             .spin = std::chrono::microseconds(options.spin_us),
             .priority = options.priority,
+            .runtime = std::chrono::microseconds(options.runtime_us),
             .cpu = options.cpu,
-            .lock_memory = real && options.priority > 0,
-            .hold_latency = real && options.priority > 0};
+            .lock_memory = real && (options.priority > 0 || options.runtime_us > 0),
+            .hold_latency = real && (options.priority > 0 || options.runtime_us > 0),
+            .overrun = options.overrun.value_or(OverrunPolicy::skip)};
 }
 
 }  // namespace
@@ -36,13 +38,23 @@ void add_period_options(Arguments& arguments, PaceOptions& options) {
                      Bounds{0, 1'000'000});
     arguments.option("--priority", options.priority,
                      "real-time priority (SCHED_FIFO), with memory locked and no deep sleep; 0: none", Bounds{0, 99});
+    arguments.option("--runtime", options.runtime_us,
+                     "processor time, in µs, that the kernel reserves for the program in each period (SCHED_DEADLINE; "
+                     "where it is refused, --priority is used); 0: none",
+                     Bounds{0, 1'000'000});
     arguments.option("--cpu", options.cpu, "bind the program to this processor [any]", Bounds{0, 1023});
 }
 
 void add_pace_options(Arguments& arguments, PaceOptions& options) {
     add_period_options(arguments, options);
+    arguments.choice(
+        "--overrun", options.overrun,
+        "when a cycle took longer than its period: skip the missed cycles [default], catch-up: execute them "
+        "without waiting (10 at most), or stop the program",
+        {{"skip", OverrunPolicy::skip}, {"catch-up", OverrunPolicy::catch_up}, {"stop", OverrunPolicy::stop}});
     arguments.option("--histogram", options.histogram,
-                     "print the lateness and the round trip of the cycles, and write them to this SVG file");
+                     "print lateness, period, sending, receiving and round trip of the cycles, and write them to this "
+                     "file: as JSON if its name ends with .json, else as SVG");
 }
 
 CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
@@ -50,13 +62,15 @@ CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
       ctx_(ctx),
       options_(options),
       runner_(cyclic(options, !source.virtual_time())),
-      virtual_(std::chrono::microseconds(options.period_us), Duration::zero()) {}
+      virtual_(std::chrono::microseconds(options.period_us), Duration::zero()) {
+    virtual_.set_policy(options.overrun.value_or(OverrunPolicy::skip));
+}
 
 void CyclePace::start() {
     if (source_.virtual_time()) {
         for (const auto& [given, name] :
              {std::pair{options_.spin_us != 0, "--spin"}, std::pair{options_.priority != 0, "--priority"},
-              std::pair{options_.cpu >= 0, "--cpu"}})
+              std::pair{options_.runtime_us != 0, "--runtime"}, std::pair{options_.cpu >= 0, "--cpu"}})
             if (given) warn(fmt::format("{} has no effect: time is virtual on this SOURCE", name));
         virtual_.start(source_.osal().now());
         return;
@@ -76,13 +90,29 @@ void CyclePace::wait() {
         now = source_.osal().now();
     } while (now < until);
     const auto tick = real ? runner_.wait() : virtual_.wake(source_.osal().now());
+    const auto came = [](const CyclicTick& one) { return one.deadline + one.lateness; };
+    if (ticked_) figures_.period.record(came(tick) - came(tick_));
+    const OverrunCounters& all = real ? runner_.overruns() : virtual_.counters();
+    figures_.overruns += all.overruns - counted_.overruns;
+    figures_.skipped += all.skipped - counted_.skipped;
+    figures_.caught_up += all.caught_up - counted_.caught_up;
+    counted_ = all;
     figures_.lateness.record(tick.lateness);
-    figures_.overruns += tick.skipped;
+    if (tick.stopped && stopped_.empty())
+        stopped_ =
+            fmt::format("stopped (--overrun stop): cycle {} could not begin in its period, and {} cycle{} missed",
+                        tick.cycle - tick.skipped, tick.skipped, tick.skipped == 1 ? " was" : "s were");
+    tick_ = tick;
+    ticked_ = true;
 }
 
-void CyclePace::count(Duration round_trip, const Result<std::uint32_t>& received) {
+void CyclePace::count(const CycleTimes& times, const Result<std::uint32_t>& received) {
     ++figures_.cycles;
-    if (received || received.error().code == Errc::working_counter) figures_.round_trip.record(round_trip);
+    if (ticked_) figures_.sent.record(times.sent - tick_.deadline);
+    if (received || received.error().code == Errc::working_counter) {
+        figures_.round_trip.record(times.back - times.start);
+        if (ticked_) figures_.received.record(times.back - tick_.deadline);
+    }
     if (!received) ++(received.error().code == Errc::working_counter ? figures_.wrong_wkc : figures_.no_frame);
 }
 
@@ -90,7 +120,7 @@ std::string CyclePace::report() const {
     if (options_.histogram.empty()) return {};
     write_out(cycle_text(figures_));
     std::ofstream out(options_.histogram);
-    out << cycle_svg(figures_) << std::flush;
+    out << (options_.histogram.ends_with(".json") ? cycle_json(figures_) : cycle_svg(figures_)) << std::flush;
     return out ? std::string() : fmt::format("{}: cannot be written: {}", options_.histogram, std::strerror(errno));
 }
 

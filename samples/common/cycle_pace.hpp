@@ -9,6 +9,7 @@
 
 #include <margay/context.hpp>
 
+#include <optional>
 #include <string>
 
 namespace margay::samples {
@@ -17,13 +18,22 @@ struct PaceOptions {
     unsigned period_us = 1000;
     unsigned spin_us = 0;
     int priority = 0;
+    unsigned runtime_us = 0;
     int cpu = -1;
-    std::string histogram;  // file for an SVG picture of the times; empty: none
+    std::optional<OverrunPolicy> overrun{};  // nothing: skip
+    std::string histogram;                   // file for a picture (SVG) or the figures (JSON); empty: none
 };
 
-// --period, --spin, --priority, --cpu.
+// When the frames of a cycle went and came.
+struct CycleTimes {
+    Time start{};  // before the call that sends
+    Time sent{};   // after the call that sends
+    Time back{};   // after the call that receives
+};
+
+// --period, --spin, --priority, --runtime, --cpu.
 void add_period_options(Arguments& arguments, PaceOptions& options);
-// These and --histogram.
+// These, --overrun and --histogram.
 void add_pace_options(Arguments& arguments, PaceOptions& options);
 
 class CyclePace {
@@ -36,9 +46,10 @@ class CyclePace {
     void start();
     // Executes poll() until the deadline, then counts how late the cycle is.
     void wait();
-    // Counts a cycle. `round_trip` is the time from sending until all frames were back; `received` is the result of
-    // the cycle.
-    void count(Duration round_trip, const Result<std::uint32_t>& received);
+    // Counts a cycle. `received` is its result.
+    void count(const CycleTimes& times, const Result<std::uint32_t>& received);
+    // Why the program must end: an overrun, and the user wants to stop then. Empty: it continues.
+    [[nodiscard]] const std::string& stopped() const { return stopped_; }
 
     // Clears all figures.
     void clear() { figures_ = {}; }
@@ -57,6 +68,10 @@ class CyclePace {
     CyclicRunner runner_;
     CyclicSchedule virtual_;
     CycleFigures figures_;
+    CyclicTick tick_{};  // the deadline of the present cycle
+    bool ticked_ = false;
+    OverrunCounters counted_{};  // those that the figures contain, or had before clear()
+    std::string stopped_;
 };
 
 }  // namespace margay::samples

@@ -1,8 +1,10 @@
 #include "common/cycle_report.hpp"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string_view>
 #include <vector>
@@ -50,8 +52,24 @@ std::string quantiles(const DurationHistogram& h) {
 }
 
 std::string counts(const CycleFigures& f) {
-    return fmt::format("{} cycles, {} overruns, {} without all frames, {} with a wrong working counter", f.cycles,
-                       f.overruns, f.no_frame, f.wrong_wkc);
+    auto text = fmt::format("{} cycles, {} overruns, {} without all frames, {} with a wrong working counter", f.cycles,
+                            f.overruns, f.no_frame, f.wrong_wkc);
+    if (f.overruns != 0) text += fmt::format("; after overruns {} left out, {} made up for", f.skipped, f.caught_up);
+    return text;
+}
+
+struct Named {
+    std::string_view key;   // in JSON
+    std::string_view name;  // for people
+    const DurationHistogram& times;
+};
+
+std::array<Named, 5> histograms_of(const CycleFigures& f) {
+    return {{{"lateness", "wake-up after the deadline", f.lateness},
+             {"period", "time between wake-ups", f.period},
+             {"sent", "frames sent after the deadline", f.sent},
+             {"received", "frames back after the deadline", f.received},
+             {"round_trip", "round trip", f.round_trip}}};
 }
 
 std::string histogram_text(std::string_view name, const DurationHistogram& histogram) {
@@ -115,11 +133,14 @@ std::string panel_svg(std::string_view name, const DurationHistogram& histogram,
 }  // namespace
 
 std::string cycle_text(const CycleFigures& figures) {
-    return counts(figures) + "\n" + histogram_text("wake-up after the deadline", figures.lateness) +
-           histogram_text("round trip", figures.round_trip);
+    auto text = counts(figures) + "\n";
+    for (const Named& one : histograms_of(figures)) text += histogram_text(one.name, one.times);
+    return text;
 }
 
 std::string cycle_svg(const CycleFigures& figures) {
+    const auto all = histograms_of(figures);
+    const double panels = static_cast<double>(all.size()) * kPanel;
     auto svg = fmt::format(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"cycle-figures\" width=\"{0}\" height=\"{1}\" "
         "viewBox=\"0 0 {0} {1}\">\n"
@@ -127,11 +148,41 @@ std::string cycle_svg(const CycleFigures& figures) {
         "{{font-weight:bold}}.cycle-figures .count{{text-anchor:end}}.cycle-figures "
         "rect{{fill:var(--cycle-bar,#3a7ca5)}}"
         ".cycle-figures line{{stroke:var(--cycle-grid,#ccc)}}</style>\n",
-        kWidth, 2 * kPanel + 40);
-    svg += panel_svg("Wake-up after the deadline", figures.lateness, 10);
-    svg += panel_svg("Round trip", figures.round_trip, 10 + kPanel);
-    svg += fmt::format("<text x=\"{}\" y=\"{}\">{}</text>\n</svg>\n", kLeft, 2 * kPanel + 25, counts(figures));
+        kWidth, panels + 40);
+    double top = 10;
+    for (const Named& one : all) {
+        svg += panel_svg(one.name, one.times, top);
+        top += kPanel;
+    }
+    svg += fmt::format("<text x=\"{}\" y=\"{}\">{}</text>\n</svg>\n", kLeft, panels + 25, counts(figures));
     return svg;
+}
+
+std::string cycle_json(const CycleFigures& figures) {
+    nlohmann::ordered_json json{{"cycles", figures.cycles},
+                                {"overruns", figures.overruns},
+                                {"skipped", figures.skipped},
+                                {"caught_up", figures.caught_up},
+                                {"without_all_frames", figures.no_frame},
+                                {"wrong_working_counter", figures.wrong_wkc}};
+    for (const Named& one : histograms_of(figures)) {
+        const auto& times = one.times;
+        auto& part = json[std::string(one.key) + "_ns"];
+        part = {{"count", times.count()},
+                {"min", times.min().count()},
+                {"mean", times.mean().count()},
+                {"median", times.quantile(0.5).count()},
+                {"p99", times.quantile(0.99).count()},
+                {"p99.9", times.quantile(0.999).count()},
+                {"p99.99", times.quantile(0.9999).count()},
+                {"max", times.max().count()},
+                {"buckets", nlohmann::ordered_json::array()}};
+        for (std::size_t i = 0; i < DurationHistogram::kBuckets; ++i)
+            if (const auto bucket = times.bucket(i); bucket.count != 0)
+                part["buckets"].push_back(
+                    {{"from", bucket.from.count()}, {"to", bucket.to.count()}, {"count", bucket.count}});
+    }
+    return json.dump(2) + "\n";
 }
 
 }  // namespace margay::samples

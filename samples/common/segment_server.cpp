@@ -44,13 +44,8 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
     if (const auto problem = open_ends(options); !problem.empty()) return problem;
     if (!options.ports.empty())
         if (auto problem = ports_.open(*simulated_, options.ports); !problem.empty()) return problem;
-    if (!options.record.empty()) {
-        if (end_count_ > 1) return "--record: two interfaces cannot be recorded yet";
-        auto& recorder = recorder_.emplace(*ends_[0].nic, osal_);
-        const auto epoch = std::chrono::system_clock::now().time_since_epoch() - osal_.now().time_since_epoch();
-        if (!recorder.open(options.record, std::chrono::duration_cast<Duration>(epoch))) return recorder.problem();
-        ends_[0].nic = &recorder;
-    }
+    if (!options.record.empty())
+        if (const auto problem = record_to(options.record); !problem.empty()) return problem;
     sigset_t set;
     sigemptyset(&set);
     for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGUSR2}) sigaddset(&set, signal);
@@ -62,6 +57,20 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
     for (const auto& name : ports_.names()) say(name);
     say(fmt::format("serving {} slaves on {}", simulated_->segment.size(), options.interface));
     return {};
+}
+
+std::string SegmentServer::record_to(const std::string& file) {
+    const auto epoch = std::chrono::duration_cast<Duration>(std::chrono::system_clock::now().time_since_epoch() -
+                                                            osal_.now().time_since_epoch());
+    if (end_count_ > 1) {
+        auto& recorder = ring_recorder_.emplace(*ends_[0].nic, *ends_[1].nic, osal_);
+        ends_[0].nic = &recorder.first();
+        ends_[1].nic = &recorder.second();
+        return recorder.open(file, epoch) ? std::string() : recorder.problem();
+    }
+    auto& recorder = recorder_.emplace(*ends_[0].nic, osal_);
+    ends_[0].nic = &recorder;
+    return recorder.open(file, epoch) ? std::string() : recorder.problem();
 }
 
 // Opens one interface, or two with '+' between their names. A ring whose second interface is not given is served with
@@ -139,6 +148,10 @@ bool SegmentServer::run() {
         if (files_[3].revents != 0 && read_commands()) break;
     }
     say(fmt::format("{} frames answered, {} lost in the segment", answered_, lost_));
+    if (ring_recorder_ && !ring_recorder_->close()) {
+        say(ring_recorder_->problem());
+        return false;
+    }
     if (recorder_ && !recorder_->close()) {
         say(recorder_->problem());
         return false;

@@ -8,6 +8,7 @@
 #include "osal/linux/linux_osal.hpp"
 #include "oshw/linux/packet_nic.hpp"
 #include "oshw/pcap/recorder.hpp"
+#include "oshw/pcap/ring_recorder.hpp"
 
 #include <array>
 #include <map>
@@ -43,6 +44,7 @@ class SegmentServer {
         bool linked = true;
     };
 
+    [[nodiscard]] std::string record_to(const std::string& file);
     [[nodiscard]] std::string open_ends(const ServerOptions& options);
     void look_at_links();
     void serve(unsigned port);
@@ -59,6 +61,7 @@ class SegmentServer {
     OuterPorts ports_;
     std::vector<pollfd> files_;
     std::optional<PcapRecorder> recorder_;
+    std::optional<PcapRingRecorder> ring_recorder_;  // of two interfaces
     int signals_ = -1;
     bool quiet_ = false;
     bool commands_open_ = true;

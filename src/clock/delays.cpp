@@ -47,6 +47,7 @@ std::int64_t stay_ps(const DelayNode& node) {
 void find_above(std::span<DelayNode> nodes, DelayNode& node) {
     std::uint16_t at = node.parent;
     node.above_port = node.parent_port;
+    node.root = static_cast<std::uint16_t>(&node - nodes.data() + 1);
     // A frame passes a parent before its children, except at entry ports other than 0: limit the walk.
     for (std::size_t steps = 0; at != 0 && at <= nodes.size() && steps <= nodes.size(); ++steps) {
         if (nodes[at - 1U].timed()) {
@@ -54,13 +55,14 @@ void find_above(std::span<DelayNode> nodes, DelayNode& node) {
             return;
         }
         node.above_port = nodes[at - 1U].parent_port;
+        node.root = at;
         at = nodes[at - 1U].parent;
     }
     node.above = 0;
 }
 
 bool same_branch(const DelayNode& a, const DelayNode& b) {
-    return b.timed() && a.above == b.above && (a.above == 0 || a.above_port == b.above_port);
+    return b.timed() && a.above == b.above && (a.above == 0 ? a.root == b.root : a.above_port == b.above_port);
 }
 
 // All slaves with receive times behind one port of `above`, beginning with `first`: mostly one, several behind a
@@ -89,6 +91,7 @@ void place_branch(std::span<DelayNode> nodes, std::size_t first) {
         if (!same_branch(head, node)) continue;
         node.arrival_ps = arrival;
         arrival += stay_ps(node) + cable;
+        node.placed = true;
         node.passed_ps = node.arrival_ps;
         if (node.times->has_processing())
             node.passed_ps += node.times->processing_ps();
@@ -100,12 +103,19 @@ void place_branch(std::span<DelayNode> nodes, std::size_t first) {
 }  // namespace
 
 void compute_delays(std::span<DelayNode> nodes) {
-    for (DelayNode& node : nodes) find_above(nodes, node);
-    for (std::size_t n = 0; n < nodes.size(); ++n) {
-        if (!nodes[n].timed()) continue;
-        bool placed = false;
-        for (std::size_t before = n; before-- > 0 && !placed;) placed = same_branch(nodes[n], nodes[before]);
-        if (!placed) place_branch(nodes, n);
+    for (DelayNode& node : nodes) {
+        node.placed = false;
+        find_above(nodes, node);
+    }
+    // Mostly one pass is enough. Where the way is turned, parents come after their children.
+    for (bool goes_on = true; goes_on;) {
+        goes_on = false;
+        for (std::size_t n = 0; n < nodes.size(); ++n) {
+            const bool ready = nodes[n].above == 0 || nodes[nodes[n].above - 1U].placed;
+            if (!nodes[n].timed() || nodes[n].placed || !ready) continue;
+            place_branch(nodes, n);
+            goes_on = true;
+        }
     }
 }
 

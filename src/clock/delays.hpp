@@ -28,13 +28,17 @@ struct DelayNode {
     std::int64_t arrival_ps = 0;
     std::int64_t passed_ps = 0;
 
-    // For the computation: the next place with receive times towards the master, and the port by which it reaches this.
+    // For the computation: the next place with receive times towards the master, and the port by which it reaches this;
+    // and whether the results are filled.
     std::uint16_t above = 0;
     std::uint8_t above_port = 0;
+    bool placed = false;
+    std::uint16_t root = 0;  // without such a place: the place that is connected to the master, or that was last seen
 };
 
 // Fills the results of all nodes with receive times. Slaves without receive times count as cable: the time that is left
-// is divided equally between the cables. `nodes` are in the order of the ring.
+// is divided equally between the cables. `nodes` are in the order of the ring; parents may follow their children.
+// Several places may be connected to the master: the frames arrive at all of them at the same time.
 void compute_delays(std::span<DelayNode> nodes);
 
 // The delay from `reference` to `node` in nanoseconds, rounded; negative when the frame passes `node` first.

@@ -8,9 +8,9 @@ namespace margay {
 // The value of ESC register 0x0920 (System Time Offset): then the clock, which showed `local_ns` when the frame passed
 // the slave, agrees with a reference clock that showed `system_ns` when the frame passed the reference clock `delay_ns`
 // before. For a clock of 32 bits, the low half counts.
-[[nodiscard]] constexpr std::uint64_t clock_offset_ns(std::uint64_t system_ns, std::uint32_t delay_ns,
+[[nodiscard]] constexpr std::uint64_t clock_offset_ns(std::uint64_t system_ns, std::int64_t delay_ns,
                                                       std::uint64_t local_ns) {
-    return system_ns + delay_ns - local_ns;
+    return system_ns + static_cast<std::uint64_t>(delay_ns) - local_ns;
 }
 
 // The system time of 64 bits whose low half is `low`, nearest to `near_ns`.

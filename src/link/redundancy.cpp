@@ -49,6 +49,23 @@ void set_source(MutableBytes frame, const MacAddress& source) {
     std::ranges::copy(std::as_bytes(std::span(source)), frame.begin() + wire::kSourceMacOffset);
 }
 
+// Whether a slave has changed its registers by an address that is a position.
+bool has_written_by_position(Bytes frame) {
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next())
+        if (is_positional(d->header.command) && d->header.command != wire::Command::APRD && d->wkc != 0) return true;
+    return false;
+}
+
+// Sets the working counters of all datagrams that write by position to 0: their callers get an error.
+void refuse_writes_by_position(MutableBytes frame) {
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next()) {
+        if (!is_positional(d->header.command) || d->header.command == wire::Command::APRD) continue;
+        store_le<std::uint16_t>(frame, d->offset + wire::kDatagramHeaderBytes + d->data.size(), 0);
+    }
+}
+
 // The slaves that have processed the copy: each of them has incremented the address of some datagrams.
 std::optional<std::uint16_t> count_slaves(Bytes sent, Bytes reply, std::uint16_t shift) {
     wire::DatagramReader reader(sent);
@@ -134,6 +151,42 @@ SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexc
     return status;
 }
 
+// By how much the positions of the copy are moved that is not sent by the head: by the slaves before the break. While
+// this number is not known, so far that the copy meets no slave: what is written by position to a slave behind a break
+// is written when it is known, and never to another slave.
+std::uint16_t Redundancy::positions_behind(unsigned head) const noexcept {
+    constexpr std::uint16_t kNowhere = 0x8000;
+    if (reaches_nothing(head)) return 0;
+    return front_known_.load(kRelaxed) ? slaves_[head].load(kRelaxed) : kNowhere;
+}
+
+SendStatus Redundancy::send_by_head(FramePair& pair, Bytes frame) noexcept {
+    const SendStatus only = send_by(pair.head, pair, frame);
+    if (only != SendStatus::sent && hold(pair)) pair.state.store(FramePair::unused, std::memory_order_release);
+    if (foreign_.load(kRelaxed) && probe_turn_.fetch_add(1, kRelaxed) % kFramesPerProbe == 0)
+        send_probe(1U - pair.head);
+    return only;
+}
+
+void Redundancy::send_probe(unsigned nic) noexcept {
+    constexpr std::size_t kShortest = 60;
+    std::array<std::byte, kShortest> probe{};
+    wire::FrameBuilder builder(probe, source_[nic]);
+    (void)builder.append(wire::Command::NOP, 0, wire::DatagramAddress(0), 2);
+    (void)builder.finish();
+    if (nics_[nic]->send(probe) == SendStatus::sent) add(counters_[nic].sent);
+}
+
+// A probe that comes back at its own NIC and has passed a slave with a closed port 0: the NIC is at the end of the
+// broken ring again. When the ring is whole, the copy of the head shows it.
+void Redundancy::note_probe(Bytes frame, unsigned at, unsigned from) noexcept {
+    if (at != from || !wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes)).circulating) return;
+    head_.store(static_cast<std::uint8_t>(1 - from), kRelaxed);
+    two_beginnings_ = 0;
+    ever_parted_ = true;
+    set_fault(CablingFault::none);
+}
+
 SendStatus Redundancy::send(Bytes frame) noexcept {
     if (frame.size() < kSmallestFrame || frame.size() > wire::kMaxFrameBytes) return SendStatus::failed;
     const auto index = std::to_integer<std::uint8_t>(frame[kIndexOffset]);
@@ -145,9 +198,8 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     pair->head = head_.load(kRelaxed);
     divide_times(*pair);
     pair->positions = has_positions(Bytes(pair->out).first(pair->size));
-    pair->shift =
-        pair->positions && !reaches_nothing(pair->head) ? slaves_[pair->head].load(kRelaxed) : std::uint16_t{0};
-    const bool head_only = head_only_.load(kRelaxed);
+    pair->shift = pair->positions ? positions_behind(pair->head) : std::uint16_t{0};
+    const bool head_only = foreign_.load(kRelaxed) || head_only_.load(kRelaxed);
     pair->sent.store(head_only ? bit(pair->head) : static_cast<std::uint8_t>(bit(0) | bit(1)), kRelaxed);
     const bool own = pair >= own_.data() && pair < own_.data() + own_.size();
     const auto number = own ? pair - own_.data() : pair - overlapped_.data() + static_cast<std::ptrdiff_t>(own_.size());
@@ -155,11 +207,7 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     number_of_[index].store(static_cast<std::uint16_t>(number), std::memory_order_release);
     // The NIC that has refused the last frame is the second one, so that the reply of the other one finds its bit.
     const unsigned first = refused_[0].load(kRelaxed) || busy_[0].load(kRelaxed) ? 1 : 0;
-    if (head_only) {
-        const SendStatus only = send_by(pair->head, *pair, frame);
-        if (only != SendStatus::sent && hold(*pair)) pair->state.store(FramePair::unused, std::memory_order_release);
-        return only;
-    }
+    if (head_only) return send_by_head(*pair, frame);
     const SendStatus one = send_by(first, *pair, frame);
     const SendStatus two = one == SendStatus::busy ? SendStatus::busy : send_by(1 - first, *pair, frame);
     if (one == SendStatus::sent || two == SendStatus::sent) return SendStatus::sent;
@@ -210,6 +258,10 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
     add(counters_[at].received);
     silent_[from].store(false, kRelaxed);
     missed_[from] = 0;
+    if (foreign_.load(kRelaxed) && from != head()) {
+        note_probe(frame, at, from);
+        return 0;
+    }
     const bool idle = crossed && !marked && !is_counted(frame);
     FramePair* const pair = pair_of(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
     // The pair may have been opened for another index since.
@@ -276,6 +328,7 @@ void Redundancy::set_ring(RingState state) noexcept {
     ever_whole_ |= state == RingState::whole;
     ring_ = state;
     count_is_new_ = {};
+    front_known_.store(false, kRelaxed);
 }
 
 // Both copies have come back at their own NICs. The one that has passed a slave with a closed port 0 comes from the end
@@ -311,6 +364,8 @@ void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
         slaves_[nic].store((pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0}, kRelaxed);
         count_is_new_[nic] = true;
     }
+    // In the whole ring, a copy that rests meets no slave, but the next one may be behind a new break.
+    front_known_.store(ring_ == RingState::whole ? !rests_[1 - head()] : counts_are_new(), kRelaxed);
 }
 
 // The positions of the copy at the end of the ring were moved by another number of slaves than the copy at the
@@ -331,7 +386,12 @@ std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned fro
     if (changed && complete) processed = crossing;
     if (!head_only_.load(kRelaxed)) note_ring(pair, processed);
     if (processed == 0) return 0;
-    if ((changed && !complete) || is_misplaced(pair, processed)) {
+    const bool misplaced = is_misplaced(pair, processed);
+    const unsigned other = 1U - pair.head;
+    // A slave that was not meant has been written: the caller must know it.
+    const bool harmed = misplaced && has_written_by_position(other == from ? Bytes(frame).first(pair.size)
+                                                                           : Bytes(pair.back).first(pair.size));
+    if ((changed && !complete) || (misplaced && !harmed)) {
         ++repeated_;
         return 0;
     }
@@ -343,6 +403,7 @@ std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned fro
     } else if (processed != bit(from)) {
         std::ranges::copy(Bytes(pair.back).first(pair.size), whole.begin());
     }
+    if (harmed) refuse_writes_by_position(whole);
     set_source(whole, source_[0]);
     whole[wire::kSourceMacOffset] |= wire::kPassedEscBit;
     return whole.size();

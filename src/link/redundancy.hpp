@@ -148,7 +148,14 @@ class Redundancy final : public Nic, public Cables {
     void note_ring(const FramePair& pair, unsigned processed) noexcept;
     void note_two_ends(const FramePair& pair) noexcept;
     void set_ring(RingState state) noexcept;
-    void set_fault(CablingFault fault) noexcept { fault_ = fault; }
+    void set_fault(CablingFault fault) noexcept {
+        fault_ = fault;
+        foreign_.store(fault == CablingFault::second_segment, std::memory_order_relaxed);
+    }
+    [[nodiscard]] std::uint16_t positions_behind(unsigned head) const noexcept;
+    [[nodiscard]] SendStatus send_by_head(FramePair& pair, Bytes frame) noexcept;
+    void send_probe(unsigned nic) noexcept;
+    void note_probe(Bytes frame, unsigned at, unsigned from) noexcept;
     [[nodiscard]] bool is_misplaced(const FramePair& pair, unsigned processed) const noexcept;
     [[nodiscard]] std::size_t finish(FramePair& pair, MutableBytes frame, unsigned from) noexcept;
 
@@ -171,6 +178,12 @@ class Redundancy final : public Nic, public Cables {
     static constexpr std::uint32_t kIsFirst = 0x1'0000;
     std::atomic<std::uint32_t> second_{0};  // station address, or 0; kIsFirst
     std::atomic<bool> head_only_{false};
+    // Another segment is behind the NIC that is not the head. Its slaves must process nothing: that NIC only sends a
+    // frame of NOPs now and then, whose return shows when it is connected to the ring again.
+    std::atomic<bool> foreign_{false};
+    std::atomic<std::uint8_t> probe_turn_{0};
+    std::atomic<bool> front_known_{false};  // see positions_behind()
+    static constexpr std::uint8_t kFramesPerProbe = 64;
 
     // Of the receiving thread.
     std::array<unsigned, 2> missed_{};  // copies that did not come back since the last one came

@@ -194,7 +194,9 @@ Task<Result<>> watch_clocks(Network& network) {
     clocks.loss_reported = false;
     note_time_of_cycle(network);
     choose_standby(network);
-    if (clocks.settings.delay_interval > Duration{0} && now >= clocks.delays_at) {
+    const bool guessed = network.redundancy != nullptr && network.redundancy->delays_are_guessed() &&
+                         network.ring_parts().whole && !network.redundancy->are_ports_old();
+    if (guessed || (clocks.settings.delay_interval > Duration{0} && now >= clocks.delays_at)) {
         clocks.delays_at = later(now, clocks.settings.delay_interval);
         auto improved = co_await improve_delays(network);
         if (!improved && improved.error().code == Errc::capacity) co_return improved;

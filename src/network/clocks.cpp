@@ -17,15 +17,6 @@ constexpr std::uint16_t kSpeedCounterDefault = 0x1000;
 
 constexpr DatagramAddress broadcast(wire::Register r) { return {std::uint16_t{0}, r.address}; }
 
-// How much longer the way through the processing unit takes, by the type of the chip (register 0x0000). Recordings of
-// E-bus terminals show 20 ns for ET1100 and ET1200 (test/clock/delays_test.cpp); for other chips nothing is recorded.
-constexpr std::uint16_t processing_ns_of(const Slave& slave) {
-    const std::int16_t set = slave.config.dc().processing_ns;
-    if (set >= 0) return static_cast<std::uint16_t>(set);
-    const bool is_et = slave.dl.type == 0x11 || slave.dl.type == 0x12;
-    return is_et ? 20 : 40;
-}
-
 // Switches the SYNC signals of all slaves off, and starts the control loops of all clocks again.
 Task<Result<>> reset_clocks(Network& network) {
     static constexpr std::array<std::byte, 1> kOff{};
@@ -117,6 +108,7 @@ Task<Result<>> measure(Network& network) {
     if (network.redundancy != nullptr) {
         co_await required(network.redundancy->open_ring(network));
     }
+    (void)find_frame_ways(network);
     Result<> measured = co_await measure_all(network);
     if (network.redundancy != nullptr) {
         const auto closed = co_await network.redundancy->close_ring(network);
@@ -137,7 +129,9 @@ void compute_offsets(Network& network) {
     clocks.system_ns = static_cast<std::uint64_t>(since_zero.count());
     for (ClockEntry& clock : clocks.entries.first(network.count)) {
         clock.synchronised = is_clock(clock.kind);
-        if (clock.synchronised) clock.offset_ns = clock_offset_ns(clocks.system_ns, clock.delay_ns, clock.local_ns);
+        if (!clock.synchronised) continue;
+        // Behind a break, another copy of the frame was latched. Both were sent at the same time.
+        clock.offset_ns = clock_offset_ns(clocks.system_ns, clock.passed_ns, clock.local_ns);
     }
 }
 
@@ -357,51 +351,9 @@ Task<Result<>> read_receive_times(Network& network, Slave& slave, Keep keep) {
     for (unsigned p = 0; p < 4; ++p) latched.port_ns[p] = load_le<std::uint32_t>(ports, 4 * p);
     latched.has_processing = read_unit.reply().ok() && read_unit.reply().wkc == 1;
     latched.processing_ns = load_le<std::uint32_t>(unit);
-    clock.local_ns = latched.has_processing ? load_le<std::uint64_t>(unit) : latched.port_ns[slave.entry_port & 3];
-    if (keep == Keep::yes && !clock.times.full()) clock.times.add(latched, slave.entry_port);
+    clock.local_ns = latched.has_processing ? load_le<std::uint64_t>(unit) : latched.port_ns[clock.passing_port & 3];
+    if (keep == Keep::yes && !clock.times.full()) clock.times.add(latched, clock.arrival_port);
     co_return Nothing{};
-}
-
-namespace {
-
-// Sets the ports of all nodes behind which a slave answers. A port to slaves that are lost keeps an old receive time.
-void find_neighbours(Network& network, std::span<DelayNode> nodes) {
-    const auto ring = network.seen_ring();
-    for (std::size_t n = 0; n < nodes.size(); ++n) {
-        if (ring[n].slave != 0 && network.slave(ring[n].slave).al.state == AlState::none) continue;
-        for (std::size_t at = n; ring[at].parent != 0 && ring[at].parent <= nodes.size(); at = ring[at].parent - 1U) {
-            DelayNode& parent = nodes[ring[at].parent - 1U];
-            const auto port = static_cast<std::uint8_t>(1U << (ring[at].parent_port & 3));
-            if ((parent.neighbours & port) != 0) break;
-            parent.neighbours |= port;
-        }
-    }
-}
-
-}  // namespace
-
-void compute_clock_delays(Network& network) {
-    Clocks& clocks = network.clocks;
-    const auto ring = network.seen_ring();
-    const auto nodes = clocks.nodes.first(std::min(clocks.nodes.size(), ring.size()));
-    for (std::size_t n = 0; n < nodes.size(); ++n) {
-        const RingPlace& place = ring[n];
-        nodes[n] = {.parent = place.parent, .parent_port = place.parent_port, .entry_port = place.entry_port};
-        if (place.slave == 0) continue;
-        nodes[n].times = &clocks.entries[place.slave - 1U].times;
-        nodes[n].processing_ns = processing_ns_of(network.slave(place.slave));
-    }
-    find_neighbours(network, nodes);
-    compute_delays(nodes);
-    const std::size_t reference = network.slave(clocks.reference).ring_position;
-    if (reference == 0 || reference > nodes.size()) return;
-    for (std::size_t n = 0; n < nodes.size(); ++n) {
-        if (ring[n].slave == 0 || !nodes[n].timed()) continue;
-        const std::int64_t delay = delay_between_ns(nodes[reference - 1], nodes[n]);
-        ClockEntry& clock = clocks.entries[ring[n].slave - 1U];
-        clock.delay_ns = static_cast<std::uint32_t>(std::max<std::int64_t>(delay, 0));
-        clock.measured = true;
-    }
 }
 
 Task<Result<>> write_clock(Network& network, Slave& slave) {
@@ -435,6 +387,7 @@ Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings set
     clocks.watch = watch_clocks;
     clocks.is_near = is_near;
     auto set = co_await set_clocks(network);
+    if (set && network.redundancy != nullptr) set = co_await network.redundancy->begin_second_part(network);
     if (set) set = co_await send_burst(network);
     if (set) set = co_await improve_delays(network);
     if (set) set = co_await wait_until_in_sync(network);

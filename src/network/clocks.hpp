@@ -36,6 +36,11 @@ struct ClockEntry : SlaveClock {
     SyncRegisters sync;          // by dcsync0(), where `sync_set` is true
     bool sync_set = false;
     bool measured = false;  // its delay is known
+    // While delays are measured: the port at which the frame arrives first, and the port at which it arrives before the
+    // processing unit. They differ behind a break of a ring with two NICs.
+    std::uint8_t arrival_port = 0;
+    std::uint8_t passing_port = 0;
+    std::int32_t passed_ns = 0;  // when the frame has passed the slave, after the reference: the delay, see there
 };
 
 struct Clocks {
@@ -120,6 +125,9 @@ class Measuring {
 enum class Keep : bool { no, yes };
 [[nodiscard]] Task<Result<>> latch_receive_times(Network& network);
 [[nodiscard]] Task<Result<>> read_receive_times(Network& network, Slave& slave, Keep keep);
+// Fills Clocks::nodes with the ways of the frames as they are now, and the ports of the entries. Returns the number of
+// nodes (network/clock_delays.cpp).
+std::size_t find_frame_ways(Network& network);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);
 // Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.

@@ -68,7 +68,11 @@ class RedundancyPart {
     [[nodiscard]] virtual std::uint32_t changes() const = 0;
     // For a scan: reads the ports of all slaves again if a cable has broken or healed since there were `changes`, while
     // the scan read them. Else they would not belong to one ring.
-    [[nodiscard]] virtual Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) const = 0;
+    [[nodiscard]] virtual Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) = 0;
+
+    // The ring was broken when its ports were read, and is whole now: read_ports() finds the way through all slaves.
+    [[nodiscard]] virtual bool are_ports_old() const = 0;
+    [[nodiscard]] virtual Task<Result<>> read_ports(Network& network) = 0;
 
     // For the measurement of delays, whose frames must return by the way they came: closes the port of the last slave
     // to the second NIC, for about a second, and sends by one NIC only. close_ring() opens the port again. Errors of
@@ -76,6 +80,11 @@ class RedundancyPart {
     // clock).
     [[nodiscard]] virtual Task<Result<>> open_ring(Network& network) = 0;
     [[nodiscard]] virtual Task<Result<>> close_ring(Network& network) = 0;
+    // configdc() while the ring is broken between slaves with clocks: the delay from one part to the other is a guess
+    // until the ring is whole again and the delays are measured anew.
+    [[nodiscard]] virtual bool delays_are_guessed() const = 0;
+    // The clocks behind a break begin to follow the first clock there. For configdc(), before it sends times.
+    [[nodiscard]] virtual Task<Result<>> begin_second_part(Network& network) = 0;
     // The sequence between both was destroyed: the chip opens its port by itself.
     virtual void forget_opening() = 0;
     // Keeps the clocks behind a break in step with the reference clock.

@@ -39,13 +39,22 @@ std::uint16_t clock_beside_the_ring(Network& network, RingParts parts) {
 Task<Result<>> RingWatch::open_ring(Network& network) {
     const RingParts now = parts();
     last_ = 0;
-    constants_ = {};
     if (!now.two_nics) co_return Nothing{};
     std::uint8_t port = 0;
     const Slave* const last = last_slave(network, port);
-    // Broken at the cable of the second NIC: a line.
-    if (!now.whole && now.front >= network.ring_count) co_return Nothing{};
-    if (!now.whole || last == nullptr) co_return ring_error(Errc::wrong_state);
+    const auto known = [](const ClockEntry& clock) { return clock.measured; };
+    const bool first_time = std::ranges::none_of(network.clocks.entries.first(network.count), known);
+    if (!now.whole) {
+        // Broken at the cable of a NIC: a line.
+        const bool parted = now.front < network.ring_count;
+        // What was measured in the whole ring is better than what can be measured now: the delay across the break is
+        // not known, and the first slave behind it forwards frames faster than with port 0 open.
+        if (parted && !first_time && !guessed_) co_return ring_error(Errc::wrong_state);
+        guessed_ = parted;
+        co_return Nothing{};
+    }
+    constants_ = {};
+    if (last == nullptr) co_return ring_error(Errc::wrong_state);
     const std::uint16_t beside = clock_beside_the_ring(network, now);
     if (beside != 0) co_return ring_error(Errc::unsupported, beside);
     const Station station = network.station(*last);
@@ -68,6 +77,7 @@ Task<Result<>> RingWatch::close_ring(Network& network) {
     last_ = 0;
     ring_.use_head_only(false);
     if (written && network.engine.now() - opened_ > kLongest) co_return ring_error(Errc::unstable);
+    if (written) guessed_ = false;
     co_return written;
 }
 
@@ -77,7 +87,77 @@ std::uint16_t RingWatch::reference_of(Network& network, const Slave& slave) cons
     return behind && second_ != 0 && second_ != slave.number ? second_ : network.clocks.reference;
 }
 
-// The first clock behind the break that follows the reference; 0 while the ring is whole.
+// The first clock behind the break; 0: none.
+std::uint16_t RingWatch::first_behind(Network& network, bool only_settled) const {
+    std::uint16_t best = 0;
+    for (const Slave& slave : network.slaves()) {
+        // Below SAFEOP, a slave that has come back may not have its clock yet.
+        const bool settled = !only_settled || slave.number == second_ || slave.al.state >= AlState::safeop ||
+                             slave.al.state == wanted_state(network, slave);
+        const bool candidate = slave.ring_position > parts().front && slave.al.state != AlState::none && settled &&
+                               network.clocks.of(slave).synchronised;
+        if (candidate && (best == 0 || slave.ring_position < network.slave(best).ring_position)) best = slave.number;
+    }
+    return best;
+}
+
+Task<Result<>> RingWatch::begin_second_part(Network& network) {
+    const RingParts now = parts();
+    const bool broken = now.two_nics && !now.whole;
+    // Another clock, or the same clock with another time.
+    ring_.set_second_reference({}, false);
+    second_ = 0;
+    wanted_second_ = broken ? first_behind(network, false) : std::uint16_t{0};
+    if (wanted_second_ != 0 && wanted_second_ != network.clocks.reference) {
+        Slave& second = network.slave(wanted_second_);
+        co_await required(teach_rate(network, second));
+        co_await required(set_second_part(network, second));
+    }
+    co_return co_await required(change_second(network, wanted_second_));
+}
+
+// The second reference has never been compared with the reference, and would drift away as fast as both oscillators
+// differ. So the master writes the time of the reference to it, until its control loop has learned the rate.
+Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
+    constexpr Duration kLongest = std::chrono::seconds(1);
+    const Time give_up = network.engine.now() + kLongest;
+    const std::size_t octets = network.clocks.of(second).kind == ClockKind::bits64 ? 8 : 4;
+    std::array<std::byte, 8> time{};
+    for (std::uint16_t n = 0; n < network.clocks.settings.burst_frames && network.engine.now() < give_up; ++n) {
+        co_await required(send_time(network));  // reads the time of the reference
+        store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(network.engine.now()));
+        Datagram write(network.engine.link(), wire::Command::FPWR, {second.station_address, reg::kSystemTime.address},
+                       Bytes(time).first(octets), Repeat::no);
+        (void)co_await write;  // a lost frame is one of many
+    }
+    co_return Nothing{};
+}
+
+// The clocks behind the break from that of the reference: all latch the same frame.
+Task<Result<>> RingWatch::set_second_part(Network& network, Slave& second) {
+    Clocks& clocks = network.clocks;
+    Slave& reference = network.slave(clocks.reference);
+    co_await required(latch_receive_times(network));
+    co_await required(read_receive_times(network, reference, Keep::no));
+    const ClockEntry& source = clocks.of(reference);
+    const std::uint64_t system_ns = source.local_ns + source.offset_ns;
+    for (Slave& slave : network.slaves()) {
+        ClockEntry& clock = clocks.of(slave);
+        if (slave.ring_position <= parts().front || !clock.synchronised || slave.al.state == AlState::none) continue;
+        co_await required(read_receive_times(network, slave, Keep::no));
+        clock.offset_ns = clock_offset_ns(system_ns, clock.passed_ns, clock.local_ns);
+        if (slave.number != second.number) {
+            co_await required(write_clock(network, slave));
+            continue;
+        }
+        wire::Register offset = reg::kSystemTimeOffset;  // its control loop goes on
+        if (clock.kind == ClockKind::bits32) offset.length = 4;
+        co_await required(write_clock_register(network.station(slave), offset, clock.offset_ns));
+    }
+    co_return Nothing{};
+}
+
+// The clock behind the break that follows the reference; 0 while the ring is whole.
 std::uint16_t RingWatch::choose_second(Network& network) const {
     const RingParts now = parts();
     if (!now.two_nics || now.whole || network.clocks.reference == 0) return 0;
@@ -87,16 +167,7 @@ std::uint16_t RingWatch::choose_second(Network& network) const {
         if (slave.al.state != AlState::none && slave.ring_position != 0) ++there;
     const std::size_t seen = std::size_t{ring_.reached_by(0)} + ring_.reached_by(1);
     if (!ring_.counts_are_new() || seen < there) return second_;
-    std::uint16_t best = 0;
-    for (const Slave& slave : network.slaves()) {
-        // Below SAFEOP, a slave that has come back may not have its clock yet.
-        const bool settled = slave.number == second_ || slave.al.state >= AlState::safeop ||
-                             slave.al.state == wanted_state(network, slave);
-        const bool candidate = slave.ring_position > now.front && slave.al.state != AlState::none && settled &&
-                               network.clocks.of(slave).synchronised;
-        if (candidate && (best == 0 || slave.ring_position < network.slave(best).ring_position)) best = slave.number;
-    }
-    return best;
+    return first_behind(network, true);
 }
 
 Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) {

@@ -1,6 +1,7 @@
 #include "network/ring_watch.hpp"
 
 #include "network/scan.hpp"
+#include "network/topology.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -77,7 +78,12 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
 }
 
 void RingWatch::report_fault(Network& network, CablingFault fault) {
-    if (std::exchange(reported_fault_, fault) == fault || fault == CablingFault::none) return;
+    if (std::exchange(reported_fault_, fault) == fault) return;
+    if (fault == CablingFault::none) {  // the end of the fault is told with the state of the ring
+        before_ = behind_ = 0;
+        reported_ = RingState::broken;
+        return;
+    }
     const bool same = fault == CablingFault::same_port;
     network.report({.kind = same ? EventKind::nics_on_same_port : EventKind::second_segment});
 }
@@ -107,13 +113,28 @@ RingParts RingWatch::parts() const {
     return {.two_nics = true, .whole = now.ring == RingState::whole, .front = now.cables[ring_.head()].slaves};
 }
 
-Task<Result<>> RingWatch::read_ports_again(Network& network, std::uint32_t changes) const {
+Task<Result<>> RingWatch::read_ports(Network& network) {
+    const std::uint32_t changes = ring_.changes();
+    const auto read_one = [&network](Slave& s) { return read_dl_status(network, s); };
+    co_await required(for_each_slave(network, read_one));
+    if (ring_.changes() != changes) co_return Nothing{};  // the next round reads them
+    for (const Slave& slave : network.slaves())
+        if (slave.ring_position != 0 && slave.ring_position <= network.ring.size())
+            network.ring[slave.ring_position - 1U].dl_status = slave.dl_status;
+    ports_of_broken_ = false;
+    (void)find_topology(network.seen_ring(), parts());
+    store_topology(network.seen_ring(), network.slaves());
+    co_return Nothing{};
+}
+
+Task<Result<>> RingWatch::read_ports_again(Network& network, std::uint32_t changes) {
     for (unsigned tries = 3; tries > 0 && ring_.changes() != changes; --tries) {
         changes = ring_.changes();
         const auto again = [&network](Slave& s) { return read_dl_status(network, s); };
         co_await required(for_each_slave(network, again));
         co_await required(count_slaves(network));
     }
+    ports_of_broken_ = parts().two_nics && !parts().whole;
     co_return Nothing{};
 }
 

@@ -19,13 +19,17 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Error check() const override;
     [[nodiscard]] RingParts parts() const override;
     [[nodiscard]] std::uint32_t changes() const override { return ring_.changes(); }
-    [[nodiscard]] Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) const override;
+    [[nodiscard]] Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) override;
+    [[nodiscard]] bool are_ports_old() const override { return ports_of_broken_ && parts().whole; }
+    [[nodiscard]] Task<Result<>> read_ports(Network& network) override;
     [[nodiscard]] const Redundancy& ring() const { return ring_; }
 
     // Clocks (ring_clocks.cpp)
     [[nodiscard]] Task<Result<>> open_ring(Network& network) override;
     [[nodiscard]] Task<Result<>> close_ring(Network& network) override;
     void forget_opening() override { ring_.use_head_only(false); }
+    [[nodiscard]] Task<Result<>> begin_second_part(Network& network) override;
+    [[nodiscard]] bool delays_are_guessed() const override { return guessed_; }
     [[nodiscard]] Task<Result<>> watch_clocks(Network& network) override;
     [[nodiscard]] std::uint16_t reference_of(Network& network, const Slave& slave) const override;
     // The second reference clock, 0: none; and how far it is ahead of the first one.
@@ -42,7 +46,10 @@ class RingWatch final : public RedundancyPart {
 
     void report_break(Network& network, const RedundancyStatus& now);
     void report_fault(Network& network, CablingFault fault);
+    [[nodiscard]] std::uint16_t first_behind(Network& network, bool only_settled) const;
     [[nodiscard]] std::uint16_t choose_second(Network& network) const;
+    [[nodiscard]] Task<Result<>> teach_rate(Network& network, Slave& second);
+    [[nodiscard]] Task<Result<>> set_second_part(Network& network, Slave& second);
     [[nodiscard]] Task<Result<>> change_second(Network& network, std::uint16_t second);
     [[nodiscard]] Task<Result<>> steer(Network& network);
     void begin_to_steer(Network& network);
@@ -52,7 +59,8 @@ class RingWatch final : public RedundancyPart {
     RingState reported_ = RingState::unknown;
     CablingFault reported_fault_ = CablingFault::none;
     bool reported_swapped_ = false;
-    std::uint16_t before_ = 0;  // the slaves of the last break
+    bool ports_of_broken_ = false;  // the topology is that of the broken ring
+    std::uint16_t before_ = 0;      // the slaves of the last break
     std::uint16_t behind_ = 0;
 
     // The slave with the second reference clock. It is in step at the moment of the break, so the first differences
@@ -60,6 +68,7 @@ class RingWatch final : public RedundancyPart {
     std::uint16_t second_ = 0;
     bool second_is_first_ = false;
     bool known_ = false;
+    bool guessed_ = false;  // the delays behind a break, see delays_are_guessed()
     std::int64_t constant_ns_ = 0;
     std::array<Constant, 4> constants_{};
     std::size_t next_constant_ = 0;

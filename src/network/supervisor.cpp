@@ -365,6 +365,9 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         co_return Nothing{};
     }
     doubt_after_silence(watch);
+    if (network.redundancy != nullptr && network.redundancy->are_ports_old() && !network.segment_in_use) {
+        co_await required(network.redundancy->read_ports(network));
+    }
     (void)count_lost_frames(watch);
     const Time now = network.engine.now();
     if (network.is_unobserved()) {  // perhaps another machine

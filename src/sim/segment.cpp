@@ -40,6 +40,7 @@ bool Segment::connect_master(PortRef to, unsigned master_port, Duration cable) {
     end = {Peer::master, {master_port, 0}, cable, true};
     masters_[master_port] = {Peer::slave, to, cable, true};
     topology_changed();
+    if (nodes_[to.slave].powered) update_all_ports();
     return true;
 }
 

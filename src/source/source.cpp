@@ -39,12 +39,18 @@ std::string Source::finish() {
     const auto say = [&](std::string_view text) {
         if (!text.empty()) said.append(said.empty() ? "" : "; ").append(text);
     };
+    if (ring_recorder_ && !ring_recorder_->close()) {
+        recording_lost_ = true;
+        say(ring_recorder_->problem());
+    }
     if (recorder_ && !recorder_->close()) {
         recording_lost_ = true;
         say(recorder_->problem());
     }
-    if (replay_ && !replay_->problem().empty())
-        say(replay_->problem() +
+    const auto* problem = replay_ ? &replay_->problem() : nullptr;
+    if (second_replay_ && problem->empty()) problem = &second_replay_->problem();
+    if (problem != nullptr && !problem->empty())
+        say(*problem +
             " (a recording answers only what the recorded master asked: replay one that this program made itself by "
             "--record with the same arguments)");
     return said;
@@ -64,8 +70,8 @@ class SourceOpener {
         else
             problem = open_interface(text);
         if (problem.empty() && !options.record.empty())
-            problem = source_->second_outermost_ != nullptr ? "--record: two NICs cannot be recorded yet"
-                                                            : record_to(options.record);
+            problem =
+                source_->second_outermost_ != nullptr ? record_ring_to(options.record) : record_to(options.record);
         if (!problem.empty()) return OpenedSource(problem);
         if (options.trace)
             source_->outermost_ =
@@ -111,7 +117,24 @@ class SourceOpener {
         source_->osal_ = &osal;
         auto& nic = source_->replay_.emplace(osal);
         source_->outermost_ = &nic;
-        return nic.load(file) ? std::string() : nic.problem();
+        if (!nic.load(file)) return with_two_files(file, nic.problem());
+        std::array<MacAddress, 2> macs{};
+        if (!nic.capture().is_of_ring(macs)) return {};
+        auto& second = source_->second_replay_.emplace(osal);
+        source_->second_outermost_ = &second;
+        if (nic.load_ring(file, second)) return {};
+        return nic.problem().empty() ? second.problem() : nic.problem();
+    }
+
+    // A ring is recorded in one file; a user who has two files learns how they become one.
+    static std::string with_two_files(const std::string& file, const std::string& problem) {
+        const auto plus = file.find('+');
+        std::error_code ignored;
+        if (plus == std::string::npos || std::filesystem::exists(file, ignored)) return problem;
+        const auto other = file.substr(plus + (file.substr(plus + 1).starts_with("pcap:") ? 6 : 1));
+        return "'pcap:" + file +
+               "': a ring is one recording with two interfaces; join two files by: mergecap -I none -w " +
+               "ring.pcapng " + file.substr(0, plus) + " " + other;
     }
 
     std::string open_simulated(const std::string& what, bool real_time) {
@@ -144,15 +167,25 @@ class SourceOpener {
         outermost = around.get();
     }
 
+    // Recordings of hardware have the wall-clock time. Recordings in virtual time do not, so that the same run writes
+    // the same file.
+    [[nodiscard]] Duration epoch() const {
+        if (source_->virtual_time()) return {};
+        return std::chrono::system_clock::now().time_since_epoch() - source_->osal_->now().time_since_epoch();
+    }
+
+    std::string record_ring_to(const std::string& file) {
+        auto& recorder =
+            source_->ring_recorder_.emplace(*source_->outermost_, *source_->second_outermost_, *source_->osal_);
+        source_->outermost_ = &recorder.first();
+        source_->second_outermost_ = &recorder.second();
+        return recorder.open(file, epoch()) ? std::string() : recorder.problem();
+    }
+
     std::string record_to(const std::string& file) {
         auto& recorder = source_->recorder_.emplace(*source_->outermost_, *source_->osal_);
         source_->outermost_ = &recorder;
-        // Recordings of hardware have the wall-clock time. Recordings in virtual time do not, so that the same run
-        // writes the same file.
-        Duration epoch{};
-        if (!source_->virtual_time())
-            epoch = std::chrono::system_clock::now().time_since_epoch() - source_->osal_->now().time_since_epoch();
-        return recorder.open(file, epoch) ? std::string() : recorder.problem();
+        return recorder.open(file, epoch()) ? std::string() : recorder.problem();
     }
 
     std::unique_ptr<Source> source_ = std::make_unique<Source>();

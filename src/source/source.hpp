@@ -9,9 +9,10 @@
 //     sim:demo        a simulated segment: a ready-made one (sim:drives), a segment description (sim:FILE.toml), or
 //                     slaves in a line (sim:coupler,drive#16,drive@3s,a.bin): devices of the library and SII images;
 //                     drive#16 has the alias 16, drive@3s is switched on 3 s after the program has opened the source
-//     pcap:FILE       a recording
+//     pcap:FILE       a recording; two NICs if it is a pcapng file with the frames of two interfaces, which a recording
+//                     of two NICs is
 //
-// A simulated segment whose description has a `ring` has two NICs. Two NICs cannot be recorded or replayed yet.
+// A simulated segment whose description has a `ring` has two NICs.
 //
 // Simulated segments and recordings use virtual time: they run as fast as the machine allows, and the output is the
 // same every time. A recording answers only what the recorded master asked. Thus a recording can be replayed when the
@@ -23,6 +24,7 @@
 #include "oshw/filters/trace_nic.hpp"
 #include "oshw/pcap/recorder.hpp"
 #include "oshw/pcap/replay.hpp"
+#include "oshw/pcap/ring_recorder.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "source/segment_file.hpp"
 
@@ -38,7 +40,8 @@
 namespace margay::hosted {
 
 struct SourceOptions {
-    std::string record{};    // file for every frame sent and received; empty: none
+    // File for every frame sent and received; empty: none. One NIC: pcap. Two NICs: pcapng with two interfaces.
+    std::string record{};
     bool real_time = false;  // a simulated segment runs in the time of the system, for programs with several threads
     bool trace = false;      // prints a line for every datagram to standard error
 };
@@ -97,11 +100,12 @@ class Source {
     Osal* osal_ = nullptr;
 
     std::shared_ptr<Nic> interface_;
-    std::optional<PcapReplayNic> replay_;
+    std::optional<PcapReplayNic> replay_, second_replay_;
     std::unique_ptr<SimulatedSegment> simulated_;
     std::optional<SimulatedNic> simulated_nic_;
     std::unique_ptr<SwitchingNic> switching_, second_switching_;
     std::optional<PcapRecorder> recorder_;
+    std::optional<PcapRingRecorder> ring_recorder_;
     StandardError standard_error_;
     std::optional<TraceNic> trace_;
     Nic* outermost_ = nullptr;

@@ -110,8 +110,8 @@ class Bench {
             rate = std::max(rate, static_cast<double>(frames * datagrams * kSlaves) / spent);
         }
         const auto made = allocations - allocated;
-        std::printf("%-58s %8.1f million/s %9.1f ns a slave %6zu allocations%s\n", title, rate / 1e6, 1e9 / rate, made,
-                    wkc == expected_wkc ? "" : "  WRONG WORKING COUNTER");
+        std::printf("%-58s %8.1f million/s %9.1f ns a slave %9.0f slaves fit into 1 ms %6zu allocations%s\n", title,
+                    rate / 1e6, 1e9 / rate, rate / 1e3, made, wkc == expected_wkc ? "" : "  WRONG WORKING COUNTER");
         return good_ && made == 0 && wkc == expected_wkc;
     }
 

@@ -141,6 +141,21 @@ TEST(Delays, OfTheLastSlaveInAClosedRing) {
     EXPECT_EQ(ring.delay(2), 640);
 }
 
+// Two parts of a broken ring: the frames of the second NIC come to slave 3 first, and slave 2 turns them. So the frame
+// is at slave 2 after 100 + 500 = 600, at its processing unit 60 later, and back at slave 3 after 600 + 140 + 500.
+TEST(Delays, InTwoPartsWhoseFramesArriveAtTheSameTime) {
+    Ring ring;
+    ring.add(0, 0, {});
+    ring.times[1].add({.port_ns = {7, 9000, 7, 7}, .processing_ns = 9060, .has_processing = true}, 1);
+    ring.times[2].add({.port_ns = {6240, 5000, 7, 7}, .processing_ns = 6240, .has_processing = true}, 1);
+    DelayNode turns{.parent = 3, .parent_port = 0, .entry_port = 1, .processing_ns = 40, .times = &ring.times[1]};
+    DelayNode last{.entry_port = 1, .neighbours = 1, .processing_ns = 40, .times = &ring.times[2]};
+    ring.nodes.push_back(turns);
+    ring.nodes.push_back(last);
+    EXPECT_EQ(ring.delay(2), 600 + 60);
+    EXPECT_EQ(ring.delay(3), 1240) << "on the way back";
+}
+
 TEST(Delays, WhenTheTimesWrap) {
     for (const std::uint32_t start : {0xFFFF'FFFFU, 0xFFFF'FC00U, 0U, 0x7FFF'FF00U}) {
         Ring ring;

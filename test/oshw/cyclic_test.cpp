@@ -4,9 +4,12 @@
 #include "osal/linux/cyclic_runner.hpp"
 
 #include <gtest/gtest.h>
+#include <pthread.h>
 #include <sched.h>
+#include <sys/mman.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <fstream>
 #include <random>
 #include <string_view>
@@ -56,6 +59,79 @@ TEST(CyclicSchedule, DeadlinesAreAwayFromTheTick) {
             (void)schedule.wake(schedule.deadline());
         }
     }
+}
+
+TEST(CyclicSchedule, SkipsByDefaultAndCountsIt) {
+    CyclicSchedule schedule(1ms, 0us);
+    schedule.start(Time(0us));
+    EXPECT_FALSE(schedule.wake(Time(1ms)).stopped);
+    EXPECT_EQ(schedule.wake(Time(4100us)).skipped, 2U);
+    EXPECT_FALSE(schedule.wake(Time(5ms)).caught_up);
+    EXPECT_EQ(schedule.counters().overruns, 1U);
+    EXPECT_EQ(schedule.counters().skipped, 2U);
+    EXPECT_EQ(schedule.counters().caught_up, 0U);
+}
+
+TEST(CyclicSchedule, CatchesUpDeadlineByDeadline) {
+    CyclicSchedule schedule(1ms, 0us);
+    schedule.set_policy(OverrunPolicy::catch_up);
+    schedule.start(Time(0us));
+    (void)schedule.wake(Time(1ms));
+    // The task returns at 5.2 ms: the deadlines of 2, 3 and 4 ms were missed, that of 5 ms is only late.
+    std::uint64_t cycle = 2;
+    for (const Duration due : {Duration(2ms), Duration(3ms), Duration(4ms), Duration(5ms)}) {
+        const auto tick = schedule.wake(Time(5200us));
+        EXPECT_EQ(tick.deadline, Time(due));
+        EXPECT_EQ(tick.lateness, 5200us - due);
+        EXPECT_EQ(tick.caught_up, due < 5ms);
+        EXPECT_EQ(tick.skipped, 0U);
+        EXPECT_EQ(tick.cycle, cycle++);
+    }
+    EXPECT_EQ(schedule.deadline(), Time(6ms));
+    EXPECT_EQ(schedule.counters().overruns, 1U) << "one overrun, however many deadlines it has cost";
+    EXPECT_EQ(schedule.counters().caught_up, 3U);
+    EXPECT_EQ(schedule.counters().skipped, 0U);
+}
+
+TEST(CyclicSchedule, CatchesUpNoMoreThanTheLimit) {
+    CyclicSchedule schedule(1ms, 0us);
+    schedule.set_policy(OverrunPolicy::catch_up, 4);
+    schedule.start(Time(0us));
+    auto tick = schedule.wake(Time(101ms));  // 100 deadlines were missed
+    EXPECT_EQ(tick.skipped, 96U);
+    EXPECT_EQ(tick.deadline, Time(97ms));
+    EXPECT_EQ(tick.cycle, 97U);
+    EXPECT_TRUE(tick.caught_up);
+    for (int n = 0; n < 3; ++n) EXPECT_TRUE(schedule.wake(Time(101ms)).caught_up);
+    tick = schedule.wake(Time(101ms));
+    EXPECT_FALSE(tick.caught_up);
+    EXPECT_EQ(tick.deadline, Time(101ms));
+    EXPECT_EQ(schedule.counters().caught_up, 4U);
+    EXPECT_EQ(schedule.counters().skipped, 96U);
+    // The work of every made-up cycle is too long again: it is one overrun until the task is in time.
+    (void)schedule.wake(Time(103500us));
+    (void)schedule.wake(Time(104500us));
+    EXPECT_EQ(schedule.counters().overruns, 2U);
+}
+
+TEST(CyclicSchedule, StopsAtTheFirstOverrunUntilItIsStartedAgain) {
+    CyclicSchedule schedule(1ms, 0us);
+    schedule.set_policy(OverrunPolicy::stop);
+    schedule.start(Time(0us));
+    EXPECT_FALSE(schedule.wake(Time(1999us)).stopped) << "late, but in its period";
+    auto tick = schedule.wake(Time(3500us));
+    EXPECT_TRUE(tick.stopped);
+    EXPECT_EQ(tick.skipped, 1U);
+    EXPECT_TRUE(schedule.stopped());
+    const Time due = schedule.deadline();
+    EXPECT_TRUE(schedule.wake(Time(3600us)).stopped) << "before the next deadline";
+    EXPECT_TRUE(schedule.wake(Time(9ms)).stopped);
+    EXPECT_EQ(schedule.deadline(), due);
+    EXPECT_EQ(schedule.counters().overruns, 1U);
+    schedule.start(Time(10ms));
+    EXPECT_FALSE(schedule.stopped());
+    EXPECT_EQ(schedule.wake(schedule.deadline()).cycle, 1U);
+    EXPECT_EQ(schedule.counters().overruns, 0U);
 }
 
 TEST(DurationHistogram, QuantilesAreRightWithinASixteenth) {
@@ -129,6 +205,78 @@ TEST(CyclicRunner, TellsWhatWasRefusedAndRunsNevertheless) {
         EXPECT_GE(runner.wait().cycle, 1U);
     })
         .join();
+}
+
+TEST(CyclicRunner, HasTheReservedTimeThatTheKernelGrants) {
+    std::thread([] {  // the scheduling policy ends with the thread
+        CyclicRunner runner(
+            {.period = 2ms, .spin = 1ms, .runtime = 200us, .lock_memory = false, .hold_latency = false});
+        const auto refusals = runner.prepare();
+        if (!refusals.empty()) {
+            EXPECT_NE(std::string_view(refusals[0].what).find("SCHED_DEADLINE"), std::string_view::npos);
+            EXPECT_NE(refusals[0].error, EINVAL);
+            GTEST_SKIP() << refusals[0].what;
+        }
+        constexpr int kSchedDeadline = 6;
+        EXPECT_EQ(::sched_getscheduler(0) & ~SCHED_RESET_ON_FORK, kSchedDeadline);
+        EXPECT_EQ(runner.spin(), 100us) << "half of the reserved time is for the work";
+        std::thread([] {}).join();  // the thread can still start others
+        runner.start();
+        std::uint64_t before = 0;
+        for (int n = 0; n < 10; ++n) {
+            const auto tick = runner.wait();
+            EXPECT_GE(CyclicRunner::now(), tick.deadline);
+            EXPECT_GT(tick.cycle, before);
+            before = tick.cycle;
+        }
+    })
+        .join();
+}
+
+TEST(CyclicRunner, SaysWhyTheKernelReservesNoTime) {
+    std::thread([] {
+        CyclicRunner runner(
+            {.period = 1ms, .priority = 1000, .runtime = 3ms, .lock_memory = false, .hold_latency = false});
+        const auto refusals = runner.prepare();
+        ASSERT_EQ(refusals.size(), 2U) << "then the priority is tried";
+        EXPECT_NE(std::string_view(refusals[0].what).find("longer than the period"), std::string_view::npos);
+        EXPECT_EQ(refusals[0].error, EINVAL);
+        EXPECT_NE(std::string_view(refusals[1].what).find("SCHED_FIFO"), std::string_view::npos);
+    }).join();
+    std::thread([] {
+        // A thread that is bound to a processor gets no reserved time.
+        CyclicRunner runner({.period = 1ms, .runtime = 100us, .cpu = 0, .lock_memory = false, .hold_latency = false});
+        const auto refusals = runner.prepare();
+        if (refusals.empty()) GTEST_SKIP() << "there is one processor only, or it is a domain of its own";
+        EXPECT_EQ(refusals[0].error, EPERM);
+        EXPECT_NE(std::string_view(refusals[0].what).find("without `cpu`"), std::string_view::npos);
+    }).join();
+}
+
+TEST(CyclicRunner, TouchesTheStackOfSmallThreadsToo) {
+    pthread_attr_t attributes;
+    ASSERT_EQ(::pthread_attr_init(&attributes), 0);
+    ASSERT_EQ(::pthread_attr_setstacksize(&attributes, std::size_t{64} * 1024), 0);
+    pthread_t thread{};
+    const auto run = [](void*) -> void* {
+        CyclicRunner runner({.period = 1ms, .hold_latency = false});
+        (void)runner.prepare();
+        (void)::munlockall();
+        return nullptr;
+    };
+    ASSERT_EQ(::pthread_create(&thread, &attributes, run, nullptr), 0);
+    EXPECT_EQ(::pthread_join(thread, nullptr), 0);
+    (void)::pthread_attr_destroy(&attributes);
+}
+
+TEST(CyclicRunner, StopsAfterAnOverrun) {
+    CyclicRunner runner({.period = 100us, .lock_memory = false, .hold_latency = false, .overrun = OverrunPolicy::stop});
+    runner.start();
+    while (CyclicRunner::now() < runner.deadline() + 100us) {
+    }
+    EXPECT_TRUE(runner.wait().stopped);
+    EXPECT_TRUE(runner.wait().stopped) << "it does not wait any more";
+    EXPECT_EQ(runner.overruns().overruns, 1U);
 }
 
 // Spinning never uses the whole time that Linux grants to real-time threads.

@@ -171,6 +171,27 @@ TEST(Programs, SayWhichOptionsHaveNoEffectInVirtualTime) {
               "simple_io: --priority has no effect: time is virtual on this SOURCE\n");
 }
 
+// The round trip of the simulated segment is longer than the period.
+TEST(Programs, AnOverrunSkipsCatchesUpOrStops) {
+    const ShellFolder folder;
+    const auto stopped = folder.run(kBin + "simple_io sim:demo --cycles 10 --period 50 --overrun stop");
+    EXPECT_EQ(stopped.status, 1);
+    EXPECT_EQ(stopped.err,
+              "simple_io: stopped (--overrun stop): cycle 2 could not begin in its period, and 2 cycles were missed\n");
+    const auto skipped = folder.run(kBin + "simple_io sim:demo --cycles 100 --period 50 --histogram h.json");
+    EXPECT_EQ(skipped.status, 0) << skipped.err;
+    EXPECT_TRUE(contains(skipped.output, "100 cycles, 100 overruns")) << skipped.output;
+    EXPECT_TRUE(contains(skipped.output, " left out, 0 made up for")) << skipped.output;
+    const auto made_up =
+        folder.run(kBin + "simple_io sim:demo --cycles 100 --period 50 --overrun catch-up --histogram h.json");
+    EXPECT_EQ(made_up.status, 0) << made_up.err;
+    EXPECT_TRUE(contains(made_up.output, " made up for")) << made_up.output;
+    EXPECT_FALSE(contains(made_up.output, " 0 made up for")) << made_up.output;
+    EXPECT_NE(folder.run(kBin + "simple_io sim:demo --overrun sometimes").status, 0);
+    const auto no_effect = folder.run(kBin + "simple_io sim:demo --cycles 10 --runtime 100");
+    EXPECT_EQ(no_effect.err, "simple_io: --runtime has no effect: time is virtual on this SOURCE\n");
+}
+
 TEST(SegmentMonitor, RecordsAndEndsWithOneAfterLostFrames) {
     const ShellFolder folder;
     const auto well = folder.run(kBin + "segment_monitor sim:demo --plain --cycles 50 --record r.pcap");

@@ -1,5 +1,6 @@
 // Cables and NICs that are not as they should be: each is an error or an event in words.
 #include "redundancy/ring_bus.hpp"
+#include "wire/datagram.hpp"
 
 namespace margay {
 namespace {
@@ -105,6 +106,79 @@ TEST(RingBadInput, AnotherSegmentBehindTheSecondNic) {
     EXPECT_EQ(found.error().detail, static_cast<std::uint32_t>(CablingFault::second_segment));
     EXPECT_NE(bus.words(found.error()).find("another segment"), std::string::npos) << bus.words(found.error());
     EXPECT_EQ(bus.status().fault, CablingFault::second_segment);
+}
+
+// Notes the commands of the frames that it sends.
+class CommandSpy final : public Nic {
+  public:
+    explicit CommandSpy(Nic& nic) : nic_(nic) {}
+    unsigned frames = 0;
+    unsigned commands = 0;  // other than NOP
+
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        ++frames;
+        wire::DatagramReader reader(frame);
+        while (const auto d = reader.next()) commands += d->header.command == wire::Command::NOP ? 0 : 1;
+        return nic_.send(frame);
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
+    LinkState link_state() noexcept override { return nic_.link_state(); }
+    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
+    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
+
+  private:
+    Nic& nic_;
+};
+
+// The cable of the second NIC is put into another segment while the machine runs: the slaves of that segment get no
+// commands any more, the own slaves go on, and when the cable is right again, the redundancy is back.
+TEST(RingBadInput, TheSecondNicKeepsSilentAtAnotherSegment) {
+    RingBus bus;
+    bus.build_line(4);
+    const auto foreign = bus.add(RingBus::io_device());
+    bus.plug();
+    CommandSpy spy(*bus.nics[1]);
+    bus.ctx = std::make_unique<HostContext>(RingBus::limits());
+    ASSERT_TRUE(init_redundant(*bus.ctx, *bus.nics[0], spy, bus.osal).ok());
+    const auto found = config_init(*bus.ctx);
+    ASSERT_TRUE(found.ok()) << bus.words(found.error());
+    ASSERT_EQ(*found, 4U);
+    bus.run();
+    bus.segment.disconnect({3, 1});
+    ASSERT_TRUE(bus.segment.connect_master({foreign, 0}, 1));
+    EXPECT_LE(bus.stale_cycles(50), 1U);
+    EXPECT_EQ(bus.status().fault, CablingFault::second_segment);
+    EXPECT_NE(bus.joined(bus.events()).find("another segment"), std::string::npos);
+    spy.frames = spy.commands = 0;
+    EXPECT_EQ(bus.stale_cycles(640), 0U);
+    EXPECT_TRUE(bus.all_in_op());
+    EXPECT_EQ(spy.commands, 0U) << "nothing that a slave would execute";
+    EXPECT_GE(spy.frames, 5U) << "it is still looked whether the cable is right again";
+    EXPECT_LE(spy.frames, 640U / 10U);
+    // Back at the end of the ring, which is broken meanwhile.
+    bus.segment.disconnect({foreign, 0});
+    bus.cable(bus.ring_cables[2], false);
+    ASSERT_TRUE(bus.segment.connect_master({3, 1}, 1));
+    (void)bus.stale_cycles(200);
+    EXPECT_EQ(bus.status().fault, CablingFault::none);
+    ASSERT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
+    EXPECT_EQ(bus.stale_cycles(50), 0U);
+    bus.cable(bus.ring_cables[2], true);
+    EXPECT_LE(bus.stale_cycles(50), 1U);
+    EXPECT_EQ(bus.status().ring, RingState::whole);
+    EXPECT_NE(bus.joined(bus.events()).find("redundancy restored"), std::string::npos);
+    // And from the other segment directly to the whole ring.
+    bus.segment.disconnect({3, 1});
+    ASSERT_TRUE(bus.segment.connect_master({foreign, 0}, 1));
+    (void)bus.stale_cycles(50);
+    EXPECT_EQ(bus.status().fault, CablingFault::second_segment);
+    (void)bus.events();
+    bus.segment.disconnect({foreign, 0});
+    ASSERT_TRUE(bus.segment.connect_master({3, 1}, 1));
+    EXPECT_LE(bus.stale_cycles(50), 1U);
+    EXPECT_EQ(bus.status().fault, CablingFault::none);
+    EXPECT_EQ(bus.status().ring, RingState::whole);
+    EXPECT_NE(bus.joined(bus.events()).find("redundancy restored"), std::string::npos);
 }
 
 // Two NICs that hear the same frames, like two sockets of one interface.

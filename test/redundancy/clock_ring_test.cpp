@@ -144,18 +144,121 @@ TEST_F(ClockRing, WithInterchangedCables) {
     EXPECT_LE(cycles(1000), 100);
 }
 
-TEST_F(ClockRing, WhatCannotBeMeasuredIsRefusedInWords) {
-    build(4, false);
-    start();
-    cable(ring_cables[2], false);
-    for (unsigned n = 0; n < 5; ++n) (void)readstate(*ctx);
-    EXPECT_EQ(
-        words(clocks().error()),
-        "synchronising the clocks: not possible in this state (the ring is broken: the delays of its clocks can be "
-        "measured while it is whole)");
-    cable(ring_cables[2], true);
-    for (unsigned n = 0; n < 5; ++n) (void)readstate(*ctx);
-    EXPECT_TRUE(clocks().ok());
+// Each cable in turn is broken from the start: both parts are in sync by themselves and with each other, and when the
+// ring is whole, all clocks follow one reference, with the delays of a ring that was whole from the start.
+TEST(ClockRingStart, WhileTheRingIsBroken) {
+    std::vector<std::uint32_t> whole;
+    {
+        ClockRingBus bus;
+        bus.build(6);
+        bus.bring_up();
+        for (std::uint16_t n = 1; n <= 8; ++n) whole.push_back(slave_clock(*bus.ctx, n).delay_ns);
+    }
+    for (std::size_t broken = 0; broken < 7; ++broken) {
+        SCOPED_TRACE("ring cable " + std::to_string(broken));
+        ClockRingBus bus;
+        bus.build(6);
+        bus.plug();
+        bus.at = bus.segment.order();
+        bus.cable(bus.ring_cables[broken], false);
+        bus.start();
+        const auto reference = bus.clocks();
+        ASSERT_TRUE(reference.ok()) << bus.words(reference.error());
+        EXPECT_EQ(*reference, 1);
+        for (std::uint16_t n = 1; n <= 8; ++n) bus.ctx->slave(n).config.setup = &bus.every_ms;
+        bus.run();
+        (void)bus.cycles(500);
+        EXPECT_LE(bus.cycles(1000), 1000) << "between the parts";
+        const bool parted = broken != 0 && broken != 6;
+        const std::uint16_t second = bus.status().second_reference;
+        // The first slave behind the break; the branch of slave 3 is numbered 4 and 5.
+        const std::uint16_t behind = static_cast<std::uint16_t>(broken < 3 ? broken + 1 : broken + 3);
+        EXPECT_EQ(second, broken == 6 ? 0 : behind);
+        for (std::uint16_t n = 1; n <= 8; ++n) {
+            const std::uint16_t first = parted && n >= behind ? behind : std::uint16_t{1};
+            const auto delay = [&](std::uint16_t of) { return slave_clock(*bus.ctx, of).delay_ns; };
+            EXPECT_NEAR(static_cast<double>(delay(n) - delay(first)),
+                        static_cast<double>(whole[n - 1U] - whole[first - 1U]), 25)
+                << "in its part, slave " << n << ": the first slave turns the frames 20 ns faster";
+        }
+        const std::uint64_t edges = bus.pulses(1);
+        const std::uint64_t last_edges = bus.pulses(8);
+        const Time begin = bus.osal.now();
+        bus.cable(bus.ring_cables[broken], true);
+        EXPECT_LE(bus.cycles(1000), 1500) << "no step when the cable heals";
+        (void)bus.cycles(2000);
+        EXPECT_LE(bus.cycles(500), 100);
+        EXPECT_EQ(bus.status().second_reference, 0);
+        for (std::uint16_t n = 1; n <= 8; ++n)
+            EXPECT_NEAR(static_cast<double>(slave_clock(*bus.ctx, n).delay_ns), static_cast<double>(whole[n - 1U]), 3)
+                << "measured anew, slave " << n;
+        const auto passed = static_cast<double>((bus.osal.now() - begin) / 1ms);
+        EXPECT_NEAR(static_cast<double>(bus.pulses(1) - edges), passed, 2) << "no SYNC0 is missed or doubled";
+        EXPECT_NEAR(static_cast<double>(bus.pulses(8) - last_edges), passed, 2);
+        // And the other way round: the ring breaks elsewhere.
+        bus.cable(bus.ring_cables[2], false);
+        EXPECT_LE(bus.cycles(1500), 1000);
+    }
+}
+
+TEST(ClockRingStart, WithClocksOf32Bits) {
+    ClockRingBus bus;
+    for (unsigned n = 0; n < 5; ++n)
+        (void)bus.add_to_ring(ClockRingBus::clocked(10'000, n * 77'777, sim::DcUnit::bits32));
+    bus.close_ring();
+    bus.plug();
+    bus.at = bus.segment.order();
+    bus.cable(bus.ring_cables[2], false);
+    bus.start();
+    const auto reference = bus.clocks();
+    ASSERT_TRUE(reference.ok()) << bus.words(reference.error());
+    bus.run();
+    (void)bus.cycles(500);
+    EXPECT_LE(bus.cycles(500), 1000);
+    bus.cable(bus.ring_cables[2], true);
+    (void)bus.cycles(2000);
+    EXPECT_LE(bus.cycles(500), 100);
+}
+
+// The ring breaks after the scan, and before configdc().
+TEST(ClockRingStart, WhenTheRingBreaksBefore) {
+    for (const std::size_t broken : {1U, 4U, 5U}) {
+        SCOPED_TRACE(broken);
+        ClockRingBus bus;
+        bus.build(6);
+        bus.start();
+        bus.at = bus.segment.order();
+        bus.cable(bus.ring_cables[broken], false);
+        for (unsigned n = 0; n < 5; ++n) (void)readstate(*bus.ctx);
+        const auto reference = bus.clocks();
+        ASSERT_TRUE(reference.ok()) << bus.words(reference.error());
+        bus.run();
+        (void)bus.cycles(500);
+        EXPECT_LE(bus.cycles(500), 1000);
+        bus.cable(bus.ring_cables[broken], true);
+        (void)bus.cycles(2000);
+        EXPECT_LE(bus.cycles(500), 100);
+    }
+}
+
+// A slave behind the break has no clock.
+TEST(ClockRingStart, WithASlaveWithoutAClock) {
+    ClockRingBus bus;
+    for (unsigned n = 0; n < 6; ++n) (void)bus.add_to_ring(n == 4 ? RingBus::io_device() : ClockRingBus::nth(n));
+    bus.close_ring();
+    bus.plug();
+    bus.at = bus.segment.order();
+    bus.cable(bus.ring_cables[3], false);
+    bus.start();
+    const auto reference = bus.clocks();
+    ASSERT_TRUE(reference.ok()) << bus.words(reference.error());
+    bus.run();
+    (void)bus.cycles(500);
+    EXPECT_LE(bus.cycles(500), 1000);
+    EXPECT_EQ(bus.status().second_reference, 4);
+    bus.cable(bus.ring_cables[3], true);
+    (void)bus.cycles(2000);
+    EXPECT_LE(bus.cycles(500), 100);
 }
 
 // Slave 4 is at a port that the frames of the first NIC do not reach while the ring is whole.
