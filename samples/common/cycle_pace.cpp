@@ -62,7 +62,7 @@ void CyclePace::start() {
     runner_.start();
 }
 
-void CyclePace::wait() {
+Duration CyclePace::wait() {
     const bool real = !source_.virtual_time();
     const Time until = real ? deadline() - runner_.spin() - kQuietBefore : deadline();
     Time now = source_.osal().now();
@@ -74,6 +74,12 @@ void CyclePace::wait() {
     const auto tick = real ? runner_.wait() : virtual_.wake(source_.osal().now());
     figures_.lateness.record(tick.lateness);
     figures_.overruns += tick.skipped;
+    return tick.lateness;
+}
+
+void CyclePace::shift(Duration by) {
+    if (!source_.virtual_time()) runner_.shift(by);
+    if (source_.virtual_time()) virtual_.shift(by);
 }
 
 void CyclePace::count(Duration round_trip, const Result<std::uint32_t>& received) {

@@ -32,11 +32,14 @@ class CyclePace {
     // Call it in the thread that calls wait(). Reports on standard error which settings the system refused, and which
     // options have no effect in virtual time.
     void start();
-    // Executes poll() until the deadline, then counts how late the cycle is.
-    void wait();
+    // Executes poll() until the deadline, then counts how late the cycle is, and returns it.
+    Duration wait();
     // Counts a cycle. `round_trip` is the time from sending until all frames were back; `received` is the result of
     // the cycle.
     void count(Duration round_trip, const Result<std::uint32_t>& received);
+
+    // Moves the next cycle and all after it, later or (negative) earlier: MasterClock::update() says by how much.
+    void shift(Duration by);
 
     // Clears all figures.
     void clear() { figures_ = {}; }
