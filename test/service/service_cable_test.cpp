@@ -8,6 +8,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 
+#include <cctype>
 #include <csignal>
 #include <fstream>
 
@@ -197,6 +198,40 @@ TEST_F(ServiceOnCable, SlavesWithEoeGetInterfaces) {
     EXPECT_TRUE(contains(margayd->output(), "a: gw-of-line: to the slave ")) << margayd->output();
     std::string gone;
     EXPECT_FALSE(run("ip -n " + cable.master_namespace() + " link show gw-of-line", &gone)) << gone;
+}
+
+// As systemd starts it by the unit: another user than root, and these capabilities only.
+TEST_F(ServiceOnCable, TheCapabilitiesOfTheUnitAreEnough) {
+    if (folder.run("command -v setpriv").status != 0) GTEST_SKIP() << "setpriv is not installed";
+    if (!std::filesystem::exists("/dev/net/tun")) GTEST_SKIP() << "no TAP devices here: /dev/net/tun is missing";
+    const auto unit = content_of(std::string(MARGAY_SOURCE_DIR) + "/samples/margayd/install/margayd.service.in");
+    const std::string key = "\nCapabilityBoundingSet=CAP_";
+    auto words = unit.substr(unit.find(key) + key.size());
+    words.resize(words.find('\n'));
+    std::string capabilities = "-all,+";
+    for (std::size_t at = 0; at < words.size(); ++at)
+        if (words.compare(at, 5, " CAP_") == 0) {
+            capabilities += ",+";
+            at += 4;
+        } else {
+            capabilities += static_cast<char>(std::tolower(words[at]));
+        }
+    EXPECT_EQ(capabilities, "-all,+net_raw,+net_admin,+chown");
+    const std::string by = "setpriv --reuid=nobody --regid=nogroup --clear-groups --no-new-privs --bounding-set=" +
+                           capabilities + " --inh-caps=" + capabilities + " --ambient-caps=" + capabilities + " ";
+    const auto ready = folder.run("chmod 755 . && mkdir run && chown nobody run && " + by + bin + "margayd --version");
+    if (ready.status != 0) GTEST_SKIP() << "the user nobody cannot execute programs of this folder: " << ready.err;
+    ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link set ") + Cable::kMaster + " down"));
+    configure_cable("eoe = true\nsocket = { owner = \"daemon\", group = \"daemon\", mode = \"0620\" }\n");
+    auto gateways = segment("eoe --ports gw");
+    auto margayd = service(by);
+    expect_says(*margayd, "a: interface eoe0s1: slave 2 (Gateway with EoE)");
+    expect_says(*margayd, "a: all is right");
+    EXPECT_EQ(folder.run("stat -c '%U %G %a' run/a.sock").out, "daemon daemon 620\n");
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    EXPECT_FALSE(contains(margayd->output(), "ermi")) << "nothing was not permitted\n" << margayd->output();
+    EXPECT_FALSE(std::filesystem::exists(file("run/a.sock")));
 }
 
 }  // namespace
