@@ -48,4 +48,8 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "${needed}")
 set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "EtherCAT master in userspace: headers and static libraries
 For programs in C++20 that are an EtherCAT master or a slave, and for programs written for the interfaces of other
 masters.")
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libmargay-dev RENAME copyright)
+if(MARGAY_SAMPLES)
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/margay RENAME copyright COMPONENT programs)
+endif()
 include(CPack)

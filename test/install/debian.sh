@@ -125,7 +125,7 @@ until grep -q 'demo: all is right: 5 slaves in OP' /run/log; do
 done
 "$root/usr/bin/ethercat" slaves
 "$root/usr/bin/ethercat" states PREOP -p 2
-"$root/usr/bin/ethercat" upload -p 3 -t uint32 0x1018 1
+"$root/usr/bin/ethercat" reg_read -p 1 -t uint16 0x10
 kill $pid
 wait $pid
 echo "ended $?"

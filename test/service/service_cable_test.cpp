@@ -49,12 +49,11 @@ class ServiceOnCable : public ServiceTest {
         const auto line = text + "\n";
         ASSERT_EQ(::write(commands, line.data(), line.size()), static_cast<ssize_t>(line.size()));
     }
-    // margayd, its log on standard output, where says() looks.
-    [[nodiscard]] std::unique_ptr<Child> service() const {
+    // margayd, its log on standard output, where says() looks. `by`: a command that starts it.
+    [[nodiscard]] std::unique_ptr<Child> service(const std::string& by = {}) const {
+        const auto command = by + bin + "margayd --config " + file("etc") + " --sockets " + file("run");
         return std::make_unique<Child>(cable.master_namespace(),
-                                       std::vector<std::string>{"/bin/sh", "-c",
-                                                                "exec " + bin + "margayd --config " + file("etc") +
-                                                                    " --sockets " + file("run") + " 2>&1"});
+                                       std::vector<std::string>{"/bin/sh", "-c", "exec " + command + " 2>&1"});
     }
     static void expect_says(Child& child, const std::string& text) {
         EXPECT_TRUE(child.says(text, kServicePatience)) << "never: " << text << "\n" << child.output();
@@ -217,8 +216,9 @@ TEST_F(ServiceOnCable, TheCapabilitiesOfTheUnitAreEnough) {
             capabilities += static_cast<char>(std::tolower(words[at]));
         }
     EXPECT_EQ(capabilities, "-all,+net_raw,+net_admin,+chown");
-    const std::string by = "setpriv --reuid=nobody --regid=nogroup --clear-groups --no-new-privs --bounding-set=" +
-                           capabilities + " --inh-caps=" + capabilities + " --ambient-caps=" + capabilities + " ";
+    const std::string by =
+        "setpriv --reuid=nobody --regid=nogroup --clear-groups --no-new-privs --bounding-set=" + capabilities +
+        " --inh-caps=" + capabilities + " --ambient-caps=" + capabilities + " ";
     const auto ready = folder.run("chmod 755 . && mkdir run && chown nobody run && " + by + bin + "margayd --version");
     if (ready.status != 0) GTEST_SKIP() << "the user nobody cannot execute programs of this folder: " << ready.err;
     ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link set ") + Cable::kMaster + " down"));

@@ -14,13 +14,14 @@ TEST_F(ServiceTest, EthercatFindsTheMastersByItself) {
               "[second]\nsource = \"sim:drives\"\nnumber = 1\nstate = \"PREOP\"\n\n[first]\nsource = \"sim:demo\"\n");
     const auto ran = system_shell(
         "start; says 'first: all is right: 5 slaves in OP'; says 'second: all is right: 8 slaves in PREOP'\n"
-        "ethercat slaves -m 0 && ethercat states -m 1 -p 0 PREOP && ethercat upload -m 0 -p 3 -t uint32 0x1018 1 && "
+        "ethercat slaves -m 0 && ethercat states -m 1 -p 0 PREOP && ethercat upload -m 1 -p 0 0x1018 1 && "
         "ethercat master && ethercat slaves -m 1 | head -1; ls /run/margay\n"
         "ethercat states -m 1 SAFEOP; ethercat slaves -m 1 -p 0; kill $d; wait $d; echo \"end $?\"; ls /run/margay; "
         "ethercat slaves -m 0\n");
     EXPECT_EQ(ran.status, 0) << ran.err << ran.out << content_of(folder.path() / "log");
     EXPECT_TRUE(ran.out.starts_with("0  0:0  OP  +  EtherCAT coupler\n")) << ran.out;
     EXPECT_TRUE(contains(ran.out, "\nMaster0\n")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "\n0x")) << "the object 0x1018 of a drive\n" << ran.out;
     EXPECT_TRUE(contains(ran.out, "Source: sim:demo")) << ran.out;
     EXPECT_TRUE(contains(ran.out, "Source: sim:drives")) << ran.out;
     EXPECT_TRUE(contains(ran.out, "0  0:0  PREOP  +  Servo drive\nfirst.sock\nsecond.sock\n")) << ran.out;
@@ -93,10 +94,10 @@ TEST_F(ServiceTest, TheSocketHasTheWantedOwnerAndPermissions) {
 }
 
 TEST_F(ServiceTest, AFullDiskOrAClosedStreamDoesNotStopIt) {
-    configure("a.toml", "source = \"sim:demo\"\n");
+    configure("a.toml", "source = \"sim:drives\"\n");
     const std::string wait =
         " & d=$!; n=0; until e a slaves -p 0 2>/dev/null | grep -q OP; do sleep 0.05; n=$((n+1)); "
-        "[ $n -lt 1200 ] || exit 97; done; e a upload -p 3 -t uint32 0x1018 1; stop";
+        "[ $n -lt 1200 ] || exit 97; done; e a upload -p 0 -t uint32 0x1018 1; stop";
     for (const std::string streams : {"2>/dev/full", "2>&-", "<&- >&- 2>&-", "2>&1 | true"}) {
         const auto ran =
             shell("m=" + std::string(MARGAY_BIN_DIR) + "/margayd\n" +
