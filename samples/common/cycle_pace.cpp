@@ -58,7 +58,7 @@ void CyclePace::start() {
         return;
     }
     for (const auto& refusal : runner_.prepare())
-        warn(fmt::format("the system refused {}: {}", refusal.what, std::strerror(refusal.error)));
+        warn(fmt::format("{}: {}", refusal.what, std::strerror(refusal.error)));
     runner_.start();
 }
 

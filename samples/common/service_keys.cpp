@@ -15,7 +15,7 @@ constexpr ServiceKey kKeys[] = {
      "the expected slaves and their configuration, as a file of a configuration tool (ETG.2100); a relative path "
      "starts at the folder of the configuration. Without it, all slaves that are there are taken as they describe "
      "themselves, and the segment is scanned again when slaves are added"},
-    {"cycle_us", "NUMBER", "as the ENI says, or 1000", "50 to 1000000: time of the cycle in µs"},
+    {"cycle_us", "NUMBER", "as the ENI says, or 1000", "50 to 1000000: time of the cycle in microseconds"},
     {"state", "\"STATE\"", "\"OP\"",
      "INIT, PREOP, SAFEOP or OP: the slaves are brought to this state and kept there. All outputs are 0"},
     {"end_state", "\"STATE\"", "\"INIT\"", "INIT, PREOP or SAFEOP: the state in which the slaves are left at the end"},
@@ -28,7 +28,8 @@ constexpr ServiceKey kKeys[] = {
     {"priority", "NUMBER", "0",
      "1 to 99: real-time priority of the cycle (SCHED_FIFO), with memory locked and no deep sleep; 0: none"},
     {"cpu", "NUMBER", "any", "the processor for the cycle"},
-    {"spin_us", "NUMBER", "0", "time before each cycle, in µs, in which the clock is polled instead of sleeping"},
+    {"spin_us", "NUMBER", "0",
+     "time before each cycle, in microseconds, in which the clock is polled instead of sleeping"},
     {"socket", "{ ... }", "", "the socket for `ethercat` and other programs"},
     {"socket.path", "\"PATH\"", "/run/margay/NAME.sock", "where it is"},
     {"socket.owner", "\"USER\"", "the user of margayd", "the user that owns it"},

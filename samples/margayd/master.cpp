@@ -265,16 +265,31 @@ void Master::end_supervision() {
 
 void Master::leave() {
     if (!brought_up_) return;
+    const auto is_there = [this](const Slave& slave) {
+        return slave.al.state == AlState::none || (slave.al.state == configuration_.end_state && !slave.al.error);
+    };
     const auto state = samples::al_text({.state = configuration_.end_state});
     const auto asked = writestate(*ctx_, 0, configuration_.end_state);
-    const auto reached = statecheck(*ctx_, 0, configuration_.end_state, kEndPatience);
-    if (reached && reached->state == configuration_.end_state && !reached->error)
-        log(Priority::notice, "all slaves in " + state);
-    else
-        log(Priority::warning, fmt::format("not all slaves have reached {}{}", state,
-                                           !reached ? ": " + samples::sentence(reached.error())
-                                           : !asked ? ": " + samples::sentence(asked.error())
-                                                    : std::string()));
+    auto read = readstate(*ctx_);
+    for (const Time until = source_->osal().now() + kEndPatience;
+         read && !std::ranges::all_of(ctx_->slaves(), is_there) && source_->osal().now() < until;
+         read = readstate(*ctx_))
+        source_->osal().wait(source_->osal().now() + 5ms, -1);
+    if (read && std::ranges::all_of(ctx_->slaves(), is_there)) {
+        const auto gone = std::ranges::count(ctx_->slaves(), AlState::none, [](const Slave& s) { return s.al.state; });
+        const auto there = static_cast<std::ptrdiff_t>(ctx_->slaves().size()) - gone;
+        log(Priority::notice, gone == 0    ? "all slaves in " + state
+                              : there == 0 ? std::string("no slave answers any more")
+                                           : fmt::format("all slaves that answer in {}: {}", state, there));
+        return;
+    }
+    for (const Slave& slave : ctx_->slaves())
+        if (!is_there(slave))
+            log(Priority::warning, fmt::format("slave {} ({}) is left in {}, not in {}", slave.number, slave.name(),
+                                               samples::al_text(slave.al), state));
+    if (!read) log(Priority::warning, "the states of the slaves cannot be read: " + samples::sentence(read.error()));
+    if (!asked)
+        log(Priority::warning, "the slaves were not all brought to " + state + ": " + samples::sentence(asked.error()));
 }
 
 }  // namespace margay::service

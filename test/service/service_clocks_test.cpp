@@ -33,10 +33,12 @@ std::string eni_with_clocks() {
 
 TEST_F(ServiceTest, TheCycleFollowsTheReferenceClockOfAnEni) {
     folder.write("etc/machine.xml", eni_with_clocks());
-    configure("a.toml", "source = \"" + kClockedSlaves + "\"\neni = \"machine.xml\"\n");
+    configure("a.toml", "source = \"" + kClockedSlaves + "\"\neni = \"machine.xml\"\npriority = 50\n");
     const auto ran = shell(
-        "start; says 'a: all is right: 3 slaves in OP'; says 'a: cycle in sync'\n"
-        "says 'in each cycle of 2000 µs'; stop\n");
+        "start; says 'in each cycle of 2000 '; sleep 0.5\n"
+        "if grep 'no real-time policy' log; then stop; exit 77; fi\n"
+        "says 'a: all is right: 3 slaves in OP'; says 'a: cycle in sync'; stop\n");
+    if (ran.status == 77) GTEST_SKIP() << "the cycle would be too late for the clocks: " << ran.out;
     EXPECT_EQ(ran.status, 0) << ran.err << content_of(folder.path() / "log");
 }
 

@@ -159,7 +159,9 @@ TEST_F(ServiceTest, AnEniSaysWhatIsExpected) {
     const auto ran = shell(
         "start; says 'right: all is right: 5 slaves in OP'; says 'wrong: not all is right'; e wrong slaves; stop\n");
     EXPECT_EQ(ran.status, 0) << ran.err << content_of(folder.path() / "log");
-    EXPECT_TRUE(contains(ran.out, "0  0:0  OP  +  EtherCAT coupler\n")) << ran.out << content_of(folder.path() / "log");
+    const auto log = content_of(folder.path() / "log");
+    EXPECT_TRUE(contains(ran.out, "0  0:0  OP    +  EtherCAT coupler\n")) << ran.out << log;
+    EXPECT_TRUE(contains(log, "wrong: all slaves that answer in INIT: 3\n")) << log;
     EXPECT_FALSE(contains(ran.out, "2  0:2  OP")) << "another slave than the expected one gets no outputs\n" << ran.out;
 }
 

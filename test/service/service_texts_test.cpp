@@ -42,7 +42,7 @@ TEST_F(ServiceTexts, TheExampleOfTheManualIsAConfiguration) {
     // The ENI and the group are those of the user.
     EXPECT_TRUE(contains(ran.err, "example.toml: line 3: ")) << ran.err;
     EXPECT_TRUE(contains(ran.err, "example.toml: line 5: there is no group 'automation'")) << ran.err;
-    EXPECT_EQ(std::ranges::count(ran.err, '\n'), 3) << "and the warning about eth0\n" << ran.err;
+    EXPECT_FALSE(contains(ran.err, "line 1: ") || contains(ran.err, "line 4: ")) << ran.err;
 }
 
 TEST_F(ServiceTexts, TheCompletionOffersOptionsAndFolders) {
