@@ -280,7 +280,7 @@ class FileReader {
             !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == std::string::npos;
         if (!number || colon == 0 || std::stoul(port) == 0 || std::stoul(port) > 65535)
             return note(reader_.at(*node, fmt::format("'{}' is no ADDRESS:PORT", m.gateway)));
-        // MailboxGateway is started in Master::open() (margayd/master.cpp); then this refusal goes.
+        // To be started in Master::open_here() (margayd/master.cpp); then this refusal goes.
         note(reader_.at(table, "this version of margayd has no mailbox gateway"));
     }
 

@@ -107,8 +107,11 @@ std::string Master::open_here() {
                                                             .group = s.group,
                                                             .read_only = s.read_only,
                                                             .clients = s.clients});
-    if (attach_->error().empty()) is_ours_ = left_behind;
-    return attach_->error();
+    if (!attach_->error().empty()) return attach_->error();
+    is_ours_ = left_behind;
+    // The place of the mailbox gateway: an object with a thread of its own, as attach_, at configuration_.gateway.
+    // Until then read_service_configuration() refuses the key.
+    return {};
 }
 
 void Master::work() {
