@@ -1,9 +1,9 @@
 // eoe_bridge: gives each slave with EoE a network interface of the kernel (TAP). Bridging and routing between these
 // interfaces and others is the work of the kernel.
+#include "common/eoe_lines.hpp"
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
-#include "common/tap_nic.hpp"
 
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
@@ -32,15 +32,6 @@ struct Options {
     unsigned statistics_s = 0;
 };
 
-// A slave and its interface.
-struct Line {
-    std::string name;
-    TapNic tap;
-    EoePortMemory<64, 64, EoePort::kMostAtOnce> memory;
-    EoePort port{memory};
-    std::uint64_t not_taken = 0;  // frames that the kernel did not take
-};
-
 class Bridge {
   public:
     Bridge(Source& source, const Options& options) : source_(source), options_(options) {}
@@ -56,62 +47,26 @@ class Bridge {
         supervise_.target = AlState::preop;
         if (const auto begun = submit(ctx_, supervise_); !begun) return fail(sentence(begun.error()));
         const int code = exchange();
-        for (const auto& line : lines_) {
-            line->port.cancel();
-            report(*line);
-        }
+        lines_.cancel();
+        report();
         supervise_.cancel();
         return code;
     }
 
   private:
-    // eoe<master>s<position>, the first position is 0; for a slave with an alias eoe<master>a<alias>.
-    [[nodiscard]] std::string name_of(const Slave& slave) const {
-        if (slave.alias != 0) return fmt::format("eoe{}a{}", options_.master, slave.alias);
-        return fmt::format("eoe{}s{}", options_.master, slave.number - 1);
-    }
-
     int open_lines() {
         for (const Slave& slave : ctx_.slaves()) {
-            if ((slave.mailbox.protocols & mailbox_protocol::kEoE) == 0) continue;
-            auto line = std::make_unique<Line>();
-            line->name = name_of(slave);
-            line->port.slave = slave.number;
-            if (const auto begun = submit(ctx_, line->port); !begun) {
-                warn(fmt::format("no interface {}: {}", line->name, sentence(begun.error())));
-                continue;
-            }
-            if (const auto problem = line->tap.open(line->name); !problem.empty())
-                return fail(problem, exit_code::kSystem);
-            print_out("{}: slave {} ({})\n", line->name, slave.number, slave.name());
-            lines_.push_back(std::move(line));
+            if (!has_eoe(slave)) continue;
+            const auto name = eoe_interface_name(options_.master, slave);
+            const auto opened = lines_.open(ctx_, slave, name);
+            if (opened)
+                print_out("{}: slave {} ({})\n", name, slave.number, slave.name());
+            else if (opened.refused)
+                warn(opened.problem);
+            else
+                return fail(opened.problem, exit_code::kSystem);
         }
         return lines_.empty() ? fail("no slave of the segment exchanges Ethernet frames (EoE)") : exit_code::kWell;
-    }
-
-    // Passes frames between the interfaces and the ports.
-    void pass() {
-        std::array<std::byte, kEoeFrameBytes> buffer;
-        for (const auto& line : lines_) {
-            while (const auto frame = line->port.receive(buffer))
-                line->not_taken += line->tap.send(std::span(buffer).first(frame->bytes)) == SendStatus::sent ? 0U : 1U;
-            while (line->port.can_send()) {
-                const auto size = line->tap.receive(buffer);
-                if (size == 0) break;
-                (void)line->port.send(std::span(buffer).first(size));
-            }
-        }
-    }
-
-    // Ends the lines whose interface was deleted.
-    void end_deleted() {
-        std::erase_if(lines_, [](const std::unique_ptr<Line>& line) {
-            if (!line->tap.gone()) return false;
-            warn(fmt::format("the interface {} was deleted: its frames are not exchanged any more", line->name));
-            line->port.cancel();
-            report(*line);
-            return true;
-        });
     }
 
     int exchange() {
@@ -119,13 +74,16 @@ class Bridge {
         Time report_at = options_.statistics_s == 0 ? kNever : source_.osal().now() + interval;
         print_out("running\n");
         while (!stop_asked()) {
-            pass();
-            end_deleted();
+            (void)lines_.pass();
+            for (const auto& [what, counters] : lines_.end_deleted()) {
+                warn(what);
+                print_out("{}\n", counters);
+            }
             if (lines_.empty()) return fail("all interfaces were deleted", exit_code::kSystem);
             const Time next = poll(ctx_, source_.osal().now());
             print_events();
             if (source_.osal().now() >= report_at) {
-                for (const auto& line : lines_) report(*line);
+                report();
                 report_at += interval;
             }
             if (!wait(std::min(next, report_at)))
@@ -138,8 +96,7 @@ class Bridge {
     bool wait(Time until) {
         files_.assign(1, {source_.nic().wait_handle(), POLLIN, 0});
         if (Nic* const second = source_.second()) files_.push_back({second->wait_handle(), POLLIN, 0});
-        for (const auto& line : lines_)
-            if (line->port.can_send()) files_.push_back({line->tap.wait_handle(), POLLIN, 0});
+        lines_.add_files(files_);
         const Duration pause = std::clamp<Duration>(until - source_.osal().now(), 0ns, 100ms);
         const timespec timeout{0, static_cast<long>(pause.count())};
         return ::ppoll(files_.data(), files_.size(), &timeout, nullptr) >= 0 || errno == EINTR;
@@ -152,23 +109,14 @@ class Bridge {
         }
     }
 
-    static void report(Line& line) {
-        const EoeStatistics s = line.port.statistics();
-        const auto dropped_out = s.refused + s.not_sent;
-        const auto dropped_in = s.overrun + s.incomplete + s.malformed + s.too_long;
-        print_out("{}: to the slave {} frames, {} octets, {} dropped; from the slave {} frames, {} octets, {} dropped",
-                  line.name, s.sent, s.sent_octets, dropped_out, s.received, s.received_octets, dropped_in);
-        if (dropped_in != 0)
-            print_out(" ({} queue full, {} fragment missing, {} malformed, {} too long)", s.overrun, s.incomplete,
-                      s.malformed, s.too_long);
-        if (line.not_taken != 0) print_out("; {} not taken by the kernel", line.not_taken);
-        print_out("\n");
+    void report() const {
+        for (const auto& line : lines_.report()) print_out("{}\n", line);
     }
 
     Source& source_;
     const Options& options_;
     HostContext ctx_{source_.limits(Limits{.slaves = 1024})};
-    std::vector<std::unique_ptr<Line>> lines_;
+    EoeLines lines_;
     std::vector<pollfd> files_;
     SuperviseRequest supervise_;
 };

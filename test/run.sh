@@ -30,7 +30,7 @@ needed='g++ make cmake ccache libgtest-dev libbenchmark-dev libpcap-dev libfmt-d
         libtomlplusplus-dev libncurses-dev libpugixml-dev'
 useful='binutils iproute2 libbpf-dev libxdp-dev valgrind tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib
         pkg-config qemu-system-arm gnuplot-nox gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf g++-s390x-linux-gnu
-        qemu-user-static googletest chromium'
+        qemu-user-static googletest chromium systemd dpkg-dev'
 # shellcheck disable=SC2086  # lists of words
 need_packages $needed || exit 1
 # shellcheck disable=SC2086

@@ -86,6 +86,14 @@ LinkState Interface::link_state() const noexcept {
     return request(SIOCGIFFLAGS, asked) && (asked.ifr_flags & kBoth) == kBoth ? LinkState::up : LinkState::down;
 }
 
+bool Interface::switch_on() const noexcept {
+    ifreq flags{};
+    if (!request(SIOCGIFFLAGS, flags)) return false;
+    if ((flags.ifr_flags & IFF_UP) != 0) return true;
+    flags.ifr_flags = static_cast<short>(flags.ifr_flags | IFF_UP);
+    return request(SIOCSIFFLAGS, flags);
+}
+
 Result<> Interface::fail(int error, std::string_view what, std::string_view advice) noexcept {
     TextWriter text(problem_);
     text << "interface " << name_.data() << ": " << what;

@@ -35,6 +35,8 @@ class Interface {
     [[nodiscard]] const MacAddress& address() const noexcept { return address_; }
     // The carrier of the driver. One system call.
     [[nodiscard]] LinkState link_state() const noexcept;
+    // Switches the interface on (IFF_UP), which needs CAP_NET_ADMIN. False: errno says why.
+    [[nodiscard]] bool switch_on() const noexcept;
     // Executes a request of ioctl() with the name of the interface. False: errno says why.
     [[nodiscard]] bool request(unsigned long what, ifreq& request) const noexcept;
 

@@ -76,11 +76,11 @@ void CyclePace::start() {
         return;
     }
     for (const auto& refusal : runner_.prepare())
-        warn(fmt::format("the system refused {}: {}", refusal.what, std::strerror(refusal.error)));
+        warn(fmt::format("{}: {}", refusal.what, std::strerror(refusal.error)));
     runner_.start();
 }
 
-void CyclePace::wait() {
+Duration CyclePace::wait() {
     const bool real = !source_.virtual_time();
     const Time until = real ? deadline() - runner_.spin() - kQuietBefore : deadline();
     Time now = source_.osal().now();
@@ -104,6 +104,12 @@ void CyclePace::wait() {
                         tick.cycle - tick.skipped, tick.skipped, tick.skipped == 1 ? " was" : "s were");
     tick_ = tick;
     ticked_ = true;
+    return tick.lateness;
+}
+
+void CyclePace::shift(Duration by) {
+    if (!source_.virtual_time()) runner_.shift(by);
+    if (source_.virtual_time()) virtual_.shift(by);
 }
 
 void CyclePace::count(const CycleTimes& times, const Result<std::uint32_t>& received) {

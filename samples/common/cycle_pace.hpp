@@ -44,12 +44,15 @@ class CyclePace {
     // Call it in the thread that calls wait(). Reports on standard error which settings the system refused, and which
     // options have no effect in virtual time.
     void start();
-    // Executes poll() until the deadline, then counts how late the cycle is.
-    void wait();
+    // Executes poll() until the deadline, then counts how late the cycle is, and returns it.
+    Duration wait();
     // Counts a cycle. `received` is its result.
     void count(const CycleTimes& times, const Result<std::uint32_t>& received);
     // Why the program must end: an overrun, and the user wants to stop then. Empty: it continues.
     [[nodiscard]] const std::string& stopped() const { return stopped_; }
+
+    // Moves the next cycle and all after it, later or (negative) earlier: MasterClock::update() says by how much.
+    void shift(Duration by);
 
     // Clears all figures.
     void clear() { figures_ = {}; }

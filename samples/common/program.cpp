@@ -11,6 +11,7 @@ namespace margay::samples {
 namespace {
 
 std::string program_name = "margay";
+MessageWriter message_writer = nullptr;
 int output_error = 0;  // errno of the first write to standard output that failed
 volatile std::sig_atomic_t signal_seen = 0;
 
@@ -34,12 +35,18 @@ void flush_out() {
 bool output_lost() { return output_error != 0; }
 
 int fail(std::string_view text, int code) {
+    if (message_writer != nullptr) {
+        message_writer(text);
+        return code;
+    }
     const auto line = program_name + ": " + std::string(text) + "\n";
     (void)std::fputs(line.c_str(), stderr);
     return code;
 }
 
 void warn(std::string_view text) { (void)fail(text); }
+
+void write_messages_by(MessageWriter writer) { message_writer = writer; }
 
 void stop_at_signals() {
     struct sigaction action {};

@@ -39,6 +39,11 @@ int fail(std::string_view text, int code = exit_code::kSegment);
 // Writes the same line as fail(), for a program that continues.
 void warn(std::string_view text);
 
+// Gives all messages of fail() and warn() to this function, for a program whose messages go somewhere else. From any
+// thread; `text` has no line end. nullptr: to standard error.
+using MessageWriter = void (*)(std::string_view text);
+void write_messages_by(MessageWriter writer);
+
 // From this call on, SIGINT and SIGTERM only set a flag, so that a program can put the segment to a safe state before
 // it ends.
 void stop_at_signals();

@@ -1,12 +1,13 @@
 #include "common/tap_nic.hpp"
 
+#include "oshw/linux/interface.hpp"
+
 #include <fmt/format.h>
 
 #include <fcntl.h>
 #include <linux/if.h>
 #include <linux/if_tun.h>
 #include <sys/ioctl.h>
-#include <sys/socket.h>
 #include <unistd.h>
 #include <cerrno>
 #include <cstring>
@@ -28,15 +29,10 @@ std::string TapNic::open(const std::string& name) {
     if (::ioctl(device_, TUNSETIFF, &request) < 0)
         return fmt::format("cannot create the TAP device {}: {}{}", name, std::strerror(errno),
                            errno == EPERM ? "; the program needs the capability CAP_NET_ADMIN" : "");
-    const int control = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    if (control < 0) return fmt::format("cannot switch on the interface {}: {}", name, std::strerror(errno));
-    std::string problem;
-    if (::ioctl(control, SIOCGIFFLAGS, &request) < 0 ||
-        (request.ifr_flags = static_cast<short>(request.ifr_flags | IFF_UP),
-         ::ioctl(control, SIOCSIFFLAGS, &request) < 0))
-        problem = fmt::format("cannot switch on the interface {}: {}", name, std::strerror(errno));
-    ::close(control);
-    return problem;
+    Interface interface;
+    if (!interface.open(name) || !interface.switch_on())
+        return fmt::format("cannot switch on the interface {}: {}", name, std::strerror(errno));
+    return {};
 }
 
 SendStatus TapNic::send(std::span<const std::byte> frame) noexcept {

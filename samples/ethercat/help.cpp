@@ -1,5 +1,6 @@
 #include "ethercat/help.hpp"
 
+#include "common/help_text.hpp"
 #include "common/program.hpp"
 
 #include <fmt/format.h>
@@ -9,48 +10,18 @@
 namespace margay::ethercat {
 namespace {
 
-constexpr std::size_t kWidth = 100;
+using samples::escaped;
+using samples::man_entry;
+using samples::row;
+using samples::wrapped;
+
 constexpr std::string_view kIntroduction =
     "Shows and configures EtherCAT slaves. A command works on a SOURCE of its own: --source, or the environment "
-    "variables MARGAY_MASTER0, MARGAY_MASTER1 and so on.";
+    "variables MARGAY_MASTER0, MARGAY_MASTER1 and so on. Without them it works on the masters of margayd and of the "
+    "applications that serve a socket in /run/margay, and when there is none, on the sources in /etc/margay/*.toml.";
 constexpr std::string_view kNumbers =
     "Numbers are decimal, octal with the prefix 0, or hexadecimal with the prefix 0x. A LIST has numbers and ranges: "
     "1,4,7-9.";
-
-// Lines of up to kWidth characters, each behind `indent` blanks; the first line continues a line with `used`
-// characters.
-std::string wrapped(std::string_view text, std::size_t indent, std::size_t used = 0) {
-    std::string out;
-    std::size_t column = used;
-    const auto begin_line = [&] {
-        out += std::string(indent - std::min(column, indent), ' ');
-        column = std::max(column, indent);
-    };
-    begin_line();
-    bool first = true;
-    for (std::size_t at = 0; at < text.size();) {
-        const auto end = std::min(text.find(' ', at), text.size());
-        const auto word = text.substr(at, end - at);
-        if (!first && column + 1 + word.size() > kWidth) {
-            out += '\n';
-            column = 0;
-            begin_line();
-            first = true;
-        }
-        if (!first) out += ' ';
-        column += word.size() + (first ? 0 : 1);
-        out += word;
-        first = false;
-        at = end + 1;
-    }
-    return out + '\n';
-}
-
-std::string row(std::string_view left, std::string_view text, std::size_t indent) {
-    std::string line = fmt::format("  {}", left);
-    if (line.size() + 2 <= indent) return line + wrapped(text, indent, line.size());
-    return line + '\n' + wrapped(text, indent);
-}
 
 std::string option_name(const Option& option) {
     return fmt::format("{}--{}{}{}", option.letter == 0 ? std::string("    ") : fmt::format("-{}, ", option.letter),
@@ -78,24 +49,6 @@ std::string call_form(const Command& command, std::string_view form) {
 
 // A paragraph that begins with blanks is an example and keeps its lines.
 bool verbatim(std::string_view paragraph) { return paragraph.starts_with(' '); }
-
-std::string escaped(std::string_view text) {
-    std::string out;
-    for (const char c : text) {
-        if (c == '\\')
-            out += "\\e";
-        else if (c == '-')
-            out += "\\-";
-        else
-            out += c;
-    }
-    if (out.starts_with('.') || out.starts_with('\'')) out.insert(0, "\\&");
-    return out;
-}
-
-std::string man_entry(std::string_view name, std::string_view text) {
-    return fmt::format(".TP\n.B {}\n{}\n", escaped(name), escaped(text));
-}
 
 std::string man_option(const Option& option) {
     std::string name = option.letter == 0 ? "" : fmt::format("\\-{}, ", option.letter);

@@ -69,9 +69,10 @@ std::string Listener::set_access(const AttachSettings& settings) const {
         if (entry == nullptr) return path_ + ": there is no group '" + settings.group + "'";
         group = entry->gr_gid;
     }
+    // The permissions first: afterwards the file may belong to another user.
+    if (::chmod(path_.c_str(), settings.mode & 0777U) != 0) return failed(path_, "its permissions cannot be set");
     if ((!settings.owner.empty() || !settings.group.empty()) && ::lchown(path_.c_str(), user, group) != 0)
         return failed(path_, "its owner cannot be set");
-    if (::chmod(path_.c_str(), settings.mode & 0777U) != 0) return failed(path_, "its permissions cannot be set");
     return {};
 }
 

@@ -8,17 +8,19 @@
 namespace margay::hosted {
 namespace {
 
-OpenedInterface open_packet(const std::string& name) {
-    auto nic = std::make_shared<PacketNic>();
-    if (!nic->open(name)) return {.error = std::string(nic->problem())};
+template <class N>
+OpenedInterface open_as(const std::string& name) {
+    auto nic = std::make_shared<N>();
+    const auto opened = nic->open(name);
+    if (!opened) return {.error = std::string(nic->problem()), .error_number = static_cast<int>(opened.error().actual)};
     return {.nic = std::move(nic)};
 }
 
+OpenedInterface open_packet(const std::string& name) { return open_as<PacketNic>(name); }
+
 OpenedInterface open_xdp(const std::string& name) {
 #ifdef MARGAY_WITH_XDP
-    auto nic = std::make_shared<XdpNic>();
-    if (!nic->open(name)) return {.error = std::string(nic->problem())};
-    return {.nic = std::move(nic)};
+    return open_as<XdpNic>(name);
 #else
     return {.error = "interface " + name +
                      ": this program was built without AF_XDP (build it where libxdp-dev and libbpf-dev are "

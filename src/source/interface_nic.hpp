@@ -21,6 +21,7 @@ struct InterfaceText {
 struct OpenedInterface {
     std::shared_ptr<Nic> nic{};  // shared_ptr, because the destructor of Nic is not virtual
     std::string error{};         // why there is no NIC; empty: there is one
+    int error_number = 0;        // errno of that error; ENODEV: there is no such interface
     std::string remark{};        // why the NIC is not the first choice of the user; empty: it is
 };
 

@@ -56,6 +56,15 @@ std::string Source::finish() {
     return said;
 }
 
+std::string Source::look_for_interfaces() {
+    std::string problem;
+    for (const auto& nic : hotplug_) {
+        nic->look();
+        if (problem.empty()) problem = nic->problem();
+    }
+    return problem;
+}
+
 // Builds a Source in this order: operating system layer, NIC, recorder, trace.
 class SourceOpener {
   public:
@@ -68,7 +77,7 @@ class SourceOpener {
         else if (text.starts_with(kRecorded))
             problem = open_recording(text.substr(kRecorded.size()), options.record);
         else
-            problem = open_interface(text);
+            problem = open_interface(text, options.wait_for_interfaces);
         if (problem.empty() && !options.record.empty())
             problem =
                 source_->second_outermost_ != nullptr ? record_ring_to(options.record) : record_to(options.record);
@@ -84,7 +93,7 @@ class SourceOpener {
 
   private:
     // One interface, or two with '+' between their names.
-    std::string open_interface(const std::string& names) {
+    std::string open_interface(const std::string& names, bool wait) {
         const auto plus = names.find('+');
         const bool ring = plus != std::string::npos;
         const auto first = parse_interface(names.substr(0, plus));
@@ -94,15 +103,31 @@ class SourceOpener {
         if (ring && other.name == first.name) return "'" + names + "': both interfaces are the same, a ring needs two";
         if (first.name.empty() && !names.empty()) return "'" + names + "': the name of the interface is missing";
         source_->osal_ = &source_->linux_osal_.emplace();
+        if (wait) return await_ends(first, ring ? &other : nullptr);
         auto problem = open_end(first, source_->interface_, source_->outermost_);
         if (problem.empty() && ring) problem = open_end(other, source_->second_interface_, source_->second_outermost_);
         return problem;
     }
 
+    static void remark(const std::string& text) {
+        if (!text.empty()) std::fprintf(stderr, "%s: %s\n", program_invocation_short_name, text.c_str());
+    }
+
+    std::string await_ends(const InterfaceText& first, const InterfaceText* other) {
+        for (const InterfaceText* end : {&first, other}) {
+            if (end == nullptr) continue;
+            const bool is_second = end == other;
+            const auto& nic = source_->hotplug_.emplace_back(std::make_shared<HotplugNic>(*end, is_second ? 1U : 0U));
+            (is_second ? source_->second_outermost_ : source_->outermost_) = nic.get();
+            remark(nic->remark());
+            if (!nic->may_come()) return nic->problem();
+        }
+        return {};
+    }
+
     static std::string open_end(const InterfaceText& wanted, std::shared_ptr<Nic>& nic, Nic*& outermost) {
         auto opened = open_interface_nic(wanted);
-        if (!opened.remark.empty())
-            std::fprintf(stderr, "%s: %s\n", program_invocation_short_name, opened.remark.c_str());
+        remark(opened.remark);
         nic = std::move(opened.nic);
         outermost = nic.get();
         return opened.error;

@@ -26,6 +26,7 @@
 #include "oshw/pcap/replay.hpp"
 #include "oshw/pcap/ring_recorder.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
+#include "source/hotplug_nic.hpp"
 #include "source/segment_file.hpp"
 
 #include <margay/margay.hpp>
@@ -36,6 +37,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace margay::hosted {
 
@@ -44,6 +46,8 @@ struct SourceOptions {
     std::string record{};
     bool real_time = false;  // a simulated segment runs in the time of the system, for programs with several threads
     bool trace = false;      // prints a line for every datagram to standard error
+    // An interface that is not there, or is switched off, is no error: see Source::look_for_interfaces().
+    bool wait_for_interfaces = false;
 };
 
 // A NIC and its operating system layer, with a recorder and a trace around the NIC if the options ask for them.
@@ -75,6 +79,11 @@ class Source {
                                             : init_redundant(ctx, *outermost_, *second_outermost_, *osal_);
     }
 
+    // For SourceOptions::wait_for_interfaces: opens interfaces that have appeared, and closes those that were removed.
+    // In the thread that owns the context, a few system calls; for example once a second while no frame comes back.
+    // Returns why an interface is not open; empty: all are.
+    [[nodiscard]] std::string look_for_interfaces();
+
     // True when time moves only while the program waits.
     [[nodiscard]] bool virtual_time() const noexcept { return !linux_osal_; }
 
@@ -100,6 +109,7 @@ class Source {
     Osal* osal_ = nullptr;
 
     std::shared_ptr<Nic> interface_;
+    std::vector<std::shared_ptr<HotplugNic>> hotplug_;
     std::optional<PcapReplayNic> replay_, second_replay_;
     std::unique_ptr<SimulatedSegment> simulated_;
     std::optional<SimulatedNic> simulated_nic_;

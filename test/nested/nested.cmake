@@ -81,6 +81,23 @@ foreach(check pkg_config component programs)
   set_tests_properties(install/moved_${check} PROPERTIES FIXTURES_REQUIRED prefix SKIP_REGULAR_EXPRESSION "SKIPPED")
 endforeach()
 
+# The unit of the installed service, as systemd reads it.
+if(MARGAY_SAMPLES)
+  add_test(NAME install/unit COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/install/unit.sh ${PROJECT_BINARY_DIR}/nested/prefix
+           ${PROJECT_BINARY_DIR}/nested/unit)
+  set_tests_properties(install/unit PROPERTIES FIXTURES_REQUIRED prefix SKIP_REGULAR_EXPRESSION "SKIPPED")
+endif()
+
+# The Debian packages.
+foreach(check make contents dpkg service program)
+  add_test(NAME install/debian_${check}
+           COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/install/debian.sh ${check} ${PROJECT_BINARY_DIR}
+                   ${PROJECT_BINARY_DIR}/nested/debian ${CMAKE_CURRENT_SOURCE_DIR}/install)
+  set_tests_properties(install/debian_${check} PROPERTIES FIXTURES_REQUIRED debian SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 600)
+endforeach()
+# After install/install, because both write the unit into the build folder.
+set_tests_properties(install/debian_make PROPERTIES FIXTURES_SETUP debian FIXTURES_REQUIRED prefix)
+
 # Programs in C for the interfaces of other masters, linked by the C compiler.
 if(TARGET margay_soem1 AND TARGET margay_ecrt)
   add_test(NAME install/compat COMMAND ${CMAKE_COMMAND} -DPREFIX=${PROJECT_BINARY_DIR}/nested/prefix

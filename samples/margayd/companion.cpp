@@ -1,0 +1,191 @@
+#include "margayd/companion.hpp"
+
+#include "common/slave_report.hpp"
+#include "margayd/log.hpp"
+
+#include <margay/margay.hpp>
+
+#include <fmt/format.h>
+
+#include <array>
+
+namespace margay::service {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kLook = 50ms;          // without frames
+constexpr auto kFramesSoon = 200us;   // while frames come and go
+constexpr auto kFramesLater = 2ms;    // otherwise: a frame of a slave waits this long at most
+constexpr auto kSayAgain = 60s;       // the same error is said again after this time
+constexpr auto kOverrunsAgain = 60s;  // and overruns
+
+Priority priority_of(EventKind kind) {
+    switch (kind) {
+        case EventKind::state: return Priority::info;
+        case EventKind::found:
+        case EventKind::recovered:
+        case EventKind::right_again:
+        case EventKind::slave_count:
+        case EventKind::clock_in_sync:
+        case EventKind::master_in_sync:
+        case EventKind::reference_clock:
+        case EventKind::ring_closed:
+        case EventKind::unsupervised: return Priority::notice;
+        default: return Priority::warning;
+    }
+}
+
+std::string_view state_name(AlState state) {
+    switch (state) {
+        case AlState::init: return "INIT";
+        case AlState::preop: return "PREOP";
+        case AlState::safeop: return "SAFEOP";
+        default: return "OP";
+    }
+}
+
+std::string slaves_text(const Standing& s) {
+    return fmt::format("{} slave{} in {}", s.slaves, s.slaves == 1 ? "" : "s", state_name(s.target));
+}
+
+}  // namespace
+
+Companion::Companion(Context& ctx, std::string name) : ctx_(ctx), name_(std::move(name)), thread_([this] { run(); }) {}
+
+Companion::~Companion() { end(); }
+
+void Companion::end() {
+    stopping_ = true;
+    if (thread_.joinable()) thread_.join();
+}
+
+void Companion::tell(const Standing& standing) {
+    const std::unique_lock lock(mutex_, std::try_to_lock);
+    if (!lock) return;  // the next time
+    told_ = standing;
+    is_told_ = true;
+}
+
+void Companion::take_lines(std::unique_ptr<samples::EoeLines> lines) {
+    const std::lock_guard lock(mutex_);
+    lines_ = std::move(lines);
+}
+
+std::unique_ptr<samples::EoeLines> Companion::give_lines() {
+    const std::lock_guard lock(mutex_);
+    return std::move(lines_);
+}
+
+void Companion::wait_for(const std::string& reason) {
+    {
+        const std::lock_guard lock(mutex_);
+        is_told_ = false;
+        if (reason == waiting_) return;
+        waiting_ = reason;
+        if (!reason.empty()) status_ = "waits: " + reason;
+    }
+    if (!reason.empty()) log(Priority::notice, "waiting: " + reason);
+}
+
+std::string Companion::status() const {
+    const std::lock_guard lock(mutex_);
+    return status_;
+}
+
+void Companion::run() {
+    log_about(name_);
+    std::vector<pollfd> files;
+    for (auto look_at = Clock::now(); !stopping_;) {
+        files.clear();
+        const bool moved = pass_frames(files);
+        const bool lines = !files.empty();
+        if (Clock::now() >= look_at) {
+            look(false);
+            look_at = Clock::now() + kLook;
+        }
+        const auto pause = !lines ? std::chrono::nanoseconds(kLook) : moved ? kFramesSoon : kFramesLater;
+        const timespec timeout{0, static_cast<long>(pause.count())};
+        (void)::ppoll(files.data(), files.size(), &timeout, nullptr);
+    }
+    look(true);
+}
+
+bool Companion::pass_frames(std::vector<pollfd>& files) {
+    std::vector<samples::EoeLines::Ended> ended;
+    bool moved = false;
+    {
+        const std::lock_guard lock(mutex_);
+        if (lines_ == nullptr) return false;
+        moved = lines_->pass();
+        ended = lines_->end_deleted();
+        lines_->add_files(files);
+        // A line whose slave takes no frame now still sends some.
+        if (files.empty() && !lines_->empty()) files.push_back({-1, 0, 0});
+    }
+    for (const auto& [what, counters] : ended) {
+        log(Priority::warning, what);
+        log(Priority::info, counters);
+    }
+    return moved;
+}
+
+void Companion::look(bool last) {
+    report_events();
+    report_errors();
+    Standing now;
+    {
+        const std::lock_guard lock(mutex_);
+        if (!is_told_ || last) return;
+        now = told_;
+    }
+    report_standing(now);
+}
+
+void Companion::report_events() {
+    while (const auto event = ctx_.events().take()) {
+        // The master ends its supervision itself, before a scan and at the end.
+        if (event->kind == EventKind::unsupervised && event->error.code == Errc::canceled) continue;
+        std::array<char, 400> text{};
+        log(priority_of(event->kind), describe(*event, text));
+        if (event->kind == EventKind::stranger || event->kind == EventKind::other_slave) strangers_ = Clock::now();
+    }
+}
+
+// An error that comes again and again, because the start-up is tried again and again, is said once a minute.
+void Companion::report_errors() {
+    const auto now = Clock::now();
+    const auto say = [&](Priority priority, const std::string& text) {
+        const auto [found, fresh] = said_.try_emplace(text, now);
+        if (!fresh && now - found->second < kSayAgain) return;
+        found->second = now;
+        log(priority, text);
+    };
+    while (const auto error = ctx_.errors().take()) say(Priority::warning, samples::sentence(*error));
+    while (const auto odd = ctx_.warnings().take()) say(Priority::notice, samples::sentence(*odd));
+    std::erase_if(said_, [&](const auto& one) { return now - one.second > kSayAgain; });
+}
+
+void Companion::report_standing(const Standing& now) {
+    const bool right = now.wrong.code == Errc::none;
+    if (!right && now.settles) return;
+    const auto text = right ? slaves_text(now) : samples::sentence(now.wrong);
+    if (right && !was_right_) log(Priority::notice, "all is right: " + text);
+    if (!right && (was_right_ || last_wrong_.code != now.wrong.code || last_wrong_.slave != now.wrong.slave))
+        log(Priority::notice, "not all is right: " + text);
+    was_right_ = right;
+    last_wrong_ = now.wrong;
+    const auto at = Clock::now();
+    if (now.overruns > overruns_ && at - overruns_reported_ > kOverrunsAgain) {
+        log(Priority::warning, fmt::format("{} cycles were left out, because a cycle came too late or lasted too long",
+                                           now.overruns - overruns_));
+        overruns_ = now.overruns;
+        overruns_reported_ = at;
+    }
+    const std::lock_guard lock(mutex_);
+    status_ = text;
+    waiting_.clear();
+}
+
+}  // namespace margay::service

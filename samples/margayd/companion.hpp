@@ -1,0 +1,84 @@
+// The second thread of a master: writes what happens into the log, and passes Ethernet frames between slaves with EoE
+// and the kernel. So the thread of the cycle never waits for a log or a socket.
+#pragma once
+
+#include "common/eoe_lines.hpp"
+
+#include <margay/context.hpp>
+
+#include <atomic>
+#include <chrono>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+namespace margay::service {
+
+// What the owner of the context says about its segment.
+struct Standing {
+    Error wrong{.code = Errc::wrong_state};  // what_is_wrong(); code none: all is right
+    std::uint16_t slaves = 0;
+    AlState target = AlState::op;
+    std::uint64_t overruns = 0;  // cycles that were left out
+    bool settles = false;        // the cycle has just begun: what is wrong is not worth a message yet
+};
+
+class Companion {
+  public:
+    // `name`: of the master, for messages. The context outlives the object.
+    Companion(Context& ctx, std::string name);
+    ~Companion();
+    Companion(const Companion&) = delete;
+    Companion& operator=(const Companion&) = delete;
+
+    // For the owner, callable from the cycle: never waits.
+    void tell(const Standing& standing);
+    // The segment has slaves that are not used, since this time; 0: no.
+    [[nodiscard]] std::chrono::steady_clock::time_point strangers_since() const { return strangers_.load(); }
+
+    // For the owner, while no cycle runs.
+    void take_lines(std::unique_ptr<samples::EoeLines> lines);
+    // The lines are not used any more.
+    [[nodiscard]] std::unique_ptr<samples::EoeLines> give_lines();
+    // Why there is no segment at present. The text is logged when it has changed.
+    void wait_for(const std::string& reason);
+    void forget_strangers() { strangers_ = std::chrono::steady_clock::time_point{}; }
+
+    // Reports what is left and ends the thread.
+    void end();
+
+    // From any thread: one sentence about the master.
+    [[nodiscard]] std::string status() const;
+
+  private:
+    void run();
+    void look(bool all);
+    void report_events();
+    void report_errors();
+    void report_standing(const Standing& now);
+    bool pass_frames(std::vector<pollfd>& files);
+
+    Context& ctx_;
+    std::string name_;
+    std::atomic<bool> stopping_{false};
+    std::atomic<std::chrono::steady_clock::time_point> strangers_{};
+
+    mutable std::mutex mutex_{};
+    Standing told_{};
+    bool is_told_ = false;
+    std::string waiting_{};
+    std::string status_ = "starts";
+    std::unique_ptr<samples::EoeLines> lines_{};
+
+    // Of the thread.
+    Error last_wrong_{};
+    bool was_right_ = false;
+    std::uint64_t overruns_ = 0;
+    std::chrono::steady_clock::time_point overruns_reported_{};
+    std::map<std::string, std::chrono::steady_clock::time_point> said_{};
+    std::thread thread_{};
+};
+
+}  // namespace margay::service

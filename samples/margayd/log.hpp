@@ -1,0 +1,23 @@
+// The messages of the service: one line each on standard error, with the priority in front ("<4>") where standard error
+// is the journal of systemd. The journal adds the time.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace margay::service {
+
+// As in <syslog.h>.
+enum class Priority : int { error = 3, warning = 4, notice = 5, info = 6 };
+
+// Call it once, before the first message. The messages of samples::fail() and warn() go the same way from then on.
+void begin_log();
+
+// From any thread. A line that cannot be written is lost: a full disk or a closed pipe does not stop the service.
+// Writing may wait for the reader of a pipe, so the thread of a cycle does not call it while the cycle runs.
+void log(Priority priority, std::string_view text);
+
+// The master that the messages of this thread are about; empty: the service.
+void log_about(std::string master);
+
+}  // namespace margay::service

@@ -1,0 +1,298 @@
+#include "margayd/master.hpp"
+
+#include "common/slave_report.hpp"
+#include "common/xml_files.hpp"
+#include "margayd/log.hpp"
+
+#include <fmt/format.h>
+
+#include <pthread.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <exception>
+
+namespace margay::service {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kTryAgain = 500ms;      // between two looks at a segment that cannot be scanned
+constexpr Duration kEndPatience = 3s;      // for the slaves to reach the end state
+constexpr std::size_t kMoreImage = 65536;  // octets for slaves that no ENI describes
+
+Limits limits() { return {.slaves = 1024, .process_frames = 64, .events = 1024}; }
+
+bool is_left_behind(const std::string& socket) {
+    struct stat found {};
+    return ::lstat(socket.c_str(), &found) == 0 && S_ISSOCK(found.st_mode);
+}
+
+}  // namespace
+
+Master::Master(samples::MasterConfiguration configuration, std::string socket)
+    : configuration_(std::move(configuration)), socket_(std::move(socket)) {}
+
+Master::~Master() {
+    stop();
+    if (thread_.joinable()) thread_.join();
+    if (ctx_ != nullptr) (void)take_ownership(*ctx_);  // the owner has ended
+}
+
+std::string Master::open() {
+    std::promise<std::string> opened;
+    auto result = opened.get_future();
+    thread_ = std::thread([this, &opened] { run(opened); });
+    return result.get();
+}
+
+void Master::begin() {
+    begun_ = true;
+    begun_.notify_all();
+}
+
+void Master::stop() {
+    stopping_ = true;
+    begin();
+    if (source_ != nullptr) source_->osal().wake();
+}
+
+std::string Master::status() const { return companion_ == nullptr ? std::string() : companion_->status(); }
+
+// ------------------------------------------------------------------ the thread
+
+void Master::run(std::promise<std::string>& opened) {
+    log_about(configuration_.name);
+    (void)::pthread_setname_np(::pthread_self(), "margayd-cycle");
+    std::string problem;
+    try {
+        problem = open_here();
+    } catch (const std::exception& exception) {
+        problem = exception.what();
+    }
+    const bool open = problem.empty();
+    opened.set_value(std::move(problem));  // `opened` is gone from here on
+    try {
+        if (open) begun_.wait(false);
+        if (open && !stopping_) work();
+    } catch (const std::exception& exception) {
+        log(Priority::error, fmt::format("ends: {}", exception.what()));
+        failed_ = true;
+    }
+    attach_.reset();
+    if (companion_ != nullptr) companion_->end();
+}
+
+std::string Master::open_here() {
+    if (!configuration_.eni_text.empty()) {
+        auto read = files::read_eni(configuration_.eni_text);
+        if (!read) return fmt::format("{}: {}", configuration_.eni.string(), files::to_text(read.problem));
+        eni_ = std::move(*read);
+    }
+    plan_ = samples::plan_cycles(eni_ ? &*eni_ : nullptr, std::chrono::microseconds(configuration_.cycle_us));
+    if (!plan_.error.empty()) return plan_.error;
+    auto source = samples::open_source(configuration_.source, {.real_time = true, .wait_for_interfaces = true});
+    if (!source) return source.error();
+    source_ = source.take();
+    ctx_ = std::make_unique<HostContext>(source_->limits(samples::with_room(limits(), eni_ ? &*eni_ : nullptr)));
+    if (const auto ready = source_->begin(*ctx_); !ready) return samples::sentence(ready.error());
+    companion_ = std::make_unique<Companion>(*ctx_, configuration_.name);
+    // A socket that nobody serves is of a margayd that did not end in order: the slaves may be as it left them.
+    const bool left_behind = is_left_behind(socket_);
+    const auto& s = configuration_.socket;
+    attach_ = std::make_unique<AttachServer>(*ctx_, socket_,
+                                             AttachSettings{.name = configuration_.source,
+                                                            .mode = s.mode,
+                                                            .owner = s.owner,
+                                                            .group = s.group,
+                                                            .read_only = s.read_only,
+                                                            .clients = s.clients});
+    if (!attach_->error().empty()) return attach_->error();
+    is_ours_ = left_behind;
+    // The place of the mailbox gateway: an object with a thread of its own, as attach_, at configuration_.gateway.
+    // Until then read_service_configuration() refuses the key.
+    return {};
+}
+
+void Master::work() {
+    while (await_segment()) {
+        if (!bring_up()) {
+            companion_->wait_for("the segment cannot be scanned");
+            pause(kTryAgain);
+            continue;
+        }
+        cycle();
+        end_supervision();
+        close_eoe();
+        if (stopping_) break;
+        log(Priority::notice, "slaves were added or exchanged: the segment is scanned again");
+    }
+    leave();
+}
+
+void Master::pause(Duration time) {
+    Osal& osal = source_->osal();
+    const Time until = osal.now() + time;
+    for (Time now = osal.now(); now < until && !stopping_; now = osal.now())
+        osal.wait(std::min(poll(*ctx_, now), until), source_->wait_handles());
+}
+
+// ------------------------------------------------------------------ bring-up
+
+bool Master::await_segment() {
+    while (!stopping_) {
+        const auto reason = obstacle();
+        if (reason.empty()) return true;
+        companion_->wait_for(reason);
+        pause(kTryAgain);
+    }
+    return false;
+}
+
+std::string Master::obstacle() {
+    if (auto missing = source_->look_for_interfaces(); !missing.empty()) return missing;
+    const bool second_link = source_->second() != nullptr && source_->second()->link_state() != LinkState::down;
+    if (source_->nic().link_state() == LinkState::down && !second_link)
+        return "the interface has no link: the cable is not plugged in, or the first slave has no power";
+    std::array<std::byte, 2> al_status{};
+    const auto slaves = exchange_datagram(*ctx_, DatagramCommand::brd, 0, 0x0130, al_status);
+    if (!slaves) return slaves.error().code == Errc::no_frame ? "no slave answers" : samples::sentence(slaves.error());
+    if (*slaves == 0) return "no slave answers";
+    const auto has = [&](AlState state) {
+        return (std::to_integer<unsigned>(al_status[0]) & static_cast<unsigned>(state)) != 0;
+    };
+    const bool as_left = configuration_.end_state == AlState::safeop && !has(AlState::op);
+    if (is_ours_ || as_left || configuration_.take_over || (!has(AlState::safeop) && !has(AlState::op))) return {};
+    return fmt::format(
+        "slaves of this segment are in SAFEOP or OP ({} slaves answer): another master may be running them. With "
+        "take_over = true they are scanned nevertheless",
+        *slaves);
+}
+
+bool Master::bring_up() {
+    if (eni_)
+        if (const auto applied = files::apply(*ctx_, *eni_); !applied) return false;
+    (void)tolerate(*ctx_, {.other_slaves = configuration_.tolerate_other,
+                           .unexpected_slaves = configuration_.tolerate_unexpected,
+                           .missing_slaves = configuration_.tolerate_missing});
+    is_ours_ = true;  // the scan brings all slaves to INIT
+    companion_->forget_strangers();
+    const auto found = config_init(*ctx_);
+    if (!found && ctx_->slaves().empty()) return false;
+    brought_up_ = true;
+    const auto present = std::ranges::count_if(ctx_->slaves(), [](const Slave& s) { return s.ring_position != 0; });
+    log(Priority::notice, fmt::format("{} slave{} found", present, present == 1 ? "" : "s"));
+    // The errors of these calls are in errors() too, and the companion writes them: what fails for one slave does not
+    // keep the others from work.
+    if (eni_ && eni_->clocks) (void)configdc(*ctx_, *eni_->clocks);
+    if (configuration_.state < AlState::safeop) (void)set_target(*ctx_, 0, configuration_.state);
+    map_groups();
+    if (configuration_.eoe) open_eoe();
+    supervise_.target = configuration_.state;
+    const auto begun = submit(*ctx_, supervise_);
+    if (!begun) log(Priority::error, "no supervision: " + samples::sentence(begun.error()));
+    return begun.ok();
+}
+
+void Master::map_groups() {
+    image_.assign(kMoreImage + (eni_ ? eni_->image_bytes : 0), std::byte{0});
+    std::size_t used = 0;
+    for (std::size_t n = 0; n < plan_.every.size(); ++n) {
+        const auto mapped = config_map(*ctx_, std::span(image_).subspan(used), static_cast<std::uint8_t>(n));
+        const Group& group = ctx_->group(static_cast<std::uint8_t>(n));
+        used += group.image.size();
+        if (group.mapped)
+            log(Priority::info, fmt::format("{} octets out, {} in, {} frame{} in each cycle of {} µs",
+                                            group.output_bytes, group.input_bytes, group.frames,
+                                            group.frames == 1 ? "" : "s", plan_.period * plan_.every[n] / 1us));
+        else if (!mapped)
+            log(Priority::error, "no process data: " + samples::sentence(mapped.error()));
+    }
+    clock_.reset();
+    if (!eni_ || !eni_->clocks) return;
+    const Duration period = plan_.period * plan_.every[eni_->clocks->group];
+    clock_.emplace(
+        MasterClockSettings{.group = eni_->clocks->group, .set_value = -period / 2, .phase = {.cycle = period}});
+}
+
+// ------------------------------------------------------------------ EoE
+
+void Master::open_eoe() {
+    auto lines = std::make_unique<samples::EoeLines>();
+    const auto open = [&](const Slave& slave, const std::string& wanted) {
+        const auto name = wanted.empty() ? samples::eoe_interface_name(configuration_.number, slave) : wanted;
+        const auto opened = lines->open(*ctx_, slave, name);
+        if (opened)
+            log(Priority::notice, fmt::format("interface {}: slave {} ({})", name, slave.number, slave.name()));
+        else
+            log(Priority::error, opened.problem);
+    };
+    const auto& named = configuration_.eoe_named;
+    for (const Slave& slave : ctx_->slaves())
+        if (named.empty() && samples::has_eoe(slave)) open(slave, {});
+    for (const auto& wanted : named) {
+        const auto slaves = ctx_->slaves();
+        const auto found = std::ranges::find_if(slaves, [&](const Slave& slave) {
+            return wanted.alias ? slave.alias == *wanted.alias : slave.ring_position == *wanted.position + 1;
+        });
+        if (found != slaves.end())
+            open(*found, wanted.name);
+        else
+            log(Priority::error, wanted.alias
+                                     ? fmt::format("no EoE: no slave has the alias {}", *wanted.alias)
+                                     : fmt::format("no EoE: there is no slave at position {}", *wanted.position));
+    }
+    companion_->take_lines(std::move(lines));
+}
+
+void Master::close_eoe() {
+    const auto lines = companion_->give_lines();
+    if (lines == nullptr) return;
+    lines->cancel();
+    for (int n = 0; n < 100 && lines->busy(); ++n) {
+        (void)poll(*ctx_, source_->osal().now());
+        source_->osal().wait(source_->osal().now() + 1ms, source_->wait_handles());
+    }
+    for (const auto& counters : lines->report()) log(Priority::info, counters);
+}
+
+// ------------------------------------------------------------------ the end
+
+void Master::end_supervision() {
+    supervise_.cancel();
+    for (const Time until = source_->osal().now() + 2s; supervise_.busy() && source_->osal().now() < until;) {
+        (void)poll(*ctx_, source_->osal().now());
+        source_->osal().wait(source_->osal().now() + 1ms, source_->wait_handles());
+    }
+}
+
+void Master::leave() {
+    if (!brought_up_) return;
+    const auto is_there = [this](const Slave& slave) {
+        return slave.al.state == AlState::none || (slave.al.state == configuration_.end_state && !slave.al.error);
+    };
+    const auto state = samples::al_text({.state = configuration_.end_state});
+    const auto asked = writestate(*ctx_, 0, configuration_.end_state);
+    auto read = readstate(*ctx_);
+    for (const Time until = source_->osal().now() + kEndPatience;
+         read && !std::ranges::all_of(ctx_->slaves(), is_there) && source_->osal().now() < until;
+         read = readstate(*ctx_))
+        source_->osal().wait(source_->osal().now() + 5ms, -1);
+    if (read && std::ranges::all_of(ctx_->slaves(), is_there)) {
+        const auto gone = std::ranges::count(ctx_->slaves(), AlState::none, [](const Slave& s) { return s.al.state; });
+        const auto there = static_cast<std::ptrdiff_t>(ctx_->slaves().size()) - gone;
+        log(Priority::notice, gone == 0    ? "all slaves in " + state
+                              : there == 0 ? std::string("no slave answers any more")
+                                           : fmt::format("all slaves that answer in {}: {}", state, there));
+        return;
+    }
+    for (const Slave& slave : ctx_->slaves())
+        if (!is_there(slave))
+            log(Priority::warning, fmt::format("slave {} ({}) is left in {}, not in {}", slave.number, slave.name(),
+                                               samples::al_text(slave.al), state));
+    if (!read) log(Priority::warning, "the states of the slaves cannot be read: " + samples::sentence(read.error()));
+    if (!asked)
+        log(Priority::warning, "the slaves were not all brought to " + state + ": " + samples::sentence(asked.error()));
+}
+
+}  // namespace margay::service

@@ -1,0 +1,98 @@
+// One master of the service: the thread that owns its context, brings the segment up, runs the cycle and keeps the
+// slaves in their state, until it is asked to end.
+#pragma once
+
+#include "common/cycle_pace.hpp"
+#include "common/cycle_plan.hpp"
+#include "common/service_configuration.hpp"
+#include "common/source.hpp"
+#include "margayd/companion.hpp"
+
+#include <margay/attach/server.hpp>
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+#include <margay/master_clock.hpp>
+
+#include <atomic>
+#include <future>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace margay::service {
+
+class Master {
+  public:
+    // `socket`: the path of the socket that it serves.
+    Master(samples::MasterConfiguration configuration, std::string socket);
+    // Brings the slaves to the end state and ends the thread.
+    ~Master();
+    Master(const Master&) = delete;
+    Master& operator=(const Master&) = delete;
+
+    // Starts the thread, which opens the source and the socket, and sends nothing yet. Returns why it cannot; empty:
+    // the socket is served.
+    [[nodiscard]] std::string open();
+    // Begins with the segment.
+    void begin();
+    // Asks the thread to end, and does not wait for it.
+    void stop();
+
+    [[nodiscard]] const samples::MasterConfiguration& configuration() const { return configuration_; }
+    [[nodiscard]] const std::string& socket() const { return socket_; }
+    // One sentence. From any thread.
+    [[nodiscard]] std::string status() const;
+    // The thread has ended by itself.
+    [[nodiscard]] bool failed() const { return failed_; }
+
+  private:
+    void run(std::promise<std::string>& opened);
+    [[nodiscard]] std::string open_here();
+    void work();
+
+    // Waits until slaves answer and may be scanned. False: it is asked to end.
+    bool await_segment();
+    // Why the segment cannot be scanned now; empty: it can.
+    [[nodiscard]] std::string obstacle();
+    // Scans and maps. False: nothing can be done with the segment now.
+    bool bring_up();
+    void map_groups();
+    void open_eoe();
+    void close_eoe();
+    // Exchanges process data until the thread is asked to end, or the segment must be scanned again.
+    void cycle();
+    void exchange(std::uint64_t number, Duration& lateness);
+    void keep_in_step(std::uint64_t number, Duration lateness);
+    void look_around(std::uint64_t overruns, bool settles);
+    [[nodiscard]] bool is_to_be_scanned() const;
+    void end_supervision();
+    void leave();
+    // Polls for this time, or until the thread is asked to end.
+    void pause(Duration time);
+
+    samples::MasterConfiguration configuration_;
+    std::string socket_;
+    std::optional<files::EniConfiguration> eni_{};
+    samples::CyclePlan plan_{};
+
+    std::unique_ptr<samples::Source> source_{};
+    std::unique_ptr<HostContext> ctx_{};
+    std::unique_ptr<Companion> companion_{};
+    std::unique_ptr<AttachServer> attach_{};  // ends before the context
+    std::vector<std::byte> image_{};
+    std::optional<MasterClock> clock_{};
+    std::optional<samples::CyclePace> pace_{};
+    SuperviseRequest supervise_{};
+    bool is_ours_ = false;      // slaves in SAFEOP or OP are this master's own
+    bool brought_up_ = false;   // there are slaves that this master has configured
+    std::vector<bool> sent_{};  // by group, in this cycle
+
+    std::atomic<bool> begun_{false};
+    std::atomic<bool> stopping_{false};
+    std::atomic<bool> failed_{false};
+    std::thread thread_{};
+};
+
+}  // namespace margay::service

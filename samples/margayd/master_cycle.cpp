@@ -1,0 +1,73 @@
+// The cycle of a master.
+#include "margayd/log.hpp"
+#include "margayd/master.hpp"
+
+#include <algorithm>
+
+namespace margay::service {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kLookAround = 1s;
+constexpr auto kSettle = 2s;  // between the last news of added slaves and the scan
+
+}  // namespace
+
+void Master::cycle() {
+    samples::PaceOptions pace{.period_us = static_cast<unsigned>(plan_.period / 1us),
+                              .spin_us = configuration_.spin_us,
+                              .priority = configuration_.priority,
+                              .cpu = configuration_.cpu,
+                              .histogram = {}};
+    pace_.emplace(*source_, *ctx_, pace);
+    pace_->start();
+    sent_.assign(plan_.every.size(), false);
+    const auto every = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(kLookAround / plan_.period));
+    Duration lateness{};
+    for (std::uint64_t number = 0; !stopping_ && !is_to_be_scanned(); ++number) {
+        exchange(number, lateness);
+        if (number % every == 0) look_around(pace_->figures().overruns, number < 3 * every);
+        lateness = pace_->wait();
+    }
+    pace_.reset();
+}
+
+// Errors of a cycle are not reported here: the supervision finds their reason and reports it by events.
+void Master::exchange(std::uint64_t number, Duration& lateness) {
+    for (std::size_t n = 0; n < plan_.every.size(); ++n) {
+        sent_[n] = number % plan_.every[n] == 0 && ctx_->group(static_cast<std::uint8_t>(n)).mapped;
+        if (sent_[n]) (void)send_processdata(*ctx_, static_cast<std::uint8_t>(n));
+    }
+    for (std::size_t n = 0; n < plan_.every.size(); ++n)
+        if (sent_[n]) (void)receive_processdata(*ctx_, plan_.period / 2, static_cast<std::uint8_t>(n));
+    keep_in_step(number, lateness);
+}
+
+void Master::keep_in_step(std::uint64_t number, Duration lateness) {
+    if (clock_ && number % plan_.every[clock_->settings().group] == 0) pace_->shift(-clock_->update(*ctx_, lateness));
+}
+
+// Once a second: a few system calls, if the interface seems to be gone.
+void Master::look_around(std::uint64_t overruns, bool settles) {
+    const Error wrong = what_is_wrong(*ctx_);
+    if (wrong.code == Errc::no_frame || wrong.code == Errc::nic || wrong.code == Errc::missing_slave)
+        (void)source_->look_for_interfaces();
+    const auto present =
+        std::ranges::count_if(ctx_->slaves(), [](const Slave& s) { return s.al.state != AlState::none; });
+    companion_->tell({.wrong = wrong,
+                      .slaves = static_cast<std::uint16_t>(present),
+                      .target = configuration_.state,
+                      .overruns = overruns,
+                      .settles = settles});
+}
+
+// Without an ENI, all slaves that are there belong to the segment. A slave in BOOT may be getting its firmware.
+bool Master::is_to_be_scanned() const {
+    const auto since = companion_->strangers_since();
+    if (eni_ || since == std::chrono::steady_clock::time_point{}) return false;
+    if (std::chrono::steady_clock::now() - since < kSettle) return false;
+    return std::ranges::none_of(ctx_->slaves(), [](const Slave& s) { return s.al.state == AlState::boot; });
+}
+
+}  // namespace margay::service

@@ -1,0 +1,240 @@
+// margayd on an interface: a segment that appears later, an interface that comes and goes, slaves without power,
+// another master, a service that was killed, EoE. The segment is virtual_segment at the other end of a cable.
+#include "process/netns.hpp"
+#include "service/service_fixture.hpp"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+
+#include <cctype>
+#include <csignal>
+#include <fstream>
+
+namespace margay::process {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kServicePatience = 60s;
+
+class ServiceOnCable : public ServiceTest {
+  protected:
+    Cable cable;
+    int commands = -1;
+    const std::string bin = std::string(MARGAY_BIN_DIR) + "/";
+
+    void SetUp() override {
+        ServiceTest::SetUp();
+        if (!cable.missing().empty()) GTEST_SKIP() << cable.missing();
+        ASSERT_EQ(::mkfifo(file("commands").c_str(), 0600), 0);
+        commands = ::open(file("commands").c_str(), O_RDWR | O_CLOEXEC);
+        ASSERT_GE(commands, 0);
+    }
+    ~ServiceOnCable() override {
+        if (commands >= 0) ::close(commands);
+    }
+    [[nodiscard]] std::string file(const std::string& name) const { return folder.path() / name; }
+
+    [[nodiscard]] std::unique_ptr<Child> segment(const std::string& what = "demo") const {
+        auto child = std::make_unique<Child>(
+            cable.segment_namespace(), std::vector<std::string>{"/bin/sh", "-c",
+                                                                "exec " + bin + "virtual_segment " + Cable::kSegment +
+                                                                    " " + what + " < " + file("commands")});
+        EXPECT_TRUE(child->says("serving", kServicePatience)) << child->output() << child->errors();
+        return child;
+    }
+    void command(const std::string& text) const {
+        const auto line = text + "\n";
+        ASSERT_EQ(::write(commands, line.data(), line.size()), static_cast<ssize_t>(line.size()));
+    }
+    // margayd, its log on standard output, where says() looks. `by`: a command that starts it.
+    [[nodiscard]] std::unique_ptr<Child> service(const std::string& by = {}) const {
+        const auto command = by + bin + "margayd --config " + file("etc") + " --sockets " + file("run");
+        return std::make_unique<Child>(cable.master_namespace(),
+                                       std::vector<std::string>{"/bin/sh", "-c", "exec " + command + " 2>&1"});
+    }
+    static void expect_says(Child& child, const std::string& text) {
+        EXPECT_TRUE(child.says(text, kServicePatience)) << "never: " << text << "\n" << child.output();
+    }
+    [[nodiscard]] std::string slaves() const {
+        const auto ran = folder.run(bin + "ethercat slaves --attach run/a.sock");
+        EXPECT_EQ(ran.status, 0) << ran.err;
+        return ran.out;
+    }
+    void configure_cable(const std::string& more = {}) const {
+        configure("a.toml", "source = \"" + std::string(Cable::kMaster) + "\"\n" + more);
+    }
+};
+
+TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
+    configure_cable();
+    auto margayd = service();
+    expect_says(*margayd, "margayd: a: waiting: no slave answers\n");
+    EXPECT_EQ(slaves(), "");
+    auto demo = segment();
+    expect_says(*margayd, "a: 5 slaves found");
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+
+    command("power off 3");
+    expect_says(*margayd, "a: not all is right: slave 3");
+    EXPECT_TRUE(contains(slaves(), "1  0:1  OP  +")) << "the other slaves go on";
+    command("power on 3");
+    EXPECT_TRUE(demo->says("slave 3", kServicePatience));
+    const auto right_again = [&] {
+        const auto log = margayd->output();
+        const auto wrong = log.find("not all is right: slave 3");
+        return log.find("all is right: 5 slaves in OP", wrong + 20) != std::string::npos;
+    };
+    for (int n = 0; n < 1200 && !right_again(); ++n) std::this_thread::sleep_for(50ms);
+    EXPECT_TRUE(right_again()) << margayd->output();
+
+    // The whole segment loses its power: the process ends, and another one with the same slaves is there.
+    demo.reset();
+    expect_says(*margayd, "no frame");
+    demo = segment();
+    const auto up_again = [&] { return contains(slaves(), "4  0:4  OP  +"); };
+    for (int n = 0; n < 1200 && !up_again(); ++n) std::this_thread::sleep_for(50ms);
+    EXPECT_TRUE(up_again()) << margayd->output();
+
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    EXPECT_TRUE(demo->says("slave 1 (coupler): INIT", kServicePatience)) << demo->output();
+    EXPECT_TRUE(contains(margayd->output(), "a: all slaves in INIT\nmargayd: ends\n")) << margayd->output();
+}
+
+TEST_F(ServiceOnCable, AnInterfaceMayBeMissingOffOrRemoved) {
+    ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link del ") + Cable::kMaster));
+    configure_cable();
+    auto margayd = service();
+    expect_says(*margayd, std::string("a: waiting: there is no interface \"") + Cable::kMaster + "\"");
+    const auto add = [&] {
+        // Both ends are new. The end of the master is switched off: margayd switches it on.
+        ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link add ") + Cable::kMaster +
+                                                           " type veth peer name " + Cable::kSegment + " netns " +
+                                                           cable.segment_namespace()));
+        ASSERT_TRUE(cable.ip(cable.segment_namespace(), std::string("link set ") + Cable::kSegment + " up"));
+    };
+    add();
+    auto demo = segment();
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link del ") + Cable::kMaster));
+    expect_says(*margayd, "a: not all is right: ");
+    demo.reset();
+    add();
+    demo = segment();
+    const auto up_again = [&] { return contains(slaves(), "4  0:4  OP  +"); };
+    for (int n = 0; n < 1200 && !up_again(); ++n) std::this_thread::sleep_for(50ms);
+    EXPECT_TRUE(up_again()) << margayd->output();
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+}
+
+TEST_F(ServiceOnCable, SlavesThatAreAddedAreScannedWithoutAnEni) {
+    configure_cable();
+    auto demo = segment();
+    command("break 3");
+    EXPECT_TRUE(demo->says("slave 3 is broken", kServicePatience)) << demo->output();
+    auto margayd = service();
+    expect_says(*margayd, "a: all is right: 2 slaves in OP");
+    command("heal 3");
+    expect_says(*margayd, "slaves were added or exchanged: the segment is scanned again");
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+}
+
+TEST_F(ServiceOnCable, LeavesASegmentToItsMasterAndTakesBackItsOwn) {
+    configure_cable();
+    auto demo = segment();
+    {
+        Child other(cable.master_namespace(),
+                    {bin + "simple_io", Cable::kMaster, "--cycles", "100000000", "--period", "2000"});
+        ASSERT_TRUE(other.says("all slaves in OP", kServicePatience)) << other.output() << other.errors();
+        auto margayd = service();
+        expect_says(*margayd,
+                    "slaves of this segment are in SAFEOP or OP (5 slaves answer): another master may be running");
+        EXPECT_FALSE(other.ended());
+        EXPECT_FALSE(contains(margayd->output(), "slaves found")) << margayd->output();
+        other.terminate();
+        EXPECT_GE(other.wait(kServicePatience), 0) << other.errors();  // 1 where it has missed a cycle
+        expect_says(*margayd, "a: all is right: 5 slaves in OP");
+        // The destructor kills margayd: the slaves stay in OP or SAFEOP, and the socket stays.
+    }
+    EXPECT_TRUE(std::filesystem::exists(file("run/a.sock")));
+    auto again = service();
+    expect_says(*again, "a: all is right: 5 slaves in OP");
+    EXPECT_FALSE(contains(again->output(), "another master")) << again->output();
+    again->terminate();
+    EXPECT_EQ(again->wait(kServicePatience), 0) << again->output();
+}
+
+TEST_F(ServiceOnCable, SlavesWithEoeGetInterfaces) {
+    if (!std::filesystem::exists("/dev/net/tun")) GTEST_SKIP() << "no TAP devices here: /dev/net/tun is missing";
+    configure_cable("state = \"PREOP\"\neoe = [{ position = 1, name = \"gw-of-line\" }]\n");
+    auto gateways = segment("eoe --ports gw");
+    auto margayd = service();
+    expect_says(*margayd, "a: interface gw-of-line: slave 2 (Gateway with EoE)");
+    expect_says(*margayd, "a: all is right");
+    ASSERT_TRUE(cable.ip(cable.master_namespace(), "addr add 192.168.78.1/24 dev gw-of-line"));
+    ASSERT_TRUE(cable.ip(cable.segment_namespace(), "addr add 192.168.78.2/24 dev gw1"));
+    // The stack of the kernel at the other end refuses the connection: frames have passed in both directions.
+    Cable::inside(cable.master_namespace(), [] {
+        const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        const timeval patience{20, 0};
+        ASSERT_EQ(::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience), 0);
+        sockaddr_in to{};
+        to.sin_family = AF_INET;
+        to.sin_port = htons(5);
+        ASSERT_EQ(::inet_pton(AF_INET, "192.168.78.2", &to.sin_addr), 1);
+        EXPECT_NE(::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to), 0);
+        EXPECT_EQ(errno, ECONNREFUSED) << std::strerror(errno);
+        ::close(fd);
+    });
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    EXPECT_TRUE(contains(margayd->output(), "a: gw-of-line: to the slave ")) << margayd->output();
+    std::string gone;
+    EXPECT_FALSE(run("ip -n " + cable.master_namespace() + " link show gw-of-line", &gone)) << gone;
+}
+
+// As systemd starts it by the unit: another user than root, and these capabilities only.
+TEST_F(ServiceOnCable, TheCapabilitiesOfTheUnitAreEnough) {
+    if (folder.run("command -v setpriv").status != 0) GTEST_SKIP() << "setpriv is not installed";
+    const auto unit = content_of(std::string(MARGAY_SOURCE_DIR) + "/samples/margayd/install/margayd.service.in");
+    const std::string key = "\nCapabilityBoundingSet=CAP_";
+    auto words = unit.substr(unit.find(key) + key.size());
+    words.resize(words.find('\n'));
+    std::string capabilities = "-all,+";
+    for (std::size_t at = 0; at < words.size(); ++at)
+        if (words.compare(at, 5, " CAP_") == 0) {
+            capabilities += ",+";
+            at += 4;
+        } else {
+            capabilities += static_cast<char>(std::tolower(words[at]));
+        }
+    EXPECT_EQ(capabilities, "-all,+net_raw,+net_admin,+chown");
+    const std::string by =
+        "setpriv --reuid=nobody --regid=nogroup --clear-groups --no-new-privs --bounding-set=" + capabilities +
+        " --inh-caps=" + capabilities + " --ambient-caps=" + capabilities + " ";
+    const auto ready = folder.run("chmod 755 . && mkdir run && chown nobody run && " + by + bin + "margayd --version");
+    if (ready.status != 0) GTEST_SKIP() << "the user nobody cannot execute programs of this folder: " << ready.err;
+    ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link set ") + Cable::kMaster + " down"));
+    // systemd gives all users this device; not every container does.
+    const bool eoe = folder.run("setpriv --reuid=nobody --clear-groups test -w /dev/net/tun").status == 0;
+    configure_cable(std::string(eoe ? "eoe = true\n" : "") +
+                    "socket = { owner = \"daemon\", group = \"daemon\", mode = \"0620\" }\n");
+    auto gateways = segment("eoe --ports gw");
+    auto margayd = service(by);
+    if (eoe) expect_says(*margayd, "a: interface eoe0s1: slave 2 (Gateway with EoE)");
+    expect_says(*margayd, "a: all is right");
+    EXPECT_EQ(folder.run("stat -c '%U %G %a' run/a.sock").out, "daemon daemon 620\n");
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    EXPECT_FALSE(contains(margayd->output(), "ermi")) << "nothing was not permitted\n" << margayd->output();
+    EXPECT_FALSE(std::filesystem::exists(file("run/a.sock")));
+}
+
+}  // namespace
+}  // namespace margay::process

@@ -1,0 +1,130 @@
+// The configuration of margayd: what is accepted, and each error with its file and line.
+#include "service/service_fixture.hpp"
+
+namespace margay::process {
+namespace {
+
+using ServiceConfigurationTest = ServiceTest;
+
+TEST_F(ServiceConfigurationTest, EachErrorIsNamedByFileAndLine) {
+    configure(
+        "a.toml",
+        "source = \"eth0\"\n"
+        "cycle_us = 10\n"
+        "state = \"RUN\"\n"
+        "end_state = \"OP\"\n"
+        "sorce = 1\n"
+        "eni = \"nowhere.xml\"\n"
+        "tolerate = [\"all\"]\n"
+        "socket = { mode = \"0888\", owner = \"no-such-user\", group = \"no-such-group\", path = \"x\", colour = 1 }\n"
+        "eoe = [{ position = 1, alias = 2 }, { name = \"a name that is too long\" }]\n"
+        "gateway = { listen = \"nowhere\" }\n"
+        "number = 64\n"
+        "take_over = \"yes\"\n"
+        "priority = 100\n");
+    configure("b.toml", "[one]\nsource = \"sim:nosuch\"\n\n[two]\n\n[three]\nsource = \"pcap:x.pcap\"\n");
+    configure("c.toml", "source = \"sim:demo\"\nstate = \"OP\n");
+    configure("d.toml", "x = 1\n");
+    configure("e.toml", "");
+    configure("f.toml", "[four]\nsource = \"eth0+eth0\"\n[five]\nsource = \"a-name-that-is-too-long\"\n");
+    const auto ran = shell("margayd --check");
+    EXPECT_EQ(ran.status, 2);
+    EXPECT_EQ(ran.out, "");
+    for (const std::string text :
+         {"a.toml: line 2: 'cycle_us' is 10, it must be from 50 to 1000000",
+          "a.toml: line 3: 'state' is \"RUN\", it must",
+          "a.toml: line 4: 'end_state' is \"OP\", it must be one of INIT, PREOP, SAFEOP\n",
+          "a.toml: line 5: a master has no key 'sorce'; its keys are: source, number, eni, cycle_us, ",
+          "a.toml: line 6: ",
+          "a.toml: line 7: 'tolerate' has \"missing\", \"other\" and \"unexpected\" only",
+          "a.toml: line 8: 'mode' is \"0888\", it must be octal",
+          "a.toml: line 8: there is no user 'no-such-user'",
+          "a.toml: line 8: there is no group 'no-such-group'",
+          "a.toml: line 8: 'path' must begin with '/'",
+          "a.toml: line 8: 'socket' has no key 'colour'; its keys are: path, owner",
+          "a.toml: line 9: an element of 'eoe' has either `position` or `alias`",
+          "a.toml: line 9: 'a name that is too long' is no name of an interface",
+          "a.toml: line 10: 'nowhere' is no ADDRESS:PORT",
+          "a.toml: line 11: 'number' is 64, it must be from 0 to 63",
+          "a.toml: line 12: 'take_over' must be true or false",
+          "a.toml: line 13: 'priority' is 100",
+          "b.toml: line 2: sim:nosuch: ",
+          "b.toml: line 4: the master 'two' has no `source`",
+          "b.toml: line 7: a recording cannot be run by a service",
+          "c.toml: line 2: ",
+          "d.toml: line 1: 'x' is no master",
+          "e.toml: line ",
+          "f.toml: line 2: 'eth0+eth0': both interfaces are the same",
+          "f.toml: line 4: 'a-name-that-is-too-long' is no name of an interface"})
+        EXPECT_TRUE(contains(ran.err, text)) << text << "\n" << ran.err;
+    for (std::size_t at = 0; at < ran.err.size(); at = ran.err.find('\n', at) + 1)
+        EXPECT_EQ(ran.err.substr(at, 9), "margayd: ") << ran.err.substr(at, 80);
+    // Started with it, margayd says the same and runs nothing.
+    const auto started = shell("margayd; s=$?; ls run; exit $s");
+    EXPECT_EQ(started.status, 2);
+    EXPECT_TRUE(contains(started.err, "a.toml: line 2:")) << started.err;
+}
+
+TEST_F(ServiceConfigurationTest, MastersHaveNothingInCommon) {
+    configure("a.toml", "[one]\nsource = \"ecat7\"\nnumber = 3\n[two]\nsource = \"ecat7\"\nnumber = 3\n");
+    configure("one.toml", "source = \"sim:demo\"\nsocket = { path = \"/run/margay/two.sock\" }\n");
+    const auto ran = shell("margayd --check");
+    EXPECT_EQ(ran.status, 2);
+    for (const std::string text :
+         {"a.toml: line 5: the interface ecat7 is used in line 2 already",
+          "a.toml: line 4: the number 3 is used in line 1 already",
+          "one.toml: line 1: the name one is used in etc/a.toml, line 1 already",
+          "one.toml: line 1: the socket /run/margay/two.sock is used in etc/a.toml, line 4 already"})
+        EXPECT_TRUE(contains(ran.err, text)) << text << "\n" << ran.err;
+}
+
+TEST_F(ServiceConfigurationTest, WhatIsRightIsListed) {
+    configure("line.toml", "[b]\nsource = \"sim:demo\"\nnumber = 1\n[a]\nsource = \"no-such-if\"\n");
+    configure("ignored.conf", "nonsense");
+    const auto ran = shell("margayd --check");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(ran.out,
+              "a: master 0, source no-such-if, socket run/a.sock\nb: master 1, source sim:demo, socket run/b.sock\n");
+    EXPECT_EQ(ran.err, "margayd: warning: etc/line.toml: line 5: there is no interface no-such-if now\n");
+}
+
+TEST_F(ServiceConfigurationTest, AnEniIsReadAndItsErrorHasItsLine) {
+    configure("a.toml", "source = \"sim:demo\"\neni = \"machine.xml\"\n");
+    folder.write("etc/machine.xml", "<EtherCATConfig>\n<Config>\n</Wrong>\n");
+    const auto broken = shell("margayd --check");
+    EXPECT_EQ(broken.status, 2);
+    EXPECT_TRUE(contains(broken.err, "machine.xml: line ")) << broken.err;
+    const auto written = folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:demo --write-eni etc/machine.xml");
+    ASSERT_EQ(written.status, 0) << written.err;
+    EXPECT_EQ(shell("margayd --check").status, 0);
+    // cycle_us is the wish of the user; the cycle of the ENI is one.
+    configure("a.toml", "source = \"sim:demo\"\neni = \"machine.xml\"\ncycle_us = 2000\n");
+    EXPECT_EQ(shell("margayd --check").status, 0);
+}
+
+TEST_F(ServiceConfigurationTest, NothingToRunAndWrongArguments) {
+    const auto none = shell("margayd");
+    EXPECT_EQ(none.status, 2);
+    EXPECT_TRUE(contains(none.err, "no master is described in etc (files *.toml)")) << none.err;
+    const auto missing = shell("margayd --config nowhere");
+    EXPECT_EQ(missing.status, 3);
+    EXPECT_TRUE(contains(missing.err, "nowhere: cannot be read: No such file or directory")) << missing.err;
+    for (const auto& [arguments, message] :
+         {std::pair{"--nope", "there is no option '--nope'; see margayd --help"},
+          std::pair{"x", "unexpected argument 'x'"}, std::pair{"--check=1", "--check takes no value"},
+          std::pair{"--config", "--config needs a value: FOLDER"}}) {
+        const auto ran = folder.run(std::string(MARGAY_BIN_DIR) + "/margayd " + arguments);
+        EXPECT_EQ(ran.status, 2) << arguments;
+        EXPECT_TRUE(contains(ran.err, message)) << ran.err;
+    }
+}
+
+TEST_F(ServiceConfigurationTest, TheGatewayIsRefusedAsLongAsThereIsNone) {
+    configure("a.toml", "source = \"sim:demo\"\ngateway = { listen = \"127.0.0.1:34980\" }\n");
+    const auto ran = shell("margayd --check");
+    EXPECT_EQ(ran.status, 2);
+    EXPECT_TRUE(contains(ran.err, "a.toml: line 2: this version of margayd has no mailbox gateway")) << ran.err;
+}
+
+}  // namespace
+}  // namespace margay::process
