@@ -12,7 +12,7 @@ class EthercatAttach : public EthercatTest {
     [[nodiscard]] Ran attached(const std::string& commands, const std::string& segment = "sim:demo") const {
         return folder.run("unset MARGAY_MASTER0\n" + simple_io + " " + segment +
                           " --cycles 100000000 --period 2000 --attach s.sock > io.txt 2>&1 &\nio=$!\n"
-                          "n=0; until grep -q 'all slaves in OP' io.txt; do sleep 0.05; n=$((n+1)); "
+                          "n=0; until grep -qs 'all slaves in OP' io.txt; do sleep 0.05; n=$((n+1)); "
                           "[ $n -lt 1200 ] || { cat io.txt >&2; kill $io; exit 98; }; done\n"
                           "e() { " +
                           program + " \"$@\" --attach s.sock; }\n" + commands +
