@@ -1,7 +1,6 @@
 #include "margayd/companion.hpp"
 
 #include "common/slave_report.hpp"
-#include "margayd/log.hpp"
 
 #include <margay/margay.hpp>
 
@@ -15,11 +14,12 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kLook = 50ms;          // without frames
-constexpr auto kFramesSoon = 200us;   // while frames come and go
-constexpr auto kFramesLater = 2ms;    // otherwise: a frame of a slave waits this long at most
-constexpr auto kSayAgain = 60s;       // the same error is said again after this time
-constexpr auto kOverrunsAgain = 60s;  // and overruns
+constexpr auto kLook = 50ms;         // without frames
+constexpr auto kFramesSoon = 200us;  // while frames come and go
+constexpr auto kFramesLater = 2ms;   // otherwise: a frame of a slave waits this long at most
+constexpr auto kMinute = 60s;
+constexpr unsigned kEventsAtMost = 10;  // of the same text in a minute
+constexpr auto kOverrunsAgain = 60s;    // and overruns
 
 Priority priority_of(EventKind kind) {
     switch (kind) {
@@ -134,6 +134,7 @@ bool Companion::pass_frames(std::vector<pollfd>& files) {
 void Companion::look(bool last) {
     report_events();
     report_errors();
+    forget_repeated();
     Standing now;
     {
         const std::lock_guard lock(mutex_);
@@ -148,23 +149,33 @@ void Companion::report_events() {
         // The master ends its supervision itself, before a scan and at the end.
         if (event->kind == EventKind::unsupervised && event->error.code == Errc::canceled) continue;
         std::array<char, 400> text{};
-        log(priority_of(event->kind), describe(*event, text));
+        say(priority_of(event->kind), std::string(describe(*event, text)), kEventsAtMost);
         if (event->kind == EventKind::stranger || event->kind == EventKind::other_slave) strangers_ = Clock::now();
     }
 }
 
-// An error that comes again and again, because the start-up is tried again and again, is said once a minute.
+// An error comes again and again when a start-up is tried again and again.
 void Companion::report_errors() {
-    const auto now = Clock::now();
-    const auto say = [&](Priority priority, const std::string& text) {
-        const auto [found, fresh] = said_.try_emplace(text, now);
-        if (!fresh && now - found->second < kSayAgain) return;
-        found->second = now;
+    while (const auto error = ctx_.errors().take()) say(Priority::warning, samples::sentence(*error), 1);
+    while (const auto odd = ctx_.warnings().take()) say(Priority::notice, samples::sentence(*odd), 1);
+}
+
+void Companion::say(Priority priority, const std::string& text, unsigned most) {
+    Said& said = said_.try_emplace(text, Said{.since = Clock::now(), .priority = priority}).first->second;
+    if (++said.times > most)
+        ++said.silent;
+    else
         log(priority, text);
-    };
-    while (const auto error = ctx_.errors().take()) say(Priority::warning, samples::sentence(*error));
-    while (const auto odd = ctx_.warnings().take()) say(Priority::notice, samples::sentence(*odd));
-    std::erase_if(said_, [&](const auto& one) { return now - one.second > kSayAgain; });
+}
+
+void Companion::forget_repeated() {
+    const auto now = Clock::now();
+    std::erase_if(said_, [&](const auto& one) {
+        const Said& said = one.second;
+        if (now - said.since < kMinute) return false;
+        if (said.silent != 0) log(said.priority, fmt::format("{} ({} more times in a minute)", one.first, said.silent));
+        return true;
+    });
 }
 
 void Companion::report_standing(const Standing& now) {
@@ -177,6 +188,7 @@ void Companion::report_standing(const Standing& now) {
     was_right_ = right;
     last_wrong_ = now.wrong;
     const auto at = Clock::now();
+    if (now.overruns < overruns_) overruns_ = 0;  // a new cycle after a scan
     if (now.overruns > overruns_ && at - overruns_reported_ > kOverrunsAgain) {
         log(Priority::warning, fmt::format("{} cycles were left out, because a cycle came too late or lasted too long",
                                            now.overruns - overruns_));

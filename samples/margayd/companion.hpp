@@ -3,6 +3,7 @@
 #pragma once
 
 #include "common/eoe_lines.hpp"
+#include "margayd/log.hpp"
 
 #include <margay/context.hpp>
 
@@ -57,6 +58,9 @@ class Companion {
     void look(bool all);
     void report_events();
     void report_errors();
+    // Logs the text at most `most` times a minute; forget_repeated() says how often it came beside that.
+    void say(Priority priority, const std::string& text, unsigned most);
+    void forget_repeated();
     void report_standing(const Standing& now);
     bool pass_frames(std::vector<pollfd>& files);
 
@@ -77,7 +81,13 @@ class Companion {
     bool was_right_ = false;
     std::uint64_t overruns_ = 0;
     std::chrono::steady_clock::time_point overruns_reported_{};
-    std::map<std::string, std::chrono::steady_clock::time_point> said_{};
+    struct Said {
+        std::chrono::steady_clock::time_point since{};
+        Priority priority = Priority::info;
+        unsigned times = 0;
+        unsigned silent = 0;  // of these
+    };
+    std::map<std::string, Said> said_{};
     std::thread thread_{};
 };
 

@@ -15,6 +15,7 @@ skip() { echo "SKIPPED: $*"; exit 0; }
 need() { command -v "$1" >/dev/null 2>&1 || skip "there is no $1"; }
 need dpkg-deb
 [ -x "$build/bin/margayd" ] || skip "the programs are not built"
+[ -f "$build/CPackConfig.cmake" ] || skip "this build installs nothing"
 
 # unpack: both packages into $folder/$check/root
 unpack() {

@@ -132,15 +132,15 @@ TEST_F(ServiceOnCable, AnInterfaceMayBeMissingOffOrRemoved) {
 }
 
 TEST_F(ServiceOnCable, SlavesThatAreAddedAreScannedWithoutAnEni) {
-    configure_cable();
+    configure_cable("state = \"PREOP\"\n");
     auto demo = segment();
     command("break 3");
     EXPECT_TRUE(demo->says("slave 3 is broken", kServicePatience)) << demo->output();
     auto margayd = service();
-    expect_says(*margayd, "a: all is right: 2 slaves in OP");
+    expect_says(*margayd, "a: all is right: 2 slaves in PREOP");
     command("heal 3");
     expect_says(*margayd, "slaves were added or exchanged: the segment is scanned again");
-    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    expect_says(*margayd, "a: all is right: 5 slaves in PREOP");
     margayd->terminate();
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
 }
