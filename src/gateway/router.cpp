@@ -15,8 +15,6 @@ using namespace std::chrono_literals;
 using wire::MailboxErrorCode;
 using Kind = Transaction::Kind;
 
-// How long a conversation is kept for the next message of its client.
-constexpr auto kConversation = 250ms;
 constexpr int kListTimeouts = 4;  // a list has hundreds of fragments
 
 MailboxErrorCode code_of(const Error& error) {
@@ -213,7 +211,7 @@ void Router::converse(MailJob& job, bool on, Moment now) {
     }
     Conversation& conversation = conversations_[key];
     conversation.client = job.client;
-    conversation.until = now + kConversation;
+    conversation.until = now + settings_.pause_in_transfer;
     if (job.transaction.kind == Kind::answered) conversation.over = ends_file(job.transaction, job.last(), job.rooms);
 }
 

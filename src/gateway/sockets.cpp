@@ -76,6 +76,10 @@ std::string Sockets::open(const MailboxGatewaySettings& settings) {
     if (settings.reply_timeout < std::chrono::milliseconds(10) || settings.reply_timeout > std::chrono::minutes(1))
         return wrong("the reply timeout is " + std::to_string(settings.reply_timeout.count()) +
                      " ms, and 10 ms to 1 min are possible");
+    if (settings.pause_in_transfer < std::chrono::milliseconds(1) ||
+        settings.pause_in_transfer > std::chrono::minutes(1))
+        return wrong("a pause in a transfer is " + std::to_string(settings.pause_in_transfer.count()) +
+                     " ms, and 1 ms to 1 min are possible");
     if (settings.name.size() > 256) return wrong("the name has more than 256 octets");
     std::string error;
     for (int tries = settings.port == 0 ? kTries : 1; tries > 0; --tries) {

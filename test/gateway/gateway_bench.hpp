@@ -45,6 +45,8 @@ class GatewayTest : public SegmentTest {
     void serve(MailboxGatewaySettings settings) {
         gateway.reset();
         settings.port = 0;
+        // The time of the gateway is real: a loaded machine is not a fault.
+        if (settings.reply_timeout == MailboxGatewaySettings{}.reply_timeout) settings.reply_timeout = 1min;
         gateway = std::make_unique<MailboxGateway>(ctx, std::move(settings));
         ASSERT_EQ(gateway->error(), "");
     }

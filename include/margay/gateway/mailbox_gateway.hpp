@@ -45,6 +45,9 @@ struct MailboxGatewaySettings {
     std::size_t waiting = 16;  // messages of one client that wait for their turn, 1 to 256
     // How long a message may wait for its turn, and then for the reply of the slave. 10 ms to 1 min.
     std::chrono::milliseconds reply_timeout{3000};
+    // How long the next message of a transfer (segments, packets of a file) may take, so that no message of another
+    // client to this protocol of the slave comes before it. 1 ms to 1 min.
+    std::chrono::milliseconds pause_in_transfer{500};
     // Of the object dictionary of the master.
     std::string name = "Margay EtherCAT master";  // 0x1008
     Identity identity{};                          // 0x1018
