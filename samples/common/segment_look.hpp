@@ -3,6 +3,7 @@
 
 #include "osal/osal.hpp"
 #include "oshw/nic.hpp"
+#include "util/bytes.hpp"
 
 #include <margay/al_state.hpp>
 
