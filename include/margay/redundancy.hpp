@@ -17,10 +17,12 @@
 // by the frames of its own NIC, and the clocks behind the break follow a second reference from the start. Both parts
 // then differ by what both NICs need longer than each other until a frame is on the cable: microseconds on a PC. When
 // the ring is whole, the SuperviseRequest measures the delays anew, and all clocks approach the reference without a
-// step. Delays that were measured in the whole ring are not measured again while it is broken. When a cable breaks, the clocks behind the break follow
-// the first clock there (EventKind::second_reference). A SuperviseRequest compares this clock with the reference clock
-// by the two copies of each frame, and steers its offset, so that both parts keep in step. When the ring is whole
-// again, all clocks follow the reference clock.
+// step. Delays that were measured in the whole ring are not measured again while it is broken.
+//
+// When a cable breaks, the clocks behind the break follow the first clock there (EventKind::second_reference). A
+// SuperviseRequest compares this clock with the reference clock by the two copies of each frame, and steers its offset,
+// so that both parts keep in step. When the ring is whole again, all clocks follow the reference clock. Group::dc_time
+// is that of the reference clock always, and its count is that of its own part.
 //
 // Datagrams with addresses by position (auto increment) reach the slave of that position in either part; those that
 // found the ring changed are sent again. If a break has moved to another cable since the last frame that counts slaves,
@@ -28,8 +30,7 @@
 //
 // When another segment is behind the second NIC (CablingFault::second_segment, EventKind::second_segment), its slaves
 // get no commands: the second NIC only sends a frame without commands (NOP) with each 64th frame, whose return shows
-// that the cable is right again. Group::dc_time is that of the reference clock always, and its count is
-// that of its own part.
+// that the cable is right again.
 #pragma once
 
 #include <margay/context.hpp>

@@ -227,7 +227,8 @@ TEST_F(Xdp, AnotherProgramIsAttachedAlready) {
     EXPECT_EQ(next(nic), frame_of({0x88, 0xA4}, 5));
 }
 
-// The kernel frees the queue of a closed XDP socket later: a program that starts at the end of another one waits for it.
+// The kernel frees the queue of a closed XDP socket later: a program that starts at the end of another one waits for
+// it.
 TEST_F(Xdp, OpeningWaitsForAnInterfaceThatIsAboutToBeFree) {
     ASSERT_TRUE(open(nic).ok()) << nic.problem();
     XdpNic second;
