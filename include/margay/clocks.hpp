@@ -116,9 +116,8 @@ struct ClockRequest : Request {
 // Errors: no_clock (no slave, or not the chosen reference, has a clock that runs), clock_before_reference (slave: the
 // reference, expected: a slave with a clock before it), not_in_sync (slave: the clock with the greatest difference,
 // expected: the limit, actual: the difference in ns; all other work is done, and a cycle may bring it into sync later),
-// unstable (slave: it was lost, or came back, during the measurement), invalid_argument, wrong_state (no slaves yet;
-// with two NICs: the ring is broken, see redundancy.hpp), unsupported (with two NICs, slave: its clock is beside the
-// ring), no_frame, capacity.
+// unstable (slave: it was lost, or came back, during the measurement), invalid_argument, wrong_state (no slaves yet),
+// unsupported (with two NICs, slave: its clock is beside the ring, see redundancy.hpp), no_frame, capacity.
 Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
 
 // Activates or switches off the SYNC signals of one slave now; see dcsync0().

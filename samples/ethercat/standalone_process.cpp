@@ -238,10 +238,12 @@ Answer<StandaloneSession::CycleRun> StandaloneSession::run_cycles(unsigned cycle
     samples::CyclePace keeper(*source_, *ctx_, pace);
     keeper.start();
     for (unsigned n = 0; n < cycles && !samples::stop_asked(); ++n) {
-        const Time start = osal.now();
+        samples::CycleTimes times{.start = osal.now()};
         const auto sent = send_processdata(*ctx_);
+        times.sent = osal.now();
         const auto got = sent ? receive_processdata(*ctx_, kReplyTimeout) : Result<std::uint32_t>(sent.error());
-        keeper.count(osal.now() - start, got);
+        times.back = osal.now();
+        keeper.count(times, got);
         keeper.wait();
     }
     run.figures = keeper.figures();

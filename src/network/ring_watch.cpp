@@ -29,6 +29,13 @@ const Slave* last_slave(Network& network, std::uint8_t& port) {
 
 namespace {
 
+// The port of a slave that leads to nobody: mostly port 1.
+std::uint8_t closed_port(const Slave& slave) {
+    for (const std::uint8_t port : {std::uint8_t{1}, std::uint8_t{3}, std::uint8_t{2}})
+        if (port != slave.entry_port && !slave.ports[port].open) return port;
+    return 1;
+}
+
 // Where the ring is open. `front` and `behind`: how many slaves the frames reach from its beginning and from its end.
 Event find_break(Network& network, std::size_t front, std::size_t behind) {
     Event event{.kind = EventKind::ring_broken};
@@ -37,12 +44,16 @@ Event find_break(Network& network, std::size_t front, std::size_t behind) {
         if (const Slave* other = slave_at(network, all - behind + 1)) event.other = other->number;
     if (front == 0) return event;
     const Slave* next = slave_at(network, front + 1);
-    if (next != nullptr) {
+    const Slave* const at = slave_at(network, front);
+    if (next != nullptr && next->parent != 0) {
         event.slave = next->parent;
         event.port = next->parent_port;
+    } else if (next != nullptr && at != nullptr) {  // the ring was never seen whole
+        event.slave = at->number;
+        event.port = closed_port(*at);
     } else if (const Slave* last = last_slave(network, event.port)) {
         event.slave = last->number;
-    } else if (const Slave* at = slave_at(network, front)) {
+    } else if (at != nullptr) {
         event.slave = at->number;
     }
     return event;

@@ -35,9 +35,11 @@ void plain_loop(DurationHistogram& lateness) {
 
 void print(const char* name, const DurationHistogram& lateness) {
     const auto us = [](Duration d) { return static_cast<double>(d.count()) / 1000; };
-    std::printf("%-28s %8llu wake-ups   p50 %9.2f us   p99 %9.2f us   p99.9 %9.2f us   most %9.2f us\n", name,
-                static_cast<unsigned long long>(lateness.count()), us(lateness.quantile(0.5)),
-                us(lateness.quantile(0.99)), us(lateness.quantile(0.999)), us(lateness.max()));
+    std::printf(
+        "%-28s %8llu wake-ups   p50 %9.2f us   p99 %9.2f us   p99.9 %9.2f us   p99.99 %9.2f us   most "
+        "%9.2f us\n",
+        name, static_cast<unsigned long long>(lateness.count()), us(lateness.quantile(0.5)),
+        us(lateness.quantile(0.99)), us(lateness.quantile(0.999)), us(lateness.quantile(0.9999)), us(lateness.max()));
 }
 
 }  // namespace

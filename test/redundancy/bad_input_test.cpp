@@ -80,6 +80,24 @@ TEST(RingBadInput, BrokenAtTheStart) {
     }
 }
 
+TEST(RingBadInput, ABreakFromTheStartIsNamed) {
+    for (const std::size_t n : {0U, 1U, 2U, 4U}) {
+        RingBus bus;
+        bus.build_line(5);
+        bus.plug();
+        bus.cable(bus.ring_cables[n], false);
+        bus.start();
+        ASSERT_TRUE(config_map(*bus.ctx, bus.image).ok());
+        ASSERT_TRUE(submit(*bus.ctx, bus.supervision).ok());
+        ASSERT_TRUE(bus.until_all_in_op());
+        const std::string before = n == 0 ? "the first NIC" : "slave " + std::to_string(n) + " port 1";
+        const auto told = bus.joined(bus.events());
+        EXPECT_NE(told.find("redundancy broken between " + before + " and slave " + std::to_string(n + 1) + "\n"),
+                  std::string::npos)
+            << told;
+    }
+}
+
 TEST(RingBadInput, NothingIsConnected) {
     RingBus bus;
     bus.build_line(3);
