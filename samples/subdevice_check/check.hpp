@@ -8,8 +8,8 @@
 namespace margay::samples::conformance {
 
 struct Options {
-    // Also writes the EEPROM: the alias, with the value that it has, and the word behind the content, which gets its old
-    // value again.
+    // Also writes the EEPROM: the alias, with the value that it has, and the word behind the content, which gets its
+    // old value again.
     bool write_eeprom = false;
     // Only checks whose name begins with one of these, separated by commas; empty: all. The entries of the dictionary
     // are read in any case where a check needs them.
