@@ -1,4 +1,5 @@
 // mailbox_gateway: tools reach the mailboxes of the slaves over UDP and TCP (ETG.8200).
+#include "common/listen_address.hpp"
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
@@ -11,7 +12,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -27,20 +27,6 @@ struct Options {
     std::string listen = "127.0.0.1:34980";
     bool read_only = false;
 };
-
-// ADDRESS, ADDRESS:PORT or [ADDRESS]:PORT. False: the port is no number.
-bool parse(std::string_view text, MailboxGatewaySettings& settings) {
-    const bool bracket = text.starts_with('[');
-    const auto end = bracket ? text.find(']') : std::string_view::npos;
-    if (bracket && end == std::string_view::npos) return false;
-    const bool plain_six = !bracket && std::ranges::count(text, ':') > 1;
-    const auto colon = plain_six ? std::string_view::npos : text.find(':', bracket ? end : 0);
-    settings.address = bracket ? text.substr(1, end - 1) : text.substr(0, colon);
-    if (colon == std::string_view::npos) return !bracket || end + 1 == text.size();
-    const auto digits = text.substr(colon + 1);
-    const auto [rest, failed] = std::from_chars(digits.data(), digits.data() + digits.size(), settings.port);
-    return failed == std::errc{} && rest == digits.data() + digits.size() && (!bracket || colon == end + 1);
-}
 
 class Program {
   public:
@@ -60,8 +46,7 @@ class Program {
         for (const Slave& slave : ctx_.slaves())
             if (slave.mailbox.present())
                 print_out("0x{:04x}: slave {} ({})\n", slave.station_address.value, slave.number, slave.name());
-        const bool six = settings_.address.find(':') != std::string::npos;
-        print_out("listening at {}{}{}, port {}\n", six ? "[" : "", settings_.address, six ? "]" : "", gateway.port());
+        print_out("listening at {}\n", to_text(ListenAddress{settings_.address, gateway.port()}));
         serve();
         const auto counts = gateway.counts();
         print_out("{} clients, {} messages, {} replies, {} of them errors\n", counts.clients, counts.messages,
@@ -111,9 +96,10 @@ int main(int argc, char** argv) {
                      "than that of this machine can write to the slaves");
     arguments.flag("--read-only", options.read_only, "refuse every message that may change a slave");
     return arguments.run(argc, argv, [&] {
-        MailboxGatewaySettings settings{.read_only = options.read_only};
-        if (!parse(options.listen, settings))
-            return fail(fmt::format("--listen {}: is not ADDRESS:PORT", options.listen), exit_code::kUsage);
+        const auto where = parse_listen_address(options.listen, MailboxGatewaySettings::kPort);
+        if (!where) return fail(fmt::format("--listen {}: is not ADDRESS:PORT", options.listen), exit_code::kUsage);
+        const MailboxGatewaySettings settings{
+            .address = where->address, .port = where->port, .read_only = options.read_only};
         options.source.options.real_time = true;
         return run_on_source(options.source, [&](Source& source) { return run(source, settings); });
     });

@@ -1,11 +1,13 @@
 #include "common/service_configuration.hpp"
 
 #include "common/cycle_plan.hpp"
+#include "common/listen_address.hpp"
 #include "common/source.hpp"
 #include "source/description_reader.hpp"
 #include "source/interface_nic.hpp"
 
 #include <margay/files/eni.hpp>
+#include <margay/gateway/mailbox_gateway.hpp>
 
 #include <grp.h>
 #include <net/if.h>
@@ -274,14 +276,9 @@ class FileReader {
         optional_text(table, "listen", m.gateway);
         const auto* node = table.get("listen");
         if (node == nullptr) return note(reader_.at(table, "'gateway' has no `listen`"));
-        const auto colon = m.gateway.rfind(':');
-        const auto port = colon == std::string::npos ? std::string() : m.gateway.substr(colon + 1);
-        const bool number =
-            !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == std::string::npos;
-        if (!number || colon == 0 || std::stoul(port) == 0 || std::stoul(port) > 65535)
+        if (!parse_listen_address(m.gateway, MailboxGatewaySettings::kPort))
             return note(reader_.at(*node, fmt::format("'{}' is no ADDRESS:PORT", m.gateway)));
-        // To be started in Master::open_here() (margayd/master.cpp); then this refusal goes.
-        note(reader_.at(table, "this version of margayd has no mailbox gateway"));
+        note(reader_.boolean(table, "read_only", m.gateway_read_only));
     }
 
     // ------------------------------------------------------------------ values

@@ -66,7 +66,8 @@ struct MasterConfiguration {
     SocketConfiguration socket{};
     bool eoe = false;                       // an interface for each slave with EoE
     std::vector<EoeInterface> eoe_named{};  // or for these slaves only
-    std::string gateway{};                  // "127.0.0.1:34980"; empty: no mailbox gateway
+    std::string gateway{};                  // where it listens: "127.0.0.1:34980"; empty: no mailbox gateway
+    bool gateway_read_only = false;
     bool operator==(const MasterConfiguration&) const = default;
 };
 

@@ -44,7 +44,11 @@ constexpr ServiceKey kKeys[] = {
     {"eoe.alias", "NUMBER", "", "alias of the slave, in the place of its position"},
     {"eoe.name", "\"NAME\"", "as with true", "the name of the interface"},
     {"gateway", "{ ... }", "", "the mailbox gateway (ETG.8200)"},
-    {"gateway.listen", "\"ADDRESS:PORT\"", "", "for example \"127.0.0.1:34980\""},
+    {"gateway.listen", "\"ADDRESS:PORT\"", "",
+     "where it listens, for example \"127.0.0.1:34980\"; it has no passwords: whoever reaches another address than "
+     "that of "
+     "this machine can write to the slaves"},
+    {"gateway.read_only", "true", "false", "refuse every message that may change a slave"},
 };
 
 }  // namespace

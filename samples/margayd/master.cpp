@@ -1,5 +1,6 @@
 #include "margayd/master.hpp"
 
+#include "common/listen_address.hpp"
 #include "common/slave_report.hpp"
 #include "common/xml_files.hpp"
 #include "margayd/log.hpp"
@@ -109,8 +110,19 @@ std::string Master::open_here() {
                                                             .clients = s.clients});
     if (!attach_->error().empty()) return attach_->error();
     is_ours_ = left_behind;
-    // The place of the mailbox gateway: an object with a thread of its own, as attach_, at configuration_.gateway.
-    // Until then read_service_configuration() refuses the key.
+    return open_gateway();
+}
+
+std::string Master::open_gateway() {
+    const auto where = samples::parse_listen_address(configuration_.gateway, MailboxGatewaySettings::kPort);
+    if (!where) return {};  // no gateway is wanted
+    gateway_ = std::make_unique<MailboxGateway>(
+        *ctx_, MailboxGatewaySettings{.address = where->address,
+                                      .port = where->port,
+                                      .read_only = configuration_.gateway_read_only,
+                                      .name = "Margay EtherCAT master " + configuration_.name});
+    if (!gateway_->error().empty()) return gateway_->error();
+    log(Priority::notice, "mailbox gateway at " + to_text(samples::ListenAddress{where->address, gateway_->port()}));
     return {};
 }
 

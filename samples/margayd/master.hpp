@@ -9,6 +9,7 @@
 #include "margayd/companion.hpp"
 
 #include <margay/attach/server.hpp>
+#include <margay/gateway/mailbox_gateway.hpp>
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 #include <margay/master_clock.hpp>
@@ -50,6 +51,7 @@ class Master {
   private:
     void run(std::promise<std::string>& opened);
     [[nodiscard]] std::string open_here();
+    [[nodiscard]] std::string open_gateway();
     void work();
 
     // Waits until slaves answer and may be scanned. False: it is asked to end.
@@ -80,7 +82,8 @@ class Master {
     std::unique_ptr<samples::Source> source_{};
     std::unique_ptr<HostContext> ctx_{};
     std::unique_ptr<Companion> companion_{};
-    std::unique_ptr<AttachServer> attach_{};  // ends before the context
+    std::unique_ptr<AttachServer> attach_{};  // these two end before the context
+    std::unique_ptr<MailboxGateway> gateway_{};
     std::vector<std::byte> image_{};
     std::optional<MasterClock> clock_{};
     std::optional<samples::CyclePace> pace_{};

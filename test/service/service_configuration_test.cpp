@@ -119,12 +119,5 @@ TEST_F(ServiceConfigurationTest, NothingToRunAndWrongArguments) {
     }
 }
 
-TEST_F(ServiceConfigurationTest, TheGatewayIsRefusedAsLongAsThereIsNone) {
-    configure("a.toml", "source = \"sim:demo\"\ngateway = { listen = \"127.0.0.1:34980\" }\n");
-    const auto ran = shell("margayd --check");
-    EXPECT_EQ(ran.status, 2);
-    EXPECT_TRUE(contains(ran.err, "a.toml: line 2: this version of margayd has no mailbox gateway")) << ran.err;
-}
-
 }  // namespace
 }  // namespace margay::process

@@ -1,6 +1,8 @@
 // margayd on simulated segments: start, reload, second instance, end, broken output, and ethercat beside it.
+#include "gateway/gateway_client.hpp"
 #include "service/service_fixture.hpp"
 
+#include <signal.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -51,6 +53,40 @@ TEST_F(ServiceTest, AReloadConcernsTheChangedMastersOnly) {
     const auto slaves = log.find("a: 5 slaves found");
     ASSERT_NE(slaves, std::string::npos) << log;
     EXPECT_EQ(log.find("a: 5 slaves found", slaves + 1), std::string::npos) << log;
+}
+
+TEST_F(ServiceTest, TheMailboxGatewayOfAMaster) {
+    using namespace testing_gateway;
+    configure("a.toml", "source = \"sim:drives\"\ngateway = { listen = \"127.0.0.1:0\" }\n");
+    configure("b.toml", "source = \"sim:demo\"\ngateway = { listen = \"127.0.0.1:0\", read_only = true }\n");
+    const std::string program = std::string(MARGAY_BIN_DIR) + "/margayd";
+    const auto ran = shell(program + " --config etc --sockets run >out 2>>log & d=$!; echo $d >pid\n" +
+                           "says 'a: all is right'; says 'b: all is right'\n");
+    const auto process = std::stoi(content_of(folder.path() / "pid"));
+    EXPECT_EQ(ran.status, 0) << ran.err << content_of(folder.path() / "log");
+    const auto log = content_of(folder.path() / "log");
+    const auto port_of = [&](const std::string& master) {
+        const std::string words = master + ": mailbox gateway at 127.0.0.1, port ";
+        const auto at = log.find(words);
+        return at == std::string::npos ? 0UL : std::stoul(log.substr(at + words.size()));
+    };
+    for (const char* master : {"a", "b"}) {
+        const auto port = static_cast<std::uint16_t>(port_of(master));
+        ASSERT_NE(port, 0) << log;
+        for (const Over over : {Over::udp, Over::tcp}) {
+            GatewayClient client(port, over);
+            EXPECT_EQ(upload(client, 0, 0x1018, 0), octets({4}));
+        }
+    }
+    GatewayClient drives(static_cast<std::uint16_t>(port_of("a")), Over::udp);
+    EXPECT_EQ(upload(drives, 0x1001, 0x1018, 1), octets({0x47, 0x4D, 0, 0}));
+    ASSERT_EQ(::kill(process, SIGTERM), 0);
+    EXPECT_EQ(shell("d=" + std::to_string(process) + "; says 'b: .*INIT'; says 'a: .*INIT'").status, 0);
+    std::filesystem::create_directories(folder.path() / "wrong");
+    folder.write("wrong/c.toml", "source = \"sim:demo\"\ngateway = { listen = \"192.0.2.1\" }\n");
+    const auto refused = shell(program + " --config wrong --sockets run");
+    EXPECT_NE(refused.status, 0);
+    EXPECT_TRUE(contains(refused.err, "192.0.2.1:34980 (TCP): cannot be bound")) << refused.err;
 }
 
 TEST_F(ServiceTest, AFaultyNewConfigurationIsRefused) {
