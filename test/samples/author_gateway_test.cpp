@@ -115,6 +115,7 @@ class Gate final : public Application, public FoeStore, public VoeApplication, p
         ip = ip_;
         return EoeResult::success;
     }
+    using AoeDevice::write;
     AoeError read(AoeIndex index, MutableBytes into, std::size_t& bytes, Time) override {
         if (index.group != 1) return AoeError::invalid_group;
         if (into.size() != 4) return AoeError::invalid_size;
