@@ -16,8 +16,8 @@
 // branch that only the frames of the second NIC reach. In a ring that is broken between slaves, each part is measured
 // by the frames of its own NIC, and the clocks behind the break follow a second reference from the start. Both parts
 // then differ by the difference of the times that the two NICs need until a frame is on the cable: microseconds on a
-// PC. When the ring is whole, the SuperviseRequest measures the delays anew, and all clocks approach the reference clock
-// without a step. Delays that were measured in the whole ring are not measured again while it is broken.
+// PC. When the ring is whole, the SuperviseRequest measures the delays anew, and all clocks approach the reference
+// clock without a step. Delays that were measured in the whole ring are not measured again while it is broken.
 //
 // When a cable breaks, the clocks behind the break follow the first clock there (EventKind::second_reference). A
 // SuperviseRequest compares this clock with the reference clock by the two copies of each frame, and steers its offset,
@@ -30,8 +30,8 @@
 // a write may meet another slave than the one that was meant: then its reply has working counter 0, which is an error.
 //
 // When another segment is behind the second NIC (CablingFault::second_segment, EventKind::second_segment), its slaves
-// get no commands: with each 64th frame the second NIC sends a frame without commands (NOP), whose return shows that the
-// cable is right again.
+// get no commands: with each 64th frame the second NIC sends a frame without commands (NOP), whose return shows that
+// the cable is right again.
 #pragma once
 
 #include <margay/context.hpp>

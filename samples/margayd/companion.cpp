@@ -182,7 +182,8 @@ void Companion::report_standing(const Standing& now) {
     const bool right = now.wrong.code == Errc::none;
     if (!right && now.settles) return;
     const auto text = right ? slaves_text(now) : samples::sentence(now.wrong);
-    if (right && !was_right_) log(Priority::notice, "all is right: " + text);
+    if (right && (!was_right_ || text != right_)) log(Priority::notice, "all is right: " + text);  // or after a scan
+    if (right) right_ = text;
     if (!right && (was_right_ || last_wrong_.code != now.wrong.code || last_wrong_.slave != now.wrong.slave))
         log(Priority::notice, "not all is right: " + text);
     was_right_ = right;

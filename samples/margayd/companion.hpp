@@ -78,6 +78,7 @@ class Companion {
 
     // Of the thread.
     Error last_wrong_{};
+    std::string right_{};  // the last text of "all is right"
     bool was_right_ = false;
     std::uint64_t overruns_ = 0;
     std::chrono::steady_clock::time_point overruns_reported_{};

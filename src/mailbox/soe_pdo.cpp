@@ -42,14 +42,17 @@ Task<Result<>> read_list(MailboxChannel& channel, SoeTarget target, IdnList& lis
 }
 
 // Returns the bits of the listed parameters, and of the control or status word that is first without being listed.
-Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t drive, const IdnList& list, Idn word) {
+Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t drive, const IdnList& list, Idn word,
+                                        CheckValue& content) {
     std::uint32_t bits = kWordBits;
+    content.add_word(std::uint32_t{drive} << 16 | word.value);
     for (std::size_t n = 0; n < list.count; ++n) {
         if (list.at(n) == word) continue;
         std::array<std::byte, wire::soe::kAttributeBytes> octets{};
         const SoeTarget target{.idn = list.at(n), .drive = drive, .elements = soe_element::kAttribute};
         co_await required(soe_read(channel, target, octets, kPatience));
         const SoeAttribute attribute = soe_attribute(load_le<std::uint32_t>(octets));
+        content.add_word(std::uint32_t{attribute.bytes} << 16 | list.at(n).value);
         if (!attribute.list) bits += attribute.bytes * 8U;  // the length of a list cannot be configured
     }
     co_return bits;
@@ -57,7 +60,8 @@ Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t dr
 
 // Returns the bits of one direction of a drive. The telegram type defines the content; for the configurable telegram
 // the drive's list defines it.
-Task<Result<std::uint32_t>> direction_bits(MailboxChannel& channel, std::uint8_t drive, unsigned telegram, bool mdt) {
+Task<Result<std::uint32_t>> direction_bits(MailboxChannel& channel, std::uint8_t drive, unsigned telegram, bool mdt,
+                                           CheckValue& content) {
     IdnList list;
     if (telegram == kConfigurable) {
         co_await required(read_list(channel, {.idn = mdt ? kMdtList : kAtList, .drive = drive}, list));
@@ -65,7 +69,7 @@ Task<Result<std::uint32_t>> direction_bits(MailboxChannel& channel, std::uint8_t
         for (const Idn idn : wire::soe::telegram(telegram, mdt))
             if (idn != Idn{}) list.add(idn);
     }
-    co_return co_await required(listed_bits(channel, drive, list, mdt ? kControlWord : kStatusWord));
+    co_return co_await required(listed_bits(channel, drive, list, mdt ? kControlWord : kStatusWord, content));
 }
 
 struct DriveBits {
@@ -74,7 +78,7 @@ struct DriveBits {
     std::uint32_t inputs = 0;
 };
 
-Task<Result<DriveBits>> drive_bits(MailboxChannel& channel, std::uint8_t drive) {
+Task<Result<DriveBits>> drive_bits(MailboxChannel& channel, std::uint8_t drive, CheckValue& content) {
     std::array<std::byte, 4> octets{};
     auto type = co_await soe_read(channel, {.idn = kTelegramType, .drive = drive}, octets, kPatience);
     if (!type && !is_refusal(type.error())) co_return type.error();
@@ -82,10 +86,10 @@ Task<Result<DriveBits>> drive_bits(MailboxChannel& channel, std::uint8_t drive) 
     // Some drives support only the configurable telegram and have no parameter for the type.
     const unsigned telegram = type ? load_le<std::uint16_t>(octets) & 7U : kConfigurable;
     DriveBits bits{.there = true};
-    auto inputs = co_await direction_bits(channel, drive, telegram, false);
+    auto inputs = co_await direction_bits(channel, drive, telegram, false, content);
     if (!inputs && !type && is_refusal(inputs.error())) co_return DriveBits{};
     if (!inputs) co_return inputs.error();
-    const auto outputs = co_await required(direction_bits(channel, drive, telegram, true));
+    const auto outputs = co_await required(direction_bits(channel, drive, telegram, true, content));
     bits.inputs = *inputs;
     bits.outputs = outputs;
     co_return bits;
@@ -110,11 +114,11 @@ void configure(const Slave& slave, const DriveBits& all, FoundSms& found) {
 
 }  // namespace
 
-Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, FoundSms& found) {
+Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, FoundSms& found, CheckValue& content) {
     if (!channel.was_open() || (slave.mailbox.protocols & mailbox_protocol::kSoE) == 0) co_return false;
     DriveBits all;
     for (std::uint8_t drive = 0; drive < wire::soe::kDrives; ++drive) {
-        const auto one = co_await required(drive_bits(channel, drive));
+        const auto one = co_await required(drive_bits(channel, drive, content));
         all.there = all.there || one.there;
         all.outputs += one.outputs;
         all.inputs += one.inputs;

@@ -4,18 +4,21 @@
 
 #include "mailbox/found_sms.hpp"
 #include "mailbox/soe.hpp"
+#include "util/check_value.hpp"
 
 namespace margay {
 
 // What a context does with SoE on its own.
 struct SoeFeature {
-    Task<Result<bool>> (*find_sms)(MailboxChannel& channel, const Slave& slave, FoundSms& found);
+    Task<Result<bool>> (*find_sms)(MailboxChannel& channel, const Slave& slave, FoundSms& found, CheckValue& content);
 };
 
 // Outputs are the MDT, inputs the AT. Each contains the data of all drives in sequence; for each drive the control word
 // or the status word is first. The drives are those of the numbers 0 to 7 that answer. False, and nothing found, when
 // the slave has no SoE or no drive answers: this is not a failure, the SII may contain the process data. Errors:
-// anything but the refusal of a drive that does not exist; error().index is the IDN.
-[[nodiscard]] Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, FoundSms& found);
+// anything but the refusal of a drive that does not exist; error().index is the IDN. `content`: the drives, and the
+// parameters in their order with their lengths, are added.
+[[nodiscard]] Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, FoundSms& found,
+                                                 CheckValue& content);
 
 }  // namespace margay

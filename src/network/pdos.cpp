@@ -9,6 +9,9 @@
 #include "network/pdo_sii.hpp"
 #include "network/settings.hpp"
 #include "network/transition.hpp"
+#include "util/check_value.hpp"
+
+#include <algorithm>
 
 namespace margay {
 namespace {
@@ -52,6 +55,7 @@ struct Findings {
     FoundSms sii{};
     ConfigurationSource source = ConfigurationSource::sii;
     bool sii_read = false;
+    CheckValue by_soe;
 };
 
 Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, bool compare, EntrySink* entries) {
@@ -74,7 +78,7 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool
     if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Nothing{};
     const SoeFeature* const soe = network.mailboxes.soe;
     if (soe == nullptr) co_return Nothing{};
-    auto by_soe = co_await soe->find_sms(network.mailbox(slave), slave, found.counts);
+    auto by_soe = co_await soe->find_sms(network.mailbox(slave), slave, found.counts, found.by_soe);
     if (!by_soe && !is_refusal(by_soe.error()) && by_soe.error().code != Errc::soe_error) co_return by_soe.error();
     if (!by_soe) network.note(slave, by_soe.error());
     if (by_soe && *by_soe) found.source = ConfigurationSource::soe;
@@ -215,13 +219,13 @@ constinit const detail::PdoPart detail::kPdoPart{
 
 namespace {
 
-// Computes a check value of all entries (FNV-1a), and passes them on.
+// Computes a check value of all entries, and passes them on.
 class PdoContent final : public EntrySink {
   public:
     explicit PdoContent(EntrySink* next) : next_(next) {}
     void add(const FoundEntry& entry) override {
-        mix(std::uint32_t{entry.sync_manager} << 16 | entry.pdo);
-        mix(std::uint32_t{entry.index} << 16 | std::uint32_t{entry.subindex} << 8 | (entry.bits & 0xFFU));
+        value_.add_word(std::uint32_t{entry.sync_manager} << 16 | entry.pdo);
+        value_.add_word(std::uint32_t{entry.index} << 16 | std::uint32_t{entry.subindex} << 8 | (entry.bits & 0xFFU));
         if (next_ != nullptr) next_->add(entry);
     }
     void note_type(const FoundEntry& by_sii) override {
@@ -231,14 +235,11 @@ class PdoContent final : public EntrySink {
         if (next_ != nullptr) next_->forget();
     }
     // Not 0.
-    [[nodiscard]] std::uint32_t value() const { return value_ == 0 ? 1 : value_; }
+    [[nodiscard]] std::uint32_t value() const { return std::max(value_.get(), 1U); }
 
   private:
-    void mix(std::uint32_t word) {
-        for (int n = 0; n < 4; ++n, word >>= 8) value_ = (value_ ^ (word & 0xFFU)) * 0x01000193U;
-    }
     EntrySink* next_;
-    std::uint32_t value_ = 0x811C9DC5U;
+    CheckValue value_;
 };
 
 Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
@@ -260,7 +261,10 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     Findings found;
     PdoContent content(sink);
     auto asked = co_await ask_by_mail(network, slave, found, compare, &content);
-    network.marks(slave).pdo_content = asked && found.source == ConfigurationSource::coe ? content.value() : 0;
+    std::uint32_t& noted = network.marks(slave).pdo_content;
+    noted = 0;
+    if (asked && found.source == ConfigurationSource::coe) noted = content.value();
+    if (asked && found.source == ConfigurationSource::soe) noted = std::max(found.by_soe.get(), 1U);
     if (!asked) {
         if (sink != nullptr) sink->forget();
         if (!said) co_return asked;

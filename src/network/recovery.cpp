@@ -75,8 +75,9 @@ class Finding {
     Finding& operator=(const Finding&) = delete;
     ~Finding() {
         marks_.finding = false;
-        if (!kept_ || is_by_application(slave_.config)) return;
+        if (!kept_) return;
         marks_.pdo_content = content_;
+        if (is_by_application(slave_.config)) return;
         slave_.config.sms = sms_;
         slave_.config.sm_count = static_cast<std::uint8_t>(count_);
         slave_.config.source = ConfigurationSource::none;
@@ -117,8 +118,12 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& find
     auto discovered = co_await discover_pdos(network, slave);
     Error error = discovered.error();
     if (discovered && finding.is_kept()) error = compare_with_place(slave, finding.sms());
-    if (error.code == Errc::none && finding.is_kept() && !finding.is_same_content())
-        error = {.code = Errc::remapping_needed, .step = Step::configure_pdos, .slave = slave.number};
+    if (error.code == Errc::none && finding.is_kept() && !finding.is_same_content()) {
+        // It has refused to be read: that is the error. It may have the same PDOs.
+        const bool refused = network.marks(slave).pdo_content == 0 && slave.error.code != Errc::none;
+        error = {.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number};
+        if (refused) error = slave.error;
+    }
     if (error.code == Errc::none) error = check_late_slave(network, slave);
     slave.pdos_failed = error.code != Errc::none && error.code != Errc::no_place;
     if (error.code != Errc::none) co_return error;
@@ -207,19 +212,16 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
     update_mailbox(network, slave);
 }
 
-namespace {
-
-// A slave that has lost its power, or its own program, may have other PDOs in its dictionary: those of an SDO of the
-// application are gone, and a spare part may have stored others.
 void doubt_pdos(Network& network, const Slave& slave) {
     const SlaveConfiguration& config = slave.config;
     const bool written = !config.fixed_pdos && std::ranges::all_of(config.used_sms(), [&](const ProcessSm& sm) {
-        return find_list(slave, sm.number) != nullptr;
+        const SmPdos* const list = find_list(slave, sm.number);
+        return list != nullptr && std::ranges::none_of(list->pdos, [](const Pdo& pdo) { return pdo.entries.empty(); });
     });
-    if (config.source == ConfigurationSource::coe && !written) network.marks(slave).pdos_in_doubt = true;
+    // Lists of drives (SoE) are not written.
+    const bool doubtful = config.source == ConfigurationSource::soe || !written;
+    if (network.marks(slave).pdo_content != 0 && doubtful) network.marks(slave).pdos_in_doubt = true;
 }
-
-}  // namespace
 
 Task<Result<>> restart(Network& network, Slave& slave) {
     // Another slave may answer at this address: not every reading of the states sees that a slave was away.

@@ -42,4 +42,9 @@ void note_change(Network& network, Slave& slave, const AlStatus& before);
 // Stores `now` as the state of the slave; reports an event when the state has changed.
 void note_state(Network& network, Slave& slave, const AlStatus& now);
 
+// A slave that has lost its power, its station address or its own program may have other PDOs: those that the
+// application has written by mail are gone, and a spare part, or another master, may have stored others. They are read
+// and compared before the slave takes part again.
+void doubt_pdos(Network& network, const Slave& slave);
+
 }  // namespace margay

@@ -182,6 +182,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     network.ring[n].slave = slave.number;
     network.ring[n].address = slave.station_address.value;
     store_topology(network.seen_ring(), network.slaves());
+    doubt_pdos(network, slave);  // in whatever state it is: it may be a spare part that comes from another machine
     // The slave was never reported lost.
     if (slave.al.state != AlState::none || network.marks(slave).in_use) co_return Nothing{};
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});

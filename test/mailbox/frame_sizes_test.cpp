@@ -38,7 +38,8 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     expect("soe_write", 512, soe_write(channel, {}, memory, {}));
     expect("soe_execute", 512, soe_execute(channel, {}, {}));
     FoundSms found{};
-    expect("find_sms_by_soe", 256, find_sms_by_soe(channel, bus.ctx->slave(1), found));
+    CheckValue content;
+    expect("find_sms_by_soe", 256, find_sms_by_soe(channel, bus.ctx->slave(1), found, content));
     expect("find_sms_by_coe", 256, find_sms_by_coe(channel, bus.ctx->slave(1), {}, found, {}));
     expect("write_sm_pdos", 512, write_sm_pdos(channel, {}, {}));
     // One read that has started: its sequences, the pump and the mailbox.

@@ -180,13 +180,13 @@ TEST(Programs, AnOverrunSkipsCatchesUpOrStops) {
               "simple_io: stopped (--overrun stop): cycle 2 could not begin in its period, and 2 cycles were missed\n");
     const auto skipped = folder.run(kBin + "simple_io sim:demo --cycles 100 --period 50 --histogram h.json");
     EXPECT_EQ(skipped.status, 0) << skipped.err;
-    EXPECT_TRUE(contains(skipped.output, "100 cycles, 100 overruns")) << skipped.output;
-    EXPECT_TRUE(contains(skipped.output, " left out, 0 made up for")) << skipped.output;
+    EXPECT_TRUE(contains(skipped.out, "100 cycles, 100 overruns")) << skipped.out;
+    EXPECT_TRUE(contains(skipped.out, " left out, 0 made up for")) << skipped.out;
     const auto made_up =
         folder.run(kBin + "simple_io sim:demo --cycles 100 --period 50 --overrun catch-up --histogram h.json");
     EXPECT_EQ(made_up.status, 0) << made_up.err;
-    EXPECT_TRUE(contains(made_up.output, " made up for")) << made_up.output;
-    EXPECT_FALSE(contains(made_up.output, " 0 made up for")) << made_up.output;
+    EXPECT_TRUE(contains(made_up.out, " made up for")) << made_up.out;
+    EXPECT_FALSE(contains(made_up.out, " 0 made up for")) << made_up.out;
     EXPECT_NE(folder.run(kBin + "simple_io sim:demo --overrun sometimes").status, 0);
     const auto no_effect = folder.run(kBin + "simple_io sim:demo --cycles 10 --runtime 100");
     EXPECT_EQ(no_effect.err, "simple_io: --runtime has no effect: time is virtual on this SOURCE\n");

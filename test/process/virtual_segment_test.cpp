@@ -254,8 +254,6 @@ TEST_F(VirtualRingTest, WhatIsWrongIsTold) {
     EXPECT_NE(told(both_ends + "demo").find("the segment has one end"), std::string::npos);
     EXPECT_NE(told("ecat-s2+ecat-s2 " + file("ring.toml")).find("both interfaces are the same"), std::string::npos);
     EXPECT_NE(told("ecat-s2+ " + file("ring.toml")).find("missing beside '+'"), std::string::npos);
-    EXPECT_NE(told(both_ends + file("ring.toml") + " --record " + file("two.pcap")).find("cannot be recorded yet"),
-              std::string::npos);
 }
 
 TEST_F(VirtualSegmentTest, WhatIsWrongIsTold) {

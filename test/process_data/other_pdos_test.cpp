@@ -4,6 +4,7 @@
 #include "sim/library/library.hpp"
 
 #include <margay/hooked_slave.hpp>
+#include <margay/soe.hpp>
 
 namespace margay {
 namespace {
@@ -20,12 +21,13 @@ struct OtherPdos : testing::Test, Bus {
     Output<std::int32_t> velocity{2, 0x60FF};
     std::array<EntryHandle*, 2> entries{&position, &velocity};
     SuperviseRequest supervision;
+    std::uint32_t coupler = 0;
     std::uint32_t drive = 0;
 
     std::uint32_t make(const char* name) { return segment.add(std::move(*sim::make_device(name)).assemble()); }
-    void begin() {
-        const auto coupler = make("coupler");
-        drive = make("drive");
+    void begin(const char* name = "drive") {
+        coupler = make("coupler");
+        drive = make(name);
         ASSERT_TRUE(segment.connect_master({coupler, 0}));
         ASSERT_TRUE(segment.connect({coupler, 1}, {drive, 0}));
         segment.power_up(osal.now());
@@ -115,6 +117,86 @@ TEST_F(OtherPdos, WithoutASupervisionReachSaysSo) {
     EXPECT_EQ(again.error().code, Errc::remapping_needed);
     EXPECT_EQ(again.error().slave, 2);
     EXPECT_LT(ctx->slave(2).al.state, AlState::op);
+}
+
+// A spare part that has its own power and is in PREOP already: it was in another machine before.
+TEST_F(OtherPdos, OfASparePartThatWaitsInPreop) {
+    begin();
+    ASSERT_TRUE(write_mapping());
+    const auto spare = drive;
+    segment.disconnect({spare, 0});
+    const std::array<std::byte, 2> none{};
+    (void)segment.slave(spare).ecat_write(0x0010, none, osal.now());
+    drive = make("drive");
+    segment.set_power(drive, true, osal.now());
+    ASSERT_TRUE(segment.connect({coupler, 1}, {drive, 0}));
+    segment.reconsider();
+    ASSERT_TRUE(config_init(*ctx).ok());
+    map();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    expect_right_objects();
+    segment.disconnect({drive, 0});
+    segment.reconsider();
+    cycles(100);
+    ASSERT_TRUE(segment.connect({coupler, 1}, {spare, 0}));
+    segment.reconsider();
+    cycles(3000);
+    expect_not_driven();
+}
+
+// Lists that name the PDOs only: their entries are those that the slave has.
+TEST_F(OtherPdos, OfListsWithoutEntries) {
+    static constexpr std::array<Pdo, 1> kOut{Pdo{.index = 0x1600}};
+    static constexpr std::array<Pdo, 1> kIn{Pdo{.index = 0x1A00}};
+    static constexpr std::array<SmPdos, 2> kLists{SmPdos{2, kOut}, SmPdos{3, kIn}};
+    static constexpr SlaveSetup kSetup{.pdos = kLists};
+    begin();
+    ctx->slave(2).config.setup = &kSetup;
+    ASSERT_TRUE(write_mapping());
+    map();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    expect_right_objects();
+    power_off_and_on();
+    expect_not_driven();
+}
+
+// The application says the sizes, and the dictionary where the objects are.
+TEST_F(OtherPdos, BesideSizesOfTheApplication) {
+    begin();
+    ASSERT_TRUE(write_mapping());
+    map();
+    ctx->slave(2).config.source = ConfigurationSource::application;
+    map();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    expect_right_objects();
+    power_off_and_on();
+    expect_not_driven();
+}
+
+// The list of the configurable telegram has the velocity command in the place of the position command.
+TEST_F(OtherPdos, OfADriveWithSoe) {
+    begin("soe_drive");
+    const std::array list{std::byte{2}, std::byte{0}, std::byte{16}, std::byte{0}, std::byte{36}, std::byte{0}};
+    ASSERT_TRUE(SoEwrite(*ctx, 2, 0, Idn::standard(24), soe_element::kValue, list).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    const auto drive_on = [&](int count) {
+        const MutableBytes outputs = ctx->slave(2).image.outputs.bytes;
+        for (int n = 0; n < count; ++n) {
+            store_le<std::uint32_t>(outputs, 2, 0x1234);
+            (void)cycle();
+        }
+    };
+    const auto value = [&](std::uint16_t idn) { return SoEread<std::int32_t>(*ctx, 2, 0, Idn::standard(idn)); };
+    drive_on(300);
+    EXPECT_EQ(*value(36), 0x1234);
+    segment.set_power(drive, false, osal.now());
+    drive_on(50);
+    segment.set_power(drive, true, osal.now());
+    drive_on(3000);
+    EXPECT_EQ(what_is_wrong(*ctx).code, Errc::remapping_needed);
+    EXPECT_NE(*value(47), 0x1234) << "the position command";
 }
 
 // INIT keeps the PDOs, and so does a drive whose hook writes them each time.

@@ -56,16 +56,16 @@ TEST_F(SegmentLookTest, SlavesInInitAndPreopAreFree) {
 
 TEST_F(SegmentLookTest, TheStateOfEachSlaveInTheOrderOfTheRing) {
     // From INIT to SAFEOP is no transition: invalid requested state change.
-    auto& esc = loaded->segment.slave(2);
+    auto& esc = loaded->segment.slave(3);
     (void)esc.ecat_write(0x0120, std::array{std::byte{4}, std::byte{0}}, osal.now());
     esc.frame_end({.good = true, .at = osal.now(), .processing = osal.now()});
     osal.wait(osal.now() + 10ms, -1);
     nic.lost = 3;
     const auto states = look_at_states(nic, osal);
     ASSERT_EQ(states.size(), 5U);
-    EXPECT_EQ(states[2], (AlStatus{.state = AlState::init, .error = true, .code = 0x0011}));
-    for (const std::size_t n : {0U, 1U, 3U, 4U}) EXPECT_EQ(states[n], AlStatus{.state = AlState::init}) << n;
-    EXPECT_EQ(state(2), 1U) << "nothing was written";
+    EXPECT_EQ(states[3], (AlStatus{.state = AlState::init, .error = true, .code = 0x0011}));
+    for (const std::size_t n : {0U, 1U, 2U, 4U}) EXPECT_EQ(states[n], AlStatus{.state = AlState::init}) << n;
+    EXPECT_EQ(state(3), 1U) << "nothing was written";
     loaded->segment.set_power(3, false, osal.now());
     nic.link_from = osal.now() + 1h;
     EXPECT_EQ(look_at_states(nic, osal), std::vector<AlStatus>()) << "no link";

@@ -94,9 +94,14 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
     demo.reset();
     expect_says(*margayd, "no frame");
     demo = segment();
-    const auto up_again = [&] { return contains(slaves(), "4  0:4  OP  +"); };
+    // The states that the service shows are old until it has looked.
+    const auto up_again = [&] {
+        const auto log = margayd->output();
+        return log.find("slave 5: recovered, in OP", log.find("no frame comes back")) != std::string::npos;
+    };
     for (int n = 0; n < 1200 && !up_again(); ++n) std::this_thread::sleep_for(50ms);
     EXPECT_TRUE(up_again()) << margayd->output();
+    EXPECT_TRUE(contains(slaves(), "4  0:4  OP  +"));
 
     margayd->terminate();
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();

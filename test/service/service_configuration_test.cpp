@@ -18,7 +18,7 @@ TEST_F(ServiceConfigurationTest, EachErrorIsNamedByFileAndLine) {
         "tolerate = [\"all\"]\n"
         "socket = { mode = \"0888\", owner = \"no-such-user\", group = \"no-such-group\", path = \"x\", colour = 1 }\n"
         "eoe = [{ position = 1, alias = 2 }, { name = \"a name that is too long\" }]\n"
-        "gateway = { listen = \"nowhere\" }\n"
+        "gateway = { listen = \"[nowhere\" }\n"
         "number = 64\n"
         "take_over = \"yes\"\n"
         "priority = 100\n");
@@ -44,7 +44,7 @@ TEST_F(ServiceConfigurationTest, EachErrorIsNamedByFileAndLine) {
           "a.toml: line 8: 'socket' has no key 'colour'; its keys are: path, owner",
           "a.toml: line 9: an element of 'eoe' has either `position` or `alias`",
           "a.toml: line 9: 'a name that is too long' is no name of an interface",
-          "a.toml: line 10: 'nowhere' is no ADDRESS:PORT",
+          "a.toml: line 10: '[nowhere' is no ADDRESS:PORT",
           "a.toml: line 11: 'number' is 64, it must be from 0 to 63",
           "a.toml: line 12: 'take_over' must be true or false",
           "a.toml: line 13: 'priority' is 100",
