@@ -54,7 +54,8 @@ std::string quantiles(const DurationHistogram& h) {
 std::string counts(const CycleFigures& f) {
     auto text = fmt::format("{} cycles, {} overruns, {} without all frames, {} with a wrong working counter", f.cycles,
                             f.overruns, f.no_frame, f.wrong_wkc);
-    if (f.overruns + f.skipped + f.caught_up != 0) text += fmt::format("; after overruns {} left out, {} made up for", f.skipped, f.caught_up);
+    if (f.overruns + f.skipped + f.caught_up != 0)
+        text += fmt::format("; after overruns {} left out, {} made up for", f.skipped, f.caught_up);
     return text;
 }
 
