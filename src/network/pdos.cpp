@@ -235,7 +235,7 @@ class PdoContent final : public EntrySink {
         if (next_ != nullptr) next_->forget();
     }
     // Not 0.
-    [[nodiscard]] std::uint32_t value() const { return std::max(value_.get(), 1U); }
+    [[nodiscard]] std::uint32_t value() const { return std::max<std::uint32_t>(value_.get(), 1); }
 
   private:
     EntrySink* next_;
@@ -264,7 +264,7 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     std::uint32_t& noted = network.marks(slave).pdo_content;
     noted = 0;
     if (asked && found.source == ConfigurationSource::coe) noted = content.value();
-    if (asked && found.source == ConfigurationSource::soe) noted = std::max(found.by_soe.get(), 1U);
+    if (asked && found.source == ConfigurationSource::soe) noted = std::max<std::uint32_t>(found.by_soe.get(), 1);
     if (!asked) {
         if (sink != nullptr) sink->forget();
         if (!said) co_return asked;
