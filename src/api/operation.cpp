@@ -1,6 +1,7 @@
 #include "api/operation.hpp"
 
 #include "network/newcomer.hpp"
+#include "network/search.hpp"
 
 namespace margay {
 
@@ -22,6 +23,7 @@ Error check_same_slave(Network& network, std::uint16_t slave, Step step) {
     Error error = check_slave(network, slave, step);
     if (error.code != Errc::none) return error;
     const Slave& one = network.slave(slave);
+    (void)doubt_after_silence(network);
     error = {.step = step, .slave = slave};
     if (one.al.state == AlState::none && is_known(one))
         error.code = Errc::missing_slave;

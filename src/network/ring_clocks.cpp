@@ -119,8 +119,8 @@ Task<Result<>> RingWatch::begin_second_part(Network& network) {
 // The second reference has never been compared with the reference, and would drift away as fast as both oscillators
 // differ. So the master writes the time of the reference to it, until its control loop has learned the rate.
 Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
-    constexpr Duration kLongest = std::chrono::seconds(1);
-    const Time give_up = network.engine.now() + kLongest;
+    constexpr Duration kLesson = std::chrono::seconds(1);
+    const Time give_up = network.engine.now() + kLesson;
     const std::size_t octets = network.clocks.of(second).kind == ClockKind::bits64 ? 8 : 4;
     std::array<std::byte, 8> time{};
     for (std::uint16_t n = 0; n < network.clocks.settings.burst_frames && network.engine.now() < give_up; ++n) {

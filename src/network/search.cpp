@@ -351,6 +351,12 @@ void doubt_all(Network& network, bool away) {
     settle_groups(network);
 }
 
+bool doubt_after_silence(Network& network) {
+    if (network.supervised || network.engine.link().take_longest_silence() < kSilentFrames) return false;
+    doubt_all(network, true);
+    return true;
+}
+
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
     const bool boot = slave.al.state == AlState::boot;  // its firmware may use the EEPROM
     if (slave.al.state != AlState::none && !boot && network.marks(slave).unproved && !network.marks(slave).in_use) {
@@ -364,6 +370,7 @@ Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
 }
 
 Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
+    (void)doubt_after_silence(network);
     if (!network.supervised && network.is_unobserved() && is_known(slave)) network.marks(slave).doubt(false);
     auto seen = co_await read_al_status(network.station(slave));
     const AlStatus before = slave.al;

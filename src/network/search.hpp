@@ -44,6 +44,10 @@ void doubt_all(Network& network, bool away);
 // many consecutive losses occur by chance once in ten thousand million readings.
 inline constexpr std::uint32_t kSilentFrames = 10;
 
+// Without a supervision: doubt_all() when so many frames did not come back since the last call that another machine may
+// be there. Call it before anything is written to a slave. Returns whether it has doubted them.
+bool doubt_after_silence(Network& network);
+
 // Compares the identity of the slave that answers at the address of `slave` with the known one. Another slave loses its
 // FMMUs and its station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave,
 // those of reading the SII.

@@ -37,8 +37,8 @@ Task<Result<Transition>> prepare_request(Network& network, Slave& slave, AlState
     const Transition which = transition(awaited, state);
     const Error left_out = left_out_state(slave, awaited, state);
     if (left_out.code != Errc::none) co_return left_out;
-    co_await required(finish_requested(network, slave, which));
     const Time begun = network.engine.now();
+    co_await required(finish_requested(network, slave, which));
     co_await required(around_transition(network, slave, which, Moment::before));
     co_await required(prove_after_hook(network, slave, state, begun));
     co_return which;
@@ -126,8 +126,10 @@ const Slave* find_unfinished(const Network& network, std::uint16_t slave) {
 constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 
 Task<Result<>> prove_if_there(Network& network, Slave& slave) {
-    if (slave.al.state == AlState::none || !network.is_doubted(slave) || network.marks(slave).in_use)
+    if (slave.al.state == AlState::none || !network.is_doubted(slave) || !network.marks(slave).was_away)
         co_return Nothing{};
+    if (network.marks(slave).in_use)  // the request that uses it has not compared it yet
+        co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
     const SlaveToken token(network.marks(slave));
     co_return co_await required(prove(network, slave));
 }
@@ -142,8 +144,7 @@ Task<Result<AlStatus>> read_states(Network& network) {
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
     // Beside a supervision, the supervision compares the slaves after a silence.
-    if (!network.supervised && network.engine.link().take_longest_silence() >= kSilentFrames) {
-        doubt_all(network, true);
+    if (doubt_after_silence(network)) {
         const auto compare = [&network](Slave& s) { return prove_if_there(network, s); };
         co_await required(for_each_slave(network, compare, &first));
         if (network.scans != scans) co_return kOtherSlaves;

@@ -265,9 +265,10 @@ constexpr Duration kShortSilence = std::chrono::milliseconds(30);
 void doubt_after_silence(Watch& watch) {
     Network& network = watch.network;
     const std::uint32_t lost = network.engine.link().take_longest_silence();
-    const auto silent_for = [&](Duration time) {
-        return network.engine.now() > later(network.states_read, watch.wanted.interval + time);
-    };
+    // Beside cycles a roll follows the other.
+    const Time now = network.engine.now();
+    const Duration rest = network.engine.link().cycling(now) ? Duration{0} : watch.wanted.interval;
+    const auto silent_for = [&](Duration time) { return now > later(network.states_read, rest + time); };
     const bool silent = lost >= kSilentFrames || (lost >= kFewFrames && silent_for(kSilence));
     if (!silent && (lost == 0 || !silent_for(kShortSilence))) return;
     watch.last = {};

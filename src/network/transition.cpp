@@ -181,10 +181,10 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     const Transition which = transition(from, state);
     const Error left_out = left_out_state(slave, from, state);
     if (left_out.code != Errc::none) co_return left_out;
+    const Time begun = network.engine.now();
     if (network.marks(slave).requested != Transition::none) {
         co_await required(finish_requested(network, slave, which));
     }
-    const Time begun = network.engine.now();
     if (concerns(slave, which, Moment::before)) {
         co_await required(around_transition(network, slave, which, Moment::before));
     }
