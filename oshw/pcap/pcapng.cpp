@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cerrno>
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
@@ -46,7 +47,7 @@ class Block {
         return *this;
     }
     Block& add(Bytes octets) noexcept {
-        std::memcpy(bytes_.data() + size_, octets.data(), octets.size());
+        std::ranges::copy(octets, bytes_.begin() + static_cast<std::ptrdiff_t>(size_));
         const std::size_t end = size_ + octets.size();
         size_ = padded(end);
         std::memset(bytes_.data() + end, 0, size_ - end);

@@ -255,7 +255,8 @@ TEST_P(Routing, AChangedPdoAssignmentNeedsANewMapping) {
         EXPECT_EQ(at(client.ask(kOdd, kCoe, sdo(0x2F, 0x1C12, 0, 0)).data, 2), 0x60U);
     }});
     const auto refused = reach(ctx, AlState::safeop, 2s);
-    EXPECT_EQ(ctx.slave(1).error.code, Errc::remapping_needed) << words(refused.error());
+    EXPECT_EQ(refused.error().code, Errc::remapping_needed) << words(refused.error());
+    EXPECT_EQ(refused.error().slave, 1);
 }
 
 }  // namespace
