@@ -1,8 +1,8 @@
 #include "oshw/pcap/pcapng.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
-#include <algorithm>
 #include <cstring>
 #include <utility>
 
