@@ -140,6 +140,7 @@ class FileReader {
         note(reader_.optional_integer(table, "priority", 0, 99, m.priority));
         note(reader_.optional_integer(table, "cpu", 0, 1023, m.cpu));
         note(reader_.optional_integer(table, "spin_us", 0, 1'000'000, m.spin_us));
+        note(reader_.optional_integer(table, "in_sync_us", 1, 100'000, m.in_sync_us));
     }
 
     void read_source(const toml::table& table, MasterConfiguration& m) {

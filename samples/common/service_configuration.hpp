@@ -63,6 +63,7 @@ struct MasterConfiguration {
     int priority = 0;
     int cpu = -1;
     unsigned spin_us = 0;
+    unsigned in_sync_us = 4;
     SocketConfiguration socket{};
     bool eoe = false;                       // an interface for each slave with EoE
     std::vector<EoeInterface> eoe_named{};  // or for these slaves only

@@ -30,6 +30,10 @@ constexpr ServiceKey kKeys[] = {
     {"cpu", "NUMBER", "any", "the processor for the cycle"},
     {"spin_us", "NUMBER", "0",
      "time before each cycle, in microseconds, in which the clock is polled instead of sleeping"},
+    {"in_sync_us", "NUMBER", "4",
+     "1 to 100000: with the clocks (DC) of an ENI, the log says that the cycle is in sync when it differs from the "
+     "reference clock by no more than this for 1.5 s, in microseconds. A machine that is not made for real time needs "
+     "more than 4"},
     {"socket", "{ ... }", "", "the socket for `ethercat` and other programs"},
     {"socket.path", "\"PATH\"", "/run/margay/NAME.sock", "where it is"},
     {"socket.owner", "\"USER\"", "the user of margayd", "the user that owns it"},

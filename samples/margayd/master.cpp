@@ -223,8 +223,12 @@ void Master::map_groups() {
     clock_.reset();
     if (!eni_ || !eni_->clocks) return;
     const Duration period = plan_.period * plan_.every[eni_->clocks->group];
-    clock_.emplace(
-        MasterClockSettings{.group = eni_->clocks->group, .set_value = -period / 2, .phase = {.cycle = period}});
+    // The same part of the limit as the default: an error within it corrects the phase.
+    const std::uint32_t limit_ns = configuration_.in_sync_us * 1000U;
+    clock_.emplace(MasterClockSettings{
+        .group = eni_->clocks->group,
+        .set_value = -period / 2,
+        .phase = {.cycle = period, .outlier_ns = limit_ns / 4 * 3, .limit_ns = limit_ns}});
 }
 
 // ------------------------------------------------------------------ EoE
