@@ -42,7 +42,7 @@ class Spy final : public sim::Firmware, private subdevice::EscAccess {
     [[nodiscard]] Time now() noexcept override { return esc_->now(); }
     [[nodiscard]] bool starts_sm(std::uint16_t address, std::size_t length, bool outputs);
 
-    static constexpr std::size_t kMostShown = 512;
+    static constexpr std::size_t kMostShown = 4096;  // more than the cycles that are on their way at any time
     std::unique_ptr<sim::Firmware> inner_;
     subdevice::EscAccess* esc_ = nullptr;
     std::deque<Shown> shown_;

@@ -254,7 +254,8 @@ bool World::mapping() const {
 void World::receive_group(std::uint8_t group) {
     const Cycle cycle = std::move(on_their_way_[group].front());
     on_their_way_[group].pop_front();
-    const Duration patience = std::max<Duration>(std::chrono::microseconds(plan_.settings.cycle_us) / 2, 300us);
+    const Duration patience = std::max<Duration>(std::chrono::microseconds(plan_.settings.cycle_us) / 2,
+                                                 std::chrono::microseconds(plan_.settings.round_trip_us) + 200us);
     const auto wkc = receive_processdata(*ctx_, patience, group);
     if (osal_.now() > cycle.sent + patience + 20ms && plan_.settings.in_flight == 1)
         fail("receive_processdata() waits too long", "");

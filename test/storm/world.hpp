@@ -119,6 +119,7 @@ class World {
     void world_step(const Step& step);
     void note_disturbance(const Step& step);
     void submit_slot(const Step& step, bool by_owner);
+    void set_group(const Slave& slave, std::uint8_t group);
     void configure(std::uint32_t slave, std::uint32_t what, std::uint32_t value);
     Result<> map_now(std::uint8_t group);
     void heal();
@@ -198,6 +199,7 @@ class World {
     // By device: outputs that the application wrote for it.
     std::vector<std::map<std::uint32_t, std::set<Value>>> sent_;
     std::map<std::uint16_t, Value> inputs_;  // by slave: in the image at the last check
+    std::map<std::uint16_t, Time> regrouped_;  // by slave: when the application gave it another group
     std::vector<std::uint32_t> ids_;
     bool hostile_ = false;  // frames were damaged without detection by the FCS: process data cannot be checked
 

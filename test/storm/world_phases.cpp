@@ -59,7 +59,7 @@ void World::configure_all() {
     }
     for (const Slave& slave : ctx_->slaves()) {
         const bool expected = slave.wanted != nullptr && slave.wanted->config != nullptr;
-        if (!expected && s.groups > 1) slave.config.group = static_cast<std::uint8_t>(slave.number % s.groups);
+        if (!expected && s.groups > 1) set_group(slave, static_cast<std::uint8_t>(slave.number % s.groups));
         slave.config.block_lrw = s.slave_lrd_lwr != 0 && slave.number % s.slave_lrd_lwr == 0;
         slave.config.mailbox_status = s.mailbox_status != 0 && slave.number % s.mailbox_status == 0;
         if (s.watchdog_us != 0) slave.config.process_data_watchdog = SlaveConfiguration::Watchdog(s.watchdog_us);
@@ -81,8 +81,8 @@ void World::blame(const char* rule, const Error& error) {
         if (plan_.settings.expect < 2) fail(rule, words);
         return;
     }
-    for (std::uint32_t n = 0; n < segment_.size(); ++n)
-        if (station_[n] == 0x1000 + error.slave && clean(n)) fail(rule, words);
+    const auto named = devices_at(error.slave);  // a device that is cut off may keep the address of another one
+    if (std::ranges::any_of(named, [this](std::uint32_t n) { return clean(n); })) fail(rule, words);
 }
 
 void World::lose_frames() {

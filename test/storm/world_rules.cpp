@@ -112,6 +112,8 @@ void World::check_bits(std::uint8_t group, Time since) {
     note_presence(true);
     for (const Slave& slave : ctx_->slaves()) {
         if (slave.config.group != group || slave.held || slave.config.highest < AlState::safeop) continue;
+        // A slave that was given this group during the mapping need not be placed.
+        if (const auto at = regrouped_.find(slave.number); at != regrouped_.end() && at->second >= since) continue;
         if (slave.al.state == AlState::none || slave.pdos_failed || slave.unplaced || slave.hook_failed) continue;
         for (std::uint32_t n = 0; n < presence_.size(); ++n) {
             const auto& one = presence_[n];

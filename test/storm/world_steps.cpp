@@ -169,11 +169,16 @@ void World::submit_slot(const Step& step, bool by_owner) {
     if (!submitted && !busy) slot.checked = true;
 }
 
+void World::set_group(const Slave& slave, std::uint8_t group) {
+    if (slave.config.group != group) regrouped_[slave.number] = osal_.now();
+    slave.config.group = group;
+}
+
 void World::configure(std::uint32_t number, std::uint32_t what, std::uint32_t value) {
     const Slave& slave = ctx_->slave(number);
     if (slave.number == 0) return;
     switch (what % 6) {
-        case 0: slave.config.group = static_cast<std::uint8_t>(value % images_.size()); break;
+        case 0: set_group(slave, static_cast<std::uint8_t>(value % images_.size())); break;
         case 1: slave.config.block_lrw = value % 2 != 0; break;
         case 2: slave.config.mailbox_status = value % 2 != 0; break;
         case 3: slave.config.optional = value % 2 != 0; break;
