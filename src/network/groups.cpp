@@ -257,12 +257,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
         co_return Nothing{};
     }
     if (slave.config.highest < AlState::safeop) co_return Nothing{};
-    const bool by_slave =
-        slave.config.source >= ConfigurationSource::sii && slave.config.source <= ConfigurationSource::coe;
-    if (slave.held && by_slave) {  // the sizes were read from the slave at this place, which is not the wanted one
-        slave.config.sm_count = 0;
-        slave.config.source = ConfigurationSource::none;
-    }
+    if (slave.held) forget_described(slave);  // read from the slave at this place, which is not the wanted one
     if (slave.held || !is_there_to_map(slave) || !slave.seen) {
         const bool nobodys = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !is_known(slave));
         slave.unplaced = !nobodys && !keep_place(slave);
@@ -280,6 +275,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
         co_return Nothing{};
     }
     auto found = co_await discover_pdos(network, slave);
+    if (found) found = check_found(slave);
     if (found) {
         network.marks(slave).pdos_in_doubt = network.marks(slave).new_firmware = false;
         co_return Nothing{};

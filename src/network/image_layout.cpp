@@ -328,6 +328,12 @@ std::size_t pick(const Slave& slave, const SlaveFmmus& taken, std::size_t availa
 
 }  // namespace
 
+Result<> check_found(Slave& slave) {
+    const auto checked = check_sync_managers(slave);
+    if (!checked) forget_described(slave);
+    return checked;
+}
+
 Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
                             std::span<std::byte> image) {
     Result<> done;
@@ -335,7 +341,7 @@ Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const G
         if (slave.config.group != group) continue;
         slave.image = {};
         slave.image.group = group;
-        if (done) done = check_sync_managers(slave);
+        if (done && !slave.pdos_failed) done = check_sync_managers(slave);
     }
     const auto halves = measure(slaves, group, wanted);
     if (done) done = place_all(slaves, group, wanted, image, halves);

@@ -34,9 +34,13 @@ struct ImageLayout {
     [[nodiscard]] std::uint32_t input_shift_bytes() const { return overlapped ? output_bytes : 0; }
 };
 
-// Assigns every slave of the group its place in `image`: fills slave.image. On an error no slave of the group has a
-// place. Errors, with the slave: image_too_large, sm_shortage, sm_memory, invalid_argument (a SyncManager is listed
-// twice).
+// Checks the process data that was found for a slave. SyncManagers that the slave itself describes and cannot have are
+// forgotten. Errors, with the slave: sm_shortage, sm_memory, invalid_argument (a SyncManager is listed twice).
+[[nodiscard]] Result<> check_found(Slave& slave);
+
+// Assigns every slave of the group its place in `image`: fills slave.image. A slave whose process data failed is not
+// checked, because it does not exchange. On an error no slave of the group has a place. Errors, with the slave:
+// image_too_large, and those of check_found().
 [[nodiscard]] Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
                                           std::span<std::byte> image);
 

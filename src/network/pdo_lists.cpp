@@ -182,11 +182,23 @@ bool place_by_lists(Slave& slave) {
     return true;
 }
 
+namespace {
+
+void forget_process_data(SlaveConfiguration& config) {
+    config.sm_count = 0;
+    config.source = ConfigurationSource::none;
+}
+
+}  // namespace
+
 void forget_kept_place(Slave& slave) {
-    if (!slave.place_kept) return;
+    if (slave.place_kept) forget_process_data(slave.config);
     slave.place_kept = false;
-    slave.config.sm_count = 0;
-    slave.config.source = ConfigurationSource::none;
+}
+
+void forget_described(Slave& slave) {
+    const ConfigurationSource source = slave.config.source;
+    if (source >= ConfigurationSource::sii && source <= ConfigurationSource::coe) forget_process_data(slave.config);
 }
 
 }  // namespace margay

@@ -33,6 +33,8 @@ struct ListedBits {
 [[nodiscard]] bool keep_place(Slave& slave);
 // Removes the values that keep_place() has written to slave.config. Call it before the slave is read.
 void forget_kept_place(Slave& slave);
+// Forgets the process data that the slave itself has described. Process data of the application stays.
+void forget_described(Slave& slave);
 
 // The direction of the PDOs in the list; by the SII if the list is empty.
 [[nodiscard]] Direction direction_of(const Slave& slave, const SmPdos& list);

@@ -116,6 +116,7 @@ Error check_late_slave(Network& network, Slave& slave) {
 // or from the slave itself. It may differ from the reserved place.
 Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& finding) {
     auto discovered = co_await discover_pdos(network, slave);
+    if (discovered) discovered = check_found(slave);
     Error error = discovered.error();
     if (discovered && finding.is_kept()) error = compare_with_place(slave, finding.sms());
     if (error.code == Errc::none && finding.is_kept() && !finding.is_same_content()) {

@@ -124,6 +124,34 @@ TEST_F(Wanted, ASlaveThatRefusesItsPdosIsSaidByEveryResult) {
     EXPECT_EQ(wkc.error().slave, 4);
 }
 
+// The SyncManager for outputs starts behind the memory of the chip. The other slaves are mapped.
+TEST_F(Wanted, ASlaveWhoseSiiDescribesAnImpossibleSyncManagerIsSaidByEveryResult) {
+    auto& sii = segment.slave(line[1]).sii().image();
+    constexpr std::array kOutputsSm{std::byte{0x00}, std::byte{0x11}, std::byte{1}, std::byte{0}, std::byte{0x64}};
+    const auto start = std::ranges::search(sii, kOutputsSm);
+    ASSERT_EQ(start.size(), kOutputsSm.size());
+    start[1] = std::byte{0x62};
+    ASSERT_TRUE(scan({}).ok());
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(words(mapped.error()),
+              "slave 2: mapping process data at SyncManager 0: outside the slave's process data memory, or on top of "
+              "another SyncManager");
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::preop);
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0U, 0xA5U}));
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::preop);
+    const auto wkc = cycle();
+    EXPECT_EQ(wkc.error().code, Errc::working_counter);
+    EXPECT_EQ(wkc.error().slave, 2);
+    EXPECT_FALSE(reach(*ctx, AlState::op, 1s).ok());
+
+    start[1] = std::byte{0x11};
+    supervision.cancel();
+    (void)cycle();
+    ASSERT_TRUE(scan({}).ok());
+    EXPECT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0xA5U}));
+}
+
 TEST_F(Wanted, PdosOfKnownSizesKeepAPlaceForADriveThatIsOffAtTheStart) {
     SlaveConfiguration config;
     config.setup = &kSetup;
