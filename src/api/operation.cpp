@@ -23,11 +23,11 @@ Error check_same_slave(Network& network, std::uint16_t slave, Step step) {
     Error error = check_slave(network, slave, step);
     if (error.code != Errc::none) return error;
     const Slave& one = network.slave(slave);
-    (void)doubt_after_silence(network);
+    const bool silent = note_silence(network) && is_known(one);
     error = {.step = step, .slave = slave};
     if (one.al.state == AlState::none && is_known(one))
         error.code = Errc::missing_slave;
-    else if (network.marks(one).was_away && one.al.state != AlState::boot)
+    else if ((silent || network.marks(one).was_away) && one.al.state != AlState::boot)
         error.code = Errc::identity_unread;  // another device may be there
     return error.code == Errc::none ? Error{} : error;
 }

@@ -2,6 +2,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/search.hpp"
 #include "network/transition.hpp"
 #include "util/turns.hpp"
 
@@ -393,6 +394,7 @@ bool withdraw_submitted(RequestQueue& queue, Request& request) {
 
 Time serve_queue(Master& master, Time now) {
     RequestQueue& queue = master.queue;
+    if (master.network.silence_noted) (void)doubt_after_silence(master.network);
     accept_submitted(queue, now);
     if (queue.cancel_asked.exchange(false, std::memory_order_acquire)) {
         end_some(master, queue.waiting, Errc::canceled, is_cancel_asked, now);

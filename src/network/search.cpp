@@ -351,8 +351,16 @@ void doubt_all(Network& network, bool away) {
     settle_groups(network);
 }
 
+bool note_silence(Network& network) {
+    if (network.supervised) return network.silence_noted = false;
+    network.silence_noted |= network.engine.link().take_longest_silence() >= kSilentFrames;
+    return network.silence_noted;
+}
+
 bool doubt_after_silence(Network& network) {
-    if (network.supervised || network.engine.link().take_longest_silence() < kSilentFrames) return false;
+    if (!note_silence(network)) return false;
+    network.silence_noted = false;
+    network.comparison_due = true;
     doubt_all(network, true);
     return true;
 }
@@ -385,7 +393,14 @@ Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
 
 Task<Result<>> prove(Network& network, Slave& slave) {
     auto same = co_await compare_identity(network, slave);
-    if (accept_revision(network, slave, same.error())) same = Nothing{};
+    if (accept_revision(network, slave, same.error())) {
+        auto unmapped = co_await unmap(network.station(slave));  // no outputs until config_map() has read its PDOs
+        if (!unmapped) {
+            slave.identity.revision = same.error().expected;  // compared again
+            co_return unmapped;
+        }
+        same = Nothing{};
+    }
     if (same) {
         const bool away = network.marks(slave).was_away;
         network.marks(slave).trust();

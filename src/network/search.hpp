@@ -47,6 +47,9 @@ inline constexpr std::uint32_t kSilentFrames = 10;
 // Without a supervision: doubt_all() when so many frames did not come back since the last call that another machine may
 // be there. Call it before anything is written to a slave. Returns whether it has doubted them.
 bool doubt_after_silence(Network& network);
+// The same, but the slaves are doubted in the next poll(): for calls within hooks and callbacks, since doubt_all()
+// ends sequences, perhaps the one that is executing. Returns whether such a silence was noted.
+bool note_silence(Network& network);
 
 // Compares the identity of the slave that answers at the address of `slave` with the known one. Another slave loses its
 // FMMUs and its station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave,

@@ -144,11 +144,13 @@ Task<Result<AlStatus>> read_states(Network& network) {
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
     // Beside a supervision, the supervision compares the slaves after a silence.
-    if (doubt_after_silence(network)) {
+    (void)doubt_after_silence(network);
+    if (!network.supervised && network.comparison_due) {
         const auto compare = [&network](Slave& s) { return prove_if_there(network, s); };
         co_await required(for_each_slave(network, compare, &first));
         if (network.scans != scans) co_return kOtherSlaves;
         if (first.code != Errc::none) co_return first;
+        network.comparison_due = false;
     }
     network.states_read = network.engine.now();
     // After a pause a reading alone does not show that the slaves are the same.
