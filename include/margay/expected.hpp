@@ -19,6 +19,9 @@ namespace margay {
 // 1. The entry with the number n is slave(n). These numbers count the line with all its slaves present, without the
 //    slaves that may be anywhere and without hot connect groups. If the next slave found does not match an optional
 //    slave but matches an entry behind it, the optional slave is regarded as missing.
+//    Slaves that the list describes alike are told apart by their order alone: when one of them is missing at the
+//    start, those that are there are regarded as the first ones. Where the application goes on although a slave is
+//    missing, let the list give such slaves an alias, a device id or a serial number.
 // 2. The following numbers belong to the entries with number 0, members of groups included, in the order of the list.
 // 3. If the list skips a number, the unexpected slave found at this place of the line gets that number. All other
 //    unexpected slaves get the last numbers, in the order of the ring. slave(n) of a number that the list leaves out

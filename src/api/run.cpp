@@ -64,13 +64,12 @@ Standing standing(Network& network) {
 // The error of the last cycle of a group; code none if the cycle was right.
 Error cycle_trouble(const ProcessGroup& group) {
     Error error{.code = Errc::working_counter, .step = Step::exchange_process_data, .expected = group.expected_wkc};
-    bool right = group.complete;
+    if (is_right(group)) return {};
     for (const DatagramStatus& d : group.statuses) {
-        right &= d.right();
         error.actual += d.got;
         if (!d.came) error.code = Errc::no_frame;
     }
-    return right ? Error{} : error;
+    return error;
 }
 
 // The application exchanges other groups, and not this one.

@@ -61,7 +61,9 @@ static Task<Result<>> run(Network& network, StateRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, ReadStateRequest& request) {
-    auto read = co_await read_states(network);
+    const bool all = doubt_unseen(network);
+    auto read = co_await observe_states(network);
+    if (all && read) network.compared = network.engine.now();
     request.lowest = *read;
     co_return read ? Result<>() : Result<>(read.error());
 }
@@ -71,7 +73,9 @@ static Task<Result<>> run(Network& network, WriteStateRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, StateCheckRequest& request) {
+    const bool all = doubt_unseen(network);
     auto reached = co_await wait_for_state(network, request.slave, request.wanted, end_of(request));
+    if (all && reached) network.compared = network.engine.now();
     request.reached = *reached;
     co_return reached ? Result<>() : Result<>(reached.error());
 }

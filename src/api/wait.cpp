@@ -1,6 +1,7 @@
 // Waiting for requests; poll(); and the owner thread of a context.
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/search.hpp"
 
 #include <margay/margay.hpp>
 
@@ -112,6 +113,7 @@ Time poll(Context& ctx, Time now) {
     master->in_poll = true;
     master->polled = now;
     network.engine.set_now(now);
+    doubt_after_pause(network);
     // A request that ends in this poll() may free memory for requests that wait.
     Time queued = serve_queue(*master, now);
     Time next = network.engine.poll(now);

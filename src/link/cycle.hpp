@@ -85,6 +85,7 @@ inline void copy(std::byte* to, Bytes from) {
 
 [[gnu::always_inline]] inline SendStatus Link::send_cycle(std::span<PreparedFrame> frames, CyclePace& pace, Time now,
                                                           std::size_t rider_budget_bytes) {
+    note_cycle(last_cycle_, now);
     last_cycle_ = now;
     pace.before = pace.last;
     pace.last = now;

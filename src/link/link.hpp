@@ -99,6 +99,12 @@ class Link {
     [[nodiscard]] const LinkStatistics& statistics() const { return statistics_; }
     // The most frames that did not come back one after the other, without a frame that did, since the last call.
     [[nodiscard]] std::uint32_t take_longest_silence() { return std::exchange(longest_silence_, 0); }
+    // Whether no cycle was sent for longer than kPause, since the last call: now, or between two cycles.
+    [[nodiscard]] bool take_pause(Time now) {
+        note_cycle(last_cycle_, now);
+        return std::exchange(paused_, false);
+    }
+    static constexpr Duration kPause = std::chrono::seconds(1);
     [[nodiscard]] Nic& nic() { return nic_; }
 
   private:
@@ -158,6 +164,10 @@ class Link {
     [[nodiscard]] std::size_t rider_room();
     void note_riders(std::size_t bytes);
     void note_sent(FrameSlot& slot);
+    void note_cycle(Time before, Time now) {
+        if (now > later(before, kPause)) [[unlikely]]
+            paused_ = true;
+    }
 
     Nic& nic_;
     Cables* cables_ = nullptr;
@@ -167,6 +177,7 @@ class Link {
     std::uint64_t received_before_ = 0;  // frames received before the last one that did not come back
     std::uint32_t silence_ = 0;          // frames that did not come back since
     std::uint32_t longest_silence_ = 0;
+    bool paused_ = false;  // more than kPause between two cycles, since take_pause()
     MacAddress source_;
     bool nic_busy_ = false;
     Time stuck_since_ = kNever;  // since then the NIC accepts no queued datagram

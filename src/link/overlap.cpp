@@ -69,6 +69,7 @@ bool Link::receive_overlapped(std::span<PreparedFrame> frames, Time now, List<Wa
 }
 
 void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time now) {
+    note_cycle(last_cycle_, sent_at);
     last_cycle_ = sent_at;
     for (PreparedFrame& frame : frames) {
         if (frame.refused)

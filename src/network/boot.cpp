@@ -24,6 +24,9 @@ Task<Result<>> prepare(Network& network, Slave& slave, AlState to, Time until) {
     }
     if (slave.al.state != AlState::init || enters) {
         co_await required(to_init(network, slave, until));
+    } else if (slave.takes_part) {
+        // Without its SyncManagers, the FMMUs exchange plain memory and increment the working counter.
+        co_await required(clear_fmmus(network, slave));
     }
     if (network.has_mailbox(slave)) network.mailbox(slave).close();
     if (!enters && (to == AlState::init || !uses_mailbox(slave))) co_return Nothing{};

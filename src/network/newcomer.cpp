@@ -99,8 +99,7 @@ bool contradicts(std::uint32_t known, std::uint32_t seen) { return known != 0 &&
 // A slave of the line is known by its place: behind the slave before it and before the slave behind it, and not below a
 // slave that is not known.
 Verdict choose_by_place(Network& network, std::size_t n) {
-    for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
-        if (network.ring[at - 1U].slave == 0) return {};
+    if (!above_is_known(network, n)) return {};
     const Slave* const before = last_before(network, n, of_the_line);
     const Slave* const behind = first_behind(network, n, of_the_line);
     const RingPlace& place = network.ring[n];
@@ -152,6 +151,12 @@ Verdict identify_newcomer(Network& network, std::uint16_t n) {
 }
 
 }  // namespace
+
+bool above_is_known(const Network& network, std::size_t n) {
+    for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
+        if (network.ring[at - 1U].slave == 0) return false;
+    return true;
+}
 
 StationAddress newcomer_address(const Network& network) {
     constexpr std::uint16_t kNewcomers = 0x0D00;  // below the marks of unknown slaves

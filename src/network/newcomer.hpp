@@ -37,6 +37,10 @@ namespace margay {
 // Whether the identity of the slave is known: the slave was read. One of another revision is to be read again.
 [[nodiscard]] inline bool is_known(const Slave& slave) { return slave.seen || slave.identity != Identity{}; }
 
+// Whether all slaves above the place `n` of the ring, counted from 0, are known. If not, the place does not say which
+// slave is there.
+[[nodiscard]] bool above_is_known(const Network& network, std::size_t n);
+
 // The result of the identification: the newcomer is `slave`; or it is none of them, but at the place of `instead_of`.
 struct Verdict {
     Slave* slave = nullptr;

@@ -9,6 +9,7 @@
 #include <margay/group.hpp>
 #include <margay/result.hpp>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <span>
@@ -45,18 +46,24 @@ struct ProcessGroup : Group {
     std::uint8_t number = 0;
     // Not mapped, not complete, with overlapping cycles or with extras: the fast path of the cycle cannot be used.
     bool special = true;
-    bool under_way = false;         // a cycle was sent that is not received yet; unused where cycles overlap
-    bool extras = false;            // copies from slave to slave, or a shared image
-    bool mapping = false;           // config_map() is executing for this group
-    bool by_position = false;       // ClockSettings::by_position, as config_map() has found it
-    bool was_mapped = false;        // since the last scan, or since run_cycle() began: now its data is missing
-    bool complete = false;          // mapped completely, and the working counters contain every wanted slave
-    bool short_reported = false;    // the supervision has reported a working counter that fell short
-    bool settling = false;          // the counters have changed, and no cycle behind `settled_after` was received
-    bool unexpected = false;        // for the supervision: a cycle was not usable, or a slave is back
-    std::uint8_t next_place = 0;    // where the logical addresses of the next mapping begin: see next_start()
-    std::uint16_t cycles_lost = 0;  // consecutive cycles with frames that did not come back
+    bool under_way = false;           // a cycle was sent that is not received yet; unused where cycles overlap
+    bool extras = false;              // copies from slave to slave, or a shared image
+    bool mapping = false;             // config_map() is executing for this group
+    bool by_position = false;         // ClockSettings::by_position, as config_map() has found it
+    bool was_mapped = false;          // since the last scan, or since run_cycle() began: now its data is missing
+    bool complete = false;            // mapped completely, and the working counters contain every wanted slave
+    bool short_reported : 1 = false;  // the supervision has reported a working counter that fell short
+    bool was_right : 1 = false;       // without a supervision: readstate() has found the cycles right since the mapping
+    bool settling = false;            // the counters have changed, and no cycle behind `settled_after` was received
+    bool unexpected = false;          // a cycle was not usable, or a slave is back
+    std::uint8_t next_place = 0;      // where the logical addresses of the next mapping begin: see next_start()
+    std::uint16_t cycles_lost = 0;    // consecutive cycles with frames that did not come back
 };
+
+// Whether every wanted slave took part in the last cycle that was received.
+[[nodiscard]] inline bool is_right(const ProcessGroup& group) {
+    return group.complete && std::ranges::all_of(group.statuses, [](const DatagramStatus& d) { return d.right(); });
+}
 
 // Tables shared by all groups: each group has a run of frames and a run of datagrams. Elements of `datagrams`,
 // `statuses` and `plans` with the same index belong together.

@@ -240,12 +240,15 @@ void report_stranger(Network& network, std::uint16_t n) {
 // that changes while it is being read can mislead; after that it is not reported again.
 Task<Result<>> mark_stranger(Network& network, std::uint16_t n, Slave* instead_of) {
     constexpr std::uint16_t kSuspect = 0x0100;  // below the mark of reported slaves
+    // Of a reported slave below an unknown one: it is identified by its place as soon as the slave above is known.
+    constexpr std::uint16_t kUndecided = 0x0300;
     const std::uint16_t reported = network.stranger_mark;
     const std::uint16_t before = network.ring[n].address;
-    const bool known = reported != 0 && before == reported;
+    const bool known = reported != 0 && (before == reported || before == reported - kUndecided);
     const bool at_once = !network.supervised && !known;  // the application asks once
     const bool again = reported != 0 && before == reported - kSuspect;
-    const auto mark = static_cast<std::uint16_t>(at_once || again || known ? reported : reported - kSuspect);
+    const auto undecided = static_cast<std::uint16_t>(reported == 0 || above_is_known(network, n) ? 0 : kUndecided);
+    const auto mark = static_cast<std::uint16_t>(reported - (at_once || again || known ? undecided : kSuspect));
     co_await required(rename(network, network.guest.station_address, mark));
     network.ring[n].address = mark;
     if (known && instead_of != nullptr) instead_of->error = guest_error(network, *instead_of);
@@ -357,10 +360,27 @@ bool note_silence(Network& network) {
     return network.silence_noted;
 }
 
+bool doubt_unseen(Network& network) {
+    if (network.supervised) return false;
+    bool unseen = network.engine.link().take_pause(network.engine.now()) && network.is_unobserved();
+    for (ProcessGroup& group : network.process.groups) {
+        if (!group.mapped || group.mapping || !is_right(group)) continue;
+        unseen |= std::exchange(group.unexpected, false) && group.was_right;
+        group.was_right = true;
+    }
+    if (unseen) doubt_all(network, false);
+    return unseen;
+}
+
+void doubt_after_pause(Network& network) {
+    const bool pause = network.supervised && network.is_unobserved();
+    if (pause && !network.pause_noted) doubt_all(network, true);
+    network.pause_noted = pause;
+}
+
 bool doubt_after_silence(Network& network) {
     if (!note_silence(network)) return false;
     network.silence_noted = false;
-    network.comparison_due = true;
     doubt_all(network, true);
     return true;
 }

@@ -126,8 +126,7 @@ const Slave* find_unfinished(const Network& network, std::uint16_t slave) {
 constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 
 Task<Result<>> prove_if_there(Network& network, Slave& slave) {
-    if (slave.al.state == AlState::none || !network.is_doubted(slave) || !network.marks(slave).was_away)
-        co_return Nothing{};
+    if (slave.al.state == AlState::none || !network.is_doubted(slave)) co_return Nothing{};
     if (network.marks(slave).in_use)  // the request that uses it has not compared it yet
         co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
     const SlaveToken token(network.marks(slave));
@@ -143,18 +142,22 @@ Task<Result<AlStatus>> read_states(Network& network) {
     co_await required(for_each_slave(network, read, &first));
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
-    // Beside a supervision, the supervision compares the slaves after a silence.
     (void)doubt_after_silence(network);
-    if (!network.supervised && network.comparison_due) {
-        const auto compare = [&network](Slave& s) { return prove_if_there(network, s); };
-        co_await required(for_each_slave(network, compare, &first));
-        if (network.scans != scans) co_return kOtherSlaves;
-        if (first.code != Errc::none) co_return first;
-        network.comparison_due = false;
-    }
     network.states_read = network.engine.now();
     // After a pause a reading alone does not show that the slaves are the same.
     if (later(network.compared, Network::kBelieved) >= network.states_read) network.compared = network.states_read;
+    co_return lowest(network);
+}
+
+Task<Result<AlStatus>> observe_states(Network& network) {
+    auto read = co_await read_states(network);
+    if (!read || network.supervised) co_return read;
+    const std::uint32_t scans = network.scans;
+    Error first;
+    const auto compare = [&network](Slave& s) { return prove_if_there(network, s); };
+    co_await required(for_each_slave(network, compare, &first));
+    if (network.scans != scans) co_return kOtherSlaves;
+    if (first.code != Errc::none) co_return first;
     co_return lowest(network);
 }
 
@@ -184,7 +187,7 @@ Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlS
     const std::uint32_t scans = network.scans;
     Duration pause = kFirstPause;
     for (;;) {
-        auto all = co_await read_states(network);
+        auto all = co_await observe_states(network);
         // Frames may be lost: the slaves are read again until the timeout.
         const bool over = until == kNever || network.engine.now() >= until;
         if (network.scans != scans) co_return kOtherSlaves;

@@ -260,14 +260,24 @@ constexpr std::uint32_t kFewFrames = 4;
 constexpr Duration kSilence = std::chrono::milliseconds(60);
 constexpr Duration kShortSilence = std::chrono::milliseconds(30);
 
+// Between two rolls. Overlapping cycles carry no rolls, and Link::cycling() does not count them: then a roll is sent
+// every millisecond.
+Duration rest_between(const Watch& watch, Time now) {
+    constexpr Duration kBesideOverlapped = std::chrono::milliseconds(1);
+    constexpr Duration kCycles = std::chrono::milliseconds(10);
+    Link& link = watch.network.engine.link();
+    if (link.cycling(now)) return Duration{0};
+    const bool overlapped = watch.network.overlapping && now < later(link.last_cycle(), kCycles);
+    return overlapped ? std::min(kBesideOverlapped, watch.wanted.interval) : watch.wanted.interval;
+}
+
 // A silence between the last roll that came back and this one, while the supervision rested, or looked at slaves. A
 // device may have been exchanged meanwhile. Call it before the time of this roll is noted.
 void doubt_after_silence(Watch& watch) {
     Network& network = watch.network;
     const std::uint32_t lost = network.engine.link().take_longest_silence();
-    // Beside cycles a roll follows the other.
     const Time now = network.engine.now();
-    const Duration rest = network.engine.link().cycling(now) ? Duration{0} : watch.wanted.interval;
+    const Duration rest = rest_between(watch, now);
     const auto silent_for = [&](Duration time) { return now > later(network.states_read, rest + time); };
     const bool silent = lost >= kSilentFrames || (lost >= kFewFrames && silent_for(kSilence));
     if (!silent && (lost == 0 || !silent_for(kShortSilence))) return;
@@ -339,7 +349,13 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
     const auto look = [&network](Slave& s) { return look_at(network, s); };
     co_await required(for_each_slave(network, look));
     if (std::exchange(network.group_is_back, false)) watch.groups_at = later(network.engine.now(), watch.wanted.retry);
-    watch.looks = unexpected ? watch.looks + 1 : 0;
+    // A slow group may have had no cycle since the last look.
+    const bool falls_short = std::ranges::any_of(
+        network.process.groups, [](const ProcessGroup& group) { return group.mapped && group.short_reported; });
+    if (unexpected)
+        ++watch.looks;
+    else if (!falls_short)
+        watch.looks = 0;
     if (watch.looks >= kLooksBeforeDoubt) {
         watch.looks = 0;
         const auto doubt = [&network](Slave& s) { return check_fmmus(network, s); };
@@ -407,12 +423,6 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     co_return Nothing{};
 }
 
-// Until the next cycle, or for the interval when there are no cycles.
-Duration pause(const Watch& watch) {
-    const Time now = watch.network.engine.now();
-    return watch.network.engine.link().cycling(now) ? Duration{0} : watch.wanted.interval;
-}
-
 // The sleep between two rounds; a request that gives the supervision its turn ends it.
 struct Rest {
     Rest(Network& n, Duration duration) : network(n), until_woken(n.engine.sleep_for(duration)) {
@@ -450,7 +460,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
             watch.lines_at = later(now, wanted.line_interval);
             (void)crew.start(read_all_line_errors(network, wanted.line_errors));
         }
-        const Duration rest = pause(watch);
+        const Duration rest = rest_between(watch, network.engine.now());
         if (rest <= Duration{0}) continue;
         Rest sleep(network, rest);
         co_await sleep.until_woken;

@@ -39,7 +39,7 @@ std::string_view to_text(Errc code) {
         case Errc::command_failed: return "the command could not be executed";
         case Errc::unsupported: return "not supported by the slave";
         case Errc::identity_unread:
-            return "the slave was away, and its identity was not compared since: recover_slave() or a supervision does "
+            return "the slave was away, and its identity was not compared since: readstate() or a supervision does "
                    "it";
         case Errc::other_slave: return "another slave than expected";
         case Errc::missing_slave: return "an expected slave is missing";

@@ -226,7 +226,7 @@ TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
 }
 
 // Without a supervision. Another device may be at the address of a slave that was away.
-TEST(RequestsToASlaveThatWasAway, AreRefusedUntilItsIdentityIsCompared) {
+TEST(RequestsToASlaveThatWasAway, AreRefusedUntilReadstateComparesItsIdentity) {
     MailboxBus bus;
     for (int n = 0; n < 2; ++n) bus.add_device(sim::make_device("digital_io_16").value());
     bus.start();
@@ -238,11 +238,13 @@ TEST(RequestsToASlaveThatWasAway, AreRefusedUntilItsIdentityIsCompared) {
     EXPECT_EQ(read(), "slave 2: SDO upload of 0x1018:2: an expected slave is missing");
     ASSERT_TRUE(bus.segment.connect({0, 1}, {1, 0}));
     bus.idle(5ms);
-    (void)readstate(*bus.ctx);
+    bus.segment.slave(1).sii().fail_next(1'000'000);
+    EXPECT_FALSE(readstate(*bus.ctx).ok()) << "its identity cannot be read";
     EXPECT_EQ(read(),
               "slave 2: SDO upload of 0x1018:2: the slave was away, and its identity was not compared since: "
-              "recover_slave() or a supervision does it");
-    EXPECT_TRUE(recover_slave(*bus.ctx, 2).ok());
+              "readstate() or a supervision does it");
+    bus.segment.slave(1).sii().fail_next(0);
+    EXPECT_TRUE(readstate(*bus.ctx).ok());
     EXPECT_EQ(read(), "no error");
 }
 

@@ -366,9 +366,14 @@ TEST_F(ExchangedDevices, NoRegisterOfASlaveThatWasAwayIsWritten) {
     }
     set(tool, 0x0010, 0x1002);
     put_in(tool);
-    (void)readstate(*ctx);
+    segment.slave(tool).sii().fail_next(1'000'000);
+    EXPECT_FALSE(readstate(*ctx).ok()) << "its identity cannot be read";
+    const auto unread = write_register(*ctx, 2, 0x0F80, std::uint16_t{0x1234});
+    EXPECT_EQ(unread.error().code, Errc::identity_unread) << in_words(unread.error());
+    segment.slave(tool).sii().fail_next(0);
+    EXPECT_EQ(readstate(*ctx).error().code, Errc::other_slave);
     const auto written = write_register(*ctx, 2, 0x0F80, std::uint16_t{0x1234});
-    EXPECT_EQ(written.error().code, Errc::identity_unread) << in_words(written.error());
+    EXPECT_EQ(written.error().code, Errc::missing_slave) << in_words(written.error());
     EXPECT_EQ(segment.slave(tool).peek(0x0F80, 2)[0], std::byte{0});
 }
 

@@ -100,10 +100,12 @@ void World::switch_away() {
     run_for(std::chrono::milliseconds(5));
 }
 
-// Some time after the steps have begun they come.
+// Some time after the steps have begun they come, in the order of the ring: equal slaves are told apart by it alone.
 void World::come_back() {
     Time at = osal_.now() + std::chrono::milliseconds(plan_.seed % 200);
-    for (const auto n : away_) {
+    auto order = away_;
+    if (plan_.settings.expect != 5) std::ranges::reverse(order);  // choose_away() begins at the end
+    for (const auto n : order) {
         const Op op = plan_.settings.expect == 5 ? Op::mend : Op::power_on;
         const Due due{at, {0, op, {ids_[n]}}};
         insert_due(due);
