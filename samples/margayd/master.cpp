@@ -225,10 +225,10 @@ void Master::map_groups() {
     const Duration period = plan_.period * plan_.every[eni_->clocks->group];
     // The same part of the limit as the default: an error within it corrects the phase.
     const std::uint32_t limit_ns = configuration_.in_sync_us * 1000U;
-    clock_.emplace(MasterClockSettings{
-        .group = eni_->clocks->group,
-        .set_value = -period / 2,
-        .phase = {.cycle = period, .outlier_ns = limit_ns / 4 * 3, .limit_ns = limit_ns}});
+    clock_.emplace(
+        MasterClockSettings{.group = eni_->clocks->group,
+                            .set_value = -period / 2,
+                            .phase = {.cycle = period, .outlier_ns = limit_ns / 4 * 3, .limit_ns = limit_ns}});
 }
 
 // ------------------------------------------------------------------ EoE

@@ -33,9 +33,10 @@ std::string eni_with_clocks() {
 
 TEST_F(ServiceTest, TheCycleFollowsTheReferenceClockOfAnEni) {
     folder.write("etc/machine.xml", eni_with_clocks());
-    // A machine that runs tests is late by tens of microseconds. A wrong sign or a wrong phase misses half a period, 1000.
-    configure("a.toml", "source = \"" + kClockedSlaves +
-                            "\"\neni = \"machine.xml\"\npriority = 50\nin_sync_us = 400\n");
+    // A machine that runs tests is late by tens of microseconds. A wrong sign or a wrong phase misses half a period,
+    // 1000.
+    configure("a.toml",
+              "source = \"" + kClockedSlaves + "\"\neni = \"machine.xml\"\npriority = 50\nin_sync_us = 400\n");
     const auto ran = shell(
         "start; says 'in each cycle of 2000 '; sleep 0.5\n"
         "if grep 'no real-time policy' log; then stop; exit 77; fi\n"
