@@ -22,6 +22,7 @@ struct Master {
     bool in_poll = false;
     bool in_work = false;       // the work function of run_cycle() is being called
     Time polled = Time::min();  // the time of the last poll()
+    Duration poll_gap{0};       // between it and the one before
     RequestQueue queue;
     Network network;  // declared after `queue`, so that its requests end before the queue is destroyed
 

@@ -97,6 +97,14 @@ Result<> take_ownership(Context& ctx) {
     return Result<>();
 }
 
+// Nobody has looked for long, and the application polls more often otherwise: another machine may be there, and nothing
+// goes on with it before the supervision has looked.
+static bool is_after_pause(Master& master, Time now) {
+    const Duration gap = master.polled == Time::min() ? Duration{0} : now - master.polled;
+    const Duration before = std::exchange(master.poll_gap, gap);
+    return gap > Network::kBelieved && gap / 4 > before;
+}
+
 Time poll(Context& ctx, Time now) {
     Master* master = master_of(ctx);
     if (master == nullptr) return kNever;
@@ -111,9 +119,9 @@ Time poll(Context& ctx, Time now) {
     }
     if (master->foreign_poll.exchange(false, std::memory_order_relaxed)) network.errors.add({.code = Errc::not_owner});
     master->in_poll = true;
-    master->polled = now;
     network.engine.set_now(now);
-    doubt_after_pause(network);
+    if (is_after_pause(*master, now) && network.supervised) doubt_all(network, true);
+    master->polled = now;
     // A request that ends in this poll() may free memory for requests that wait.
     Time queued = serve_queue(*master, now);
     Time next = network.engine.poll(now);

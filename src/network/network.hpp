@@ -154,7 +154,6 @@ struct Network {
     bool supervision_turn = false;        // such a request has ended: the supervision works before the next one begins
     std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave
     bool silence_noted = false;           // doubt_after_silence() is due: in the next poll(), outside all sequences
-    bool pause_noted = false;             // the supervision has doubted all slaves since nobody has looked
     List<SlaveWork> works;                // at most one for each slave
     Engine::Sleep::Timer* supervision_sleep = nullptr;  // while the supervision rests between two rounds
     bool in_run_cycle = false;  // groups that were mapped before a scan are missing until they are mapped again

@@ -372,12 +372,6 @@ bool doubt_unseen(Network& network) {
     return unseen;
 }
 
-void doubt_after_pause(Network& network) {
-    const bool pause = network.supervised && network.is_unobserved();
-    if (pause && !network.pause_noted) doubt_all(network, true);
-    network.pause_noted = pause;
-}
-
 bool doubt_after_silence(Network& network) {
     if (!note_silence(network)) return false;
     network.silence_noted = false;

@@ -50,9 +50,6 @@ bool doubt_after_silence(Network& network);
 // Without a supervision: doubts all slaves when a machine may have been exchanged that no silence shows. Nothing was
 // sent for long, or a cycle that had been right fell short and is right again. Returns whether it has doubted them.
 bool doubt_unseen(Network& network);
-// With a supervision, at the beginning of a poll(): doubts all slaves when nobody has looked for long, so that nothing
-// goes on with another machine before the supervision has looked. Cheap.
-void doubt_after_pause(Network& network);
 // The same as doubt_after_silence(), but the slaves are doubted in the next poll(): for calls within hooks and
 // callbacks, since doubt_all() ends sequences, perhaps the one that is executing. Returns whether such a silence was
 // noted.
