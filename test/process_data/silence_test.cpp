@@ -1,45 +1,11 @@
 // No frame comes back for a while, and meanwhile a machine of another product takes the place of slave 2: it has its
 // station address, FMMUs and state. The supervision compares the identities, however short the silence was.
-#include "process_data/identities.hpp"
+#include "process_data/silence.hpp"
 
 #include <margay/run.hpp>
 
 namespace margay {
 namespace {
-
-struct Silence : Identities {
-    void SetUp() override {}
-    void TestBody() override {}  // for tests that use several plants
-
-    void idle(Duration duration) {
-        const Time end = osal.now() + duration;
-        while (osal.now() < end) {
-            osal.advance(1ms);
-            (void)poll(*ctx, osal.now());
-        }
-    }
-    void begin_silence() {
-        segment.disconnect({line[0], 0});
-        segment.reconsider();
-    }
-    void end_silence() {
-        ASSERT_TRUE(segment.connect_master({line[0], 0}));
-        segment.reconsider();
-    }
-    void exchange() {
-        take_out(line[1]);
-        put_in(tool);
-        segment.reconsider();
-    }
-    void expect_no_outputs_of_slave_2(int count) {
-        for (int n = 0; n < count; ++n) {
-            write_outputs();
-            (void)cycle();
-            const auto outputs = program(tool).outputs();
-            ASSERT_TRUE(outputs.empty() || outputs[0] != std::byte{0xA2}) << n;
-        }
-    }
-};
 
 // Without cycles only the supervision sends frames. {interval, silence}.
 struct SilenceWithoutCycles : Silence, testing::WithParamInterface<std::pair<int, int>> {};
@@ -140,30 +106,6 @@ TEST_F(Silence, TheErrorOfTheCycleSaysNotThatOthersAreFresh) {
         }
     }
     EXPECT_GT(doubtful, 0);
-}
-
-// Without a supervision, readstate() compares after a silence. The other machine is in OP.
-TEST_F(Silence, ReadstateComparesWithoutASupervision) {
-    for (const int length : {30, 100, 900}) {
-        Silence one;
-        one.build();
-        one.make_like_slave_2(one.tool, AlState::op);
-        one.set(one.tool, 0x0420, 0);  // its watchdog is off
-        one.cycles(20);
-        ASSERT_TRUE(readstate(*one.ctx).ok());
-        one.begin_silence();
-        one.exchange();
-        one.cycles(length);
-        one.end_silence();
-        (void)readstate(*one.ctx);
-        const auto again = readstate(*one.ctx);
-        EXPECT_FALSE(again.ok() && again->state == AlState::op) << length;
-        one.write_outputs();
-        one.expect_no_outputs_of_slave_2(100);
-        EXPECT_FALSE(one.cycle().ok()) << length;
-        EXPECT_FALSE(all_right(*one.ctx)) << length;
-        EXPECT_FALSE(inputs_fresh(*one.ctx, 2)) << length;
-    }
 }
 
 }  // namespace
