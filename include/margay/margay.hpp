@@ -151,10 +151,10 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // higher state (SlaveConfiguration::highest) does not lower the result once it has reached that state. Where no
 // supervision is busy, readstate() and statecheck() compare the identity of a slave that was away, too. readstate()
 // compares the identities of all slaves when another machine may be there: ten frames or more did not come back one
-// after the other since the last reading; the application has sent nothing for more than a second; or the cycles of a
-// group were right, fell short and are right again. Errors: wrong_state (no slaves yet), unstable (a scan has begun
-// meanwhile), other_slave, identity_unread (another request uses the slave, and has not compared it yet), those of
-// reading the register and the identity.
+// after the other since the last reading; the application has sent no cycle and read no states for more than a second;
+// or the cycles of a group were right, fell short and are right again. Errors: wrong_state (no slaves yet), unstable (a
+// scan has begun meanwhile), other_slave, identity_unread (another request uses the slave, and has not compared it
+// yet), those of reading the register and the identity.
 //
 // writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
 // it is allowed. It reads the state of each slave, executes the start-up commands and the hook before the transition,

@@ -108,9 +108,9 @@ class SlaveRequest : public Request {
 // A request to the mailbox of a slave. `timeout` zero: no limit for the whole request, and 3 s for each answer of the
 // slave. The request is refused with missing_slave while the slave is known to be absent; with identity_unread after
 // the slave was away, until its identity is compared (by readstate() or a SuperviseRequest); and with wrong_state while
-// the slave is in INIT. Without a supervision call readstate() first when nothing was sent for more than a second. A
-// busy request ends with missing_slave when the slave is seen to be lost, or the supervision finds that no frame comes
-// back any more, and with mailbox_closed when the slave is in INIT or starts again.
+// the slave is in INIT. Without a supervision call readstate() first after a pause of more than a second. A
+// busy request ends with missing_slave when the slave is seen to be lost, with identity_unread when so many frames did
+// not come back that another device may be there, and with mailbox_closed when the slave is in INIT or starts again.
 using MailRequest = SlaveRequest;
 
 // Finds all slaves, reads their identity and SII, and brings them to PREOP. See config_init().

@@ -180,14 +180,14 @@ void MailboxChannel::close() {
     end_exchanges(Errc::mailbox_closed);
 }
 
-void MailboxChannel::interrupt() {
+void MailboxChannel::interrupt(Errc reason) {
     if (!is_reachable()) return;
     // The slave may have the message on the wire: the next one needs another counter.
     if (sending_ != nullptr) out_counter_ = trial_counter_;
     // It still answers what it has received.
     const bool owes = !awaiting_.empty() || (sending_ != nullptr && sending_->options_.reply) || now() < owed_until_;
     away_ = true;
-    end_exchanges(Errc::missing_slave);
+    end_exchanges(reason);
     if (owes) owed_key_ = kAnyKey;
 }
 

@@ -38,7 +38,7 @@ void update_mailbox(Network& network, const Slave& slave) {
     MailboxChannel& channel = network.mailbox(slave);
     const AlState now = slave.al.state;
     if (now == AlState::none) {
-        channel.interrupt();
+        channel.interrupt(Errc::missing_slave);
     } else if (now == AlState::init) {
         if (channel.is_open()) channel.close();
     } else if (now == AlState::boot || !network.marks(slave).was_away) {

@@ -150,7 +150,10 @@ TEST_F(TransferInASilence, SubmitsARequestInItsCallback) {
     transfer_through_a_silence();
     expect_refused();
     EXPECT_EQ(write.state(), RequestState::error);
-    EXPECT_EQ(bus.words(write.error()), "slave 2: FoE write: an expected slave is missing");
+    EXPECT_EQ(
+        bus.words(write.error()),
+        "slave 2: FoE write: the slave was away, and its identity was not compared since: readstate() or a supervision "
+        "does it");
     expect_mailbox_works();
 }
 TEST_F(TransferInASilence, IsCanceledInItsCallback) {
