@@ -59,9 +59,9 @@ class MailboxChannel {
     [[nodiscard]] bool is_open() const { return open_; }
     // Since forget(): the slave has a mailbox that works, though it may be closed now.
     [[nodiscard]] bool was_open() const { return was_open_; }
-    // The slave does not answer any more (missing_slave), or another device may have its address (identity_unread): ends
-    // all exchanges and waiting sessions with this error. The channel stays open, but refuses messages and looks for no
-    // mail until resume().
+    // The slave does not answer any more (missing_slave), or another device may have its address (identity_unread):
+    // ends all exchanges and waiting sessions with this error. The channel stays open, but refuses messages and looks
+    // for no mail until resume().
     void interrupt(Errc reason);
     // The slave is there again, and it is the same one. Mail from before is fetched before the first message is sent.
     void resume();

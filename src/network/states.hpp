@@ -13,8 +13,8 @@ namespace margay {
 // unstable (a scan has begun meanwhile: the slaves are others).
 [[nodiscard]] Task<Result<AlStatus>> read_states(Network& network);
 
-// The same. Without a supervision the identities of doubted slaves are compared, too. Errors: also those of prove(), and
-// identity_unread (a request uses the slave, and has not compared it yet).
+// The same. Without a supervision the identities of doubted slaves are compared, too. Errors: also those of prove(),
+// and identity_unread (a request uses the slave, and has not compared it yet).
 [[nodiscard]] Task<Result<AlStatus>> observe_states(Network& network);
 
 // Requests `state` of one slave, or of all (0), without waiting for it. An error indication in slave.al is
