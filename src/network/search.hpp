@@ -53,8 +53,12 @@ bool doubt_unseen(Network& network);
 // With a supervision, at the beginning of a poll(): doubts all slaves when nobody has looked for long, so that nothing
 // goes on with another machine before the supervision has looked. Cheap.
 void doubt_after_pause(Network& network);
-// The same as doubt_after_silence(), but the slaves are doubted in the next poll(): for calls within hooks and callbacks, since doubt_all()
-// ends sequences, perhaps the one that is executing. Returns whether such a silence was noted.
+// With a supervision, before the reply of an overlapped cycle is evaluated: doubts all slaves when a silence has ended
+// that the supervision has not noted yet. Ends no sequence: the supervision does that with its next roll. Cheap.
+void doubt_reply(Network& network);
+// The same as doubt_after_silence(), but the slaves are doubted in the next poll(): for calls within hooks and
+// callbacks, since doubt_all() ends sequences, perhaps the one that is executing. Returns whether such a silence was
+// noted.
 bool note_silence(Network& network);
 
 // Compares the identity of the slave that answers at the address of `slave` with the known one. Another slave loses its

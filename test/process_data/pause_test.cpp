@@ -8,6 +8,7 @@ namespace margay {
 namespace {
 
 struct Pause : Identities {
+    Pause() { limits.process_frames = 8; }
     static constexpr std::array kMark{std::byte{0x5A}, std::byte{0xA5}};
     static constexpr std::uint16_t kUserMemory = 0x0F80;
     static constexpr std::uint32_t kAliasWord = 4;
@@ -133,6 +134,20 @@ TEST_P(UnsupervisedPause, ReadstateComparesAlsoAfterTheFirstCycles) {
     expect_nothing_of_slave_2(100);
 }
 INSTANTIATE_TEST_SUITE_P(States, UnsupervisedPause, testing::Values(AlState::preop, AlState::safeop, AlState::op));
+
+// The pause is between two cycles that overlap others.
+TEST_F(Pause, ReadstateComparesAlsoBesideOverlappedCycles) {
+    ctx->group(0).config.cycles_in_flight = 2;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
+    prepare(AlState::op);
+    cycles(200);
+    ASSERT_TRUE(readstate(*ctx).ok());
+    stop(true);
+    cycles(50);
+    EXPECT_EQ(readstate(*ctx).error().code, Errc::other_slave);
+    expect_nothing_of_slave_2(100);
+}
 
 // The EEPROM is read once, and not at each reading of the states.
 TEST_F(Pause, ReadstateComparesTheSameSlavesOnce) {
