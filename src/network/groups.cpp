@@ -159,20 +159,24 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
     co_return done;
 }
 
-// Copies of the group that name the slave are not executed any more.
-void report_copies(Network& network, const Slave& slave) {
+// Copies of the group that name the slave are not executed any more: the outputs of their destinations stay as they
+// are.
+void report_copies(Network& network, const Slave& slave, FirstFault& faults) {
     const ProcessGroup& group = network.process.groups[slave.image.group];
     const auto names = [&slave](const SlaveToSlave& copy) {
         return copy.from_slave == slave.number || copy.to_slave == slave.number;
     };
-    if (group.mapped && std::ranges::any_of(group.config.copies, names))
-        network.note(invalid_mapping(Argument::copy, slave.number));
+    if (!group.mapped || std::ranges::none_of(group.config.copies, names)) return;
+    // Not an error of the slave, which is mapped in its new group.
+    const Error error = invalid_mapping(Argument::copy, slave.number);
+    network.note(error);
+    faults.keep(error);
 }
 
 // The slave was in the earlier mapping of a group, and the application has assigned it to another group since. Its
 // FMMUs must not answer at the addresses of the new mapping.
-Task<Result<>> leave_group(Network& network, Slave& slave) {
-    report_copies(network, slave);
+Task<Result<>> leave_group(Network& network, Slave& slave, FirstFault& faults) {
+    report_copies(network, slave, faults);
     leave_counters(network, slave);
     if (network.has_mailbox(slave))
         network.mailbox(slave).forget_status_bit(network.process.groups[slave.image.group].image);
@@ -208,7 +212,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
     const bool leaves = slave.config.group != number && slave.image.group == number;
     const bool comes = slave.config.group == number && slave.image.group != number;
     if (slave.image.group != SlaveImage::kNoGroup && (leaves || comes)) {
-        auto left = co_await leave_group(network, slave);
+        auto left = co_await leave_group(network, slave, faults);
         if (!left || leaves) co_return left;
     }
     // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is disabled, and still increment the
@@ -271,7 +275,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     auto hook = co_await prepare_slave(network, slave, faults);
     (void)hook;                          // a place is reserved for the slave nevertheless
     if (slave.config.group != number) {  // the hook has assigned the slave to another group
-        if (slave.image.group == number) co_return co_await required(leave_group(network, slave));
+        if (slave.image.group == number) co_return co_await required(leave_group(network, slave, faults));
         co_return Nothing{};
     }
     auto found = co_await discover_pdos(network, slave);
