@@ -263,7 +263,9 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     if (slave.config.highest < AlState::safeop) co_return Nothing{};
     if (slave.held) forget_described(slave);  // read from the slave at this place, which is not the wanted one
     if (slave.held || !is_there_to_map(slave) || !slave.seen) {
-        const bool nobodys = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !is_known(slave));
+        // Without a list the scan has found the slave, and could not read it.
+        const bool nobodys = (slave.held && slave.unexpected) ||
+                             (slave.wanted == nullptr && !is_known(slave) && !network.expected.empty());
         slave.unplaced = !nobodys && !keep_place(slave);
         // The slave is asked when it comes: perhaps it has no process data.
         slave.pdos_failed = slave.unplaced && !slave.held;
@@ -321,9 +323,10 @@ Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, Fi
             auto same = co_await prove(network, slave);
             network.marks(slave).unproved |= !same.ok();
             if (!same) faults.note(network, slave, same.error());
-            if (same && !slave.seen)  // another revision
-                faults.note(network, slave,
-                            {.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number});
+            // It could not be read before the image was laid out, or is of another revision.
+            const Errc late = slave.unplaced ? Errc::no_place : Errc::remapping_needed;
+            if (same && !slave.seen)
+                faults.note(network, slave, {.code = late, .step = Step::map_process_data, .slave = slave.number});
         }
     }
     const bool unfinished = is_unfinished(network, slave);
