@@ -395,7 +395,6 @@ class Mapping {
             if (network.has_mailbox(slave)) network.mailbox(slave).forget_status_bit(old);
         unprepare(group_, network.engine.link(), network.engine.now());
         group_.mapping = true;
-        group_.unexpected = group_.was_right = false;
     }
     Mapping(const Mapping&) = delete;
     Mapping& operator=(const Mapping&) = delete;

@@ -123,7 +123,6 @@ bool head_is_there(const Network& network, std::uint8_t hot_connect) {
 void leave_exchange(Network& network, Slave& lost) {
     update_mailbox(network, lost);
     set_takes_part(network, lost, false);
-    update_counted(network, lost);
     if (lost.wanted == nullptr || lost.wanted->hot_connect == 0) return;
     if (head_is_there(network, lost.wanted->hot_connect)) return;
     for (Slave& slave : network.slaves()) {

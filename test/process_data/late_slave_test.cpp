@@ -329,6 +329,9 @@ TEST(UnreadSlave, HasNoPlaceInItsFirstMapping) {
     go_while([&] { return map.busy(); });
     EXPECT_EQ(map.error().step, Step::read_sii) << static_cast<int>(map.error().code);
     EXPECT_EQ(map.error().slave, 2U);
+    const auto said = plant.errors();
+    EXPECT_EQ(Plant::told(said, "slave 2: mapping process data: the slave has process data, but no place"), 1);
+    EXPECT_EQ(Plant::told(said, "have changed since config_map()"), 0) << Plant::joined(said);
     EXPECT_TRUE(plant.ctx->slave(2).unplaced);
     EXPECT_EQ(plant.ctx->group(0).expected_wkc, 4U) << "three of slave 1, and one of slave 2";
     for (int n = 0; n < 20; ++n) EXPECT_EQ(plant.cycle().error().code, Errc::working_counter);

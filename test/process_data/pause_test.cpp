@@ -20,6 +20,18 @@ struct Pause : Identities {
         const auto now = segment.slave(tool).sii().image();
         sii_of_tool.assign(now.begin(), now.end());
     }
+    // The slaves have the same state as the tool.
+    void bring_all_to(AlState state) {
+        if (state == AlState::op) {
+            ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
+        } else {
+            ASSERT_TRUE(writestate(*ctx, 0, state).ok());
+            ASSERT_EQ(statecheck(*ctx, 0, state, 1s)->state, state);
+        }
+        cycles(200);
+        ASSERT_EQ(readstate(*ctx)->state, state);
+        ASSERT_EQ(state_of(tool), static_cast<int>(state));
+    }
     void supervise() {
         ASSERT_TRUE(submit(*ctx, supervision).ok());
         cycles(300);
@@ -107,8 +119,7 @@ struct UnsupervisedPause : Pause, testing::WithParamInterface<AlState> {
     void SetUp() override {
         build();
         prepare(GetParam());
-        cycles(200);
-        ASSERT_TRUE(readstate(*ctx).ok());
+        bring_all_to(GetParam());
     }
 };
 TEST_P(UnsupervisedPause, ReadstateCompares) {
@@ -139,10 +150,8 @@ INSTANTIATE_TEST_SUITE_P(States, UnsupervisedPause, testing::Values(AlState::pre
 TEST_F(Pause, ReadstateComparesAlsoBesideOverlappedCycles) {
     ctx->group(0).config.cycles_in_flight = 2;
     ASSERT_TRUE(config_map(*ctx, image).ok());
-    ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
     prepare(AlState::op);
-    cycles(200);
-    ASSERT_TRUE(readstate(*ctx).ok());
+    bring_all_to(AlState::op);
     stop(true);
     cycles(50);
     EXPECT_EQ(readstate(*ctx).error().code, Errc::other_slave);
@@ -179,6 +188,7 @@ struct RightAgain : Pause, testing::WithParamInterface<std::pair<bool, bool>> {}
 TEST_P(RightAgain, ReadstateCompares) {
     const auto [before, between] = GetParam();
     prepare(AlState::op);
+    ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
     cycles(200);
     if (before) {
         ASSERT_TRUE(readstate(*ctx).ok());
@@ -204,8 +214,7 @@ INSTANTIATE_TEST_SUITE_P(Readings, RightAgain,
 // readstate() does not say OP of a slave whose identity is unread.
 TEST_F(Pause, ReadstateSaysNotOpOfASlaveWhoseIdentityIsUnread) {
     prepare(AlState::op);
-    cycles(200);
-    ASSERT_TRUE(readstate(*ctx).ok());
+    bring_all_to(AlState::op);
     take_out(line[1]);
     segment.reconsider();
     cycles(500);
