@@ -1,5 +1,6 @@
 // Process data for the public API: the cycle.
 #include "api/master.hpp"
+#include "network/search.hpp"
 
 #include <margay/margay.hpp>
 
@@ -59,7 +60,10 @@ Error negative_timeout(std::uint8_t group) {
         while (none && engine.receive_one(now)) {
         }
         const Time give_up = later(none ? start : std::max(from, sent_at(group)), timeout);
-        if (all || (now >= give_up && !none)) return end_overlapped(group, engine.link(), now);
+        if (all || (now >= give_up && !none)) {
+            doubt_reply(master.network);
+            return end_overlapped(group, engine.link(), now);
+        }
         if (now >= give_up) return refused(Errc::timeout, group.number);
         osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handles());
         now = osal.now();

@@ -109,7 +109,9 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // working counter of a datagram is too low), no_frame (no cycle has come back), wrong_state (no slaves yet), not_polled
 // (requests are busy, and the owner has exchanged process data for a second without a call of poll()), not_supervised
 // (no supervision is busy, and nobody has read the states of all slaves for a second of cycles), group_left_out (a
-// mapped group was not exchanged for a second of cycles; seen from the second call on).
+// mapped group was not exchanged for a second of cycles; seen from the second call on), invalid_argument (a copy of a
+// mapped group is not executed, because its slave is in another group now, or GroupConfiguration::copies was changed;
+// detail: Argument::copy).
 [[nodiscard]] Error what_is_wrong(Context& ctx);
 
 // ------------------------------------------------------------------ the cycle

@@ -94,6 +94,17 @@ Error cycles_trouble(Network& network) {
     return {};
 }
 
+// A slave of a copy has left the group since the mapping, or the list has changed: the copy is not executed.
+Error copies_trouble(const Network& network) {
+    for (const ProcessGroup& group : network.process.groups) {
+        if (!group.mapped || group.mapping) continue;
+        for (const SlaveToSlave& copy : group.config.copies)
+            if (const std::uint16_t slave = invalid_end(group, copy); slave != 0)
+                return invalid_mapping(Argument::copy, slave);
+    }
+    return {};
+}
+
 bool ends_the_cycle(Errc code) { return code == Errc::wrong_state || code == Errc::not_owner; }
 
 bool any_mapped(const Network& network) {
@@ -316,7 +327,7 @@ Error what_is_wrong(Context& ctx) {
         if (const Error error = state_error(network, slave); error.code != Errc::none) return error;
     if (!network.supervised && later(network.states_read, Network::kBelieved) < network.engine.link().last_cycle())
         return {.code = Errc::not_supervised, .step = Step::read_state};
-    return trouble;
+    return trouble.code != Errc::none ? trouble : copies_trouble(network);
 }
 
 bool all_right(Context& ctx) { return what_is_wrong(ctx).code == Errc::none; }

@@ -99,6 +99,7 @@ class Link {
     [[nodiscard]] const LinkStatistics& statistics() const { return statistics_; }
     // The most frames that did not come back one after the other, without a frame that did, since the last call.
     [[nodiscard]] std::uint32_t take_longest_silence() { return std::exchange(longest_silence_, 0); }
+    [[nodiscard]] std::uint32_t longest_silence() const { return longest_silence_; }
     // Whether no cycle was sent for longer than kPause, since the last call: now, or between two cycles.
     [[nodiscard]] bool take_pause(Time now) {
         note_cycle(last_cycle_, now);

@@ -159,20 +159,24 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
     co_return done;
 }
 
-// Copies of the group that name the slave are not executed any more.
-void report_copies(Network& network, const Slave& slave) {
+// Copies of the group that name the slave are not executed any more: the outputs of their destinations stay as they
+// are.
+void report_copies(Network& network, const Slave& slave, FirstFault& faults) {
     const ProcessGroup& group = network.process.groups[slave.image.group];
     const auto names = [&slave](const SlaveToSlave& copy) {
         return copy.from_slave == slave.number || copy.to_slave == slave.number;
     };
-    if (group.mapped && std::ranges::any_of(group.config.copies, names))
-        network.note(invalid_mapping(Argument::copy, slave.number));
+    if (!group.mapped || std::ranges::none_of(group.config.copies, names)) return;
+    // Not an error of the slave, which is mapped in its new group.
+    const Error error = invalid_mapping(Argument::copy, slave.number);
+    network.note(error);
+    faults.keep(error);
 }
 
 // The slave was in the earlier mapping of a group, and the application has assigned it to another group since. Its
 // FMMUs must not answer at the addresses of the new mapping.
-Task<Result<>> leave_group(Network& network, Slave& slave) {
-    report_copies(network, slave);
+Task<Result<>> leave_group(Network& network, Slave& slave, FirstFault& faults) {
+    report_copies(network, slave, faults);
     leave_counters(network, slave);
     if (network.has_mailbox(slave))
         network.mailbox(slave).forget_status_bit(network.process.groups[slave.image.group].image);
@@ -208,7 +212,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
     const bool leaves = slave.config.group != number && slave.image.group == number;
     const bool comes = slave.config.group == number && slave.image.group != number;
     if (slave.image.group != SlaveImage::kNoGroup && (leaves || comes)) {
-        auto left = co_await leave_group(network, slave);
+        auto left = co_await leave_group(network, slave, faults);
         if (!left || leaves) co_return left;
     }
     // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is disabled, and still increment the
@@ -259,7 +263,9 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     if (slave.config.highest < AlState::safeop) co_return Nothing{};
     if (slave.held) forget_described(slave);  // read from the slave at this place, which is not the wanted one
     if (slave.held || !is_there_to_map(slave) || !slave.seen) {
-        const bool nobodys = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !is_known(slave));
+        // Without a list the scan has found the slave, and could not read it.
+        const bool nobodys = (slave.held && slave.unexpected) ||
+                             (slave.wanted == nullptr && !is_known(slave) && !network.expected.empty());
         slave.unplaced = !nobodys && !keep_place(slave);
         // The slave is asked when it comes: perhaps it has no process data.
         slave.pdos_failed = slave.unplaced && !slave.held;
@@ -271,7 +277,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     auto hook = co_await prepare_slave(network, slave, faults);
     (void)hook;                          // a place is reserved for the slave nevertheless
     if (slave.config.group != number) {  // the hook has assigned the slave to another group
-        if (slave.image.group == number) co_return co_await required(leave_group(network, slave));
+        if (slave.image.group == number) co_return co_await required(leave_group(network, slave, faults));
         co_return Nothing{};
     }
     auto found = co_await discover_pdos(network, slave);
@@ -317,9 +323,10 @@ Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, Fi
             auto same = co_await prove(network, slave);
             network.marks(slave).unproved |= !same.ok();
             if (!same) faults.note(network, slave, same.error());
-            if (same && !slave.seen)  // another revision
-                faults.note(network, slave,
-                            {.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number});
+            // It could not be read before the image was laid out, or is of another revision.
+            const Errc late = slave.unplaced ? Errc::no_place : Errc::remapping_needed;
+            if (same && !slave.seen)
+                faults.note(network, slave, {.code = late, .step = Step::map_process_data, .slave = slave.number});
         }
     }
     const bool unfinished = is_unfinished(network, slave);
@@ -388,7 +395,6 @@ class Mapping {
             if (network.has_mailbox(slave)) network.mailbox(slave).forget_status_bit(old);
         unprepare(group_, network.engine.link(), network.engine.now());
         group_.mapping = true;
-        group_.unexpected = group_.was_right = false;
     }
     Mapping(const Mapping&) = delete;
     Mapping& operator=(const Mapping&) = delete;

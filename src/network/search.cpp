@@ -373,6 +373,17 @@ bool doubt_unseen(Network& network) {
     return unseen;
 }
 
+void doubt_reply(Network& network) {
+    if (!network.supervised || network.engine.link().longest_silence() < kSilentFrames) return;
+    bool more = false;
+    for (const Slave& slave : network.slaves()) {
+        if (!is_known(slave) || network.marks(slave).was_away) continue;
+        network.marks(slave).doubt(true);
+        more = true;
+    }
+    if (more) settle_groups(network);
+}
+
 bool doubt_after_silence(Network& network) {
     if (!note_silence(network)) return false;
     network.silence_noted = false;

@@ -50,6 +50,9 @@ bool doubt_after_silence(Network& network);
 // Without a supervision: doubts all slaves when a machine may have been exchanged that no silence shows. Nothing was
 // sent for long, or a cycle that had been right fell short and is right again. Returns whether it has doubted them.
 bool doubt_unseen(Network& network);
+// With a supervision, before the reply of an overlapped cycle is evaluated: doubts all slaves when a silence has ended
+// that the supervision has not noted yet. Ends no sequence: the supervision does that with its next roll. Cheap.
+void doubt_reply(Network& network);
 // The same as doubt_after_silence(), but the slaves are doubted in the next poll(): for calls within hooks and
 // callbacks, since doubt_all() ends sequences, perhaps the one that is executing. Returns whether such a silence was
 // noted.

@@ -128,7 +128,10 @@ bool is_to_be_asked(const Network& network, const Slave& slave) {
 }
 
 bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
-    const bool nobody = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !is_known(slave));
+    // Without a list the scan has found the slave. One that it could not read may be missing.
+    const bool unknown =
+        slave.wanted == nullptr && !is_known(slave) && (!network.expected.empty() || slave.al.state == AlState::none);
+    const bool nobody = (slave.held && slave.unexpected) || unknown;
     const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
     const bool awaited = slave.wanted != nullptr && slave.wanted->hot_connect != 0 && network.marks(slave).awaited &&
                          !is_optional(*slave.wanted) && head_is_there(network, slave.wanted->hot_connect);

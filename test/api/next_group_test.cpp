@@ -1,6 +1,8 @@
 // SlaveConfiguration::group says where the slave is to be after the next mapping; until then it stays in its group.
 #include "process_data/bus.hpp"
 
+#include <margay/run.hpp>
+
 #include <cstring>
 
 namespace margay {
@@ -38,13 +40,13 @@ TEST_F(NextGroup, ACopyToASlaveThatHasLeftTheGroup) {
         (void)to_op();
         const std::size_t used = far ? 12 : 16;
         ctx->slave(4).config.group = 1;
-        EXPECT_TRUE(config_map(*ctx, second, 1)) << far;
-        const auto reported = ctx->errors().take();
-        ASSERT_TRUE(reported);
+        const auto mapped = config_map(*ctx, second, 1);
         EXPECT_EQ(
-            words(*reported),
+            words(mapped.error()),
             "slave 4: mapping process data: argument out of range: GroupConfiguration::copies: at least 1 bit, and "
             "only bits of the slave's data in this group");
+        EXPECT_EQ(ctx->errors().take(), mapped.error());
+        EXPECT_TRUE(ctx->group(1).mapped);
         std::fill(image.begin(), image.end(), std::byte{0});
         std::fill_n(image.begin(), 4, std::byte{0x11});  // what the application wants of slave 1
         std::fill_n(image.begin() + static_cast<long>(used) - 4, 4, std::byte{0x77});  // inputs of slave 2
@@ -54,6 +56,41 @@ TEST_F(NextGroup, ACopyToASlaveThatHasLeftTheGroup) {
         for (std::size_t n = used; n < image.size(); ++n) beyond += image[n] != std::byte{0} ? 1 : 0;
         EXPECT_EQ(beyond, 0U) << "octets written behind the image of group 0";
     }
+}
+
+// The source of a copy is mapped in another group. The destination would keep the outputs that were copied last.
+TEST_F(NextGroup, ACopyFromASlaveThatHasLeftTheGroup) {
+    for (int n = 0; n < 3; ++n) add(16, 16);
+    start();
+    static constexpr SlaveToSlave kFrom2[] = {{.from_slave = 2, .to_slave = 3, .bits = 16}};
+    ctx->group(0).config.copies = kFrom2;
+    ASSERT_TRUE(config_map(*ctx, image));
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(*ctx, supervision));
+    bus_inputs(2, 0x22);
+    for (int n = 0; n < 300; ++n) (void)cycle();
+    ASSERT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    ASSERT_EQ(device(3).outputs()[0], std::byte{0x22});
+    ctx->slave(2).config.group = 1;
+    const std::string why =
+        "slave 2: mapping process data: argument out of range: GroupConfiguration::copies: at least 1 bit, and only "
+        "bits "
+        "of the slave's data in this group";
+    EXPECT_EQ(words(config_map(*ctx, second, 1).error()), why);
+    const auto run = [&] {
+        for (int n = 0; n < 300; ++n) (void)cycle(0), (void)cycle(1);
+    };
+    run();
+    EXPECT_EQ(words(what_is_wrong(*ctx)), why);
+    EXPECT_TRUE(config_map(*ctx, second, 1)) << "the slave does not leave a group this time";
+    run();
+    EXPECT_EQ(words(what_is_wrong(*ctx)), why) << "the copy is still not executed";
+    ctx->group(0).config.copies = {};  // the application copies by itself
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    ctx->slave(3).image.outputs.bytes[0] = std::byte{0x33};
+    run();
+    EXPECT_EQ(device(3).outputs()[0], std::byte{0x33});
+    supervision.cancel();
 }
 
 // `config.group` is set for the next config_map(); the group that is mapped continues.

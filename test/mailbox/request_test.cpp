@@ -248,5 +248,33 @@ TEST(RequestsToASlaveThatWasAway, AreRefusedUntilReadstateComparesItsIdentity) {
     EXPECT_EQ(read(), "no error");
 }
 
+// Nothing was sent for three seconds, and slave 2 is another product since. The first call is a mail.
+TEST(RequestsToASlaveThatWasAway, TheFirstMailAfterAPauseIsRefused) {
+    for (const bool supervised : {true, false}) {
+        MailboxBus bus;
+        for (int n = 0; n < 2; ++n) bus.add_device(sim::make_device("digital_io_16").value());
+        bus.start();
+        SuperviseRequest supervision;
+        supervision.target = AlState::preop;
+        if (supervised) {
+            ASSERT_TRUE(submit(*bus.ctx, supervision).ok());
+        }
+        bus.idle(500ms);
+        const auto write = [&] { return SDOwrite<std::uint16_t>(*bus.ctx, 2, 0x8000, 1, 5).error(); };
+        const Error before = write();
+        ASSERT_EQ(before.code, Errc::none) << bus.words(before);
+        bus.osal.advance(3s);
+        bus.segment.slave(1).sii().image()[20] ^= std::byte{0x77};  // the product
+        if (!supervised) {
+            EXPECT_EQ(readstate(*bus.ctx).error().code, Errc::other_slave);
+        }
+        const Error refused = write();
+        EXPECT_EQ(refused.slave, 2U) << "supervised " << supervised << ": " << bus.words(refused);
+        bus.idle(500ms);
+        EXPECT_EQ(write().code, Errc::missing_slave) << bus.words(write());
+        EXPECT_TRUE(SDOread<std::uint32_t>(*bus.ctx, 1, 0x1018, 2).ok());
+    }
+}
+
 }  // namespace
 }  // namespace margay

@@ -1,7 +1,9 @@
 // Which slaves have fresh inputs, and the inputs of a lost slave.
 #include "process_data/bus.hpp"
 #include "process_data/prepared_group.hpp"
+#include "sim/library/library.hpp"
 
+#include <margay/run.hpp>
 #include <margay/shared_image.hpp>
 
 namespace margay {
@@ -225,6 +227,34 @@ TEST_F(DegradedStatusTest, ASlaveLostWhileTheCycleIsUnderWayKeepsItsInputs) {
     EXPECT_EQ(cycle(group.datagrams[0].accepted, 0x13, 0, false).error().detail, Error::kOthersFresh);
     EXPECT_EQ(in(0), std::byte{0x13});
     EXPECT_EQ(in(1), std::byte{0x21});
+}
+
+// The application takes a slave down to INIT and up to PREOP. Its SyncManagers of process data are off then: FMMUs
+// would exchange plain memory, and increment the working counter.
+TEST(FreshInputs, NotOfASlaveThatWasTakenToPreopByHand) {
+    for (const char* name : {"analog_io_4_2", "drive"}) {
+        Bus bus;
+        for (const char* device : {"coupler", name}) {
+            const auto n = bus.segment.add(std::move(*sim::make_device(device)).assemble());
+            ASSERT_TRUE(n == 0 ? bus.segment.connect_master({0, 0}) : bus.segment.connect({n - 1, 1}, {n, 0}));
+        }
+        bus.start();
+        std::vector<std::byte> image(256);
+        ASSERT_TRUE(config_map(*bus.ctx, image).ok());
+        ASSERT_EQ(bus.to_op().state, AlState::op);
+        ASSERT_TRUE(bus.cycle().ok());
+        ASSERT_TRUE(inputs_fresh(*bus.ctx, 2));
+        for (const AlState state : {AlState::init, AlState::preop}) {
+            ASSERT_TRUE(writestate(*bus.ctx, 2, state).ok());
+            ASSERT_EQ(statecheck(*bus.ctx, 2, state, 2s)->state, state);
+            for (int n = 0; n < 100; ++n) {
+                const auto wkc = bus.cycle();
+                ASSERT_EQ(wkc.error().code, Errc::working_counter) << name << n;
+                ASSERT_FALSE(inputs_fresh(*bus.ctx, 2)) << name << n;
+            }
+        }
+        EXPECT_FALSE(all_right(*bus.ctx));
+    }
 }
 
 }  // namespace

@@ -1,0 +1,236 @@
+// The application stops for longer than a second, or its cycles fall short and are right again: no silence shows that a
+// machine of another product took the place of slave 2 meanwhile. It has its station address, FMMUs and state.
+#include "process_data/identities.hpp"
+
+#include <margay/run.hpp>
+
+namespace margay {
+namespace {
+
+struct Pause : Identities {
+    Pause() { limits.process_frames = 8; }
+    static constexpr std::array kMark{std::byte{0x5A}, std::byte{0xA5}};
+    static constexpr std::uint16_t kUserMemory = 0x0F80;
+    static constexpr std::uint32_t kAliasWord = 4;
+    std::vector<std::byte> sii_of_tool;
+
+    void prepare(AlState state_of_tool) {
+        make_like_slave_2(tool, state_of_tool);
+        set(tool, 0x0420, 0);  // its watchdog is off
+        const auto now = segment.slave(tool).sii().image();
+        sii_of_tool.assign(now.begin(), now.end());
+    }
+    // The slaves have the same state as the tool.
+    void bring_all_to(AlState state) {
+        if (state == AlState::op) {
+            ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
+        } else {
+            ASSERT_TRUE(writestate(*ctx, 0, state).ok());
+            ASSERT_EQ(statecheck(*ctx, 0, state, 1s)->state, state);
+        }
+        cycles(200);
+        ASSERT_EQ(readstate(*ctx)->state, state);
+        ASSERT_EQ(state_of(tool), static_cast<int>(state));
+    }
+    void supervise() {
+        ASSERT_TRUE(submit(*ctx, supervision).ok());
+        cycles(300);
+        ASSERT_TRUE(all_right(*ctx)) << in_words(what_is_wrong(*ctx));
+        (void)events();
+    }
+    void exchange() {
+        take_out(line[1]);
+        put_in(tool);
+    }
+    // Nothing is sent for three seconds, and nobody calls poll().
+    void stop(bool exchanges) {
+        osal.advance(1500ms);
+        segment.advance(osal.now());
+        if (exchanges) exchange();
+        segment.reconsider();
+        osal.advance(1500ms);
+        segment.advance(osal.now());
+    }
+    void expect_untouched() {
+        EXPECT_EQ(segment.slave(tool).peek(kUserMemory, 1)[0], std::byte{0});
+        EXPECT_TRUE(std::ranges::equal(segment.slave(tool).sii().image(), sii_of_tool));
+        const auto outputs = program(tool).outputs();
+        EXPECT_TRUE(outputs.empty() || outputs[0] != std::byte{0xA2});
+    }
+    void expect_nothing_of_slave_2(int count) {
+        for (int n = 0; n < count; ++n) {
+            write_outputs();
+            EXPECT_FALSE(cycle().ok()) << n;
+            EXPECT_FALSE(inputs_fresh(*ctx, 2)) << n;
+            ASSERT_FALSE(HasFailure());
+        }
+        EXPECT_FALSE(all_right(*ctx));
+        expect_untouched();
+    }
+};
+
+// ------------------------------------------------------------------ with a supervision
+
+struct SupervisedPause : Pause, testing::WithParamInterface<AlState> {
+    void SetUp() override {
+        build();
+        prepare(GetParam());
+        supervise();
+    }
+};
+TEST_P(SupervisedPause, TheFirstWriteToARegisterIsRefused) {
+    stop(true);
+    const auto written = write_register(*ctx, 2, kUserMemory, kMark);
+    EXPECT_EQ(written.error().slave, 2U) << in_words(written.error());
+    expect_untouched();
+}
+TEST_P(SupervisedPause, TheFirstWriteToTheSiiIsRefused) {
+    stop(true);
+    const auto written = write_sii(*ctx, 2, kAliasWord, kMark);
+    EXPECT_EQ(written.error().slave, 2U) << in_words(written.error());
+    expect_untouched();
+}
+TEST_P(SupervisedPause, TheOtherMachineStaysOutside) {
+    stop(true);
+    cycles(30);
+    for (int n = 0; n < 500; ++n) {
+        write_outputs();
+        (void)cycle();
+        ASSERT_FALSE(inputs_fresh(*ctx, 2)) << n;
+        ASSERT_FALSE(all_right(*ctx)) << n;
+    }
+    expect_untouched();
+    EXPECT_EQ(told(events(), "a slave that is not in the list of expected slaves"), 0);
+}
+INSTANTIATE_TEST_SUITE_P(States, SupervisedPause, testing::Values(AlState::preop, AlState::safeop, AlState::op));
+
+// The same slaves are there.
+TEST_F(Pause, ASupervisionGoesOnWithTheSameSlaves) {
+    supervise();
+    stop(false);
+    ASSERT_TRUE(until([&] { return all_right(*ctx); })) << in_words(what_is_wrong(*ctx));
+    EXPECT_TRUE(write_register(*ctx, 2, kUserMemory, kMark).ok());
+    EXPECT_EQ(segment.slave(line[1]).peek(kUserMemory, 1)[0], kMark[0]);
+}
+
+// ------------------------------------------------------------------ without a supervision
+
+struct UnsupervisedPause : Pause, testing::WithParamInterface<AlState> {
+    void SetUp() override {
+        build();
+        prepare(GetParam());
+        bring_all_to(GetParam());
+    }
+};
+TEST_P(UnsupervisedPause, ReadstateCompares) {
+    stop(true);
+    const auto read = readstate(*ctx);
+    EXPECT_EQ(read.error().code, Errc::other_slave) << in_words(read.error());
+    EXPECT_EQ(read.error().slave, 2U);
+    EXPECT_FALSE(write_register(*ctx, 2, kUserMemory, kMark).ok());
+    expect_nothing_of_slave_2(100);
+}
+TEST_P(UnsupervisedPause, StatecheckCompares) {
+    stop(true);
+    const auto checked = statecheck(*ctx, 2, GetParam(), 100ms);
+    EXPECT_FALSE(checked.ok() && checked->state == GetParam());
+    EXPECT_EQ(ctx->slave(2).error.code, Errc::other_slave) << in_words(ctx->slave(2).error);
+    expect_nothing_of_slave_2(100);
+}
+// The application went on with its cycle before it asked.
+TEST_P(UnsupervisedPause, ReadstateComparesAlsoAfterTheFirstCycles) {
+    stop(true);
+    cycles(50);
+    EXPECT_EQ(readstate(*ctx).error().code, Errc::other_slave);
+    expect_nothing_of_slave_2(100);
+}
+INSTANTIATE_TEST_SUITE_P(States, UnsupervisedPause, testing::Values(AlState::preop, AlState::safeop, AlState::op));
+
+// The pause is between two cycles that overlap others.
+TEST_F(Pause, ReadstateComparesAlsoBesideOverlappedCycles) {
+    ctx->group(0).config.cycles_in_flight = 2;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    prepare(AlState::op);
+    bring_all_to(AlState::op);
+    stop(true);
+    cycles(50);
+    EXPECT_EQ(readstate(*ctx).error().code, Errc::other_slave);
+    expect_nothing_of_slave_2(100);
+}
+
+// The EEPROM is read once, and not at each reading of the states.
+TEST_F(Pause, ReadstateComparesTheSameSlavesOnce) {
+    cycles(200);
+    ASSERT_TRUE(readstate(*ctx).ok());
+    stop(false);
+    EXPECT_TRUE(readstate(*ctx).ok());
+    for (const auto device : line) segment.slave(device).sii().fail_next(1'000'000);
+    const auto again = readstate(*ctx);
+    EXPECT_TRUE(again.ok()) << in_words(again.error());
+    EXPECT_TRUE(write_register(*ctx, 2, kUserMemory, kMark).ok());
+}
+TEST_F(Pause, ReadstateSaysThatTheIdentityCannotBeRead) {
+    cycles(200);
+    ASSERT_TRUE(readstate(*ctx).ok());
+    stop(false);
+    segment.slave(line[1]).sii().fail_next(1'000'000);
+    for (int n = 0; n < 2; ++n) {
+        const auto read = readstate(*ctx);
+        EXPECT_EQ(read.error().slave, 2U) << in_words(read.error());
+    }
+    segment.slave(line[1]).sii().fail_next(0);
+    EXPECT_TRUE(readstate(*ctx).ok());
+}
+
+// Beside the cycle: the cycles fell short, and are right again with the other machine. {states were read before,
+// states are read while the cycles fall short}.
+struct RightAgain : Pause, testing::WithParamInterface<std::pair<bool, bool>> {};
+TEST_P(RightAgain, ReadstateCompares) {
+    const auto [before, between] = GetParam();
+    prepare(AlState::op);
+    ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
+    cycles(200);
+    if (before) {
+        ASSERT_TRUE(readstate(*ctx).ok());
+    }
+    take_out(line[1]);
+    segment.reconsider();
+    for (int n = 0; n < 1000; ++n) {
+        ASSERT_FALSE(cycle().ok()) << n;
+        if (between && n == 500) (void)readstate(*ctx);
+    }
+    put_in(tool);
+    segment.reconsider();
+    cycles(200);
+    const auto read = readstate(*ctx);
+    EXPECT_FALSE(read.ok() && read->state == AlState::op);
+    EXPECT_EQ(ctx->slave(2).error.code, Errc::other_slave) << in_words(read.error());
+    expect_nothing_of_slave_2(100);
+}
+INSTANTIATE_TEST_SUITE_P(Readings, RightAgain,
+                         testing::Values(std::pair{true, false}, std::pair{true, true}, std::pair{false, true},
+                                         std::pair{false, false}));
+
+// readstate() does not say OP of a slave whose identity is unread.
+TEST_F(Pause, ReadstateSaysNotOpOfASlaveWhoseIdentityIsUnread) {
+    prepare(AlState::op);
+    bring_all_to(AlState::op);
+    take_out(line[1]);
+    segment.reconsider();
+    cycles(500);
+    EXPECT_EQ(readstate(*ctx)->state, AlState::none);
+    put_in(tool);
+    segment.reconsider();
+    cycles(500);
+    segment.slave(tool).sii().fail_next(1'000'000);
+    for (int n = 0; n < 3; ++n) {
+        const auto read = readstate(*ctx);
+        EXPECT_FALSE(read.ok()) << n;
+        EXPECT_EQ(read.error().slave, 2U) << in_words(read.error());
+        EXPECT_FALSE(statecheck(*ctx, 2, AlState::op, Duration{0}).ok());
+    }
+    EXPECT_FALSE(all_right(*ctx));
+}
+
+}  // namespace
+}  // namespace margay
