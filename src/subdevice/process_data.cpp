@@ -84,7 +84,7 @@ void ProcessData::count_bytes(bool outputs) {
 // ------------------------------------------------------------------ start and stop
 
 void ProcessData::start(Time now) {
-    outputs_expired_ = sync_seen_ = outputs_valid_ = false;
+    outputs_expired_ = sync_seen_ = sync_began_ = outputs_valid_ = false;
     arrived_ = silent_ = unseen_ = 0;
     missed_ = syncs_ = 0;
     late_ = 0;
@@ -117,6 +117,7 @@ AlStatusCode ProcessData::missing(Time now) {
             return outputs_expired_ ? AlStatusCode::sync_manager_watchdog : AlStatusCode::no_valid_outputs;
     }
     if (mode_ != SyncMode::dc_sync0) return AlStatusCode::none;
+    forget_lost_sync(now);
     if (!sync_seen_) return AlStatusCode::no_sync_error;
     constexpr unsigned kEnough = 4;
     const bool unlocked = application_.description().dc.pll && has_outputs() && locked_ < kEnough;
@@ -134,6 +135,17 @@ void ProcessData::forget_old_outputs(Time now) {
 void ProcessData::forget_outputs(Time now) {
     arrived_ = 0;
     outputs_expired_ = true;
+    arm(now);
+}
+
+// The time at which SYNC0 counts as lost.
+Time ProcessData::lost_sync() const { return last_sync_ + Duration{kLostSyncs * std::int64_t{sync_cycle_ns_} + 1}; }
+
+// In SAFEOP. SYNC0 has stopped: the application is called as before the first SYNC0, and OP needs a new SYNC0.
+void ProcessData::forget_lost_sync(Time now) {
+    if (!sync_seen_ || outputs_valid_ || now < lost_sync()) return;
+    sync_seen_ = collided_ = false;
+    locked_ = frames_ = syncs_of_period_ = 0;
     arm(now);
 }
 
@@ -177,6 +189,7 @@ void ProcessData::stop_outputs(Time now) {
     dictionary_.block_downloads(nullptr);
     if (output_mapped_) output_map_.reset();
     application_.safe_outputs(now);
+    forget_lost_sync(now);
     arm(now);
 }
 
@@ -323,10 +336,12 @@ AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
         if (outputs_valid_ && watched_ && expired) return AlStatusCode::sync_manager_watchdog;
         forget_old_outputs(now);
     }
-    if (!outputs_valid_) return AlStatusCode::none;
+    if (!outputs_valid_) {
+        forget_lost_sync(now);
+        return AlStatusCode::none;
+    }
     if (mode_ == SyncMode::dc_sync0) {
-        if (now - last_sync_ > Duration{kLostSyncs * std::int64_t{sync_cycle_ns_}})
-            return AlStatusCode::fatal_sync_error;
+        if (now >= lost_sync()) return AlStatusCode::fatal_sync_error;
         if (sync_error_limit_ != 0 && missed_ > sync_error_limit_) {
             show_sync_error(true);
             return application_.description().dc.pll ? AlStatusCode::dc_sync_timeout
@@ -342,10 +357,7 @@ AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
 }
 
 Time ProcessData::watch_deadline() const {
-    if (!outputs_valid_) return kNever;
-    if (mode_ != SyncMode::dc_sync0) return next_watch_;
-    const Duration lost{kLostSyncs * std::int64_t{sync_cycle_ns_} + 1};
-    return std::min(next_watch_, last_sync_ + lost);
+    return running_ && sync_seen_ ? std::min(next_watch_, lost_sync()) : next_watch_;
 }
 
 }  // namespace margay::subdevice

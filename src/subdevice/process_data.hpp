@@ -65,8 +65,8 @@ class ProcessData {
     // PREOP→SAFEOP: writes the first inputs before the master reads SAFEOP. Locked.
     void start(Time now);
     // SAFEOP→OP: the condition that is not met: outputs have not arrived, or are too old (the watchdog of the ESC has
-    // expired, or DeviceDescription::output_timeout has passed), or SYNC0 has not arrived. AlStatusCode::none when all
-    // are met. Locked.
+    // expired, or DeviceDescription::output_timeout has passed), or SYNC0 has not arrived, or it has stopped.
+    // AlStatusCode::none when all are met. Locked.
     [[nodiscard]] AlStatusCode missing(Time now);
     void start_outputs(Time now);  // locked
     void stop_outputs(Time now);   // locked
@@ -125,6 +125,8 @@ class ProcessData {
     void measured(bool outputs, Duration time);
     void forget_old_outputs(Time now);
     void forget_outputs(Time now);
+    [[nodiscard]] Time lost_sync() const;
+    void forget_lost_sync(Time now);
     void acknowledge(wire::Register status);
     void count_sync(Time now);
     void watch_lock();
@@ -162,10 +164,11 @@ class ProcessData {
     bool running_ = false;
     bool outputs_valid_ = false;    // true in OP
     bool outputs_expired_ = false;  // outputs were seen, but they are too old
-    bool sync_seen_ = false;
-    bool inputs_silent_ = false;  // the last input SyncManager does not raise events
-    bool watched_ = false;        // the watchdog of the ESC monitors the outputs
-    bool sync_by_pin_ = false;    // sync0() was called, so the AL event is ignored
+    bool sync_seen_ = false;        // SYNC0 occurs: it has arrived in SAFEOP or OP, and it has not stopped since then
+    bool sync_began_ = false;       // SYNC0 has arrived since PREOP: last_sync_ is its time
+    bool inputs_silent_ = false;    // the last input SyncManager does not raise events
+    bool watched_ = false;          // the watchdog of the ESC monitors the outputs
+    bool sync_by_pin_ = false;      // sync0() was called, so the AL event is ignored
     bool sync1_by_pin_ = false;
     bool acknowledged_sync_ = false;  // SYNC signals stay active until their status is read
     SyncMode mode_ = SyncMode::process_data;

@@ -152,13 +152,13 @@ void ProcessData::sync1(Time now) {
 
 void ProcessData::count_sync(Time now) {
     const auto gap = (now - last_sync_).count();
-    if (sync_seen_ && sync_cycle_ns_ != 0 && gap > 0) {
+    if (sync_began_ && sync_cycle_ns_ != 0 && gap > 0) {
         const auto most = UINT32_MAX - sync_cycle_ns_ / 2;
         const auto gap_ns = gap < std::int64_t{most} ? static_cast<std::uint32_t>(gap) : most;
         const auto cycles = (gap_ns + sync_cycle_ns_ / 2) / sync_cycle_ns_;
         if (cycles > 1) counters_.missed_syncs += cycles - 1;
     }
-    sync_seen_ = true;
+    sync_seen_ = sync_began_ = true;
     last_sync_ = now;
     watch_lock();
     if (!outputs_valid_ || !has_outputs() || ++syncs_ < syncs_per_frame_) return;
