@@ -101,6 +101,11 @@ void ProcessData::start(Time now) {
         inputs_silent_ = bytes == 1 || raises_no_event(area);
     });
     read_sync_settings();
+    if (mode_ == SyncMode::dc_sync0 && acknowledged_sync_) {
+        // SYNC signals from before SAFEOP do not count.
+        acknowledge(reg::kSync0Status);
+        acknowledge(reg::kSync1Status);
+    }
     running_ = true;
     last_sync_ = now;
     locked_ = frames_ = syncs_of_period_ = 0;

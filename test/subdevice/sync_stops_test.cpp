@@ -162,6 +162,29 @@ TEST_P(SyncStops, TheControlLoopOfADriveLocksAgain) {
     EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::op, false, 0}));
 }
 
+// A master that was started again: a SYNC0 of the time before still waits, and the new start time is in the future.
+TEST_P(SyncStops, SyncSignalsFromBeforeSafeopDoNotCount) {
+    bench.application.description_value.dc.sync1 = true;
+    bench.esc.ecat_set<std::uint8_t>(0x0981, 7);
+    bench.esc.raise(wire::al_event::kDcSync0 | wire::al_event::kDcSync1);
+    bench.esc.time += 10s;
+    (void)run();
+    const auto before = bench.application.cycles;
+    ASSERT_EQ(request(4), (AlStatus{AlState::safeop, false, 0}));
+    (void)run();
+    EXPECT_EQ(bench.application.cycles, before + 1) << "the first inputs";
+    EXPECT_EQ(bench.application.syncs1, 0u);
+    put_outputs(7);
+    EXPECT_EQ(request(8), (AlStatus{AlState::safeop, false, 0}));
+    bench.esc.time += 200ms;
+    (void)run();
+    EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::no_sync_error));
+    EXPECT_EQ(asked_for_op, 0u);
+    (void)request(0x18);
+    sync();
+    EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::op, false, 0}));
+}
+
 INSTANTIATE_TEST_SUITE_P(Modes, SyncStops, ::testing::Values(RunMode::polling, RunMode::mixed, RunMode::interrupts));
 
 }  // namespace
