@@ -205,7 +205,12 @@ void ProcessData::stop() {
 
 // ------------------------------------------------------------------ updates
 
-void ProcessData::process(unsigned parts, Time now) { update(parts, output_areas_, now); }
+void ProcessData::process(unsigned parts, Time now) {
+    std::uint32_t areas = 0;
+    if (running_ && (parts & part::kOutputs) != 0)
+        areas = outputs_waiting(read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address), now);
+    update(areas != 0 ? parts : parts & ~part::kOutputs, areas, now);
+}
 
 void ProcessData::update(unsigned parts, std::uint32_t areas, Time now) {
     if (!running_) return;

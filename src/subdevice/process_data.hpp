@@ -72,7 +72,8 @@ class ProcessData {
     void stop_outputs(Time now);   // locked
     void stop();                   // locked
 
-    // Executes parts of an update. Locked.
+    // Executes parts of an update. part::kOutputs reads the SyncManagers that have new outputs, and does nothing when
+    // none has. Locked.
     void process(unsigned parts, Time now);
     // Executes the updates that the AL events, the sync mode and the deadlines require. Locked.
     void serve(Time now, std::uint32_t events);
