@@ -89,7 +89,7 @@ void ProcessData::start(Time now) {
     missed_ = syncs_ = 0;
     late_ = 0;
     const auto raises_no_event = [this](const ProcessDataArea& area) {
-        return (read_sync_manager(esc_, area.sync_manager).control & wire::sm_control::kPdiInterrupt) == 0;
+        return (read_sync_manager_control(esc_, area.sync_manager) & wire::sm_control::kPdiInterrupt) == 0;
     };
     for_each_used(true, [&](const ProcessDataArea& area, std::size_t, std::size_t bytes) {
         const auto event = al_event::sync_manager(area.sync_manager);
@@ -158,8 +158,8 @@ void ProcessData::forget_lost_sync(Time now) {
 Duration ProcessData::watchdog_time() {
     bool triggered = false;
     for_each_used(true, [&](const ProcessDataArea& area, std::size_t, std::size_t) {
-        const auto sm = read_sync_manager(esc_, area.sync_manager);
-        triggered = triggered || (sm.control & wire::sm_control::kWatchdogTrigger) != 0;
+        triggered =
+            triggered || (read_sync_manager_control(esc_, area.sync_manager) & wire::sm_control::kWatchdogTrigger) != 0;
     });
     if (!triggered) return {};
     const auto divider = read_register<std::uint16_t>(esc_, reg::kWatchdogDivider.address);
