@@ -191,6 +191,23 @@ TEST(ProcessData, MappingsThatDoNotFitAreRefusedWithTheirCode) {
     EXPECT_EQ(bench.request(0x14), refused(AlState::preop, AlStatusCode::invalid_input_mapping));
 }
 
+// The application needs time for PREOP→SAFEOP, and SDOs go on meanwhile.
+TEST(ProcessData, AMappingThatChangesWhileSafeopWaitsIsRefused) {
+    static Time ready;
+    Bench bench;
+    ready = bench.esc.time + 5ms;
+    bench.application.transition_hook = [](Transition transition, Time now) {
+        return transition.to == AlState::safeop && now < ready ? Verdict::wait(ready) : Verdict::go();
+    };
+    ASSERT_EQ(bench.request(4), (AlStatus{AlState::preop, false, 0}));
+    ASSERT_EQ(download(bench, 0x1C12, 0, number(0, 1)).abort, Abort::none);
+    bench.esc.time = ready;
+    (void)bench.step();
+    EXPECT_EQ(bench.esc.al_status(), refused(AlState::preop, AlStatusCode::invalid_output_configuration));
+    ASSERT_EQ(download(bench, 0x1C12, 0, number(1, 1)).abort, Abort::none);
+    EXPECT_EQ(bench.request(0x14), (AlStatus{AlState::safeop, false, 0}));
+}
+
 // --- Distributed clocks ---
 
 class DcTest : public ::testing::Test {
