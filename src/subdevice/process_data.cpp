@@ -173,6 +173,7 @@ bool ProcessData::watchdog_running() {
 
 void ProcessData::start_outputs(Time now) {
     outputs_valid_ = true;
+    show_sync_error(false);
     missed_ = syncs_ = 0;
     late_ = 0;
     watchdog_ = has_outputs() ? watchdog_time() : Duration{};

@@ -39,7 +39,7 @@ inline constexpr std::uint8_t kCalcAndCopy = 6;
 inline constexpr std::uint8_t kGetCycleTime = 8;      // bit 0: measure; a write of 1 begins a new measurement
 inline constexpr std::uint8_t kMissedFrames = 0x0B;   // frame periods without new outputs in this SyncManager
 inline constexpr std::uint8_t kCycleExceeded = 0x0C;  // updates that took longer than the SYNC0 cycle
-inline constexpr std::uint8_t kSyncError = 0x20;      // the device left OP because of such periods
+inline constexpr std::uint8_t kSyncError = 0x20;      // the device left OP because of such periods; OP resets it
 }  // namespace sync_subindex
 
 // Values in the image from `Offset` on.
