@@ -424,6 +424,15 @@ TEST_F(PartsByHand, DoNotHideThatOutputsAreTooOld) {
     EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::sync_manager_watchdog));
 }
 
+TEST_F(PartsByHand, DoNotMakeOldOutputsNew) {
+    bench.application.description_value.output_timeout = 50ms;
+    bench.esc.ecat_set<std::uint16_t>(0x0420, 0);
+    (void)bench.request(4);
+    put_outputs(bench, 1, 0, 0);
+    run(60, part::kOutputs);
+    EXPECT_EQ(bench.request(8), (AlStatus{AlState::safeop, false, 0}));
+}
+
 TEST(DeviceTest, ARestartOfTheFirmwareEndsEverything) {
     Bench bench;
     bring_to_op(bench);
