@@ -130,6 +130,8 @@ Verdict Device::before(Transition transition, Time now) {
     if (transition == Transition{AlState::preop, AlState::safeop}) {
         const auto modules = check_modules(process_data_.dictionary());
         if (modules != AlStatusCode::none) return Verdict::refuse(modules);
+        const auto types = process_data_.check_sync_types();
+        if (types != AlStatusCode::none) return Verdict::refuse(types);
     }
     return application_.before(transition, now);
 }

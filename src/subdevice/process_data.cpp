@@ -106,6 +106,7 @@ void ProcessData::start(Time now) {
         acknowledge(reg::kSync0Status);
         acknowledge(reg::kSync1Status);
     }
+    show_sync_types();
     running_ = true;
     last_sync_ = now;
     locked_ = frames_ = syncs_of_period_ = 0;
@@ -200,6 +201,7 @@ void ProcessData::stop_outputs(Time now) {
 }
 
 void ProcessData::stop() {
+    if (running_) restore_sync_types();
     running_ = false;
     next_cycle_ = next_poll_ = next_watch_ = kNever;
 }
@@ -331,7 +333,7 @@ void ProcessData::serve(Time now, std::uint32_t events) {
             acknowledge(reg::kSync0Status);
             return serve_sync(now);
         }
-    } else if (driven) {
+    } else if (driven && mode_ == SyncMode::process_data) {
         return update(part::kAll, outputs, now);
     } else if (outputs != 0) {
         update(part::kOutputs, outputs, now);

@@ -25,6 +25,7 @@ enum class SyncMode : std::uint8_t {
     // The application is called when outputs arrive (without outputs: when the master has read the inputs).
     process_data,
     dc_sync0,  // the application is called at each SYNC0
+    free_run,  // the application is called each DeviceDescription::free_run_cycle (type 0 in 0x1C32:01)
 };
 
 // The parts of one update. They can be combined.
@@ -62,6 +63,9 @@ class ProcessData {
     // SAFEOP and OP the sizes stay those of the transition to SAFEOP.
     [[nodiscard]] ProcessDataSizes sizes();
 
+    // PREOP→SAFEOP: compares the synchronization types of 0x1C32 and its kin with the device, with the SYNC signals,
+    // and with each other. AlStatusCode::none when they fit.
+    [[nodiscard]] AlStatusCode check_sync_types();
     // PREOP→SAFEOP: writes the first inputs before the master reads SAFEOP. Locked.
     void start(Time now);
     // SAFEOP→OP: the condition that is not met: outputs have not arrived, or are too old (the watchdog of the ESC has
@@ -115,6 +119,9 @@ class ProcessData {
     }
     void update(unsigned parts, std::uint32_t areas, Time now);
     void read_sync_settings();
+    [[nodiscard]] SyncMode chosen_mode();
+    void show_sync_types();
+    void restore_sync_types();
     void find_sync_objects();
     void count_missed_frames();
     void add_to_sync_counter(std::uint16_t object, std::uint8_t subindex);
@@ -139,7 +146,9 @@ class ProcessData {
     [[nodiscard]] Duration own_period() const;
     [[nodiscard]] std::uint32_t outputs_waiting(std::uint32_t events, Time now);
     [[nodiscard]] bool inputs_fetched(std::uint32_t events) const;
-    [[nodiscard]] bool inputs_drive() const { return undriven() && input_bytes_ != 0 && !inputs_silent_; }
+    [[nodiscard]] bool inputs_drive() const {
+        return undriven() && input_bytes_ != 0 && !inputs_silent_ && mode_ != SyncMode::free_run;
+    }
     [[nodiscard]] Duration watchdog_time();
     [[nodiscard]] bool watchdog_running();
 
@@ -190,6 +199,9 @@ class ProcessData {
     Time next_cycle_ = kNever;  // the application is called without an event
     Time next_poll_ = kNever;   // used when SyncManagers of the outputs do not raise events
     Time next_watch_ = kNever;
+    // The types that the master has written, of all areas of the outputs and of the inputs. The objects show the type
+    // in use while the process data run.
+    std::array<std::uint16_t, 2 * (1 + kMostMoreAreas)> written_types_{};
     MutableBytes measure_object_;    // memory of 0x1C32:08; empty: the object does not exist
     MutableBytes timestamp_object_;  // memory of 0x10F8
     bool measuring_ = false;

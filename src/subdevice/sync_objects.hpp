@@ -9,7 +9,21 @@
 //     constexpr auto kSyncError = sync_error_entries<Values::sync>(kDevice);
 //     constexpr auto kOutputSync = sync_output_entries<Values::sync>(kDevice);
 //     constexpr auto kInputSync = sync_input_entries<Values::sync>(kDevice);
-//     … record(0x10F1, "Sync error setting", kSyncError), … record(0x1C32, "Output sync", kOutputSync), …
+//     … record(0x10F1, "Sync error setting", kSyncError),
+//     record(0x1C32, "Output sync", kOutputSync, &kSyncParameterHooks), …
+//
+// The synchronization type (subindex 1) of the first SyncManager of a direction chooses the mode of the device, and the
+// SYNC signals that the master has activated choose it, too:
+//
+//     written type              SYNC0 off                              SYNC0 on
+//     1 SM event (the default)  SM-synchronous                         DC-synchronous
+//     0 free run                free run                               SAFEOP is refused (AL status code 0x0030)
+//     2 DC SYNC0                SAFEOP is refused (0x0030)             DC-synchronous
+//
+// So a master that only activates SYNC0 need not write the type. A write of a type that the device does not support is
+// refused with Abort::value_range. A type that came in another way (a firmware that writes into its image) refuses
+// SAFEOP with AL status code 0x0027 (free run) or 0x0028 (others), and so does a second object whose type contradicts
+// that of the first one. In SAFEOP and OP, the objects show the type in use; in PREOP, the one that was written.
 //
 // Each further SyncManager of a device (DeviceDescription::more_outputs, more_inputs) has such an object, too: 0x1C30 +
 // number, from more_sync_output_entries() or more_sync_input_entries(). Type, cycle time and missed frames are those of
@@ -29,7 +43,7 @@ namespace sync_subindex {
 // 0: no limit. It is taken over at PREOP→SAFEOP.
 inline constexpr std::uint8_t kErrorLimit = 2;
 // 0x1C32, 0x1C33, and those of further SyncManagers.
-inline constexpr std::uint8_t kType = 1;       // 0 free run, 1 SM event, 2 DC SYNC0
+inline constexpr std::uint8_t kType = 1;       // see sync_type
 inline constexpr std::uint8_t kCycle = 2;      // cycle time of the master in ns; 0: unknown
 inline constexpr std::uint8_t kSupported = 4;  // bit 0 free run, bit 1 SM event, bits 2 and 3 DC (01: SYNC0)
 inline constexpr std::uint8_t kMinCycle = 5;   // in ns
@@ -41,6 +55,20 @@ inline constexpr std::uint8_t kMissedFrames = 0x0B;   // frame periods without n
 inline constexpr std::uint8_t kCycleExceeded = 0x0C;  // updates that took longer than the SYNC0 cycle
 inline constexpr std::uint8_t kSyncError = 0x20;      // the device left OP because of such periods; OP resets it
 }  // namespace sync_subindex
+
+namespace sync_type {
+inline constexpr std::uint16_t kFreeRun = 0;
+inline constexpr std::uint16_t kSmEvent = 1;      // with the event of this SyncManager
+inline constexpr std::uint16_t kDcSync0 = 2;      // with SYNC0
+inline constexpr std::uint16_t kSm2Event = 0x22;  // inputs: with the event of the outputs
+}  // namespace sync_type
+
+// Whether the master may choose the type for a SyncManager of outputs or inputs.
+[[nodiscard]] bool supports_sync_type(const DeviceDescription& device, bool outputs, std::uint16_t type);
+
+// Refuses types that the device does not support.
+[[nodiscard]] HookAnswer check_sync_type(const ObjectAccess& access, Bytes data);
+inline constexpr ObjectHooks kSyncParameterHooks{.before_write = check_sync_type};
 
 // Values in the image from `Offset` on.
 template <std::size_t Offset>
@@ -73,6 +101,10 @@ namespace sync_entry {
     return static_cast<std::uint16_t>((d.free_run_cycle != Duration::zero() ? 1u : 0u) | 2u |
                                       (d.dc.supported ? 4u : 0u));
 }
+[[nodiscard]] constexpr std::uint16_t first_type(const DeviceDescription& d, bool outputs) {
+    if (d.dc.required) return sync_type::kDcSync0;
+    return !outputs && d.outputs.present() ? sync_type::kSm2Event : sync_type::kSmEvent;
+}
 [[nodiscard]] constexpr std::uint32_t min_cycle_ns(const DeviceDescription& d) {
     return static_cast<std::uint32_t>(d.dc.min_cycle.count());
 }
@@ -92,7 +124,7 @@ template <class Device, class Type, class Cycle, class Missed>
     using namespace sync_subindex;
     return {
         entry_count(kSyncError),
-        value<Type>(kType, "Synchronization type", od::kReadWritePreop, 1),
+        value<Type>(kType, "Synchronization type", od::kReadWritePreop, first_type(d, true)),
         value<Cycle>(kCycle, "Cycle time", od::kReadWritePreop),
         constant<std::uint16_t>(kSupported, "Synchronization types supported", supported(d)),
         constant<std::uint32_t>(kMinCycle, "Minimum cycle time", min_cycle_ns(d)),
@@ -107,7 +139,7 @@ template <class Device, class Type, class Cycle>
     using namespace sync_subindex;
     return {
         entry_count(kGetCycleTime),
-        value<Type>(kType, "Synchronization type", od::kReadWritePreop, 1),
+        value<Type>(kType, "Synchronization type", od::kReadWritePreop, first_type(d, false)),
         value<Cycle>(kCycle, "Cycle time", od::kReadWritePreop),
         constant<std::uint16_t>(kSupported, "Synchronization types supported", supported(d)),
         constant<std::uint32_t>(kMinCycle, "Minimum cycle time", min_cycle_ns(d)),
