@@ -3,6 +3,8 @@
 #include "wire/al_status_code.hpp"
 #include "wire/sii_category.hpp"
 
+#include <algorithm>
+
 namespace margay::samples::conformance {
 namespace {
 
@@ -175,6 +177,26 @@ void check_sync(Session& session) {
     }
 }
 
+constexpr AlStatusCode kNoSync[] = {AlStatusCode::fatal_sync_error,      AlStatusCode::no_sync_error,
+                                    AlStatusCode::synchronization_error, AlStatusCode::pll_error,
+                                    AlStatusCode::dc_sync_io_error,      AlStatusCode::dc_sync_timeout};
+bool says_no_sync(AlStatus status) {
+    return std::ranges::find(kNoSync, static_cast<AlStatusCode>(status.code)) != std::end(kNoSync);
+}
+
+// SYNC0 is off and the frames go on: the slave must not go to OP again.
+void check_op_again(Bench& bench, Time grid) {
+    bench.request(static_cast<unsigned>(AlState::safeop) | wire::al::kErrorAcknowledge);
+    run_on_grid(bench, grid, 100ms);
+    if (const auto status = bench.al_status(); status.state != AlState::safeop || status.error) return;
+    const auto status = run_to(bench, AlState::op, grid, Bench::patience(AlState::op));
+    if (status.state == AlState::op)
+        bench.fail("SYNC0 was switched off in OP, and after an acknowledge the slave went to OP again without it");
+    else if (status.error && !says_no_sync(status))
+        bench.fail(fmt::format("without SYNC0 the slave refused OP with {}, expected 0x002d", status_text(status)),
+                   "ETG.1020, AL Status Codes");
+}
+
 void check_lost(Session& session) {
     auto& bench = session.bench;
     const auto modes = needs_modes(session);
@@ -188,13 +210,36 @@ void check_lost(Session& session) {
         bench.remark("SYNC0 was switched off in OP, and the slave stays in OP");
         return;
     }
-    constexpr AlStatusCode kCodes[] = {AlStatusCode::fatal_sync_error,      AlStatusCode::no_sync_error,
-                                       AlStatusCode::synchronization_error, AlStatusCode::pll_error,
-                                       AlStatusCode::dc_sync_io_error,      AlStatusCode::dc_sync_timeout};
-    if (std::find(std::begin(kCodes), std::end(kCodes), static_cast<AlStatusCode>(status.code)) == std::end(kCodes))
+    if (!says_no_sync(status))
         bench.fail(
             fmt::format("SYNC0 was switched off in OP, and the slave went to {}, expected 0x002c", status_text(status)),
             "ETG.1020, AL Status Codes");
+    if (status.state == AlState::safeop) check_op_again(bench, grid);
+}
+
+// A mode with SYNC1: clock.sync0 has tried it. The same without SYNC1.
+void check_sync1(Session& session) {
+    auto& bench = session.bench;
+    bool any = false;
+    for (const auto& mode : needs_modes(session)) {
+        auto setting = setting_of(mode);
+        if ((setting.activation & wire::sync_activation::kSync1) == 0) continue;
+        any = true;
+        Time grid{};
+        setting.activation &= static_cast<std::uint8_t>(~unsigned{wire::sync_activation::kSync1});
+        setting.sync1 = {};
+        const auto status = start(session, setting, grid);
+        if (status.state == AlState::op && !status.error)
+            bench.remark(
+                fmt::format("the operation mode with AssignActivate 0x{:04x} has SYNC1, and the slave also "
+                            "goes to OP without SYNC1",
+                            mode.assign_activate));
+        else if (static_cast<AlStatusCode>(status.code) != AlStatusCode::invalid_dc_sync_configuration)
+            bench.fail(fmt::format("without SYNC1 of AssignActivate 0x{:04x} the slave is in {}, expected 0x0030",
+                                   mode.assign_activate, status_text(status)),
+                       "ETG.1020, AL Status Codes");
+    }
+    if (!any) bench.skip("no operation mode of the SII has SYNC1");
 }
 
 void check_cycle_zero(Session& session) {
@@ -226,7 +271,8 @@ constexpr Check kChecks[] = {
     {"clock.registers", "a clock that is announced exists", kClock, check_registers},
     {"clock.rate", "the clock counts nanoseconds", kClock, check_rate},
     {"clock.sync0", "OP with the SYNC signals of each operation mode", kSync, check_sync},
-    {"clock.lost", "OP ends when SYNC0 ends", kSync, check_lost},
+    {"clock.lost", "OP ends when SYNC0 ends, and needs a new SYNC0", kSync, check_lost},
+    {"clock.sync1", "an operation mode with SYNC1 needs SYNC1", kSync, check_sync1},
     {"clock.cycle_zero", "SYNC0 with a cycle time of 0 is refused", kSync, check_cycle_zero},
     {"clock.cycle1", "an unused cycle time of SYNC1 does no harm", kSync, check_cycle1},
 };

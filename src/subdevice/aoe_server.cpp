@@ -12,6 +12,18 @@ namespace {
 
 constexpr std::uint64_t kTicksPerSecond = 10'000'000;  // time stamps and cycle times count 100 ns
 
+// A quotient by digits of 16 bits: the division of 64 bits is large on a microcontroller.
+std::uint64_t divided(std::uint64_t value, std::uint16_t by) {
+    std::uint64_t quotient = 0;
+    std::uint32_t rest = 0;
+    for (int shift = 48; shift >= 0; shift -= 16) {
+        const auto digits = rest << 16 | static_cast<std::uint32_t>(value >> shift & 0xFFFFU);
+        quotient |= std::uint64_t{digits / by} << shift;
+        rest = digits % by;
+    }
+    return quotient;
+}
+
 AoeIndex index_of(Bytes data) { return {IndexLayout::group::load(data), IndexLayout::offset::load(data)}; }
 
 // The fewest octets of the data of a request; UINT16_MAX: unknown command.
@@ -240,7 +252,7 @@ bool AoeServer::notify(AoeWatch& watch, Outbox& out, Time now) {
     const auto nanoseconds = static_cast<std::uint64_t>(now.time_since_epoch().count());
     store_le(data, 0, static_cast<std::uint32_t>(bytes - 4));
     store_le(data, 4, std::uint32_t{1});
-    store_le(data, 8, nanoseconds / (1'000'000'000 / kTicksPerSecond));
+    store_le(data, 8, divided(nanoseconds, 1'000'000'000 / kTicksPerSecond));
     store_le(data, 16, std::uint32_t{1});
     store_le(data, 20, watch.handle);
     store_le(data, 24, static_cast<std::uint32_t>(value.size()));

@@ -60,8 +60,11 @@ inline constexpr std::size_t kMostMoreAreas = 3;
 struct DcDescription {
     bool supported = false;
     bool required = false;  // SAFEOP is refused while the SYNC signals are off
-    bool sync1 = false;     // the application also needs SYNC1
-    Duration min_cycle{};   // limits of the SYNC0 cycle time; zero: no limit
+    bool sync1 = false;     // the application also needs SYNC1; SAFEOP is refused when only SYNC0 is on
+    // For the operation mode in the SII: SYNC1 occurs `sync1_shift` (at least 0) after each nth SYNC0; n is the factor.
+    std::int16_t sync1_cycle_factor = 1;
+    Duration sync1_shift{};
+    Duration min_cycle{};  // limits of the SYNC0 cycle time; zero: no limit
     Duration max_cycle{};
     // The device follows SYNC0 with a control loop of its own, as drives do. In SAFEOP→OP it refuses OP with AL status
     // code 0x0032 (PLL error) when SYNC0 occurs, but the frames do not come once a period and away from SYNC0. In OP it

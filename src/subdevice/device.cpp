@@ -25,8 +25,11 @@ void Device::start(Time now) {
 }
 
 Time Device::step(Time now) {
-    const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
+    auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
+    const bool ran = process_data_.running();
     (void)esm_.step(now, events);
+    // SYNC signals from before SAFEOP do not count. ProcessData::start() has acknowledged them after `events` was read.
+    if (!ran) events &= ~(al_event::kDcSync0 | al_event::kDcSync1);
     Time next = kNever;
     if (mailbox_ != nullptr) {
         next = mailbox_->step(now, events);
@@ -127,6 +130,8 @@ Verdict Device::before(Transition transition, Time now) {
     if (transition == Transition{AlState::preop, AlState::safeop}) {
         const auto modules = check_modules(process_data_.dictionary());
         if (modules != AlStatusCode::none) return Verdict::refuse(modules);
+        const auto types = process_data_.check_sync_types();
+        if (types != AlStatusCode::none) return Verdict::refuse(types);
     }
     return application_.before(transition, now);
 }

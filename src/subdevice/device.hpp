@@ -59,6 +59,8 @@ class Device final : private EsmClient {
     void sync1(Time now);
 
     // Executes single parts of one process data update, for authors who choose the order of the parts (see part::).
+    // Outputs are taken only when they have arrived: a call in each period of a timer does not hide that the master is
+    // silent.
     void process(unsigned parts, Time now) {
         const Guard guard(esc_);
         process_data_.process(parts, now);

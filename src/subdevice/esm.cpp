@@ -51,7 +51,7 @@ Time Esm::step(Time now, std::uint32_t events) {
     if ((events & wire::al_event::kAlControl) != 0)
         control(read_register<std::uint16_t>(esc_, reg::kAlControl.address), now);
     if ((events & wire::al_event::kSmActivation) != 0) watch_sync_managers(now);
-    if (pending_ && again_ <= now) advance(now);
+    if (again_ <= now) ask_again(now);
     return pending_ ? again_ : kNever;
 }
 
@@ -81,21 +81,33 @@ void Esm::request(AlState to, Time now) {
     if (to == status_.state) return write_status();
     if (!allowed(transition)) return refuse(AlStatusCode::invalid_requested_state_change);
 
-    auto fault = AlStatusCode::none;
-    if (transition == Transition{AlState::init, AlState::preop}) {
-        fault = check_mailboxes(esc_, device_.mailbox, AlStatusCode::invalid_mailbox_configuration);
-    } else if (to == AlState::boot) {
-        fault = check_mailboxes(esc_, device_.boot_mailbox, AlStatusCode::invalid_boot_mailbox_configuration);
-    } else if (transition == Transition{AlState::preop, AlState::safeop}) {
-        const auto sizes = client_.process_data_sizes();
-        fault = check_process_data(esc_, device_, sizes);
-        if (fault == AlStatusCode::none) fault = check_watchdog(esc_, device_, sizes);
-        if (fault == AlStatusCode::none) fault = check_dc(esc_, device_.dc);
-    }
-    if (fault != AlStatusCode::none) return refuse(fault);
+    if (const auto fault = check(transition); fault != AlStatusCode::none) return refuse(fault);
 
     pending_ = true;
     transition_ = transition;
+    advance(now);
+}
+
+// What the master has configured for the transition.
+AlStatusCode Esm::check(Transition transition) {
+    if (transition == Transition{AlState::init, AlState::preop})
+        return check_mailboxes(esc_, device_.mailbox, AlStatusCode::invalid_mailbox_configuration);
+    if (transition.to == AlState::boot)
+        return check_mailboxes(esc_, device_.boot_mailbox, AlStatusCode::invalid_boot_mailbox_configuration);
+    if (transition != Transition{AlState::preop, AlState::safeop}) return AlStatusCode::none;
+    const auto sizes = client_.process_data_sizes();
+    auto fault = check_process_data(esc_, device_, sizes);
+    if (fault == AlStatusCode::none) fault = check_watchdog(esc_, device_, sizes);
+    return fault == AlStatusCode::none ? check_dc(esc_, device_.dc) : fault;
+}
+
+// While the transition waited, the master may have changed its configuration, or the mapping.
+void Esm::ask_again(Time now) {
+    if (!pending_) return;
+    if (const auto fault = check(transition_); fault != AlStatusCode::none) {
+        drop_pending();
+        return refuse(fault);
+    }
     advance(now);
 }
 

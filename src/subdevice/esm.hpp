@@ -75,11 +75,13 @@ class EsmClient {
     // Called during the checks of PREOP→SAFEOP.
     [[nodiscard]] virtual ProcessDataSizes process_data_sizes() = 0;
 
-    // Decides whether the transition may happen. Called after the checks, and again as long as the answer is wait().
-    // The AL status does not change in the meantime. Not called when an error forces the device down.
+    // Decides whether the transition may happen. Called after the checks; as long as the answer is wait(), the checks
+    // and the question are repeated. The AL status does not change in the meantime. Not called when an error forces the
+    // device down.
     [[nodiscard]] virtual Verdict before(Transition transition, Time now) = 0;
 
-    // A waiting transition is cancelled because the master has requested something else.
+    // A waiting transition is cancelled because the master has requested something else, or has changed its
+    // configuration so that the checks fail.
     virtual void dropped(Transition transition) = 0;
 
     // Executes the transition: starts or stops the functions that belong to the states. Sync managers that the new
@@ -107,10 +109,8 @@ class Esm {
     // (0x0220). Returns the latest time for the next call; call it earlier when an AL event occurs.
     Time step(Time now, std::uint32_t events);
 
-    // The condition for a waiting transition may be met now: asks the client at once.
-    void ask_again(Time now) {
-        if (pending_) advance(now);
-    }
+    // The condition for a waiting transition may be met now: repeats the checks, and asks the client at once.
+    void ask_again(Time now);
 
     // The device itself decides to go down to `to`, with error indication. When the current state is not above `to`,
     // only the error indication is set.
@@ -123,6 +123,7 @@ class Esm {
   private:
     void control(std::uint16_t al_control, Time now);
     void request(AlState to, Time now);
+    [[nodiscard]] AlStatusCode check(Transition transition);
     void advance(Time now);
     void carry_out(Time now);
     void refuse(AlStatusCode why);

@@ -13,6 +13,11 @@ SyncManager read_sync_manager(EscAccess& esc, unsigned n) {
     return wire::load_sync_manager(bytes);
 }
 
+std::uint8_t read_sync_manager_control(EscAccess& esc, unsigned n) {
+    return read_register<std::uint8_t>(
+        esc, static_cast<std::uint16_t>(reg::sync_manager(n).address + wire::SyncManagerLayout::control::offset));
+}
+
 void read_activations(EscAccess& esc) {
     const auto count = read_register<std::uint8_t>(esc, reg::kSyncManagerCount.address);
     for (unsigned n = 0; n < count; ++n)
@@ -73,9 +78,9 @@ AlStatusCode check_watchdog(EscAccess& esc, const DeviceDescription& device, con
     bool runs = true;
     for_each_area(device, true, [&](const ProcessDataArea& area, std::size_t n) {
         if (!area.watchdog_required || sizes.of(true, n) == 0) return;
-        const auto sm = read_sync_manager(esc, area.sync_manager);
+        const auto control = read_sync_manager_control(esc, area.sync_manager);
         const auto time = read_register<std::uint16_t>(esc, reg::kProcessDataWatchdogTime.address);
-        runs = runs && (sm.control & wire::sm_control::kWatchdogTrigger) != 0 && time != 0;
+        runs = runs && (control & wire::sm_control::kWatchdogTrigger) != 0 && time != 0;
     });
     return runs ? AlStatusCode::none : AlStatusCode::invalid_watchdog_configuration;
 }

@@ -10,7 +10,11 @@
 
 namespace margay::subdevice {
 
+// Reads all octets that the master writes, and so clears the AL event of a change: the caller must compare the
+// SyncManager with what the device needs.
 [[nodiscard]] wire::SyncManager read_sync_manager(EscAccess& esc, unsigned n);
+// The control octet alone. The AL event of a change stays for the state machine.
+[[nodiscard]] std::uint8_t read_sync_manager_control(EscAccess& esc, unsigned n);
 
 // Reads the activate octets of all SyncManagers, which clears the AL event of their changes.
 void read_activations(EscAccess& esc);

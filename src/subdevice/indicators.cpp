@@ -21,12 +21,25 @@ constexpr std::uint8_t kCode = 0x0F;    // of an override register
 constexpr std::uint8_t kEnable = 0x10;  // the code is valid
 constexpr std::uint8_t kMostFlashes = 12;
 
+// since % period, without the division of 64 bits, which is large on a microcontroller. `since` is not negative.
+Duration rest_of(Duration since, Duration period) {
+    Duration step = period;
+    while (since - step >= step) step += step;
+    for (;; step /= 2) {
+        if (since >= step) since -= step;
+        if (step == period) return since;
+    }
+}
+
 // Equal times with and without light.
-Lamp alternating(Duration half, Duration since) { return {since % (2 * half) < half, half - since % half}; }
+Lamp alternating(Duration half, Duration since) {
+    const Duration at = rest_of(since, 2 * half);
+    return at < half ? Lamp{true, half - at} : Lamp{false, 2 * half - at};
+}
 
 Lamp flashes(unsigned count, Duration since) {
     const Duration all = (2 * count - 1) * kFlash;
-    const Duration at = since % (all + kPause);
+    const Duration at = rest_of(since, all + kPause);
     if (at >= all) return {false, all + kPause - at};
     return alternating(kFlash, at);
 }

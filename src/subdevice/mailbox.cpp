@@ -57,13 +57,19 @@ void Mailbox::state_changed(AlState state) {
 void Mailbox::forget() {
     first_ = kept_ = boxed_ = queued_ = received_bytes_ = parked_bytes_ = 0;
     last_received_ = last_sent_ = 0;
-    lost_ = false;
+    lost_ = repeated_ = false;
 }
 
 Time Mailbox::step(Time now, std::uint32_t events) {
     if (!running_) return kNever;
-    watch_fetched();
-    if ((events & wire::al_event::kSmActivation) != 0) watch_repeat();
+    const auto came = [&](unsigned sync_manager) {
+        return silent_ || (events & wire::al_event::sync_manager(sync_manager)) != 0;
+    };
+    // A master that switches SM1 off and on again empties it without an event of SM1.
+    const bool changed = (events & wire::al_event::kSmActivation) != 0;
+    if (came(1) || changed || std::exchange(repeated_, false)) watch_fetched();
+    looks_ = came(0);
+    if (changed) watch_repeat();
     Time next = kNever;
     do {
         // The last free slot is for the reply to a request: servers that send on their own would take it again and
@@ -120,6 +126,7 @@ void Mailbox::watch_repeat() {
         kept_ = boxed_ = 0;
         ++counters_.repeats;
         put_next();
+        repeated_ = true;
     }
     write_register(esc_, address, acknowledge);
 }
@@ -137,10 +144,10 @@ void Mailbox::put_next() {
     ++counters_.sent;
 }
 
-// Reads a message from SM0 when there is one and when a slot for its reply is free. Returns true when rx_ contains a
-// message.
+// Reads a message from SM0 when there is one and when a slot for its reply is free. Returns true when it has read one.
+// The event of SM0 stays active until its message is read, so without the event there is none to look for.
 bool Mailbox::fetch() {
-    if (received_bytes_ != 0 || full() || (status(0) & wire::sm_status::kMailboxFull) == 0) return false;
+    if (!looks_ || received_bytes_ != 0 || full() || (status(0) & wire::sm_status::kMailboxFull) == 0) return false;
     const std::size_t size = receive_.length_bytes;
     read_memory(esc_, receive_.physical_start, rx_.first(wire::kMailboxHeaderBytes));
     const auto announced = wire::kMailboxHeaderBytes + wire::load_mailbox_header(rx_).length;

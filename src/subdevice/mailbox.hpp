@@ -103,7 +103,9 @@ class Mailbox final : public Outbox {
     std::uint8_t last_received_ = 0;  // mailbox counters of the last messages
     std::uint8_t last_sent_ = 0;
     bool running_ = false;
-    bool silent_ = false;  // the master disabled the PDI interrupts of the sync managers, so the stack polls them
+    bool silent_ = false;    // the master disabled the PDI interrupts of the sync managers, so the stack polls them
+    bool looks_ = false;     // this step reads the status of SM0: a message has come, or its event is switched off
+    bool repeated_ = false;  // SM1 was emptied and written again: the next step looks whether the reply is in it
     bool lost_ = false;
     Counters counters_;
 };

@@ -14,6 +14,11 @@ const Object* ObjectDictionary::find(std::uint16_t index) const {
     return at != objects_.end() && at->index == index ? &*at : nullptr;
 }
 
+bool ObjectDictionary::exists(const Object& object) {
+    if (object.hooks == nullptr || object.hooks->exists == nullptr) return true;
+    return object.hooks->exists({.object = object, .dictionary = *this, .application = application_});
+}
+
 void ObjectDictionary::restore_defaults(std::uint16_t access) {
     for (const auto& object : objects_)
         for (const auto& entry : object.entries) {

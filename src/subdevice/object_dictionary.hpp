@@ -161,7 +161,8 @@ struct HookAnswer {
 
 // Hooks of an object. They are called from Device::step() in the order of the members. Each may be nullptr.
 struct ObjectHooks {
-    // False: the device does not have the object, and an SDO access is aborted with Abort::no_object.
+    // False: the device does not have the object. SDO and SDO information answer Abort::no_object, lists leave the
+    // object out, and it cannot be mapped. Of the access, only object, dictionary and application are set.
     bool (*exists)(const ObjectAccess&) = nullptr;
     HookAnswer (*before_read)(const ObjectAccess&) = nullptr;  // may update the value
     HookAnswer (*before_write)(const ObjectAccess&,
@@ -336,7 +337,9 @@ class ObjectDictionary {
     [[nodiscard]] std::span<const Object> objects() const { return objects_; }
     [[nodiscard]] MutableBytes image() const { return image_; }
     [[nodiscard]] Application* application() const { return application_; }
-    [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: the object does not exist
+    [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: the table has no such object
+    // False: the hook of the object says that the device does not have it.
+    [[nodiscard]] bool exists(const Object& object);
 
     // Sets all entries in the image to their initial values. With `access` not 0: only entries that have these access
     // bits (for example od::kBackup).

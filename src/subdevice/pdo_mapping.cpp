@@ -110,7 +110,7 @@ bool MappingReader::next() {
 Abort check_mappable(ObjectDictionary& dictionary, MappingEntry entry, bool outputs) {
     if (is_gap(entry.index)) return right_gap(entry) ? Abort::none : Abort::length_mismatch;
     const auto* const object = dictionary.find(entry.index);
-    if (object == nullptr) return Abort::no_object;
+    if (object == nullptr || !dictionary.exists(*object)) return Abort::no_object;
     const auto* const found = object->entry(entry.subindex);
     if (found == nullptr) return Abort::no_subindex;
     const auto wanted = outputs ? od::kRxMappable : od::kTxMappable;

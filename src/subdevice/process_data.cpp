@@ -84,12 +84,12 @@ void ProcessData::count_bytes(bool outputs) {
 // ------------------------------------------------------------------ start and stop
 
 void ProcessData::start(Time now) {
-    outputs_expired_ = sync_seen_ = outputs_valid_ = false;
+    outputs_expired_ = sync_seen_ = sync_began_ = outputs_valid_ = false;
     arrived_ = silent_ = unseen_ = 0;
     missed_ = syncs_ = 0;
     late_ = 0;
     const auto raises_no_event = [this](const ProcessDataArea& area) {
-        return (read_sync_manager(esc_, area.sync_manager).control & wire::sm_control::kPdiInterrupt) == 0;
+        return (read_sync_manager_control(esc_, area.sync_manager) & wire::sm_control::kPdiInterrupt) == 0;
     };
     for_each_used(true, [&](const ProcessDataArea& area, std::size_t, std::size_t bytes) {
         const auto event = al_event::sync_manager(area.sync_manager);
@@ -101,6 +101,12 @@ void ProcessData::start(Time now) {
         inputs_silent_ = bytes == 1 || raises_no_event(area);
     });
     read_sync_settings();
+    if (mode_ == SyncMode::dc_sync0 && acknowledged_sync_) {
+        // SYNC signals from before SAFEOP do not count.
+        acknowledge(reg::kSync0Status);
+        acknowledge(reg::kSync1Status);
+    }
+    show_sync_types();
     running_ = true;
     last_sync_ = now;
     locked_ = frames_ = syncs_of_period_ = 0;
@@ -117,6 +123,7 @@ AlStatusCode ProcessData::missing(Time now) {
             return outputs_expired_ ? AlStatusCode::sync_manager_watchdog : AlStatusCode::no_valid_outputs;
     }
     if (mode_ != SyncMode::dc_sync0) return AlStatusCode::none;
+    forget_lost_sync(now);
     if (!sync_seen_) return AlStatusCode::no_sync_error;
     constexpr unsigned kEnough = 4;
     const bool unlocked = application_.description().dc.pll && has_outputs() && locked_ < kEnough;
@@ -137,12 +144,23 @@ void ProcessData::forget_outputs(Time now) {
     arm(now);
 }
 
+// The time at which SYNC0 counts as lost.
+Time ProcessData::lost_sync() const { return last_sync_ + Duration{kLostSyncs * std::int64_t{sync_cycle_ns_} + 1}; }
+
+// In SAFEOP. SYNC0 has stopped: the application is called as before the first SYNC0, and OP needs a new SYNC0.
+void ProcessData::forget_lost_sync(Time now) {
+    if (!sync_seen_ || outputs_valid_ || now < lost_sync()) return;
+    sync_seen_ = collided_ = false;
+    locked_ = frames_ = syncs_of_period_ = 0;
+    arm(now);
+}
+
 // Watchdog time of the ESC for the outputs; zero when the master has disabled the watchdog.
 Duration ProcessData::watchdog_time() {
     bool triggered = false;
     for_each_used(true, [&](const ProcessDataArea& area, std::size_t, std::size_t) {
-        const auto sm = read_sync_manager(esc_, area.sync_manager);
-        triggered = triggered || (sm.control & wire::sm_control::kWatchdogTrigger) != 0;
+        triggered =
+            triggered || (read_sync_manager_control(esc_, area.sync_manager) & wire::sm_control::kWatchdogTrigger) != 0;
     });
     if (!triggered) return {};
     const auto divider = read_register<std::uint16_t>(esc_, reg::kWatchdogDivider.address);
@@ -156,6 +174,7 @@ bool ProcessData::watchdog_running() {
 
 void ProcessData::start_outputs(Time now) {
     outputs_valid_ = true;
+    show_sync_error(false);
     missed_ = syncs_ = 0;
     late_ = 0;
     watchdog_ = has_outputs() ? watchdog_time() : Duration{};
@@ -177,17 +196,24 @@ void ProcessData::stop_outputs(Time now) {
     dictionary_.block_downloads(nullptr);
     if (output_mapped_) output_map_.reset();
     application_.safe_outputs(now);
+    forget_lost_sync(now);
     arm(now);
 }
 
 void ProcessData::stop() {
+    if (running_) restore_sync_types();
     running_ = false;
     next_cycle_ = next_poll_ = next_watch_ = kNever;
 }
 
 // ------------------------------------------------------------------ updates
 
-void ProcessData::process(unsigned parts, Time now) { update(parts, output_areas_, now); }
+void ProcessData::process(unsigned parts, Time now) {
+    std::uint32_t areas = 0;
+    if (running_ && (parts & part::kOutputs) != 0)
+        areas = outputs_waiting(read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address), now);
+    update(areas != 0 ? parts : parts & ~part::kOutputs, areas, now);
+}
 
 void ProcessData::update(unsigned parts, std::uint32_t areas, Time now) {
     if (!running_) return;
@@ -307,7 +333,7 @@ void ProcessData::serve(Time now, std::uint32_t events) {
             acknowledge(reg::kSync0Status);
             return serve_sync(now);
         }
-    } else if (driven) {
+    } else if (driven && mode_ == SyncMode::process_data) {
         return update(part::kAll, outputs, now);
     } else if (outputs != 0) {
         update(part::kOutputs, outputs, now);
@@ -323,10 +349,12 @@ AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
         if (outputs_valid_ && watched_ && expired) return AlStatusCode::sync_manager_watchdog;
         forget_old_outputs(now);
     }
-    if (!outputs_valid_) return AlStatusCode::none;
+    if (!outputs_valid_) {
+        forget_lost_sync(now);
+        return AlStatusCode::none;
+    }
     if (mode_ == SyncMode::dc_sync0) {
-        if (now - last_sync_ > Duration{kLostSyncs * std::int64_t{sync_cycle_ns_}})
-            return AlStatusCode::fatal_sync_error;
+        if (now >= lost_sync()) return AlStatusCode::fatal_sync_error;
         if (sync_error_limit_ != 0 && missed_ > sync_error_limit_) {
             show_sync_error(true);
             return application_.description().dc.pll ? AlStatusCode::dc_sync_timeout
@@ -342,10 +370,7 @@ AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
 }
 
 Time ProcessData::watch_deadline() const {
-    if (!outputs_valid_) return kNever;
-    if (mode_ != SyncMode::dc_sync0) return next_watch_;
-    const Duration lost{kLostSyncs * std::int64_t{sync_cycle_ns_} + 1};
-    return std::min(next_watch_, last_sync_ + lost);
+    return running_ && sync_seen_ ? std::min(next_watch_, lost_sync()) : next_watch_;
 }
 
 }  // namespace margay::subdevice

@@ -25,6 +25,7 @@ enum class SyncMode : std::uint8_t {
     // The application is called when outputs arrive (without outputs: when the master has read the inputs).
     process_data,
     dc_sync0,  // the application is called at each SYNC0
+    free_run,  // the application is called each DeviceDescription::free_run_cycle (type 0 in 0x1C32:01)
 };
 
 // The parts of one update. They can be combined.
@@ -62,17 +63,21 @@ class ProcessData {
     // SAFEOP and OP the sizes stay those of the transition to SAFEOP.
     [[nodiscard]] ProcessDataSizes sizes();
 
+    // PREOP→SAFEOP: compares the synchronization types of 0x1C32 and its kin with the device, with the SYNC signals,
+    // and with each other. AlStatusCode::none when they fit.
+    [[nodiscard]] AlStatusCode check_sync_types();
     // PREOP→SAFEOP: writes the first inputs before the master reads SAFEOP. Locked.
     void start(Time now);
     // SAFEOP→OP: the condition that is not met: outputs have not arrived, or are too old (the watchdog of the ESC has
-    // expired, or DeviceDescription::output_timeout has passed), or SYNC0 has not arrived. AlStatusCode::none when all
-    // are met. Locked.
+    // expired, or DeviceDescription::output_timeout has passed), or SYNC0 has not arrived, or it has stopped.
+    // AlStatusCode::none when all are met. Locked.
     [[nodiscard]] AlStatusCode missing(Time now);
     void start_outputs(Time now);  // locked
     void stop_outputs(Time now);   // locked
     void stop();                   // locked
 
-    // Executes parts of an update. Locked.
+    // Executes parts of an update. part::kOutputs reads the SyncManagers that have new outputs, and does nothing when
+    // none has. Locked.
     void process(unsigned parts, Time now);
     // Executes the updates that the AL events, the sync mode and the deadlines require. Locked.
     void serve(Time now, std::uint32_t events);
@@ -114,6 +119,9 @@ class ProcessData {
     }
     void update(unsigned parts, std::uint32_t areas, Time now);
     void read_sync_settings();
+    [[nodiscard]] SyncMode chosen_mode();
+    void show_sync_types();
+    void restore_sync_types();
     void find_sync_objects();
     void count_missed_frames();
     void add_to_sync_counter(std::uint16_t object, std::uint8_t subindex);
@@ -125,6 +133,8 @@ class ProcessData {
     void measured(bool outputs, Duration time);
     void forget_old_outputs(Time now);
     void forget_outputs(Time now);
+    [[nodiscard]] Time lost_sync() const;
+    void forget_lost_sync(Time now);
     void acknowledge(wire::Register status);
     void count_sync(Time now);
     void watch_lock();
@@ -136,7 +146,9 @@ class ProcessData {
     [[nodiscard]] Duration own_period() const;
     [[nodiscard]] std::uint32_t outputs_waiting(std::uint32_t events, Time now);
     [[nodiscard]] bool inputs_fetched(std::uint32_t events) const;
-    [[nodiscard]] bool inputs_drive() const { return undriven() && input_bytes_ != 0 && !inputs_silent_; }
+    [[nodiscard]] bool inputs_drive() const {
+        return undriven() && input_bytes_ != 0 && !inputs_silent_ && mode_ != SyncMode::free_run;
+    }
     [[nodiscard]] Duration watchdog_time();
     [[nodiscard]] bool watchdog_running();
 
@@ -162,10 +174,11 @@ class ProcessData {
     bool running_ = false;
     bool outputs_valid_ = false;    // true in OP
     bool outputs_expired_ = false;  // outputs were seen, but they are too old
-    bool sync_seen_ = false;
-    bool inputs_silent_ = false;  // the last input SyncManager does not raise events
-    bool watched_ = false;        // the watchdog of the ESC monitors the outputs
-    bool sync_by_pin_ = false;    // sync0() was called, so the AL event is ignored
+    bool sync_seen_ = false;        // SYNC0 occurs: it has arrived in SAFEOP or OP, and it has not stopped since then
+    bool sync_began_ = false;       // SYNC0 has arrived since PREOP: last_sync_ is its time
+    bool inputs_silent_ = false;    // the last input SyncManager does not raise events
+    bool watched_ = false;          // the watchdog of the ESC monitors the outputs
+    bool sync_by_pin_ = false;      // sync0() was called, so the AL event is ignored
     bool sync1_by_pin_ = false;
     bool acknowledged_sync_ = false;  // SYNC signals stay active until their status is read
     SyncMode mode_ = SyncMode::process_data;
@@ -186,6 +199,9 @@ class ProcessData {
     Time next_cycle_ = kNever;  // the application is called without an event
     Time next_poll_ = kNever;   // used when SyncManagers of the outputs do not raise events
     Time next_watch_ = kNever;
+    // The types that the master has written, of all areas of the outputs and of the inputs. The objects show the type
+    // in use while the process data run.
+    std::array<std::uint16_t, 2 * (1 + kMostMoreAreas)> written_types_{};
     MutableBytes measure_object_;    // memory of 0x1C32:08; empty: the object does not exist
     MutableBytes timestamp_object_;  // memory of 0x10F8
     bool measuring_ = false;

@@ -33,15 +33,82 @@ std::uint16_t first_sync_object(const DeviceDescription& device) {
     return device.outputs.present() ? device.outputs.sync_parameters() : kOutputSyncParameters;
 }
 
+MutableBytes type_memory(ObjectDictionary& dictionary, const ProcessDataArea& area) {
+    return entry_memory(dictionary, area.sync_parameters(), sync_subindex::kType, 2);
+}
+
+// Calls `visit(memory, outputs, n)` for each object with a synchronization type. `n` counts all areas of a description.
+template <class Visit>
+void for_each_sync_type(const DeviceDescription& device, ObjectDictionary& dictionary, Visit visit) {
+    for (const bool outputs : {true, false})
+        for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t n) {
+            const auto memory = type_memory(dictionary, area);
+            if (!memory.empty()) visit(memory, outputs, outputs ? n : 1 + kMostMoreAreas + n);
+        });
+}
+
+// The object whose type chooses the mode: that of the outputs; of a device without outputs, that of the inputs.
+std::uint16_t chosen_type(const DeviceDescription& device, ObjectDictionary& dictionary) {
+    const auto memory = type_memory(dictionary, device.outputs.present() ? device.outputs : device.inputs);
+    return memory.empty() ? sync_type::kSmEvent : load_le<std::uint16_t>(memory);
+}
+
 }  // namespace
 
 // ------------------------------------------------------------------ objects
 
-void ProcessData::read_sync_settings() {
+SyncMode ProcessData::chosen_mode() {
     const auto& device = application_.description();
     const auto activation = read_register<std::uint8_t>(esc_, reg::kSyncActivation.address);
     constexpr auto kBoth = wire::sync_activation::kCyclic | wire::sync_activation::kSync0;
-    mode_ = device.dc.supported && (activation & kBoth) == kBoth ? SyncMode::dc_sync0 : SyncMode::process_data;
+    if (device.dc.supported && (activation & kBoth) == kBoth) return SyncMode::dc_sync0;
+    return chosen_type(device, dictionary_) == sync_type::kFreeRun ? SyncMode::free_run : SyncMode::process_data;
+}
+
+AlStatusCode ProcessData::check_sync_types() {
+    const auto& device = application_.description();
+    const bool dc = chosen_mode() == SyncMode::dc_sync0;
+    const bool free_run = chosen_type(device, dictionary_) == sync_type::kFreeRun;
+    auto fault = AlStatusCode::none;
+    for_each_sync_type(device, dictionary_, [&](Bytes memory, bool outputs, std::size_t) {
+        const auto type = load_le<std::uint16_t>(memory);
+        if (fault != AlStatusCode::none) return;
+        if (!supports_sync_type(device, outputs, type)) {
+            fault = type == sync_type::kFreeRun ? AlStatusCode::free_run_not_supported
+                                                : AlStatusCode::sync_mode_not_supported;
+        } else if ((type == sync_type::kFreeRun && dc) || (type == sync_type::kDcSync0 && !dc)) {
+            fault = AlStatusCode::invalid_dc_sync_configuration;
+        } else if (type == sync_type::kFreeRun && !free_run) {
+            fault = AlStatusCode::sync_mode_not_supported;
+        }
+    });
+    return fault;
+}
+
+// What the objects show in SAFEOP and OP.
+void ProcessData::show_sync_types() {
+    const auto shown = [this](bool outputs) {
+        switch (mode_) {
+            case SyncMode::free_run: return sync_type::kFreeRun;
+            case SyncMode::dc_sync0: return sync_type::kDcSync0;
+            case SyncMode::process_data: break;
+        }
+        return !outputs && has_outputs() ? sync_type::kSm2Event : sync_type::kSmEvent;
+    };
+    for_each_sync_type(application_.description(), dictionary_, [&](MutableBytes memory, bool outputs, std::size_t n) {
+        written_types_[n] = load_le<std::uint16_t>(memory);
+        store_le(memory, 0, shown(outputs));
+    });
+}
+
+void ProcessData::restore_sync_types() {
+    for_each_sync_type(application_.description(), dictionary_,
+                       [&](MutableBytes memory, bool, std::size_t n) { store_le(memory, 0, written_types_[n]); });
+}
+
+void ProcessData::read_sync_settings() {
+    const auto& device = application_.description();
+    mode_ = chosen_mode();
     acknowledged_sync_ = read_register<std::uint16_t>(esc_, reg::kSyncPulseLength.address) == 0;
     sync_cycle_ns_ = read_register<std::uint32_t>(esc_, reg::kSync0CycleTime.address);
     syncs_per_frame_ = 1;
@@ -49,6 +116,7 @@ void ProcessData::read_sync_settings() {
         const auto frame =
             static_cast<std::uint32_t>(dictionary_.number(first_sync_object(device), sync_subindex::kCycle));
         const auto sync1 = read_register<std::uint32_t>(esc_, reg::kSync1CycleTime.address);
+        const auto activation = read_register<std::uint8_t>(esc_, reg::kSyncActivation.address);
         const bool sync1_on = (activation & wire::sync_activation::kSync1) != 0;
         if (frame > sync_cycle_ns_) {
             syncs_per_frame_ = (frame - sync_cycle_ns_ / 2) / sync_cycle_ns_ + 1;
@@ -68,6 +136,8 @@ void ProcessData::find_sync_objects() {
     const auto first = first_sync_object(application_.description());
     measure_object_ = entry_memory(dictionary_, first, sync_subindex::kGetCycleTime, 2);
     timestamp_object_ = entry_memory(dictionary_, kTimestamp, 0, 8);
+    if (const auto cycle = entry_memory(dictionary_, first, sync_subindex::kSync0Cycle, 4); !cycle.empty())
+        store_le(cycle, 0, mode_ == SyncMode::dc_sync0 ? sync_cycle_ns_ : std::uint32_t{0});
     show_sync_error(false);
 }
 
@@ -152,13 +222,13 @@ void ProcessData::sync1(Time now) {
 
 void ProcessData::count_sync(Time now) {
     const auto gap = (now - last_sync_).count();
-    if (sync_seen_ && sync_cycle_ns_ != 0 && gap > 0) {
+    if (sync_began_ && sync_cycle_ns_ != 0 && gap > 0) {
         const auto most = UINT32_MAX - sync_cycle_ns_ / 2;
         const auto gap_ns = gap < std::int64_t{most} ? static_cast<std::uint32_t>(gap) : most;
         const auto cycles = (gap_ns + sync_cycle_ns_ / 2) / sync_cycle_ns_;
         if (cycles > 1) counters_.missed_syncs += cycles - 1;
     }
-    sync_seen_ = true;
+    sync_seen_ = sync_began_ = true;
     last_sync_ = now;
     watch_lock();
     if (!outputs_valid_ || !has_outputs() || ++syncs_ < syncs_per_frame_) return;

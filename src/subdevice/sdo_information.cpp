@@ -10,26 +10,6 @@ using coe::InfoOpcode;
 using coe::ListType;
 using wire::MailboxErrorCode;
 
-namespace {
-
-bool belongs(const Object& object, ListType type) {
-    const auto wanted = [type] {
-        switch (type) {
-            case ListType::rx_mappable: return od::kRxMappable;
-            case ListType::tx_mappable: return od::kTxMappable;
-            case ListType::backup: return od::kBackup;
-            case ListType::settings: return od::kSettings;
-            case ListType::all:
-            case ListType::lengths: break;
-        }
-        return std::uint16_t{0};
-    }();
-    return wanted == 0 || std::any_of(object.entries.begin(), object.entries.end(),
-                                      [wanted](const Entry& e) { return (e.access & wanted) != 0; });
-}
-
-}  // namespace
-
 std::optional<MailboxErrorCode> SdoInformation::receive(Bytes data, std::uint16_t address, Outbox& out) {
     if (data.size() < coe::kListRequestBytes) return MailboxErrorCode::size_too_short;
     if (out.open().size() < coe::kInfoErrorBytes) return MailboxErrorCode::no_more_memory;
@@ -47,10 +27,27 @@ std::optional<MailboxErrorCode> SdoInformation::receive(Bytes data, std::uint16_
     return std::nullopt;
 }
 
+bool SdoInformation::belongs(const Object& object, ListType type) const {
+    if (!dictionary_.exists(object)) return false;
+    const auto wanted = [type] {
+        switch (type) {
+            case ListType::rx_mappable: return od::kRxMappable;
+            case ListType::tx_mappable: return od::kTxMappable;
+            case ListType::backup: return od::kBackup;
+            case ListType::settings: return od::kSettings;
+            case ListType::all:
+            case ListType::lengths: break;
+        }
+        return std::uint16_t{0};
+    }();
+    return wanted == 0 || std::any_of(object.entries.begin(), object.entries.end(),
+                                      [wanted](const Entry& e) { return (e.access & wanted) != 0; });
+}
+
 std::size_t SdoInformation::count(ListType type) const {
     const auto objects = dictionary_.objects();
     return static_cast<std::size_t>(
-        std::count_if(objects.begin(), objects.end(), [type](const Object& o) { return belongs(o, type); }));
+        std::count_if(objects.begin(), objects.end(), [&](const Object& o) { return belongs(o, type); }));
 }
 
 void SdoInformation::list(std::uint16_t type, Outbox& out) {
@@ -71,7 +68,7 @@ void SdoInformation::list(std::uint16_t type, Outbox& out) {
 
 void SdoInformation::object(std::uint16_t index, Outbox& out) {
     const auto* const object = dictionary_.find(index);
-    if (object == nullptr) return fail(Abort::no_object, out);
+    if (object == nullptr || !dictionary_.exists(*object)) return fail(Abort::no_object, out);
     head_bytes_ = 0;
     append(object->index, 2);
     append(static_cast<std::uint16_t>(object->type), 2);
@@ -83,7 +80,7 @@ void SdoInformation::object(std::uint16_t index, Outbox& out) {
 
 void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint8_t value_info, Outbox& out) {
     const auto* const object = dictionary_.find(index);
-    if (object == nullptr) return fail(Abort::no_object, out);
+    if (object == nullptr || !dictionary_.exists(*object)) return fail(Abort::no_object, out);
     const auto* const entry = object->entry(subindex);
     if (entry == nullptr) return fail(Abort::no_subindex, out);
     const bool number = entry->bits <= 64 && entry->storage != Storage::text && !entry->is_text();
@@ -158,8 +155,9 @@ void SdoInformation::fill(MutableBytes to) {
     if (opcode_ == InfoOpcode::list_response) {
         const auto objects = dictionary_.objects();
         for (; n < to.size(); n += 2, sent_ += 2) {
-            while (!belongs(objects[next_object_], list_)) ++next_object_;
-            store_le(to, n, objects[next_object_++].index);
+            while (next_object_ < objects.size() && !belongs(objects[next_object_], list_)) ++next_object_;
+            // An object may disappear while its list is sent: then the list ends with zeros.
+            store_le(to, n, next_object_ < objects.size() ? objects[next_object_++].index : std::uint16_t{0});
         }
     } else {
         for (; n < to.size(); ++n) to[n] = static_cast<std::byte>(text_[sent_++ - head_bytes_]);

@@ -9,7 +9,7 @@ namespace margay::subdevice {
 
 class SdoInformation {
   public:
-    explicit SdoInformation(const ObjectDictionary& dictionary) : dictionary_(dictionary) {}
+    explicit SdoInformation(ObjectDictionary& dictionary) : dictionary_(dictionary) {}
 
     void start() { left_ = 0; }
 
@@ -29,9 +29,10 @@ class SdoInformation {
     void fill(MutableBytes to);
     void fail(Abort why, Outbox& out);
     void append(std::uint64_t value, std::size_t bytes);
+    [[nodiscard]] bool belongs(const Object& object, wire::coe::ListType type) const;
     [[nodiscard]] std::size_t count(wire::coe::ListType type) const;
 
-    const ObjectDictionary& dictionary_;
+    ObjectDictionary& dictionary_;
     // The current response: a header, followed by the indices of a list or by a text.
     std::array<std::byte, 40> head_{};
     std::size_t head_bytes_ = 0;

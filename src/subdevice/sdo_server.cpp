@@ -64,9 +64,7 @@ Abort SdoServer::find(std::uint8_t command, Bytes data, bool write) {
     by_segments_ = false;
     object_ = dictionary_.find(index_);
     entry_ = nullptr;
-    if (object_ == nullptr) return Abort::no_object;
-    const auto* const hooks = object_->hooks;
-    if (hooks != nullptr && hooks->exists != nullptr && !hooks->exists(access(Time{}, write))) return Abort::no_object;
+    if (object_ == nullptr || !dictionary_.exists(*object_)) return Abort::no_object;
     if (complete_) {
         const bool possible = complete_access_ && subindex_ <= 1 && object_->code != ObjectCode::variable;
         return possible ? check_access(write) : Abort::unsupported_access;

@@ -1,5 +1,6 @@
 #include "subdevice/sii_image.hpp"
 
+#include "wire/esc.hpp"
 #include "wire/sync_manager.hpp"
 
 #include <algorithm>
@@ -111,6 +112,18 @@ std::uint16_t pdi_configuration(const DcDescription& dc, const BoardDescription&
     return static_cast<std::uint16_t>(board.pdi_configuration | (sync0.bits() << 8) | (sync1.bits() << 12));
 }
 
+// The operation mode with SYNC signals.
+sii::DcOpMode dc_mode(const DcDescription& dc) {
+    constexpr unsigned kSync0 = wire::sync_activation::kCyclic | wire::sync_activation::kSync0;
+    sii::DcOpMode mode{.assign_activate = kSync0 << 8, .sync0_cycle_factor = 1};
+    if (dc.sync1) {
+        mode.sync1_shift_time_ns = static_cast<std::int32_t>(dc.sync1_shift.count());
+        mode.sync1_cycle_factor = dc.sync1_cycle_factor;
+        mode.assign_activate = (kSync0 | wire::sync_activation::kSync1) << 8;
+    }
+    return mode;
+}
+
 // The SyncManager category: the place of an entry is the number of its SyncManager. Those between that the device does
 // not use are of type unused.
 class SyncManagerTable {
@@ -196,8 +209,7 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
         return {0, Fault::no_room};
 
     const std::array<sii::DcDescription, 2> modes{
-        {{{.assign_activate = 0}, "Synchron", "SM-Synchron"},
-         {{.assign_activate = 0x0300, .sync0_cycle_factor = 1}, "DC", "DC-Synchron"}}};
+        {{{.assign_activate = 0}, "Synchron", "SM-Synchron"}, {dc_mode(device.dc), "DC", "DC-Synchron"}}};
     if (device.dc.supported) d.dc = device.dc.required ? std::span(modes).subspan(1) : std::span(modes);
     return sii::write_image(d, eeprom);
 }

@@ -26,6 +26,8 @@ class StackSlave final : public sim::Firmware {
         d.inputs.start = 0x2200;
         d.complete_access = complete_access;
         dictionary.emplace(s::testing::table::kObjects, image, &application);
+        stored_.emplace(*dictionary, store_, stored_memory_);
+        application.stored = &*stored_;
     }
 
     [[nodiscard]] std::vector<std::byte> sii() {
@@ -69,6 +71,14 @@ class StackSlave final : public sim::Firmware {
     std::optional<subdevice::Device> device;
 
   private:
+    // The device has all objects of the table: the stored values, too.
+    struct NoFlash final : subdevice::ValueStore {
+        std::size_t load(MutableBytes) override { return 0; }
+        subdevice::HookAnswer save(Bytes, Time) override { return subdevice::Abort::hardware_error; }
+    };
+    NoFlash store_;
+    std::array<std::byte, subdevice::stored_bytes(subdevice::testing::table::kObjects)> stored_memory_{};
+    std::optional<subdevice::StoredValues> stored_;
     std::uint16_t mailbox_bytes_;
     bool complete_access_;
     std::array<subdevice::MailboxProtocol, 1> protocols_{};

@@ -65,9 +65,9 @@ constexpr Object kGateObjects[] = {record(0x1600, "Offset", kGateRx2, nullptr, D
                                    record(0x1601, "Wanted", kGateRx4, nullptr, DataType::pdo_mapping),
                                    array(0x1C12, "RxPDO assignment of SM2", kGateAssigned2),
                                    array(0x1C14, "RxPDO assignment of SM4", kGateAssigned4),
-                                   record(0x1C32, "Synchronization of SM2", kGateSync2),
-                                   record(0x1C33, "Synchronization of SM3", kGateSync3),
-                                   record(0x1C34, "Synchronization of SM4", kGateSync4),
+                                   record(0x1C32, "Synchronization of SM2", kGateSync2, &kSyncParameterHooks),
+                                   record(0x1C33, "Synchronization of SM3", kGateSync3, &kSyncParameterHooks),
+                                   record(0x1C34, "Synchronization of SM4", kGateSync4, &kSyncParameterHooks),
                                    variable(0x6000, "Actual", kGateActual),
                                    variable(0x7000, "Offset", kGateOffset),
                                    variable(0x7001, "Wanted", kGateWanted)};

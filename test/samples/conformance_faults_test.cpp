@@ -23,6 +23,7 @@ struct Fault {
     // Changes chip or SII before the device is switched on.
     void (*prepare)(sim::Device& device) = nullptr;
     Severity severity = Severity::error;
+    const char* device = "odd_device";
 };
 
 class FaultyPdi final : public subdevice::EscAccess {
@@ -130,9 +131,9 @@ void read_no_init_after_error(std::uint16_t address, MutableBytes data) {
 }
 
 // An SDO download of this subindex that was aborted looks like a success.
-template <std::uint16_t Index, std::uint8_t Subindex>
+template <std::uint16_t Index, std::uint8_t Subindex, std::uint16_t Mailbox = 0x1400>
 bool grant(std::uint16_t address, Octets& data) {
-    if (!is_mail(address, data) || data.size() < 16 || data[8] != std::byte{0x80}) return true;
+    if (address != Mailbox || data.size() < 16 || data[8] != std::byte{0x80}) return true;
     if (load_le<std::uint16_t>(data, 9) != Index || data[11] != std::byte{Subindex}) return true;
     coe::store_header(MutableBytes(data).subspan(6), {0, coe::Service::sdo_response});
     data[8] = std::byte{0x60};
@@ -167,7 +168,53 @@ bool note_segments(std::uint16_t address, Octets& data) {
     return true;
 }
 
+// SYNC0 always looks as if it had arrived, once the device has reported an error.
+bool after_error = false;
+bool note_any_error(std::uint16_t address, Octets& data) {
+    if (address == reg::kAlStatus.address && data[0] == std::byte{0x14}) after_error = true;
+    return true;
+}
+void read_sync0_after_error(std::uint16_t address, MutableBytes data) {
+    if (after_error) read_bits<0x0220, 0x04>(address, data);
+}
+// The DC operation modes of the SII with SYNC0 get SYNC1.
+void announce_sync1(sim::Device& device) {
+    const auto modes = wire::sii::find_category(device.sii, wire::sii::category::kDc);
+    ASSERT_TRUE(modes);
+    constexpr std::size_t kModeBytes = 24;
+    constexpr std::size_t kAssignActivate = 15;  // the high octet
+    const auto first = static_cast<std::size_t>(modes->data() - device.sii.data());
+    for (std::size_t at = first + kAssignActivate; at < first + modes->size(); at += kModeBytes)
+        if (device.sii[at] == std::byte{3}) device.sii[at] = std::byte{7};
+}
+// A firmware that needs SYNC1 does not accept SYNC0 alone.
+void need_sync1(std::uint16_t address, MutableBytes data) {
+    if (address == reg::kSyncActivation.address && data[0] == std::byte{3}) data[0] = std::byte{1};
+}
+
 constexpr Fault kFaults[] = {
+    {"clock.lost", "a SYNC0 of long ago leads to OP again", note_any_error, read_sync0_after_error},
+    {"clock.lost", "OP is refused again with another code", replace_code<0x002D, 0x0001>},
+    {.check = "clock.sync1",
+     .what = "the SII announces a SYNC1 that the device does not need",
+     .prepare = announce_sync1,
+     .severity = kRemark},
+    {.check = "clock.sync1",
+     .what = "a missing SYNC1 has another code",
+     .write = replace_code<0x0030, 0x0035>,
+     .read = need_sync1,
+     .prepare = announce_sync1},
+    {.check = "sync.types", .what = "every type is accepted", .write = grant<0x1C32, 1, 0x1100>, .device = "split_io"},
+    {.check = "sync.types",
+     .what = "a type that is announced is refused",
+     .read =
+         [](std::uint16_t address, MutableBytes data) {
+             // An expedited download of type 2 reaches the firmware as one of type 99.
+             if (address != 0x1006 || data.size() < 10 || load_le<std::uint16_t>(data, 3) != 0x1C33) return;
+             if ((std::to_integer<unsigned>(data[2]) >> 5) == coe::request::kDownload && data[6] == std::byte{2})
+                 data[6] = std::byte{99};
+         },
+     .device = "split_io"},
     {"states.restart", "only the first start works",
      [](std::uint16_t address, Octets& data) {
          static unsigned starts = 0;
@@ -378,13 +425,27 @@ constexpr Fault kFaults[] = {
 
 TEST(SubdeviceCheck, FaultsBetweenFirmwareAndEscAreFoundByName) {
     for (const auto& fault : kFaults) {
-        auto device = sim::make_device("odd_device").value();
+        auto device = sim::make_device(fault.device).value();
         if (fault.prepare != nullptr) fault.prepare(device);
         device.firmware = std::make_unique<FaultyFirmware>(std::move(device.firmware), fault);
         const auto checked = check_it(std::move(device), {.only = only(fault.check)});
         EXPECT_TRUE(has(checked.report, fault.check, fault.severity)) << fault.check << ": " << fault.what << "\n"
                                                                       << report_text(checked.report, true);
     }
+}
+
+TEST(SubdeviceCheck, ADeviceThatNeedsSync1PassesTheChecksOfTheClock) {
+    static constexpr Fault kNeedsSync1{
+        .check = "clock", .what = "needs SYNC1", .read = need_sync1, .prepare = announce_sync1};
+    auto device = sim::make_device("odd_device").value();
+    announce_sync1(device);
+    device.firmware = std::make_unique<FaultyFirmware>(std::move(device.firmware), kNeedsSync1);
+    const auto checked = check_it(std::move(device), {.only = "clock."});
+    for (const auto& check : checked.report.checks)
+        EXPECT_TRUE(check.findings.empty()) << check.name << "\n" << report_text(checked.report, true);
+    const auto* const sync1 = find(checked.report, "clock.sync1");
+    ASSERT_NE(sync1, nullptr);
+    EXPECT_EQ(sync1->outcome, Outcome::passed) << sync1->reason;
 }
 
 // A check that nothing makes fail proves nothing.

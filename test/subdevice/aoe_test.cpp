@@ -172,6 +172,7 @@ TEST_F(AoeServerTest, NotifiesInTheFormOfTheStandard) {
     EXPECT_EQ(exchange(add(2, 9, 10)), octets_from({0x13, 0x07, 0, 0}));
     EXPECT_EQ(exchange(add(0, 4, 10)), octets_from({0x05, 0x07, 0, 0}));
     EXPECT_EQ(exchange(add(17, 4, 10)), octets_from({0x05, 0x07, 0, 0}));
+    bench.esc.time = Time{} + 1'700'000'000s + 123'456'799ns;
     EXPECT_EQ(exchange(add(2, 4, 20)), octets_from({0, 0, 0, 0, 1, 0, 0, 0}));
     bench.settle();
     const auto first = bench.receive(wire::MailboxType::aoe);
@@ -179,6 +180,7 @@ TEST_F(AoeServerTest, NotifiesInTheFormOfTheStandard) {
     EXPECT_EQ(Octets(first.begin(), first.begin() + 8), octets_from({9, 9, 9, 9, 9, 9, 7, 0})) << "to who asked";
     EXPECT_EQ(Octets(first.begin() + 16, first.begin() + 24), octets_from({8, 0, 4, 0, 30, 0, 0, 0}));
     EXPECT_EQ(Octets(first.begin() + 32, first.begin() + 40), octets_from({26, 0, 0, 0, 1, 0, 0, 0}));
+    EXPECT_EQ(load_le<std::uint64_t>(first, 40), 17'000'000'001'234'567u) << "in units of 100 ns";
     EXPECT_EQ(Octets(first.begin() + 48, first.end()), octets_from({1, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 1, 2}));
     // Nothing while the value is the same; then once.
     for (int n = 0; n < 10; ++n) {

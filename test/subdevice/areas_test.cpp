@@ -68,10 +68,10 @@ constexpr Object kAreaObjects[] = {record(0x1600, "Rx of SM2", kRx2, nullptr, Da
                                    array(0x1C13, "TxPDO assignment", kIn3),
                                    array(0x1C14, "RxPDO assignment", kIn4),
                                    array(0x1C15, "TxPDO assignment", kIn5),
-                                   record(0x1C32, "Sync of SM2", kSync2),
-                                   record(0x1C33, "Sync of SM3", kSync3),
-                                   record(0x1C34, "Sync of SM4", kSync4),
-                                   record(0x1C35, "Sync of SM5", kSync5),
+                                   record(0x1C32, "Sync of SM2", kSync2, &kSyncParameterHooks),
+                                   record(0x1C33, "Sync of SM3", kSync3, &kSyncParameterHooks),
+                                   record(0x1C34, "Sync of SM4", kSync4, &kSyncParameterHooks),
+                                   record(0x1C35, "Sync of SM5", kSync5, &kSyncParameterHooks),
                                    variable(0x6000, "Position", kPosition),
                                    variable(0x6001, "Heat", kHeat),
                                    variable(0x7000, "Bits", kBits),
@@ -230,7 +230,7 @@ TEST_P(Areas, EachCountsItsOwnMissedFrames) {
 
 TEST_P(Areas, HaveTheirOwnCycleTimesAndTheMeasuredTimesOfTheDevice) {
     for (const unsigned index : {0x1C32U, 0x1C33U, 0x1C34U, 0x1C35U}) {
-        EXPECT_EQ(sync_value(index, 1), 1U);
+        EXPECT_EQ(sync_value(index, 1), index == 0x1C32 || index == 0x1C34 ? 1U : 0x22U);
         EXPECT_EQ(sync_value(index, 4), 6U) << "SM event and DC SYNC0";
     }
     MoreSyncValues<AreaValues::sync4>::cycle::store(memory.values, 2'000'000);

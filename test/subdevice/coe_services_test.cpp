@@ -2,6 +2,7 @@
 #include "bench_device.hpp"
 
 #include <algorithm>
+#include <set>
 
 namespace margay::subdevice {
 namespace {
@@ -62,10 +63,29 @@ std::vector<int> indices(const Information& info) {
     return out;
 }
 
+Abort information_abort(Bench& bench, const std::vector<std::byte>& request) {
+    const auto info = ask(bench, request);
+    return info.opcode == 7 && info.data.size() == 4 ? static_cast<Abort>(load_le<std::uint32_t>(info.data))
+                                                     : Abort::none;
+}
+
+// The objects of the bench device, without those of its stored values.
+std::vector<int> indices_without_stored_values() {
+    const std::set<int> absent{0x1010, 0x1011, 0x10F0};
+    std::vector<int> out;
+    for (const auto& object : table::kObjects)
+        if (!absent.contains(object.index)) out.push_back(object.index);
+    return out;
+}
+
+struct NoStore final : ValueStore {
+    std::size_t load(MutableBytes) override { return 0; }
+    HookAnswer save(Bytes, Time) override { return Abort::hardware_error; }
+};
+
 TEST(SdoInformation, AllFiveListsAndTheirLengths) {
     Bench bench;
-    std::vector<int> all;
-    for (const auto& object : table::kObjects) all.push_back(object.index);
+    const auto all = indices_without_stored_values();
     EXPECT_EQ(indices(ask(bench, info_request(1, 1))), all);
     EXPECT_EQ(indices(ask(bench, info_request(1, 2))), (std::vector<int>{0x7000}));
     EXPECT_EQ(indices(ask(bench, info_request(1, 3))), (std::vector<int>{0x10F3, 0x10F8, 0x6000}));
@@ -76,15 +96,70 @@ TEST(SdoInformation, AllFiveListsAndTheirLengths) {
     EXPECT_EQ(lengths.data, raw({0, 0, static_cast<int>(all.size()), 0, 1, 0, 3, 0, 2, 0, 1, 0}));
 }
 
+// An object is in the lists exactly when an SDO can read it.
+TEST(SdoInformation, AnObjectThatTheDeviceDoesNotHaveIsNotThere) {
+    Bench bench;
+    for (const int index : {0x1010, 0x1011, 0x10F0}) {
+        EXPECT_EQ(information_abort(bench, info_request(3, index)), Abort::no_object) << std::hex << index;
+        EXPECT_EQ(information_abort(bench, info_request(5, index, 1)), Abort::no_object) << std::hex << index;
+        EXPECT_EQ(upload(bench, index, 1).abort, Abort::no_object) << std::hex << index;
+    }
+    NoStore store;
+    std::array<std::byte, stored_bytes(table::kObjects)> buffer{};
+    StoredValues stored(bench.dictionary, store, buffer);
+    bench.application.stored = &stored;
+    EXPECT_EQ(indices(ask(bench, info_request(1, 1))).size(), std::size(table::kObjects));
+    for (const int index : {0x1010, 0x1011, 0x10F0}) {
+        EXPECT_EQ(ask(bench, info_request(3, index)).opcode, 4) << std::hex << index;
+        EXPECT_EQ(ask(bench, info_request(5, index, 1)).opcode, 6) << std::hex << index;
+        EXPECT_EQ(upload(bench, index, 1).abort, Abort::none) << std::hex << index;
+    }
+}
+
+// Room for one message of 14 octets: four indices behind the header.
+class SmallOutbox final : public Outbox {
+  public:
+    MutableBytes open() override { return message.empty() ? MutableBytes(room_) : MutableBytes{}; }
+    void commit(wire::MailboxType, std::size_t bytes, std::uint16_t) override {
+        message.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(bytes));
+    }
+    std::vector<std::byte> message;
+
+  private:
+    std::array<std::byte, 14> room_{};
+};
+
+TEST(SdoInformation, AListWhoseObjectsDisappearMeanwhileEnds) {
+    static bool there;
+    static constexpr ObjectHooks kHooks{.exists = [](const ObjectAccess&) { return there; }};
+    static constexpr Entry kEntry[] = {constant<std::uint8_t>(0, "Value", 1)};
+    static constexpr Object kObjects[] = {variable(0x2000, "Value", kEntry), variable(0x2001, "Value", kEntry),
+                                          variable(0x2002, "Value", kEntry), variable(0x2003, "Value", kEntry),
+                                          variable(0x2004, "Value", kEntry, &kHooks)};
+    there = true;
+    ObjectDictionary dictionary(kObjects, {});
+    SdoInformation information(dictionary);
+    SmallOutbox out;
+    ASSERT_FALSE(information.receive(info_request(1, 1), 0, out));
+    std::vector<std::byte> data(out.message.begin() + coe::kInfoHeaderBytes, out.message.end());
+    there = false;
+    while (information.busy()) {
+        out.message.clear();
+        information.step(out);
+        ASSERT_GT(out.message.size(), coe::kInfoHeaderBytes);
+        data.insert(data.end(), out.message.begin() + coe::kInfoHeaderBytes, out.message.end());
+    }
+    EXPECT_EQ(data, raw({1, 0, 0, 0x20, 1, 0x20, 2, 0x20, 3, 0x20, 0, 0})) << "the length that was announced";
+}
+
 TEST(SdoInformation, FragmentsForEveryMailbox) {
     for (int bytes = 24; bytes <= 80; ++bytes) {
         Bench bench(static_cast<std::uint16_t>(bytes), 3);
         const auto list = ask(bench, info_request(1, 1));
         const auto found = indices(list);
-        EXPECT_EQ(found.size(), std::size(table::kObjects)) << bytes;
-        EXPECT_TRUE(std::is_sorted(found.begin(), found.end()));
+        EXPECT_EQ(found, indices_without_stored_values()) << bytes;
         const auto room = static_cast<std::size_t>(bytes - 12) & ~std::size_t{1};
-        EXPECT_EQ(list.fragments, (2 + 2 * std::size(table::kObjects) + room - 1) / room) << bytes;
+        EXPECT_EQ(list.fragments, (2 + 2 * found.size() + room - 1) / room) << bytes;
         EXPECT_EQ(ask(bench, info_request(3, 0x1003)).text(6), "Pre-defined error field") << bytes;
         EXPECT_EQ(upload(bench, 0x1000).number(), 0x191u);
     }
@@ -133,11 +208,7 @@ TEST(SdoInformation, EntryDescriptionsCarryWhatIsAskedForAndThere) {
 
 TEST(SdoInformation, ErrorsCarryAnAbortCode) {
     Bench bench;
-    const auto code = [&](const std::vector<std::byte>& request) {
-        const auto info = ask(bench, request);
-        EXPECT_EQ(info.opcode, 7);
-        return info.data.size() == 4 ? static_cast<Abort>(load_le<std::uint32_t>(info.data)) : Abort::none;
-    };
+    const auto code = [&](const std::vector<std::byte>& request) { return information_abort(bench, request); };
     EXPECT_EQ(code(info_request(1, 6)), Abort::unsupported_access);
     EXPECT_EQ(code(info_request(3, 0x5000)), Abort::no_object);
     EXPECT_EQ(code(info_request(5, 0x5000, 0)), Abort::no_object);

@@ -326,6 +326,55 @@ TEST_F(EsmTest, AnotherRequestDropsTheOneThatWaits) {
     EXPECT_EQ(esc.al_status(), ok(AlState::init));
 }
 
+// The checks before the question are those of the first time.
+TEST_F(EsmTest, WhatChangesWhileATransitionWaitsIsCheckedAgain) {
+    const auto wait = [](Transition, Time now) { return Verdict::wait(now + 10ms); };
+    struct Change {
+        AlStatusCode code;
+        std::function<void()> make;
+    };
+    const Change changes[] = {
+        {AlStatusCode::invalid_output_configuration,
+         [&] {
+             esc.configure(2, {0x1100, 7, 0x64, 1});
+         }},
+        {AlStatusCode::invalid_input_configuration,
+         [&] {
+             esc.configure(3, {0x1200, 8, 0x20, 0});
+         }},
+        {AlStatusCode::invalid_output_configuration,
+         [&] {
+             client.sizes = {5, 8};
+         }},
+        {AlStatusCode::invalid_output_mapping, [&] { client.sizes.fault = AlStatusCode::invalid_output_mapping; }},
+        {AlStatusCode::invalid_dc_sync_configuration, [&] { esc.ecat_set<std::uint8_t>(0x0981, 1); }},
+    };
+    for (const auto& change : changes) {
+        esc = PlainEsc{};
+        client = Client{};
+        start(kDevice);
+        bring_to(AlState::preop);
+        client.answer = wait;
+        (void)request(4);
+        change.make();
+        client.answer = nullptr;
+        esc.time += 10ms;
+        EXPECT_EQ(step(), kNever);
+        EXPECT_EQ(esc.al_status(), refused(AlState::preop, change.code));
+        EXPECT_EQ(client.log, "PS? PSx ") << "the application hears that the transition is cancelled";
+    }
+}
+
+TEST_F(EsmTest, MailboxesThatChangeWhilePreopWaitsAreCheckedAgain) {
+    client.answer = [](Transition, Time now) { return Verdict::wait(now + 10ms); };
+    (void)request(2);
+    client.answer = nullptr;
+    esc.configure(1, {0x1080, 300, 0x22, 1});
+    esc.time += 10ms;
+    (void)step();
+    EXPECT_EQ(esc.al_status(), refused(AlState::init, AlStatusCode::invalid_mailbox_configuration));
+}
+
 TEST_F(EsmTest, FaultsForceTheDeviceDown) {
     bring_to(AlState::op);
     client.answer = [](Transition, Time) { return Verdict::refuse(AlStatusCode::unspecified); };

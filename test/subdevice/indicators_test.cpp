@@ -40,6 +40,20 @@ TEST(Indicators, EachCallSaysWhenTheNextIsDue) {
     EXPECT_EQ(lamp(Flashing::on, 1h).lasts, Duration::max());
 }
 
+// As in the first period, also after years.
+TEST(Indicators, FlashOnTheSameWayForEver) {
+    for (unsigned code = 1; code <= 14; ++code) {
+        const auto flashing = static_cast<Flashing>(code);
+        const auto flashes = code <= 12 ? (2 * code - 1) * 200ms + 1000ms : Duration{code == 13 ? 400ms : 100ms};
+        for (const std::int64_t periods : {std::int64_t{1}, std::int64_t{7}, std::int64_t{1} << 30})
+            for (Duration at{}; at < flashes; at += 25ms) {
+                const auto later = lamp(flashing, at + periods * flashes);
+                EXPECT_EQ(later.lit, lamp(flashing, at).lit) << code << " at " << at.count();
+                EXPECT_EQ(later.lasts, lamp(flashing, at).lasts) << code << " at " << at.count();
+            }
+    }
+}
+
 class IndicatorsOfADevice : public ::testing::Test {
   protected:
     Bench bench;

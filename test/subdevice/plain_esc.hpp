@@ -37,6 +37,7 @@ class PlainEsc final : public EscAccess {
         for (std::size_t i = 0; i < into.size(); ++i) into[i] = memory_[address + i];
         if (address <= 0x0120 && address + into.size() > 0x0120) clear(al_event::kAlControl);
         if (address <= 0x098E && address + into.size() > 0x098E) clear(al_event::kDcSync0);
+        if (address <= 0x098F && address + into.size() > 0x098F) clear(al_event::kDcSync1);
         if (address <= 0x0440 && address + into.size() > 0x0440) clear(al_event::kWatchdog);
         for (unsigned n = 0; n < kSyncManagers; ++n) {
             const auto activate = wire::reg::sync_manager(n).address + 6u;

@@ -191,6 +191,23 @@ TEST(ProcessData, MappingsThatDoNotFitAreRefusedWithTheirCode) {
     EXPECT_EQ(bench.request(0x14), refused(AlState::preop, AlStatusCode::invalid_input_mapping));
 }
 
+// The application needs time for PREOP→SAFEOP, and SDOs go on meanwhile.
+TEST(ProcessData, AMappingThatChangesWhileSafeopWaitsIsRefused) {
+    static Time ready;
+    Bench bench;
+    ready = bench.esc.time + 5ms;
+    bench.application.transition_hook = [](Transition transition, Time now) {
+        return transition.to == AlState::safeop && now < ready ? Verdict::wait(ready) : Verdict::go();
+    };
+    ASSERT_EQ(bench.request(4), (AlStatus{AlState::preop, false, 0}));
+    ASSERT_EQ(download(bench, 0x1C12, 0, number(0, 1)).abort, Abort::none);
+    bench.esc.time = ready;
+    (void)bench.step();
+    EXPECT_EQ(bench.esc.al_status(), refused(AlState::preop, AlStatusCode::invalid_output_configuration));
+    ASSERT_EQ(download(bench, 0x1C12, 0, number(1, 1)).abort, Abort::none);
+    EXPECT_EQ(bench.request(0x14), (AlStatus{AlState::safeop, false, 0}));
+}
+
 // --- Distributed clocks ---
 
 class DcTest : public ::testing::Test {
@@ -352,6 +369,68 @@ TEST(DeviceTest, PartsCanBeDrivenByHand) {
     Values::in_a::store(bench.image, 0x7777);
     bench.device->process(part::kInputs, bench.esc.time);
     EXPECT_EQ(bench.esc.get<std::uint16_t>(0x1300), 0x7777);
+}
+
+// An author whose timer executes all parts, whether the master sends or not.
+class PartsByHand : public ::testing::Test {
+  protected:
+    void run(int periods, unsigned parts, bool sync = false) {
+        for (int n = 0; n < periods; ++n) {
+            bench.esc.time += 1ms;
+            bench.device->process(parts, bench.esc.time);
+            if (sync) bench.esc.raise(wire::al_event::kDcSync0);
+            (void)bench.step();
+        }
+    }
+    Bench bench;
+};
+
+TEST_F(PartsByHand, DoNotTakeOutputsThatHaveNotArrived) {
+    bench.esc.ecat_set<std::uint16_t>(0x0420, 0);
+    (void)bench.request(4);
+    const auto before = bench.application.cycles;
+    run(3, part::kAll);
+    EXPECT_EQ(bench.application.cycles, before + 3) << "the other parts are executed";
+    (void)bench.request(8);
+    run(200, part::kAll);
+    EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::no_valid_outputs));
+    put_outputs(bench, 5, 0, 0);
+    bench.device->process(part::kOutputs, bench.esc.time);
+    EXPECT_EQ(bench.request(0x18), (AlStatus{AlState::op, false, 0}));
+    EXPECT_EQ(Values::out_a::load(bench.image), 5);
+}
+
+TEST_F(PartsByHand, DoNotHideThatFramesAreMissing) {
+    bench.esc.ecat_set<std::uint16_t>(0x0420, 0);
+    bench.esc.ecat_set<std::uint32_t>(0x09A0, 1'000'000);
+    bench.esc.ecat_set<std::uint8_t>(0x0981, 3);
+    (void)bench.request(4);
+    put_outputs(bench, 1, 0, 0);
+    (void)bench.request(8);
+    run(1, part::kOutputs, true);
+    ASSERT_EQ(bench.esc.al_status(), (AlStatus{AlState::op, false, 0}));
+    run(6, part::kOutputs, true);
+    EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::synchronization_error));
+    EXPECT_EQ(bench.process_data.counters().missed_frames, 4u);
+}
+
+TEST_F(PartsByHand, DoNotHideThatOutputsAreTooOld) {
+    bench.application.description_value.output_timeout = 50ms;
+    bench.esc.ecat_set<std::uint16_t>(0x0420, 0);
+    bring_to_op(bench);
+    run(49, part::kOutputs);
+    EXPECT_EQ(bench.esc.al_status().state, AlState::op);
+    run(1, part::kOutputs);
+    EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::sync_manager_watchdog));
+}
+
+TEST_F(PartsByHand, DoNotMakeOldOutputsNew) {
+    bench.application.description_value.output_timeout = 50ms;
+    bench.esc.ecat_set<std::uint16_t>(0x0420, 0);
+    (void)bench.request(4);
+    put_outputs(bench, 1, 0, 0);
+    run(60, part::kOutputs);
+    EXPECT_EQ(bench.request(8), (AlStatus{AlState::safeop, false, 0}));
 }
 
 TEST(DeviceTest, ARestartOfTheFirmwareEndsEverything) {

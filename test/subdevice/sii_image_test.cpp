@@ -103,6 +103,53 @@ TEST_F(SiiImageTest, TooLittleRoomIsToldNotWritten) {
     EXPECT_EQ(write_sii(device, {}, bench.dictionary, workspace, small).fault, sii::Fault::no_room);
 }
 
+// --- Operation modes ---
+
+// A master that follows the SII gets to SAFEOP in each operation mode.
+TEST_F(SiiImageTest, TheDeviceAcceptsEachOperationModeOfItsSii) {
+    auto& dc = bench.application.description_value.dc;
+    for (const bool required : {false, true})
+        for (const bool sync1 : {false, true}) {
+            dc = {.supported = true, .required = required, .sync1 = sync1};
+            // The initial values of the objects follow from the description.
+            using Sync = SyncValues<Values::sync>;
+            const auto& device = bench.application.description();
+            Sync::output_type::store(bench.image, sync_entry::first_type(device, true));
+            Sync::input_type::store(bench.image, sync_entry::first_type(device, false));
+            ASSERT_TRUE(write_sii(device, {}, bench.dictionary, workspace, image).ok());
+            sii::DcOpModes modes(category(sii::category::kDc));
+            unsigned count = 0;
+            while (const auto mode = modes.next()) {
+                ++count;
+                bench.esc.ecat_set<std::uint32_t>(0x09A0, 1'000'000);
+                bench.esc.ecat_set(0x0980, mode->assign_activate);
+                EXPECT_EQ(bench.request(0x14), (AlStatus{AlState::safeop, false, 0}))
+                    << std::hex << mode->assign_activate << (required ? " required" : "") << (sync1 ? " SYNC1" : "");
+                (void)bench.request(0x12);
+            }
+            EXPECT_EQ(count, required ? 1u : 2u);
+        }
+}
+
+TEST_F(SiiImageTest, TheOperationModeSaysWhenSync1Comes) {
+    auto& dc = bench.application.description_value.dc;
+    const auto last = [&] {
+        EXPECT_TRUE(write_sii(bench.application.description(), {}, bench.dictionary, workspace, image).ok());
+        sii::DcOpModes modes(category(sii::category::kDc));
+        sii::DcOpMode found;
+        while (const auto mode = modes.next()) found = *mode;
+        return found;
+    };
+    dc = {.supported = true, .sync1_cycle_factor = 5, .sync1_shift = 20us};
+    EXPECT_EQ(last().assign_activate, 0x0300);
+    EXPECT_EQ(last().sync1_cycle_factor, 0) << "not used";
+    dc.sync1 = true;
+    EXPECT_EQ(last().assign_activate, 0x0700);
+    EXPECT_EQ(last().sync0_cycle_factor, 1);
+    EXPECT_EQ(last().sync1_cycle_factor, 5);
+    EXPECT_EQ(last().sync1_shift_time_ns, 20'000);
+}
+
 // --- Emulation: 0x0502 on the side of the PDI ---
 
 class EepromTest : public SiiImageTest {

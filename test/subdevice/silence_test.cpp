@@ -295,6 +295,11 @@ TEST_P(AbsentParts, ObjectsWithoutTheirPartDoNotExist) {
     EXPECT_EQ(ask(sdo_request(0x21, 0x10F3, 5, 200)), Abort::no_object) << "a segmented download";
 }
 
+TEST_P(AbsentParts, ObjectsWithoutTheirPartCannotBeMapped) {
+    EXPECT_EQ(ask(sdo_request(0x2F, 0x1A00, 0, 0)), Abort::none);
+    EXPECT_EQ(ask(sdo_request(0x23, 0x1A00, 1, 0x10F30401)), Abort::no_object) << "new messages available";
+}
+
 TEST_P(AbsentParts, PdosAreConfiguredWithoutAnApplication) {
     EXPECT_EQ(ask(sdo_request(0x2F, 0x1600, 0, 0)), Abort::none);
     EXPECT_EQ(ask(sdo_request(0x23, 0x1600, 1, 0x70000108)), Abort::none);
