@@ -30,7 +30,14 @@ Time Device::step(Time now) {
     Time next = kNever;
     if (mailbox_ != nullptr) {
         next = mailbox_->step(now, events);
-        if (mailbox_->sync_manager_lost()) (void)esm_.step(now, al_event::kSmActivation);
+        if (mailbox_->sync_manager_lost()) {
+            (void)esm_.step(now, al_event::kSmActivation);
+            if (mailbox_->sync_manager_lost())  // its new setting is allowed, but only INIT may be left with it
+                esm_.fall_back(AlState::init,
+                               esm_.state() == AlState::boot ? AlStatusCode::invalid_boot_mailbox_configuration
+                                                             : AlStatusCode::invalid_mailbox_configuration,
+                               now);
+        }
     }
     if (eeprom_ != nullptr) eeprom_->step(events);
     if (const auto fault = serve_process_data(now, events); fault != AlStatusCode::none)
