@@ -33,7 +33,7 @@ std::string eni_with_clocks() {
 
 TEST_F(ServiceTest, TheCycleFollowsTheReferenceClockOfAnEni) {
     folder.write("etc/machine.xml", eni_with_clocks());
-    // A machine that runs tests is late by tens of microseconds. A wrong sign or a wrong phase misses half a period, 1000.
+    // A machine that runs tests is late by tens of microseconds. A wrong sign or phase misses half a period, 1000.
     configure("a.toml", "source = \"" + kClockedSlaves +
                             "\"\neni = \"machine.xml\"\npriority = 50\nin_sync_us = 400\n");
     const auto ran = shell(
