@@ -160,7 +160,9 @@ void Esm::watch_sync_managers(Time now) {
         if (fault != AlStatusCode::none) return fall_back(AlState::init, fault, now);
     }
     if (has_process_data(status_.state)) {
-        const auto fault = check_process_data(esc_, device_, client_.process_data_sizes());
+        const auto sizes = client_.process_data_sizes();
+        auto fault = check_process_data(esc_, device_, sizes);
+        if (fault == AlStatusCode::none) fault = check_watchdog(esc_, device_, sizes);
         if (fault != AlStatusCode::none) fall_back(AlState::preop, fault, now);
     }
 }

@@ -85,9 +85,23 @@ void ProcessData::count_bytes(bool outputs) {
 
 void ProcessData::start(Time now) {
     outputs_expired_ = sync_seen_ = outputs_valid_ = false;
-    arrived_ = silent_ = unseen_ = 0;
+    arrived_ = 0;
     missed_ = syncs_ = 0;
     late_ = 0;
+    next_poll_ = kNever;
+    find_silent(now);
+    read_sync_settings();
+    running_ = true;
+    last_sync_ = now;
+    locked_ = frames_ = syncs_of_period_ = 0;
+    collided_ = false;
+    next_watch_ = kNever;
+    process(part::kApplication | part::kInputs, now);
+}
+
+// The SyncManagers that raise no events, by the control octets of the master.
+void ProcessData::find_silent(Time now) {
+    silent_ = unseen_ = 0;
     const auto raises_no_event = [this](const ProcessDataArea& area) {
         return (read_sync_manager(esc_, area.sync_manager).control & wire::sm_control::kPdiInterrupt) == 0;
     };
@@ -100,14 +114,10 @@ void ProcessData::start(Time now) {
     for_each_used(false, [&](const ProcessDataArea& area, std::size_t, std::size_t bytes) {
         inputs_silent_ = bytes == 1 || raises_no_event(area);
     });
-    read_sync_settings();
-    running_ = true;
-    last_sync_ = now;
-    locked_ = frames_ = syncs_of_period_ = 0;
-    collided_ = false;
-    next_watch_ = kNever;
-    next_poll_ = silent_ != 0 ? now + kPollEvery : kNever;
-    process(part::kApplication | part::kInputs, now);
+    if (silent_ == 0)
+        next_poll_ = kNever;
+    else if (next_poll_ == kNever)
+        next_poll_ = now + kPollEvery;
 }
 
 AlStatusCode ProcessData::missing(Time now) {
@@ -158,14 +168,18 @@ void ProcessData::start_outputs(Time now) {
     outputs_valid_ = true;
     missed_ = syncs_ = 0;
     late_ = 0;
+    set_watchdog(now);
+    if (output_mapped_) dictionary_.block_downloads(&output_map_);
+    if (!has_outputs()) return;
+    apply_outputs();  // the application starts with the last outputs that arrived in SAFEOP
+}
+
+void ProcessData::set_watchdog(Time now) {
     watchdog_ = has_outputs() ? watchdog_time() : Duration{};
     watched_ = watchdog_ != Duration::zero();
     if (const auto own = application_.description().output_timeout; own != Duration::zero() && has_outputs())
         watchdog_ = watched_ ? std::min(watchdog_, own) : own;
     next_watch_ = watchdog_ == Duration::zero() ? kNever : now + watchdog_;
-    if (output_mapped_) dictionary_.block_downloads(&output_map_);
-    if (!has_outputs()) return;
-    apply_outputs();  // the application starts with the last outputs that arrived in SAFEOP
 }
 
 void ProcessData::stop_outputs(Time now) {
@@ -317,7 +331,20 @@ void ProcessData::serve(Time now, std::uint32_t events) {
 
 // ------------------------------------------------------------------ monitoring
 
+// The master may have written other control octets. Deadlines that exist stay.
+void ProcessData::look_again(Time now) {
+    const Time cycle = next_cycle_;
+    const Time watch = next_watch_;
+    find_silent(now);
+    arm(now);
+    if (next_cycle_ != kNever) next_cycle_ = std::min(next_cycle_, cycle);
+    if (!outputs_valid_) return;
+    set_watchdog(now);
+    if (next_watch_ != kNever) next_watch_ = std::min(next_watch_, watch);
+}
+
 AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
+    if (running_ && (events & al_event::kSmActivation) != 0) look_again(now);
     if ((events & al_event::kWatchdog) != 0) {
         const bool expired = !watchdog_running();  // clears the event
         if (outputs_valid_ && watched_ && expired) return AlStatusCode::sync_manager_watchdog;
