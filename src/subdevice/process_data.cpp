@@ -58,9 +58,12 @@ AlStatusCode ProcessData::build_map(bool outputs) {
     map.clear();
     if (!mapped) return AlStatusCode::none;
     auto wrong = Abort::none;
-    // Assigned PDOs of a direction that the device does not have.
-    if (!(outputs ? device.outputs : device.inputs).present())
-        wrong = map.add(dictionary_, outputs ? kOutputAssignment : kInputAssignment, 0);
+    // Assigned PDOs of a direction that the device does not have. The object may belong to the other direction.
+    const auto usual = outputs ? kOutputAssignment : kInputAssignment;
+    bool of_other = false;
+    for_each_area(device, !outputs,
+                  [&](const ProcessDataArea& area, std::size_t) { of_other = of_other || area.assignment() == usual; });
+    if (!(outputs ? device.outputs : device.inputs).present() && !of_other) wrong = map.add(dictionary_, usual, 0);
     for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t n) {
         const std::size_t before = map.bytes();
         const auto room = std::min<std::size_t>(area.max_bytes, memory - std::min(memory, before));
