@@ -26,6 +26,7 @@ void Device::start(Time now) {
 
 Time Device::step(Time now) {
     const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
+    const bool running = process_data_.running();
     (void)esm_.step(now, events);
     Time next = kNever;
     if (mailbox_ != nullptr) {
@@ -40,7 +41,8 @@ Time Device::step(Time now) {
         }
     }
     if (eeprom_ != nullptr) eeprom_->step(events);
-    if (const auto fault = serve_process_data(now, events); fault != AlStatusCode::none)
+    // Events from before the start of process data are old: those of outputs and SYNC signals of an earlier use.
+    if (const auto fault = serve_process_data(now, running ? events : 0); fault != AlStatusCode::none)
         esm_.fall_back(AlState::safeop, fault, now);
     next = std::min(next, esm_.step(now, 0));
     if (const auto feed = application_.description().pdi_watchdog; feed != Duration::zero())

@@ -94,6 +94,11 @@ void ProcessData::start(Time now) {
     next_poll_ = kNever;
     find_silent(now);
     read_sync_settings();
+    // The events of SYNC signals of an earlier activation, which nobody has acknowledged.
+    if (acknowledged_sync_) {
+        acknowledge(reg::kSync0Status);
+        acknowledge(reg::kSync1Status);
+    }
     running_ = true;
     last_sync_ = now;
     locked_ = frames_ = syncs_of_period_ = 0;
