@@ -31,7 +31,8 @@ int check(Source& source, const Options& options) {
         conformance::check_device(ctx, source.osal(), source.wait_handles(), options.position, options.checks,
                                   [&](std::string_view name) { line.show(std::string(name)); });
     line.clear();
-    if (checked.report.checks.empty()) return fail(checked.error);
+    if (checked.report.checks.empty())
+        return fail(checked.error, checked.wrong_arguments ? exit_code::kUsage : exit_code::kSegment);
     write_out(options.json ? conformance::report_json(checked.report).dump(2) + "\n"
                            : conformance::report_text(checked.report, options.all));
     if (!checked.error.empty()) return fail(checked.error);

@@ -15,7 +15,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kLook = 1ms;
-constexpr Duration kSettled = 20ms;  // a slave has answered a request that it refuses
+constexpr Duration kClockStarts = 70ms;  // SYNC0 begins within this time after its activation
+constexpr Duration kSettled = 20ms;      // a slave has answered a request that it refuses
 constexpr std::size_t kMostOctets = 1486;
 
 bool has_process_data(AlState state) { return state == AlState::safeop || state == AlState::op; }
@@ -131,14 +132,18 @@ Duration Bench::patience(AlState to) {
 }
 
 AlStatus Bench::go(AlState state, bool with_process_data) {
-    request(static_cast<unsigned>(state));
     const bool cyclic = with_process_data && has_process_data(state);
+    if (cyclic && state == AlState::op && uses_clock()) (void)run(kClockStarts);
+    request(static_cast<unsigned>(state));
     const Time until = now() + patience(state);
     for (;;) {
-        if (cyclic) (void)exchange();
+        if (cyclic) {
+            to_grid();
+            (void)exchange();
+        }
         const auto status = al_status();
         if (status.state == state || status.error || now() >= until) return status;
-        wait(kLook);
+        if (!cyclic || !uses_clock()) wait(kLook);
     }
 }
 
@@ -176,21 +181,44 @@ void Bench::reset() {
 }
 
 void Bench::enter(AlState state) {
+    while (!try_to_enter(state)) {
+    }
+}
+
+// False: the slave needs the clock, which is active at the next try.
+bool Bench::try_to_enter(AlState state) {
     reset();
-    if (state == AlState::init) return;
+    if (state == AlState::init) return true;
     const auto step = [this](AlState to) {
         const auto status = go(to);
-        if (status.state != to || status.error)
-            skip(fmt::format("the slave does not go to {}: it is in {}", state_text(to), status_text(status)));
+        if (status.state == to && !status.error) return true;
+        if (wants_clock(status)) return false;
+        skip(fmt::format("the slave does not go to {}: it is in {}", state_text(to), status_text(status)));
     };
     configure_mailboxes(state == AlState::boot);
     give_eeprom(true);
-    step(state == AlState::boot ? AlState::boot : AlState::preop);
+    if (!step(state == AlState::boot ? AlState::boot : AlState::preop)) return false;
     if (mailbox_started_) mailbox_started_();
-    if (state == AlState::preop || state == AlState::boot) return;
+    if (state == AlState::preop || state == AlState::boot) return true;
     configure_process_data();
-    step(AlState::safeop);
-    if (state == AlState::op) step(AlState::op);
+    return step(AlState::safeop) && (state != AlState::op || step(AlState::op));
+}
+
+bool Bench::wants_clock(const AlStatus& status) {
+    constexpr unsigned kMostAttempts = 4;
+    if (!activate_clock_ || !status.error) return false;
+    const auto code = static_cast<wire::AlStatusCode>(status.code);
+    const bool cycle = code == wire::AlStatusCode::invalid_dc_sync_cycle_time ||
+                       code == wire::AlStatusCode::invalid_dc_sync0_cycle_time;
+    const bool off =
+        code == wire::AlStatusCode::invalid_dc_sync_configuration || code == wire::AlStatusCode::no_sync_error;
+    if (uses_clock() ? !cycle || clock_attempts_ == kMostAttempts : !cycle && !off) return false;
+    ++clock_attempts_;
+    return true;
+}
+
+void Bench::to_grid() {
+    if (uses_clock()) wait(kLook - (now() - grid()) % kLook);
 }
 
 void Bench::configure_mailboxes(bool boot) {
@@ -207,6 +235,7 @@ void Bench::configure_mailboxes(bool boot) {
 void Bench::configure_process_data() {
     if (find_lengths_) find_lengths_();
     for (const auto& area : areas_) write_sync_manager(area.sync_manager, area.setting);
+    if (uses_clock()) activate_clock_(clock_attempts_ - 1);
 }
 
 void Bench::give_eeprom(bool to_pdi) {
@@ -258,6 +287,7 @@ bool Bench::exchange() {
 }
 
 bool Bench::run(Duration time, const std::function<bool()>& done, Duration period) {
+    to_grid();
     const Time until = now() + time;
     Time next = now();
     while (now() < until) {

@@ -105,6 +105,17 @@ class Bench {
     // Longest time that a slave may take for a transition (ETG.2000, default of the ESI element Info/StateMachine).
     [[nodiscard]] static Duration patience(AlState to);
 
+    // --- Distributed clocks ---
+    // Some slaves refuse SAFEOP or OP without SYNC signals. `activate` writes the SYNC unit in PREOP, by the operation
+    // mode of the SII; with `attempt` from 1 on it chooses another cycle.
+    void on_clock(std::function<void(unsigned attempt)> activate) { activate_clock_ = std::move(activate); }
+    // Whether the transition was refused because the clock is off, or because of its cycle. Then
+    // configure_process_data() activates the clock from now on, or chooses another cycle: try again.
+    [[nodiscard]] bool wants_clock(const AlStatus& status);
+    [[nodiscard]] bool uses_clock() const { return clock_attempts_ != 0; }
+    // With a clock, go() and run() exchange process data at multiples of 1 ms after this time.
+    [[nodiscard]] Time grid() const { return {}; }
+
     // --- Process data ---
     [[nodiscard]] const std::vector<ProcessArea>& areas() const { return areas_; }
     [[nodiscard]] const ProcessArea* area(bool outputs) const;
@@ -123,6 +134,8 @@ class Bench {
   private:
     void add(Severity severity, std::string text, std::string_view clause);
     void find_areas();
+    [[nodiscard]] bool try_to_enter(AlState state);
+    void to_grid();
     void check_line(const Error& error) const;
 
     Context& ctx_;
@@ -132,6 +145,8 @@ class Bench {
     std::vector<ProcessArea> areas_;
     std::function<void()> find_lengths_;
     std::function<void()> mailbox_started_;
+    std::function<void(unsigned)> activate_clock_;
+    unsigned clock_attempts_ = 0;
     CheckResult* result_ = nullptr;
     std::string_view clause_;
 };

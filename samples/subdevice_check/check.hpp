@@ -61,11 +61,21 @@ struct SiiPdo {
 [[nodiscard]] std::vector<SiiPdo> sii_pdos(const Session& session, std::uint8_t sync_manager);
 [[nodiscard]] std::size_t bits_of(const std::vector<SiiPdo>& pdos);
 
+// Whether the SII has a DC operation mode with SYNC0. activate_clock() writes the SYNC unit by the first of them, in
+// PREOP; with `attempt` from 1 on, where the SII leaves the cycle to the master, with another cycle (clocks.cpp).
+[[nodiscard]] bool has_sync_mode(const Session& session);
+void activate_clock(Session& session, unsigned attempt);
+
+// Entries that can be written in PREOP with the value that they have, without an effect: configuration of the
+// communication (sdos.cpp).
+[[nodiscard]] std::vector<DictionaryEntry> harmless_entries(const Session& session);
+
 // Scans the segment of `ctx`, which is initialised, and checks the slave with this number. `progress` is called with
 // the name of each check before it begins. Returns an error as a sentence when there is no such slave.
 struct Checked {
     Report report{};
     std::string error{};
+    bool wrong_arguments = false;  // the error is one of POSITION or of the names of checks
 };
 [[nodiscard]] Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t position,
                                    const Options& options = {},

@@ -12,7 +12,9 @@ using namespace std::chrono_literals;
 using wire::AlStatusCode;
 namespace sii = wire::sii;
 
-constexpr Duration kBusCycle = 2ms;  // where the SII leaves the cycle to the master
+// Where the SII leaves the cycle to the master: the first one, and the others if the slave refuses it by 0x0035 or
+// 0x0036.
+constexpr Duration kBusCycles[] = {2ms, 1ms, 4ms, 500us};
 constexpr Duration kStartIn = 50ms;  // SYNC0 begins this long after its activation
 
 std::vector<sii::DcOpMode> modes_of(const Session& session) {
@@ -76,14 +78,15 @@ void check_rate(Session& session) {
         bench.fail(fmt::format("the clock counted {} ms in {} ms", counted / 1ms, passed / 1ms));
 }
 
-Duration sync0_cycle(const sii::DcOpMode& mode) {
+Duration sync0_cycle(const sii::DcOpMode& mode, Duration bus) {
     if (mode.sync0_cycle_time_ns != 0) return Duration{mode.sync0_cycle_time_ns};
     const int factor = mode.sync0_cycle_factor;
-    if (factor > 1) return kBusCycle * factor;
-    return factor < -1 ? kBusCycle / -factor : kBusCycle;
+    if (factor > 1) return bus * factor;
+    return factor < -1 ? bus / -factor : bus;
 }
 
 struct SyncSetting {
+    Duration bus{};    // the period of the frames
     Duration cycle{};  // 0x09A0
     Duration sync1{};  // 0x09A4
     std::uint8_t activation = 0;
@@ -99,32 +102,32 @@ void activate(Bench& bench, const SyncSetting& setting, Time grid) {
     bench.read_octets(reg::kSystemTime.address, octets);
     const auto now = load_le<std::uint64_t>(octets, 0);
     // The time from this reading to a point half a cycle behind a frame.
-    const auto since = (bench.now() - grid) % kBusCycle;
-    const auto start = now + static_cast<std::uint64_t>((kStartIn - since + kBusCycle / 2).count());
+    const auto since = (bench.now() - grid) % setting.bus;
+    const auto start = now + static_cast<std::uint64_t>((kStartIn - since + setting.bus / 2).count());
     store_le<std::uint64_t>(octets, 0, start);
     bench.write_octets(reg::kSyncStartTime.address, octets);
     bench.write<std::uint8_t>(reg::kSyncActivation.address, setting.activation);
 }
 
 // Frames on the grid until the state is reached, or an error is shown.
-AlStatus run_to(Bench& bench, AlState state, Time grid, Duration longest) {
+AlStatus run_to(Bench& bench, AlState state, Time grid, Duration bus, Duration longest) {
     bench.request(static_cast<unsigned>(state));
-    const auto since = (bench.now() - grid) % kBusCycle;
-    bench.wait(kBusCycle - since);
+    const auto since = (bench.now() - grid) % bus;
+    bench.wait(bus - since);
     (void)bench.run(
         longest,
         [&] {
             const auto status = bench.al_status();
             return status.state == state || status.error;
         },
-        kBusCycle);
+        bus);
     return bench.al_status();
 }
 
-void run_on_grid(Bench& bench, Time grid, Duration time, const std::function<bool()>& done = {}) {
-    const auto since = (bench.now() - grid) % kBusCycle;
-    bench.wait(kBusCycle - since);
-    (void)bench.run(time, done, kBusCycle);
+void run_on_grid(Bench& bench, Time grid, Duration bus, Duration time, const std::function<bool()>& done = {}) {
+    const auto since = (bench.now() - grid) % bus;
+    bench.wait(bus - since);
+    (void)bench.run(time, done, bus);
 }
 
 // PREOP with SYNC signals, then SAFEOP and OP. Returns the last status.
@@ -132,16 +135,16 @@ AlStatus start(Session& session, const SyncSetting& setting, Time& grid) {
     auto& bench = session.bench;
     bench.enter(AlState::preop);
     bench.configure_process_data();
-    grid = bench.now();
+    grid = bench.grid() + (bench.now() - bench.grid()) / setting.bus * setting.bus;
     activate(bench, setting, grid);
-    const auto status = run_to(bench, AlState::safeop, grid, Bench::patience(AlState::safeop));
+    const auto status = run_to(bench, AlState::safeop, grid, setting.bus, Bench::patience(AlState::safeop));
     if (status.state != AlState::safeop || status.error) return status;
-    run_on_grid(bench, grid, kStartIn + 20 * kBusCycle);
-    return run_to(bench, AlState::op, grid, Bench::patience(AlState::op));
+    run_on_grid(bench, grid, setting.bus, kStartIn + 20 * setting.bus);
+    return run_to(bench, AlState::op, grid, setting.bus, Bench::patience(AlState::op));
 }
 
-SyncSetting setting_of(const sii::DcOpMode& mode) {
-    SyncSetting setting{sync0_cycle(mode), {}, static_cast<std::uint8_t>(mode.assign_activate >> 8)};
+SyncSetting setting_of(const sii::DcOpMode& mode, Duration bus = kBusCycles[0]) {
+    SyncSetting setting{bus, sync0_cycle(mode, bus), {}, static_cast<std::uint8_t>(mode.assign_activate >> 8)};
     if ((setting.activation & wire::sync_activation::kSync1) != 0) {
         setting.sync1 = mode.sync1_cycle_factor > 1 ? setting.cycle * (mode.sync1_cycle_factor - 1) : Duration{};
         setting.sync1 += Duration{std::max(0, mode.sync1_shift_time_ns)};
@@ -159,18 +162,53 @@ std::vector<sii::DcOpMode> needs_modes(Session& session) {
     return modes;
 }
 
+bool refuses_cycle(const AlStatus& status) {
+    const auto code = static_cast<AlStatusCode>(status.code);
+    return status.error &&
+           (code == AlStatusCode::invalid_dc_sync_cycle_time || code == AlStatusCode::invalid_dc_sync0_cycle_time);
+}
+
+// The cycles for a mode: that of the SII, or those of the master. The slave may tell its shortest cycle (0x1C32:05).
+std::vector<Duration> bus_cycles(Session& session, const sii::DcOpMode& mode) {
+    if (mode.sync0_cycle_time_ns != 0) return {kBusCycles[0]};
+    std::vector<Duration> cycles(std::begin(kBusCycles), std::end(kBusCycles));
+    if (!session.bench.has(mailbox_protocol::kCoE) || session.mail.dead()) return cycles;
+    session.bench.enter(AlState::preop);
+    const auto shortest = Duration{session.sdo.number(0x1C32, 5).value_or(0)};
+    const auto possible = [&](Duration bus) { return sync0_cycle(mode, bus) >= shortest; };
+    if (std::ranges::none_of(cycles, possible)) cycles.insert(cycles.begin(), shortest);
+    std::ranges::stable_partition(cycles, possible);
+    return cycles;
+}
+
+// OP with the first cycle that the slave does not refuse. Returns the last status.
+AlStatus start(Session& session, const sii::DcOpMode& mode, SyncSetting& setting, Time& grid) {
+    AlStatus status{};
+    for (const auto bus : bus_cycles(session, mode)) {
+        setting = setting_of(mode, bus);
+        status = start(session, setting, grid);
+        if (!refuses_cycle(status)) break;
+    }
+    return status;
+}
+
 void check_sync(Session& session) {
     auto& bench = session.bench;
     for (const auto& mode : needs_modes(session)) {
         Time grid{};
-        const auto setting = setting_of(mode);
-        const auto status = start(session, setting, grid);
+        SyncSetting setting;
+        const auto status = start(session, mode, setting, grid);
+        if (refuses_cycle(status) && mode.sync0_cycle_time_ns == 0)
+            bench.skip(
+                fmt::format("AssignActivate 0x{:04x} could not be tried: the slave refuses SYNC0 each 2 ms, 1 "
+                            "ms, 4 ms and 500 µs ({})",
+                            mode.assign_activate, status_text(status)));
         if (status.state != AlState::op || status.error) {
             bench.fail(fmt::format("with SYNC0 each {} µs (AssignActivate 0x{:04x}) the slave is in {}",
                                    setting.cycle / 1us, mode.assign_activate, status_text(status)));
             continue;
         }
-        run_on_grid(bench, grid, 200ms);
+        run_on_grid(bench, grid, setting.bus, 200ms);
         if (const auto after = bench.al_status(); after.state != AlState::op || after.error)
             bench.fail(fmt::format("with SYNC0 each {} µs the slave did not stay in OP: {}", setting.cycle / 1us,
                                    status_text(after)));
@@ -201,10 +239,11 @@ void check_lost(Session& session) {
     auto& bench = session.bench;
     const auto modes = needs_modes(session);
     Time grid{};
-    if (const auto status = start(session, setting_of(modes.front()), grid); status.state != AlState::op)
+    SyncSetting setting;
+    if (const auto status = start(session, modes.front(), setting, grid); status.state != AlState::op)
         bench.skip("the slave does not go to OP with SYNC0 (clock.sync0)");
     bench.write<std::uint8_t>(reg::kSyncActivation.address, 0);
-    run_on_grid(bench, grid, 1s, [&] { return bench.al_status().state != AlState::op; });
+    run_on_grid(bench, grid, setting.bus, 1s, [&] { return bench.al_status().state != AlState::op; });
     const auto status = bench.refused();
     if (status.state == AlState::op) {
         bench.remark("SYNC0 was switched off in OP, and the slave stays in OP");
@@ -248,16 +287,40 @@ void check_cycle_zero(Session& session) {
     setting.cycle = {};
     Time grid{};
     const auto status = start(session, setting, grid);
-    if (status.state == AlState::op) bench.fail("SYNC0 is active with a cycle time of 0, and the slave went to OP");
+    if (status.state == AlState::op) {
+        bench.fail("SYNC0 is active with a cycle time of 0, and the slave went to OP");
+        return;
+    }
+    // A slave may also take it as a single pulse, and miss SYNC0 later.
+    constexpr AlStatusCode kCodes[] = {AlStatusCode::invalid_dc_sync0_cycle_time,
+                                       AlStatusCode::invalid_dc_sync_cycle_time,
+                                       AlStatusCode::invalid_dc_sync_configuration,
+                                       AlStatusCode::no_sync_error,
+                                       AlStatusCode::fatal_sync_error,
+                                       AlStatusCode::synchronization_error,
+                                       AlStatusCode::pll_error,
+                                       AlStatusCode::dc_sync_io_error,
+                                       AlStatusCode::dc_sync_timeout};
+    if (!status.error)
+        bench.fail(fmt::format("SYNC0 is active with a cycle time of 0, and the slave stays in {} without an error",
+                               status_text(status)));
+    else if (std::find(std::begin(kCodes), std::end(kCodes), static_cast<AlStatusCode>(status.code)) ==
+             std::end(kCodes))
+        bench.fail(fmt::format("SYNC0 is active with a cycle time of 0, and the slave is in {}, expected 0x0036",
+                               status_text(status)),
+                   "ETG.1020, AL Status Codes");
 }
 
 // SYNC0 alone, and the cycle time of SYNC1 left over by another configuration.
 void check_cycle1(Session& session) {
     auto& bench = session.bench;
-    auto setting = setting_of(needs_modes(session).front());
-    if ((setting.activation & wire::sync_activation::kSync1) != 0) bench.skip("the operation mode uses SYNC1");
-    setting.sync1 = setting.cycle;
+    const auto mode = needs_modes(session).front();
     Time grid{};
+    SyncSetting setting;
+    if ((setting_of(mode).activation & wire::sync_activation::kSync1) != 0) bench.skip("the operation mode uses SYNC1");
+    if (const auto status = start(session, mode, setting, grid); status.state != AlState::op)
+        bench.skip("the slave does not go to OP with SYNC0 (clock.sync0)");
+    setting.sync1 = setting.cycle;
     const auto status = start(session, setting, grid);
     if (status.state != AlState::op || status.error)
         bench.remark(fmt::format("with SYNC0 alone and a cycle time of SYNC1 that is not 0 the slave is in {}",
@@ -273,12 +336,25 @@ constexpr Check kChecks[] = {
     {"clock.sync0", "OP with the SYNC signals of each operation mode", kSync, check_sync},
     {"clock.lost", "OP ends when SYNC0 ends, and needs a new SYNC0", kSync, check_lost},
     {"clock.sync1", "an operation mode with SYNC1 needs SYNC1", kSync, check_sync1},
-    {"clock.cycle_zero", "SYNC0 with a cycle time of 0 is refused", kSync, check_cycle_zero},
+    {"clock.cycle_zero", "SYNC0 with a cycle time of 0 is refused with 0x0036", kSync, check_cycle_zero},
     {"clock.cycle1", "an unused cycle time of SYNC1 does no harm", kSync, check_cycle1},
 };
 
 }  // namespace
 
 std::span<const Check> clock_checks() { return kChecks; }
+
+bool has_sync_mode(const Session& session) {
+    const auto modes = modes_of(session);
+    return std::ranges::any_of(modes, uses_sync);
+}
+
+// Frames come each millisecond: SYNC0 with the same period suits slaves that compare both.
+void activate_clock(Session& session, unsigned attempt) {
+    const auto modes = modes_of(session);
+    constexpr Duration kCycles[] = {1ms, 2ms, 4ms, 500us};
+    const auto bus = kCycles[std::min<std::size_t>(attempt, std::size(kCycles) - 1)];
+    activate(session.bench, setting_of(*std::ranges::find_if(modes, uses_sync), bus), session.bench.grid());
+}
 
 }  // namespace margay::samples::conformance

@@ -230,6 +230,28 @@ void check_entries(Session& session) {
             fmt::format("{} more entries do not agree with their descriptions", check.findings - kMostFindings));
 }
 
+// Subindex 0 of records and arrays is the highest subindex that exists now; the description has the highest possible.
+void check_subindices(Session& session) {
+    enter(session);
+    const auto reply = list(session, ListType::all);
+    if (!reply.ok()) session.bench.skip("the list of all objects cannot be read (information.lists)");
+    for (const auto index : indices_of(reply)) {
+        if (index < 0x1000) continue;  // definitions of types
+        const auto described = object(session, index);
+        if (!described.ok() || described.data.size() < coe::kObjectResponseBytes - coe::kInfoHeaderBytes) continue;
+        const auto top = std::to_integer<unsigned>(described.data[4]);
+        if (std::to_integer<std::uint8_t>(described.data[5]) == static_cast<std::uint8_t>(coe::ObjectCode::variable))
+            continue;
+        const auto count = session.sdo.number(index, 0);
+        if (count && *count > top)
+            session.bench.fail(fmt::format(
+                "0x{:04x} has at most {} subindices by its description, and subindex 0 is {}", index, top, *count));
+        else if (count && *count < top && index == 0x1018)  // the others may be lists that grow
+            session.bench.fail(
+                fmt::format("0x1018 has {} subindices by its description, and subindex 0 is {}", top, *count));
+    }
+}
+
 void check_errors(Session& session) {
     enter(session);
     const auto absent = object(session, 0x5FFE);
@@ -285,6 +307,7 @@ constexpr Check kChecks[] = {
      check_identity},
     {"information.lists", "the lists of objects agree with their lengths", kInformation, check_lists},
     {"information.entries", "each entry is what its description says", kInformation, check_entries},
+    {"information.subindices", "subindex 0 agrees with the description of its object", kInformation, check_subindices},
     {"information.errors", "what does not exist is refused with its abort code", kInformation, check_errors},
 };
 

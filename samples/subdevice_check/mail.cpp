@@ -194,6 +194,16 @@ void MailBench::judge(const Mail& mail) {
     else if (header.length < shortest(mail))
         note(Oddity::too_short,
              fmt::format("length {} in a message of protocol {}", header.length, wire::to_text(header.type)));
+    if (header.channel != 0)
+        note(Oddity::channel,
+             fmt::format("a message of protocol {} on channel {}", wire::to_text(header.type), header.channel));
+    if (header.type == MailboxType::coe && mail.data.size() >= coe::kHeaderBytes) {
+        using enum coe::Service;
+        const auto [number, service] = coe::load_header(mail.data);
+        const bool none =
+            service == emergency || service == sdo_request || service == sdo_response || service == sdo_information;
+        if (none && number != 0) note(Oddity::coe_number, fmt::format("number {}: {}", number, hex(mail.data)));
+    }
     const auto bit = protocol_bit(header.type);
     if (header.type != MailboxType::error && !bench_.has(bit))
         note(Oddity::protocol_unknown, fmt::format("a message of protocol {}", wire::to_text(header.type)));

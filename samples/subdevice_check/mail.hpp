@@ -25,8 +25,10 @@ enum class Oddity : std::uint8_t {
     unasked_reply,       // a reply that no request asked for
     protocol_unknown,    // a protocol that the SII does not announce
     repeated_emergency,  // the same emergency again, without a new cause
+    channel,             // the channel of a message is not 0
+    coe_number,          // the number in a CoE header is not 0, and the message is no PDO
 };
-inline constexpr std::size_t kOddities = 8;
+inline constexpr std::size_t kOddities = 10;
 
 class MailBench {
   public:

@@ -318,6 +318,35 @@ void check_octets(Session& session) {
     expect_ping(session, "half a message");
 }
 
+// The mailbox works in SAFEOP and OP, too, beside process data.
+void check_states(Session& session) {
+    session.mail.needs_mailbox();
+    auto& bench = session.bench;
+    auto& mail = session.mail;
+    for (const auto state : {AlState::safeop, AlState::op}) {
+        bench.enter(state);
+        (void)mail.drain(0ns);
+        const auto message = mail.ping();
+        mail.put(message.type, message.data);
+        const Time until = bench.now() + MailBench::kResponse;
+        for (bool replied = false; !replied;) {
+            const bool waits = bench.run(std::max<Duration>(until - bench.now(), 1ms), [&] {
+                return (bench.sync_manager_status(1) & wire::sm_status::kMailboxFull) != 0;
+            });
+            const auto reply = waits ? mail.take(0ns) : std::nullopt;
+            if (!reply) {
+                bench.fail(fmt::format("in {} a request got no reply within {} s", state_text(state),
+                                       MailBench::kResponse / 1s));
+                break;
+            }
+            replied = mail.answers_ping(*reply);
+            if (!replied) mail.unasked(*reply);
+        }
+        if (const auto status = bench.al_status(); status.state != state || status.error)
+            bench.fail(fmt::format("after a request in {} the slave is in {}", state_text(state), status_text(status)));
+    }
+}
+
 // A reply that the master has not read is gone after INIT.
 void check_forgotten(Session& session) {
     enter(session);
@@ -344,6 +373,7 @@ constexpr Check kChecks[] = {
     {"mailbox.channel", "a reserved channel gets an error", kErrorReply, check_channel},
     {"mailbox.octets", "a mailbox is full after its last octet", kDataLink, check_octets},
     {"mailbox.full", "every message that was taken is answered", kDataLink, check_full},
+    {"mailbox.states", "the mailbox works in SAFEOP and OP", "ETG.1000.6, EtherCAT State Machine", check_states},
     {"mailbox.forgotten", "a reply that was not read is gone after INIT", kDataLink, check_forgotten},
 };
 

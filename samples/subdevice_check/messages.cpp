@@ -36,6 +36,12 @@ void check_unasked(Session& session) {
     fail_for(session, Oddity::protocol_unknown, "messages of a protocol that the SII does not announce");
 }
 
+void check_headers(Session& session) {
+    needs_mailbox(session);
+    fail_for(session, Oddity::channel, "messages whose channel, which is reserved, is not 0");
+    fail_for(session, Oddity::coe_number, "messages of CoE whose number is not 0");
+}
+
 void check_emergencies(Session& session) {
     session.mail.needs_protocol(mailbox_protocol::kCoE, "CoE");
     fail_for(session, Oddity::repeated_emergency, "emergencies sent again for the same cause");
@@ -52,6 +58,8 @@ constexpr Check kChecks[] = {
      "ETG.1000.4, Mailbox (counter of the header)", check_counters},
     {"messages.lengths", "the length of each message is that of its content", "ETG.1000.4, Mailbox (header)",
      check_lengths},
+    {"messages.headers", "reserved bits of the headers are 0", "ETG.1000.4, Mailbox (header); ETG.1000.6, CoE header",
+     check_headers},
     {"messages.unasked", "the slave sends replies to requests, and events of its own protocols", "ETG.1000.4, Mailbox",
      check_unasked},
     {"messages.emergencies", "one emergency for each cause", "ETG.1000.6, Emergency", check_emergencies},

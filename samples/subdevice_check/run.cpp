@@ -93,19 +93,20 @@ std::vector<Check> all_checks() {
 Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t position, const Options& options,
                      const std::function<void(std::string_view)>& progress) {
     const auto found = config_init(ctx);
-    if (!found && found.error().slave == 0) return {{}, sentence(found.error())};
+    if (!found && found.error().slave == 0) return {.error = sentence(found.error())};
     const std::size_t count = ctx.slaves().size();
     if (position < 1 || position > count)
-        return {{},
-                count == 1 ? "POSITION: there is 1 slave, the first is 1"
-                           : fmt::format("POSITION: there are slaves 1 to {}", count)};
+        return {.error = count == 1 ? "POSITION: there is 1 slave, the first is 1"
+                                    : fmt::format("POSITION: there are slaves 1 to {}", count),
+                .wrong_arguments = true};
     // The checks report the errors of this slave themselves.
     while (ctx.errors().take()) {
     }
     while (ctx.warnings().take()) {
     }
     if (chosen_checks(options).empty())
-        return {{}, fmt::format("no check has a name that begins with '{}'", options.only)};
+        return {.error = fmt::format("no check has a name that begins with '{}'", options.only),
+                .wrong_arguments = true};
     Bench bench(ctx, osal, nics, position);
     MailBench mail(bench);
     SdoClient sdo(mail);
@@ -113,6 +114,7 @@ Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t p
     bench.on_mailbox_start([&mail] { mail.restarted(); });
     bench.on_preop([&session] { find_process_data_lengths(session); });
     read_content(session);
+    if (has_sync_mode(session)) bench.on_clock([&session](unsigned attempt) { activate_clock(session, attempt); });
 
     const auto& slave = bench.slave();
     Report report{position, std::string(slave.name().empty() ? "a device without a name" : slave.name()),
@@ -123,8 +125,8 @@ Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t p
         report.checks.push_back(execute(session, check));
     }
     leave(bench);
-    if (stop_asked()) return {std::move(report), "stopped"};
-    return {std::move(report), {}};
+    if (stop_asked()) return {.report = std::move(report), .error = "stopped"};
+    return {.report = std::move(report)};
 }
 
 }  // namespace margay::samples::conformance

@@ -63,6 +63,16 @@ std::vector<std::byte> SdoClient::segment_request(bool toggle) {
     return message;
 }
 
+std::vector<std::byte> SdoClient::last_segment(bool toggle, Bytes data) {
+    const auto unused = static_cast<unsigned>(coe::kMinSegmentDataBytes - data.size());
+    auto message =
+        initiate(sdo::command(coe::request::kDownloadSegment,
+                              (toggle ? sdo::kToggle : 0U) | sdo::kLastSegment | unused << sdo::kSegmentUnusedShift),
+                 0, 0);
+    std::copy(data.begin(), data.end(), message.begin() + coe::kSegmentHeaderBytes);
+    return message;
+}
+
 Upload SdoClient::upload(std::uint16_t index, std::uint8_t subindex, bool complete) {
     const auto reply =
         ask(initiate(sdo::command(coe::request::kUpload, complete ? sdo::kCompleteAccess : 0U), index, subindex));
@@ -136,16 +146,17 @@ std::optional<std::uint32_t> SdoClient::number(std::uint16_t index, std::uint8_t
     return number;
 }
 
-Abort SdoClient::download(std::uint16_t index, std::uint8_t subindex, Bytes data) {
+Abort SdoClient::download(std::uint16_t index, std::uint8_t subindex, Bytes data, bool complete) {
     auto message = initiate(0, index, subindex);
+    const unsigned flag = complete ? sdo::kCompleteAccess : 0U;
     if (!data.empty() && data.size() <= coe::kExpeditedBytes) {
         const auto unused = static_cast<unsigned>(coe::kExpeditedBytes - data.size());
-        SdoLayout::command::store(
-            message, sdo::command(coe::request::kDownload,
-                                  sdo::kExpedited | sdo::kSizeIndicated | (unused << sdo::kExpeditedUnusedShift)));
+        SdoLayout::command::store(message,
+                                  sdo::command(coe::request::kDownload, flag | sdo::kExpedited | sdo::kSizeIndicated |
+                                                                            (unused << sdo::kExpeditedUnusedShift)));
         std::copy(data.begin(), data.end(), message.begin() + SdoLayout::expedited_data);
     } else {
-        SdoLayout::command::store(message, sdo::command(coe::request::kDownload, sdo::kSizeIndicated));
+        SdoLayout::command::store(message, sdo::command(coe::request::kDownload, flag | sdo::kSizeIndicated));
         SdoLayout::complete_size::store(message, static_cast<std::uint32_t>(data.size()));
         message.insert(message.end(), data.begin(), data.end());
         if (message.size() > mail_.out_bytes() - wire::kMailboxHeaderBytes)

@@ -54,11 +54,13 @@ class SdoClient {
     [[nodiscard]] static std::vector<std::byte> initiate(std::uint8_t command, std::uint16_t index,
                                                          std::uint8_t subindex, std::uint32_t number = 0);
     [[nodiscard]] static std::vector<std::byte> segment_request(bool toggle);
+    // The last segment of a download, with at most seven octets.
+    [[nodiscard]] static std::vector<std::byte> last_segment(bool toggle, Bytes data);
 
     [[nodiscard]] Upload upload(std::uint16_t index, std::uint8_t subindex, bool complete = false);
     [[nodiscard]] std::optional<std::uint32_t> number(std::uint16_t index, std::uint8_t subindex);
     // Expedited up to four octets, otherwise normal in one message.
-    [[nodiscard]] Abort download(std::uint16_t index, std::uint8_t subindex, Bytes data);
+    [[nodiscard]] Abort download(std::uint16_t index, std::uint8_t subindex, Bytes data, bool complete = false);
     template <std::integral T>
     [[nodiscard]] Abort download(std::uint16_t index, std::uint8_t subindex, T value) {
         std::array<std::byte, sizeof(T)> octets{};

@@ -86,24 +86,36 @@ void check_write_only(Session& session) {
         {Abort::write_only});
 }
 
-// Entries that can be written back without an effect: configuration of the communication.
-std::optional<DictionaryEntry> writable(Session& session) {
+// All read-only entries would take long on large dictionaries: the first ones of different objects.
+void check_read_only(Session& session) {
+    enter(session);
+    constexpr std::size_t kMost = 20;
+    std::size_t tried = 0;
+    std::uint16_t last = 0x1000;  // sdo.aborts tries 0x1000
     for (const auto& entry : session.sdo.entries) {
-        const bool harmless = entry.index == 0x10F1 || (entry.index == 0x10F3 && entry.subindex == 5) ||
-                              (entry.index >= 0x1C32 && entry.index <= 0x1C4F) ||
-                              (entry.index >= 0x1C12 && entry.index <= 0x1C13);
+        constexpr unsigned kWrite = coe::access::kWrite;
         const bool number = entry.bits == 8 || entry.bits == 16 || entry.bits == 32;
-        constexpr unsigned kBoth = coe::access::kReadPreop | coe::access::kWritePreop;
-        if (harmless && number && (entry.access & kBoth) == kBoth) return entry;
+        if (!number || (entry.access & kWrite) != 0 || (entry.access & coe::access::kReadPreop) == 0) continue;
+        if (entry.index == last && entry.subindex != 1) continue;
+        last = entry.index;
+        const auto value = session.sdo.upload(entry.index, entry.subindex);
+        if (!value.ok() || value.data.size() != entry.bits / 8U) continue;
+        const auto abort = session.sdo.download(entry.index, entry.subindex, value.data);
+        if (abort != Abort::read_only)
+            session.bench.fail(fmt::format("a download of its own value to {}, which is read only: {}, expected {}",
+                                           object_text(entry.index, entry.subindex), abort_text(abort),
+                                           abort_text(Abort::read_only)));
+        if (++tried == kMost) break;
     }
-    return std::nullopt;
+    if (tried == 0) session.bench.skip("the dictionary has no read-only number");
 }
 
 void check_write(Session& session) {
     enter(session);
     auto& bench = session.bench;
-    const auto entry = writable(session);
-    if (!entry) bench.skip("the dictionary has no writable entry that the check may write back");
+    const auto entries = harmless_entries(session);
+    if (entries.empty()) bench.skip("the dictionary has no writable entry that the check may write back");
+    const auto* const entry = entries.data();
     const auto name = object_text(entry->index, entry->subindex);
     auto before = session.sdo.upload(entry->index, entry->subindex);
     if (!before.ok()) bench.skip(name + " cannot be read");
@@ -176,16 +188,82 @@ void check_complete(Session& session) {
         bench.fail("complete access to object 0x5FFE, which does not exist, is not refused with 0x06020000");
 }
 
+// Rights that end with PREOP: a download in SAFEOP and OP is refused.
+void check_rights(Session& session) {
+    session.sdo.needs_sdo();
+    auto& bench = session.bench;
+    auto entries = harmless_entries(session);
+    std::erase_if(entries, [](const DictionaryEntry& entry) {
+        return (entry.access & (coe::access::kWrite & ~coe::access::kWritePreop)) != 0;
+    });
+    constexpr std::size_t kMost = 8;
+    if (entries.size() > kMost) entries.resize(kMost);
+    if (entries.empty()) bench.skip("the dictionary has no entry with rights for PREOP only that may be written back");
+    for (const auto state : {AlState::safeop, AlState::op}) {
+        bench.enter(state);
+        for (const auto& entry : entries) {
+            (void)bench.exchange();
+            const auto value = session.sdo.upload(entry.index, entry.subindex);
+            if (!value.ok() || value.data.size() != entry.bits / 8U) continue;
+            if (session.sdo.download(entry.index, entry.subindex, value.data) != Abort::none) continue;
+            bench.fail(fmt::format("{} is writable in PREOP only by its description, and was written in {}",
+                                   object_text(entry.index, entry.subindex), state_text(state)));
+        }
+    }
+}
+
+// Complete access writes what it has read: a PDO assignment.
+void check_complete_download(Session& session) {
+    enter(session);
+    auto& bench = session.bench;
+    if ((bench.slave().coe_details & coe_detail::kCompleteAccess) == 0)
+        bench.skip("the SII does not announce complete access");
+    const auto entries = harmless_entries(session);
+    const auto found = std::ranges::find_if(entries, [](const DictionaryEntry& entry) {
+        return entry.index >= 0x1C12 && entry.index <= 0x1C13 && entry.subindex == 0;
+    });
+    if (found == entries.end()) bench.skip("the master cannot change the PDO assignment");
+    const auto before = session.sdo.upload(found->index, 0, true);
+    if (!before.ok()) bench.skip(object_text(found->index, 0) + " cannot be read by complete access");
+    const auto abort = session.sdo.download(found->index, 0, before.data, true);
+    if (abort != Abort::none)
+        bench.fail(
+            fmt::format("the SII announces complete access, and a download of its own value to 0x{:04x} ended "
+                        "with {}",
+                        found->index, abort_text(abort)));
+    if (const auto after = session.sdo.upload(found->index, 0, true); !after.ok() || after.data != before.data)
+        bench.fail(fmt::format("0x{:04x} has another value after a download of its own value by complete access",
+                               found->index));
+}
+
 constexpr Check kChecks[] = {
     {"sdo.upload", "the response to an upload has the form of the standard", kUpload, check_upload},
     {"sdo.aborts", "wrong requests end with the abort code of the standard", kAborts, check_aborts},
     {"sdo.write_only", "a write-only entry cannot be read", kAborts, check_write_only},
     {"sdo.write", "a value of the right length can be written, one of a wrong length cannot", kAborts, check_write},
+    {"sdo.read_only", "read-only entries cannot be written", kAborts, check_read_only},
+    {"sdo.rights", "an entry that is writable in PREOP only is not written in SAFEOP and OP",
+     "ETG.1000.6, SDO Information (object access)", check_rights},
+    {"sdo.complete_download", "complete access writes a whole object", "ETG.1000.6, SDO Download (complete access)",
+     check_complete_download},
     {"sdo.complete_access", "complete access returns the subindices one after the other", kComplete, check_complete},
 };
 
 }  // namespace
 
 std::span<const Check> sdo_checks() { return kChecks; }
+
+std::vector<DictionaryEntry> harmless_entries(const Session& session) {
+    std::vector<DictionaryEntry> entries;
+    for (const auto& entry : session.sdo.entries) {
+        const bool harmless = entry.index == 0x10F1 || (entry.index == 0x10F3 && entry.subindex == 5) ||
+                              (entry.index >= 0x1C32 && entry.index <= 0x1C4F) ||
+                              (entry.index >= 0x1C12 && entry.index <= 0x1C13);
+        const bool number = entry.bits == 8 || entry.bits == 16 || entry.bits == 32;
+        constexpr unsigned kBoth = coe::access::kReadPreop | coe::access::kWritePreop;
+        if (harmless && number && (entry.access & kBoth) == kBoth) entries.push_back(entry);
+    }
+    return entries;
+}
 
 }  // namespace margay::samples::conformance

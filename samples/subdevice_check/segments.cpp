@@ -116,9 +116,63 @@ void check_new_request(Session& session) {
     if (!answered) session.bench.fail("during a transfer in segments a new request is not answered");
 }
 
+// A download whose first message has no data: all octets come in one segment.
+struct Download {
+    std::string name{};
+    std::vector<std::byte> data{};
+    bool begun = false;
+};
+Download begin_download(Session& session) {
+    enter(session);
+    const auto entries = harmless_entries(session);
+    if (entries.empty()) session.bench.skip("the dictionary has no writable entry that the check may write back");
+    const auto& entry = entries.front();
+    Download download{.name = object_text(entry.index, entry.subindex)};
+    auto value = session.sdo.upload(entry.index, entry.subindex);
+    if (!value.ok()) session.bench.skip(download.name + " cannot be read");
+    value.data.resize(entry.bits / 8U);
+    download.data = std::move(value.data);
+    const auto reply =
+        session.sdo.ask(SdoClient::initiate(sdo::command(coe::request::kDownload, sdo::kSizeIndicated), entry.index,
+                                            entry.subindex, static_cast<std::uint32_t>(download.data.size())));
+    download.begun = reply.ok() && sdo::specifier(reply.command) == coe::response::kDownload;
+    return download;
+}
+
+void check_download(Session& session) {
+    auto& bench = session.bench;
+    const auto download = begin_download(session);
+    if (!download.begun) {
+        bench.remark(fmt::format("{}: a download of {} octets is refused when they come in a segment", download.name,
+                                 download.data.size()));
+        return;
+    }
+    const auto reply = session.sdo.ask(SdoClient::last_segment(false, download.data));
+    if (!reply.ok())
+        bench.fail(
+            fmt::format("{}: the segment of a download was refused with {}", download.name, abort_text(reply.abort)));
+    else if (sdo::specifier(reply.command) != coe::response::kDownloadSegment || (reply.command & sdo::kToggle) != 0)
+        bench.fail(fmt::format("{}: the response to the first segment of a download has the command 0x{:02x}",
+                               download.name, reply.command));
+}
+
+void check_download_toggle(Session& session) {
+    auto& bench = session.bench;
+    const auto download = begin_download(session);
+    if (!download.begun) bench.skip("a small value is not taken in a segment (segments.download)");
+    const auto reply = session.sdo.ask(SdoClient::last_segment(true, download.data));  // the first one has toggle 0
+    if (reply.abort != Abort::toggle_not_changed)
+        bench.fail(fmt::format("{}: a segment of a download with the wrong toggle bit: {}, expected {}", download.name,
+                               abort_text(reply.abort), abort_text(Abort::toggle_not_changed)));
+    if (session.sdo.ask(SdoClient::last_segment(false, download.data)).ok())
+        bench.fail(fmt::format("{}: after the abort of a download a segment of it is still taken", download.name));
+}
+
 constexpr Check kChecks[] = {
     {"segments.upload", "a large value comes in segments with toggle bits", kSegments, check_upload},
     {"segments.toggle", "a wrong toggle bit of the master ends the transfer with 0x05030000", kAborts, check_toggle},
+    {"segments.download", "a value can be written in segments", "ETG.1000.6, Download SDO Segment", check_download},
+    {"segments.download_toggle", "a wrong toggle bit ends a download with 0x05030000", kAborts, check_download_toggle},
     {"segments.without_begin", "a segment without a transfer is refused with 0x05040001", kAborts, check_without_begin},
     {"segments.client_abort", "an abort of the master ends the transfer without a reply",
      "ETG.1000.6, Abort SDO Transfer", check_client_abort},

@@ -21,14 +21,16 @@ void needs_state_machine(Bench& bench) {
 std::string transition_text(AlState from, AlState to) { return state_text(from) + " to " + state_text(to); }
 
 // One step of the way up, with its time.
-bool step_up(Bench& bench, AlState from, AlState to) {
+enum class Step { done, failed, again };
+Step step_up(Bench& bench, AlState from, AlState to) {
     const Time begun = bench.now();
     const auto status = bench.go(to);
     const auto took = bench.now() - begun;
+    if (bench.wants_clock(status)) return Step::again;
     if (status.state != to || status.error) {
         bench.fail(fmt::format("{}: the slave is in {} after {} ms, with everything configured as its SII says",
                                transition_text(from, to), status_text(status), took / 1ms));
-        return false;
+        return Step::failed;
     }
     if (status.code != 0)
         bench.fail(
@@ -37,18 +39,22 @@ bool step_up(Bench& bench, AlState from, AlState to) {
     if (took > kSlow)
         bench.remark(fmt::format("{} took {} ms", transition_text(from, to), took / 1ms),
                      "ETG.2000, StateMachine/Timeout");
-    return true;
+    return Step::done;
 }
 
 void check_up(Session& session) {
     auto& bench = session.bench;
-    bench.reset();
-    bench.configure_mailboxes();
-    bench.give_eeprom(true);
-    if (!step_up(bench, AlState::init, AlState::preop)) return;
-    session.mail.restarted();
-    bench.configure_process_data();
-    if (step_up(bench, AlState::preop, AlState::safeop)) (void)step_up(bench, AlState::safeop, AlState::op);
+    for (auto step = Step::again; step == Step::again;) {  // again: a slave that needs the clock
+        bench.reset();
+        bench.configure_mailboxes();
+        bench.give_eeprom(true);
+        step = step_up(bench, AlState::init, AlState::preop);
+        if (step != Step::done) continue;
+        session.mail.restarted();
+        bench.configure_process_data();
+        step = step_up(bench, AlState::preop, AlState::safeop);
+        if (step == Step::done) step = step_up(bench, AlState::safeop, AlState::op);
+    }
 }
 
 void check_down(Session& session) {

@@ -70,6 +70,27 @@ void check_mailbox_settings(Session& session) {
         }
 }
 
+void check_boot_settings(Session& session) {
+    auto& bench = session.bench;
+    needs_checks(bench);
+    if (!bench.slave().boot_mailbox.present()) bench.skip("the SII describes no mailbox for BOOT");
+    bench.enter(AlState::boot);
+    for (unsigned n = 0; n < 2; ++n)
+        for (const auto& mistake : kMailboxMistakes) {
+            bench.reset();
+            bench.configure_mailboxes(true);
+            bench.give_eeprom(true);
+            auto setting = bench.read_sync_manager(n);
+            mistake.spoil(setting);
+            bench.write_sync_manager(n, setting);
+            expect_refusal(
+                bench, AlState::init, AlState::boot,
+                {AlStatusCode::invalid_boot_mailbox_configuration, AlStatusCode::invalid_mailbox_configuration,
+                 AlStatusCode::invalid_sync_manager_configuration},
+                fmt::format("INIT to BOOT with SyncManager {} {}", n, mistake.what));
+        }
+}
+
 void check_mailbox_overlap(Session& session) {
     auto& bench = session.bench;
     needs_checks(bench);
@@ -88,6 +109,7 @@ void check_mailbox_overlap(Session& session) {
 void check_process_settings(Session& session) {
     auto& bench = session.bench;
     needs_checks(bench);
+    bench.enter(AlState::safeop);  // also finds out whether the slave needs the clock
     bench.enter(AlState::preop);
     bench.configure_process_data();
     if (bench.area(true) == nullptr && bench.area(false) == nullptr) bench.skip("the slave has no process data");
@@ -179,6 +201,8 @@ constexpr std::string_view kSettings = "ETG.1000.6, EtherCAT State Machine (chec
 constexpr Check kChecks[] = {
     {"sm.mailbox_settings", "wrong SyncManagers of the mailbox are refused with 0x0016", kSettings,
      check_mailbox_settings},
+    {"sm.boot_settings", "wrong SyncManagers of the mailbox for BOOT are refused with 0x0015", kSettings,
+     check_boot_settings},
     {"sm.mailbox_overlap", "mailboxes that share memory are refused", kSettings, check_mailbox_overlap},
     {"sm.process_settings", "wrong SyncManagers of process data are refused with 0x001D and 0x001E", kSettings,
      check_process_settings},

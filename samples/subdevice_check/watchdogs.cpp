@@ -2,6 +2,8 @@
 #include "subdevice_check/check.hpp"
 #include "wire/al_status_code.hpp"
 
+#include <algorithm>
+
 namespace margay::samples::conformance {
 namespace {
 
@@ -13,9 +15,33 @@ constexpr Duration kSlack = 50ms;
 
 void needs_outputs(Bench& bench) {
     if (bench.emulation()) bench.skip("the ESC mirrors AL control (0x0141 bit 0): there is no state machine");
+    bench.enter(AlState::safeop);  // also finds out whether the slave needs the clock
     bench.enter(AlState::preop);
     bench.configure_process_data();
     if (bench.area(true) == nullptr) bench.skip("the slave has no outputs");
+}
+
+// From PREOP to OP with this watchdog time. Returns the last status.
+AlStatus start_with_time(Bench& bench, std::uint16_t time) {
+    for (;;) {
+        bench.enter(AlState::preop);
+        bench.write<std::uint16_t>(reg::kProcessDataWatchdogTime.address, time);
+        bench.configure_process_data();
+        auto status = bench.go(AlState::safeop);
+        if (status.state == AlState::safeop && !status.error) status = bench.go(AlState::op);
+        if (!bench.wants_clock(status)) return status;
+    }
+}
+
+// A slave with a clock may miss the frames before the watchdog expires.
+bool is_sync_error(std::uint16_t code) {
+    const auto c = static_cast<AlStatusCode>(code);
+    return c == AlStatusCode::synchronization_error || c == AlStatusCode::dc_sync_timeout ||
+           c == AlStatusCode::dc_sync_io_error || c == AlStatusCode::pll_error || c == AlStatusCode::fatal_sync_error;
+}
+bool misses_frames(Bench& bench) {
+    const auto status = bench.al_status();
+    return bench.uses_clock() && status.error && is_sync_error(status.code);
 }
 
 bool watched(Bench& bench) { return (bench.area(true)->setting.control & wire::sm_control::kWatchdogTrigger) != 0; }
@@ -46,7 +72,10 @@ void check_exchange(Session& session) {
         missed += bench.exchange() ? 0U : 1U;
         return false;
     });
-    if (missed != 0)
+    const bool one_buffer = std::ranges::any_of(
+        bench.areas(), [](const auto& area) { return area.setting.length_bytes != 0 && area.setting.mailbox(); });
+    // One buffer takes new data only after the slave has handled the last ones.
+    if (missed > (one_buffer ? cycles - 1 : 0U))
         bench.fail(fmt::format("{} of {} cycles were not taken by the SyncManagers", missed, cycles),
                    "ETG.1000.4, SyncManager, buffered mode");
     if (const auto status = bench.al_status(); status.state != AlState::op || status.error)
@@ -90,6 +119,12 @@ void check_expires(Session& session) {
         return;
     }
     const auto status = bench.refused();
+    if (misses_frames(bench)) {
+        bench.skip(
+            fmt::format("the slave uses the clock and misses the frames {} ms after the last one, before the "
+                        "watchdog expires",
+                        *left / 1ms));
+    }
     if (status.state != AlState::safeop || !status.error ||
         status.code != static_cast<std::uint16_t>(AlStatusCode::sync_manager_watchdog))
         bench.fail(fmt::format("when the watchdog expired the slave went to {}, expected SAFEOP + ERROR, 0x001b",
@@ -114,27 +149,19 @@ void check_expires(Session& session) {
 void check_time(Session& session) {
     auto& bench = session.bench;
     needs_watchdog(bench);
-    bench.enter(AlState::preop);
-    bench.write<std::uint16_t>(reg::kProcessDataWatchdogTime.address, 3000);
-    bench.configure_process_data();
-    auto status = bench.go(AlState::safeop);
-    if (status.state == AlState::safeop) status = bench.go(AlState::op);
+    const auto status = start_with_time(bench, 3000);
     if (status.state != AlState::op) {
         bench.fail(fmt::format("with a watchdog time of 300 ms the slave is in {}", status_text(status)));
         return;
     }
-    if (const auto left = until_leaves_op(bench, 200ms))
+    if (const auto left = until_leaves_op(bench, 200ms); left && !misses_frames(bench))
         bench.fail(fmt::format("with a watchdog time of 300 ms the slave left OP after {} ms", *left / 1ms));
 }
 
 void check_off(Session& session) {
     auto& bench = session.bench;
     needs_watchdog(bench);
-    bench.enter(AlState::preop);
-    bench.write<std::uint16_t>(reg::kProcessDataWatchdogTime.address, 0);
-    bench.configure_process_data();
-    auto status = bench.go(AlState::safeop);
-    if (status.state == AlState::safeop && !status.error) status = bench.go(AlState::op);
+    const auto status = start_with_time(bench, 0);
     if (status.error) {
         if (status.code != static_cast<std::uint16_t>(AlStatusCode::invalid_watchdog_configuration))
             bench.fail(fmt::format("with the watchdog off the slave is in {}", status_text(status)));
@@ -142,7 +169,7 @@ void check_off(Session& session) {
             bench.remark("the slave refuses to work with the watchdog off (0x001F)");
         return;
     }
-    if (const auto left = until_leaves_op(bench, 500ms))
+    if (const auto left = until_leaves_op(bench, 500ms); left && !misses_frames(bench))
         bench.remark(fmt::format("with the watchdog off the slave left OP {} ms after the last outputs", *left / 1ms));
 }
 
@@ -154,7 +181,19 @@ void check_inputs(Session& session) {
     std::vector<std::byte> octets(inputs->setting.length_bytes);
     if (octets.size() > 1486) bench.skip("the inputs are larger than a frame");
     bench.wait(10ms);
-    if (!bench.try_read(inputs->setting.physical_start, octets)) bench.fail("in SAFEOP the inputs cannot be read");
+    const auto readable = [&] { return bench.try_read(inputs->setting.physical_start, octets); };
+    if (readable()) return;
+    // One buffer is empty after it was read, until the slave updates its inputs; outputs may be what it waits for.
+    const auto start = inputs->setting.physical_start;
+    const bool one_buffer = inputs->setting.mailbox();
+    for (int n = 0; one_buffer && n < 20; ++n) {
+        for (const auto& area : bench.areas())
+            if (area.outputs && area.setting.length_bytes != 0)
+                (void)bench.try_write(area.setting.physical_start, std::vector<std::byte>(area.setting.length_bytes));
+        bench.wait(5ms);
+        if (bench.try_read(start, octets)) return;
+    }
+    bench.fail("in SAFEOP the inputs cannot be read");
 }
 
 constexpr std::string_view kWatchdog = "ETG.1000.4, Watchdog; ETG.1000.6, EtherCAT State Machine";

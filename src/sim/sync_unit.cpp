@@ -163,7 +163,11 @@ std::uint32_t SyncUnit::settle(Time now) {
 void SyncUnit::refresh() {
     if (!active_) return;
     if (next_[0] != kNever) registers_->set(reg::kSyncStartTime.address, due_[0]);
-    if (next_[1] != kNever) registers_->set(reg::kNextSync1Pulse.address, due_[1]);
+    if (next_[1] != kNever)
+        registers_->set(reg::kNextSync1Pulse.address, due_[1]);
+    else if (next_[0] != kNever)  // SYNC1 follows one of the next SYNC0; with a cycle time of 0 it comes with SYNC0
+        registers_->set(reg::kNextSync1Pulse.address,
+                        due_[0] + std::uint64_t{countdown1_} * cycle0_ * bundle_of(cycle0_) + cycle1_);
 }
 
 SyncUnit::Events SyncUnit::latch(unsigned input, bool rising, Time at) {

@@ -25,18 +25,24 @@ void Device::start(Time now) {
 }
 
 Time Device::step(Time now) {
-    auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
-    const bool ran = process_data_.running();
+    const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
+    const bool running = process_data_.running();
     (void)esm_.step(now, events);
-    // SYNC signals from before SAFEOP do not count. ProcessData::start() has acknowledged them after `events` was read.
-    if (!ran) events &= ~(al_event::kDcSync0 | al_event::kDcSync1);
     Time next = kNever;
     if (mailbox_ != nullptr) {
         next = mailbox_->step(now, events);
-        if (mailbox_->sync_manager_lost()) (void)esm_.step(now, al_event::kSmActivation);
+        if (mailbox_->sync_manager_lost()) {
+            (void)esm_.step(now, al_event::kSmActivation);
+            if (mailbox_->sync_manager_lost())  // its new setting is allowed, but only INIT may be left with it
+                esm_.fall_back(AlState::init,
+                               esm_.state() == AlState::boot ? AlStatusCode::invalid_boot_mailbox_configuration
+                                                             : AlStatusCode::invalid_mailbox_configuration,
+                               now);
+        }
     }
     if (eeprom_ != nullptr) eeprom_->step(events);
-    if (const auto fault = serve_process_data(now, events); fault != AlStatusCode::none)
+    // Events from before the start of process data are old: those of outputs and SYNC signals of an earlier use.
+    if (const auto fault = serve_process_data(now, running ? events : 0); fault != AlStatusCode::none)
         esm_.fall_back(AlState::safeop, fault, now);
     next = std::min(next, esm_.step(now, 0));
     if (const auto feed = application_.description().pdi_watchdog; feed != Duration::zero())

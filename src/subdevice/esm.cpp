@@ -43,6 +43,7 @@ void Esm::init() {
     drop_pending();
     status_ = {AlState::init, false, 0};
     device_id_ = 0;
+    identifying_ = false;
     disable_sync_managers({AlState::op, AlState::init});
     write_status();
 }
@@ -60,8 +61,10 @@ Time Esm::step(Time now, std::uint32_t events) {
 void Esm::control(std::uint16_t al_control, Time now) {
     const auto to = static_cast<AlState>(al_control & al::kStateMask);
     const bool acknowledge = (al_control & al::kErrorAcknowledge) != 0;
-    device_id_ = (al_control & al::kDeviceIdentification) != 0 ? client_.device_id() : std::uint16_t{0};
-    if (pending_ && to == transition_.to) return;  // this transition is already pending
+    const bool asked = (al_control & al::kDeviceIdentification) != 0;
+    device_id_ = asked ? client_.device_id() : std::uint16_t{0};
+    identifying_ = asked && (device_id_ != 0 || device_.device_id_switch);  // a switch may be at 0
+    if (pending_ && to == transition_.to) return;                           // this transition is already pending
     drop_pending();
     const bool acknowledged = acknowledge && status_.error;
     if (acknowledge) {
@@ -172,7 +175,9 @@ void Esm::watch_sync_managers(Time now) {
         if (fault != AlStatusCode::none) return fall_back(AlState::init, fault, now);
     }
     if (has_process_data(status_.state)) {
-        const auto fault = check_process_data(esc_, device_, client_.process_data_sizes());
+        const auto sizes = client_.process_data_sizes();
+        auto fault = check_process_data(esc_, device_, sizes);
+        if (fault == AlStatusCode::none) fault = check_watchdog(esc_, device_, sizes);
         if (fault != AlStatusCode::none) fall_back(AlState::preop, fault, now);
     }
 }
@@ -210,7 +215,7 @@ void Esm::set_enabled(std::uint8_t sync_manager, bool enabled) {
 
 // The code is written first: a master that reads the error bit must also read the code that belongs to it.
 void Esm::write_status() {
-    const bool identify = device_id_ != 0 && !status_.error;
+    const bool identify = identifying_ && !status_.error;
     const auto code = identify ? device_id_ : status_.code;
     write_register(esc_, reg::kAlStatusCode.address, code);
     const auto word = static_cast<unsigned>(status_.state) | (status_.error ? al::kErrorIndication : 0u) |

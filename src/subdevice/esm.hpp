@@ -69,7 +69,8 @@ struct ProcessDataSizes {
 // The parts of the device that the state machine calls. All calls come from Esm::step() and Esm::fall_back().
 class EsmClient {
   public:
-    // The explicit device identification; 0: not supported. Called when the master asks for it.
+    // The explicit device identification; 0: not supported, or the position 0 of a switch
+    // (DeviceDescription::device_id_switch). Called when the master asks for it.
     [[nodiscard]] virtual std::uint16_t device_id() = 0;
 
     // Called during the checks of PREOP→SAFEOP.
@@ -142,7 +143,8 @@ class Esm {
     Transition transition_{};  // the pending transition
     Time again_ = kNever;      // time of the next question to the client
     bool pending_ = false;
-    std::uint16_t device_id_ = 0;  // the answer to the request for the explicit device ID; 0: no request
+    bool identifying_ = false;     // the master asks for the explicit device ID, and the device has one
+    std::uint16_t device_id_ = 0;  // the answer
 };
 
 }  // namespace margay::subdevice

@@ -50,10 +50,8 @@ std::optional<MailboxErrorCode> FoeServer::receive(const wire::MailboxMessage& m
     return std::nullopt;
 }
 
-// A client repeats its request while the store is busy with the first packet (ETG.1000.6 "FoE busy").
-bool FoeServer::repeats_request(std::string_view name, std::uint32_t password) const {
-    return transfer_ == Transfer::read && packet_ == 1 && !sent_ && password == password_ &&
-           name == std::string_view(name_.data(), name_bytes_);
+bool FoeServer::is_request_of_transfer(std::string_view name, std::uint32_t password) const {
+    return password == password_ && name == std::string_view(name_.data(), name_bytes_);
 }
 
 void FoeServer::open(bool write, Bytes data, Outbox& out, Time now) {
@@ -64,19 +62,24 @@ void FoeServer::open(bool write, Bytes data, Outbox& out, Time now) {
     std::transform(body.begin(), body.begin() + static_cast<std::ptrdiff_t>(std::min(length, kNameBytes)), name.begin(),
                    [](std::byte b) { return static_cast<char>(b); });
     const auto password = Layout::password::load(data);
-    if (!write && length <= kNameBytes && repeats_request({name.data(), length}, password)) return send_data(out, now);
-    end();
+    // A client repeats its request while the store is busy with the file or its first packet (ETG.1000.6 "FoE busy").
+    const bool same = length <= kNameBytes && is_request_of_transfer({name.data(), length}, password);
+    if (same && !write && transfer_ == Transfer::read && packet_ == 1 && !sent_) return send_data(out, now);
+    const auto opening = write ? Transfer::opening_to_write : Transfer::opening_to_read;
+    if (!same || transfer_ != opening) end();
     if (length > kNameBytes) return fail(FoeError::not_found, out);
+    transfer_ = Transfer::none;  // the store need not give up a file that it does not open
+    name_ = name;
+    name_bytes_ = static_cast<std::uint8_t>(length);
+    password_ = password;
     const FoeFile file{{name.data(), length}, password, state_};
     const auto answer = write ? store_.open_to_write(file, now) : store_.open_to_read(file, now);
+    if (answer.is_busy()) transfer_ = opening;
     if (!answer.goes()) return refuse(answer, out);  // after "busy" the client sends the request again
     transfer_ = write ? Transfer::write : Transfer::read;
     offset_ = last_bytes_ = 0;
     last_ = finishing_ = sent_ = false;
     packet_ = write ? 0 : 1;
-    name_ = name;
-    name_bytes_ = static_cast<std::uint8_t>(length);
-    password_ = password;
     if (write) {
         send_acknowledge(out);
     } else {

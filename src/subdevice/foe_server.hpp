@@ -60,6 +60,7 @@ struct FoeFile {
 // The files of a device, implemented by its author. There is one transfer at a time, and offsets rise without gaps.
 class FoeStore {
   public:
+    // busy(): the server opens the file again at the client's next try, or calls give_up() when there is none.
     [[nodiscard]] virtual FoeAnswer open_to_read(const FoeFile& file, Time now) = 0;
     // Copies octets from `offset` on into `into` and their number into `bytes`. Fewer octets than into.size() mean end
     // of file. The server may request the same offset twice. busy(): also for the first octets, for example while the
@@ -95,10 +96,10 @@ class FoeServer final : public MailboxServer {
     std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out, Time now) override;
 
   private:
-    enum class Transfer : std::uint8_t { none, read, write };
+    enum class Transfer : std::uint8_t { none, opening_to_read, opening_to_write, read, write };
 
     void open(bool write, Bytes data, Outbox& out, Time now);
-    [[nodiscard]] bool repeats_request(std::string_view name, std::uint32_t password) const;
+    [[nodiscard]] bool is_request_of_transfer(std::string_view name, std::uint32_t password) const;
     void acknowledged(std::uint32_t packet, Outbox& out, Time now);
     void arrived(std::uint32_t packet, Bytes data, Outbox& out, Time now);
     void send_data(Outbox& out, Time now);
@@ -123,7 +124,7 @@ class FoeServer final : public MailboxServer {
     bool finishing_ = false;         // all data are written, but the store is still busy
     bool written_ = false;           // the last transfer has written its file: its last packet may come again
     std::uint16_t address_ = 0;
-    // The request to read that has begun the transfer.
+    // The request that has begun the transfer.
     std::uint32_t password_ = 0;
     std::uint8_t name_bytes_ = 0;
     std::array<char, kNameBytes> name_{};

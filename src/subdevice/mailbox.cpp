@@ -18,21 +18,22 @@ namespace {
 constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // used when the sync managers raise no event
 }
 
-bool Mailbox::fits() {
-    const auto shortest = wire::kMailboxHeaderBytes + wire::kMailboxErrorBytes;
-    const auto fits = [&](const wire::SyncManager& sm) {
-        return sm.length_bytes >= shortest && sm.length_bytes <= rx_.size();
-    };
-    return fits(read_sync_manager(esc_, 0)) && fits(read_sync_manager(esc_, 1));
+bool Mailbox::fits(const wire::SyncManager& setting) const {
+    constexpr auto kShortest = wire::kMailboxHeaderBytes + wire::kMailboxErrorBytes;
+    return setting.length_bytes >= kShortest && setting.length_bytes <= rx_.size();
 }
+
+bool Mailbox::fits() { return fits(read_sync_manager(esc_, 0)) && fits(read_sync_manager(esc_, 1)); }
 
 void Mailbox::start(AlState state) {
     receive_ = read_sync_manager(esc_, 0);
     send_ = read_sync_manager(esc_, 1);
     forget();
     state_ = state;
-    running_ = true;
-    silent_ = (receive_.control & send_.control & wire::sm_control::kPdiInterrupt) == 0;
+    // The master may have changed the sizes since the check of the transition.
+    running_ = fits(receive_) && fits(send_);
+    lost_ = !running_;
+    if (lost_) return;
     watch_repeat();  // acknowledges a repeat toggle of an earlier master; there is no reply to repeat yet
     const MailboxRoom room{receive_.length_bytes - wire::kMailboxHeaderBytes,
                            send_.length_bytes - wire::kMailboxHeaderBytes};
@@ -70,7 +71,9 @@ Time Mailbox::step(Time now, std::uint32_t events) {
     if (came(1) || changed || std::exchange(repeated_, false)) watch_fetched();
     looks_ = came(0);
     if (changed) watch_repeat();
+    if (lost_) return kNever;  // Device takes the state machine to INIT
     Time next = kNever;
+    std::size_t passes = 0;
     do {
         // The last free slot is for the reply to a request: servers that send on their own would take it again and
         // again.
@@ -80,7 +83,9 @@ Time Mailbox::step(Time now, std::uint32_t events) {
         for (const auto& line : protocols_)
             if (serves(line)) next = std::min(next, line.server->step(*this, now));
         put_next();
-    } while (fetch());
+        // The bound: a mailbox that the master is enlarging meanwhile stays full when its old octets are read. The
+        // next step notices the change.
+    } while (++passes <= slots_ && fetch());
     return silent_ ? std::min(next, now + kPollEvery) : next;
 }
 
@@ -103,14 +108,20 @@ void Mailbox::watch_fetched() {
 
 // The master toggles the repeat request when a reply was lost. The reply that the master read last is written into SM1
 // again, before a reply that may already wait there. Then the repeat acknowledge is set to the value of the request.
+// A SyncManager with another place or size is lost: the messages in it are no messages of this mailbox.
 void Mailbox::watch_repeat() {
-    std::array<std::byte, 10> octets{};  // from the activate octet of SM0 to the PDI control octet of SM1
-    const auto from = static_cast<std::uint16_t>(reg::sync_manager(0).address + Layout::activate::offset);
-    read_memory(esc_, from, octets);
-    const auto receive_activate = std::to_integer<std::uint8_t>(octets[0]);
-    const auto activate = std::to_integer<std::uint8_t>(octets[8]);
-    const auto pdi_control = std::to_integer<std::uint8_t>(octets[9]);
-    lost_ = (activate & receive_activate & wire::sm_activate::kEnable) == 0;
+    std::array<std::byte, 2 * reg::kSyncManagerStride> octets{};  // SM0 and SM1
+    read_memory(esc_, reg::sync_manager(0).address, octets);
+    const auto receive = wire::load_sync_manager(octets);
+    const auto send = wire::load_sync_manager(Bytes(octets).subspan(reg::kSyncManagerStride));
+    const auto activate = send.activate;
+    const auto pdi_control = std::to_integer<std::uint8_t>(octets.back());
+    const auto same = [](const wire::SyncManager& a, const wire::SyncManager& b) {
+        return a.enabled() && a.physical_start == b.physical_start && a.length_bytes == b.length_bytes;
+    };
+    lost_ = !same(receive, receive_) || !same(send, send_);
+    if (lost_) return;
+    silent_ = (receive.control & send.control & wire::sm_control::kPdiInterrupt) == 0;
     const bool request = (activate & wire::sm_activate::kRepeatRequest) != 0;
     const bool acknowledged = (pdi_control & wire::sm_pdi_control::kRepeatAcknowledge) != 0;
     if (request == acknowledged) return;

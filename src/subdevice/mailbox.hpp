@@ -43,7 +43,8 @@ class Mailbox final : public Outbox {
 
     // Whether the mailbox sizes in the sync managers fit into the memory.
     [[nodiscard]] bool fits();
-    // Precondition: the sync managers are activated, and fits() is true.
+    // Precondition: the sync managers are activated. When their sizes do not fit, the mailbox does not run, and
+    // sync_manager_lost() is true.
     void start(AlState state);
     void stop();
     void state_changed(AlState state);
@@ -60,11 +61,13 @@ class Mailbox final : public Outbox {
     [[nodiscard]] std::uint32_t events() const;
 
     [[nodiscard]] bool running() const { return running_; }
-    // The master has deactivated a sync manager. The state machine may not have noticed it yet.
+    // The master has deactivated a sync manager, or changed its place or size. The state machine may not have noticed
+    // it yet.
     [[nodiscard]] bool sync_manager_lost() const { return lost_; }
     [[nodiscard]] const Counters& counters() const { return counters_; }
 
   private:
+    [[nodiscard]] bool fits(const wire::SyncManager& setting) const;
     void watch_repeat();
     void watch_fetched();
     void put_next();

@@ -1,5 +1,6 @@
 #include "subdevice/object_dictionary.hpp"
 
+#include "subdevice/esc_access.hpp"
 #include "subdevice/pdo_mapping.hpp"
 
 #include <algorithm>
@@ -25,6 +26,7 @@ void ObjectDictionary::restore_defaults(std::uint16_t access) {
             if (entry.storage != Storage::image || (access != 0 && (entry.access & access) == 0)) continue;
             for (unsigned n = entry.subindex; n <= entry.last(); ++n) {
                 const auto memory = in_image(entry, n);
+                const Guard guard(lock_);
                 for (std::size_t i = 0; i < memory.size(); ++i) memory[i] = entry.initial_octet(i);
             }
         }

@@ -143,6 +143,7 @@ struct ObjectAccess {
     Time now{};
     ObjectDictionary& dictionary;
     Application* application = nullptr;
+    bool again = false;  // a hook has answered later() to this access before
 };
 
 // The answer of a hook. Abort::none continues the access, another code aborts it, later() calls the hook again at that

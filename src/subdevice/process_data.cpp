@@ -58,9 +58,12 @@ AlStatusCode ProcessData::build_map(bool outputs) {
     map.clear();
     if (!mapped) return AlStatusCode::none;
     auto wrong = Abort::none;
-    // Assigned PDOs of a direction that the device does not have.
-    if (!(outputs ? device.outputs : device.inputs).present())
-        wrong = map.add(dictionary_, outputs ? kOutputAssignment : kInputAssignment, 0);
+    // Assigned PDOs of a direction that the device does not have. The object may belong to the other direction.
+    const auto usual = outputs ? kOutputAssignment : kInputAssignment;
+    bool of_other = false;
+    for_each_area(device, !outputs,
+                  [&](const ProcessDataArea& area, std::size_t) { of_other = of_other || area.assignment() == usual; });
+    if (!(outputs ? device.outputs : device.inputs).present() && !of_other) wrong = map.add(dictionary_, usual, 0);
     for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t n) {
         const std::size_t before = map.bytes();
         const auto room = std::min<std::size_t>(area.max_bytes, memory - std::min(memory, before));
@@ -85,9 +88,29 @@ void ProcessData::count_bytes(bool outputs) {
 
 void ProcessData::start(Time now) {
     outputs_expired_ = sync_seen_ = sync_began_ = outputs_valid_ = false;
-    arrived_ = silent_ = unseen_ = 0;
+    arrived_ = 0;
     missed_ = syncs_ = 0;
     late_ = 0;
+    next_poll_ = kNever;
+    find_silent(now);
+    read_sync_settings();
+    // The events of SYNC signals of an earlier activation, which nobody has acknowledged.
+    if (acknowledged_sync_) {
+        acknowledge(reg::kSync0Status);
+        acknowledge(reg::kSync1Status);
+    }
+    show_sync_types();
+    running_ = true;
+    last_sync_ = now;
+    locked_ = frames_ = syncs_of_period_ = 0;
+    collided_ = false;
+    next_watch_ = kNever;
+    process(part::kApplication | part::kInputs, now);
+}
+
+// The SyncManagers that raise no events, by the control octets of the master.
+void ProcessData::find_silent(Time now) {
+    silent_ = unseen_ = 0;
     const auto raises_no_event = [this](const ProcessDataArea& area) {
         return (read_sync_manager_control(esc_, area.sync_manager) & wire::sm_control::kPdiInterrupt) == 0;
     };
@@ -100,20 +123,10 @@ void ProcessData::start(Time now) {
     for_each_used(false, [&](const ProcessDataArea& area, std::size_t, std::size_t bytes) {
         inputs_silent_ = bytes == 1 || raises_no_event(area);
     });
-    read_sync_settings();
-    if (mode_ == SyncMode::dc_sync0 && acknowledged_sync_) {
-        // SYNC signals from before SAFEOP do not count.
-        acknowledge(reg::kSync0Status);
-        acknowledge(reg::kSync1Status);
-    }
-    show_sync_types();
-    running_ = true;
-    last_sync_ = now;
-    locked_ = frames_ = syncs_of_period_ = 0;
-    collided_ = false;
-    next_watch_ = kNever;
-    next_poll_ = silent_ != 0 ? now + kPollEvery : kNever;
-    process(part::kApplication | part::kInputs, now);
+    if (silent_ == 0)
+        next_poll_ = kNever;
+    else if (next_poll_ == kNever)
+        next_poll_ = now + kPollEvery;
 }
 
 AlStatusCode ProcessData::missing(Time now) {
@@ -177,14 +190,18 @@ void ProcessData::start_outputs(Time now) {
     show_sync_error(false);
     missed_ = syncs_ = 0;
     late_ = 0;
+    set_watchdog(now);
+    if (output_mapped_) dictionary_.block_downloads(&output_map_);
+    if (!has_outputs()) return;
+    apply_outputs();  // the application starts with the last outputs that arrived in SAFEOP
+}
+
+void ProcessData::set_watchdog(Time now) {
     watchdog_ = has_outputs() ? watchdog_time() : Duration{};
     watched_ = watchdog_ != Duration::zero();
     if (const auto own = application_.description().output_timeout; own != Duration::zero() && has_outputs())
         watchdog_ = watched_ ? std::min(watchdog_, own) : own;
     next_watch_ = watchdog_ == Duration::zero() ? kNever : now + watchdog_;
-    if (output_mapped_) dictionary_.block_downloads(&output_map_);
-    if (!has_outputs()) return;
-    apply_outputs();  // the application starts with the last outputs that arrived in SAFEOP
 }
 
 void ProcessData::stop_outputs(Time now) {
@@ -343,7 +360,20 @@ void ProcessData::serve(Time now, std::uint32_t events) {
 
 // ------------------------------------------------------------------ monitoring
 
+// The master may have written other control octets. Deadlines that exist stay.
+void ProcessData::look_again(Time now) {
+    const Time cycle = next_cycle_;
+    const Time watch = next_watch_;
+    find_silent(now);
+    arm(now);
+    if (next_cycle_ != kNever) next_cycle_ = std::min(next_cycle_, cycle);
+    if (!outputs_valid_) return;
+    set_watchdog(now);
+    if (next_watch_ != kNever) next_watch_ = std::min(next_watch_, watch);
+}
+
 AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
+    if (running_ && (events & al_event::kSmActivation) != 0) look_again(now);
     if ((events & al_event::kWatchdog) != 0) {
         const bool expired = !watchdog_running();  // clears the event
         if (outputs_valid_ && watched_ && expired) return AlStatusCode::sync_manager_watchdog;

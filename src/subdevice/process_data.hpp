@@ -129,6 +129,9 @@ class ProcessData {
     void take_outputs(std::uint32_t areas, Time now);
     void apply_outputs();
     void give_inputs(Time now);
+    void find_silent(Time now);
+    void set_watchdog(Time now);
+    void look_again(Time now);
     void begin_measurement();
     void measured(bool outputs, Duration time);
     void forget_old_outputs(Time now);

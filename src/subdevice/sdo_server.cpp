@@ -95,7 +95,8 @@ ObjectAccess SdoServer::access(Time now, bool write, std::size_t bytes) const {
             .state = state_,
             .now = now,
             .dictionary = dictionary_,
-            .application = dictionary_.application()};
+            .application = dictionary_.application(),
+            .again = retrying_};
 }
 
 // ------------------------------------------------------------------ upload

@@ -38,22 +38,43 @@ constexpr void for_each_mappable(std::span<const Object> objects, std::uint16_t 
 }
 
 struct Mapped {
-    std::size_t entries = 0;  // gaps included
-    std::size_t bits = 0;
+    std::size_t entries = 0;  // a gap included
+    std::size_t bits = 0;     // without the gap
+    std::size_t widest = 0;   // bits of the widest entry
+
+    // What a mapping object can hold: the subindices 1 to 254 with 8 bits for the length of an entry (ETG.1000.6 "PDO
+    // Mapping").
+    [[nodiscard]] constexpr bool fits_mapping() const { return entries <= 254 && widest <= 255; }
 };
 
 // A SyncManager of one octet is only a watchdog trigger, without buffers and events (ESC data sheets, register 0x0802):
-// then a gap follows.
+// then a gap follows, if the description has room for it.
 constexpr std::size_t kLeastBits = 16;
 
-constexpr Mapped count_mapped(std::span<const Object> objects, std::uint16_t access) {
+constexpr Mapped count_mapped(std::span<const Object> objects, std::uint16_t access, std::size_t max_bytes) {
     Mapped all;
     for_each_mappable(objects, access, [&](const Object&, const Entry& entry, unsigned) {
         ++all.entries;
         all.bits += entry.bits;
+        all.widest = std::max<std::size_t>(all.widest, entry.bits);
     });
-    if (all.bits != 0 && all.bits < kLeastBits) ++all.entries;
+    if (all.bits != 0 && all.bits < kLeastBits && kLeastBits <= 8 * max_bytes) ++all.entries;
     return all;
+}
+
+// The largest value that an SDO transfers in segments: a subindex, or a whole object by complete access. Values of
+// hooks do not count.
+constexpr std::size_t largest_value(std::span<const Object> objects) {
+    std::size_t most = 0;
+    for (const Object& object : objects) {
+        std::size_t all = 2;  // subindex 0
+        for (const Entry& entry : object.entries) {
+            most = std::max<std::size_t>(most, entry.bytes());
+            all += std::size_t{entry.bytes()} * entry.count;
+        }
+        most = std::max(most, all);
+    }
+    return most;
 }
 
 // The entries of a PDO with all values that may be mapped in this direction, in the order of the objects.
@@ -61,6 +82,7 @@ template <std::size_t N>
 constexpr std::array<Entry, N + 1> mapping_entries(std::span<const Object> objects, std::uint16_t access) {
     std::array<Entry, N + 1> entries{};
     entries[0] = entry_count(static_cast<std::uint8_t>(N));
+    if (N == 0) return entries;
     std::uint8_t n = 0;
     std::size_t bits = 0;
     for_each_mappable(objects, access, [&](const Object& object, const Entry& entry, unsigned subindex) {
@@ -85,8 +107,8 @@ constexpr std::uint16_t largest(const MailboxPair& pair) {
 template <const DeviceDescription& Description, const auto& Own, std::uint32_t Type = 0>
 class StandardObjects {
     static constexpr std::span<const Object> kOwn{Own};
-    static constexpr auto kRx = standard::count_mapped(kOwn, od::kRxMappable);
-    static constexpr auto kTx = standard::count_mapped(kOwn, od::kTxMappable);
+    static constexpr auto kRx = standard::count_mapped(kOwn, od::kRxMappable, Description.outputs.max_bytes);
+    static constexpr auto kTx = standard::count_mapped(kOwn, od::kTxMappable, Description.inputs.max_bytes);
     static constexpr bool replaced(std::uint16_t index) {
         return std::ranges::any_of(kOwn, [index](const Object& object) { return object.index == index; });
     }
@@ -95,6 +117,10 @@ class StandardObjects {
                   "the values with od::kRxMappable do not fit into DeviceDescription::outputs");
     static_assert(replaced(0x1A00) || kTx.bits <= std::size_t{8} * Description.inputs.max_bytes,
                   "the values with od::kTxMappable do not fit into DeviceDescription::inputs");
+    static_assert(replaced(0x1600) || kRx.fits_mapping(),
+                  "a PDO has at most 254 entries of at most 255 bits: write object 0x1600 and further PDOs yourself");
+    static_assert(replaced(0x1A00) || kTx.fits_mapping(),
+                  "a PDO has at most 254 entries of at most 255 bits: write object 0x1A00 and further PDOs yourself");
     // With more than one SyncManager in a direction, the author decides which values go where.
     static constexpr bool every_area_assigned(bool outputs) {
         bool all = true;
@@ -112,8 +138,10 @@ class StandardObjects {
     static constexpr Entry kType[] = {constant<std::uint32_t>(0, "Device type", Type)};
     static constexpr Entry kName[] = {text(0, "Device name", Description.name)};
     static constexpr auto kIdentity = identity_entries(Description);
-    static constexpr auto kRxEntries = standard::mapping_entries<kRx.entries>(kOwn, od::kRxMappable);
-    static constexpr auto kTxEntries = standard::mapping_entries<kTx.entries>(kOwn, od::kTxMappable);
+    static constexpr auto kRxEntries = standard::mapping_entries < kRx.fits_mapping() ? kRx.entries
+                                                                                      : 0 > (kOwn, od::kRxMappable);
+    static constexpr auto kTxEntries = standard::mapping_entries < kTx.fits_mapping() ? kTx.entries
+                                                                                      : 0 > (kOwn, od::kTxMappable);
     static constexpr auto kSyncManagers = sync_manager_type_entries<sync_manager_count(Description)>(Description);
     static constexpr Entry kRxAssigned[] = {entry_count(1), assigned(1, 0x1600)};
     static constexpr Entry kTxAssigned[] = {entry_count(1), assigned(1, 0x1A00)};
@@ -156,7 +184,8 @@ class StandardObjects {
 };
 
 // A device with CoE. `ValueBytes`: the image of the values. `More`: other mailbox protocols besides CoE. An author
-// whose PDOs can be changed by the master says by `MostMapped` how many entries may be mapped in one direction.
+// whose PDOs can be changed by the master says by `MostMapped` how many entries may be mapped in one direction. An
+// object with a large value in the memory of a hook (ObjectHooks::memory) needs ObjectHooks::in_pieces.
 template <const DeviceDescription& Description, const auto& Own, std::size_t ValueBytes, std::size_t More = 0,
           std::uint32_t Type = 0, std::size_t MostMapped = StandardObjects<Description, Own, Type>::kMostMapped>
 class StandardDevice {
@@ -174,19 +203,21 @@ class StandardDevice {
     // The memory for messages and values; all other members of the device hold state only.
     struct Memory {
         MailboxMemory<kMailboxBytes, 3> mailbox;
-        std::array<std::byte, 256> staging{};
+        // Values of more than one message, until all of their segments have arrived.
+        std::array<std::byte, std::max<std::size_t>(256, standard::largest_value(Objects::kObjects))> staging{};
         std::array<std::byte, ValueBytes> values{};
         ProcessDataMemory<most_bytes(Description, true), most_bytes(Description, false), MostMapped> process_data;
     };
 
-    // All arguments must outlive the device.
+    // All arguments must outlive the device. `eeprom`: for an ESC without an EEPROM.
     StandardDevice(EscAccess& esc, Application& application, Memory& memory,
-                   const std::array<MailboxProtocol, More>& more = {}, RunMode mode = RunMode::polling)
+                   const std::array<MailboxProtocol, More>& more = {}, RunMode mode = RunMode::polling,
+                   EepromEmulation* eeprom = nullptr)
         : dictionary(Objects::kObjects, memory.values, &application),
           coe_(dictionary, memory.staging, Description.complete_access, application.emergencies()),
           mailbox_(esc, memory.mailbox, protocols_),
           process_data(esc, application, dictionary, memory.process_data),
-          device(esc, application, process_data, &mailbox_, nullptr, mode) {
+          device(esc, application, process_data, &mailbox_, eeprom, mode) {
         protocols_[0] = {wire::MailboxType::coe, &coe_};
         std::ranges::copy(more, protocols_.begin() + 1);
     }

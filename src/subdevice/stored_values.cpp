@@ -1,6 +1,7 @@
 #include "subdevice/stored_values.hpp"
 
 #include "subdevice/application.hpp"
+#include "subdevice/object_values.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -8,7 +9,8 @@
 namespace margay::subdevice {
 namespace {
 
-// The head of a block. `layout` is a CRC of the table: values of another table are not loaded.
+// The head of a block. `layout` is a CRC of the table: values of another table are not loaded. The limits of the values
+// are no part of it: a firmware with other limits loads the values that it allows.
 struct Head {
     using layout = Field<std::uint32_t, 0>;
     using size = Field<std::uint32_t, 4>;
@@ -35,21 +37,28 @@ class Crc {
     std::uint32_t value_ = 0xFFFFFFFF;
 };
 
-// Visits the memory of all stored values: visit(object, entry, memory of all its subindices).
+// Visits the lines of the table that have stored values: visit(object, entry).
 template <class Visit>
-void for_each_stored(const ObjectDictionary& dictionary, Visit visit) {
+void for_each_line(const ObjectDictionary& dictionary, Visit visit) {
     for (const Object& object : dictionary.objects())
         for (const Entry& entry : object.entries)
-            if (is_stored(entry))
-                visit(object, entry,
-                      dictionary.image().subspan(entry.offset, std::size_t{entry.bytes()} * entry.count));
+            if (is_stored(entry)) visit(object, entry);
+}
+
+// Visits each stored value: visit(object, entry, subindex, its memory).
+template <class Visit>
+void for_each_value(const ObjectDictionary& dictionary, Visit visit) {
+    for_each_line(dictionary, [&](const Object& object, const Entry& entry) {
+        for (unsigned n = entry.subindex; n <= entry.last(); ++n)
+            visit(object, entry, static_cast<std::uint8_t>(n), dictionary.in_image(entry, n));
+    });
 }
 
 std::uint32_t layout_of(const ObjectDictionary& dictionary) {
     Crc crc;
-    for_each_stored(dictionary, [&](const Object& object, const Entry& entry, Bytes) {
+    for_each_line(dictionary, [&](const Object& object, const Entry& entry) {
         crc.add(std::uint32_t{object.index} << 16 | std::uint32_t{entry.subindex} << 8 | entry.count);
-        crc.add(entry.bits);
+        crc.add(std::uint32_t{static_cast<std::uint16_t>(entry.type)} << 16 | entry.bits);
     });
     return crc.value();
 }
@@ -70,44 +79,56 @@ bool StoredValues::load() {
         Head::values::load(buffer_) != checksum_of(values))
         return false;
     std::size_t at = 0;
-    for_each_stored(dictionary_, [&](const Object&, const Entry&, MutableBytes memory) {
-        std::ranges::copy(values.subspan(at, memory.size()), memory.begin());
-        at += memory.size();
-    });
+    for_each_value(dictionary_,
+                   [&](const Object& object, const Entry& entry, std::uint8_t subindex, MutableBytes memory) {
+                       const auto value = values.subspan(at, memory.size());
+                       at += memory.size();
+                       const ObjectAccess access{.object = object, .subindex = subindex, .dictionary = dictionary_};
+                       if (check_value(access, entry, value) == Abort::none) std::ranges::copy(value, memory.begin());
+                   });
     return true;
 }
 
+// Values are copied under the lock in pieces, and the CRC is computed without the lock.
 std::uint32_t StoredValues::checksum() {
-    const Guard guard(dictionary_.lock());
     Crc crc;
-    for_each_stored(dictionary_, [&](const Object&, const Entry&, Bytes memory) { crc.add(memory); });
+    std::array<std::byte, 64> piece{};
+    for_each_value(dictionary_, [&](const Object&, const Entry&, std::uint8_t, Bytes memory) {
+        while (!memory.empty()) {
+            const auto bytes = std::min(memory.size(), piece.size());
+            {
+                const Guard guard(dictionary_.lock());
+                std::copy_n(memory.begin(), bytes, piece.begin());
+            }
+            crc.add(Bytes(piece).first(bytes));
+            memory = memory.subspan(bytes);
+        }
+    });
     return crc.value();
 }
 
 void StoredValues::collect() {
     const std::size_t size = stored_bytes(dictionary_.objects());
-    {
+    std::size_t at = Head::bytes;
+    for_each_value(dictionary_, [&](const Object&, const Entry&, std::uint8_t, Bytes memory) {
         const Guard guard(dictionary_.lock());
-        std::size_t at = Head::bytes;
-        for_each_stored(dictionary_, [&](const Object&, const Entry&, Bytes memory) {
-            std::ranges::copy(memory, buffer_.begin() + static_cast<std::ptrdiff_t>(at));
-            at += memory.size();
-        });
-    }
+        std::ranges::copy(memory, buffer_.begin() + static_cast<std::ptrdiff_t>(at));
+        at += memory.size();
+    });
     Head::layout::store(buffer_, layout_of(dictionary_));
     Head::size::store(buffer_, static_cast<std::uint32_t>(size));
     Head::values::store(buffer_, checksum_of(Bytes(buffer_).first(size).subspan(Head::bytes)));
 }
 
-HookAnswer StoredValues::save(Time now) {
+HookAnswer StoredValues::save(Time now, bool again) {
     const std::size_t size = stored_bytes(dictionary_.objects());
     if (buffer_.size() < size) return Abort::out_of_memory;
-    const bool continued = std::exchange(saving_, true);
-    if (!continued) collect();
+    // The block that is being stored may be that of an earlier command, whose answer the master did not wait for.
+    if (!again) outdated_ = saving_;
+    if (!std::exchange(saving_, true)) collect();
     HookAnswer answer = store_.save(Bytes(buffer_).first(size), now);
     const bool stored = !answer.waits() && answer.abort == Abort::none;
-    // The block may be that of an earlier command, whose answer the master did not wait for.
-    if (stored && continued && Head::values::load(buffer_) != checksum()) {
+    if (stored && std::exchange(outdated_, false)) {
         collect();
         answer = store_.save(Bytes(buffer_).first(size), now);
     }
@@ -119,7 +140,6 @@ HookAnswer StoredValues::restore(Time now) {
     saving_ = false;
     const HookAnswer answer = store_.save({}, now);
     if (answer.waits() || answer.abort != Abort::none) return answer;
-    const Guard guard(dictionary_.lock());
     dictionary_.restore_defaults(od::kBackup);
     return answer;
 }
@@ -146,7 +166,8 @@ std::uint32_t command_in(const ObjectAccess& access, Bytes data) {
 bool exists(const ObjectAccess& access) { return of(access) != nullptr; }
 
 HookAnswer before_save(const ObjectAccess& access, Bytes data) {
-    return command_in(access, data) == kSave ? of(access)->save(access.now) : HookAnswer(Abort::cannot_store);
+    return command_in(access, data) == kSave ? of(access)->save(access.now, access.again)
+                                             : HookAnswer(Abort::cannot_store);
 }
 
 HookAnswer before_restore(const ObjectAccess& access, Bytes data) {

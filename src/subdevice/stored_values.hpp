@@ -50,16 +50,20 @@ class StoredValues {
         : dictionary_(dictionary), store_(store), buffer_(buffer) {}
 
     // Copies the stored values into the dictionary. Call it before Device::start(). Returns false and changes nothing
-    // if there is no block, the block is damaged, or it belongs to another table of objects.
+    // if there is no block, the block is damaged, or it belongs to another table of objects: one with other indices,
+    // subindices, data types or sizes. A value outside the limits of this table (a firmware with other limits has
+    // stored it) keeps its initial value; the other values are loaded.
     [[nodiscard]] bool load();
 
     // The CRC of the present values: a master compares it with the value that it knows, to see whether it must write
-    // the parameters again.
+    // the parameters again. A value is copied under the lock in pieces of 64 octets: while an interrupt handler changes
+    // a longer value, the CRC may be that of a mix.
     [[nodiscard]] std::uint32_t checksum();
 
-    // For the hooks of the objects: called until the answer is not later(). After a success the memory has the values
-    // of the last call; restore() also sets them in the dictionary.
-    [[nodiscard]] HookAnswer save(Time now);
+    // For the hooks of the objects: called until the answer is not later(), with `again` from the second call of a
+    // command on. After a success the memory has values of the time of this command, each as a whole; restore() also
+    // sets the initial values in the dictionary.
+    [[nodiscard]] HookAnswer save(Time now, bool again = false);
     [[nodiscard]] HookAnswer restore(Time now);
     // Four octets with a number, which the master reads or overwrites.
     [[nodiscard]] MutableBytes show(std::uint32_t number);
@@ -70,7 +74,8 @@ class StoredValues {
     ObjectDictionary& dictionary_;
     ValueStore& store_;
     MutableBytes buffer_;
-    bool saving_ = false;  // buffer_ has a block that is being stored
+    bool saving_ = false;    // buffer_ has a block that is being stored
+    bool outdated_ = false;  // that block is one of an earlier command
     std::array<std::byte, 4> shown_{};
 };
 

@@ -103,7 +103,8 @@ TEST(Programs, TellUsageFromWhatTheSystemLacks) {
     for (const auto* usage :
          {"slaveinfo sim:demo more", "slaveinfo sim:demo --cstruct", "simple_io sim:demo --period 5",
           "simple_io sim:demo --cycles many", "simple_io sim:demo --cycles -3", "eepromtool sim:demo",
-          "eepromtool sim:demo dump", "virtual_segment eth0", "subdevice_check sim:demo"}) {
+          "eepromtool sim:demo dump", "virtual_segment eth0", "subdevice_check sim:demo", "subdevice_check sim:demo 99",
+          "subdevice_check sim:demo 1 --only nonsense"}) {
         const auto ran = folder.run(kBin + usage);
         EXPECT_EQ(ran.status, 2) << usage << ran.err;
         EXPECT_NE(ran.err, "") << usage;

@@ -6,6 +6,7 @@
 #include "wire/sii_category.hpp"
 
 #include <set>
+#include <utility>
 
 namespace margay::samples::conformance {
 namespace {
@@ -23,7 +24,7 @@ struct Fault {
     // Changes chip or SII before the device is switched on.
     void (*prepare)(sim::Device& device) = nullptr;
     Severity severity = Severity::error;
-    const char* device = "odd_device";
+    std::string_view device = "odd_device";
 };
 
 class FaultyPdi final : public subdevice::EscAccess {
@@ -116,8 +117,9 @@ void read_bits(std::uint16_t address, MutableBytes data) {
 // The firmware always reads a SyncManager as it should be.
 template <unsigned N, std::uint16_t Start, std::uint16_t Length, std::uint8_t Control>
 void read_right_sync_manager(std::uint16_t address, MutableBytes data) {
-    if (address != reg::sync_manager(N).address || data.size() < 8) return;
-    wire::store_sync_manager(data, {Start, Length, Control, 1});
+    const auto at = reg::sync_manager(N).address;
+    if (address > at || at + 8U > address + data.size()) return;
+    wire::store_sync_manager(data.subspan(at - address, 8), {Start, Length, Control, 1});
 }
 
 // After an error in PREOP, a request for INIT with an acknowledge looks like one for PREOP without.
@@ -157,6 +159,7 @@ void set_al_status(subdevice::EscAccess& esc, std::uint16_t status, std::uint16_
     store_le(MutableBytes(word), 0, status);
     esc.write(reg::kAlStatus.address, word);
 }
+bool leave_op = false;      // the last message came in OP
 bool full_message = false;  // the last message had the size of the mailbox
 // Between the begin of an upload in segments and its last segment.
 bool in_segments = false;
@@ -215,6 +218,63 @@ constexpr Fault kFaults[] = {
                  data[6] = std::byte{99};
          },
      .device = "split_io"},
+    {"mailbox.states", "no reply in SAFEOP and OP",
+     [](std::uint16_t address, Octets& data) {
+         static unsigned state = 0;
+         if (address == reg::kAlStatus.address) state = std::to_integer<unsigned>(data[0]) & 0x0F;
+         return state < 4 || address < 0x1400 || address >= 0x1480;
+     }},
+    {"mailbox.states", "the first request in OP leads to SAFEOP",
+     [](std::uint16_t address, Octets& data) {
+         static bool op = false;
+         if (address == reg::kAlStatus.address) op = data[0] == std::byte{8};
+         if (op && is_mail(address, data)) leave_op = true;
+         return true;
+     },
+     nullptr,
+     [](subdevice::EscAccess& esc) {
+         if (std::exchange(leave_op, false)) set_al_status(esc, 0x14, 0x0001);
+     }},
+    {"sdo.read_only", "a read-only entry is written", grant<0x1018, 1>},
+    {"sdo.rights", "the count is written in SAFEOP and OP", grant<0x1C13, 0>},
+    {"sdo.complete_download", "complete access is for uploads only", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         if (is_request(address, data, 0x33)) data[2] = std::byte{0xE0};
+     }},
+    {"segments.download", "the toggle bit of a download is read the wrong way", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         const bool segment = address == 0x1006 && data.size() >= 10 &&
+                              coe::load_header(data).service == coe::Service::sdo_request &&
+                              (std::to_integer<unsigned>(data[2]) & 0xE1) == 0x01;
+         if (segment) data[2] ^= std::byte{0x10};
+     }},
+    {"segments.download_toggle", "another abort code", replace_abort<0x05030000, 0x08000000>},
+    {.check = "sm.boot_settings",
+     .what = "another code",
+     .write = replace_code<0x0015, 0x0001>,
+     .device = "bootloader"},
+    {.check = "sm.boot_settings",
+     .what = "SyncManager 1 is not checked",
+     .read = read_right_sync_manager<1, 0x1400, 512, 0x22>,
+     .device = "bootloader"},
+    {"information.subindices", "subindex 0 is higher than the description says",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::object_response) &&
+             load_le<std::uint16_t>(data, 12) == 0x1018)
+             data[16] = std::byte{3};
+         return true;
+     }},
+    {"messages.headers", "the channel is 1",
+     [](std::uint16_t address, Octets& data) {
+         if (is_mail(address, data)) data[4] |= std::byte{1};
+         return true;
+     }},
+    {"messages.headers", "the number of CoE is 1",
+     [](std::uint16_t address, Octets& data) {
+         if (is_mail(address, data) && (std::to_integer<unsigned>(data[5]) & 0x0F) == 3) data[6] |= std::byte{1};
+         return true;
+     }},
+    {"clock.cycle_zero", "another code", replace_code<0x0036, 0x0001>},
     {"states.restart", "only the first start works",
      [](std::uint16_t address, Octets& data) {
          static unsigned starts = 0;

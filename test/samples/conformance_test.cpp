@@ -22,7 +22,8 @@ TEST(SubdeviceCheck, EveryDeviceOfTheLibraryKeepsTheRules) {
         std::set<std::string> left;
         for (const auto& check : checked.report.checks)
             if (check.outcome != Outcome::passed) left.insert(check.name);
-        EXPECT_EQ(left, (std::set<std::string>{"clock.sync1", "sdo.write_only", "states.device_id", "sync.types"}));
+        EXPECT_EQ(left, (std::set<std::string>{"clock.sync1", "sdo.write_only", "sm.boot_settings", "states.device_id",
+                                               "sync.types"}));
     }
     EXPECT_GT(judged, 700U);
 }
@@ -81,9 +82,12 @@ TEST(SubdeviceCheck, APositionThatDoesNotExistIsAnError) {
     SimulatedNic nic(segment, osal);
     HostContext ctx{Limits{.slaves = 4}};
     ASSERT_TRUE(init(ctx, nic, osal).ok());
-    EXPECT_EQ(check_device(ctx, osal, -1, 2).error, "POSITION: there is 1 slave, the first is 1");
-    EXPECT_EQ(check_device(ctx, osal, -1, 1, {.only = "nothing"}).error,
-              "no check has a name that begins with 'nothing'");
+    const auto absent = check_device(ctx, osal, -1, 2);
+    EXPECT_EQ(absent.error, "POSITION: there is 1 slave, the first is 1");
+    EXPECT_TRUE(absent.wrong_arguments);
+    const auto nothing = check_device(ctx, osal, -1, 1, {.only = "nothing"});
+    EXPECT_EQ(nothing.error, "no check has a name that begins with 'nothing'");
+    EXPECT_TRUE(nothing.wrong_arguments);
 }
 
 }  // namespace

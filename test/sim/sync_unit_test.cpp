@@ -128,6 +128,22 @@ TEST_F(SyncUnitTest, Sync1WithCycleTimeZeroComesWithSync0) {
     EXPECT_EQ(pulses(1), 5u);
 }
 
+// 0x0998 is the system time of the next SYNC1, also while no SYNC1 is on its way.
+TEST_F(SyncUnitTest, TheTimeOfTheNextSync1IsShown) {
+    const auto begin = copy() + 1'000'000;
+    const auto next = [&] { return rig.get<std::uint64_t>(0, 0x0998); };
+    start(begin, 1'000'000, 0, 0x07);
+    rig.pass(5500us);
+    EXPECT_EQ(next(), begin + 5'000'000) << "with the next SYNC0";
+    EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0981, 0), 1);
+    const auto again = copy() + 1'000'000;
+    start(again, 1'000'000, 2'000'000, 0x07);  // each third SYNC0
+    rig.pass(2500us);
+    EXPECT_EQ(next(), again + 2'000'000);
+    rig.pass(1ms);
+    EXPECT_EQ(next(), again + 5'000'000);
+}
+
 // A SYNC1 cycle time of n SYNC0 cycles: SYNC1 occurs every n + 1 SYNC0 cycles (SOEM's manual, dcsync01: "true cycle
 // time").
 TEST_F(SyncUnitTest, Sync1MayBeSlowerThanSync0) {

@@ -427,6 +427,14 @@ TEST_F(EsmTest, ExplicitDeviceIdentification) {
     client.id = 0;
     (void)request(0x21);
     EXPECT_EQ(esc.get<std::uint16_t>(0x0130), 0x01) << "not offered, not answered";
+    auto with_switch = kDevice;
+    with_switch.device_id_switch = true;
+    start(with_switch);
+    (void)request(0x21);
+    EXPECT_EQ(esc.get<std::uint16_t>(0x0130), 0x21) << "the switch is at 0";
+    EXPECT_EQ(esc.get<std::uint16_t>(0x0134), 0);
+    (void)request(0x01);
+    EXPECT_EQ(esc.get<std::uint16_t>(0x0130), 0x01);
 }
 
 }  // namespace

@@ -33,6 +33,7 @@ class Store final : public FoeStore {
     }
     FoeAnswer open_to_write(const FoeFile& file, Time) override {
         last = {std::string(file.name), file.password, file.state};
+        if (busy_opens > 0) return --busy_opens, FoeAnswer::busy(0, 0);
         if (last.name == "firmware" && file.state != AlState::boot) return FoeAnswer::error(FoeError::bootstrap_only);
         content.clear();
         return FoeAnswer::go();
@@ -243,6 +244,33 @@ TEST_F(FoeTest, BusyWhileReading) {
     expect(exchange(packet(Opcode::acknowledge, 1)), Opcode::data, 2);
     expect(exchange(packet(Opcode::busy, 0)), Opcode::data, 2);
     silent(packet(Opcode::acknowledge, 2));
+}
+
+// A store that is busy with the file itself learns when the client leaves.
+TEST_F(FoeTest, ABusyOpenIsGivenUp) {
+    store.files["f"] = pattern(1);
+    for (const auto opcode : {Opcode::read, Opcode::write}) {
+        const auto opened = [&] { return foe::Layout::opcode::load(exchange(packet(opcode, 7, letters("f")))); };
+        store.given_up = 0;
+        store.busy_opens = 2;
+        EXPECT_EQ(opened(), Opcode::busy);
+        EXPECT_EQ(opened(), Opcode::busy);
+        EXPECT_EQ(store.given_up, 0) << "the same request again";
+        expect_error(exchange(packet(Opcode::read, 0, letters("none"))), FoeError::not_found);
+        EXPECT_EQ(store.given_up, 1) << "another request";
+        store.busy_opens = 1;
+        EXPECT_EQ(opened(), Opcode::busy);
+        silent(packet(Opcode::error, 0));
+        EXPECT_EQ(store.given_up, 2) << "the client ends it";
+        store.busy_opens = 1;
+        EXPECT_EQ(opened(), Opcode::busy);
+        server.state_changed(AlState::safeop);
+        EXPECT_EQ(store.given_up, 3) << "another state";
+        server.state_changed(AlState::boot);
+        EXPECT_NE(opened(), Opcode::busy);
+        server.stop();
+        EXPECT_EQ(store.given_up, 4);
+    }
 }
 
 // The store loads the file behind open_to_read(). The client repeats its request, and the file is not opened again.

@@ -247,6 +247,15 @@ TEST_F(DcTest, OpWaitsForSync0) {
     EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::op, false, 0}));
 }
 
+// SYNC0 of an earlier activation, whose event nobody has acknowledged below SAFEOP.
+TEST_F(DcTest, AnOldEventOfSync0DoesNotCount) {
+    (void)bench.request(2);
+    bench.esc.raise(wire::al_event::kDcSync0);
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    put_outputs(bench, 1, 1, 1);
+    EXPECT_EQ(bench.request(8).state, AlState::safeop) << "waits for the first SYNC0";
+}
+
 TEST_F(DcTest, Sync0GoneIsFatal) {
     bench.esc.ecat_set<std::uint16_t>(0x0420, 0);
     (void)bench.request(4);

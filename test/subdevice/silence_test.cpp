@@ -39,6 +39,58 @@ TEST(SafeValues, EveryTypeGoesBackToItsWholeInitialValue) {
     EXPECT_EQ(image, before);
 }
 
+// ------------------------------------------------------------------ control octets that change in OP
+
+void sm2_in_op(Bench& bench, std::uint8_t control) {
+    bench.esc.configure(2, {0x1200, 4, control, 0});
+    bench.esc.configure(2, {0x1200, 4, control, 1});
+    (void)bench.step();
+}
+
+TEST(ControlInOp, OutputsWithoutAnEventAreFoundByPollingFromThenOn) {
+    Bench bench;
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 0, 1})));
+    (void)bench.step();
+    ASSERT_EQ(bench.request(8), (AlStatus{AlState::op, false, 0}));
+    sm2_in_op(bench, 0x44);
+    ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({7, 2, 0, 1})));
+    bench.esc.time += 1ms;
+    EXPECT_LE(bench.step(), bench.esc.time + 1ms);
+    EXPECT_EQ(Values::out_a::load(bench.image), 7);
+    sm2_in_op(bench, 0x64);
+    EXPECT_GT(bench.step(), bench.esc.time + 1ms) << "events tell again";
+}
+
+TEST(ControlInOp, AWatchdogThatIsSwitchedOnWatches) {
+    Bench bench;
+    bench.esc.configure(2, {0x1200, 4, 0x24, 1});
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 0, 1})));
+    (void)bench.step();
+    ASSERT_EQ(bench.request(8), (AlStatus{AlState::op, false, 0}));
+    EXPECT_EQ(bench.step(), kNever);
+    sm2_in_op(bench, 0x64);
+    EXPECT_EQ(bench.step(), bench.esc.time + 100ms);
+    bench.esc.ecat_set<std::uint16_t>(0x0440, 0);
+    bench.esc.time += 60ms;
+    sm2_in_op(bench, 0x64);  // does not begin a new time
+    bench.esc.time += 40ms;
+    (void)bench.step();
+    EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::safeop, true, 0x001B}));
+}
+
+TEST(ControlInOp, ARequiredWatchdogThatIsSwitchedOffLeadsToPreop) {
+    Bench bench;
+    bench.application.description_value.outputs.watchdog_required = true;
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 0, 1})));
+    (void)bench.step();
+    ASSERT_EQ(bench.request(8), (AlStatus{AlState::op, false, 0}));
+    sm2_in_op(bench, 0x24);
+    EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::preop, true, 0x001F}));
+}
+
 // ------------------------------------------------------------------ old outputs
 
 void put_outputs(Bench& bench) { ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 0, 1}))); }

@@ -134,5 +134,155 @@ TEST(StandardDevice, ItsSiiFollowsFromTheSameTables) {
     EXPECT_EQ(wire::sii::load_fixed_part(image).value.identity.product, 0x77U);
 }
 
+// ------------------------------------------------------------------ devices of other sizes
+
+constexpr MailboxPair kSmallMailboxes{{.start = 0x1000, .size_bytes = 128}, {.start = 0x1100, .size_bytes = 128}};
+
+// One octet in each direction, without a gap.
+constexpr DeviceDescription kOneOctet{.name = "One octet",
+                                      .protocols = {.coe = true},
+                                      .mailbox = kSmallMailboxes,
+                                      .outputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = 1},
+                                      .inputs = {.sync_manager = 3, .start = 0x1480, .max_bytes = 1}};
+struct OctetValues {
+    using lamps = Field<std::uint8_t, 0>;
+    using keys = Field<std::uint8_t, 1>;
+};
+constexpr Entry kOctetLamps[] = {value<OctetValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Entry kOctetKeys[] = {value<OctetValues::keys>(0, "Keys", od::kRead | od::kTxMappable)};
+constexpr Object kOctetObjects[] = {variable(0x6000, "Keys", kOctetKeys), variable(0x7000, "Lamps", kOctetLamps)};
+
+// Inputs in SyncManager 2, and no outputs.
+constexpr DeviceDescription kInputsInSm2{.name = "Inputs in SM2",
+                                         .protocols = {.coe = true},
+                                         .mailbox = kSmallMailboxes,
+                                         .inputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = 2}};
+constexpr Entry kTwoOctets[] = {value<Field<std::uint16_t, 0>>(0, "Keys", od::kRead | od::kTxMappable)};
+constexpr Object kTwoOctetObjects[] = {variable(0x6000, "Keys", kTwoOctets)};
+
+// Outputs in SyncManager 3, and no inputs.
+constexpr DeviceDescription kOutputsInSm3{.name = "Outputs in SM3",
+                                          .protocols = {.coe = true},
+                                          .mailbox = kSmallMailboxes,
+                                          .outputs = {.sync_manager = 3, .start = 0x1400, .max_bytes = 2}};
+constexpr Entry kTwoOctetsOut[] = {value<Field<std::uint16_t, 0>>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Object kTwoOctetOutObjects[] = {variable(0x7000, "Lamps", kTwoOctetsOut)};
+
+// A value of more octets than the usual staging buffer.
+constexpr Entry kLongText[] = {subdevice::octets(0, "Text", DataType::octet_string, od::kReadWrite, 0, 300)};
+constexpr Entry kLongArray[] = {
+    entry_count(200), subdevice::octets(1, "Number", DataType::unsigned16, od::kReadWrite, 300, 2).times(200)};
+constexpr Object kLongObjects[] = {variable(0x2000, "Text", kLongText), array(0x2001, "Numbers", kLongArray)};
+
+template <const DeviceDescription& Description>
+struct PlainApplication final : Application {
+    const DeviceDescription& description() const override { return Description; }
+};
+
+template <const DeviceDescription& Description, const auto& Objects, std::size_t Bytes>
+struct SizedBench {
+    using Stack = StandardDevice<Description, Objects, Bytes>;
+    PlainEsc esc;
+    std::array<std::byte, 128> eeprom_content{};
+    EepromEmulation eeprom{esc, eeprom_content};
+    typename Stack::Memory memory;
+    PlainApplication<Description> application;
+    Stack stack{esc, application, memory, {}, RunMode::polling, &eeprom};
+    MailHand hand{esc};
+
+    SizedBench() {
+        stack.device.start(esc.time);
+        hand.configure(128);
+    }
+    AlStatus request(std::uint16_t control) {
+        esc.al_control(control);
+        (void)stack.device.step(esc.time);
+        return esc.al_status();
+    }
+    std::vector<std::byte> exchange(const std::vector<std::byte>& data) {
+        EXPECT_TRUE(hand.put(hand.message(wire::MailboxType::coe, data)));
+        for (int n = 0; n < 4; ++n) (void)stack.device.step(esc.time);
+        auto reply = hand.fetch();
+        return reply.size() < 16 ? std::vector<std::byte>(16) : reply;
+    }
+    // The command of the last reply to a download in segments.
+    std::byte download(int index, bool complete, std::size_t bytes) {
+        const auto low = static_cast<int>(bytes & 0xFF);
+        auto data = raw(
+            {0, 0x20, complete ? 0x31 : 0x21, index & 0xFF, index >> 8, 0, low, static_cast<int>(bytes >> 8), 0, 0});
+        auto reply = exchange(data);
+        int toggle = 0;
+        for (std::size_t left = bytes; left != 0 && reply[8] != std::byte{0x80}; toggle ^= 0x10) {
+            const auto part = std::min<std::size_t>(left, 128 - 6 - 3);
+            left -= part;
+            auto segment = raw({0, 0x20, toggle | (left == 0 ? 1 : 0)});
+            segment.insert(segment.end(), part, std::byte{2});
+            reply = exchange(segment);
+        }
+        return reply[8];
+    }
+};
+
+TEST(StandardDevice, OneOctetNeedsNoGap) {
+    SizedBench<kOneOctet, kOctetObjects, 2> bench;
+    EXPECT_EQ(bench.stack.dictionary.number(0x1600, 0), 1U);
+    bench.esc.configure(2, {0x1400, 1, 0x64, 1});
+    bench.esc.configure(3, {0x1480, 1, 0x20, 1});
+    ASSERT_EQ(bench.request(2), (AlStatus{AlState::preop, false, 0}));
+    ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
+    ASSERT_TRUE(bench.esc.ecat_write(0x1400, raw({0x5A})));
+    bench.esc.time += std::chrono::milliseconds(1);
+    (void)bench.stack.device.step(bench.esc.time);
+    ASSERT_EQ(bench.request(8), (AlStatus{AlState::op, false, 0}));
+    EXPECT_EQ(OctetValues::lamps::load(bench.memory.values), 0x5A);
+}
+
+TEST(StandardDevice, ADirectionMayUseTheSyncManagerOfTheOther) {
+    SizedBench<kInputsInSm2, kTwoOctetObjects, 2> inputs;
+    inputs.esc.configure(2, {0x1400, 2, 0x20, 1});
+    (void)inputs.request(2);
+    EXPECT_EQ(inputs.request(4), (AlStatus{AlState::safeop, false, 0}));
+    SizedBench<kOutputsInSm3, kTwoOctetOutObjects, 2> outputs;
+    outputs.esc.configure(3, {0x1400, 2, 0x24, 1});
+    (void)outputs.request(2);
+    EXPECT_EQ(outputs.request(4), (AlStatus{AlState::safeop, false, 0}));
+}
+
+TEST(StandardDevice, TheLargestValueOfTheTableCanBeWritten) {
+    SizedBench<kOneOctet, kLongObjects, 700> bench;
+    (void)bench.request(2);
+    EXPECT_EQ(bench.download(0x2000, false, 300), std::byte{0x20}) << "three segments";
+    EXPECT_EQ(bench.memory.values[299], std::byte{2});
+    EXPECT_NE(bench.download(0x2001, true, 402), std::byte{0x80});
+}
+
+TEST(StandardDevice, APdoHasLimits) {
+    static constexpr Entry kMany[] = {entry_count(200),
+                                      value<Field<std::uint8_t, 0>>(1, "B", od::kRead | od::kTxMappable).times(200)};
+    static constexpr Object kTwice[] = {array(0x6000, "A", kMany), array(0x6010, "B", kMany)};
+    static constexpr Object kOnce[] = {array(0x6000, "A", kMany)};
+    static_assert(!standard::count_mapped(kTwice, od::kTxMappable, 400).fits_mapping());
+    static_assert(standard::count_mapped(kOnce, od::kTxMappable, 400).fits_mapping());
+    static constexpr Entry kWide[] = {
+        subdevice::octets(0, "W", DataType::octet_string, od::kRead | od::kTxMappable, 0, 32)};
+    static constexpr Entry kLess[] = {
+        subdevice::octets(0, "L", DataType::octet_string, od::kRead | od::kTxMappable, 0, 31)};
+    static constexpr Object kWideOne[] = {variable(0x6000, "W", kWide)};
+    static constexpr Object kLessOne[] = {variable(0x6000, "L", kLess)};
+    static_assert(!standard::count_mapped(kWideOne, od::kTxMappable, 400).fits_mapping());
+    static_assert(standard::count_mapped(kLessOne, od::kTxMappable, 400).fits_mapping());
+}
+
+// The master reads a word of the SII: the ESC asks the firmware.
+TEST(StandardDevice, AnEscWithoutEepromIsServed) {
+    SizedBench<kOneOctet, kOctetObjects, 2> bench;
+    bench.eeprom_content[8] = std::byte{0x4D};
+    bench.esc.ecat_set<std::uint16_t>(0x0502, 0x0180);  // command "read", emulation selected
+    bench.esc.ecat_set<std::uint32_t>(0x0504, 4);
+    bench.esc.raise(wire::al_event::kEeprom);
+    (void)bench.stack.device.step(bench.esc.time);
+    EXPECT_EQ(bench.esc.get<std::uint8_t>(0x0508), 0x4D);
+}
+
 }  // namespace
 }  // namespace margay::subdevice

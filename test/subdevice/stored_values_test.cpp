@@ -3,6 +3,8 @@
 
 #include "bench_device.hpp"
 
+#include <functional>
+
 namespace margay::subdevice::testing {
 namespace {
 
@@ -174,12 +176,121 @@ TEST_F(StoredValuesTest, ASecondCommandStoresTheValuesOfItsOwnTime) {
     ASSERT_EQ(download(device.bench, 0x2000, 0, raw({7, 0})).abort, Abort::none);
     HookAnswer answer = device.stored.save(start + 1s);
     ASSERT_TRUE(answer.waits()) << "the block of the first command is stored, the new one is not";
-    answer = device.stored.save(start + 2s);
+    answer = device.stored.save(start + 2s, true);
     EXPECT_FALSE(answer.waits());
     EXPECT_EQ(answer.abort, Abort::none);
     EXPECT_EQ(flash.blocks, 2U);
     Powered again(flash);
     EXPECT_EQ(upload(again.bench, 0x2000).number(), 7U);
+}
+
+// A value that changes in each cycle is stored once, with the value of the time of the command.
+TEST_F(StoredValuesTest, AValueThatChangesAllTheTimeIsStoredOnce) {
+    Powered device(flash);
+    Bench& bench = device.bench;
+    flash.needs = 1s;
+    ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x23, 0x1010, 1, kSave)));
+    bench.settle();
+    for (int n = 0; n < 15; ++n) {
+        Values::setting::store(bench.image, static_cast<std::int16_t>(n));
+        bench.esc.time += 100ms;
+        (void)bench.step();
+    }
+    EXPECT_EQ(abort_of(bench.receive()), Abort::none);
+    EXPECT_EQ(flash.blocks, 1U);
+}
+
+// Tables of firmware versions: the values lie at the same places.
+struct Kept {
+    using a = Field<std::uint16_t, 0>;
+    using b = Field<std::uint16_t, 2>;
+    using signed_b = Field<std::int16_t, 2>;
+    static constexpr std::size_t text = 4;  // 100 octets
+    static constexpr std::size_t bytes = 104;
+};
+constexpr auto kKeep = od::kReadWrite | od::kBackup;
+constexpr Entry kKeptA[] = {value<Kept::a>(0, "A", kKeep, 10)};
+constexpr Entry kKeptB[] = {value<Kept::b>(0, "B", kKeep, 20)};
+constexpr Entry kKeptSignedB[] = {value<Kept::signed_b>(0, "B", kKeep, -20)};
+constexpr Entry kKeptLimitedA[] = {value<Kept::a>(0, "A", kKeep, 10).within(kLimits<0, 50>)};
+constexpr Entry kKeptText[] = {octets(0, "Text", DataType::octet_string, kKeep, Kept::text, 100)};
+constexpr Object kVersion1[] = {variable(0x2000, "A", kKeptA), variable(0x2001, "B", kKeptB)};
+constexpr Object kOtherType[] = {variable(0x2000, "A", kKeptA), variable(0x2001, "B", kKeptSignedB)};
+constexpr Object kOtherLimits[] = {variable(0x2000, "A", kKeptLimitedA), variable(0x2001, "B", kKeptB)};
+constexpr Object kWithText[] = {variable(0x2000, "A", kKeptA), variable(0x2001, "B", kKeptB),
+                                variable(0x2002, "Text", kKeptText)};
+
+struct Version {
+    explicit Version(std::span<const Object> objects, Flash& flash)
+        : dictionary(objects, image), stored(dictionary, flash, buffer) {}
+    std::array<std::byte, Kept::bytes> image{};
+    std::array<std::byte, 12 + Kept::bytes> buffer{};
+    ObjectDictionary dictionary;
+    StoredValues stored;
+};
+
+TEST_F(StoredValuesTest, AnotherDataTypeOfTheSameSizeIsAnotherTable) {
+    Version first(kVersion1, flash);
+    Kept::b::store(first.image, 60'000);
+    ASSERT_EQ(first.stored.save(Time{}).abort, Abort::none);
+    Version other(kOtherType, flash);
+    EXPECT_FALSE(other.stored.load());
+    EXPECT_EQ(Kept::signed_b::load(other.image), -20);
+    EXPECT_TRUE(Version(kVersion1, flash).stored.load());
+}
+
+TEST_F(StoredValuesTest, AStoredValueOutsideTheLimitsIsNotLoaded) {
+    Version first(kVersion1, flash);
+    Kept::a::store(first.image, 1000);
+    Kept::b::store(first.image, 60'000);
+    ASSERT_EQ(first.stored.save(Time{}).abort, Abort::none);
+    Version limited(kOtherLimits, flash);
+    EXPECT_TRUE(limited.stored.load());
+    EXPECT_EQ(Kept::a::load(limited.image), 10) << "the initial value";
+    EXPECT_EQ(Kept::b::load(limited.image), 60'000);
+}
+
+// A lock that is never held for more than one value: an interrupt handler executes after each of them.
+struct Lock final : EscAccess {
+    void read(std::uint16_t, MutableBytes) noexcept override {}
+    void write(std::uint16_t, Bytes) noexcept override {}
+    [[nodiscard]] Time now() noexcept override { return {}; }
+    [[nodiscard]] std::uint32_t lock() noexcept override { return depth++; }
+    void unlock(std::uint32_t before) noexcept override {
+        depth = before;
+        if (depth != 0) return;
+        ++sections;
+        if (handler) handler();
+    }
+    std::uint32_t depth = 0;
+    unsigned sections = 0;
+    std::function<void()> handler;
+};
+
+TEST_F(StoredValuesTest, TheLockIsHeldForOneValue) {
+    Version device(kWithText, flash);
+    Lock lock;
+    device.dictionary.set_lock(&lock);
+    Version late(kWithText, flash);
+    Kept::b::store(late.image, 1234);
+    std::fill_n(late.image.begin() + Kept::text, 100, std::byte{5});
+    // All values behind the first change after the copy of the first.
+    lock.handler = [&] { std::copy(late.image.begin() + 2, late.image.end(), device.image.begin() + 2); };
+    const auto sum = device.stored.checksum();
+    EXPECT_EQ(sum, late.stored.checksum());
+    EXPECT_EQ(lock.sections, 4U) << "two numbers, and two pieces of the text";
+
+    device.dictionary.restore_defaults();
+    lock.sections = 0;
+    ASSERT_EQ(device.stored.save(Time{}).abort, Abort::none);
+    EXPECT_EQ(lock.sections, 3U) << "a value as a whole";
+    Version loaded(kWithText, flash);
+    ASSERT_TRUE(loaded.stored.load());
+    EXPECT_EQ(Kept::b::load(loaded.image), 1234);
+
+    lock.sections = 0;
+    ASSERT_EQ(device.stored.restore(Time{}).abort, Abort::none);
+    EXPECT_EQ(lock.sections, 3U);
 }
 
 }  // namespace

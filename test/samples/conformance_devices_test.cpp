@@ -1,0 +1,134 @@
+// The checks of subdevice_check: devices that an author may build and that keep the rules are not blamed.
+#include "samples/conformance.hpp"
+#include "subdevice/sii_image.hpp"
+#include "subdevice/standard_device.hpp"
+
+#include <memory>
+
+namespace margay::samples::conformance {
+namespace {
+
+using namespace std::chrono_literals;
+namespace od = subdevice::od;
+using subdevice::DeviceDescription;
+using subdevice::Entry;
+using subdevice::Object;
+
+struct SmallValues {
+    using lamps = Field<std::uint16_t, 0>;
+    using keys = Field<std::uint16_t, 2>;
+};
+constexpr Entry kSmallLamps[] = {subdevice::value<SmallValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Entry kSmallKeys[] = {subdevice::value<SmallValues::keys>(0, "Keys", od::kRead | od::kTxMappable)};
+constexpr Object kSmallObjects[] = {subdevice::variable(0x6000, "Keys", kSmallKeys),
+                                    subdevice::variable(0x7000, "Lamps", kSmallLamps)};
+
+constexpr DeviceDescription kPlain{
+    .vendor_id = 0x4D47,
+    .product_code = 0x99,
+    .name = "Small",
+    .protocols = {.coe = true},
+    .mailbox = {{.start = 0x1000, .size_bytes = 128}, {.start = 0x1080, .size_bytes = 128}},
+    .outputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = 2, .watchdog = true},
+    .inputs = {.sync_manager = 3, .start = 0x1480, .max_bytes = 2}};
+
+template <class Change>
+constexpr DeviceDescription changed(Change change) {
+    DeviceDescription description = kPlain;
+    change(description);
+    return description;
+}
+constexpr DeviceDescription kClockRequired =
+    changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 250us}; });
+constexpr DeviceDescription kClockWithPll =
+    changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .pll = true}; });
+constexpr DeviceDescription kFastClock =
+    changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 600us}; });
+constexpr DeviceDescription kShortClock =
+    changed([](DeviceDescription& d) { d.dc = {.supported = true, .max_cycle = 1ms}; });
+constexpr DeviceDescription kNoCycle =
+    changed([](DeviceDescription& d) { d.dc = {.supported = true, .min_cycle = 5ms, .max_cycle = 6ms}; });
+constexpr DeviceDescription kOneBuffer = changed([](DeviceDescription& d) { d.inputs.three_buffers = false; });
+constexpr DeviceDescription kSwitch = changed([](DeviceDescription& d) { d.device_id_switch = true; });
+
+template <const DeviceDescription& Description>
+class SmallFirmware final : public sim::Firmware {
+  public:
+    using Stack = subdevice::StandardDevice<Description, kSmallObjects, 4>;
+    void start(subdevice::EscAccess& esc, Time now) override {
+        all_ = std::make_unique<All>(esc);
+        all_->stack.device.start(now);
+    }
+    Time step(Time now) override { return std::min(all_->stack.device.step(now), now + 50us); }
+
+  private:
+    struct SmallApplication final : subdevice::Application {
+        [[nodiscard]] const DeviceDescription& description() const override { return Description; }
+    };
+    struct All {
+        explicit All(subdevice::EscAccess& esc) : stack(esc, application, memory) {}
+        typename Stack::Memory memory;
+        SmallApplication application;
+        Stack stack;
+    };
+    std::unique_ptr<All> all_;
+};
+
+template <const DeviceDescription& Description>
+Checked check_small(const Options& options = {}) {
+    using Stack = typename SmallFirmware<Description>::Stack;
+    std::array<std::byte, 4> values{};
+    const subdevice::ObjectDictionary dictionary(Stack::Objects::kObjects, values);
+    subdevice::SiiWorkspace<4, 16> workspace;
+    sim::Device device{
+        .chip = sim::chip_by_name("et1100").value(), .sii = std::vector<std::byte>(2048), .firmware = {}};
+    EXPECT_TRUE(write_sii(Description, {}, dictionary, workspace, device.sii).ok());
+    device.firmware = std::make_unique<SmallFirmware<Description>>();
+    return check_it(std::move(device), options);
+}
+
+std::string reason_of(const Report& report, std::string_view name) {
+    const auto* const check = find(report, name);
+    return check == nullptr ? "no such check" : check->reason;
+}
+
+template <const DeviceDescription& Description>
+void expect_conforms(std::initializer_list<std::string_view> passed) {
+    const auto report = check_small<Description>().report;
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    for (const auto name : passed) {
+        EXPECT_EQ(find(report, name)->outcome, Outcome::passed) << name << ": " << reason_of(report, name);
+        // The same when this check is alone.
+        const auto alone = check_small<Description>({.only = std::string(name)}).report;
+        EXPECT_EQ(find(alone, name)->outcome, Outcome::passed) << report_text(alone, true);
+    }
+}
+
+TEST(SubdeviceCheckDevices, AClockThatIsRequiredIsActivated) {
+    expect_conforms<kClockRequired>({"states.up", "states.down", "sm.process_settings", "mailbox.states",
+                                     "watchdog.time", "watchdog.off", "clock.sync0", "clock.lost", "clock.cycle1",
+                                     "clock.cycle_zero", "process_data.exchange"});
+    expect_conforms<kClockWithPll>({"states.up", "watchdog.time", "watchdog.off", "clock.sync0"});
+    expect_conforms<kFastClock>({"states.up", "watchdog.off", "clock.sync0"});
+}
+
+TEST(SubdeviceCheckDevices, AnotherCycleIsTried) {
+    expect_conforms<kShortClock>({"clock.sync0", "clock.lost"});
+    const auto report = check_small<kNoCycle>({.only = "clock."}).report;
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    EXPECT_TRUE(reason_of(report, "clock.sync0").find("could not be tried") != std::string::npos)
+        << report_text(report, true);
+}
+
+TEST(SubdeviceCheckDevices, InputsInOneBufferAreRead) {
+    expect_conforms<kOneBuffer>({"process_data.inputs", "process_data.exchange"});
+}
+
+TEST(SubdeviceCheckDevices, AnIdSwitchMayBeAtZero) {
+    const auto report = check_small<kSwitch>({.only = "states.device_id"}).report;
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    EXPECT_TRUE(has(report, "states.device_id", Severity::remark)) << "the selector is not set";
+}
+
+}  // namespace
+}  // namespace margay::samples::conformance
