@@ -161,6 +161,13 @@ add_test(NAME embedded/footprint
                  "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds/board/margay" -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint.cmake)
 set_tests_properties(embedded/footprint PROPERTIES FIXTURES_REQUIRED arm_archives SKIP_REGULAR_EXPRESSION "SKIPPED")
 
+# What each feature of the slave stack needs, compared with the table in its README.
+add_test(NAME embedded/footprint_table
+         COMMAND ${CMAKE_COMMAND} "-DREADME=${PROJECT_SOURCE_DIR}/src/subdevice/README.md"
+                 "-DARCHIVE=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds/board/margay/libmargay_subdevice.a"
+                 -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint_table.cmake)
+set_tests_properties(embedded/footprint_table PROPERTIES FIXTURES_REQUIRED arm_archives SKIP_REGULAR_EXPRESSION "SKIPPED")
+
 # The other compiler.
 margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16 COST 400
               DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_TESTS=OFF CMAKE_BUILD_TYPE=Debug MARGAY_UNITY=ON
