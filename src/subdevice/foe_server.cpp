@@ -158,7 +158,7 @@ void FoeServer::refuse(const FoeAnswer& answer, Outbox& out) {
         Layout::entire::store(at, answer.entire());
     } else {
         end();
-        if (text.empty()) text = foe::to_text(answer.code());
+        if (text.empty() && texts_ != nullptr) text = texts_(answer.code());
         Layout::opcode::store(at, Opcode::error);
         Layout::error_code::store(at, answer.code());
     }

@@ -26,7 +26,7 @@ class FoeAnswer {
         a.text_ = text;
         return a;
     }
-    // Without a text, the server sends the standard text of the code.
+    // Without a text, the server sends the text that its FoeTexts has for the code.
     [[nodiscard]] static constexpr FoeAnswer error(FoeError code, std::string_view text = {}) {
         FoeAnswer a;
         a.kind_ = Kind::error;
@@ -80,9 +80,14 @@ class FoeStore {
     ~FoeStore() = default;
 };
 
+// The texts of errors. wire::foe::to_text has those of the standard: a device that does not name it does not contain
+// them.
+using FoeTexts = std::string_view (*)(FoeError code);
+
 class FoeServer final : public MailboxServer {
   public:
-    explicit FoeServer(FoeStore& store) : store_(store) {}
+    // `store` must outlive the server. `texts`: for errors without a text of their own; nullptr: they have no text.
+    explicit FoeServer(FoeStore& store, FoeTexts texts = nullptr) : store_(store), texts_(texts) {}
 
     void start(AlState state, const MailboxRoom& room) override;
     void stop() override { end(); }
@@ -106,6 +111,7 @@ class FoeServer final : public MailboxServer {
     static constexpr std::size_t kNameBytes = 64;
 
     FoeStore& store_;
+    FoeTexts texts_;
     AlState state_ = AlState::init;
     Transfer transfer_ = Transfer::none;
     std::size_t receive_bytes_ = 0;  // data octets of a full packet from the client

@@ -92,7 +92,7 @@ std::vector<std::byte> pattern(std::size_t bytes) {
 
 class FoeTest : public ::testing::Test {
   protected:
-    FoeTest() : protocols_{{{wire::MailboxType::coe, &bench.coe}, {wire::MailboxType::foe, &server, true}}} {
+    FoeTest() : protocols_{{{wire::MailboxType::coe, &bench.coe}, {wire::MailboxType::foe, &*server, true}}} {
         bench.application.description_value.boot_mailbox = bench.application.description_value.mailbox;
         bench.mailbox.emplace(bench.esc, MutableBytes(receive_), MutableBytes(send_), protocols_);
         bench.device.emplace(bench.esc, bench.application, bench.process_data, &*bench.mailbox);
@@ -152,7 +152,7 @@ class FoeTest : public ::testing::Test {
     static constexpr std::size_t kRoom = kMailbox - 12;
     Bench bench;
     Store store;
-    FoeServer server{store};
+    std::optional<FoeServer> server{std::in_place, store, wire::foe::to_text};
 
   private:
     std::array<std::byte, 256> receive_{};
@@ -184,6 +184,21 @@ TEST_F(FoeTest, NameAndPasswordReachTheStore) {
     (void)exchange(packet(Opcode::write, 9, raw({'a', 'b', 0, 'c'})));
     EXPECT_EQ(store.last.name, "ab") << "a terminator ends the name";
     expect_error(exchange(packet(Opcode::read, 0, letters(std::string(52, 'x')))), FoeError::not_found);
+}
+
+TEST_F(FoeTest, WithoutTextsOnlyThoseOfTheStoreAreSent) {
+    (void)bench.request(1);
+    server.emplace(store);
+    bench.configure(kMailbox);
+    (void)bench.request(2);
+    store.files["settings"] = pattern(3);
+    store.password = 7;
+    auto reply = exchange(packet(Opcode::read, 1, letters("settings")));
+    expect_error(reply, FoeError::no_rights);
+    EXPECT_EQ(text_of(reply), "");
+    reply = exchange(packet(Opcode::read, 1, letters("other")));
+    expect_error(reply, FoeError::not_found);
+    EXPECT_EQ(text_of(reply), "no such file here");
 }
 
 TEST_F(FoeTest, FirmwareIsTakenInBoot) {

@@ -33,7 +33,7 @@ StackFirmware::StackFirmware(const Blueprint& blueprint)
     if (auto* const aoe = model_->aoe(); aoe != nullptr) protocols_.push_back({wire::MailboxType::aoe, aoe});
     if (auto* const eoe = model_->eoe(); eoe != nullptr) protocols_.push_back({wire::MailboxType::eoe, eoe});
     if (auto* const files = model_->files(); files != nullptr)
-        protocols_.push_back({wire::MailboxType::foe, &foe_.emplace(*files), true});
+        protocols_.push_back({wire::MailboxType::foe, &foe_.emplace(*files, wire::foe::to_text), true});
     receive_.resize(mailbox_bytes(*blueprint.device));
     send_.resize(kReplySlots * receive_.size());
 }
