@@ -136,6 +136,8 @@ void ProcessData::find_sync_objects() {
     const auto first = first_sync_object(application_.description());
     measure_object_ = entry_memory(dictionary_, first, sync_subindex::kGetCycleTime, 2);
     timestamp_object_ = entry_memory(dictionary_, kTimestamp, 0, 8);
+    if (const auto cycle = entry_memory(dictionary_, first, sync_subindex::kSync0Cycle, 4); !cycle.empty())
+        store_le(cycle, 0, mode_ == SyncMode::dc_sync0 ? sync_cycle_ns_ : std::uint32_t{0});
     show_sync_error(false);
 }
 

@@ -25,6 +25,9 @@
 // SAFEOP with AL status code 0x0027 (free run) or 0x0028 (others), and so does a second object whose type contradicts
 // that of the first one. In SAFEOP and OP, the objects show the type in use; in PREOP, the one that was written.
 //
+// Not there: the shift, delay and minimum delay times and the counter of shifts that are too short (subindices 3, 7, 9
+// and 0x0D), because the stack delays nothing; the local error reaction 0x10F1:01.
+//
 // Each further SyncManager of a device (DeviceDescription::more_outputs, more_inputs) has such an object, too: 0x1C30 +
 // number, from more_sync_output_entries() or more_sync_input_entries(). Type, cycle time and missed frames are those of
 // the SyncManager. The rest belongs to the whole device and is the memory of the first object: a device has one update.
@@ -51,6 +54,7 @@ inline constexpr std::uint8_t kMinCycle = 5;   // in ns
 // 0x1C33: from there until the inputs are in the SyncManager. 0: not measured (Application::clock()).
 inline constexpr std::uint8_t kCalcAndCopy = 6;
 inline constexpr std::uint8_t kGetCycleTime = 8;      // bit 0: measure; a write of 1 begins a new measurement
+inline constexpr std::uint8_t kSync0Cycle = 0x0A;     // in ns, of the SYNC0 in use; 0: not DC-synchronous
 inline constexpr std::uint8_t kMissedFrames = 0x0B;   // frame periods without new outputs in this SyncManager
 inline constexpr std::uint8_t kCycleExceeded = 0x0C;  // updates that took longer than the SYNC0 cycle
 inline constexpr std::uint8_t kSyncError = 0x20;      // the device left OP because of such periods; OP resets it
@@ -84,7 +88,8 @@ struct SyncValues {
     using get_cycle_time = Field<std::uint16_t, Offset + 21>;
     using cycle_exceeded = Field<std::uint16_t, Offset + 23>;
     using input_calc_and_copy = Field<std::uint32_t, Offset + 25>;
-    static constexpr std::size_t bytes = 29;
+    using sync0_cycle = Field<std::uint32_t, Offset + 29>;
+    static constexpr std::size_t bytes = 33;
 };
 
 // Values of the object of a further SyncManager, in the image from `Offset` on.
@@ -120,7 +125,7 @@ template <std::size_t Offset>
 namespace sync_entry {
 // `Device`: the values of the device; the other fields are those of the SyncManager.
 template <class Device, class Type, class Cycle, class Missed>
-[[nodiscard]] constexpr std::array<Entry, 10> of_outputs(const DeviceDescription& d) {
+[[nodiscard]] constexpr std::array<Entry, 11> of_outputs(const DeviceDescription& d) {
     using namespace sync_subindex;
     return {
         entry_count(kSyncError),
@@ -130,45 +135,50 @@ template <class Device, class Type, class Cycle, class Missed>
         constant<std::uint32_t>(kMinCycle, "Minimum cycle time", min_cycle_ns(d)),
         value<typename Device::output_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
         value<typename Device::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>),
+        value<typename Device::sync0_cycle>(kSync0Cycle, "Sync0 cycle time", od::kReadOnly),
         value<Missed>(kMissedFrames, "SM event missed counter", od::kReadOnly),
         value<typename Device::cycle_exceeded>(kCycleExceeded, "Cycle exceeded counter", od::kReadOnly),
         flag<typename Device::sync_error>(kSyncError, "Sync error", od::kReadOnly)};
 }
 template <class Device, class Type, class Cycle>
-[[nodiscard]] constexpr std::array<Entry, 7> of_inputs(const DeviceDescription& d) {
+[[nodiscard]] constexpr std::array<Entry, 11> of_inputs(const DeviceDescription& d) {
     using namespace sync_subindex;
     return {
-        entry_count(kGetCycleTime),
-        value<Type>(kType, "Synchronization type", od::kReadWritePreop, first_type(d, false)),
+        entry_count(kSyncError), value<Type>(kType, "Synchronization type", od::kReadWritePreop, first_type(d, false)),
         value<Cycle>(kCycle, "Cycle time", od::kReadWritePreop),
         constant<std::uint16_t>(kSupported, "Synchronization types supported", supported(d)),
         constant<std::uint32_t>(kMinCycle, "Minimum cycle time", min_cycle_ns(d)),
         value<typename Device::input_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
-        value<typename Device::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>)};
+        value<typename Device::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>),
+        value<typename Device::sync0_cycle>(kSync0Cycle, "Sync0 cycle time", od::kReadOnly),
+        // An update of the inputs is one of the outputs: the counters are those of the device.
+        value<typename Device::missed_frames>(kMissedFrames, "SM event missed counter", od::kReadOnly),
+        value<typename Device::cycle_exceeded>(kCycleExceeded, "Cycle exceeded counter", od::kReadOnly),
+        flag<typename Device::sync_error>(kSyncError, "Sync error", od::kReadOnly)};
 }
 }  // namespace sync_entry
 
 template <std::size_t Offset>
-[[nodiscard]] constexpr std::array<Entry, 10> sync_output_entries(const DeviceDescription& d) {
+[[nodiscard]] constexpr std::array<Entry, 11> sync_output_entries(const DeviceDescription& d) {
     using V = SyncValues<Offset>;
     return sync_entry::of_outputs<V, typename V::output_type, typename V::output_cycle, typename V::missed_frames>(d);
 }
 
 template <std::size_t Offset>
-[[nodiscard]] constexpr std::array<Entry, 7> sync_input_entries(const DeviceDescription& d) {
+[[nodiscard]] constexpr std::array<Entry, 11> sync_input_entries(const DeviceDescription& d) {
     using V = SyncValues<Offset>;
     return sync_entry::of_inputs<V, typename V::input_type, typename V::input_cycle>(d);
 }
 
 // The object of a further SyncManager. `Device`: the offset of the SyncValues. `Offset`: that of its MoreSyncValues.
 template <std::size_t Device, std::size_t Offset>
-[[nodiscard]] constexpr std::array<Entry, 10> more_sync_output_entries(const DeviceDescription& d) {
+[[nodiscard]] constexpr std::array<Entry, 11> more_sync_output_entries(const DeviceDescription& d) {
     using V = MoreSyncValues<Offset>;
     return sync_entry::of_outputs<SyncValues<Device>, typename V::type, typename V::cycle, typename V::missed_frames>(
         d);
 }
 template <std::size_t Device, std::size_t Offset>
-[[nodiscard]] constexpr std::array<Entry, 7> more_sync_input_entries(const DeviceDescription& d) {
+[[nodiscard]] constexpr std::array<Entry, 11> more_sync_input_entries(const DeviceDescription& d) {
     using V = MoreSyncValues<Offset>;
     return sync_entry::of_inputs<SyncValues<Device>, typename V::type, typename V::cycle>(d);
 }

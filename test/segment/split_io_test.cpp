@@ -54,7 +54,7 @@ TEST_F(SplitIo, EachSyncManagerHasItsSynchronizationParameters) {
     for (const std::uint16_t index : kIndices)
         EXPECT_EQ(*SDOread<std::uint32_t>(ctx, 1, index, 2, 1s), 1'000'000U + index);
     EXPECT_EQ(*SDOread<std::uint8_t>(ctx, 1, 0x1C34, 0, 1s), 0x20U);
-    EXPECT_EQ(*SDOread<std::uint8_t>(ctx, 1, 0x1C35, 0, 1s), 8U);
+    EXPECT_EQ(*SDOread<std::uint8_t>(ctx, 1, 0x1C35, 0, 1s), 0x20U);
     EXPECT_EQ(SDOwrite(ctx, 1, 0x1C34, 0x0B, std::uint16_t{0}, 1s).error().detail, 0x06010002U) << "read only";
 }
 

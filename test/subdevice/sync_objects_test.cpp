@@ -83,6 +83,30 @@ TEST_F(MeasuredTimes, TheSyncErrorIsShownUntilTheNextOp) {
     EXPECT_EQ(read(0x1C32, 0x20), 0U);
 }
 
+TEST_F(MeasuredTimes, TheSync0CycleInUseIsShown) {
+    bench.esc.ecat_set<std::uint32_t>(0x09A0, 1'000'000);
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    EXPECT_EQ(read(0x1C32, 0x0A), 0U) << "SYNC0 is off";
+    (void)bench.request(2);
+    bench.esc.ecat_set<std::uint8_t>(0x0981, 3);
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    EXPECT_EQ(read(0x1C32, 0x0A), 1'000'000U);
+    EXPECT_EQ(read(0x1C33, 0x0A), 1'000'000U);
+}
+
+TEST_F(MeasuredTimes, InputsShowTheCountersOfTheDevice) {
+    using Sync = SyncValues<Values::sync>;
+    Sync::missed_frames::store(bench.image, 0x0102);
+    Sync::cycle_exceeded::store(bench.image, 0x0304);
+    Sync::sync_error::store(bench.image, 1);
+    for (const int index : {0x1C32, 0x1C33}) {
+        EXPECT_EQ(read(index, 0x0B), 0x0102U);
+        EXPECT_EQ(read(index, 0x0C), 0x0304U);
+        EXPECT_EQ(read(index, 0x20), 1U);
+    }
+    EXPECT_EQ(upload(bench, 0x1C33, 9).abort, Abort::no_subindex) << "the stack delays nothing";
+}
+
 TEST_F(MeasuredTimes, TheTimestampIsTheTimeOfTheDevice) {
     bench.esc.time = Time{} + 5s;
     EXPECT_EQ(read(0x10F8, 0), 5'000'001'000U);
