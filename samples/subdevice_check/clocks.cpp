@@ -223,11 +223,11 @@ bool says_no_sync(AlStatus status) {
 }
 
 // SYNC0 is off and the frames go on: the slave must not go to OP again.
-void check_op_again(Bench& bench, Time grid) {
+void check_op_again(Bench& bench, Time grid, Duration bus) {
     bench.request(static_cast<unsigned>(AlState::safeop) | wire::al::kErrorAcknowledge);
-    run_on_grid(bench, grid, 100ms);
+    run_on_grid(bench, grid, bus, 100ms);
     if (const auto status = bench.al_status(); status.state != AlState::safeop || status.error) return;
-    const auto status = run_to(bench, AlState::op, grid, Bench::patience(AlState::op));
+    const auto status = run_to(bench, AlState::op, grid, bus, Bench::patience(AlState::op));
     if (status.state == AlState::op)
         bench.fail("SYNC0 was switched off in OP, and after an acknowledge the slave went to OP again without it");
     else if (status.error && !says_no_sync(status))
@@ -253,7 +253,7 @@ void check_lost(Session& session) {
         bench.fail(
             fmt::format("SYNC0 was switched off in OP, and the slave went to {}, expected 0x002c", status_text(status)),
             "ETG.1020, AL Status Codes");
-    if (status.state == AlState::safeop) check_op_again(bench, grid);
+    if (status.state == AlState::safeop) check_op_again(bench, grid, setting.bus);
 }
 
 // A mode with SYNC1: clock.sync0 has tried it. The same without SYNC1.

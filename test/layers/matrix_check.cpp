@@ -33,6 +33,7 @@ bool there(const std::string& name, const std::vector<std::string>& tests, const
                                                     "embedded/rv32_builds",
                                                     "embedded/rv32_read_modify_write",
                                                     "embedded/footprint",
+                                                    "embedded/footprint_table",
                                                     "embedded/sizes",
                                                     "big_endian/wire",
                                                     "big_endian/engine",
