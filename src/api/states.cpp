@@ -60,10 +60,18 @@ static Task<Result<>> run(Network& network, StateRequest& request) {
     co_return changed ? Result<>() : Result<>(changed.error());
 }
 
+// All slaves were doubted, and read and compared since then, or not completely.
+static void note_comparison(Network& network, bool complete) {
+    if (complete)
+        network.compared = network.engine.now();
+    else
+        network.engine.link().keep_pause();
+}
+
 static Task<Result<>> run(Network& network, ReadStateRequest& request) {
     const bool all = doubt_unseen(network);
     auto read = co_await observe_states(network);
-    if (all && read) network.compared = network.engine.now();
+    if (all) note_comparison(network, read.ok());
     request.lowest = *read;
     co_return read ? Result<>() : Result<>(read.error());
 }
@@ -75,7 +83,7 @@ static Task<Result<>> run(Network& network, WriteStateRequest& request) {
 static Task<Result<>> run(Network& network, StateCheckRequest& request) {
     const bool all = doubt_unseen(network);
     auto reached = co_await wait_for_state(network, request.slave, request.wanted, end_of(request));
-    if (all && reached) network.compared = network.engine.now();
+    if (all) note_comparison(network, reached.ok());
     request.reached = *reached;
     co_return reached ? Result<>() : Result<>(reached.error());
 }

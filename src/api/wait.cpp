@@ -35,6 +35,23 @@ void poll_until_over(Context& ctx, Master& master, Request& request) {
     }
 }
 
+// The supervision compares the slaves that are doubted after a pause of the application, before a call that waits is
+// refused for it.
+void let_supervision_compare(Context& ctx, Master& master) {
+    constexpr Duration kPatience = std::chrono::milliseconds(300);
+    Network& network = master.network;
+    Osal& osal = master.osal;
+    const auto compares = [&network](const Slave& s) {
+        return network.marks(s).was_away && s.al.state != AlState::none && s.al.state != AlState::boot;
+    };
+    const Time end = later(osal.now(), kPatience);
+    while (network.supervised && master.owned_by_caller()) {
+        const Time next = poll(ctx, osal.now());
+        if (std::ranges::none_of(network.slaves(), compares) || osal.now() >= end) return;
+        osal.wait(std::min(next, end), network.engine.link().nic().wait_handles());
+    }
+}
+
 // Sleeps until a request of another thread is over. Returns false if the owner does not poll. After the owner has
 // accepted the request, this function uses only the request and the osal: the context may be destroyed meanwhile, and
 // its end also ends the request.
@@ -80,6 +97,7 @@ Result<> submit_and_wait(Context& ctx, Request& request) {
     const Step step = RequestAccess::operation(request).step;
     if (master == nullptr) return Error{.code = Errc::wrong_state, .step = step};
     if (const Error refused = check_may_wait(*master, step); refused.code != Errc::none) return refused;
+    if (master->owned_by_caller()) let_supervision_compare(ctx, *master);
     const auto submitted = submit(ctx, request);
     return submitted ? wait(ctx, request) : submitted;
 }
@@ -138,7 +156,9 @@ Time poll(Context& ctx, Time now) {
     }
     master->in_poll = false;
     // A frame that has arrived between the two rounds may have ended the request that a waiting request waited for.
-    return begins_at_once(*master) ? now : std::min(next, queued);
+    const Time due = begins_at_once(*master) ? now : std::min(next, queued);
+    if (due != kNever) master->poll_gap = std::max(master->poll_gap, due - now);  // so long nobody must look
+    return due;
 }
 
 }  // namespace margay

@@ -105,6 +105,7 @@ class Link {
         note_cycle(last_cycle_, now);
         return std::exchange(paused_, false);
     }
+    void keep_pause() { paused_ = true; }
     static constexpr Duration kPause = std::chrono::seconds(1);
     [[nodiscard]] Nic& nic() { return nic_; }
 

@@ -383,6 +383,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
         right &= d.right();
         fresh &= d.fresh;
         group.unexpected |= !d.came || d.got != d.accepted;
+        group.fell_short |= d.came && d.got != d.accepted;
     }
     settle_lost_inputs(group);
     if (missing > 0) {

@@ -53,9 +53,10 @@ struct ProcessGroup : Group {
     bool was_mapped = false;          // since the last scan, or since run_cycle() began: now its data is missing
     bool complete = false;            // mapped completely, and the working counters contain every wanted slave
     bool short_reported : 1 = false;  // the supervision has reported a working counter that fell short
+    bool fell_short : 1 = false;      // without a supervision: a working counter has fallen short
     bool was_right : 1 = false;       // without a supervision: readstate() has found the cycles right since the mapping
     bool settling = false;            // the counters have changed, and no cycle behind `settled_after` was received
-    bool unexpected = false;          // a cycle was not usable, or a slave is back
+    bool unexpected = false;          // for the supervision: a cycle was not usable, or a slave is back
     std::uint8_t next_place = 0;      // where the logical addresses of the next mapping begin: see next_start()
     std::uint16_t cycles_lost = 0;    // consecutive cycles with frames that did not come back
 };

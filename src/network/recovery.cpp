@@ -281,6 +281,10 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
                        to >= AlState::safeop;
     const bool asks =
         proved && to_be_asked && slave.seen && slave.al.state == AlState::preop && !slave.al.error && !unfinished();
+    // Its identity alone was in question.
+    const bool rests = proved && to == AlState::preop && slave.al.state == to && !slave.al.error && !unfinished() &&
+                       network.marks(slave).settled == to && !to_be_asked && slave.seen;
+    if (rests) co_return Nothing{};
     Result<> again;
     if (asks) again = co_await clear_fmmus(network, slave);  // of an earlier mapping
     if ((waits || asks) && again) again = co_await back_to_safeop(network, slave);

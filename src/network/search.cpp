@@ -366,7 +366,8 @@ bool doubt_unseen(Network& network) {
     bool unseen = network.engine.link().take_pause(network.engine.now()) && network.is_unobserved();
     for (ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.mapping || !is_right(group)) continue;
-        unseen |= std::exchange(group.unexpected, false) && group.was_right;
+        unseen |= group.fell_short && group.was_right;
+        group.fell_short = false;
         group.was_right = true;
     }
     if (unseen) doubt_all(network, false);

@@ -129,8 +129,14 @@ Task<Result<>> prove_if_there(Network& network, Slave& slave) {
     if (slave.al.state == AlState::none || !network.is_doubted(slave)) co_return Nothing{};
     if (network.marks(slave).in_use)  // the request that uses it has not compared it yet
         co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
-    const SlaveToken token(network.marks(slave));
-    co_return co_await required(prove(network, slave));
+    Result<> same;
+    {
+        const SlaveToken token(network.marks(slave));
+        same = co_await prove(network, slave);
+    }
+    // The reading has found it doubted, so what follows a transition has not begun.
+    if (same) settle_request(network, slave);
+    co_return same;
 }
 
 }  // namespace

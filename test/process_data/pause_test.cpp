@@ -232,5 +232,69 @@ TEST_F(Pause, ReadstateSaysNotOpOfASlaveWhoseIdentityIsUnread) {
     EXPECT_FALSE(all_right(*ctx));
 }
 
+// ------------------------------------------------------------------ nothing was exchanged
+
+TEST_F(Pause, OwnersThatOnlyWriteNowAndThenAreNotRefused) {
+    build();
+    supervise();
+    for (int n = 0; n < 5; ++n) {
+        stop(false);
+        const auto written = write_register(*ctx, 2, kUserMemory, kMark);
+        EXPECT_TRUE(written.ok()) << in_words(written.error());
+    }
+}
+
+TEST_F(Pause, SlavesThatRestInPreopAreNotStartedAgain) {
+    build();
+    supervision.target = AlState::preop;
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == AlState::preop; }));
+    cycles(300);
+    (void)events();
+    stop(false);
+    cycles(500);
+    EXPECT_EQ(events(), std::vector<std::string>{});
+}
+
+int begun = 0;
+Result<> count_after(HookedSlave, Transition, Moment moment, void*) {
+    if (moment == Moment::after) ++begun;
+    return Result<>();
+}
+// Each reading doubts the slaves first.
+TEST_F(Pause, WhatFollowsATransitionBeginsWithTheReadingThatSeesIt) {
+    build();
+    bring_all_to(AlState::preop);
+    ctx->slave(2).hooks.transition = count_after;
+    begun = 0;
+    ASSERT_TRUE(writestate(*ctx, 2, AlState::safeop).ok());
+    for (int n = 0; n < 2; ++n) {
+        stop(false);
+        EXPECT_TRUE(readstate(*ctx).ok());
+    }
+    cycles(10);
+    EXPECT_EQ(begun, 1);
+    EXPECT_TRUE(statecheck(*ctx, 2, AlState::safeop, 1s).ok());
+}
+
+TEST_F(Pause, ACycleThatIsLostDoubtsNobody) {
+    build();
+    bring_all_to(AlState::op);
+    segment.disconnect({line[0], 0});
+    segment.reconsider();
+    EXPECT_EQ(cycle().error().code, Errc::no_frame);
+    ASSERT_TRUE(segment.connect_master({line[0], 0}));
+    segment.reconsider();
+    cycles(5);
+    ReadStateRequest look;
+    ASSERT_TRUE(submit(*ctx, look).ok());
+    for (int n = 0; n < 50; ++n) {
+        EXPECT_TRUE(cycle().ok()) << n;
+        EXPECT_TRUE(all_right(*ctx)) << n << " " << in_words(what_is_wrong(*ctx));
+    }
+    EXPECT_FALSE(look.busy());
+    EXPECT_EQ(look.error().code, Errc::none);
+}
+
 }  // namespace
 }  // namespace margay
