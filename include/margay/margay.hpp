@@ -125,7 +125,7 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // - unknown_group: slave(n).config names a group that does not exist (index: the group);
 // - invalid_argument: a value in slave(n).config or its SlaveSetup that no slave can have (detail: the Argument; of a
 //   start-up command actual: the Argument, place: its number in the list);
-// - invalid_argument: the slave leaves another mapped group, and a copy of that group names it (detail: Argument::copy).
+// - invalid_argument: the slave leaves another mapped group, and a copy of that group names it (detail: copy).
 //   The copy is not executed any more, and the outputs of its destination stay as they are. what_is_wrong() says so
 //   until GroupConfiguration::copies is changed;
 // - no_place: the slave could not be read before the image was laid out, and is there since;

@@ -264,11 +264,11 @@ TEST_F(FoeTest, ABusyOpenIsGivenUp) {
         EXPECT_EQ(store.given_up, 2) << "the client ends it";
         store.busy_opens = 1;
         EXPECT_EQ(opened(), Opcode::busy);
-        server.state_changed(AlState::safeop);
+        server->state_changed(AlState::safeop);
         EXPECT_EQ(store.given_up, 3) << "another state";
-        server.state_changed(AlState::boot);
+        server->state_changed(AlState::boot);
         EXPECT_NE(opened(), Opcode::busy);
-        server.stop();
+        server->stop();
         EXPECT_EQ(store.given_up, 4);
     }
 }
