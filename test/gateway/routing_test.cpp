@@ -221,7 +221,8 @@ TEST_P(Routing, ADeviceThatMayHaveBeenExchangedGetsNoMessage) {
     sim::FrameEnd end{};
     end.at = osal.now();
     segment.slave(2).frame_end(end);
-    (void)readstate(ctx);
+    segment.slave(2).sii().fail_next(1'000'000);
+    EXPECT_FALSE(readstate(ctx).ok()) << "its identity cannot be read";
     const auto refused = SDOwrite(ctx, 3, 0x6060, 0, false, octets({8}), 1s);
     ASSERT_EQ(refused.error().code, Errc::identity_unread) << words(refused.error());
     (void)run({[&] {
