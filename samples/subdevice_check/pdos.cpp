@@ -42,6 +42,7 @@ void enter(Session& session) {
     session.sdo.needs_sdo();
     session.bench.enter(AlState::preop);
     if (!has_process_data(session)) session.bench.skip("the SII describes no process data");
+    find_process_data_lengths(session);  // before a check changes the objects
 }
 
 std::string entry_text(std::uint32_t entry) {

@@ -28,6 +28,17 @@ TEST(SubdeviceCheck, EveryDeviceOfTheLibraryKeepsTheRules) {
     EXPECT_GT(judged, 700U);
 }
 
+// The lengths of process data are found before a check changes the assignment.
+TEST(SubdeviceCheck, AnAssignmentThatACheckHasChangedDoesNoHarmToTheNext) {
+    for (const auto* const before : {"pdos.assignment", "pdos.unknown", "pdos.mapping"}) {
+        const auto only = std::string(before) + ",clock.sync0";
+        const auto checked = check_it(sim::make_device("split_io").value(), {.only = only});
+        const auto* const sync = find(checked.report, "clock.sync0");
+        ASSERT_NE(sync, nullptr);
+        EXPECT_EQ(sync->outcome, Outcome::passed) << before << "\n" << report_text(checked.report, true);
+    }
+}
+
 TEST(SubdeviceCheck, EachQuirkOfTheLibraryIsFoundByName) {
     std::set<std::string_view> listed;
     for (const auto& row : kQuirks) {
