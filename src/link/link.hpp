@@ -167,7 +167,9 @@ class Link {
     void note_riders(std::size_t bytes);
     void note_sent(FrameSlot& slot);
     void note_cycle(Time before, Time now) {
-        if (now > later(before, kPause)) [[unlikely]]
+        // Without a sign: from Time::min() on, before the first cycle, it is a pause too.
+        const auto nanoseconds = [](Time time) { return static_cast<std::uint64_t>(time.time_since_epoch().count()); };
+        if (nanoseconds(now) - nanoseconds(before) > static_cast<std::uint64_t>(kPause.count())) [[unlikely]]
             paused_ = true;
     }
 
