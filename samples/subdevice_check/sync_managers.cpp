@@ -51,23 +51,28 @@ void expect_refusal(Bench& bench, AlState state, AlState to, std::initializer_li
     }
 }
 
-void check_mailbox_settings(Session& session) {
-    auto& bench = session.bench;
-    needs_checks(bench);
-    if (!bench.has_mailbox()) bench.skip("the SII describes no mailbox");
+// Each mistake in each mailbox, on the way from INIT to `to` (PREOP or BOOT).
+void expect_mistakes_refused(Bench& bench, AlState to, std::initializer_list<AlStatusCode> codes) {
     for (unsigned n = 0; n < 2; ++n)
         for (const auto& mistake : kMailboxMistakes) {
             bench.reset();
-            bench.configure_mailboxes();
+            bench.configure_mailboxes(to == AlState::boot);
             bench.give_eeprom(true);
             auto setting = bench.read_sync_manager(n);
             mistake.spoil(setting);
             bench.write_sync_manager(n, setting);
-            expect_refusal(
-                bench, AlState::init, AlState::preop,
-                {AlStatusCode::invalid_mailbox_configuration, AlStatusCode::invalid_sync_manager_configuration},
-                fmt::format("INIT to PREOP with SyncManager {} {}", n, mistake.what));
+            expect_refusal(bench, AlState::init, to, codes,
+                           fmt::format("INIT to {} with SyncManager {} {}", state_text(to), n, mistake.what));
         }
+}
+
+void check_mailbox_settings(Session& session) {
+    auto& bench = session.bench;
+    needs_checks(bench);
+    if (!bench.has_mailbox()) bench.skip("the SII describes no mailbox");
+    expect_mistakes_refused(
+        bench, AlState::preop,
+        {AlStatusCode::invalid_mailbox_configuration, AlStatusCode::invalid_sync_manager_configuration});
 }
 
 void check_boot_settings(Session& session) {
@@ -75,20 +80,10 @@ void check_boot_settings(Session& session) {
     needs_checks(bench);
     if (!bench.slave().boot_mailbox.present()) bench.skip("the SII describes no mailbox for BOOT");
     bench.enter(AlState::boot);
-    for (unsigned n = 0; n < 2; ++n)
-        for (const auto& mistake : kMailboxMistakes) {
-            bench.reset();
-            bench.configure_mailboxes(true);
-            bench.give_eeprom(true);
-            auto setting = bench.read_sync_manager(n);
-            mistake.spoil(setting);
-            bench.write_sync_manager(n, setting);
-            expect_refusal(
-                bench, AlState::init, AlState::boot,
-                {AlStatusCode::invalid_boot_mailbox_configuration, AlStatusCode::invalid_mailbox_configuration,
-                 AlStatusCode::invalid_sync_manager_configuration},
-                fmt::format("INIT to BOOT with SyncManager {} {}", n, mistake.what));
-        }
+    expect_mistakes_refused(
+        bench, AlState::boot,
+        {AlStatusCode::invalid_boot_mailbox_configuration, AlStatusCode::invalid_mailbox_configuration,
+         AlStatusCode::invalid_sync_manager_configuration});
 }
 
 void check_mailbox_overlap(Session& session) {

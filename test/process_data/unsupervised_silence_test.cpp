@@ -40,6 +40,15 @@ struct UnsupervisedSilence : Silence {
         prepare(device);
         silence_with_exchange(device);
     }
+    // Then another device, or slave 2 itself, is in this place. Its SII cannot be read until fail_next(0).
+    auto& silence_with_unreadable_sii(bool other) {
+        constexpr int kReadings = 1000;
+        const auto device = other ? tool : line[1];
+        silence(device);
+        auto& sii = segment.slave(device).sii();
+        sii.fail_next(kReadings);
+        return sii;
+    }
     void silence_with_exchange(std::uint32_t device, int length = kShort) {
         begin_silence();
         take_out_slave_2();
@@ -124,20 +133,17 @@ TEST_F(AfterAnotherCall, ReadstateFindsThatTheSlavesAreTheSame) {
 }
 
 // The EEPROM is busy, or its reading fails, while the first call compares.
-constexpr int kReadings = 1000;
 TEST_F(UnsupervisedSilence, ReadstateComparesAgainWhereTheSiiCouldNotBeRead) {
     for (const bool other : {false, true}) {
         SCOPED_TRACE(other ? "another device" : "the same slave");
         UnsupervisedSilence one;
         one.SetUp();
-        const auto device = other ? one.tool : one.line[1];
-        one.silence(device);
-        one.segment.slave(device).sii().fail_next(kReadings);
+        auto& sii = one.silence_with_unreadable_sii(other);
         const auto first = readstate(*one.ctx);
         EXPECT_EQ(first.error().slave, 2) << in_words(first.error());
         EXPECT_NE(first.error().code, Errc::other_slave) << in_words(first.error());
         EXPECT_FALSE(all_right(*one.ctx));
-        one.segment.slave(device).sii().fail_next(0);
+        sii.fail_next(0);
         const auto second = readstate(*one.ctx);
         if (other) {
             EXPECT_EQ(second.error().code, Errc::other_slave) << in_words(second.error());
@@ -153,13 +159,11 @@ TEST_F(UnsupervisedSilence, StatecheckComparesAgainWhereTheSiiCouldNotBeRead) {
         SCOPED_TRACE(other ? "another device" : "the same slave");
         UnsupervisedSilence one;
         one.SetUp();
-        const auto device = other ? one.tool : one.line[1];
-        one.silence(device);
-        one.segment.slave(device).sii().fail_next(kReadings);
+        auto& sii = one.silence_with_unreadable_sii(other);
         const auto first = statecheck(*one.ctx, 0, AlState::op, 0us);
         EXPECT_FALSE(first.ok());
         EXPECT_EQ(first.error().slave, 2) << in_words(first.error());
-        one.segment.slave(device).sii().fail_next(0);
+        sii.fail_next(0);
         const auto second = statecheck(*one.ctx, 0, AlState::op, 100ms);
         if (other) {
             EXPECT_FALSE(second.ok() && second->state == AlState::op);

@@ -198,7 +198,7 @@ class World {
     std::vector<std::uint16_t> station_;
     // By device: outputs that the application wrote for it.
     std::vector<std::map<std::uint32_t, std::set<Value>>> sent_;
-    std::map<std::uint16_t, Value> inputs_;  // by slave: in the image at the last check
+    std::map<std::uint16_t, Value> inputs_;    // by slave: in the image at the last check
     std::map<std::uint16_t, Time> regrouped_;  // by slave: when the application gave it another group
     std::vector<std::uint32_t> ids_;
     bool hostile_ = false;  // frames were damaged without detection by the FCS: process data cannot be checked
