@@ -275,15 +275,12 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     }
     if (configured && !to_be_asked) co_return Nothing{};
     // The slave was brought to PREOP and has been there since: its mailboxes need not be configured again.
-    const bool proved = !network.marks(slave).unproved;
-    const bool waits = proved && slave.al.state == AlState::preop && !slave.al.error && !unfinished() &&
-                       network.marks(slave).settled == AlState::preop && slave.seen && !slave.held &&
-                       to >= AlState::safeop;
-    const bool asks =
-        proved && to_be_asked && slave.seen && slave.al.state == AlState::preop && !slave.al.error && !unfinished();
-    // Its identity alone was in question.
-    const bool rests = proved && to == AlState::preop && slave.al.state == to && !slave.al.error && !unfinished() &&
-                       network.marks(slave).settled == to && !to_be_asked && slave.seen;
+    const bool in_preop = !network.marks(slave).unproved && slave.seen && slave.al.state == AlState::preop &&
+                          !slave.al.error && !unfinished();
+    const bool settled = in_preop && network.marks(slave).settled == AlState::preop;
+    const bool waits = settled && !slave.held && to >= AlState::safeop;
+    const bool asks = in_preop && to_be_asked;
+    const bool rests = settled && to == AlState::preop && !to_be_asked;  // its identity alone was in question
     if (rests) co_return Nothing{};
     Result<> again;
     if (asks) again = co_await clear_fmmus(network, slave);  // of an earlier mapping
