@@ -98,6 +98,13 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
     ++statistics_.lost;
     note_silence();
     close_lost(*slot, now);
+    if (silence_ % kMostUnread == 0) drain(now);
+}
+
+// A reply that stays in the NIC until its index is used again would be taken for the reply to a new frame.
+void Link::drain(Time now) {
+    while (receive_one(now, early_)) {
+    }
 }
 
 // commit() for a datagram in which some slave does not take part. Its inputs are copied when no other slave is missing.

@@ -49,6 +49,7 @@ void Link::complete(Datagram& datagram, Errc errc, List<Waiter>& ready) {
 }
 
 void Link::receive(Time now, List<Waiter>& ready) {
+    ready.take_back(early_);
     while (receive_one(now, ready)) {
     }
     while (FrameSlot* slot = frames_.expired(now)) give_up(*slot, now, ready);

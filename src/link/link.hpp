@@ -131,6 +131,8 @@ class Link {
     void give_up(FrameSlot& slot, Time now, List<Waiter>& ready);
     // One more frame did not come back.
     void note_silence();
+    // Receives all frames that the NIC has. The next receive() returns the coroutines that become ready.
+    void drain(Time now);
     // Closes the slot of a frame that is lost.
     void close_lost(FrameSlot& slot, Time now);
     void pack(FrameSlot& slot, wire::FrameBuilder& builder);
@@ -181,6 +183,10 @@ class Link {
     std::uint64_t received_before_ = 0;  // frames received before the last one that did not come back
     std::uint32_t silence_ = 0;          // frames that did not come back since
     std::uint32_t longest_silence_ = 0;
+    // While the application sends cycles and receives none, each time that so many frames did not come back, the NIC is
+    // drained: well before the index of one of them is used again.
+    static constexpr std::uint32_t kMostUnread = 32;
+    List<Waiter> early_;   // received by drain()
     bool paused_ = false;  // more than kPause between two cycles, since take_pause()
     MacAddress source_;
     bool nic_busy_ = false;

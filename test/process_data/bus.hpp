@@ -25,6 +25,7 @@ class Bus {
     std::unique_ptr<SimulatedNic> nic;
     std::unique_ptr<HostContext> ctx;
     Duration reply_timeout = std::chrono::microseconds(500);
+    SimulatedNic::Options nic_options;
 
     // Appends a slave to the line.
     void add(std::uint32_t output_bits, std::uint32_t input_bits) {
@@ -38,7 +39,7 @@ class Bus {
     // Switches the segment on and scans it.
     void start(const Limits& limits = {.slaves = 64}) {
         segment.power_up(osal.now());
-        nic = std::make_unique<SimulatedNic>(segment, osal);
+        nic = std::make_unique<SimulatedNic>(segment, osal, nic_options);
         ctx = std::make_unique<HostContext>(limits);
         ASSERT_TRUE(init(*ctx, *nic, osal));
         const auto found = config_init(*ctx);

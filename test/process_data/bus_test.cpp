@@ -150,6 +150,30 @@ TEST_F(BusTest, ASecondReceiveWithoutASendIsAnError) {
     ASSERT_TRUE(bus.cycle().ok());
 }
 
+// An application that sends cycles and receives none leaves their replies in the NIC. The index of a frame has 8 bits.
+TEST_F(BusTest, AReplyThatTheApplicationNeverReceivedIsNoReplyToALaterCycle) {
+    bus.add(8, 8);
+    bus.nic_options.queue_frames = 2048;
+    bus.start();
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    ASSERT_EQ(bus.to_op().state, AlState::op);
+    const auto show = [this](int value) {
+        bus.device(1).inputs()[0] = static_cast<std::byte>(value);
+        bus.device(1).poke();
+    };
+    for (const int cycles : {1, 31, 32, 33, 127, 128, 129, 255, 256, 257, 300, 512, 1000}) {
+        show(0x11);
+        for (int n = 0; n < cycles; ++n) {
+            bus.osal.advance(1ms);
+            ASSERT_TRUE(send_processdata(ctx()).ok());
+        }
+        show(0x22);
+        const auto wkc = bus.cycle();
+        ASSERT_TRUE(wkc.ok()) << words(wkc.error());
+        EXPECT_EQ(ctx().slave(1).image.inputs.bytes[0], std::byte{0x22}) << cycles << " cycles were not received";
+    }
+}
+
 TEST_F(BusTest, ATaskThatKnowsTheTimeTellsIt) {
     bus.add(8, 8);
     bus.start();
