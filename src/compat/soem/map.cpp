@@ -136,6 +136,7 @@ void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) 
     }
     Session::GroupFacts& facts = session.facts(group);
     facts.time = &mapped.dc_time;
+    facts.shown_time = &dc_time(context);
     facts.writing_datagrams = 0;
     // Also a group without inputs, and slaves that refuse LRW: the first datagram is an LWR.
     constexpr std::uint8_t kLwr = 11;

@@ -19,19 +19,19 @@ class PriorityLock {
             wait();
     }
     void unlock() noexcept {
-        if (!try_unlock()) [[unlikely]]
+        if (!try_unlock(thread_)) [[unlikely]]
             pass_on();
     }
 
-    // The parts of lock() and unlock() that need no function of the system. false: the rest is needed.
-    bool try_lock() noexcept {
+    // The parts of lock() and unlock() that need no function of the system. try_lock() returns the number of the
+    // calling thread, for try_unlock(). 0 and false: the rest is needed.
+    std::uint32_t try_lock() noexcept {
         std::uint32_t nobody = 0;
         const std::uint32_t me = thread_;
-        return me != 0 && word_.compare_exchange_strong(nobody, me, std::memory_order_acquire);
+        return word_.compare_exchange_strong(nobody, me, std::memory_order_acquire) ? me : 0;
     }
-    bool try_unlock() noexcept {
-        std::uint32_t mine = thread_;
-        return word_.compare_exchange_strong(mine, 0, std::memory_order_release);
+    bool try_unlock(std::uint32_t me) noexcept {
+        return word_.compare_exchange_strong(me, 0, std::memory_order_release);
     }
     // After a try_unlock() that returned false.
     void pass_on() noexcept;

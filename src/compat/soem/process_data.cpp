@@ -26,35 +26,49 @@ int counted_twice(Session& session, std::uint8_t group, unsigned writing) {
     return sum;
 }
 
-[[gnu::always_inline]] inline void show_time(ecx_contextt& context, const RegisterReading& time) {
-    if (time.came && time.slaves != 0) dc_time(context) = static_cast<int64>(time.value);
+// Before the first mapping there is no time.
+[[gnu::always_inline]] inline void show_time(const Session::GroupFacts& facts) {
+    if (facts.time->came && facts.time->slaves != 0) *facts.shown_time = static_cast<int64>(facts.time->value);
 }
 
-// A cycle that is not right, or in which datagrams count twice.
-[[gnu::noinline]] int other_cycle(ecx_contextt& context, Session& session, const Session::GroupFacts& facts,
-                                  const Result<std::uint32_t>& received) {
-    const auto group = static_cast<std::uint8_t>(&facts - &session.facts(0));
-    const int wkc = received ? static_cast<int>(*received) : partial_counter(session, group, received.error());
+// Another thread has begun to exchange frames.
+[[gnu::noinline]] int other_sending(const Session::GroupFacts& facts, const Error& error) {
+    if (error.code != Errc::not_owner) return 0;
+    facts.session->be_owner();
+    return send_processdata(*facts.context, facts.group).ok() ? 1 : 0;
+}
+
+// The thread is not the owner, the cycle is not right, or datagrams count twice.
+[[gnu::noinline]] int other_cycle(const Session::GroupFacts& facts, Result<std::uint32_t> received) {
+    Session& session = *facts.session;
+    if (!received && received.error().code == Errc::not_owner) {
+        session.be_owner();
+        received = receive_processdata(*facts.context, std::chrono::microseconds(facts.timeout_us), facts.group);
+    }
+    const int wkc = received ? static_cast<int>(*received) : partial_counter(session, facts.group, received.error());
     if (wkc < 0) return wkc;
-    show_time(context, *facts.time);
-    return wkc + counted_twice(session, group, facts.writing_datagrams);
+    show_time(facts);
+    return wkc + counted_twice(session, facts.group, facts.writing_datagrams);
 }
 
 struct Send {
     static constexpr int kNone = 0;
-    static int run(std::uint8_t group, Session& session) {
-        return send_processdata(session.context(), group).ok() ? 1 : 0;
+    static int run(const Session::GroupFacts& facts) {
+        const auto sent = send_processdata(*facts.context, facts.group);
+        if (!sent) [[unlikely]]
+            return other_sending(facts, sent.error());
+        return 1;
     }
 };
 
 struct Receive {
     static constexpr int kNone = EC_NOFRAME;
-    static int run(ecx_contextt* context, std::uint8_t group, int timeout, Session& session) {
-        const Session::GroupFacts& facts = session.facts(group);
-        const auto received = receive_processdata(session.context(), std::chrono::microseconds(timeout), group);
+    static int run(Session::GroupFacts& facts, int timeout_us) {
+        facts.timeout_us = timeout_us;
+        const auto received = receive_processdata(*facts.context, std::chrono::microseconds(timeout_us), facts.group);
         if (!received || facts.writing_datagrams != 0) [[unlikely]]
-            return other_cycle(*context, session, facts, received);
-        show_time(*context, *facts.time);
+            return other_cycle(facts, received);
+        show_time(facts);
         return static_cast<int>(*received);
     }
 };
@@ -68,8 +82,7 @@ int send_group(ecx_contextt& context, std::uint8_t group) {
 
 int receive_group(ecx_contextt& context, std::uint8_t group, int timeout) {
     ecx_portt& port = port_of(context);
-    return Sessions::with_lock<Receive>(place_of(port).load(std::memory_order_relaxed), &port, &context, group,
-                                        timeout);
+    return Sessions::with_lock<Receive>(place_of(port).load(std::memory_order_relaxed), &port, group, timeout);
 }
 
 }  // namespace margay::soem

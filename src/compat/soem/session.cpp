@@ -53,7 +53,13 @@ std::unique_ptr<Session> Session::open(const std::string& source, const Limits& 
 }
 
 Session::Session(std::unique_ptr<hosted::Source> source, const Limits& limits)
-    : source_(std::move(source)), context_(limits), shown_(limits.slaves + 1U) {}
+    : source_(std::move(source)), context_(limits), shown_(limits.slaves + 1U) {
+    for (std::size_t group = 0; group < facts_.size(); ++group) {
+        facts_[group].context = &context_;
+        facts_[group].session = this;
+        facts_[group].group = static_cast<std::uint8_t>(group);
+    }
+}
 
 Session::~Session() {
     static_cast<void>(take_ownership(context_));

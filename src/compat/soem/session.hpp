@@ -51,6 +51,10 @@ class Session {
     };
 
     // For a thread that has the lock.
+    void be_owner() {
+        if (owner_ != calling_thread()) [[unlikely]]
+            change_owner();
+    }
     [[nodiscard]] Context& context() { return context_; }
     [[nodiscard]] const Slave& slave(std::size_t number) { return context_.slave(number); }
 
@@ -79,11 +83,17 @@ class Session {
     int exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
                  bool again = true);
 
-    // What the facade remembers of a group, and of the SyncManagers that it has shown to the program.
+    // What the facade remembers of a group, and of the SyncManagers that it has shown to the program. A cycle reads
+    // everything here: after a call of the library it then needs one register of the processor, which it has to save.
     static constexpr RegisterReading kNoTime{};
-    struct GroupFacts {
+    struct alignas(64) GroupFacts {
+        Context* context = nullptr;
         const RegisterReading* time = &kNoTime;  // of the reference clock; another one after the first mapping
-        unsigned writing_datagrams = 0;          // the first ones of a cycle: their working counter counts twice
+        std::int64_t* shown_time = nullptr;      // where the program reads it; set by the first mapping
+        Session* session = nullptr;
+        unsigned writing_datagrams = 0;  // the first ones of a cycle: their working counter counts twice
+        int timeout_us = 0;              // of the call that receives
+        std::uint8_t group = 0;
     };
     using ShownSyncManagers = std::array<std::byte, 64>;
     // Of any group, also of a group that the library does not know.
@@ -97,12 +107,6 @@ class Session {
   private:
     friend class Sessions;
     Session(std::unique_ptr<hosted::Source> source, const Limits& limits);
-    // For a thread that has the lock.
-    void be_owner() {
-        if (!is_owner()) [[unlikely]]
-            change_owner();
-    }
-    [[nodiscard]] bool is_owner() const { return owner_ == calling_thread(); }
     // As the systems of the library distinguish threads.
     static std::uintptr_t calling_thread() {
 #if defined(__x86_64__) || defined(__aarch64__)
@@ -162,18 +166,23 @@ class Sessions {
         Session* session_ = nullptr;
     };
 
-    // Calls Work::run() with the session, under its lock: the lock keeps the session. Returns Work::kNone when there is
-    // no session. Neither the library nor Work::run() throws.
+    // Calls Work::run() for a group of the session, under its lock: the lock keeps the session. The calling thread may
+    // not be the owner of the context. Returns Work::kNone when there is no session. Neither the library nor
+    // Work::run() throws.
     template <class Work, class... Arguments>
-    [[gnu::always_inline]] static int with_lock(int place, const void* owner, Arguments... arguments) {
+    [[gnu::always_inline]] static int with_lock(int place, const void* owner, std::uint8_t group,
+                                                Arguments... arguments) {
         // Any number in a port that was never opened leads to some place, whose owner is another one.
         Place& found = places_[static_cast<unsigned>(place) % kMost];
-        if (!found.lock.try_lock()) [[unlikely]]
-            return in_any_case<Work, Arguments...>(arguments..., found, false, owner);
-        if (found.owner.load(std::memory_order_relaxed) != owner || !found.session->is_owner()) [[unlikely]]
-            return in_any_case<Work, Arguments...>(arguments..., found, true, owner);
-        const int result = Work::run(arguments..., *found.session);
-        if (!found.lock.try_unlock()) [[unlikely]]
+        const std::uint32_t me = found.lock.try_lock();
+        if (me == 0) [[unlikely]]
+            return in_any_case<Work, Arguments...>(group, arguments..., found, false, owner);
+        if (found.owner.load(std::memory_order_relaxed) != owner) [[unlikely]]
+            return in_any_case<Work, Arguments...>(group, arguments..., found, true, owner);
+        Session::GroupFacts* facts = &found.session->facts(group);
+        asm("" : "+r"(facts));  // one register holds it, instead of three of which the compiler makes it again
+        const int result = Work::run(*facts, arguments...);
+        if (!found.lock.try_unlock(me)) [[unlikely]]
             return pass_on(found, result);
         return result;
     }
@@ -192,14 +201,12 @@ class Sessions {
     // What with_lock() does when there is more to do than two instructions that compare and exchange. A function of its
     // own, so that the usual way saves few registers.
     template <class Work, class... Arguments>
-    [[gnu::noinline, gnu::cold]] static int in_any_case(Arguments... arguments, Place& found, bool locked,
-                                                        const void* owner) {
+    [[gnu::noinline, gnu::cold]] static int in_any_case(std::uint8_t group, Arguments... arguments, Place& found,
+                                                        bool locked, const void* owner) {
         if (!locked) found.lock.lock();
         int result = Work::kNone;
-        if (found.owner.load(std::memory_order_relaxed) == owner) {
-            found.session->be_owner();
-            result = Work::run(arguments..., *found.session);
-        }
+        if (found.owner.load(std::memory_order_relaxed) == owner)
+            result = Work::run(found.session->facts(group), arguments...);
         found.lock.unlock();
         return result;
     }
