@@ -103,8 +103,11 @@ void Operation::end_scan(Time now) {
             slave.config.highest = AlState::preop;
             continue;
         }
-        for (const auto& config : bus_.configs)
-            if (slave.wanted == config->expected) config->number = slave.number;
+        for (const auto& config : bus_.configs) {
+            if (slave.wanted != config->expected) continue;
+            config->number = slave.number;
+            set_ip_at_start_up(slave, *config);
+        }
     }
     bus_.attach_mail();
     bus_.dirty = true;

@@ -39,8 +39,6 @@ int add_value(ec_slave_config_t* sc, std::uint16_t index, std::uint8_t subindex,
                      reinterpret_cast<const std::uint8_t*>(octets.data()), octets.size());
 }
 
-constexpr const char* kNoStack = "the parameters of a slave's IP stack are not set by this facade yet";
-
 }  // namespace
 
 extern "C" {
@@ -155,25 +153,6 @@ int ecrt_slave_config_state_timeout(ec_slave_config_t* sc, ec_al_state_t from_st
     else
         return -EINVAL;
     return 0;
-}
-
-int ecrt_slave_config_eoe_mac_address(ec_slave_config_t*, const unsigned char*) {
-    return not_there("ecrt_slave_config_eoe_mac_address", kNoStack);
-}
-int ecrt_slave_config_eoe_ip_address(ec_slave_config_t*, struct in_addr) {
-    return not_there("ecrt_slave_config_eoe_ip_address", kNoStack);
-}
-int ecrt_slave_config_eoe_subnet_mask(ec_slave_config_t*, struct in_addr) {
-    return not_there("ecrt_slave_config_eoe_subnet_mask", kNoStack);
-}
-int ecrt_slave_config_eoe_default_gateway(ec_slave_config_t*, struct in_addr) {
-    return not_there("ecrt_slave_config_eoe_default_gateway", kNoStack);
-}
-int ecrt_slave_config_eoe_dns_address(ec_slave_config_t*, struct in_addr) {
-    return not_there("ecrt_slave_config_eoe_dns_address", kNoStack);
-}
-int ecrt_slave_config_eoe_hostname(ec_slave_config_t*, const char*) {
-    return not_there("ecrt_slave_config_eoe_hostname", kNoStack);
 }
 
 }  // extern "C"

@@ -4,7 +4,9 @@
 #include "compat/ecrt/pdos.hpp"
 
 #include <margay/configuration.hpp>
+#include <margay/eoe_parameters.hpp>
 #include <margay/expected.hpp>
+#include <margay/slave.hpp>
 #include <margay/startup.hpp>
 
 #include <ecrt.h>
@@ -72,6 +74,7 @@ struct ec_slave_config {
     margay::compat::ecrt::DcWish dc;
     margay::SlaveTimes times;
     std::uint16_t watchdog_intervals = 0;
+    margay::EoeIp ip;
     std::size_t emergencies = 0;
     std::uint32_t emergencies_cleared = 0;  // dropped before the last clear
 
@@ -93,5 +96,8 @@ namespace margay::compat::ecrt {
 
 // True, and said: the master is active, so the configuration cannot be changed any more.
 [[nodiscard]] bool refuse_active(const ec_slave_config& config);
+// After a scan: each start-up of the slave sets its IP parameters, if the program has stated any. `config` outlives
+// the use of the slave.
+void set_ip_at_start_up(const Slave& slave, ec_slave_config& config);
 
 }  // namespace margay::compat::ecrt
