@@ -1,7 +1,8 @@
 // The IP parameters of slaves: set before SAFEOP. The facade has no function that reads them, so the test asks the
-// slave by the library, whose sources it contains. Ends with 0 when each had the expected result.
+// slave by the library, whose sources it contains. Its last line says that each had the
+// expected result.
+#include <cycle.h>
 #include "compat/ecrt/bus.hpp"
-#include "cycle.h"
 
 #include <margay/eoe.hpp>
 
