@@ -182,6 +182,7 @@ enum class Packing : std::uint8_t {
 
 // Copies some bits of one slave's inputs to another slave's outputs in each cycle: the inputs of the last cycle are
 // sent with the next one. Both slaves belong to one group. Bits count from the start of the slave's data in the image.
+// While the first slave does not take part in the cycle, nothing is copied: the application's outputs are sent.
 struct SlaveToSlave {
     std::uint16_t from_slave = 0;
     std::uint16_t to_slave = 0;
@@ -250,7 +251,7 @@ struct GroupConfiguration {
     // Executed after the application has set its outputs. A copy is left out when one of its slaves is in another group
     // since the mapping: see what_is_wrong(). The caller's memory.
     Borrowed<SlaveToSlave> copies{};
-    SharedImage* shared = nullptr;    // lets another thread work on the image: see shared_image.hpp
+    SharedImage* shared = nullptr;  // lets another thread work on the image: see shared_image.hpp
     // Entries of process data that each config_map() finds: see entry.hpp. The list and the handles are the caller's
     // memory.
     EntryList entries{};

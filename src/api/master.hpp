@@ -22,7 +22,8 @@ struct Master {
     bool in_poll = false;
     bool in_work = false;       // the work function of run_cycle() is being called
     Time polled = Time::min();  // the time of the last poll()
-    Duration poll_gap{0};       // between it and the one before
+    Time poll_due = kNever;     // when that poll() has asked to be called again
+    Duration poll_late{0};      // how much later it was called than the one before it had asked for
     RequestQueue queue;
     Network network;  // declared after `queue`, so that its requests end before the queue is destroyed
 

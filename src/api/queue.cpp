@@ -127,6 +127,12 @@ bool is_free(Network& network, const Request& request) {
     return true;
 }
 
+// The slave is what it was before a pause of the application, or another one: the supervision is about to know.
+bool is_being_compared(Network& network, const Request& request) {
+    return network.supervised && network.engine.now() < network.comparing_until &&
+           operation(request).check(network, request).code == Errc::identity_unread;
+}
+
 // Calls `visit` for each waiting request that can begin, the oldest first, until `visit` returns false. A request that
 // waits for the whole segment keeps back the younger requests that would use a part of the segment again and again.
 template <class Visit>
@@ -134,7 +140,8 @@ void for_each_ready(Master& master, Visit visit) {
     bool segment_wanted = false;
     for (Request* r = master.queue.waiting; r != nullptr; r = next(*r)) {
         const Needs needs = needs_of(master.network, *r);
-        const bool ready = is_free(master.network, *r) && !(segment_wanted && needs != Needs::nothing);
+        const bool ready = is_free(master.network, *r) && !(segment_wanted && needs != Needs::nothing) &&
+                           !is_being_compared(master.network, *r);
         segment_wanted |= needs == Needs::segment && !ready;
         if (ready && !visit(*r)) return;
     }
@@ -333,6 +340,8 @@ Time end_works(Master& master, Time now) {
 // The earliest time at which the queue must end a request.
 Time first_deadline(Master& master, Time first) {
     const RequestQueue& queue = master.queue;
+    const Time compared = master.network.comparing_until;
+    if (queue.waiting != nullptr && master.network.engine.now() < compared) first = std::min(first, compared);
     for (Request* r = queue.waiting; r != nullptr; r = next(*r)) first = std::min(first, RequestAccess::deadline(*r));
     for (Request* r = queue.running; r != nullptr; r = next(*r)) first = std::min(first, end_by_queue(*r));
     return first;
@@ -440,7 +449,7 @@ Result<> submit(Context& ctx, Request& request) {
     else if (request.timeout < Duration{0})
         refused = invalid(Argument::timeout, wanted.step);
     else if (master->owned_by_caller())
-        refused = wanted.check(master->network, request);
+        refused = is_being_compared(master->network, request) ? Error{} : wanted.check(master->network, request);
     if (refused.code == Errc::none) {
         const bool uses_wishes = wanted.operation == Operation::scan || wanted.operation == Operation::map;
         if (uses_wishes && master->owned_by_caller()) note_lost_wishes(ctx, wanted.step);

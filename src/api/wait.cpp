@@ -11,6 +11,8 @@
 namespace margay {
 namespace {
 
+// How long requests wait for the supervision to compare their slave.
+constexpr Duration kPatience = std::chrono::milliseconds(300);
 // How long another thread waits until the owner accepts its request.
 constexpr Duration kOwnerSilent = std::chrono::seconds(3);
 
@@ -35,19 +37,18 @@ void poll_until_over(Context& ctx, Master& master, Request& request) {
     }
 }
 
-// The supervision compares the slaves that are doubted after a pause of the application, before a call that waits is
+// The supervision compares the slave that is doubted after a pause of the application, before a call that waits is
 // refused for it.
-void let_supervision_compare(Context& ctx, Master& master) {
-    constexpr Duration kPatience = std::chrono::milliseconds(300);
+void let_supervision_compare(Context& ctx, Master& master, Request& request) {
     Network& network = master.network;
     Osal& osal = master.osal;
-    const auto compares = [&network](const Slave& s) {
-        return network.marks(s).was_away && s.al.state != AlState::none && s.al.state != AlState::boot;
+    const auto refused = [&] {
+        return RequestAccess::operation(request).check(network, request).code == Errc::identity_unread;
     };
     const Time end = later(osal.now(), kPatience);
     while (network.supervised && master.owned_by_caller()) {
         const Time next = poll(ctx, osal.now());
-        if (std::ranges::none_of(network.slaves(), compares) || osal.now() >= end) return;
+        if (!refused() || osal.now() >= end) return;
         osal.wait(std::min(next, end), network.engine.link().nic().wait_handles());
     }
 }
@@ -97,7 +98,7 @@ Result<> submit_and_wait(Context& ctx, Request& request) {
     const Step step = RequestAccess::operation(request).step;
     if (master == nullptr) return Error{.code = Errc::wrong_state, .step = step};
     if (const Error refused = check_may_wait(*master, step); refused.code != Errc::none) return refused;
-    if (master->owned_by_caller()) let_supervision_compare(ctx, *master);
+    if (master->owned_by_caller()) let_supervision_compare(ctx, *master, request);
     const auto submitted = submit(ctx, request);
     return submitted ? wait(ctx, request) : submitted;
 }
@@ -118,9 +119,13 @@ Result<> take_ownership(Context& ctx) {
 // Nobody has looked for long, and the application polls more often otherwise: another machine may be there, and nothing
 // goes on with it before the supervision has looked.
 static bool is_after_pause(Master& master, Time now) {
-    const Duration gap = master.polled == Time::min() ? Duration{0} : now - master.polled;
-    const Duration before = std::exchange(master.poll_gap, gap);
-    return gap > Network::kBelieved && gap / 4 > before;
+    constexpr Duration kLate = std::chrono::milliseconds(250);
+    const bool first = master.polled == Time::min();
+    const Duration gap = first ? Duration{0} : now - master.polled;
+    const Duration late =
+        first || now < master.poll_due ? Duration{0} : now - master.poll_due;  // than poll() has asked for
+    const Duration before = std::exchange(master.poll_late, late);
+    return gap > Network::kBelieved && late > kLate && late / 4 > before;
 }
 
 Time poll(Context& ctx, Time now) {
@@ -138,7 +143,10 @@ Time poll(Context& ctx, Time now) {
     if (master->foreign_poll.exchange(false, std::memory_order_relaxed)) network.errors.add({.code = Errc::not_owner});
     master->in_poll = true;
     network.engine.set_now(now);
-    if (is_after_pause(*master, now) && network.supervised) doubt_all(network, true);
+    if (is_after_pause(*master, now) && network.supervised) {
+        doubt_all(network, true);
+        network.comparing_until = later(now, kPatience);
+    }
     master->polled = now;
     // A request that ends in this poll() may free memory for requests that wait.
     Time queued = serve_queue(*master, now);
@@ -157,7 +165,7 @@ Time poll(Context& ctx, Time now) {
     master->in_poll = false;
     // A frame that has arrived between the two rounds may have ended the request that a waiting request waited for.
     const Time due = begins_at_once(*master) ? now : std::min(next, queued);
-    if (due != kNever) master->poll_gap = std::max(master->poll_gap, due - now);  // so long nobody must look
+    master->poll_due = due;
     return due;
 }
 

@@ -1,5 +1,6 @@
 #include "network/entries.hpp"
 
+#include "network/expectation.hpp"
 #include "network/pdo_lists.hpp"
 
 #include <algorithm>
@@ -66,7 +67,7 @@ void walk_lists(const Slave& slave, Visit visit) {
 
 // An optional slave may be absent: its entries are matched when it comes.
 bool may_wait(const EntryHandle& handle, const Slave& slave) {
-    return handle.optional || (slave.config.optional && !slave.seen);
+    return handle.optional || (is_optional(slave) && !slave.seen);
 }
 
 Error bind(EntryHandle& handle, const Slave& slave, ProcessGroup& group) {

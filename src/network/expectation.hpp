@@ -34,6 +34,12 @@ void compare_with_expected(Network& network, FirstFault& faults);
 // Whether `wanted`, an element of `list`, may be at any place of the ring: the head of a group, or a slave that is
 // known by its alias or device id.
 [[nodiscard]] bool is_located(std::span<const ExpectedSlave> list, const ExpectedSlave& wanted);
+// Whether the slave may be absent: the list says so, or its configuration, which the application may have set anew
+// since the scan. A member of a hot connect group may be absent with its head.
+[[nodiscard]] inline bool is_optional(const Slave& slave) {
+    return slave.config.optional ||
+           (slave.wanted != nullptr && (slave.wanted->optional || slave.wanted->hot_connect != 0));
+}
 // Whether the slave has the alias or device id that `wanted` is recognised by.
 [[nodiscard]] bool locates(const ExpectedSlave& wanted, const Slave& slave);
 

@@ -146,6 +146,8 @@ struct Network {
     Time states_read = Time::min();  // when the states of all slaves were read last
     // Until then nobody has stopped looking for longer than kBelieved since all identities were compared last.
     Time compared = Time::min();
+    // The application has paused: until then requests wait while the supervision compares their slave.
+    Time comparing_until = Time::min();
     bool supervision_ended = false;       // not reported yet: the next poll() does
     Error supervision_error;              // why it has ended
     bool segment_in_use = false;          // a request that needs the whole segment is executing

@@ -145,7 +145,7 @@ Verdict identify_newcomer(Network& network, std::uint16_t n) {
     }
     Verdict verdict = choose_by_place(network, n);
     // An optional slave that has never been present is not reported as replaced by another slave.
-    if (verdict.instead_of != nullptr && !verdict.instead_of->seen && verdict.instead_of->config.optional)
+    if (verdict.instead_of != nullptr && !verdict.instead_of->seen && is_optional(*verdict.instead_of))
         verdict.instead_of = nullptr;
     return verdict;
 }

@@ -55,6 +55,14 @@ bool others_are_doubted(const ProcessGroup& group, std::uint16_t named) {
     });
 }
 
+// Without a supervision: slow cycles have been lost for so long that a device may have been exchanged, though they are
+// few.
+bool is_silent_for_long(const ProcessGroup& group) {
+    constexpr Duration kSilence = std::chrono::milliseconds(250);
+    const CyclePace& pace = group.pace;
+    return pace.before != Time::min() && group.cycles_lost * (pace.last - pace.before) > kSilence;
+}
+
 void zero_bits(MutableBytes image, std::uint64_t first, std::uint64_t bits) {
     static constexpr std::array<std::byte, 1> kZero{};
     for (const std::uint64_t end = first + bits; first < end;) {
@@ -346,6 +354,8 @@ void set_outputs(ProcessGroup& group) {
     if (group.config.shared != nullptr) group.config.shared->take_outputs(group.image.first(group.output_bytes));
     for (const SlaveToSlave& copy : group.config.copies) {
         if (invalid_end(group, copy) != 0) continue;  // a slave has left the group, or the list has changed
+        // Old inputs, or those of another device, drive nothing: the outputs of the application count.
+        if (!group.slaves[copy.from_slave - 1U].takes_part || group.marks[copy.from_slave - 1U].was_away) continue;
         const ImagePart& from = group.slaves[copy.from_slave - 1U].image.inputs;
         const ImagePart& to = group.slaves[copy.to_slave - 1U].image.outputs;
         copy_bits(group.image, std::uint64_t{to.offset_bits} + copy.to_bit, group.image,
@@ -390,6 +400,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
         error.code = Errc::no_frame;
         error.actual = missing;
         if (group.cycles_lost < 0xFFFF) ++group.cycles_lost;
+        group.fell_short |= is_silent_for_long(group);
         return error;
     }
     group.cycles_lost = 0;

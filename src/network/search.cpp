@@ -361,9 +361,34 @@ bool note_silence(Network& network) {
     return network.silence_noted;
 }
 
+namespace {
+
+// The cycles of its group show that the slave is there: the two last ones, and none is overdue.
+bool is_shown_by_cycles(Network& network, const Slave& slave) {
+    if (!slave.takes_part || !is_mapped(network, slave)) return false;
+    const ProcessGroup& group = network.process.groups[slave.image.group];
+    if (group.overlap.sets > 1) return true;
+    const CyclePace& pace = group.pace;
+    return pace.last <= later(pace.before, Link::kPause) && network.engine.now() <= later(pace.last, Link::kPause);
+}
+
+// While the cycles of other slaves go on: those that no cycle shows may have been exchanged.
+bool doubt_unshown(Network& network) {
+    bool any = false;
+    for (const Slave& slave : network.slaves()) {
+        if (!is_known(slave) || slave.al.state == AlState::none || is_shown_by_cycles(network, slave)) continue;
+        network.marks(slave).doubt(false);
+        any = true;
+    }
+    return any;
+}
+
+}  // namespace
+
 bool doubt_unseen(Network& network) {
     if (network.supervised) return false;
-    bool unseen = network.engine.link().take_pause(network.engine.now()) && network.is_unobserved();
+    const bool long_ago = network.is_unobserved();
+    bool unseen = network.engine.link().take_pause(network.engine.now()) && long_ago;
     for (ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.mapping || !is_right(group)) continue;
         unseen |= group.fell_short && group.was_right;
@@ -371,7 +396,7 @@ bool doubt_unseen(Network& network) {
         group.was_right = true;
     }
     if (unseen) doubt_all(network, false);
-    return unseen;
+    return unseen || (long_ago && doubt_unshown(network));
 }
 
 void doubt_reply(Network& network) {

@@ -1,6 +1,7 @@
 #include "network/states.hpp"
 
 #include "network/boot.hpp"
+#include "network/expectation.hpp"
 #include "network/search.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
@@ -68,7 +69,7 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
 
 Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state) {
     const bool process = state == AlState::safeop || state == AlState::op;
-    if (slave.al.state == AlState::none && (slave.config.optional || !slave.seen))
+    if (slave.al.state == AlState::none && (is_optional(slave) || !slave.seen))
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
     if (network.supervised && slave.target != AlState::none) co_return Nothing{};  // set_target() has its own target
@@ -93,7 +94,7 @@ Task<Result<>> write_and_keep(Network& network, Slave& slave, AlState state, Fir
 AlStatus lowest(Network& network) {
     const auto left_out = [&](const Slave& s) {
         const bool tolerated = s.wanted != nullptr && missing_error(network, s).code == Errc::none;
-        return s.al.state == AlState::none && (s.config.optional || tolerated);
+        return s.al.state == AlState::none && (is_optional(s) || tolerated);
     };
     const auto at_its_end = [](const Slave& s) {
         return s.al.state == s.config.highest && s.config.highest != AlState::op;

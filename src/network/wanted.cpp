@@ -17,7 +17,7 @@ namespace {
 Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.number}; }
 
 // An expected slave that may be missing, even while the head of its hot connect group is present.
-bool is_optional(const ExpectedSlave& wanted) {
+bool may_be_missing(const ExpectedSlave& wanted) {
     return wanted.optional || (wanted.config != nullptr && wanted.config->optional);
 }
 
@@ -27,7 +27,7 @@ bool may_be_missing(Network& network, const Slave& slave) {
     if (!slave.seen && network.tolerance.missing_slaves) return true;
     if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)
         return !head_is_there(network, slave.wanted->hot_connect);
-    return slave.wanted->optional || slave.config.optional;
+    return is_optional(slave);
 }
 
 // The error that ended the start-up of the slave, where known.
@@ -134,10 +134,10 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
     const bool nobody = (slave.held && slave.unexpected) || unknown;
     const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
     const bool awaited = slave.wanted != nullptr && slave.wanted->hot_connect != 0 && network.marks(slave).awaited &&
-                         !is_optional(*slave.wanted) && head_is_there(network, slave.wanted->hot_connect);
+                         !may_be_missing(*slave.wanted) && head_is_there(network, slave.wanted->hot_connect);
     const bool leaving = slave.image.group != slave.config.group && is_being_mapped(network, slave);
     const bool refused = !is_highest(slave.config.highest);
-    return (!slave.config.optional || awaited) && !leaving && !nobody && !absent &&
+    return (!is_optional(slave) || awaited) && !leaving && !nobody && !absent &&
            (refused || wanted_state(network, slave) >= AlState::safeop);
 }
 

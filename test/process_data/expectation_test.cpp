@@ -99,6 +99,22 @@ TEST_F(ExpectationTest, OptionalOnesMayBeMissingAndLeave) {
     EXPECT_EQ(*bus.cycle(), 9U) << "and with it";
 }
 
+// The list says that the slave is optional, whatever the application writes into its configuration.
+TEST_F(ExpectationTest, OptionalOnesStaySoWhenTheApplicationConfiguresThem) {
+    const ExpectedSlave expected[] = {
+        {.number = 1}, {.number = 2}, {.number = 3}, {.number = 4, .optional = true}, {.alias = 9, .hot_connect = 1}};
+    EXPECT_EQ(scan(expected), Words());
+    SlaveConfiguration configuration{.source = ConfigurationSource::application};
+    ASSERT_TRUE(
+        configuration.add({.number = 2, .direction = Direction::outputs, .control = 0x64, .start = 0x1000, .bits = 8}));
+    ctx().slave(4).config = configuration;
+    ctx().slave(5).config = configuration;
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    EXPECT_TRUE(reach(ctx(), AlState::op, std::chrono::seconds(3)).ok());
+    EXPECT_EQ(ctx().group(0).expected_wkc, 9U);
+    for (int n = 0; n < 5; ++n) EXPECT_TRUE(bus.cycle().ok());
+}
+
 // ------------------------------------------------------------------ explicit device id
 
 class DeviceIdTest : public testing::Test, protected Plant {

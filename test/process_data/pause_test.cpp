@@ -51,6 +51,13 @@ struct Pause : Identities {
         osal.advance(1500ms);
         segment.advance(osal.now());
     }
+    void poll_when_due(Duration duration) {
+        for (const Time end = osal.now() + duration; osal.now() < end;) {
+            const Time next = poll(*ctx, osal.now());
+            osal.wait(std::min(next, end), nic->wait_handles());
+        }
+    }
+    void TestBody() override {}  // for tests that use several plants
     void expect_untouched() {
         EXPECT_EQ(segment.slave(tool).peek(kUserMemory, 1)[0], std::byte{0});
         EXPECT_TRUE(std::ranges::equal(segment.slave(tool).sii().image(), sii_of_tool));
@@ -111,6 +118,68 @@ TEST_F(Pause, ASupervisionGoesOnWithTheSameSlaves) {
     ASSERT_TRUE(until([&] { return all_right(*ctx); })) << in_words(what_is_wrong(*ctx));
     EXPECT_TRUE(write_register(*ctx, 2, kUserMemory, kMark).ok());
     EXPECT_EQ(segment.slave(line[1]).peek(kUserMemory, 1)[0], kMark[0]);
+}
+
+// A supervision that looks seldom, and pauses that are longer than that.
+TEST_F(Pause, IsNoticedWhereTheSupervisionLooksSeldom) {
+    for (const auto& [interval, pause] :
+         {std::pair{500ms, 1300ms}, std::pair{500ms, 1800ms}, std::pair{1000ms, 3500ms}}) {
+        Pause plant;
+        plant.build();
+        plant.prepare(AlState::preop);
+        ASSERT_TRUE(writestate(*plant.ctx, 0, AlState::preop).ok());
+        plant.supervision.interval = interval;
+        plant.supervision.target = AlState::preop;
+        ASSERT_TRUE(submit(*plant.ctx, plant.supervision).ok());
+        plant.poll_when_due(5s);
+        plant.osal.advance(pause / 2);
+        plant.segment.advance(plant.osal.now());
+        plant.exchange();
+        plant.segment.reconsider();
+        plant.osal.advance(pause / 2);
+        plant.segment.advance(plant.osal.now());
+        EXPECT_FALSE(write_register(*plant.ctx, 2, kUserMemory, kMark).ok()) << pause.count() << " ms";
+        plant.expect_untouched();
+    }
+}
+
+// The supervision compares the slaves after the pause, and the request waits for that.
+TEST_F(Pause, ARequestBeforeItIsExecutedBehindIt) {
+    supervise();
+    RegisterWriteRequest request;
+    request.slave = 2;
+    request.address = kUserMemory;
+    request.data = kMark;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    stop(false);
+    poll_when_due(400ms);
+    EXPECT_EQ(request.state(), RequestState::success) << in_words(request.error());
+    EXPECT_EQ(segment.slave(line[1]).peek(kUserMemory, 1)[0], kMark[0]);
+}
+TEST_F(Pause, ARequestForAMachineThatIsExchangedInItIsRefused) {
+    prepare(AlState::op);
+    supervise();
+    RegisterWriteRequest request;
+    request.slave = 2;
+    request.address = kUserMemory;
+    request.data = kMark;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    stop(true);
+    poll_when_due(400ms);
+    EXPECT_EQ(request.state(), RequestState::error);
+    expect_untouched();
+}
+
+// No call for the other slaves waits for the slave that cannot be compared.
+TEST_F(Pause, CallsForOtherSlavesDoNotWait) {
+    supervise();
+    segment.slave(line[1]).sii().fail_next(1'000'000);
+    stop(false);
+    poll_when_due(400ms);
+    const Time before = osal.now();
+    std::array<std::byte, 2> address{};
+    EXPECT_TRUE(read_register(*ctx, 1, 0x0010, address).ok());
+    EXPECT_LT(osal.now() - before, 20ms);
 }
 
 // ------------------------------------------------------------------ without a supervision
