@@ -186,7 +186,6 @@ class Link {
     // While the application sends cycles and receives none, each time that so many frames did not come back, the NIC is
     // drained: well before the index of one of them is used again.
     static constexpr std::uint32_t kMostUnread = 32;
-    List<Waiter> early_;   // received by drain()
     bool paused_ = false;  // more than kPause between two cycles, since take_pause()
     MacAddress source_;
     bool nic_busy_ = false;
@@ -196,6 +195,7 @@ class Link {
     std::size_t rider_budget_ = 0;  // octets of queued datagrams that may still be sent with this cycle
     bool riders_ = false;           // queued datagrams were sent with this cycle
     std::array<std::byte, wire::kMaxFrameBytes> buffer_{};  // the frame that is being built or read
+    List<Waiter> early_;                                    // received by drain()
 };
 
 }  // namespace margay
