@@ -57,21 +57,41 @@ Task<Result<bool>> is_of_two(Station station) {
     co_return two;
 }
 
+// Finds slaves of the table by their station addresses. The ring has most slaves in the order of the table, so each
+// search begins behind the slave that was found last.
+class ByAddress {
+  public:
+    explicit ByAddress(Network& network) : network_(network) {}
+    // nullptr: no slave of the table has this address.
+    [[nodiscard]] Slave* find(std::uint16_t address) {
+        for (std::size_t n = 0; n < network_.count; ++n) {
+            if (last_ == network_.count) last_ = 0;
+            Slave& slave = network_.slave(++last_);
+            if (slave.station_address.value == address) return &slave;
+        }
+        return nullptr;
+    }
+
+  private:
+    Network& network_;
+    std::size_t last_ = 0;
+};
+
 // Two slaves with the station address of one slave of the table: a slave has come from another machine, where it had
 // that address. Nobody knows which of them is the right one, so both lose the address and their FMMUs, and the next
 // search identifies both. While a request uses the slave of the table, this search leaves them as they are. Returns
 // whether the ring must be read again.
 Task<Result<bool>> end_clashes(Network& network) {
-    const std::size_t first = network.settings.first_station_address;
+    ByAddress table(network);
     const auto ring = network.seen_ring();
     bool any = false;
     for (std::size_t n = 0; n < ring.size(); ++n) {
         const std::uint16_t address = ring[n].address;
         const auto behind = ring.subspan(n + 1);
-        if (address < first || address >= first + network.count ||
-            std::ranges::find(behind, address, &RingPlace::address) == behind.end())
-            continue;
-        Slave& slave = network.slave(address - first + 1);
+        if (std::ranges::find(behind, address, &RingPlace::address) == behind.end()) continue;
+        Slave* known = table.find(address);
+        if (known == nullptr) continue;
+        Slave& slave = *known;
         const Station both{network.engine, {address}, 0};
         const bool two = co_await required(is_of_two(both));
         if (!two) co_return true;   // the ring has changed while it was read
@@ -94,11 +114,12 @@ Task<Result<bool>> end_clashes(Network& network) {
 // assigned yet. A slave that was lost and has its address belongs to readmit_slave(), which may be working on it; an
 // address that no slave has had since the scan comes from an earlier master.
 void recognise(Network& network) {
-    const std::size_t first = network.settings.first_station_address;
+    ByAddress table(network);
     for (Slave& slave : network.slaves()) slave.ring_position = 0;
     for (RingPlace& place : network.seen_ring()) {
-        if (place.address < first || place.address >= first + network.count) continue;
-        Slave& slave = network.slave(place.address - first + 1);
+        Slave* known = table.find(place.address);
+        if (known == nullptr) continue;
+        Slave& slave = *known;
         if (slave.ring_position != 0 || (is_lost(network, slave) && !slave.seen)) continue;
         slave.ring_position = 1;
         place.slave = slave.number;
