@@ -1,5 +1,6 @@
 #include "network/search.hpp"
 
+#include "network/by_address.hpp"
 #include "network/configure.hpp"
 #include "network/expectation.hpp"
 #include "network/mailbox_setup.hpp"
@@ -56,26 +57,6 @@ Task<Result<bool>> is_of_two(Station station) {
     const bool two = seen.error().code == Errc::working_counter && seen.error().actual > 1;
     co_return two;
 }
-
-// Finds slaves of the table by their station addresses. The ring has most slaves in the order of the table, so each
-// search begins behind the slave that was found last.
-class ByAddress {
-  public:
-    explicit ByAddress(Network& network) : network_(network) {}
-    // nullptr: no slave of the table has this address.
-    [[nodiscard]] Slave* find(std::uint16_t address) {
-        for (std::size_t n = 0; n < network_.count; ++n) {
-            if (last_ == network_.count) last_ = 0;
-            Slave& slave = network_.slave(++last_);
-            if (slave.station_address.value == address) return &slave;
-        }
-        return nullptr;
-    }
-
-  private:
-    Network& network_;
-    std::size_t last_ = 0;
-};
 
 // Two slaves with the station address of one slave of the table: a slave has come from another machine, where it had
 // that address. Nobody knows which of them is the right one, so both lose the address and their FMMUs, and the next
