@@ -10,6 +10,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 namespace margay {
 
@@ -31,6 +32,39 @@ class DurationHistogram {
         least_ = std::min(least_, ns);
     }
     constexpr void clear() { *this = {}; }
+
+    // Takes the content of another histogram, for example of one in a file: its buckets that have a count, in their
+    // order, and its shortest, mean and longest duration. False when the buckets are not those of this class, or when
+    // the durations contradict them; then the histogram is empty. Not for the cycle.
+    [[nodiscard]] constexpr bool restore(std::span<const Bucket> buckets, Duration least, Duration mean,
+                                         Duration most) {
+        clear();
+        std::uint64_t total = 0;
+        std::size_t next = 0;
+        for (const Bucket& one : buckets) {
+            while (next < kBuckets && (bucket(next).from != one.from || bucket(next).to != one.to)) ++next;
+            if (next == kBuckets || one.count == 0 || one.count > UINT64_MAX - total) {
+                clear();
+                return false;
+            }
+            counts_[next++] = one.count;
+            total += one.count;
+        }
+        if (total == 0) return true;
+        const bool right = buckets.front().from <= least && least < buckets.front().to && least <= mean &&
+                           mean <= most && buckets.back().from <= most &&
+                           (most < buckets.back().to || next == kBuckets) &&
+                           static_cast<std::uint64_t>(mean.count()) <= UINT64_MAX / total;
+        if (!right) {
+            clear();
+            return false;
+        }
+        count_ = total;
+        sum_ = static_cast<std::uint64_t>(mean.count()) * total;
+        most_ = static_cast<std::uint64_t>(most.count());
+        least_ = static_cast<std::uint64_t>(least.count());
+        return true;
+    }
 
     [[nodiscard]] constexpr std::uint64_t count() const { return count_; }
     [[nodiscard]] constexpr Duration min() const { return ns(count_ == 0 ? 0 : least_); }

@@ -16,6 +16,8 @@
 
 #include <fmt/format.h>
 
+#include <net/if.h>
+
 #include <algorithm>
 #include <array>
 #include <ctime>
@@ -38,6 +40,7 @@ struct Options {
     std::string output = "report.html";
     std::string attach{};
     std::string eni{};
+    std::string cycle_log{};
     std::string dc_log{};
     unsigned cycles = 0;
     bool record = false;
@@ -91,16 +94,28 @@ std::string contradiction(const Options& options) {
     return {};
 }
 
-// Reads the log of a master's clock. Returns a sentence about an error.
-std::string read_clock_log(const std::string& path, Report& report) {
-    if (path.empty()) return {};
-    std::ifstream in(path, std::ios::binary);
-    const std::string text(std::istreambuf_iterator<char>(in), {});
-    if (!in.is_open() || in.bad()) return path + ": cannot be read";
-    auto log = samples::parse_clock_log(text);
-    if (!log.fault.empty()) return path + ": " + log.fault;
-    report.clock_log = std::move(log);
-    report.clock_log_file = path;
+// Reads the log of a master's clock and the figures of its cycles. Returns a sentence about an error.
+std::string read_logs(const Options& options, Report& report) {
+    const auto content = [](const std::string& path, std::string& text) {
+        std::ifstream in(path, std::ios::binary);
+        text.assign(std::istreambuf_iterator<char>(in), {});
+        return in.is_open() && !in.bad();
+    };
+    std::string text;
+    if (const auto& path = options.dc_log; !path.empty()) {
+        if (!content(path, text)) return path + ": cannot be read";
+        auto log = samples::parse_clock_log(text);
+        if (!log.fault.empty()) return path + ": " + log.fault;
+        report.clock_log = std::move(log);
+        report.clock_log_file = path;
+    }
+    if (const auto& path = options.cycle_log; !path.empty()) {
+        if (!content(path, text)) return path + ": cannot be read";
+        const auto log = samples::parse_cycle_log(text);
+        if (!log.fault.empty()) return path + ": " + log.fault;
+        report.cycle_log = log.figures;
+        report.cycle_log_file = path;
+    }
     return {};
 }
 
@@ -126,8 +141,7 @@ class Program {
 
     int run() {
         if (const auto wrong = contradiction(options_); !wrong.empty()) return refuse_arguments(wrong);
-        if (const auto failed = read_clock_log(options_.dc_log, report_); !failed.empty())
-            return fail(failed, exit_code::kSystem);
+        if (const auto failed = read_logs(options_, report_); !failed.empty()) return fail(failed, exit_code::kSystem);
         // A place that cannot be written is found before the segment is touched.
         for (auto* file : {page_.get(), pcap_.get()}) {
             const auto failed = file == nullptr ? std::string() : file->write({});
@@ -165,7 +179,23 @@ class Program {
         how.expected = true;  // an application can have missing slaves, which slaves() does not list
         collect(session, how, report_);
         line_.clear();
+        read_interfaces_of_application();
         return report_.failure.empty() ? exit_code::kWell : fail(report_.failure, report_.failure_code);
+    }
+
+    // The application says what its source is; its socket is on this machine, and so are the interfaces. The driver is
+    // asked here and not by the application, whose cycle would wait for it.
+    void read_interfaces_of_application() {
+        if (!report_.failure.empty()) return;
+        const auto& source = report_.master.source;
+        auto names = interfaces_of(source);
+        // An application can give its source any name, and may run in another network namespace.
+        const auto is_here = [](const std::string& name) { return ::if_nametoindex(name.c_str()) != 0; };
+        if (!names.empty() && std::ranges::all_of(names, is_here))
+            report_.machine = read_machine(names);
+        else if (!source.starts_with("sim:"))
+            report_.machine.interface_problems.push_back(
+                fmt::format("The application calls its source '{}', which is no interface of this machine.", source));
     }
 
     int read_file() {
@@ -260,6 +290,9 @@ void add_options(samples::Arguments& arguments, Options& options) {
         "--cycles", options.cycles,
         "bring the slaves to OP with outputs of 0, run this number of cycles, and show their times; 0: none");
     samples::add_period_options(arguments, options.pace);
+    arguments.option("--cycle-log", options.cycle_log,
+                     "show the times of an application's cycles in this file (simple_io, dc_motion or segment_monitor "
+                     "--histogram FILE.json)");
     arguments.option("--dc-log", options.dc_log, "show this log of a master's clock (dc_motion --log)");
     arguments.flag("--record", options.record,
                    "write every frame sent and received beside the page (report.html: report.pcap), and analyse it");

@@ -253,8 +253,8 @@ std::string_view argument_text(Argument argument) {
 void write_argument(TextWriter& out, const Error& e) {
     if (e.step == Step::identify && e.actual != 0) {
         out << " (entry " << e.actual
-            << " of the list: without number, alias or device id, with the number of another entry, or apart from "
-               "its hot connect group)";
+            << " of the list: without number, alias or device id, with the number or station address of another "
+               "entry, with a reserved station address, or apart from its hot connect group)";
         return;
     }
     const bool of_command = is_command(e.step) || (e.step == Step::map_process_data && e.place != 0);

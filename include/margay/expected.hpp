@@ -54,6 +54,10 @@ struct ExpectedSlave {
     // be missing. If the head is present, a missing member that is not optional is an error, and the expected
     // working counters include it. While a group that was connected starts up, they do not.
     std::uint8_t hot_connect = 0;
+    // The station address that config_init() gives to the slave, for tools that know the slaves by the addresses of a
+    // configuration file (ENI: PhysAddr), for example by a mailbox gateway. 0: one from 0x1001 on that no entry of the
+    // list has. Each address once; 0x0C00 to 0x0FFF are those of unknown slaves and refused.
+    std::uint16_t station_address = 0;
     // Is copied to slave(n).config before the slave leaves INIT. nullptr: the library asks the slave. The caller's
     // memory, which must live as long as the list.
     const SlaveConfiguration* config = nullptr;

@@ -165,6 +165,7 @@ void put(Json& out, const std::string& name, const analyse::Bounded<T>& list, co
 Json analysis_json(const Analysis& a) {
     Json out{{"duration_ns", a.duration.count()},
              {"directions", words_of(a.directions)},
+             {"ring", a.ring},
              {"remark", a.remark},
              {"frames", frames_json(a.frames)},
              {"master",

@@ -51,6 +51,7 @@ std::string frames_text(const Analysis& a) {
     const auto count = [&](std::uint64_t n, std::string_view what) {
         if (n != 0) text += fmt::format("  {} {}\n", n, what);
     };
+    if (a.ring) text += "  both NICs of a ring: the copies of a frame are counted as one frame\n";
     count(f.open, "requests shortly before the end, whose replies may come behind it");
     count(f.unasked, "replies without a request");
     count(f.vlan, "frames in VLAN tags");

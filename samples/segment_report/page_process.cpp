@@ -149,15 +149,27 @@ Markup alike_section(const Report& report, const std::vector<AlikeGroup>& groups
     return content;
 }
 
+namespace {
+
+Markup cycle_picture(const samples::CycleFigures& figures) {
+    return tag("div", "class=\"wide\"", Markup::raw(samples::cycle_svg(figures)));
+}
+
+}  // namespace
+
 Markup cycles_section(const Report& report) {
-    if (!report.cycles) return {};
     Markup content;
+    if (report.cycle_log)
+        content += paragraph("From the file " + code(report.cycle_log_file) +
+                             fmt::format(": {} of the application.", counted(report.cycle_log->cycles, "cycle"))) +
+                   cycle_picture(*report.cycle_log);
+    if (!report.cycles) return content;
     if (!report.cycles->problem.empty()) content += paragraph(report.cycles->problem);
     if (report.cycles->figures.cycles == 0) return content;
     content += paragraph(fmt::format("{} with a period of {} µs, outputs 0{}.",
                                      counted(report.cycles->figures.cycles, "cycle"), report.cycles->period_us,
                                      report.virtual_time ? ", in virtual time" : ""));
-    return content + tag("div", "class=\"wide\"", Markup::raw(samples::cycle_svg(report.cycles->figures)));
+    return content + cycle_picture(report.cycles->figures);
 }
 
 Markup clock_log_section(const Report& report) {

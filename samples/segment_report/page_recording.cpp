@@ -58,6 +58,7 @@ Markup frame_facts(const Recording& recording) {
     facts.add("Frames", fmt::format("{} EtherCAT frames of {} packets in {:.6f} s", f.ethercat, f.packets,
                                     static_cast<double>(a.duration.count()) / 1e9));
     facts.add("Directions", ethercat::words_of(a.directions));
+    if (a.ring) facts.add("NICs", "both NICs of a ring: the copies of a frame are counted as one frame");
     facts.add("Replies",
               fmt::format("{} requests, {} replies, {} lost, {} late", f.requests, f.replies, f.lost, f.late));
     if (f.open != 0) facts.add("At the end", fmt::format("{} requests whose replies may come behind the end", f.open));

@@ -4,7 +4,7 @@
 
 #include "analyse/analysis.hpp"
 #include "common/clock_log_file.hpp"
-#include "common/cycle_report.hpp"
+#include "common/cycle_log_file.hpp"
 #include "ethercat/session.hpp"
 #include "nic_check/findings.hpp"
 
@@ -115,6 +115,8 @@ struct Report {
     std::vector<DomainFacts> domains{};
     std::string domains_problem{};
     std::optional<Cycles> cycles{};
+    std::optional<samples::CycleFigures> cycle_log{};  // of the application, from a file
+    std::string cycle_log_file{};
     std::optional<samples::ClockLog> clock_log{};
     std::string clock_log_file{};
     std::optional<Recording> recording{};

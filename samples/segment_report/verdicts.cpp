@@ -228,6 +228,7 @@ class Judge {
     }
 
     void cycles() {
+        cycle_log();
         if (!report_.cycles) return;
         if (!report_.cycles->problem.empty()) add(Severity::fault, report_.cycles->problem, "cycles");
         const auto& figures = report_.cycles->figures;
@@ -240,6 +241,26 @@ class Judge {
             fmt::format("Of {}, {} lacked frames and {} had a wrong working counter.", all, figures.no_frame,
                         figures.wrong_wkc),
             "cycles");
+    }
+
+    // Cycles of the application: what it has left out or lost.
+    void cycle_log() {
+        if (!report_.cycle_log) return;
+        const auto& figures = *report_.cycle_log;
+        const auto all = counted(figures.cycles, "cycle");
+        if (figures.no_frame + figures.wrong_wkc != 0)
+            add(Severity::fault,
+                fmt::format("Of {} of the application, {} lacked frames and {} had a wrong working counter.", all,
+                            figures.no_frame, figures.wrong_wkc),
+                "cycles");
+        if (figures.overruns != 0)
+            add(Severity::remark,
+                fmt::format("Of {} of the application, {} began a period late or later.", all, figures.overruns),
+                "cycles");
+        if (figures.no_frame + figures.wrong_wkc + figures.overruns == 0 && figures.cycles != 0)
+            add(Severity::good,
+                fmt::format("{} of the application in time, with all frames and the expected working counter.", all),
+                "cycles");
     }
 
     void recording() {

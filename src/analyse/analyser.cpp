@@ -1,6 +1,7 @@
 #include "analyse/analyser.hpp"
 
 #include "analyse/names.hpp"
+#include "analyse/ring_copies.hpp"
 #include "oshw/pcap/packet_reader.hpp"
 
 namespace margay::analyse {
@@ -81,9 +82,20 @@ Analysis analyse_file(const std::string& path) {
     PacketReader reader;
     Analyser analyser;
     const auto opened = reader.open(path);
-    while (const auto packet = reader.next())
-        analyser.packet({packet->number, packet->at}, packet->bytes, packet->length_on_wire);
+    const auto take = [&](Moment when, Bytes packet, std::size_t length) { analyser.packet(when, packet, length); };
+    RingCopies ring(take);
+    const auto origins = opened.ok() ? read_packet_origins(path) : std::vector<PacketOrigin>();
+    const bool is_ring = RingCopies::is_ring(origins);
+    while (const auto packet = reader.next()) {
+        const Moment when{packet->number, packet->at};
+        if (is_ring && packet->number <= origins.size())
+            ring.packet(origins[packet->number - 1], when, packet->bytes, packet->length_on_wire);
+        else
+            take(when, packet->bytes, packet->length_on_wire);
+    }
+    ring.finish();
     auto analysis = analyser.finish();
+    analysis.frames.packets += ring.merged();
     if (!reader.problem().empty())
         analysis.problem = reader.problem();
     else if (!opened.ok())
@@ -93,6 +105,7 @@ Analysis analyse_file(const std::string& path) {
                                ? "every EtherCAT frame was cut by the recorder; record with full length"
                                : "it holds no EtherCAT frame";
     analysis.remark = reader.cut_off();
+    analysis.ring = is_ring;
     return analysis;
 }
 

@@ -4,7 +4,7 @@
 //     if (!analysis.problem.empty()) …;
 //
 // The memory is bounded by the number of slaves and conversations, see the limits in analysis.hpp, and does not depend
-// on the length of the recording.
+// on the length of the recording, except for eight octets a packet of a pcapng file.
 #pragma once
 
 #include "analyse/clock_watch.hpp"

@@ -238,6 +238,7 @@ struct Analysis {
     Duration duration{};    // from the first to the last EtherCAT frame
     Duration begin{};       // of the first EtherCAT frame, since the first packet
     Directions directions = Directions::none;
+    bool ring = false;  // of both NICs of a ring: the copies of a frame are counted as one frame
     FrameCounts frames{};
     MasterGuess master{};
     std::vector<Slave> slaves{};

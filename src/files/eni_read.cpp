@@ -45,6 +45,13 @@ void read_slaves(Reader& r, Node config, std::deque<EniSlaveData>& slaves) {
         slaves.push_back(read_eni_slave(r, node, static_cast<std::uint16_t>(slaves.size())));
         if (r.failed()) return;
     }
+    std::map<std::uint16_t, std::uint32_t> lines;  // of station addresses
+    for (const EniSlaveData& s : slaves) {
+        const auto [first, is_new] = lines.emplace(s.slave.station_address, s.slave.line);
+        if (s.slave.station_address != 0 && !is_new)
+            return r.fail(s.node.child("Info"),
+                          "the slave has the PhysAddr of the slave in line " + std::to_string(first->second));
+    }
     for (const EniInit& init : read_eni_inits(r, config.child("Master"))) {
         if (!r.expand(init.node, slaves.size())) return;
         add_master_command(r, init, slaves);

@@ -20,6 +20,13 @@ void read_info(Reader& r, Node info, EniSlaveData& s) {
         r.number<std::uint32_t>(child(info, "VendorId")), r.number<std::uint32_t>(child(info, "ProductCode")),
         r.number<std::uint32_t>(child(info, "RevisionNo")), r.number<std::uint32_t>(child(info, "SerialNo"))};
     s.slave.station_address = r.number<std::uint16_t>(child(info, "PhysAddr"));
+    constexpr std::uint16_t kUnknown = 0x0C00;  // to 0x0FFF: see ExpectedSlave::station_address
+    if ((s.slave.station_address & 0xFC00) == kUnknown)
+        r.remark(info,
+                 "the library needs the station addresses 0x0C00 to 0x0FFF: the slave gets another PhysAddr than " +
+                     hex(s.slave.station_address));
+    else
+        s.expected.station_address = s.slave.station_address;
     if (const Value position = child(info, "AutoIncAddr"); position.there)
         s.slave.ring_position = static_cast<std::uint16_t>(-r.number<std::uint16_t>(position));
     const Node id = info.child("Identification");

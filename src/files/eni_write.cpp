@@ -75,8 +75,7 @@ class EniWriter {
         write_slave_info(node, slave);
         write_process_data(node, slave, described);
         if (slave.mailbox.present()) write_mailbox(node, slave);
-        const auto lost = write_slave_inits(add(node, "InitCmds"), slave, registers);
-        for (const std::string& one : lost) remarks_.push_back(one);
+        keep(write_slave_inits(add(node, "InitCmds"), slave, registers));
         if (slave.parent != 0) {
             Node port = add(node, "PreviousPort");
             set(port, "Selected", true);
@@ -84,8 +83,11 @@ class EniWriter {
             add(port, "PhysAddr", std::uint64_t{ctx_.slave(slave.parent).station_address.value});
         }
         write_dc(node, slave, registers);
+        keep(write_hot_connect(node, ctx_, slave));
         names_.push_back({slave.number, described});
     }
+
+    void keep(const std::vector<std::string>& lost) { remarks_.insert(remarks_.end(), lost.begin(), lost.end()); }
 
     // The PDOs of the SII give names; without them the ENI has none.
     EsiDevice describe_of(const Slave& slave) {
@@ -122,6 +124,7 @@ class EniWriter {
         add(info, "ProductCode", std::uint64_t{slave.identity.product});
         add(info, "RevisionNo", std::uint64_t{slave.identity.revision});
         add(info, "SerialNo", std::uint64_t{slave.identity.serial});
+        keep(write_identification(info, ctx_, slave));
     }
 
     // The first bit of the slave's data in the images of the file: outputs and inputs are counted for themselves.
@@ -255,7 +258,7 @@ class EniWriter {
             add(cmd, "Adp", std::uint64_t{0});
             add(cmd, "Ado", std::uint64_t{0x0130});
             add(cmd, "DataLength", std::uint64_t{2});
-            add(cmd, "Cnt", std::uint64_t{ctx_.slaves().size()});
+            add(cmd, "Cnt", std::uint64_t{names_.size()});
         }
     }
 

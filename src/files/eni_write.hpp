@@ -22,6 +22,10 @@ struct SlaveRegisters {
 // The init commands of a slave. Returns what of its configuration an ENI cannot express, a sentence each.
 [[nodiscard]] std::vector<std::string> write_slave_inits(Node parent, const Slave& slave,
                                                          const SlaveRegisters& registers);
+// Alias or device id of a slave with a place in the line or in a group, and the hot connect group that begins with the
+// slave. `info` and `node`: the elements Info and Slave. Both return what an ENI cannot express, a sentence each.
+[[nodiscard]] std::vector<std::string> write_identification(Node info, Context& ctx, const Slave& slave);
+[[nodiscard]] std::vector<std::string> write_hot_connect(Node node, Context& ctx, const Slave& slave);
 // The start-up commands by mailbox, and the PDOs that are written.
 void write_mail_commands(Node mailbox, const Slave& slave);
 // Reads the SII up to its end mark; returns an error in words.

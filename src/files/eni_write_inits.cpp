@@ -3,6 +3,8 @@
 #include "files/transitions.hpp"
 #include "wire/esc.hpp"
 
+#include <margay/expected.hpp>
+
 #include <algorithm>
 
 namespace margay::files {
@@ -72,8 +74,10 @@ class InitWriter {
         add(node, "Retries", std::uint64_t{retries});
         return node;
     }
-    static void validate(Node node, const std::string& data, const std::string& mask, std::uint64_t timeout_ms) {
+    static void validate(Node node, const std::string& data, const std::string& mask, std::uint64_t timeout_ms,
+                         bool at_least = false) {
         Node validate = add(node, "Validate");
+        if (at_least) set(validate, "Type", std::string("EQ_OR_G"));
         add(validate, "Data", data);
         if (!mask.empty()) add(validate, "DataMask", mask);
         add(validate, "Timeout", timeout_ms);
@@ -89,13 +93,15 @@ class InitWriter {
 
     void identity() {
         command({"IP"}, "assign EEPROM to ECAT", kApwr, 0x0500, "00");
-        const auto check = [&](const char* comment, std::uint32_t word, std::uint32_t value) {
+        const auto check = [&](const char* comment, std::uint32_t word, std::uint32_t value, bool at_least = false) {
             command({"IP"}, comment, kApwr, 0x0502, "0001" + hex_value(word, 4));
-            validate(command({"IP"}, comment, kAprd, 0x0508, hex_value(0, 4)), hex_value(value, 4), {}, 100);
+            validate(command({"IP"}, comment, kAprd, 0x0508, hex_value(0, 4)), hex_value(value, 4), {}, 100, at_least);
         };
         check("check vendor id", 0x08, slave_.identity.vendor);
         check("check product code", 0x0A, slave_.identity.product);
-        check("check revision number", 0x0C, slave_.identity.revision);
+        const ExpectedSlave wanted = slave_.wanted == nullptr ? ExpectedSlave{} : *slave_.wanted;
+        check("check revision number", 0x0C, wanted.revision.value_or(slave_.identity.revision), wanted.newer_revision);
+        if (wanted.serial) check("check serial number", 0x0E, *wanted.serial);
     }
 
     void mailbox_sync_managers() {

@@ -111,12 +111,24 @@ const ExpectedSlave* wanted_at(Expected list, std::size_t number) {
     return nullptr;
 }
 
+// An address of the list belongs to its slave, also while that slave is missing.
+StationAddress address_of(const Network& network, const Slave& slave) {
+    if (slave.wanted != nullptr && slave.wanted->station_address != 0) return {slave.wanted->station_address};
+    std::uint16_t address = network.station_address(slave.number).value;
+    while (std::ranges::find(network.expected, address, &ExpectedSlave::station_address) != network.expected.end())
+        address = static_cast<std::uint16_t>(address + network.table.size());
+    return {address};
+}
+
+// Addresses that the search gives to slaves that are not known.
+bool is_reserved(std::uint16_t address) { return address >= 0x0C00 && address <= 0x0FFF; }
+
 // Fills the entry of a missing slave. The resources of its ESC are unknown: the maximum is assumed.
 void make_missing(Network& network, std::size_t number) {
     Slave& slave = network.slave(number);
     slave.number = static_cast<std::uint16_t>(number);
-    slave.station_address = network.station_address(number);
     slave.wanted = wanted_at(network.expected, number);
+    slave.station_address = address_of(network, slave);
     slave.dl.fmmus = 16;
     slave.dl.sync_managers = 16;
 }
@@ -128,12 +140,14 @@ Result<> check_expected(std::span<const ExpectedSlave> expected) {
         const ExpectedSlave& wanted = expected[n];
         const bool member = wanted.hot_connect != 0 && !is_head(expected, n);
         const bool known = wanted.number != 0 || wanted.alias || wanted.device_id || member;
-        bool right = known && (wanted.hot_connect == 0 || wanted.number == 0);
+        bool right = known && (wanted.hot_connect == 0 || wanted.number == 0) && !is_reserved(wanted.station_address);
         for (std::size_t before = 0; before < n && right; ++before) {
             const bool same_number = wanted.number != 0 && expected[before].number == wanted.number;
             // The members of a group are adjacent in the list.
             const bool torn = !member && wanted.hot_connect != 0 && expected[before].hot_connect == wanted.hot_connect;
-            right = !same_number && !torn;
+            const bool same_address =
+                wanted.station_address != 0 && expected[before].station_address == wanted.station_address;
+            right = !same_number && !torn && !same_address;
         }
         if (right) continue;
         Error error{.code = Errc::invalid_argument, .step = Step::identify};
@@ -216,8 +230,9 @@ Result<bool> number_slaves(Network& network) {
             make_missing(network, n);
             continue;
         }
-        moved |= slave.number != slave.ring_position;
-        slave.station_address = network.station_address(n);
+        const StationAddress address = address_of(network, slave);
+        moved |= slave.station_address.value != address.value;
+        slave.station_address = address;
         if (slave.error.code != Errc::none) slave.error.slave = slave.number;
         if (slave.ring_position != 0 && slave.ring_position <= network.ring.size())
             network.ring[slave.ring_position - 1U].slave = slave.number;

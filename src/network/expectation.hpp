@@ -20,7 +20,7 @@ extern const Expectation kExpectation;
 
 // Gives each slave found its number by the rules of <margay/expected.hpp>, and each missing expected slave an entry.
 // Before the call the table and network.ring are in the order of the ring, with their topology. Returns whether the
-// number of any slave has changed. Errors: capacity.
+// station address of any slave has changed. Errors: capacity.
 [[nodiscard]] Result<bool> number_slaves(Network& network);
 
 // Gives each slave the configuration of its expected slave and notes the differences: other_slave, unsupported (the

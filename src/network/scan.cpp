@@ -144,7 +144,7 @@ void begin_table(Network& network, std::uint16_t count, bool in_init) {
     }
 }
 
-// Computes the topology, compares with the expected slaves, and assigns the station addresses again if numbers have
+// Computes the topology, compares with the expected slaves, and assigns the station addresses again if some have
 // changed.
 Task<Result<>> arrange(Network& network) {
     for (Slave& slave : network.slaves()) {

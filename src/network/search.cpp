@@ -1,5 +1,6 @@
 #include "network/search.hpp"
 
+#include "network/by_address.hpp"
 #include "network/configure.hpp"
 #include "network/expectation.hpp"
 #include "network/mailbox_setup.hpp"
@@ -62,16 +63,16 @@ Task<Result<bool>> is_of_two(Station station) {
 // search identifies both. While a request uses the slave of the table, this search leaves them as they are. Returns
 // whether the ring must be read again.
 Task<Result<bool>> end_clashes(Network& network) {
-    const std::size_t first = network.settings.first_station_address;
+    ByAddress table(network);
     const auto ring = network.seen_ring();
     bool any = false;
     for (std::size_t n = 0; n < ring.size(); ++n) {
         const std::uint16_t address = ring[n].address;
         const auto behind = ring.subspan(n + 1);
-        if (address < first || address >= first + network.count ||
-            std::ranges::find(behind, address, &RingPlace::address) == behind.end())
-            continue;
-        Slave& slave = network.slave(address - first + 1);
+        if (std::ranges::find(behind, address, &RingPlace::address) == behind.end()) continue;
+        Slave* known = table.find(address);
+        if (known == nullptr) continue;
+        Slave& slave = *known;
         const Station both{network.engine, {address}, 0};
         const bool two = co_await required(is_of_two(both));
         if (!two) co_return true;   // the ring has changed while it was read
@@ -94,11 +95,12 @@ Task<Result<bool>> end_clashes(Network& network) {
 // assigned yet. A slave that was lost and has its address belongs to readmit_slave(), which may be working on it; an
 // address that no slave has had since the scan comes from an earlier master.
 void recognise(Network& network) {
-    const std::size_t first = network.settings.first_station_address;
+    ByAddress table(network);
     for (Slave& slave : network.slaves()) slave.ring_position = 0;
     for (RingPlace& place : network.seen_ring()) {
-        if (place.address < first || place.address >= first + network.count) continue;
-        Slave& slave = network.slave(place.address - first + 1);
+        Slave* known = table.find(place.address);
+        if (known == nullptr) continue;
+        Slave& slave = *known;
         if (slave.ring_position != 0 || (is_lost(network, slave) && !slave.seen)) continue;
         slave.ring_position = 1;
         place.slave = slave.number;

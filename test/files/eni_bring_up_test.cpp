@@ -1,13 +1,8 @@
 // A scan, the ENI that is written of it, and bringing the same segment up by that ENI: the slaves have the same
 // registers.
-#include <margay/files/eni.hpp>
-#include <margay/host_context.hpp>
-#include <margay/margay.hpp>
-#include <margay/master_clock.hpp>
+#include "files/machine.hpp"
 
-#include "osal/virtual/virtual_osal.hpp"
-#include "oshw/simulated/simulated_nic.hpp"
-#include "sim/devices.hpp"
+#include <margay/files/eni.hpp>
 
 #include <gtest/gtest.h>
 
@@ -15,53 +10,6 @@ namespace margay::files {
 namespace {
 
 using namespace std::chrono_literals;
-
-std::string words(const Error& error) {
-    std::array<char, 400> text{};
-    return std::string(describe(error, text));
-}
-
-// A segment of simulated devices and a master, as after power-up.
-struct Machine {
-    explicit Machine(const std::vector<std::string>& devices, const Limits& limits = {}) : ctx(limits) {
-        for (const std::string& name : devices) {
-            auto device = sim::make_device(name);
-            const auto n = segment.add(std::move(*device).assemble());
-            n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0});
-        }
-        segment.power_up(osal.now());
-        EXPECT_TRUE(init(ctx, nic, osal));
-    }
-    [[nodiscard]] std::vector<std::byte> registers(std::uint32_t n) {
-        std::vector<std::byte> all;
-        const auto add = [&](std::uint16_t address, std::size_t octets) {
-            const auto some = segment.slave(n).peek(address, static_cast<std::uint16_t>(octets));
-            all.insert(all.end(), some.begin(), some.end());
-        };
-        add(0x0600, 0x80);
-        for (std::uint16_t sm = 0; sm < 8; ++sm) {
-            add(static_cast<std::uint16_t>(0x0800 + 8 * sm), 5);  // start, length, control
-            add(static_cast<std::uint16_t>(0x0806 + 8 * sm), 1);  // activate
-        }
-        add(0x0980, 2);
-        add(0x09A0, 8);
-        return all;
-    }
-    // With clocks the frames pass half a cycle before SYNC0.
-    [[nodiscard]] bool to_op(Duration cycle) {
-        MasterClock clock({.set_value = -cycle / 2, .phase = {.cycle = cycle}});
-        const auto op =
-            reach(ctx, AlState::op, 10s, {.period = cycle, .clock = reference_clock(ctx) != 0 ? &clock : nullptr});
-        EXPECT_TRUE(op) << words(op.error());
-        return op.ok();
-    }
-
-    VirtualOsal osal;
-    sim::Segment segment;
-    SimulatedNic nic{segment, osal};
-    HostContext ctx;
-    std::vector<std::byte> image = std::vector<std::byte>(4096);
-};
 
 // Writes the ENI of `first`, brings a new machine up by it and compares the registers of all slaves.
 void expect_same(Machine& first, const std::vector<std::string>& devices, Duration cycle = 1ms) {

@@ -95,6 +95,17 @@ foreach(check make contents dpkg service program)
                    ${PROJECT_BINARY_DIR}/nested/debian ${CMAKE_CURRENT_SOURCE_DIR}/install)
   set_tests_properties(install/debian_${check} PROPERTIES FIXTURES_REQUIRED debian SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 600)
 endforeach()
+# The packages where systemd is process 1: on the files of this machine, and on a Debian that has nothing else.
+foreach(root systemd bare)
+  set(files /)
+  if(root STREQUAL "bare")
+    set(files "${MARGAY_DEBIAN_ROOT}")
+  endif()
+  add_test(NAME install/debian_${root}
+           COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/install/systemd.sh ${PROJECT_BINARY_DIR}/nested/debian/packages
+                   ${PROJECT_BINARY_DIR}/nested/debian_${root} "${files}")
+  set_tests_properties(install/debian_${root} PROPERTIES FIXTURES_REQUIRED debian SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 600)
+endforeach()
 # After install/install, because both write the unit into the build folder.
 set_tests_properties(install/debian_make PROPERTIES FIXTURES_SETUP debian FIXTURES_REQUIRED prefix)
 

@@ -226,6 +226,11 @@ TEST_F(ExpectationTest, ListsThatContradictThemselvesAreRefused) {
     EXPECT_EQ(refused_at({head, {.number = 4, .hot_connect = 1}}), 2U) << "a member has no number";
     EXPECT_EQ(refused_at({head, {.number = 1}, head}), 3U) << "a group torn apart";
     EXPECT_EQ(refused_at({head, {.hot_connect = 1}, {.number = 1}}), 0U);
+    EXPECT_EQ(refused_at({{.number = 1, .station_address = 7}, {.number = 2}, {.number = 3, .station_address = 7}}),
+              3U);
+    EXPECT_EQ(refused_at({{.number = 1, .station_address = 0x0FFF}}), 1U) << "an address of unknown slaves";
+    EXPECT_EQ(refused_at({{.number = 1, .station_address = 0x0C00}}), 1U);
+    EXPECT_EQ(refused_at({{.number = 1, .station_address = 0x0BFF}, {.number = 2, .station_address = 0x1000}}), 0U);
     // A number above the limit.
     const ExpectedSlave far[] = {{.number = 1000}};
     ASSERT_TRUE(expect(ctx(), far).ok());

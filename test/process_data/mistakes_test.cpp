@@ -471,9 +471,11 @@ TEST_F(Mistakes, AListThatNoSlaveCanHaveSaysWhy) {
 
 TEST_F(Mistakes, AnEntryOfTheExpectedSlavesIsNamed) {
     const ExpectedSlave unknown[] = {{.number = 1}, {.product = 0x101}};
-    EXPECT_EQ(words(expect(*ctx, unknown).error()),
-              "comparing with what is expected: argument out of range (entry 2 of the list: without number, alias or "
-              "device id, with the number of another entry, or apart from its hot connect group)");
+    EXPECT_EQ(
+        words(expect(*ctx, unknown).error()),
+        "comparing with what is expected: argument out of range (entry 2 of the list: without number, alias or "
+        "device id, with the number or station address of another entry, with a reserved station address, or apart "
+        "from its hot connect group)");
 }
 
 TEST_F(Mistakes, AnEntryOfASlaveThatDoesNotExistIsNamed) {

@@ -195,6 +195,59 @@ TEST_F(ReportProgram, ALogOfTheMastersClockIsDrawn) {
     EXPECT_EQ(run("sim:demo --dc-log bad.csv").status, 3);
 }
 
+TEST_F(ReportProgram, ShowsTheCyclesOfAnApplicationFromItsFile) {
+    const auto io =
+        folder.run(std::string(MARGAY_BIN_DIR) +
+                   "/simple_io sim:demo --cycles 300 --histogram c.json > io.txt; grep -c '\"p99\"' c.json");
+    EXPECT_EQ(io.out, "5\n") << io.err;
+    const auto ran = run("sim:demo --cycle-log c.json --cycles 100");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(page().count("//section[@id='cycles']//svg[@class='cycle-figures']"), 2U);
+    const auto cycles = page().text("//section[@id='cycles']");
+    EXPECT_TRUE(contains(cycles, "From the file c.json: 300 cycles of the application.")) << cycles;
+    EXPECT_TRUE(contains(cycles, "300 cycles, 0 overruns, 0 without all frames, 0 with a wrong working counter"));
+    // Without cycles of its own, and with what went wrong in the application.
+    folder.write("wrong.json", content_of(folder.path() / "c.json"));
+    ASSERT_EQ(folder
+                  .run("sed -i 's/\"overruns\": 0/\"overruns\": 3/; s/\"wrong_working_counter\": 0/"
+                       "\"wrong_working_counter\": 2/' wrong.json")
+                  .status,
+              0);
+    const auto wrong = run("sim:demo --cycle-log wrong.json");
+    EXPECT_EQ(wrong.status, 1) << wrong.out;
+    EXPECT_EQ(page().count("//section[@id='cycles']//svg[@class='cycle-figures']"), 1U);
+    ASSERT_EQ(page().verdicts("fault").size(), 1U);
+    EXPECT_TRUE(contains(page().verdicts("fault")[0],
+                         "Of 300 cycles of the application, 0 lacked frames and 2 had a wrong working counter."));
+    folder.write("bad.json", "{\"cycles\": -3}");
+    const auto bad = run("sim:demo --cycle-log bad.json");
+    EXPECT_EQ(bad.status, 3);
+    EXPECT_TRUE(contains(bad.err, "bad.json: \"cycles\" is no whole number of 0 or above")) << bad.err;
+    EXPECT_EQ(run("sim:demo --cycle-log missing.json").status, 3);
+}
+
+TEST_F(ReportProgram, RecordsBothNicsOfARing) {
+    folder.write(
+        "ring.toml",
+        "ring = { slave = \"last\", port = 1 }\n[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"drive\"\n"
+        "[[slave]]\nname = \"last\"\ndevice = \"digital_io_16\"\n");
+    const auto ran = run("sim:ring.toml --record --cycles 200");
+    EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
+    const auto recording = page().text("//section[@id='recording']");
+    EXPECT_TRUE(contains(recording, "both NICs of a ring: the copies of a frame are counted as one frame"))
+        << recording;
+    ASSERT_EQ(run("report.pcap -o analysed.html").status, 0);
+    const auto analysed = page("analysed.html");
+    EXPECT_EQ(analysed.rows("recorded-slaves"), 3U);
+    for (std::size_t row = 1; row <= 3; ++row)
+        EXPECT_EQ(analysed.cell("recorded-slaves", row, "Last state"), "PREOP") << row;
+    EXPECT_TRUE(contains(recording, " 0 lost, 0 late")) << recording;
+    // A line has one NIC.
+    ASSERT_EQ(folder.run("sed -i 's/^ring = .*//; s/^name = .*//' ring.toml").status, 0);
+    ASSERT_EQ(run("sim:ring.toml --record --cycles 200 -o line.html").status, 0);
+    EXPECT_FALSE(contains(page("line.html").text("//section[@id='recording']"), "both NICs"));
+}
+
 TEST_F(ReportProgram, ReadsARunningApplication) {
     const auto ran = folder.run(std::string(MARGAY_BIN_DIR) +
                                 "/simple_io sim:drive,pulse_axis,drive --cycles 100000000 --period 2000 --attach "
@@ -226,6 +279,7 @@ TEST_F(ReportProgram, ASegmentInOpIsLeftToItsMaster) {
     if (!cable.missing().empty()) GTEST_SKIP() << cable.missing();
     folder.write("r.html", "old");
     const auto output = (folder.path() / "r.html").string();
+    const auto socket = (folder.path() / "s.sock").string();
     const auto report = [&](std::vector<std::string> arguments) {
         arguments.insert(arguments.begin(), program);
         process::Child child(cable.master_namespace(), arguments);
@@ -234,9 +288,16 @@ TEST_F(ReportProgram, ASegmentInOpIsLeftToItsMaster) {
     };
     process::Child segment(cable.segment_namespace(), {bin + "virtual_segment", process::Cable::kSegment, "demo"});
     ASSERT_TRUE(segment.says("serving", kPatience)) << segment.errors();
-    process::Child master(cable.master_namespace(),
-                          {bin + "simple_io", process::Cable::kMaster, "--cycles", "100000000", "--period", "2000"});
+    process::Child master(cable.master_namespace(), {bin + "simple_io", process::Cable::kMaster, "--cycles",
+                                                     "100000000", "--period", "2000", "--attach", socket});
     ASSERT_TRUE(master.says("all slaves in OP", kPatience)) << master.output() << master.errors();
+    // The interface of the application is on this machine, and so its facts are in the report.
+    const auto attached = report({"--attach", socket, "-o", (folder.path() / "a.html").string()});
+    EXPECT_LE(attached.status, 1) << attached.err;
+    const auto nic = page("a.html").text("//section[@id='machine']");
+    EXPECT_TRUE(contains(nic, std::string("Interface") + process::Cable::kMaster)) << nic;
+    EXPECT_TRUE(contains(nic, "veth")) << nic;
+    EXPECT_TRUE(contains(nic, "What nic_check says")) << nic;
     const auto before = segment.output().size();
     const auto refused = report({process::Cable::kMaster, "-o", output});
     EXPECT_EQ(refused.status, 1);

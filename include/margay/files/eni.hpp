@@ -11,11 +11,11 @@
 //
 // For systems with a heap.
 //
-// What of a file the library does in its own way, so that its commands are not sent as they stand: the scan and the
-// station addresses (the library assigns its own), the access to the SII, requests and checks of AL states (their
-// timeouts are used), the mailbox SyncManagers (from the SII of the slave), clearing of FMMUs and SyncManagers, and the
-// clocks. All other init commands become start-up commands of their slaves; those that broadcast a value become one
-// command for each slave.
+// What of a file the library does in its own way, so that its commands are not sent as they stand: the scan, the
+// assignment of the station addresses (of those that the file gives), the access to the SII, requests and checks of AL
+// states (their timeouts are used), the mailbox SyncManagers (from the SII of the slave), clearing of FMMUs and
+// SyncManagers, and the clocks. All other init commands become start-up commands of their slaves; those that broadcast
+// a value become one command for each slave.
 #pragma once
 
 #include <margay/clocks.hpp>
@@ -40,7 +40,7 @@ struct EniSlave {
     std::uint16_t number = 0;
     std::string name{};
     std::uint32_t line = 0;
-    std::uint16_t station_address = 0;             // as in the file; the library assigns others. 0: not given
+    std::uint16_t station_address = 0;             // PhysAddr, which config_init() assigns; 0: not given
     std::optional<std::uint16_t> ring_position{};  // as in the file, the first is 0
     Identity identity{};
 };
@@ -103,7 +103,9 @@ struct EniSettings {
 
 // Describes the segment of the context as an ENI: the slaves that config_init() has found, and of each mapped group its
 // process data, with the configuration in use. The slaves must be in SAFEOP or OP, because the function reads their
-// SyncManagers, FMMUs and SYNC registers. Waits. read_eni() of the text and bring_up() write the same registers again.
+// SyncManagers, FMMUs and SYNC registers. What expect() was given is written too: alias or device id, serial number,
+// newer revisions, hot connect groups that are there. Waits. read_eni() of the text and bring_up() write the same
+// registers and station addresses again. A slave that is missing is left out, which a remark says.
 [[nodiscard]] Written write_eni(Context& ctx, const EniSettings& settings = {});
 
 }  // namespace margay::files

@@ -1,0 +1,192 @@
+// What an ENI says about which slave it is: station addresses, aliases and device ids, hot connect groups. Written by
+// write_eni(), read again, and brought up: the slaves have the same registers.
+#include "files/examples.hpp"
+#include "files/machine.hpp"
+
+#include <margay/files/eni.hpp>
+
+#include <gtest/gtest.h>
+
+namespace margay::files {
+namespace {
+
+// Slaves 1, 2 and 3 are the line. The groups {alias 5, drive} and {device id 9} hang within it.
+const std::vector<std::string> kLine{"coupler", "digital_in_8", "digital_io_16@5", "drive", "digital_out_8", "io#9"};
+const ExpectedSlave kPlaces[] = {
+    {.number = 1, .station_address = 1001},
+    {.number = 2},
+    {.number = 3, .station_address = 0x1002},  // the library would give this address to slave 2
+    {.alias = std::uint16_t{5}, .hot_connect = 1, .station_address = 2001},
+    {.hot_connect = 1},
+    {.device_id = std::uint16_t{9}, .hot_connect = 2, .station_address = 3},
+};
+
+struct ExpectedMachine : Machine {
+    explicit ExpectedMachine(const std::vector<std::string>& devices = kLine) : Machine(devices) {
+        EXPECT_TRUE(expect(ctx, kPlaces));
+    }
+    void map() {
+        const auto found = config_init(ctx);
+        ASSERT_TRUE(found) << words(found.error());
+        const auto mapped = config_map(ctx, image);
+        ASSERT_TRUE(mapped) << words(mapped.error());
+    }
+    [[nodiscard]] Read<EniConfiguration> eni(std::size_t remarks = 0) {
+        const Written written = write_eni(ctx);
+        EXPECT_TRUE(written) << written.error;
+        EXPECT_EQ(written.remarks.size(), remarks);
+        auto read = read_eni(written.text);
+        EXPECT_TRUE(read) << to_text(read.problem) << "\n" << written.text;
+        for (const Remark& remark : read.remarks) ADD_FAILURE() << to_text(remark);
+        return read;
+    }
+};
+
+TEST(EniIdentity, TheListIsTheSameAfterwards) {
+    ExpectedMachine first;
+    first.map();
+    const auto eni = first.eni();
+    const auto list = eni->expected();
+    ASSERT_EQ(list.size(), std::size(kPlaces));
+    for (std::size_t n = 0; n < list.size(); ++n) {
+        const Slave& slave = first.ctx.slave(n + 1);
+        EXPECT_EQ(list[n].number, kPlaces[n].number) << n;
+        EXPECT_EQ(list[n].alias, kPlaces[n].alias) << n;
+        EXPECT_EQ(list[n].device_id, kPlaces[n].device_id) << n;
+        EXPECT_EQ(list[n].hot_connect, kPlaces[n].hot_connect) << n;
+        EXPECT_EQ(list[n].station_address, slave.station_address.value) << n;
+        EXPECT_EQ(list[n].vendor, slave.identity.vendor) << n;
+        EXPECT_EQ(list[n].product, slave.identity.product) << n;
+        EXPECT_EQ(list[n].revision, slave.identity.revision) << n;
+        EXPECT_EQ(eni->slaves[n].number, n + 1);
+    }
+    EXPECT_EQ(first.ctx.slave(1).station_address.value, 1001);
+    EXPECT_EQ(first.ctx.slave(3).station_address.value, 0x1002);
+    EXPECT_EQ(first.ctx.slave(6).station_address.value, 3);
+}
+
+TEST(EniIdentity, TheSameRegistersWithHotConnectGroups) {
+    ExpectedMachine first;
+    first.map();
+    const auto eni = first.eni();
+    // The groups hang where they hung, and at other places, where the devices of the line have other positions.
+    const std::vector<std::string> moved{"coupler",       "digital_in_8",    "io#9",
+                                         "digital_out_8", "digital_io_16@5", "drive"};
+    for (const auto& devices : {kLine, moved}) {
+        Machine second(devices, eni->limits());
+        const auto up = bring_up(second.ctx, *eni, second.image);
+        ASSERT_TRUE(up) << words(up.error());
+        for (std::uint32_t n = 0; n < kLine.size(); ++n) {
+            const auto there = static_cast<std::uint32_t>(std::ranges::find(devices, kLine[n]) - devices.begin());
+            EXPECT_EQ(first.registers(n), second.registers(there)) << kLine[n];
+        }
+        EXPECT_EQ(first.ctx.group(0).expected_wkc, second.ctx.group(0).expected_wkc);
+        EXPECT_TRUE(second.to_op(1ms));
+    }
+}
+
+TEST(EniIdentity, AGroupMayBeMissingAndComesLater) {
+    ExpectedMachine first;
+    first.map();
+    const auto eni = first.eni();
+    Machine second(kLine, eni->limits());
+    second.segment.set_power(5, false, second.osal.now());
+    const auto up = bring_up(second.ctx, *eni, second.image);
+    ASSERT_TRUE(up) << words(up.error());
+    EXPECT_EQ(second.ctx.slave(6).ring_position, 0);
+    SuperviseRequest supervise;
+    ASSERT_TRUE(submit(second.ctx, supervise));
+    ASSERT_TRUE(second.to_op(1ms));
+    second.segment.set_power(5, true, second.osal.now());
+    const auto seen = run_cycle(second.ctx, {.period = 1ms}, [&](const CycleInfo& info) {
+        return second.ctx.slave(6).al.state != AlState::op && info.number < 20'000;
+    });
+    ASSERT_TRUE(seen) << words(seen.error());
+    EXPECT_EQ(second.ctx.slave(6).al.state, AlState::op);
+    EXPECT_EQ(first.registers(5), second.registers(5)) << "also its station address";
+}
+
+TEST(EniIdentity, ALeftOutGroupIsSaid) {
+    ExpectedMachine first;
+    first.segment.set_power(5, false, first.osal.now());
+    first.map();
+    const auto eni = first.eni(1);
+    EXPECT_EQ(eni->slaves.size(), 5U);
+}
+
+TEST(EniIdentity, AliasSerialNumberAndNewerRevisionOfTheLine) {
+    const std::vector<std::string> devices{"coupler", "digital_out_8@77"};
+    const ExpectedSlave expected[] = {{.number = 1, .revision = 0, .newer_revision = true},
+                                      {.number = 2, .alias = std::uint16_t{77}, .serial = 0}};
+    Machine first(devices);
+    ASSERT_TRUE(expect(first.ctx, expected));
+    ASSERT_TRUE(config_init(first.ctx));
+    ASSERT_TRUE(config_map(first.ctx, first.image));
+    const Written written = write_eni(first.ctx);
+    const auto eni = read_eni(written.text);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    for (const Remark& remark : eni.remarks) ADD_FAILURE() << to_text(remark);
+    const auto list = eni->expected();
+    EXPECT_EQ(list[0].revision, 0U);
+    EXPECT_TRUE(list[0].newer_revision);
+    EXPECT_FALSE(list[1].newer_revision);
+    EXPECT_EQ(list[1].alias, 77);
+    EXPECT_EQ(list[1].serial, 0U);
+    EXPECT_EQ(list[1].number, 2);
+    EXPECT_EQ(list[1].hot_connect, 0);
+    Machine other({"coupler", "digital_out_8@78"});
+    const auto up = bring_up(other.ctx, *eni, other.image);
+    ASSERT_FALSE(up);
+    EXPECT_EQ(up.error().code, Errc::other_slave);
+    EXPECT_EQ(up.error().slave, 2);
+}
+
+// Recognised by its alias at any place: the nearest that an ENI has is a group of one.
+TEST(EniIdentity, ASlaveAtAnyPlaceBecomesAGroup) {
+    Machine first({"coupler", "digital_out_8@77", "digital_in_8"});
+    const ExpectedSlave expected[] = {{.number = 1}, {.alias = std::uint16_t{77}}, {.number = 2, .optional = true}};
+    ASSERT_TRUE(expect(first.ctx, expected));
+    ASSERT_TRUE(config_init(first.ctx));
+    ASSERT_TRUE(config_map(first.ctx, first.image));
+    const Written written = write_eni(first.ctx);
+    const auto eni = read_eni(written.text);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    ASSERT_EQ(eni->expected().size(), 3U);
+    EXPECT_EQ(eni->expected()[2].alias, 77);
+    EXPECT_NE(eni->expected()[2].hot_connect, 0);
+    EXPECT_EQ(written.remarks,
+              (std::vector<std::string>{
+                  "slave 2 may be missing, which an ENI can only say of a hot connect group",
+                  "slave 3 may be at any place: it is written as a hot connect group, which may be missing"}));
+}
+
+TEST(EniIdentity, WrongStationAddressesAreNamed) {
+    std::string text = kExampleEni;
+    auto eni = read_eni(text);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    std::vector<std::uint16_t> addresses;
+    for (const EniSlave& slave : eni->slaves) addresses.push_back(slave.station_address);
+    ASSERT_EQ(addresses.size(), 2U);
+    for (std::size_t n = 0; n < 2; ++n) EXPECT_EQ(eni->expected()[n].station_address, addresses[n]);
+
+    const auto replace = [&](const std::string& from, const std::string& to) {
+        std::string changed = text;
+        for (std::size_t at = 0; (at = changed.find(from, at)) != std::string::npos; at += to.size())
+            changed.replace(at, from.size(), to);
+        return changed;
+    };
+    const std::string second = ">" + std::to_string(addresses[1]) + "<";
+    const auto twice = read_eni(replace("<PhysAddr" + second, "<PhysAddr>" + std::to_string(addresses[0]) + "<"));
+    ASSERT_FALSE(twice);
+    EXPECT_NE(to_text(twice.problem).find("the slave has the PhysAddr of the slave in line"), std::string::npos)
+        << to_text(twice.problem);
+    const auto reserved = read_eni(replace(second, ">3500<"));
+    ASSERT_TRUE(reserved) << to_text(reserved.problem);
+    EXPECT_EQ(reserved->expected()[1].station_address, 0);
+    EXPECT_TRUE(std::ranges::any_of(reserved.remarks, [](const Remark& remark) {
+        return to_text(remark).find("gets another PhysAddr than 0x0dac") != std::string::npos;
+    }));
+}
+
+}  // namespace
+}  // namespace margay::files
