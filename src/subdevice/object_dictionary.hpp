@@ -179,7 +179,9 @@ struct ObjectHooks {
 struct Object {
     std::uint16_t index = 0;
     ObjectCode code = ObjectCode::null;
+    std::uint8_t slot = 0;  // the object belongs to the module in this slot, from 1 on; 0: to the device (modules.hpp)
     DataType type = DataType::none;
+    std::uint16_t image_start = 0;  // added to the offsets of the entries: the values of the module
     std::string_view name{};
     std::span<const Entry> entries{};  // ascending by subindex
     const ObjectHooks* hooks = nullptr;
@@ -292,15 +294,32 @@ template <class T>
 
 [[nodiscard]] constexpr Object variable(std::uint16_t index, std::string_view name, std::span<const Entry> entry,
                                         const ObjectHooks* hooks = nullptr) {
-    return {index, ObjectCode::variable, entry.front().type, name, entry, hooks};
+    return {index, ObjectCode::variable, 0, entry.front().type, 0, name, entry, hooks};
 }
 [[nodiscard]] constexpr Object array(std::uint16_t index, std::string_view name, std::span<const Entry> entries,
                                      const ObjectHooks* hooks = nullptr) {
-    return {index, ObjectCode::array, entries.back().type, name, entries, hooks};
+    return {index, ObjectCode::array, 0, entries.back().type, 0, name, entries, hooks};
 }
 [[nodiscard]] constexpr Object record(std::uint16_t index, std::string_view name, std::span<const Entry> entries,
                                       const ObjectHooks* hooks = nullptr, DataType type = DataType::none) {
-    return {index, ObjectCode::record, type, name, entries, hooks};
+    return {index, ObjectCode::record, 0, type, 0, name, entries, hooks};
+}
+
+// Whether the index of an object of a module depends on the slot of the module (PDOs have a distance of their own).
+[[nodiscard]] constexpr bool moves_with_slot(std::uint16_t index) { return index >= 0x2000 && index < 0xF000; }
+
+// Two tables as one, ascending by index.
+template <std::size_t N, std::size_t M>
+[[nodiscard]] constexpr std::array<Object, N + M> joined(const std::array<Object, N>& a,
+                                                         const std::array<Object, M>& b) {
+    std::array<Object, N + M> all{};
+    std::ranges::copy(b, std::ranges::copy(a, all.begin()).out);
+    std::ranges::sort(all, {}, &Object::index);
+    return all;
+}
+template <std::size_t N, std::size_t M>
+[[nodiscard]] constexpr std::array<Object, N + M> joined(const Object (&a)[N], const std::array<Object, M>& b) {
+    return joined(std::to_array(a), b);
 }
 
 // Checks a table: indices ascending, values inside the image, each subindex unique, minimum not above maximum, a memory
@@ -327,6 +346,49 @@ template <class T>
 
 // ------------------------------------------------------------------ at run time
 
+// The objects of a dictionary, ascending by index: those of the table, and those of the modules.
+class ObjectRange {
+  public:
+    class Iterator {
+      public:
+        using difference_type = std::ptrdiff_t;
+        using value_type = Object;
+        constexpr Iterator() = default;
+        constexpr explicit Iterator(const ObjectRange& range) : table_(range.table_), modules_(range.modules_) {}
+        [[nodiscard]] constexpr const Object& operator*() const {
+            return from_table() ? table_.front() : modules_.front();
+        }
+        constexpr Iterator& operator++() {
+            auto& list = from_table() ? table_ : modules_;
+            list = list.subspan(1);
+            return *this;
+        }
+        constexpr Iterator operator++(int) {
+            auto before = *this;
+            ++*this;
+            return before;
+        }
+        [[nodiscard]] constexpr bool operator==(const Iterator& other) const {
+            return table_.size() == other.table_.size() && modules_.size() == other.modules_.size();
+        }
+
+      private:
+        [[nodiscard]] constexpr bool from_table() const {
+            return modules_.empty() || (!table_.empty() && table_.front().index < modules_.front().index);
+        }
+        std::span<const Object> table_{};
+        std::span<const Object> modules_{};
+    };
+    constexpr ObjectRange(std::span<const Object> table, std::span<const Object> modules)
+        : table_(table), modules_(modules) {}
+    [[nodiscard]] constexpr Iterator begin() const { return Iterator(*this); }
+    [[nodiscard]] constexpr Iterator end() const { return Iterator(); }
+
+  private:
+    std::span<const Object> table_;
+    std::span<const Object> modules_;
+};
+
 class ObjectDictionary {
   public:
     // All arguments must outlive the dictionary. The dictionary passes the application to the hooks.
@@ -335,10 +397,10 @@ class ObjectDictionary {
         restore_defaults();
     }
 
-    [[nodiscard]] std::span<const Object> objects() const { return objects_; }
+    [[nodiscard]] ObjectRange objects() const { return {objects_, modules_}; }
     [[nodiscard]] MutableBytes image() const { return image_; }
     [[nodiscard]] Application* application() const { return application_; }
-    [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: the table has no such object
+    [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: there is no such object
     // False: the hook of the object says that the device does not have it.
     [[nodiscard]] bool exists(const Object& object);
 
@@ -346,8 +408,21 @@ class ObjectDictionary {
     // bits (for example od::kBackup).
     void restore_defaults(std::uint16_t access = 0);
 
+    void restore_defaults(const Object& object, std::uint16_t access = 0);
+
+    // The objects of the modules, ascending by index, and the distance between the indices of two slots. Modules calls
+    // it. Other objects of modules must not be in use meanwhile.
+    void set_modules(std::span<const Object> objects, std::uint16_t distance) {
+        modules_ = objects;
+        module_distance_ = distance;
+    }
+
     // Memory of a value in the image; empty for another storage.
-    [[nodiscard]] MutableBytes in_image(const Entry& entry, unsigned subindex) const;
+    [[nodiscard]] MutableBytes in_image(const Object& object, const Entry& entry, unsigned subindex) const;
+
+    // The constant or initial value of a number. In the PDO of a module, the objects of the module are those of its
+    // slot.
+    [[nodiscard]] std::uint64_t initial(const Object& object, const Entry& entry) const;
 
     // A number of up to 8 octets; 0 if the entry does not exist. For the objects of the stack; applications use Field.
     [[nodiscard]] std::uint64_t number(std::uint16_t index, unsigned subindex) const;
@@ -364,6 +439,8 @@ class ObjectDictionary {
 
   private:
     std::span<const Object> objects_;
+    std::span<const Object> modules_{};
+    std::uint16_t module_distance_ = 0;
     MutableBytes image_;
     Application* application_;
     const PdoMapping* blocked_ = nullptr;

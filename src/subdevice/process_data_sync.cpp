@@ -21,7 +21,7 @@ MutableBytes entry_memory(ObjectDictionary& dictionary, std::uint16_t index, std
     const auto* const object = dictionary.find(index);
     const auto* const entry = object != nullptr ? object->entry(subindex) : nullptr;
     if (entry == nullptr || entry->bytes() != bytes) return {};
-    return dictionary.in_image(*entry, subindex);
+    return dictionary.in_image(*object, *entry, subindex);
 }
 
 MutableBytes time_memory(ObjectDictionary& dictionary, const ProcessDataArea& area) {

@@ -162,6 +162,9 @@ class StandardObjects {
         // The PDOs of a device with more SyncManagers are those of the author.
         if ((of_outputs && !Description.more_outputs.empty()) || (of_inputs && !Description.more_inputs.empty()))
             return false;
+        // An author who writes the assignment has other PDOs where no value would be in that of this list.
+        if (object.index == 0x1600 && kRx.entries == 0 && replaced(Description.outputs.assignment())) return false;
+        if (object.index == 0x1A00 && kTx.entries == 0 && replaced(Description.inputs.assignment())) return false;
         return !replaced(object.index) && (!of_outputs || Description.outputs.present()) &&
                (!of_inputs || Description.inputs.present());
     }

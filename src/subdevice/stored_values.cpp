@@ -50,7 +50,7 @@ template <class Visit>
 void for_each_value(const ObjectDictionary& dictionary, Visit visit) {
     for_each_line(dictionary, [&](const Object& object, const Entry& entry) {
         for (unsigned n = entry.subindex; n <= entry.last(); ++n)
-            visit(object, entry, static_cast<std::uint8_t>(n), dictionary.in_image(entry, n));
+            visit(object, entry, static_cast<std::uint8_t>(n), dictionary.in_image(object, entry, n));
     });
 }
 
