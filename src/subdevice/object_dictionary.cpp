@@ -9,13 +9,26 @@ namespace margay::subdevice {
 
 static_assert(sizeof(void*) != 4 || sizeof(Entry) == 32, "the table of a device has an entry for each line");
 
-const Object* ObjectDictionary::find(std::uint16_t index) const {
+const Object* ObjectDictionary::from(std::uint32_t index) const {
+    const Object* first = nullptr;
     for (const auto objects : {objects_, modules_}) {
         const auto at = std::lower_bound(objects.begin(), objects.end(), index,
-                                         [](const Object& o, std::uint16_t wanted) { return o.index < wanted; });
-        if (at != objects.end() && at->index == index) return &*at;
+                                         [](const Object& o, std::uint32_t wanted) { return o.index < wanted; });
+        if (at != objects.end() && (first == nullptr || at->index < first->index)) first = &*at;
     }
-    return nullptr;
+    return first;
+}
+
+const Object* ObjectDictionary::find(std::uint16_t index) const {
+    const auto* const object = from(index);
+    return object != nullptr && object->index == index ? object : nullptr;
+}
+
+ObjectRange::Iterator ObjectRange::begin() const { return {dictionary_, dictionary_.from(0)}; }
+
+ObjectRange::Iterator& ObjectRange::Iterator::operator++() {
+    at_ = dictionary_.from(at_->index + 1U);
+    return *this;
 }
 
 bool ObjectDictionary::exists(const Object& object) {

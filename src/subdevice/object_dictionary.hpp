@@ -351,42 +351,21 @@ class ObjectRange {
   public:
     class Iterator {
       public:
-        using difference_type = std::ptrdiff_t;
-        using value_type = Object;
-        constexpr Iterator() = default;
-        constexpr explicit Iterator(const ObjectRange& range) : table_(range.table_), modules_(range.modules_) {}
-        [[nodiscard]] constexpr const Object& operator*() const {
-            return from_table() ? table_.front() : modules_.front();
-        }
-        constexpr Iterator& operator++() {
-            auto& list = from_table() ? table_ : modules_;
-            list = list.subspan(1);
-            return *this;
-        }
-        constexpr Iterator operator++(int) {
-            auto before = *this;
-            ++*this;
-            return before;
-        }
-        [[nodiscard]] constexpr bool operator==(const Iterator& other) const {
-            return table_.size() == other.table_.size() && modules_.size() == other.modules_.size();
-        }
+        Iterator(const ObjectDictionary& dictionary, const Object* at) : dictionary_(dictionary), at_(at) {}
+        [[nodiscard]] const Object& operator*() const { return *at_; }
+        Iterator& operator++();
+        [[nodiscard]] bool operator==(const Iterator& other) const { return at_ == other.at_; }
 
       private:
-        [[nodiscard]] constexpr bool from_table() const {
-            return modules_.empty() || (!table_.empty() && table_.front().index < modules_.front().index);
-        }
-        std::span<const Object> table_{};
-        std::span<const Object> modules_{};
+        const ObjectDictionary& dictionary_;
+        const Object* at_;
     };
-    constexpr ObjectRange(std::span<const Object> table, std::span<const Object> modules)
-        : table_(table), modules_(modules) {}
-    [[nodiscard]] constexpr Iterator begin() const { return Iterator(*this); }
-    [[nodiscard]] constexpr Iterator end() const { return Iterator(); }
+    explicit ObjectRange(const ObjectDictionary& dictionary) : dictionary_(dictionary) {}
+    [[nodiscard]] Iterator begin() const;
+    [[nodiscard]] Iterator end() const { return {dictionary_, nullptr}; }
 
   private:
-    std::span<const Object> table_;
-    std::span<const Object> modules_;
+    const ObjectDictionary& dictionary_;
 };
 
 class ObjectDictionary {
@@ -397,10 +376,12 @@ class ObjectDictionary {
         restore_defaults();
     }
 
-    [[nodiscard]] ObjectRange objects() const { return {objects_, modules_}; }
+    [[nodiscard]] ObjectRange objects() const { return ObjectRange(*this); }
     [[nodiscard]] MutableBytes image() const { return image_; }
     [[nodiscard]] Application* application() const { return application_; }
     [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: there is no such object
+    // The first object with this index or a higher one; nullptr: there is none.
+    [[nodiscard]] const Object* from(std::uint32_t index) const;
     // False: the hook of the object says that the device does not have it.
     [[nodiscard]] bool exists(const Object& object);
 

@@ -52,12 +52,11 @@ std::size_t SdoInformation::count(ListType type) const {
 
 void SdoInformation::list(std::uint16_t type, Outbox& out) {
     if (type > coe::kLastListType) return fail(Abort::unsupported_access, out);
-    const auto objects = dictionary_.objects();
-    if (objects.begin() == objects.end()) return fail(Abort::no_dictionary, out);
+    if (dictionary_.from(0) == nullptr) return fail(Abort::no_dictionary, out);
     head_bytes_ = 0;
     append(type, 2);
     list_ = static_cast<ListType>(type);
-    next_object_ = objects.begin();
+    next_index_ = 0;
     std::size_t indices = 0;
     if (list_ == ListType::lengths) {
         for (std::uint16_t each = 1; each <= coe::kLastListType; ++each) append(count(static_cast<ListType>(each)), 2);
@@ -154,11 +153,13 @@ void SdoInformation::fill(MutableBytes to) {
     std::size_t n = 0;
     for (; n < to.size() && sent_ < head_bytes_; ++n) to[n] = head_[sent_++];
     if (opcode_ == InfoOpcode::list_response) {
-        const auto end = dictionary_.objects().end();
         for (; n < to.size(); n += 2, sent_ += 2) {
-            while (next_object_ != end && !belongs(*next_object_, list_)) ++next_object_;
+            const auto* object = dictionary_.from(next_index_);
+            while (object != nullptr && !belongs(*object, list_)) object = dictionary_.from(object->index + 1U);
             // An object may disappear while its list is sent: then the list ends with zeros.
-            store_le(to, n, next_object_ != end ? (*next_object_++).index : std::uint16_t{0});
+            const auto index = object != nullptr ? object->index : std::uint16_t{0};
+            store_le(to, n, index);
+            next_index_ = object != nullptr ? index + 1U : 0x10000U;
         }
     } else {
         for (; n < to.size(); ++n) to[n] = static_cast<std::byte>(text_[sent_++ - head_bytes_]);

@@ -35,15 +35,15 @@ class ValueStore {
 [[nodiscard]] constexpr bool is_stored(const Entry& entry) {
     return (entry.access & od::kBackup) != 0 && entry.storage == Storage::image;
 }
-[[nodiscard]] constexpr std::size_t stored_bytes(const ObjectRange& objects) {
-    std::size_t bytes = 12;
-    for (const Object& object : objects)
-        for (const Entry& entry : object.entries)
-            if (is_stored(entry)) bytes += std::size_t{entry.bytes()} * entry.count;
-    return bytes;
+[[nodiscard]] constexpr std::size_t stored_bytes(const Entry& entry) {
+    return is_stored(entry) ? std::size_t{entry.bytes()} * entry.count : 0;
 }
+inline constexpr std::size_t kStoredHeadBytes = 12;
 [[nodiscard]] constexpr std::size_t stored_bytes(std::span<const Object> table) {
-    return stored_bytes(ObjectRange(table, {}));
+    std::size_t bytes = kStoredHeadBytes;
+    for (const Object& object : table)
+        for (const Entry& entry : object.entries) bytes += stored_bytes(entry);
+    return bytes;
 }
 
 class StoredValues {
