@@ -2,15 +2,16 @@
 // slot the module that is plugged in. The author writes the objects of one module as those of the first slot; the stack
 // makes those of each slot out of them, the PDO assignment, and the objects that describe the modules to the master:
 //
-//     struct OutValues { using lamps = Field<std::uint8_t, 0>; };                        // of one module
-//     constexpr Entry kOut[] = {entry_count(1), value<OutValues::lamps>(1, "Lamps", od::kReadWrite | od::kRxMappable)};
+//     struct OutValues { std::uint8_t lamps; };                                           // of one module
+//     constexpr Entry kOut[] = {entry_count(1), value<&OutValues::lamps>(1, "Lamps", od::kReadWrite | od::kRxMappable)};
 //     constexpr Entry kOutPdo[] = {entry_count(1), mapped(1, 0x7000, 1, 8)};
 //     constexpr Object kOutObjects[] = {record(0x1600, "Lamps", kOutPdo, nullptr, DataType::pdo_mapping),
 //                                       record(0x7000, "Lamps", kOut)};
-//     constexpr ModuleKind kKinds[] = {{.ident = 0x21, .name = "8 lamps", .objects = kOutObjects, .value_bytes = 1}};
+//     constexpr ModuleKind kKinds[] = {
+//         {.ident = 0x21, .name = "8 lamps", .objects = kOutObjects, .value_bytes = sizeof(OutValues)}};
 //     constexpr ModularDevice kModular{.kinds = kKinds, .slots = 4};
 //
-//     using Tables = ModuleTables<kModular, Values::bytes>;                              // behind the own values
+//     using Tables = ModuleTables<kModular, sizeof(Values)>;                             // behind the own values
 //     constexpr auto kObjects = joined(kOwnObjects, Tables::kObjects);                   // 0x1C12, 0x1C13, 0xF000 …
 //     static_assert(well_formed(kObjects, Tables::end, kModular));
 //     constexpr DeviceDescription kDevice{… .outputs = {… .max_bytes = Tables::most_bytes(true)}};
@@ -248,7 +249,7 @@ class Modules final : public ModuleLayout {
 
     // The kind of the module whose objects are there now; nullptr: the slot has no objects.
     [[nodiscard]] const ModuleKind* in_use(unsigned slot) const;
-    // The values of that module, for the fields of its kind; empty before lay_out().
+    // The octets of the values of that module, for values_in() and store_values(); empty before lay_out().
     [[nodiscard]] MutableBytes values(unsigned slot) const;
 
     // Device calls it. Before the device starts, call it for write_sii() and StoredValues::load(). A module that takes

@@ -3,21 +3,22 @@
 //
 // A table is written once for a type of device and is placed in flash; all devices of the type share it. Values are
 // stored in the image in the byte order of the wire (little-endian). Therefore an application accesses them through
-// Field, an SDO copies them without conversion, and the PDO mapping copies bits:
+// a struct of values (values.hpp) or through Field, an SDO copies them without conversion, and the PDO mapping copies
+// bits:
 //
 //     struct Values {
-//         using outputs = Field<std::uint8_t, 0>;
-//         using limit = Field<std::int16_t, 2>;
-//         static constexpr std::size_t bytes = 4;
+//         std::uint8_t outputs;
+//         Le<std::int16_t> limit;
 //     };
-//     constexpr Entry kOutputs[] = {value<Values::outputs>(0, "Outputs", od::kReadWrite | od::kRxMappable)};
-//     constexpr Entry kLimit[] = {value<Values::limit>(0, "Limit", od::kReadWrite, 100).within(kLimits<-500, 500>)};
+//     constexpr Entry kOutputs[] = {value<&Values::outputs>(0, "Outputs", od::kReadWrite | od::kRxMappable)};
+//     constexpr Entry kLimit[] = {value<&Values::limit>(0, "Limit", od::kReadWrite, 100).within(kLimits<-500, 500>)};
 //     constexpr Object kObjects[] = {variable(0x7000, "Outputs", kOutputs), variable(0x8000, "Limit", kLimit)};
-//     static_assert(well_formed(kObjects, Values::bytes));
+//     static_assert(well_formed(kObjects, sizeof(Values)));
 #pragma once
 
 #include "subdevice/description.hpp"
 #include "subdevice/esc_access.hpp"
+#include "subdevice/values.hpp"
 #include "util/bytes.hpp"
 #include "wire/coe.hpp"
 
@@ -229,6 +230,15 @@ template <class F>
             .initial = static_cast<std::uint64_t>(initial)};
 }
 
+// The same for a member of a struct of values. An array has a subindex for each element.
+template <auto Member>
+[[nodiscard]] constexpr Entry value(std::uint8_t subindex, const char* name, std::uint16_t access,
+                                    typename MemberField<Member>::Type initial = 0) {
+    constexpr auto kCount = members::Number<MemberType<Member>>::count;
+    static_assert(kCount <= 255);
+    return value<MemberField<Member>>(subindex, name, access, initial).times(static_cast<std::uint8_t>(kCount));
+}
+
 // A number of `bits` bits (1 to 8) that uses one octet of the image: BOOLEAN, BIT2 and so on.
 template <class F>
 requires std::same_as<typename F::Type, std::uint8_t>
@@ -238,6 +248,13 @@ requires std::same_as<typename F::Type, std::uint8_t>
     e.type = bits == 1 ? DataType::boolean : static_cast<DataType>(static_cast<unsigned>(DataType::bit1) + bits - 1);
     e.bits = bits;
     return e;
+}
+
+template <auto Member>
+[[nodiscard]] constexpr Entry flag(std::uint8_t subindex, const char* name, std::uint16_t access,
+                                   unsigned bits = 1, std::uint8_t initial = 0) {
+    constexpr auto kCount = members::Number<MemberType<Member>>::count;
+    return flag<MemberField<Member>>(subindex, name, access, bits, initial).times(static_cast<std::uint8_t>(kCount));
 }
 
 // Octets in the image: strings (padded with zeros), domains and other types.
@@ -252,6 +269,12 @@ requires std::same_as<typename F::Type, std::uint8_t>
             .name = name,
             .more = initial.empty() ? nullptr : initial.data(),
             .initial = initial.size()};
+}
+
+template <auto Member>
+[[nodiscard]] constexpr Entry octets(std::uint8_t subindex, const char* name, DataType type, std::uint16_t access,
+                                     std::string_view initial = {}) {
+    return octets(subindex, name, type, access, offset_of(Member), sizeof(MemberType<Member>), initial);
 }
 
 template <class T>

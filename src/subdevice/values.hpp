@@ -10,12 +10,13 @@
 //     value<&Values::lamps>(0, "Lamps", od::kReadWrite), value<&Values::currents>(1, "Current", od::kReadOnly) …
 //     values.lamps = 5;  if (values.currents[2] > values.limit) …
 //
-// The octets of the struct are the image of the dictionary: std::as_writable_bytes(std::span(&values, 1)). The image has
-// the octet order of the wire on every processor, so a number of more than one octet is a Le.
+// The octets of the struct are the image of the dictionary, image_of(values). The image has the octet order of the wire
+// on every processor, so a number of more than one octet is a Le.
 #pragma once
 
 #include "util/bytes.hpp"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <concepts>
@@ -79,7 +80,25 @@ template <class Struct, class Member>
 Member member_of(Member Struct::*);
 }  // namespace members
 
-// The type of a member, and the Field of a number: for values in octets, as those of a module.
+template <class Struct>
+[[nodiscard]] MutableBytes image_of(Struct& values) {
+    static_assert(std::is_trivially_copyable_v<Struct>);
+    return std::as_writable_bytes(std::span(&values, 1));
+}
+
+// Copies a struct of values from the octets of an image, or into them: those of a module (Modules::values()).
+template <class Struct>
+[[nodiscard]] Struct values_in(Bytes octets) {
+    Struct values{};
+    std::ranges::copy(octets.first(sizeof(Struct)), image_of(values).begin());
+    return values;
+}
+template <class Struct>
+void store_values(MutableBytes octets, Struct values) {
+    std::ranges::copy(image_of(values), octets.begin());
+}
+
+// The type of a member, and the Field of the number in it, or of the first one.
 template <auto Member>
 using MemberType = decltype(members::member_of(Member));
 template <auto Member>

@@ -94,7 +94,8 @@ constexpr DeviceDescription kRackDevice{
     .outputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = RackTables::most_bytes(true)},
     .inputs = {.sync_manager = 3, .start = 0x1480, .max_bytes = RackTables::most_bytes(false) + 2}};
 static_assert(kRackDevice.outputs.max_bytes == 2 && kRackDevice.inputs.max_bytes == 11);
-using RackStack = StandardDevice<kRackDevice, kRackObjects, RackTables::end, 0, 0x1389, RackTables::kMostMapped + 1>;
+using RackStack = StandardDevice<kRackDevice, kRackObjects, std::array<std::byte, RackTables::end>, 0, 0x1389,
+                                 RackTables::kMostMapped + 1>;
 
 class Rack final : public Application {
   public:

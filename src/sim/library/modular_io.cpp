@@ -16,46 +16,41 @@ constexpr auto kModularIn = od::kRead | od::kTxMappable;
 
 // The values of one module of each kind.
 struct FourLamps {
-    using lamps = Field<std::uint8_t, 0>;  // four: one octet each
-    static constexpr std::uint16_t bytes = lamps::end + 3;
+    std::array<std::uint8_t, 4> lamps;
 };
 struct EightKeys {
-    using keys = Field<std::uint8_t, 0>;
-    static constexpr std::uint16_t bytes = keys::end;
+    std::uint8_t keys;
 };
 struct TwoMeters {
-    using levels = Field<std::int16_t, 0>;                 // two
-    using offsets = Field<std::int16_t, levels::end + 2>;  // two
-    static constexpr std::uint16_t bytes = offsets::end + 2;
+    std::array<Le<std::int16_t>, 2> levels;
+    std::array<Le<std::int16_t>, 2> offsets;
 };
 struct OneCounter {
-    using preset = Field<std::uint32_t, 0>;
-    using count = Field<std::uint32_t, preset::end>;
-    static constexpr std::uint16_t bytes = count::end;
+    Le<std::uint32_t> preset;
+    Le<std::uint32_t> count;
 };
 
-constexpr Entry kLampEntries[] = {entry_count(4), flag<FourLamps::lamps>(1, "Lamp", kModularOut).times(4)};
+constexpr Entry kLampEntries[] = {entry_count(4), flag<&FourLamps::lamps>(1, "Lamp", kModularOut)};
 constexpr Entry kLampPdo[] = {entry_count(4), mapped(1, 0x7000, 1, 1), mapped(2, 0x7000, 2, 1), mapped(3, 0x7000, 3, 1),
                               mapped(4, 0x7000, 4, 1)};
 constexpr Object kLampModule[] = {record(0x1600, "Lamps", kLampPdo, nullptr, DataType::pdo_mapping),
                                   array(0x7000, "Lamps", kLampEntries)};
 
-constexpr Entry kKeyEntries[] = {entry_count(1), value<EightKeys::keys>(1, "Keys", kModularIn)};
+constexpr Entry kKeyEntries[] = {entry_count(1), value<&EightKeys::keys>(1, "Keys", kModularIn)};
 constexpr Entry kKeyPdo[] = {entry_count(1), mapped(1, 0x6000, 1, 8)};
 constexpr Object kKeyModule[] = {record(0x1A00, "Keys", kKeyPdo, nullptr, DataType::pdo_mapping),
                                  record(0x6000, "Keys", kKeyEntries)};
 
-constexpr Entry kMeterEntries[] = {entry_count(2), value<TwoMeters::levels>(1, "Level", kModularIn).times(2)};
+constexpr Entry kMeterEntries[] = {entry_count(2), value<&TwoMeters::levels>(1, "Level", kModularIn)};
 constexpr Entry kMeterSettings[] = {
-    entry_count(2), value<TwoMeters::offsets>(1, "Offset", od::kReadWrite | od::kBackup | od::kSettings, 100)
-                        .within(kLimits<-1000, 1000>)
-                        .times(2)};
+    entry_count(2), value<&TwoMeters::offsets>(1, "Offset", od::kReadWrite | od::kBackup | od::kSettings, 100)
+                        .within(kLimits<-1000, 1000>)};
 constexpr Entry kMeterPdo[] = {entry_count(2), mapped(1, 0x6000, 1, 16), mapped(2, 0x6000, 2, 16)};
 constexpr Object kMeterModule[] = {record(0x1A00, "Levels", kMeterPdo, nullptr, DataType::pdo_mapping),
                                    array(0x6000, "Levels", kMeterEntries), array(0x8000, "Offsets", kMeterSettings)};
 
-constexpr Entry kCounterPreset[] = {entry_count(1), value<OneCounter::preset>(1, "Preset", kModularOut)};
-constexpr Entry kCounterCount[] = {entry_count(1), value<OneCounter::count>(1, "Count", kModularIn)};
+constexpr Entry kCounterPreset[] = {entry_count(1), value<&OneCounter::preset>(1, "Preset", kModularOut)};
+constexpr Entry kCounterCount[] = {entry_count(1), value<&OneCounter::count>(1, "Count", kModularIn)};
 constexpr Entry kCounterRxPdo[] = {entry_count(1), mapped(1, 0x7000, 1, 32)};
 constexpr Entry kCounterTxPdo[] = {entry_count(1), mapped(1, 0x6000, 1, 32)};
 constexpr Object kCounterModule[] = {record(0x1600, "Preset", kCounterRxPdo, nullptr, DataType::pdo_mapping),
@@ -63,10 +58,10 @@ constexpr Object kCounterModule[] = {record(0x1600, "Preset", kCounterRxPdo, nul
                                      record(0x6000, "Count", kCounterCount), record(0x7000, "Preset", kCounterPreset)};
 
 constexpr ModuleKind kModuleKinds[] = {
-    {.ident = 0x104, .name = "4 lamps", .objects = kLampModule, .value_bytes = FourLamps::bytes},
-    {.ident = 0x208, .name = "8 keys", .objects = kKeyModule, .value_bytes = EightKeys::bytes},
-    {.ident = 0x302, .name = "2 meters", .objects = kMeterModule, .value_bytes = TwoMeters::bytes},
-    {.ident = 0x401, .name = "Counter", .objects = kCounterModule, .value_bytes = OneCounter::bytes},
+    {.ident = 0x104, .name = "4 lamps", .objects = kLampModule, .value_bytes = sizeof(FourLamps)},
+    {.ident = 0x208, .name = "8 keys", .objects = kKeyModule, .value_bytes = sizeof(EightKeys)},
+    {.ident = 0x302, .name = "2 meters", .objects = kMeterModule, .value_bytes = sizeof(TwoMeters)},
+    {.ident = 0x401, .name = "Counter", .objects = kCounterModule, .value_bytes = sizeof(OneCounter)},
 };
 constexpr unsigned kModularSlots = 4;
 constexpr ModularDevice kModular{.kinds = kModuleKinds, .slots = kModularSlots};
@@ -117,17 +112,21 @@ class ModularIo final : public Model {
     void measure(unsigned slot) {
         const auto* const kind = modules_.in_use(slot);
         if (kind == nullptr || kind->ident != modules_.detected(slot)) return;
-        const auto values = modules_.values(slot);
-        const auto at = kModularSlots + 4 * std::size_t{slot - 1};
-        if (kind->objects.data() == kKeyModule) EightKeys::keys::store(values, load_le<std::uint8_t>(terminals_, at));
-        if (kind->objects.data() == kCounterModule)
-            OneCounter::count::store(values, OneCounter::preset::load(values) + load_le<std::uint32_t>(terminals_, at));
-        if (kind->objects.data() != kMeterModule) return;
-        for (std::size_t n = 0; n < 4; n += 2) {
-            const auto offset = load_le<std::int16_t>(values, TwoMeters::offsets::offset + n);
-            const auto level = load_le<std::int16_t>(terminals_, at + n) + offset;
-            store_le(values, TwoMeters::levels::offset + n,
-                     static_cast<std::int16_t>(std::clamp<int>(level, INT16_MIN, INT16_MAX)));
+        const auto octets = modules_.values(slot);
+        const auto terminals = Bytes(terminals_).subspan(kModularSlots + 4 * std::size_t{slot - 1}, 4);
+        if (kind->objects.data() == kKeyModule) {
+            store_values(octets, EightKeys{load_le<std::uint8_t>(terminals)});
+        } else if (kind->objects.data() == kCounterModule) {
+            auto values = values_in<OneCounter>(octets);
+            values.count = values.preset + load_le<std::uint32_t>(terminals);
+            store_values(octets, values);
+        } else if (kind->objects.data() == kMeterModule) {
+            auto values = values_in<TwoMeters>(octets);
+            for (std::size_t n = 0; n < 2; ++n) {
+                const int level = load_le<std::int16_t>(terminals, 2 * n) + values.offsets[n];
+                values.levels[n] = static_cast<std::int16_t>(std::clamp<int>(level, INT16_MIN, INT16_MAX));
+            }
+            store_values(octets, values);
         }
     }
 
