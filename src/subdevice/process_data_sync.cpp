@@ -28,11 +28,6 @@ MutableBytes time_memory(ObjectDictionary& dictionary, const ProcessDataArea& ar
     return entry_memory(dictionary, area.sync_parameters(), sync_subindex::kCalcAndCopy, 4);
 }
 
-// The object with the values of the whole device.
-std::uint16_t first_sync_object(const DeviceDescription& device) {
-    return device.outputs.present() ? device.outputs.sync_parameters() : kOutputSyncParameters;
-}
-
 MutableBytes type_memory(ObjectDictionary& dictionary, const ProcessDataArea& area) {
     return entry_memory(dictionary, area.sync_parameters(), sync_subindex::kType, 2);
 }

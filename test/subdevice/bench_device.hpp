@@ -69,6 +69,9 @@ inline constexpr DeviceDescription kDevice{
     .outputs = {.sync_manager = 2, .start = 0x1200, .max_bytes = 16, .watchdog = true},
     .inputs = {.sync_manager = 3, .start = 0x1300, .max_bytes = 16},
     .dc = {.supported = true, .min_cycle = 100us},
+    .local_error_reaction = 3,
+    .output_times = {.shift = 50us, .min_delay = 2us, .max_delay = 7us},
+    .input_times = {.shift = 11us, .max_delay = 1us},
 };
 
 inline constexpr ObjectHooks kSlowHooks{
