@@ -36,26 +36,36 @@ constexpr std::string_view kCoupler = R"(<?xml version="1.0"?>
     <Modules>
       <Module><Type ModuleIdent="#x104">LAMPS</Type><Name>4 lamps</Name>
         <RxPdo Fixed="1" Sm="2"><Index DependOnSlot="1">#x1600</Index><Name>Lamps</Name>
-          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>1</SubIndex><BitLen>1</BitLen><Name>Lamp 1</Name><DataType>BOOL</DataType></Entry>
-          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>2</SubIndex><BitLen>1</BitLen><Name>Lamp 2</Name><DataType>BOOL</DataType></Entry>
-          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>3</SubIndex><BitLen>1</BitLen><Name>Lamp 3</Name><DataType>BOOL</DataType></Entry>
-          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>4</SubIndex><BitLen>1</BitLen><Name>Lamp 4</Name><DataType>BOOL</DataType></Entry></RxPdo>
+          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>1</SubIndex><BitLen>1</BitLen>
+            <Name>Lamp 1</Name><DataType>BOOL</DataType></Entry>
+          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>2</SubIndex><BitLen>1</BitLen>
+            <Name>Lamp 2</Name><DataType>BOOL</DataType></Entry>
+          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>3</SubIndex><BitLen>1</BitLen>
+            <Name>Lamp 3</Name><DataType>BOOL</DataType></Entry>
+          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>4</SubIndex><BitLen>1</BitLen>
+            <Name>Lamp 4</Name><DataType>BOOL</DataType></Entry></RxPdo>
       </Module>
       <Module><Type ModuleIdent="#x208">KEYS</Type><Name>8 keys</Name>
         <TxPdo Fixed="1" Sm="3"><Index DependOnSlot="1">#x1A00</Index><Name>Keys</Name>
-          <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen><Name>Keys</Name><DataType>USINT</DataType></Entry></TxPdo>
+          <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen>
+            <Name>Keys</Name><DataType>USINT</DataType></Entry></TxPdo>
       </Module>
       <Module><Type ModuleIdent="#x302">METERS</Type><Name>2 meters</Name>
         <TxPdo Fixed="1" Sm="3"><Index DependOnSlot="1">#x1A00</Index><Name>Levels</Name>
-          <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>16</BitLen><Name>Level 1</Name><DataType>INT</DataType></Entry>
-          <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>2</SubIndex><BitLen>16</BitLen><Name>Level 2</Name><DataType>INT</DataType></Entry></TxPdo>
-        <Mailbox><CoE><InitCmd><Transition>PS</Transition><Index DependOnSlot="1">#x8000</Index><SubIndex>2</SubIndex><Data>F6FF</Data></InitCmd></CoE></Mailbox>
+          <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>16</BitLen>
+            <Name>Level 1</Name><DataType>INT</DataType></Entry>
+          <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>2</SubIndex><BitLen>16</BitLen>
+            <Name>Level 2</Name><DataType>INT</DataType></Entry></TxPdo>
+        <Mailbox><CoE><InitCmd><Transition>PS</Transition>
+            <Index DependOnSlot="1">#x8000</Index><SubIndex>2</SubIndex><Data>F6FF</Data></InitCmd></CoE></Mailbox>
       </Module>
       <Module><Type ModuleIdent="#x401">COUNTER</Type><Name>Counter</Name>
         <TxPdo Fixed="1" Sm="3"><Index DependOnSlot="1">#x1A00</Index><Name>Count</Name>
-          <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>32</BitLen><Name>Count</Name><DataType>UDINT</DataType></Entry></TxPdo>
+          <Entry><Index DependOnSlot="1">#x6000</Index><SubIndex>1</SubIndex><BitLen>32</BitLen>
+            <Name>Count</Name><DataType>UDINT</DataType></Entry></TxPdo>
         <RxPdo Fixed="1" Sm="2"><Index DependOnSlot="1">#x1600</Index><Name>Preset</Name>
-          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>1</SubIndex><BitLen>32</BitLen><Name>Preset</Name><DataType>UDINT</DataType></Entry></RxPdo>
+          <Entry><Index DependOnSlot="1">#x7000</Index><SubIndex>1</SubIndex><BitLen>32</BitLen>
+            <Name>Preset</Name><DataType>UDINT</DataType></Entry></RxPdo>
       </Module>
     </Modules>
   </Descriptions>

@@ -86,7 +86,7 @@ class Pump final : public Application {
     DiagnosisHistory* diagnosis() override { return &history_; }
     StoredValues* stored_values() override { return stored; }
     void cycle(Time, bool outputs_valid) override {
-        const int speed = outputs_valid && values_.on != 0 ? values_.speed : 0;
+        const int speed = outputs_valid && values_.on != 0 ? int{values_.speed} : 0;
         values_.flow = speed * values_.gain;
         values_.pressure = static_cast<std::uint16_t>(speed < 0 ? -speed : speed);
         values_.cycles = static_cast<std::uint16_t>(values_.cycles + 1);

@@ -12,14 +12,15 @@ using namespace std::chrono_literals;
 namespace od = subdevice::od;
 using subdevice::DeviceDescription;
 using subdevice::Entry;
+using subdevice::Le;
 using subdevice::Object;
 
 struct SmallValues {
-    using lamps = Field<std::uint16_t, 0>;
-    using keys = Field<std::uint16_t, 2>;
+    Le<std::uint16_t> lamps;
+    Le<std::uint16_t> keys;
 };
-constexpr Entry kSmallLamps[] = {subdevice::value<SmallValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
-constexpr Entry kSmallKeys[] = {subdevice::value<SmallValues::keys>(0, "Keys", od::kRead | od::kTxMappable)};
+constexpr Entry kSmallLamps[] = {subdevice::value<&SmallValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Entry kSmallKeys[] = {subdevice::value<&SmallValues::keys>(0, "Keys", od::kRead | od::kTxMappable)};
 constexpr Object kSmallObjects[] = {subdevice::variable(0x6000, "Keys", kSmallKeys),
                                     subdevice::variable(0x7000, "Lamps", kSmallLamps)};
 
@@ -42,6 +43,11 @@ constexpr DeviceDescription kClockRequired =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 250us}; });
 constexpr DeviceDescription kClockWithPll =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .pll = true}; });
+constexpr DeviceDescription kSlowPll = changed([](DeviceDescription& d) {
+    d.dc = {.supported = true, .required = true, .min_cycle = 2ms, .max_cycle = 2ms, .pll = true};
+});
+constexpr DeviceDescription kFastPll = changed(
+    [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 600us, .pll = true}; });
 constexpr DeviceDescription kFastClock =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 600us}; });
 constexpr DeviceDescription kShortClock =
@@ -54,7 +60,7 @@ constexpr DeviceDescription kSwitch = changed([](DeviceDescription& d) { d.devic
 template <const DeviceDescription& Description>
 class SmallFirmware final : public sim::Firmware {
   public:
-    using Stack = subdevice::StandardDevice<Description, kSmallObjects, 4>;
+    using Stack = subdevice::StandardDevice<Description, kSmallObjects, SmallValues>;
     void start(subdevice::EscAccess& esc, Time now) override {
         all_ = std::make_unique<All>(esc);
         all_->stack.device.start(now);
@@ -77,8 +83,8 @@ class SmallFirmware final : public sim::Firmware {
 template <const DeviceDescription& Description>
 Checked check_small(const Options& options = {}) {
     using Stack = typename SmallFirmware<Description>::Stack;
-    std::array<std::byte, 4> values{};
-    const subdevice::ObjectDictionary dictionary(Stack::Objects::kObjects, values);
+    SmallValues values{};
+    const subdevice::ObjectDictionary dictionary(Stack::Objects::kObjects, subdevice::image_of(values));
     subdevice::SiiWorkspace<4, 16> workspace;
     sim::Device device{
         .chip = sim::chip_by_name("et1100").value(), .sii = std::vector<std::byte>(2048), .firmware = {}};
@@ -110,6 +116,13 @@ TEST(SubdeviceCheckDevices, AClockThatIsRequiredIsActivated) {
                                      "clock.cycle_zero", "process_data.exchange"});
     expect_conforms<kClockWithPll>({"states.up", "watchdog.time", "watchdog.off", "clock.sync0"});
     expect_conforms<kFastClock>({"states.up", "watchdog.off", "clock.sync0"});
+}
+
+// A device that compares frames with SYNC0: each SYNC0 needs one frame.
+TEST(SubdeviceCheckDevices, FramesHaveThePeriodOfSync0) {
+    expect_conforms<kSlowPll>({"states.up", "states.down", "sm.process_settings", "mailbox.states", "watchdog.time",
+                               "watchdog.off", "process_data.exchange", "process_data.inputs", "clock.sync0"});
+    expect_conforms<kFastPll>({"states.up", "watchdog.time", "watchdog.off", "process_data.exchange"});
 }
 
 TEST(SubdeviceCheckDevices, AnotherCycleIsTried) {
