@@ -3,7 +3,8 @@
 // makes those of each slot out of them, the PDO assignment, and the objects that describe the modules to the master:
 //
 //     struct OutValues { std::uint8_t lamps; };                                           // of one module
-//     constexpr Entry kOut[] = {entry_count(1), value<&OutValues::lamps>(1, "Lamps", od::kReadWrite | od::kRxMappable)};
+//     constexpr Entry kOut[] = {entry_count(1),
+//                               value<&OutValues::lamps>(1, "Lamps", od::kReadWrite | od::kRxMappable)};
 //     constexpr Entry kOutPdo[] = {entry_count(1), mapped(1, 0x7000, 1, 8)};
 //     constexpr Object kOutObjects[] = {record(0x1600, "Lamps", kOutPdo, nullptr, DataType::pdo_mapping),
 //                                       record(0x7000, "Lamps", kOut)};

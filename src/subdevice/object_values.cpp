@@ -105,8 +105,9 @@ Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
 void store_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     auto writing = access;
     writing.write = true;
-    const auto memory = entry.storage == Storage::provided ? access.object.hooks->memory(writing)
-                                                           : access.dictionary.in_image(access.object, entry, access.subindex);
+    const auto memory = entry.storage == Storage::provided
+                            ? access.object.hooks->memory(writing)
+                            : access.dictionary.in_image(access.object, entry, access.subindex);
     const auto bytes = std::min(memory.size(), data.size());
     // Data of a segmented transfer may already be in the memory.
     if (memory.data() != data.data()) std::copy_n(data.begin(), bytes, memory.begin());
