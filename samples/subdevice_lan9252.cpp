@@ -47,16 +47,15 @@ constexpr DeviceDescription kDevice{
 };
 
 struct Values {
-    using lamps = Field<std::uint8_t, 0>;
-    using switches = Field<std::uint8_t, 1>;
-    using dimming = Field<std::uint16_t, 2>;
-    static constexpr std::size_t bytes = dimming::end;
+    std::uint8_t lamps;
+    std::uint8_t switches;
+    Le<std::uint16_t> dimming;
 };
 
 constexpr auto kErrors = kErrorHistoryEntries<4>;
-constexpr Entry kDimming[] = {value<Values::dimming>(0, "Dimming", od::kReadWrite, 1000).within(kLimits<0, 1000>)};
-constexpr Entry kSwitches[] = {value<Values::switches>(0, "Switches", od::kRead | od::kTxMappable)};
-constexpr Entry kLamps[] = {value<Values::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Entry kDimming[] = {value<&Values::dimming>(0, "Dimming", od::kReadWrite, 1000).within(kLimits<0, 1000>)};
+constexpr Entry kSwitches[] = {value<&Values::switches>(0, "Switches", od::kRead | od::kTxMappable)};
+constexpr Entry kLamps[] = {value<&Values::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
 
 // The objects of the device itself. StandardDevice adds those of every device, and the PDOs.
 constexpr Object kObjects[] = {
@@ -65,7 +64,7 @@ constexpr Object kObjects[] = {
     variable(0x6000, "Switches", kSwitches),
     variable(0x7000, "Lamps", kLamps),
 };
-using Stack = StandardDevice<kDevice, kObjects, Values::bytes, 1, 0x00000191>;
+using Stack = StandardDevice<kDevice, kObjects, Values, 1, 0x00000191>;
 
 // ------------------------------------------------------------------ behaviour of the device
 
@@ -83,13 +82,13 @@ class Lamps final : public Application {
     const DeviceDescription& description() const override { return kDevice; }
     Emergencies* emergencies() override { return &emergencies_; }
     void cycle(Time, bool) override {
-        board::set_lamps(Values::lamps::load(values_));
-        Values::switches::store(values_, static_cast<std::uint8_t>(board::switches()));
+        board::set_lamps(values_.lamps);
+        values_.switches = static_cast<std::uint8_t>(board::switches());
     }
     void safe_outputs(Time) override { board::set_lamps(0); }
 
   private:
-    MutableBytes values_;
+    Values& values_;
     Emergencies emergencies_;
 };
 

@@ -43,6 +43,7 @@ struct Check {
 [[nodiscard]] std::span<const Check> sdo_checks();
 [[nodiscard]] std::span<const Check> segment_checks();
 [[nodiscard]] std::span<const Check> pdo_checks();
+[[nodiscard]] std::span<const Check> module_checks();
 [[nodiscard]] std::span<const Check> sync_type_checks();
 [[nodiscard]] std::span<const Check> watchdog_checks();
 [[nodiscard]] std::span<const Check> clock_checks();

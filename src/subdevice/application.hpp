@@ -11,7 +11,20 @@ namespace margay::subdevice {
 
 class DiagnosisHistory;
 class Emergencies;
+class ObjectDictionary;
 class StoredValues;
+
+// The modules of a modular device as the state machine sees them; modules.hpp has the implementation.
+class ModuleLayout {
+  public:
+    // INIT→PREOP, and start: makes the objects of the modules that are there now.
+    virtual void lay_out(ObjectDictionary& dictionary) = 0;
+    // PREOP→SAFEOP: AlStatusCode::none, or why the modules cannot exchange process data.
+    [[nodiscard]] virtual AlStatusCode check() const = 0;
+
+  protected:
+    ~ModuleLayout() = default;
+};
 
 class Application {
   public:
@@ -75,6 +88,9 @@ class Application {
     [[nodiscard]] virtual Emergencies* emergencies() { return nullptr; }
     [[nodiscard]] virtual DiagnosisHistory* diagnosis() { return nullptr; }
     [[nodiscard]] virtual StoredValues* stored_values() { return nullptr; }
+
+    // The modules of a modular device; nullptr: the device is not modular.
+    [[nodiscard]] virtual ModuleLayout* modules() { return nullptr; }
 
   protected:
     ~Application() = default;

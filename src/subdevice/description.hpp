@@ -57,6 +57,18 @@ struct ProcessDataArea {
 // A direction has at most this many areas in DeviceDescription::more_outputs or more_inputs.
 inline constexpr std::size_t kMostMoreAreas = 3;
 
+// Times of a direction that objects 0x1C32 and 0x1C33 tell the master (ETG.1020 "Synchronization"), and only the author
+// knows: those of the hardware behind the stack.
+struct SyncTimes {
+    // From SYNC0 until the outputs are used or the inputs are latched (subindex 3). Zero: the device does it as soon as
+    // it can, without a fixed time.
+    Duration shift{};
+    // From there until the outputs are at the terminals, and from the terminals to there for inputs: the shortest time
+    // and the longest (subindices 7 and 9).
+    Duration min_delay{};
+    Duration max_delay{};
+};
+
 struct DcDescription {
     bool supported = false;
     bool required = false;  // SAFEOP is refused while the SYNC signals are off
@@ -114,6 +126,11 @@ struct DeviceDescription {
     // DC: the device leaves OP after this many consecutive frame periods without new outputs; 0: no limit. Object
     // 0x10F1 has priority. ProcessData::syncs_per_frame() returns how many SYNC0 signals are one frame period.
     unsigned sync_error_limit = 4;
+    // Object 0x10F1:01, for the master to read: what the device does then, as its documentation defines it. The stack
+    // goes to SAFEOP.
+    std::uint32_t local_error_reaction = 1;
+    SyncTimes output_times{};
+    SyncTimes input_times{};
     // step() asks to be called again after this time at the latest, so that its access to the ESC restarts the PDI
     // watchdog (registers 0x0410 and 0x0441) while nothing happens. Zero: the device does not use the PDI watchdog.
     Duration pdi_watchdog{};

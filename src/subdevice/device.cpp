@@ -1,7 +1,6 @@
 #include "subdevice/device.hpp"
 
 #include "subdevice/esc_registers.hpp"
-#include "subdevice/modules.hpp"
 
 #include <algorithm>
 
@@ -18,6 +17,7 @@ void Device::start(Time now) {
         process_data_.stop();
     }
     wait_for_outputs(kNever);
+    if (auto* const modules = application_.modules()) modules->lay_out(process_data_.dictionary());
     esm_.init();
     const Guard guard(esc_);
     mask_ = ~0u;  // unknown: it is written in any case
@@ -134,8 +134,9 @@ Verdict Device::before(Transition transition, Time now) {
         wait_for_outputs(kNever);
     }
     if (transition == Transition{AlState::preop, AlState::safeop}) {
-        const auto modules = check_modules(process_data_.dictionary());
-        if (modules != AlStatusCode::none) return Verdict::refuse(modules);
+        auto* const modules = application_.modules();
+        const auto mismatch = modules != nullptr ? modules->check() : AlStatusCode::none;
+        if (mismatch != AlStatusCode::none) return Verdict::refuse(mismatch);
         const auto types = process_data_.check_sync_types();
         if (types != AlStatusCode::none) return Verdict::refuse(types);
     }
@@ -154,6 +155,9 @@ void Device::perform(Transition transition, Time now) {
         if (transition.from >= AlState::safeop && transition.to < AlState::safeop) process_data_.stop();
     }
     if (mailbox_ != nullptr && transition.to == AlState::init) mailbox_->stop();
+    auto* const modules = application_.modules();
+    if (modules != nullptr && transition == Transition{AlState::init, AlState::preop})
+        modules->lay_out(process_data_.dictionary());
     if (mailbox_ != nullptr && transition.from == AlState::init) mailbox_->start(transition.to);
     const Guard guard(esc_);
     if (transition == Transition{AlState::preop, AlState::safeop}) process_data_.start(now);

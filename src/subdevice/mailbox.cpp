@@ -18,23 +18,24 @@ namespace {
 constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // used when the sync managers raise no event
 }
 
-bool Mailbox::fits(const wire::SyncManager& setting) const {
-    constexpr auto kShortest = wire::kMailboxHeaderBytes + wire::kMailboxErrorBytes;
-    return setting.length_bytes >= kShortest && setting.length_bytes <= rx_.size();
-}
-
-bool Mailbox::fits() { return fits(read_sync_manager(esc_, 0)) && fits(read_sync_manager(esc_, 1)); }
-
-void Mailbox::start(AlState state) {
+bool Mailbox::fits() {
+    const auto fit = [this](const wire::SyncManager& setting) {
+        constexpr auto kShortest = wire::kMailboxHeaderBytes + wire::kMailboxErrorBytes;
+        return setting.length_bytes >= kShortest && setting.length_bytes <= rx_.size();
+    };
     receive_ = read_sync_manager(esc_, 0);
     send_ = read_sync_manager(esc_, 1);
+    return fit(receive_) && fit(send_);
+}
+
+void Mailbox::start(AlState state) {
     forget();
     state_ = state;
-    // The master may have changed the sizes since the check of the transition.
-    running_ = fits(receive_) && fits(send_);
-    lost_ = !running_;
+    // Acknowledges a repeat toggle of an earlier master; there is no reply to repeat yet. The master may have changed
+    // the sizes since fits().
+    watch_repeat();
+    running_ = !lost_;
     if (lost_) return;
-    watch_repeat();  // acknowledges a repeat toggle of an earlier master; there is no reply to repeat yet
     const MailboxRoom room{receive_.length_bytes - wire::kMailboxHeaderBytes,
                            send_.length_bytes - wire::kMailboxHeaderBytes};
     for (const auto& line : protocols_)

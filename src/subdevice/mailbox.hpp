@@ -41,10 +41,10 @@ class Mailbox final : public Outbox {
     Mailbox(EscAccess& esc, MutableBytes receive, MutableBytes send, std::span<const MailboxProtocol> protocols)
         : esc_(esc), protocols_(protocols), rx_(receive), tx_(send), slots_(send.size() / receive.size()) {}
 
-    // Whether the mailbox sizes in the sync managers fit into the memory.
+    // Reads the settings of both sync managers. True: they fit into the memory.
     [[nodiscard]] bool fits();
-    // Precondition: the sync managers are activated. When their sizes do not fit, the mailbox does not run, and
-    // sync_manager_lost() is true.
+    // Precondition: fits() was true, and the sync managers are activated. When the master has changed them since then,
+    // the mailbox does not run, and sync_manager_lost() is true.
     void start(AlState state);
     void stop();
     void state_changed(AlState state);
@@ -67,7 +67,6 @@ class Mailbox final : public Outbox {
     [[nodiscard]] const Counters& counters() const { return counters_; }
 
   private:
-    [[nodiscard]] bool fits(const wire::SyncManager& setting) const;
     void watch_repeat();
     void watch_fetched();
     void put_next();

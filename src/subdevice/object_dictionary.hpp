@@ -3,21 +3,22 @@
 //
 // A table is written once for a type of device and is placed in flash; all devices of the type share it. Values are
 // stored in the image in the byte order of the wire (little-endian). Therefore an application accesses them through
-// Field, an SDO copies them without conversion, and the PDO mapping copies bits:
+// a struct of values (values.hpp) or through Field, an SDO copies them without conversion, and the PDO mapping copies
+// bits:
 //
 //     struct Values {
-//         using outputs = Field<std::uint8_t, 0>;
-//         using limit = Field<std::int16_t, 2>;
-//         static constexpr std::size_t bytes = 4;
+//         std::uint8_t outputs;
+//         Le<std::int16_t> limit;
 //     };
-//     constexpr Entry kOutputs[] = {value<Values::outputs>(0, "Outputs", od::kReadWrite | od::kRxMappable)};
-//     constexpr Entry kLimit[] = {value<Values::limit>(0, "Limit", od::kReadWrite, 100).within(kLimits<-500, 500>)};
+//     constexpr Entry kOutputs[] = {value<&Values::outputs>(0, "Outputs", od::kReadWrite | od::kRxMappable)};
+//     constexpr Entry kLimit[] = {value<&Values::limit>(0, "Limit", od::kReadWrite, 100).within(kLimits<-500, 500>)};
 //     constexpr Object kObjects[] = {variable(0x7000, "Outputs", kOutputs), variable(0x8000, "Limit", kLimit)};
-//     static_assert(well_formed(kObjects, Values::bytes));
+//     static_assert(well_formed(kObjects, sizeof(Values)));
 #pragma once
 
 #include "subdevice/description.hpp"
 #include "subdevice/esc_access.hpp"
+#include "subdevice/values.hpp"
 #include "util/bytes.hpp"
 #include "wire/coe.hpp"
 
@@ -179,7 +180,9 @@ struct ObjectHooks {
 struct Object {
     std::uint16_t index = 0;
     ObjectCode code = ObjectCode::null;
+    std::uint8_t slot = 0;  // the object belongs to the module in this slot, from 1 on; 0: to the device (modules.hpp)
     DataType type = DataType::none;
+    std::uint16_t image_start = 0;  // added to the offsets of the entries: the values of the module
     std::string_view name{};
     std::span<const Entry> entries{};  // ascending by subindex
     const ObjectHooks* hooks = nullptr;
@@ -227,6 +230,15 @@ template <class F>
             .initial = static_cast<std::uint64_t>(initial)};
 }
 
+// The same for a member of a struct of values. An array has a subindex for each element.
+template <auto Member>
+[[nodiscard]] constexpr Entry value(std::uint8_t subindex, const char* name, std::uint16_t access,
+                                    typename MemberField<Member>::Type initial = 0) {
+    constexpr auto kCount = members::Number<MemberType<Member>>::count;
+    static_assert(kCount <= 255);
+    return value<MemberField<Member>>(subindex, name, access, initial).times(static_cast<std::uint8_t>(kCount));
+}
+
 // A number of `bits` bits (1 to 8) that uses one octet of the image: BOOLEAN, BIT2 and so on.
 template <class F>
 requires std::same_as<typename F::Type, std::uint8_t>
@@ -236,6 +248,13 @@ requires std::same_as<typename F::Type, std::uint8_t>
     e.type = bits == 1 ? DataType::boolean : static_cast<DataType>(static_cast<unsigned>(DataType::bit1) + bits - 1);
     e.bits = bits;
     return e;
+}
+
+template <auto Member>
+[[nodiscard]] constexpr Entry flag(std::uint8_t subindex, const char* name, std::uint16_t access,
+                                   unsigned bits = 1, std::uint8_t initial = 0) {
+    constexpr auto kCount = members::Number<MemberType<Member>>::count;
+    return flag<MemberField<Member>>(subindex, name, access, bits, initial).times(static_cast<std::uint8_t>(kCount));
 }
 
 // Octets in the image: strings (padded with zeros), domains and other types.
@@ -250,6 +269,12 @@ requires std::same_as<typename F::Type, std::uint8_t>
             .name = name,
             .more = initial.empty() ? nullptr : initial.data(),
             .initial = initial.size()};
+}
+
+template <auto Member>
+[[nodiscard]] constexpr Entry octets(std::uint8_t subindex, const char* name, DataType type, std::uint16_t access,
+                                     std::string_view initial = {}) {
+    return octets(subindex, name, type, access, offset_of(Member), sizeof(MemberType<Member>), initial);
 }
 
 template <class T>
@@ -292,15 +317,32 @@ template <class T>
 
 [[nodiscard]] constexpr Object variable(std::uint16_t index, std::string_view name, std::span<const Entry> entry,
                                         const ObjectHooks* hooks = nullptr) {
-    return {index, ObjectCode::variable, entry.front().type, name, entry, hooks};
+    return {index, ObjectCode::variable, 0, entry.front().type, 0, name, entry, hooks};
 }
 [[nodiscard]] constexpr Object array(std::uint16_t index, std::string_view name, std::span<const Entry> entries,
                                      const ObjectHooks* hooks = nullptr) {
-    return {index, ObjectCode::array, entries.back().type, name, entries, hooks};
+    return {index, ObjectCode::array, 0, entries.back().type, 0, name, entries, hooks};
 }
 [[nodiscard]] constexpr Object record(std::uint16_t index, std::string_view name, std::span<const Entry> entries,
                                       const ObjectHooks* hooks = nullptr, DataType type = DataType::none) {
-    return {index, ObjectCode::record, type, name, entries, hooks};
+    return {index, ObjectCode::record, 0, type, 0, name, entries, hooks};
+}
+
+// Whether the index of an object of a module depends on the slot of the module (PDOs have a distance of their own).
+[[nodiscard]] constexpr bool moves_with_slot(std::uint16_t index) { return index >= 0x2000 && index < 0xF000; }
+
+// Two tables as one, ascending by index.
+template <std::size_t N, std::size_t M>
+[[nodiscard]] constexpr std::array<Object, N + M> joined(const std::array<Object, N>& a,
+                                                         const std::array<Object, M>& b) {
+    std::array<Object, N + M> all{};
+    std::ranges::copy(b, std::ranges::copy(a, all.begin()).out);
+    std::ranges::sort(all, {}, &Object::index);
+    return all;
+}
+template <std::size_t N, std::size_t M>
+[[nodiscard]] constexpr std::array<Object, N + M> joined(const Object (&a)[N], const std::array<Object, M>& b) {
+    return joined(std::to_array(a), b);
 }
 
 // Checks a table: indices ascending, values inside the image, each subindex unique, minimum not above maximum, a memory
@@ -327,6 +369,28 @@ template <class T>
 
 // ------------------------------------------------------------------ at run time
 
+// The objects of a dictionary, ascending by index: those of the table, and those of the modules.
+class ObjectRange {
+  public:
+    class Iterator {
+      public:
+        Iterator(const ObjectDictionary& dictionary, const Object* at) : dictionary_(dictionary), at_(at) {}
+        [[nodiscard]] const Object& operator*() const { return *at_; }
+        Iterator& operator++();
+        [[nodiscard]] bool operator==(const Iterator& other) const { return at_ == other.at_; }
+
+      private:
+        const ObjectDictionary& dictionary_;
+        const Object* at_;
+    };
+    explicit ObjectRange(const ObjectDictionary& dictionary) : dictionary_(dictionary) {}
+    [[nodiscard]] Iterator begin() const;
+    [[nodiscard]] Iterator end() const { return {dictionary_, nullptr}; }
+
+  private:
+    const ObjectDictionary& dictionary_;
+};
+
 class ObjectDictionary {
   public:
     // All arguments must outlive the dictionary. The dictionary passes the application to the hooks.
@@ -335,10 +399,12 @@ class ObjectDictionary {
         restore_defaults();
     }
 
-    [[nodiscard]] std::span<const Object> objects() const { return objects_; }
+    [[nodiscard]] ObjectRange objects() const { return ObjectRange(*this); }
     [[nodiscard]] MutableBytes image() const { return image_; }
     [[nodiscard]] Application* application() const { return application_; }
-    [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: the table has no such object
+    [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: there is no such object
+    // The first object with this index or a higher one; nullptr: there is none.
+    [[nodiscard]] const Object* from(std::uint32_t index) const;
     // False: the hook of the object says that the device does not have it.
     [[nodiscard]] bool exists(const Object& object);
 
@@ -346,8 +412,21 @@ class ObjectDictionary {
     // bits (for example od::kBackup).
     void restore_defaults(std::uint16_t access = 0);
 
+    void restore_defaults(const Object& object, std::uint16_t access = 0);
+
+    // The objects of the modules, ascending by index, and the distance between the indices of two slots. Modules calls
+    // it. Other objects of modules must not be in use meanwhile.
+    void set_modules(std::span<const Object> objects, std::uint16_t distance) {
+        modules_ = objects;
+        module_distance_ = distance;
+    }
+
     // Memory of a value in the image; empty for another storage.
-    [[nodiscard]] MutableBytes in_image(const Entry& entry, unsigned subindex) const;
+    [[nodiscard]] MutableBytes in_image(const Object& object, const Entry& entry, unsigned subindex) const;
+
+    // The constant or initial value of a number. In the PDO of a module, the objects of the module are those of its
+    // slot.
+    [[nodiscard]] std::uint64_t initial(const Object& object, const Entry& entry) const;
 
     // A number of up to 8 octets; 0 if the entry does not exist. For the objects of the stack; applications use Field.
     [[nodiscard]] std::uint64_t number(std::uint16_t index, unsigned subindex) const;
@@ -364,6 +443,8 @@ class ObjectDictionary {
 
   private:
     std::span<const Object> objects_;
+    std::span<const Object> modules_{};
+    std::uint16_t module_distance_ = 0;
     MutableBytes image_;
     Application* application_;
     const PdoMapping* blocked_ = nullptr;

@@ -67,13 +67,13 @@ Bytes view_value(const ObjectAccess& access, const Entry& entry, Scratch& scratc
     switch (entry.storage) {
         case Storage::nothing: return Bytes(scratch).first(std::min<std::size_t>(entry.bytes(), scratch.size()));
         case Storage::constant:
-            store_le(MutableBytes(scratch), 0, entry.initial);
+            store_le(MutableBytes(scratch), 0, access.dictionary.initial(access.object, entry));
             return Bytes(scratch).first(entry.bytes());
         case Storage::text: return std::as_bytes(std::span(entry.content()));
         case Storage::provided: return access.object.hooks->memory(access);
         case Storage::image: break;
     }
-    const Bytes memory = access.dictionary.in_image(entry, access.subindex);
+    const Bytes memory = access.dictionary.in_image(access.object, entry, access.subindex);
     if (entry.type != DataType::visible_string) return memory;
     const auto end = std::find(memory.begin(), memory.end(), std::byte{0});
     return memory.first(static_cast<std::size_t>(end - memory.begin()));
@@ -105,8 +105,9 @@ Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
 void store_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     auto writing = access;
     writing.write = true;
-    const auto memory = entry.storage == Storage::provided ? access.object.hooks->memory(writing)
-                                                           : access.dictionary.in_image(entry, access.subindex);
+    const auto memory = entry.storage == Storage::provided
+                            ? access.object.hooks->memory(writing)
+                            : access.dictionary.in_image(access.object, entry, access.subindex);
     const auto bytes = std::min(memory.size(), data.size());
     // Data of a segmented transfer may already be in the memory.
     if (memory.data() != data.data()) std::copy_n(data.begin(), bytes, memory.begin());

@@ -89,7 +89,7 @@ AssignedArea area_of(const ObjectAccess& access) {
 
 // Memory of the value; empty when it has none.
 MutableBytes memory_of(ObjectDictionary& dictionary, const Object& object, const Entry& entry, std::uint8_t subindex) {
-    if (entry.storage != Storage::provided) return dictionary.in_image(entry, subindex);
+    if (entry.storage != Storage::provided) return dictionary.in_image(object, entry, subindex);
     return object.hooks->memory(
         {.object = object, .subindex = subindex, .dictionary = dictionary, .application = dictionary.application()});
 }

@@ -2,6 +2,7 @@
 
 #include "subdevice/esc_registers.hpp"
 #include "subdevice/esm_checks.hpp"
+#include "subdevice/sync_objects.hpp"
 
 #include <algorithm>
 
@@ -240,7 +241,11 @@ void ProcessData::update(unsigned parts, std::uint32_t areas, Time now) {
     if ((parts & part::kApplication) != 0) {
         application_.cycle(now, outputs_valid_);
         arm(now);
-        if (measuring_) used = application_.clock(now);
+        const auto shift = application_.description().output_times.shift;
+        const bool shifted = shift != Duration::zero() && outputs_valid_ && mode_ == SyncMode::dc_sync0;
+        if (measuring_ || shifted) used = application_.clock(now);
+        if (shifted && used - now > shift)
+            add_to_sync_counter(first_sync_object(application_.description()), sync_subindex::kShiftTooShort);
         measured(true, used - now);
     }
     if ((parts & part::kInputs) == 0 || input_bytes_ == 0) return;

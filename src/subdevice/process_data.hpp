@@ -92,7 +92,7 @@ class ProcessData {
     // no events. Locked.
     [[nodiscard]] Time serve_deadline() const { return running_ ? std::min(next_cycle_, next_poll_) : kNever; }
 
-    [[nodiscard]] const ObjectDictionary& dictionary() const { return dictionary_; }
+    [[nodiscard]] ObjectDictionary& dictionary() { return dictionary_; }
     [[nodiscard]] bool running() const { return running_; }
     [[nodiscard]] SyncMode mode() const { return mode_; }
     [[nodiscard]] bool has_outputs() const { return output_bytes_ != 0; }

@@ -21,16 +21,11 @@ MutableBytes entry_memory(ObjectDictionary& dictionary, std::uint16_t index, std
     const auto* const object = dictionary.find(index);
     const auto* const entry = object != nullptr ? object->entry(subindex) : nullptr;
     if (entry == nullptr || entry->bytes() != bytes) return {};
-    return dictionary.in_image(*entry, subindex);
+    return dictionary.in_image(*object, *entry, subindex);
 }
 
 MutableBytes time_memory(ObjectDictionary& dictionary, const ProcessDataArea& area) {
     return entry_memory(dictionary, area.sync_parameters(), sync_subindex::kCalcAndCopy, 4);
-}
-
-// The object with the values of the whole device.
-std::uint16_t first_sync_object(const DeviceDescription& device) {
-    return device.outputs.present() ? device.outputs.sync_parameters() : kOutputSyncParameters;
 }
 
 MutableBytes type_memory(ObjectDictionary& dictionary, const ProcessDataArea& area) {

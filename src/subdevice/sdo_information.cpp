@@ -45,18 +45,18 @@ bool SdoInformation::belongs(const Object& object, ListType type) const {
 }
 
 std::size_t SdoInformation::count(ListType type) const {
-    const auto objects = dictionary_.objects();
-    return static_cast<std::size_t>(
-        std::count_if(objects.begin(), objects.end(), [&](const Object& o) { return belongs(o, type); }));
+    std::size_t n = 0;
+    for (const auto& object : dictionary_.objects()) n += belongs(object, type) ? 1 : 0;
+    return n;
 }
 
 void SdoInformation::list(std::uint16_t type, Outbox& out) {
     if (type > coe::kLastListType) return fail(Abort::unsupported_access, out);
-    if (dictionary_.objects().empty()) return fail(Abort::no_dictionary, out);
+    if (dictionary_.from(0) == nullptr) return fail(Abort::no_dictionary, out);
     head_bytes_ = 0;
     append(type, 2);
     list_ = static_cast<ListType>(type);
-    next_object_ = 0;
+    next_index_ = 0;
     std::size_t indices = 0;
     if (list_ == ListType::lengths) {
         for (std::uint16_t each = 1; each <= coe::kLastListType; ++each) append(count(static_cast<ListType>(each)), 2);
@@ -97,7 +97,7 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     append(static_cast<std::uint16_t>(entry->type), 2);
     append(entry->bits > 0xFFFF ? 0 : entry->bits, 2);  // 0: the size does not fit into the field
     append(entry->access, 2);
-    if ((contents & coe::value_info::kDefault) != 0) append(entry->initial, entry->bytes());
+    if ((contents & coe::value_info::kDefault) != 0) append(dictionary_.initial(*object, *entry), entry->bytes());
     if ((contents & coe::value_info::kMinimum) != 0)
         append(static_cast<std::uint64_t>(entry->limits().minimum), entry->bytes());
     if ((contents & coe::value_info::kMaximum) != 0)
@@ -153,11 +153,13 @@ void SdoInformation::fill(MutableBytes to) {
     std::size_t n = 0;
     for (; n < to.size() && sent_ < head_bytes_; ++n) to[n] = head_[sent_++];
     if (opcode_ == InfoOpcode::list_response) {
-        const auto objects = dictionary_.objects();
         for (; n < to.size(); n += 2, sent_ += 2) {
-            while (next_object_ < objects.size() && !belongs(objects[next_object_], list_)) ++next_object_;
+            const auto* object = dictionary_.from(next_index_);
+            while (object != nullptr && !belongs(*object, list_)) object = dictionary_.from(object->index + 1U);
             // An object may disappear while its list is sent: then the list ends with zeros.
-            store_le(to, n, next_object_ < objects.size() ? objects[next_object_++].index : std::uint16_t{0});
+            const auto index = object != nullptr ? object->index : std::uint16_t{0};
+            store_le(to, n, index);
+            next_index_ = object != nullptr ? index + 1U : 0x10000U;
         }
     } else {
         for (; n < to.size(); ++n) to[n] = static_cast<std::byte>(text_[sent_++ - head_bytes_]);

@@ -41,7 +41,7 @@ class SdoInformation {
     std::string_view text_{};
     std::array<char, 12> made_up_{};  // generated name of one of several equal entries
     wire::coe::ListType list_{};
-    std::size_t next_object_ = 0;
+    std::uint32_t next_index_ = 0;
     wire::coe::InfoOpcode opcode_{};
     std::uint16_t address_ = 0;
 };

@@ -215,7 +215,7 @@ Abort SdoServer::check_room(std::size_t size) {
         if (size > complete_bytes(*object_, subindex_, object_->max_subindex())) return Abort::length_too_high;
         return size > staging_.size() ? Abort::out_of_memory : Abort::none;
     }
-    MutableBytes memory = dictionary_.in_image(*entry_, subindex_);
+    MutableBytes memory = dictionary_.in_image(*object_, *entry_, subindex_);
     if (entry_->storage == Storage::provided) memory = object_->hooks->memory(access(Time{}, true, size));
     if (size > memory.size()) return Abort::length_too_high;
     if (size < memory.size() && !varies(entry_->type)) return Abort::length_too_low;

@@ -2,10 +2,10 @@
 // The objects of every device, the memory and the wiring follow from them.
 //
 //     constexpr DeviceDescription kDevice{…};
-//     struct Values { using lamps = Field<std::uint16_t, 0>; static constexpr std::size_t bytes = lamps::end; };
-//     constexpr Entry kLamps[] = {value<Values::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+//     struct Values { Le<std::uint16_t> lamps; };
+//     constexpr Entry kLamps[] = {value<&Values::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
 //     constexpr Object kObjects[] = {variable(0x7000, "Lamps", kLamps)};
-//     using Stack = StandardDevice<kDevice, kObjects, Values::bytes>;
+//     using Stack = StandardDevice<kDevice, kObjects, Values>;
 //
 //     class Lamps final : public Application { … };
 //     Stack::Memory memory;
@@ -162,6 +162,9 @@ class StandardObjects {
         // The PDOs of a device with more SyncManagers are those of the author.
         if ((of_outputs && !Description.more_outputs.empty()) || (of_inputs && !Description.more_inputs.empty()))
             return false;
+        // An author who writes the assignment has other PDOs where no value would be in that of this list.
+        if (object.index == 0x1600 && kRx.entries == 0 && replaced(Description.outputs.assignment())) return false;
+        if (object.index == 0x1A00 && kTx.entries == 0 && replaced(Description.inputs.assignment())) return false;
         return !replaced(object.index) && (!of_outputs || Description.outputs.present()) &&
                (!of_inputs || Description.inputs.present());
     }
@@ -183,10 +186,11 @@ class StandardObjects {
         {kRx.entries + Description.more_outputs.size(), kTx.entries + Description.more_inputs.size(), std::size_t{1}});
 };
 
-// A device with CoE. `ValueBytes`: the image of the values. `More`: other mailbox protocols besides CoE. An author
-// whose PDOs can be changed by the master says by `MostMapped` how many entries may be mapped in one direction. An
-// object with a large value in the memory of a hook (ObjectHooks::memory) needs ObjectHooks::in_pieces.
-template <const DeviceDescription& Description, const auto& Own, std::size_t ValueBytes, std::size_t More = 0,
+// A device with CoE. `Values`: the struct of the values (values.hpp), or std::array<std::byte, N>. `More`: other
+// mailbox protocols besides CoE. An author whose PDOs can be changed by the master says by `MostMapped` how many
+// entries may be mapped in one direction. An object with a large value in the memory of a hook (ObjectHooks::memory)
+// needs ObjectHooks::in_pieces.
+template <const DeviceDescription& Description, const auto& Own, class Values, std::size_t More = 0,
           std::uint32_t Type = 0, std::size_t MostMapped = StandardObjects<Description, Own, Type>::kMostMapped>
 class StandardDevice {
     // The SII announces the protocols of the description. A master gets no answers from one that has no server.
@@ -205,7 +209,7 @@ class StandardDevice {
         MailboxMemory<kMailboxBytes, 3> mailbox;
         // Values of more than one message, until all of their segments have arrived.
         std::array<std::byte, std::max<std::size_t>(256, standard::largest_value(Objects::kObjects))> staging{};
-        std::array<std::byte, ValueBytes> values{};
+        Values values{};
         ProcessDataMemory<most_bytes(Description, true), most_bytes(Description, false), MostMapped> process_data;
     };
 
@@ -213,7 +217,7 @@ class StandardDevice {
     StandardDevice(EscAccess& esc, Application& application, Memory& memory,
                    const std::array<MailboxProtocol, More>& more = {}, RunMode mode = RunMode::polling,
                    EepromEmulation* eeprom = nullptr)
-        : dictionary(Objects::kObjects, memory.values, &application),
+        : dictionary(Objects::kObjects, image_of(memory.values), &application),
           coe_(dictionary, memory.staging, Description.complete_access, application.emergencies()),
           mailbox_(esc, memory.mailbox, protocols_),
           process_data(esc, application, dictionary, memory.process_data),

@@ -15,7 +15,7 @@ struct Head {
     using layout = Field<std::uint32_t, 0>;
     using size = Field<std::uint32_t, 4>;
     using values = Field<std::uint32_t, 8>;
-    static constexpr std::size_t bytes = 12;
+    static constexpr std::size_t bytes = kStoredHeadBytes;
 };
 
 // CRC-32 (IEEE 802.3), bit by bit: no table in flash, and these blocks are small.
@@ -50,8 +50,14 @@ template <class Visit>
 void for_each_value(const ObjectDictionary& dictionary, Visit visit) {
     for_each_line(dictionary, [&](const Object& object, const Entry& entry) {
         for (unsigned n = entry.subindex; n <= entry.last(); ++n)
-            visit(object, entry, static_cast<std::uint8_t>(n), dictionary.in_image(entry, n));
+            visit(object, entry, static_cast<std::uint8_t>(n), dictionary.in_image(object, entry, n));
     });
+}
+
+std::size_t block_bytes(const ObjectDictionary& dictionary) {
+    std::size_t bytes = Head::bytes;
+    for_each_line(dictionary, [&](const Object&, const Entry& entry) { bytes += stored_bytes(entry); });
+    return bytes;
 }
 
 std::uint32_t layout_of(const ObjectDictionary& dictionary) {
@@ -72,7 +78,7 @@ std::uint32_t checksum_of(Bytes values) {
 }  // namespace
 
 bool StoredValues::load() {
-    const std::size_t size = stored_bytes(dictionary_.objects());
+    const std::size_t size = block_bytes(dictionary_);
     if (buffer_.size() < size || store_.load(buffer_) != size) return false;
     const Bytes values = Bytes(buffer_).first(size).subspan(Head::bytes);
     if (Head::size::load(buffer_) != size || Head::layout::load(buffer_) != layout_of(dictionary_) ||
@@ -108,7 +114,7 @@ std::uint32_t StoredValues::checksum() {
 }
 
 void StoredValues::collect() {
-    const std::size_t size = stored_bytes(dictionary_.objects());
+    const std::size_t size = block_bytes(dictionary_);
     std::size_t at = Head::bytes;
     for_each_value(dictionary_, [&](const Object&, const Entry&, std::uint8_t, Bytes memory) {
         const Guard guard(dictionary_.lock());
@@ -121,7 +127,7 @@ void StoredValues::collect() {
 }
 
 HookAnswer StoredValues::save(Time now, bool again) {
-    const std::size_t size = stored_bytes(dictionary_.objects());
+    const std::size_t size = block_bytes(dictionary_);
     if (buffer_.size() < size) return Abort::out_of_memory;
     // The block that is being stored may be that of an earlier command, whose answer the master did not wait for.
     if (!again) outdated_ = saving_;

@@ -35,17 +35,21 @@ class ValueStore {
 [[nodiscard]] constexpr bool is_stored(const Entry& entry) {
     return (entry.access & od::kBackup) != 0 && entry.storage == Storage::image;
 }
-[[nodiscard]] constexpr std::size_t stored_bytes(std::span<const Object> objects) {
-    std::size_t bytes = 12;
-    for (const Object& object : objects)
-        for (const Entry& entry : object.entries)
-            if (is_stored(entry)) bytes += std::size_t{entry.bytes()} * entry.count;
+[[nodiscard]] constexpr std::size_t stored_bytes(const Entry& entry) {
+    return is_stored(entry) ? std::size_t{entry.bytes()} * entry.count : 0;
+}
+inline constexpr std::size_t kStoredHeadBytes = 12;
+[[nodiscard]] constexpr std::size_t stored_bytes(std::span<const Object> table) {
+    std::size_t bytes = kStoredHeadBytes;
+    for (const Object& object : table)
+        for (const Entry& entry : object.entries) bytes += stored_bytes(entry);
     return bytes;
 }
 
 class StoredValues {
   public:
-    // All arguments must outlive the object. `buffer` has at least stored_bytes(dictionary.objects()) octets.
+    // All arguments must outlive the object. `buffer` has at least stored_bytes() of the table octets; of a modular
+    // device, ModuleTables::kValueBytes more.
     StoredValues(ObjectDictionary& dictionary, ValueStore& store, MutableBytes buffer)
         : dictionary_(dictionary), store_(store), buffer_(buffer) {}
 

@@ -71,7 +71,7 @@ constexpr Object kGateObjects[] = {record(0x1600, "Offset", kGateRx2, nullptr, D
                                    variable(0x6000, "Actual", kGateActual),
                                    variable(0x7000, "Offset", kGateOffset),
                                    variable(0x7001, "Wanted", kGateWanted)};
-using GateStack = StandardDevice<kGate, kGateObjects, GateValues::bytes, 4>;
+using GateStack = StandardDevice<kGate, kGateObjects, std::array<std::byte, GateValues::bytes>, 4>;
 
 class Gate final : public Application, public FoeStore, public VoeApplication, public EoeApplication, public AoeDevice {
   public:

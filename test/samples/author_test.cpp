@@ -37,23 +37,22 @@ constexpr DeviceDescription kPump{
     .dc = {.supported = true, .min_cycle = 250us}};
 
 struct PumpValues {
-    using on = Field<std::uint8_t, 0>;
-    using speed = Field<std::int16_t, on::end>;
-    using pressure = Field<std::uint16_t, speed::end>;
-    using flow = Field<std::int32_t, pressure::end>;
-    using cycles = Field<std::uint16_t, flow::end>;
-    using gain = Field<std::uint16_t, cycles::end>;
-    static constexpr std::size_t bytes = gain::end;
+    std::uint8_t on;
+    Le<std::int16_t> speed;
+    Le<std::uint16_t> pressure;
+    Le<std::int32_t> flow;
+    Le<std::uint16_t> cycles;
+    Le<std::uint16_t> gain;
 };
 constexpr auto kPumpOut = od::kReadWrite | od::kRxMappable;
 constexpr auto kPumpIn = od::kRead | od::kTxMappable;
-constexpr Entry kPumpOn[] = {value<PumpValues::on>(0, "On", kPumpOut)};
-constexpr Entry kPumpSpeed[] = {value<PumpValues::speed>(0, "Speed", kPumpOut).within(kLimits<-3000, 3000>)};
-constexpr Entry kPumpPressure[] = {value<PumpValues::pressure>(0, "Pressure", kPumpIn)};
-constexpr Entry kPumpFlow[] = {value<PumpValues::flow>(0, "Flow", kPumpIn)};
-constexpr Entry kPumpCycles[] = {value<PumpValues::cycles>(0, "Cycles", kPumpIn)};
+constexpr Entry kPumpOn[] = {value<&PumpValues::on>(0, "On", kPumpOut)};
+constexpr Entry kPumpSpeed[] = {value<&PumpValues::speed>(0, "Speed", kPumpOut).within(kLimits<-3000, 3000>)};
+constexpr Entry kPumpPressure[] = {value<&PumpValues::pressure>(0, "Pressure", kPumpIn)};
+constexpr Entry kPumpFlow[] = {value<&PumpValues::flow>(0, "Flow", kPumpIn)};
+constexpr Entry kPumpCycles[] = {value<&PumpValues::cycles>(0, "Cycles", kPumpIn)};
 constexpr Entry kPumpGain[] = {
-    value<PumpValues::gain>(0, "Gain", od::kReadWrite | od::kBackup, 10).within(kLimits<1, 100>)};
+    value<&PumpValues::gain>(0, "Gain", od::kReadWrite | od::kBackup, 10).within(kLimits<1, 100>)};
 constexpr auto kPumpDiagnosis = kDiagnosisEntries<4>;
 constexpr Object kPumpObjects[] = {array(0x1010, "Store parameters", kStoreEntries, &kStoreHooks),
                                    array(0x1011, "Restore default parameters", kRestoreEntries, &kRestoreHooks),
@@ -65,7 +64,7 @@ constexpr Object kPumpObjects[] = {array(0x1010, "Store parameters", kStoreEntri
                                    variable(0x7000, "On", kPumpOn),
                                    variable(0x7010, "Speed", kPumpSpeed),
                                    variable(0x8000, "Gain", kPumpGain)};
-using PumpStack = StandardDevice<kPump, kPumpObjects, PumpValues::bytes>;
+using PumpStack = StandardDevice<kPump, kPumpObjects, PumpValues>;
 
 struct PumpFlash final : ValueStore {
     std::vector<std::byte> cells{};
@@ -82,19 +81,19 @@ struct PumpFlash final : ValueStore {
 
 class Pump final : public Application {
   public:
-    explicit Pump(MutableBytes values) : values_(values) {}
+    explicit Pump(PumpValues& values) : values_(values) {}
     const DeviceDescription& description() const override { return kPump; }
     DiagnosisHistory* diagnosis() override { return &history_; }
     StoredValues* stored_values() override { return stored; }
     void cycle(Time, bool outputs_valid) override {
-        const int speed = outputs_valid && PumpValues::on::load(values_) != 0 ? PumpValues::speed::load(values_) : 0;
-        PumpValues::flow::store(values_, speed * PumpValues::gain::load(values_));
-        PumpValues::pressure::store(values_, static_cast<std::uint16_t>(speed < 0 ? -speed : speed));
-        PumpValues::cycles::store(values_, static_cast<std::uint16_t>(PumpValues::cycles::load(values_) + 1u));
+        const int speed = outputs_valid && values_.on != 0 ? int{values_.speed} : 0;
+        values_.flow = speed * values_.gain;
+        values_.pressure = static_cast<std::uint16_t>(speed < 0 ? -speed : speed);
+        values_.cycles = static_cast<std::uint16_t>(values_.cycles + 1);
     }
     // From the main loop.
     void watch(Time now) {
-        const bool high = PumpValues::pressure::load(values_) > 2500;
+        const bool high = values_.pressure > 2500;
         if (high && !told_)
             (void)history_.add(
                 {.code = 0xE8001234, .type = DiagnosisType::warning, .text_id = 7, .time_stamp_ns = timestamp_ns(now)});
@@ -103,7 +102,7 @@ class Pump final : public Application {
     StoredValues* stored = nullptr;
 
   private:
-    MutableBytes values_;
+    PumpValues& values_;
     std::array<std::byte, 4 * 24> messages_{};
     DiagnosisHistory history_{messages_, 4};
     bool told_ = false;
@@ -139,8 +138,8 @@ class PumpFirmware final : public sim::Firmware {
 };
 
 sim::Device make_pump(PumpFlash& flash) {
-    std::array<std::byte, PumpValues::bytes> values{};
-    const ObjectDictionary dictionary(PumpStack::Objects::kObjects, values);
+    PumpValues values{};
+    const ObjectDictionary dictionary(PumpStack::Objects::kObjects, image_of(values));
     SiiWorkspace<2, 8> workspace;
     sim::Device device{.chip = *sim::chip_by_name("et1100"), .sii = std::vector<std::byte>(2048), .firmware = {}};
     const auto written = write_sii(kPump, {}, dictionary, workspace, device.sii);

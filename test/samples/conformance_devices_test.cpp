@@ -12,14 +12,15 @@ using namespace std::chrono_literals;
 namespace od = subdevice::od;
 using subdevice::DeviceDescription;
 using subdevice::Entry;
+using subdevice::Le;
 using subdevice::Object;
 
 struct SmallValues {
-    using lamps = Field<std::uint16_t, 0>;
-    using keys = Field<std::uint16_t, 2>;
+    Le<std::uint16_t> lamps;
+    Le<std::uint16_t> keys;
 };
-constexpr Entry kSmallLamps[] = {subdevice::value<SmallValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
-constexpr Entry kSmallKeys[] = {subdevice::value<SmallValues::keys>(0, "Keys", od::kRead | od::kTxMappable)};
+constexpr Entry kSmallLamps[] = {subdevice::value<&SmallValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Entry kSmallKeys[] = {subdevice::value<&SmallValues::keys>(0, "Keys", od::kRead | od::kTxMappable)};
 constexpr Object kSmallObjects[] = {subdevice::variable(0x6000, "Keys", kSmallKeys),
                                     subdevice::variable(0x7000, "Lamps", kSmallLamps)};
 
@@ -54,7 +55,7 @@ constexpr DeviceDescription kSwitch = changed([](DeviceDescription& d) { d.devic
 template <const DeviceDescription& Description>
 class SmallFirmware final : public sim::Firmware {
   public:
-    using Stack = subdevice::StandardDevice<Description, kSmallObjects, 4>;
+    using Stack = subdevice::StandardDevice<Description, kSmallObjects, SmallValues>;
     void start(subdevice::EscAccess& esc, Time now) override {
         all_ = std::make_unique<All>(esc);
         all_->stack.device.start(now);
@@ -77,8 +78,8 @@ class SmallFirmware final : public sim::Firmware {
 template <const DeviceDescription& Description>
 Checked check_small(const Options& options = {}) {
     using Stack = typename SmallFirmware<Description>::Stack;
-    std::array<std::byte, 4> values{};
-    const subdevice::ObjectDictionary dictionary(Stack::Objects::kObjects, values);
+    SmallValues values{};
+    const subdevice::ObjectDictionary dictionary(Stack::Objects::kObjects, subdevice::image_of(values));
     subdevice::SiiWorkspace<4, 16> workspace;
     sim::Device device{
         .chip = sim::chip_by_name("et1100").value(), .sii = std::vector<std::byte>(2048), .firmware = {}};

@@ -195,7 +195,45 @@ void need_sync1(std::uint16_t address, MutableBytes data) {
     if (address == reg::kSyncActivation.address && data[0] == std::byte{3}) data[0] = std::byte{1};
 }
 
+// An upload of this subindex gives another number.
+template <std::uint16_t Index, std::uint8_t Subindex, std::uint8_t Number>
+bool show_number(std::uint16_t address, Octets& data) {
+    const bool upload = address == 0x1100 && data.size() >= 16 && data[6] == std::byte{0} &&
+                        data[7] == std::byte{0x30} &&
+                        (std::to_integer<unsigned>(data[8]) >> 5) == coe::response::kUpload;
+    if (upload && load_le<std::uint16_t>(data, 9) == Index && data[11] == std::byte{Subindex}) {
+        data[12] = std::byte{Number};
+        data[13] = std::byte{0};
+    }
+    return true;
+}
+// An expedited download of the first configured module reaches the firmware with this low octet.
+template <std::uint8_t Octet>
+void take_module(std::uint16_t address, MutableBytes data) {
+    if (address != 0x1006 || data.size() < 10 || load_le<std::uint16_t>(data, 3) != 0xF030) return;
+    if ((std::to_integer<unsigned>(data[2]) >> 5) == coe::request::kDownload && data[5] == std::byte{1})
+        data[6] = std::byte{Octet};
+}
+
 constexpr Fault kFaults[] = {
+    {.check = "modules.lists",
+     .what = "a PDO of an empty slot",
+     .write = show_number<0xF050, 2, 0>,
+     .device = "modular_io"},
+    {.check = "modules.lists", .what = "too many slots", .write = show_number<0xF000, 2, 3>, .device = "modular_io"},
+    {.check = "modules.lists",
+     .what = "profiles of other slots",
+     .write = show_number<0xF010, 0, 2>,
+     .device = "modular_io"},
+    {.check = "modules.match", .what = "a right list is refused", .read = take_module<0x77>, .device = "modular_io"},
+    {.check = "modules.mismatch",
+     .what = "another module is accepted",
+     .read = take_module<0x04>,
+     .device = "modular_io"},
+    {.check = "modules.mismatch",
+     .what = "another code",
+     .write = replace_code<0x0070, 0x0001>,
+     .device = "modular_io"},
     {"clock.lost", "a SYNC0 of long ago leads to OP again", note_any_error, read_sync0_after_error},
     {"clock.lost", "OP is refused again with another code", replace_code<0x002D, 0x0001>},
     {.check = "clock.sync1",

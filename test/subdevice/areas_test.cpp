@@ -77,7 +77,7 @@ constexpr Object kAreaObjects[] = {record(0x1600, "Rx of SM2", kRx2, nullptr, Da
                                    variable(0x7000, "Bits", kBits),
                                    variable(0x7001, "Speed", kSpeed),
                                    variable(0x7002, "Torque", kTorque)};
-using AreaStack = StandardDevice<kTwoAreas, kAreaObjects, AreaValues::bytes>;
+using AreaStack = StandardDevice<kTwoAreas, kAreaObjects, std::array<std::byte, AreaValues::bytes>>;
 
 class AreaApplication final : public Application {
   public:

@@ -5,7 +5,6 @@
 #include "subdevice/coe_server.hpp"
 #include "subdevice/device.hpp"
 #include "subdevice/diagnosis.hpp"
-#include "subdevice/modules.hpp"
 #include "subdevice/stored_values.hpp"
 #include "subdevice/sync_objects.hpp"
 #include "subdevice/timestamp.hpp"
@@ -47,8 +46,7 @@ struct Values {
     static constexpr std::size_t block = 135;  // 300 octets
     static constexpr std::size_t sync = 435;
     using time = Field<std::uint64_t, sync + SyncValues<sync>::bytes>;
-    using modules = ModuleValues<3, time::end>;
-    static constexpr std::size_t bytes = time::end + modules::bytes;
+    static constexpr std::size_t bytes = time::end;
 };
 
 class BenchApplication;
@@ -71,6 +69,9 @@ inline constexpr DeviceDescription kDevice{
     .outputs = {.sync_manager = 2, .start = 0x1200, .max_bytes = 16, .watchdog = true},
     .inputs = {.sync_manager = 3, .start = 0x1300, .max_bytes = 16},
     .dc = {.supported = true, .min_cycle = 100us},
+    .local_error_reaction = 3,
+    .output_times = {.shift = 50us, .min_delay = 2us, .max_delay = 7us},
+    .input_times = {.shift = 11us, .max_delay = 1us},
 };
 
 inline constexpr ObjectHooks kSlowHooks{
@@ -129,9 +130,6 @@ inline constexpr auto kSyncError = sync_error_entries<Values::sync>(kDevice);
 inline constexpr auto kOutputSync = sync_output_entries<Values::sync>(kDevice);
 inline constexpr auto kInputSync = sync_input_entries<Values::sync>(kDevice);
 inline constexpr auto kTime = timestamp_entry<Values::time>();
-inline constexpr auto kModuleProfileEntries = module_profile_entries(3, 0x10);
-inline constexpr auto kExpectedModules = configured_module_entries<Values::modules>();
-inline constexpr auto kFoundModules = detected_module_entries<Values::modules>();
 inline constexpr Entry kOutputs[] = {entry_count(4),
                                      value<Values::out_a>(1, "Out a", od::kReadWrite | od::kRxMappable, 9),
                                      value<Values::out_b>(2, "Out b", od::kReadWrite | od::kRxMappable),
@@ -169,9 +167,6 @@ inline constexpr Object kObjects[] = {
     variable(0x2008, "Vast", kVast, &kVastHooks),
     record(0x6000, "Inputs", kInputs),
     record(0x7000, "Outputs", kOutputs),
-    record(0xF000, "Modular device profile", kModuleProfileEntries),
-    array(0xF030, "Configured modules", kExpectedModules),
-    array(0xF050, "Detected modules", kFoundModules),
 };
 #ifndef __SANITIZE_ADDRESS__  // GCC 12 with sanitizers does not accept this address in a constant expression
 static_assert(well_formed(kObjects, Values::bytes));

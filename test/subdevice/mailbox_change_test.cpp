@@ -151,7 +151,7 @@ void meddle_at_start(std::uint16_t bytes) {
         EXPECT_EQ(device.esc.al_status().state, AlState::init) << "change before access " << strike;
         EXPECT_TRUE(device.esc.al_status().error) << "change before access " << strike;
     }
-    EXPECT_GT(strike, 15U);
+    EXPECT_GT(strike, 13U);
 }
 
 TEST(MailboxChange, AtAnyAccessOfTheStartTheMemoryIsSafe) { meddle_at_start(3000); }

@@ -138,6 +138,7 @@ TEST(SdoAbort, DevicesWithoutCompleteAccess) {
     std::array<std::byte, 128> receive{};
     std::array<std::byte, 512> send{};
     bench.mailbox.emplace(bench.esc, MutableBytes(receive), MutableBytes(send), protocols);
+    ASSERT_TRUE(bench.mailbox->fits());
     bench.mailbox->start(AlState::preop);
     EXPECT_EQ(upload(bench, 0x1018, 0, true).abort, Abort::unsupported_access);
     EXPECT_EQ(upload(bench, 0x1018, 0).abort, Abort::none);
@@ -190,6 +191,7 @@ TEST(SdoAbort, StagingIsTheAuthorsAndEndsSomewhere) {
     std::array<std::byte, 128> receive{};
     std::array<std::byte, 512> send{};
     bench.mailbox.emplace(bench.esc, MutableBytes(receive), MutableBytes(send), protocols);
+    ASSERT_TRUE(bench.mailbox->fits());
     bench.mailbox->start(AlState::preop);
     EXPECT_EQ(download(bench, 0x2003, 0, sdo_pattern(81)).abort, Abort::out_of_memory);
     EXPECT_EQ(download(bench, 0x2003, 0, sdo_pattern(80)).abort, Abort::none);

@@ -308,6 +308,7 @@ class AbsentParts : public ::testing::TestWithParam<bool> {
             esc.configure(n, {static_cast<std::uint16_t>(n == 0 ? 0x1000 : 0x1100), 128,
                               static_cast<std::uint8_t>(n == 0 ? 0x26 : 0x22), 1});
         dictionary.restore_defaults();
+        EXPECT_TRUE(mailbox.fits());
         mailbox.start(AlState::preop);
     }
     Abort ask(const std::vector<std::byte>& request) {

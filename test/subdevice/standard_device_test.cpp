@@ -21,17 +21,16 @@ constexpr DeviceDescription kLampsDevice{
     .outputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = 4},
     .inputs = {.sync_manager = 3, .start = 0x1480, .max_bytes = 8}};
 struct LampValues {
-    using lamps = Field<std::uint8_t, 0>;
-    using dimming = Field<std::uint16_t, lamps::end>;
-    using currents = Field<std::uint16_t, dimming::end>;  // three
-    static constexpr std::size_t bytes = currents::end + 4;
+    std::uint8_t lamps;
+    Le<std::uint16_t> dimming;
+    std::array<Le<std::uint16_t>, 3> currents;
 };
 
 class LampsApplication final : public Application {
   public:
-    explicit LampsApplication(MutableBytes values) : values_(values) {}
+    explicit LampsApplication(LampValues& values) : values_(values) {}
     const DeviceDescription& description() const override { return kLampsDevice; }
-    void cycle(Time, bool) override { shown = LampValues::lamps::load(values_); }
+    void cycle(Time, bool) override { shown = values_.lamps; }
     HookAnswer check_dimming(const ObjectAccess&, Bytes data) {
         return load_le<std::uint16_t>(data) % 10 == 0 ? Abort::none : Abort::value_range;
     }
@@ -40,20 +39,19 @@ class LampsApplication final : public Application {
     unsigned changes = 0;
 
   private:
-    MutableBytes values_;
+    LampValues& values_;
 };
 
 constexpr ObjectHooks kDimmingHooks{.before_write = before_write_by<&LampsApplication::check_dimming>,
                                     .after_write = after_write_by<&LampsApplication::dimmed>};
-constexpr Entry kLamps[] = {value<LampValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
-constexpr Entry kDimming[] = {value<LampValues::dimming>(0, "Dimming", od::kReadWrite, 100)};
-constexpr Entry kCurrents[] = {entry_count(3),
-                               value<LampValues::currents>(1, "Current", od::kRead | od::kTxMappable).times(3)};
+constexpr Entry kLamps[] = {value<&LampValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Entry kDimming[] = {value<&LampValues::dimming>(0, "Dimming", od::kReadWrite, 100)};
+constexpr Entry kCurrents[] = {entry_count(3), value<&LampValues::currents>(1, "Current", od::kRead | od::kTxMappable)};
 constexpr Entry kOwnName[] = {text(0, "Device name", "Lamps of ours")};
 constexpr Object kLampObjects[] = {variable(0x1008, "Device name", kOwnName),
                                    variable(0x2000, "Dimming", kDimming, &kDimmingHooks),
                                    array(0x6000, "Currents", kCurrents), variable(0x7000, "Lamps", kLamps)};
-using LampStack = StandardDevice<kLampsDevice, kLampObjects, LampValues::bytes>;
+using LampStack = StandardDevice<kLampsDevice, kLampObjects, LampValues>;
 
 struct LampBench {
     PlainEsc esc;
@@ -90,7 +88,7 @@ TEST(StandardDevice, HasTheObjectsOfEveryDeviceAndThoseOfItsAuthor) {
     for (const Object& object : LampStack::Objects::kObjects) indices.push_back(object.index);
     EXPECT_EQ(indices,
               (std::vector{0x1000, 0x1008, 0x1018, 0x1600, 0x1A00, 0x1C00, 0x1C12, 0x1C13, 0x2000, 0x6000, 0x7000}));
-    EXPECT_TRUE(well_formed(LampStack::Objects::kObjects, LampValues::bytes));
+    EXPECT_TRUE(well_formed(LampStack::Objects::kObjects, sizeof(LampValues)));
     LampBench bench;
     EXPECT_EQ(bench.stack.dictionary.find(0x1008)->entries[0].content(), "Lamps of ours") << "the author's object";
     EXPECT_EQ(bench.stack.dictionary.number(0x1018, 2), 0x77U);
@@ -100,13 +98,45 @@ TEST(StandardDevice, HasTheObjectsOfEveryDeviceAndThoseOfItsAuthor) {
     EXPECT_EQ(bench.stack.dictionary.number(0x1A00, 3), 0x60000310U);
 }
 
+// The octets of a struct are the image of its values.
+struct MixedValues {
+    Le<std::uint16_t> first;
+    std::uint8_t octet;
+    std::array<Le<std::int32_t>, 3> numbers;
+    std::array<char, 300> label;
+    Le<std::uint64_t> behind;
+};
+static_assert(sizeof(MixedValues) == 323, "no gaps");
+static_assert(offset_of(&MixedValues::octet) == 2 && offset_of(&MixedValues::behind) == 315);
+constexpr Entry kNumbers = value<&MixedValues::numbers>(1, "Number", od::kReadOnly, -5);
+static_assert(kNumbers.offset == 3 && kNumbers.count == 3 && kNumbers.bits == 32);
+static_assert(kNumbers.type == DataType::integer32);
+constexpr Entry kLabelOctets =
+    subdevice::octets<&MixedValues::label>(0, "Label", DataType::visible_string, od::kReadWrite, "none");
+static_assert(kLabelOctets.offset == 15 && kLabelOctets.bits == 2400);
+static_assert(flag<&MixedValues::octet>(0, "Flag", od::kReadOnly).type == DataType::boolean);
+
+TEST(StandardDevice, AStructOfValuesIsTheImage) {
+    MixedValues values{};
+    values.first = 0x1234;
+    values.numbers[1] = -2;
+    const auto image = image_of(values);
+    EXPECT_EQ(image[0], std::byte{0x34}) << "the order of the wire";
+    EXPECT_EQ(image[7], std::byte{0xFE});
+    EXPECT_EQ(image[10], std::byte{0xFF});
+    image[1] = std::byte{0x56};
+    EXPECT_EQ(values.first, 0x5634);
+    EXPECT_EQ(values.first * 2 + 1, 0xAC69);
+    EXPECT_EQ(values_in<MixedValues>(image).numbers[1], -2);
+}
+
 TEST(StandardDevice, GoesToOpAndExchanges) {
     LampBench bench;
     ASSERT_EQ(bench.request(2), (AlStatus{AlState::preop, false, 0}));
     ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
     ASSERT_TRUE(bench.esc.ecat_write(0x1400, raw({0x5A, 0})));
     ASSERT_EQ(bench.request(8), (AlStatus{AlState::op, false, 0}));
-    LampValues::currents::store(bench.memory.values, 0x1234);
+    bench.memory.values.currents[0] = 0x1234;
     ASSERT_TRUE(bench.esc.ecat_write(0x1400, raw({0xA5, 0})));
     (void)bench.stack.device.step(bench.esc.time);
     EXPECT_EQ(bench.application.shown, 0xA5U);
@@ -181,7 +211,7 @@ struct PlainApplication final : Application {
 
 template <const DeviceDescription& Description, const auto& Objects, std::size_t Bytes>
 struct SizedBench {
-    using Stack = StandardDevice<Description, Objects, Bytes>;
+    using Stack = StandardDevice<Description, Objects, std::array<std::byte, Bytes>>;
     PlainEsc esc;
     std::array<std::byte, 128> eeprom_content{};
     EepromEmulation eeprom{esc, eeprom_content};

@@ -104,7 +104,48 @@ TEST_F(MeasuredTimes, InputsShowTheCountersOfTheDevice) {
         EXPECT_EQ(read(index, 0x0C), 0x0304U);
         EXPECT_EQ(read(index, 0x20), 1U);
     }
-    EXPECT_EQ(upload(bench, 0x1C33, 9).abort, Abort::no_subindex) << "the stack delays nothing";
+}
+
+TEST_F(MeasuredTimes, TimesOfTheHardwareAreThoseOfTheDescription) {
+    EXPECT_EQ(read(0x10F1, 1), 3U);
+    EXPECT_EQ(upload(bench, 0x10F1, 1).data.size(), 4U);
+    EXPECT_EQ(read(0x1C32, 3), 50'000U);
+    EXPECT_EQ(read(0x1C32, 7), 2'000U);
+    EXPECT_EQ(read(0x1C32, 9), 7'000U);
+    EXPECT_EQ(read(0x1C33, 3), 11'000U);
+    EXPECT_EQ(read(0x1C33, 7), 0U);
+    EXPECT_EQ(read(0x1C33, 9), 1'000U);
+    EXPECT_EQ(download(bench, 0x1C32, 3, raw({1, 0, 0, 0})).abort, Abort::read_only);
+    EXPECT_EQ(upload(bench, 0x1C33, 0, true).abort, Abort::none);
+}
+
+// With a shift time, the outputs must be used within it after SYNC0.
+TEST_F(MeasuredTimes, OutputsThatAreUsedAfterTheShiftTimeAreCounted) {
+    bench.esc.ecat_set<std::uint32_t>(0x09A0, 1'000'000);
+    bench.esc.ecat_set<std::uint8_t>(0x0981, 3);
+    const auto sync = [&](Duration work) {
+        bench.application.work = work;
+        bench.esc.time += 1ms;
+        ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 3, 0})));
+        (void)bench.step();
+        bench.esc.raise(wire::al_event::kDcSync0);
+        (void)bench.step();
+    };
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    sync(60us);
+    EXPECT_EQ(read(0x1C32, 0x0D), 0U) << "no outputs are used in SAFEOP";
+    (void)bench.request(8);
+    ASSERT_EQ(bench.esc.al_status(), (AlStatus{AlState::op, false, 0}));
+    sync(50us);
+    EXPECT_EQ(read(0x1C32, 0x0D), 0U);
+    sync(51us);
+    sync(900us);
+    EXPECT_EQ(read(0x1C32, 0x0D), 2U);
+    EXPECT_EQ(read(0x1C33, 0x0D), 2U) << "one counter for the device";
+    EXPECT_EQ(read(0x1C32, 0x0C), 0U) << "the cycle was not exceeded";
+    bench.application.description_value.output_times.shift = {};
+    sync(900us);
+    EXPECT_EQ(read(0x1C32, 0x0D), 2U) << "without a shift time nothing is counted";
 }
 
 TEST_F(MeasuredTimes, TheTimestampIsTheTimeOfTheDevice) {

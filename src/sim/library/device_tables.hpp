@@ -37,22 +37,16 @@ struct IoDevice {
             .free_run_cycle = std::chrono::milliseconds(1)};
 }
 
-// The objects of the device itself (`own`, ascending by index), combined with the objects of every device, ascending by
-// index.
+// The objects of the device itself, combined with the objects of every device, ascending by index.
+template <class Common, std::size_t N>
+[[nodiscard]] constexpr std::array<subdevice::Object, N + 8> with_common(const std::array<subdevice::Object, N>& own) {
+    return subdevice::joined(
+        own, std::array{Common::device_type, Common::error_history, Common::device_name, Common::hardware,
+                        Common::software, Common::identity, Common::diagnosis, Common::sync_manager_types});
+}
 template <class Common, std::size_t N>
 [[nodiscard]] constexpr std::array<subdevice::Object, N + 8> with_common(const subdevice::Object (&own)[N]) {
-    const std::array common{Common::device_type, Common::error_history,     Common::device_name,
-                            Common::hardware,    Common::software,          Common::identity,
-                            Common::diagnosis,   Common::sync_manager_types};
-    std::array<subdevice::Object, N + 8> all{};
-    std::size_t taken = 0;
-    std::size_t c = 0;
-    for (const auto& object : own) {
-        while (c < common.size() && common[c].index < object.index) all[taken++] = common[c++];
-        all[taken++] = object;
-    }
-    while (c < common.size()) all[taken++] = common[c++];
-    return all;
+    return with_common<Common>(std::to_array(own));
 }
 
 // The PDO assignments of a device with one fixed PDO in each direction.

@@ -5,10 +5,9 @@
 namespace margay::sim {
 
 std::span<const Blueprint* const> blueprints() {
-    static constexpr const Blueprint* kAll[] = {&kDigitalIo,  &kAnalogIo,       &kEncoder,    &kDrive,
-                                                &kSoeDrive,   &kBootloader,     &kOddDevice,  &kVoeDevice,
-                                                &kAoeGateway, &kOpenBootloader, &kEoeGateway, &kDcBridge,
-                                                &kSplitIo};
+    static constexpr const Blueprint* kAll[] = {&kDigitalIo,  &kAnalogIo,  &kEncoder,   &kDrive,      &kSoeDrive,
+                                                &kBootloader, &kOddDevice, &kVoeDevice, &kAoeGateway, &kOpenBootloader,
+                                                &kEoeGateway, &kDcBridge,  &kSplitIo,   &kModularIo};
     return kAll;
 }
 

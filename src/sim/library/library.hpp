@@ -23,6 +23,7 @@ extern const Blueprint kAoeGateway;
 extern const Blueprint kEoeGateway;
 extern const Blueprint kDcBridge;
 extern const Blueprint kSplitIo;
+extern const Blueprint kModularIo;
 
 // Creates the SII image of a device, with the current PDO assignment of `dictionary`.
 [[nodiscard]] std::vector<std::byte> sii_of(const Blueprint& blueprint, const subdevice::ObjectDictionary& dictionary);

@@ -34,6 +34,7 @@ StackFirmware::StackFirmware(const Blueprint& blueprint)
     if (auto* const eoe = model_->eoe(); eoe != nullptr) protocols_.push_back({wire::MailboxType::eoe, eoe});
     if (auto* const files = model_->files(); files != nullptr)
         protocols_.push_back({wire::MailboxType::foe, &foe_.emplace(*files, wire::foe::to_text), true});
+    if (auto* const modules = model_->modules(); modules != nullptr) modules->lay_out(dictionary_);
     receive_.resize(mailbox_bytes(*blueprint.device));
     send_.resize(kReplySlots * receive_.size());
 }
@@ -91,7 +92,7 @@ void StackFirmware::assign_other_pdos() {
         const auto* const assignment = dictionary_.find(index);
         if (assignment == nullptr || assignment->entry(1) == nullptr) continue;
         const auto other = static_cast<std::uint16_t>(dictionary_.number(index, 1) + 1);
-        const auto memory = dictionary_.in_image(*assignment->entry(1), 1);
+        const auto memory = dictionary_.in_image(*assignment, *assignment->entry(1), 1);
         if (memory.size() == 2 && dictionary_.find(other) != nullptr) store_le<std::uint16_t>(memory, 0, other);
     }
 }

@@ -1,0 +1,159 @@
+// Modular devices: the lists of slots against each other and against the PDOs, and the comparison of the modules that
+// the master expects with those that are there.
+#include "subdevice_check/check.hpp"
+#include "wire/al_status_code.hpp"
+
+namespace margay::samples::conformance {
+namespace {
+
+constexpr std::string_view kProfile = "ETG.5001.1, Modular Device Profile";
+constexpr std::uint16_t kGeneral = 0xF000;
+constexpr std::uint16_t kProfiles = 0xF010;
+constexpr std::uint16_t kConfigured = 0xF030;
+constexpr std::uint16_t kDetected = 0xF050;
+
+// The idents of 0xF050, from the first slot on.
+std::vector<std::uint32_t> detected_modules(Session& session) {
+    session.sdo.needs_sdo();
+    session.bench.enter(AlState::preop);
+    const auto count = session.sdo.number(kDetected, 0);
+    if (!count) session.bench.skip("the device has no list of detected modules (0xF050)");
+    std::vector<std::uint32_t> idents;
+    for (unsigned slot = 1; slot <= *count; ++slot) {
+        const auto ident = session.sdo.number(kDetected, static_cast<std::uint8_t>(slot));
+        if (!ident) session.bench.fail(object_text(kDetected, static_cast<std::uint8_t>(slot)) + " cannot be read");
+        idents.push_back(ident.value_or(0));
+    }
+    return idents;
+}
+
+void check_lists(Session& session) {
+    const auto idents = detected_modules(session);
+    auto& bench = session.bench;
+    auto& sdo = session.sdo;
+    const auto distance = sdo.number(kGeneral, 1);
+    const auto most = sdo.number(kGeneral, 2);
+    if (!distance || !most) {
+        bench.fail("0xF050 exists, and object 0xF000 has no subindices 1 and 2");
+        return;
+    }
+    if (idents.size() > *most)
+        bench.fail(fmt::format("{} says {} slots, and {} says {} at most", object_text(kDetected, 0), idents.size(),
+                               object_text(kGeneral, 2), *most));
+    const auto profiles = sdo.number(kProfiles, 0);
+    if (profiles && *profiles != idents.size())
+        bench.fail(fmt::format("{} is {}, and {} is {}", object_text(kProfiles, 0), *profiles,
+                               object_text(kDetected, 0), idents.size()));
+    if (*distance == 0) return;
+    for (const auto& area : bench.areas()) {
+        const auto assignment = static_cast<std::uint16_t>(0x1C10 + area.sync_manager);
+        const auto pdos = sdo.number(assignment, 0).value_or(0);
+        for (unsigned n = 1; n <= pdos; ++n) {
+            const auto pdo =
+                static_cast<std::uint16_t>(sdo.number(assignment, static_cast<std::uint8_t>(n)).value_or(0));
+            const auto entries = sdo.number(pdo, 0).value_or(0);
+            for (unsigned m = 1; m <= entries; ++m) {
+                const auto entry = sdo.number(pdo, static_cast<std::uint8_t>(m)).value_or(0);
+                const auto index = static_cast<std::uint16_t>(entry >> 16);
+                if (index < 0x6000 || index >= 0xF000) continue;
+                const auto slot = (index & 0x0FFFU) / *distance + 1;
+                if (slot <= idents.size() && idents[slot - 1] != 0) continue;
+                bench.fail(fmt::format("PDO 0x{:04x} maps {}, an object of slot {}, which is empty by 0xF050", pdo,
+                                       object_text(index, static_cast<std::uint8_t>(entry >> 8)), slot));
+            }
+        }
+    }
+}
+
+// Writes the list of expected modules. False: the device does not have it, or it cannot be written.
+bool expect(SdoClient& sdo, const std::vector<std::uint32_t>& idents) {
+    if (sdo.download<std::uint8_t>(kConfigured, 0, 0) != Abort::none) return false;
+    for (std::size_t n = 0; n < idents.size(); ++n)
+        if (sdo.download<std::uint32_t>(kConfigured, static_cast<std::uint8_t>(n + 1), idents[n]) != Abort::none)
+            return false;
+    return sdo.download<std::uint8_t>(kConfigured, 0, static_cast<std::uint8_t>(idents.size())) == Abort::none;
+}
+
+// The list as it was; put back however a check ends.
+class KeptList {
+  public:
+    explicit KeptList(Session& session) : session_(session) {
+        const auto count = session.sdo.number(kConfigured, 0);
+        if (!count) session.bench.skip("the device has no list of configured modules (0xF030)");
+        for (unsigned n = 1; n <= *count; ++n)
+            idents_.push_back(session.sdo.number(kConfigured, static_cast<std::uint8_t>(n)).value_or(0));
+    }
+    KeptList(const KeptList&) = delete;
+    KeptList& operator=(const KeptList&) = delete;
+    ~KeptList() {
+        try {
+            session_.bench.enter(AlState::preop);
+            (void)expect(session_.sdo, idents_);
+        } catch (const NotJudged&) {
+        } catch (const LineFault&) {
+        }
+    }
+
+  private:
+    Session& session_;
+    std::vector<std::uint32_t> idents_;
+};
+
+// From PREOP to SAFEOP with this list.
+AlStatus start_with(Session& session, const std::vector<std::uint32_t>& idents) {
+    auto& bench = session.bench;
+    for (;;) {
+        bench.enter(AlState::preop);
+        if (!expect(session.sdo, idents)) bench.skip("the list of configured modules (0xF030) cannot be written");
+        bench.configure_process_data();
+        const auto status = bench.go(AlState::safeop);
+        if (!bench.wants_clock(status)) return status;
+    }
+}
+
+void check_match(Session& session) {
+    const auto idents = detected_modules(session);
+    if (idents.empty()) session.bench.skip("no module is plugged in");
+    const KeptList kept(session);
+    const auto status = start_with(session, idents);
+    if (status.state != AlState::safeop || status.error)
+        session.bench.fail(fmt::format(
+            "the list of the detected modules was written to 0xF030, and SAFEOP is refused: {}", status_text(status)));
+}
+
+void check_mismatch(Session& session) {
+    const auto idents = detected_modules(session);
+    const KeptList kept(session);
+    auto other = idents;
+    if (other.empty()) other.push_back(0);
+    other.front() ^= 1;
+    auto fewer = idents;
+    if (!fewer.empty()) fewer.pop_back();
+    if (!fewer.empty() && fewer.back() == 0) fewer.clear();
+    for (const auto& wrong : {other, fewer}) {
+        if (wrong.empty()) continue;  // no expectation
+        const auto status = start_with(session, wrong);
+        if (status.state != AlState::preop || !status.error)
+            session.bench.fail(
+                fmt::format("0xF030 has {} modules that differ from the detected ones, and SAFEOP is "
+                            "accepted: {}",
+                            wrong.size(), status_text(status)));
+        else if (static_cast<wire::AlStatusCode>(status.code) != wire::AlStatusCode::module_list_mismatch)
+            session.bench.fail(fmt::format("0xF030 differs from the detected modules: SAFEOP is refused with {}, "
+                                           "expected 0x0070",
+                                           status_text(status)),
+                               "ETG.1020, AL Status Codes");
+    }
+}
+
+constexpr Check kChecks[] = {
+    {"modules.lists", "the lists of slots agree with each other and with the PDOs", kProfile, check_lists},
+    {"modules.match", "the list of the detected modules is accepted", kProfile, check_match},
+    {"modules.mismatch", "a list of other modules is refused with 0x0070", kProfile, check_mismatch},
+};
+
+}  // namespace
+
+std::span<const Check> module_checks() { return kChecks; }
+
+}  // namespace margay::samples::conformance

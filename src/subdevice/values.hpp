@@ -1,0 +1,107 @@
+// The values of a device as a struct. The tables name its members; their offsets follow from the struct at compile
+// time:
+//
+//     struct Values {
+//         Le<std::uint16_t> lamps;
+//         std::array<Le<std::int16_t>, 3> currents;
+//         std::uint8_t limit;
+//         std::array<char, 20> label;
+//     };
+//     value<&Values::lamps>(0, "Lamps", od::kReadWrite), value<&Values::currents>(1, "Current", od::kReadOnly) …
+//     values.lamps = 5;  if (values.currents[2] > values.limit) …
+//
+// The octets of the struct are the image of the dictionary, image_of(values). The image has the octet order of the wire
+// on every processor, so a number of more than one octet is a Le.
+#pragma once
+
+#include "util/bytes.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+namespace margay::subdevice {
+
+// A number in the octet order of the wire (little-endian). It needs no alignment, so a struct of such numbers has no
+// gaps.
+template <std::integral T>
+class Le {
+  public:
+    constexpr Le() = default;
+    constexpr Le(T value) { store_le<T>(octets_, 0, value); }
+    constexpr operator T() const { return load_le<T>(octets_); }
+
+  private:
+    std::array<std::byte, sizeof(T)> octets_{};
+};
+
+// The offset of a member in its struct. All members must be numbers, Le, or arrays and structs of them: without
+// pointers, references and bool.
+template <class Struct, class Member>
+[[nodiscard]] consteval std::size_t offset_of(Member Struct::*member) {
+    static_assert(std::is_trivially_copyable_v<Struct> && sizeof(Struct) <= 0x10000);
+    std::size_t offset = 0;
+    // Each octet of the struct has the number of its place: first the low octet of the number, then the high one.
+    for (const unsigned shift : {0U, 8U}) {
+        std::array<unsigned char, sizeof(Struct)> places{};
+        for (std::size_t n = 0; n < places.size(); ++n) places[n] = static_cast<unsigned char>(n >> shift);
+        const auto marked = std::bit_cast<Struct>(places);
+        const auto octets = std::bit_cast<std::array<unsigned char, sizeof(Member)>>(marked.*member);
+        offset |= std::size_t{octets[0]} << shift;
+    }
+    return offset;
+}
+
+namespace members {
+// The number behind a member, and how many of them follow each other.
+template <class Member>
+struct Number {
+    static_assert(sizeof(Member) == 1 && std::is_integral_v<Member>,
+                  "a number of more than one octet is a Le: the image has the octet order of the wire");
+    using Type = Member;
+    static constexpr std::size_t count = 1;
+};
+template <class T>
+struct Number<Le<T>> {
+    using Type = T;
+    static constexpr std::size_t count = 1;
+};
+template <class Element, std::size_t N>
+struct Number<std::array<Element, N>> {
+    using Type = typename Number<Element>::Type;
+    static constexpr std::size_t count = N * Number<Element>::count;
+};
+
+template <class Struct, class Member>
+Member member_of(Member Struct::*);
+}  // namespace members
+
+template <class Struct>
+[[nodiscard]] MutableBytes image_of(Struct& values) {
+    static_assert(std::is_trivially_copyable_v<Struct>);
+    return std::as_writable_bytes(std::span(&values, 1));
+}
+
+// Copies a struct of values from the octets of an image, or into them: those of a module (Modules::values()).
+template <class Struct>
+[[nodiscard]] Struct values_in(Bytes octets) {
+    Struct values{};
+    std::ranges::copy(octets.first(sizeof(Struct)), image_of(values).begin());
+    return values;
+}
+template <class Struct>
+void store_values(MutableBytes octets, Struct values) {
+    std::ranges::copy(image_of(values), octets.begin());
+}
+
+// The type of a member, and the Field of the number in it, or of the first one.
+template <auto Member>
+using MemberType = decltype(members::member_of(Member));
+template <auto Member>
+using MemberField = Field<typename members::Number<MemberType<Member>>::Type, offset_of(Member)>;
+
+}  // namespace margay::subdevice
