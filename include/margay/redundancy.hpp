@@ -12,8 +12,7 @@
 //
 // Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
 // of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the way they
-// came; all frames are sent by one NIC meanwhile. It fails with Errc::unsupported when a slave with a clock is at a
-// branch that only the frames of the second NIC reach. In a ring that is broken between slaves, each part is measured
+// came; all frames are sent by one NIC meanwhile. In a ring that is broken between slaves, each part is measured
 // by the frames of its own NIC, and the clocks behind the break follow a second reference from the start. Both parts
 // then differ by the difference of the times that the two NICs need until a frame is on the cable: microseconds on a
 // PC. When the ring is whole, the SuperviseRequest measures the delays anew, and all clocks approach the reference
@@ -24,6 +23,15 @@
 // so that both parts keep in step. When the ring is whole again, all clocks follow the reference clock. Group::dc_time
 // always has the time of the reference clock; its `slaves` counts only the slaves on the same side of the break as the
 // reference clock.
+//
+// Clocks at branches that only the frames of the second NIC reach while the ring is whole (ports after the way to the
+// next ring slave) follow a second reference too, the first of them; `second_reference` then is never 0 in the whole
+// ring. Their delays change with each break. So the frames bring no clock a time after a break or a repair
+// (Group::dc_time has 1 slave), until the SuperviseRequest has written the delays: some rounds of its clock
+// supervision. Beside a break at a slave without receive times, the delays of the nearest slave with receive times are
+// taken, which may be wrong by the way between both. configdc() while the ring is broken between slaves does not know
+// these branches, see above. When the first of these slaves returns from a loss of power, the port of the last slave is
+// closed again for up to two seconds in all, until its clock has learned the rate.
 //
 // Datagrams with addresses by position (auto increment) reach the slave of that position in either part; those that
 // found the ring changed are sent again. If a break has moved to another cable since the last frame that counts slaves,
@@ -77,8 +85,8 @@ struct RedundancyStatus {
     // Frames with addresses by position that were sent again, because the ring changed while they were on the wire.
     std::uint32_t repeated = 0;
     std::array<CableStatus, 2> cables{};
-    // While the ring is broken: the slave whose clock the clocks behind the break follow (0: none), and how far this
-    // clock was ahead of the reference clock at the last comparison.
+    // The slave whose clock the clocks behind a break, or at branches that only the second NIC reaches, follow (0:
+    // none), and how far this clock was ahead of the reference clock at the last comparison.
     std::uint16_t second_reference = 0;
     std::int64_t second_ahead_ns = 0;
 };
