@@ -286,7 +286,11 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
     const RingParts now = parts();
     // The ring was a line when the delays were measured, and is whole now.
     if (!ways_known_ && now.whole && !ports_of_broken_ && has_clock(network, now, true)) guessed_ = true;
-    if (has_beside_ && (!arranged_ || ring_.are_times_held())) co_return co_await required(arrange(network));
+    if (has_beside_ && (!arranged_ || ring_.are_times_held())) {
+        // Measured for the first time in the whole ring: the clocks have followed other delays before.
+        if (now.whole && second_ == 0 && !ring_.are_times_held()) co_await completion(teach(network));
+        co_return co_await required(arrange(network));
+    }
     const std::uint16_t wanted = choose_second(network);
     if (wanted != std::exchange(wanted_second_, wanted))
         rounds_seen_ = 0;

@@ -130,9 +130,22 @@ Task<Result<>> RingWatch::read_ports(Network& network) {
     const auto read_one = [&network](Slave& s) { return read_dl_status(network, s); };
     co_await required(for_each_slave(network, read_one));
     if (ring_.changes() != changes) co_return Nothing{};  // the next round reads them
-    for (const Slave& slave : network.slaves())
-        if (slave.ring_position != 0 && slave.ring_position <= network.ring.size())
-            network.ring[slave.ring_position - 1U].dl_status = slave.dl_status;
+    // A branch behind the way to the next ring slave has another place now.
+    const auto ring = network.seen_ring();
+    for (std::size_t n = 0; n < ring.size(); ++n) {
+        std::array<std::byte, 2> address{};
+        Datagram look(network.engine.link(), wire::Command::APRD,
+                      {RingPosition{static_cast<std::uint16_t>(n)}, wire::reg::kStationAddress.address},
+                      MutableBytes(address));
+        const auto reply = co_await look;
+        if (!reply.ok() || reply.wkc != 1) co_return Nothing{};  // the next round
+        const std::size_t number = load_le<std::uint16_t>(address) - network.settings.first_station_address + 1U;
+        const bool known = number >= 1 && number <= network.count;
+        ring[n] = {.slave = static_cast<std::uint16_t>(known ? number : 0),
+                   .address = load_le<std::uint16_t>(address),
+                   .dl_status = known ? network.slave(number).dl_status : ring[n].dl_status};
+    }
+    if (ring_.changes() != changes) co_return Nothing{};
     ports_of_broken_ = false;
     (void)find_topology(network.seen_ring(), parts());
     store_topology(network.seen_ring(), network.slaves());

@@ -386,5 +386,38 @@ TEST_F(BesideTheRing, TheRingIsClosedLater) {
     EXPECT_LE(cycles(2000), 1000) << joined(events());
 }
 
+// The ring is broken between slaves at the start, and closed later. A branch in the first part is numbered before the
+// slaves behind the break.
+TEST(BesideTheRingStart, WhileTheRingIsBroken) {
+    for (const std::size_t broken : {2U, 3U, 4U}) {
+        SCOPED_TRACE("ring cable " + std::to_string(broken));
+        ClockRingBus bus;
+        std::vector<std::uint32_t> ring;
+        for (unsigned n = 0; n < 5; ++n) ring.push_back(bus.add_to_ring(ClockRingBus::nth(n)));
+        (void)bus.add_behind(ring[1], 2, ClockRingBus::nth(50));
+        bus.close_ring();
+        bus.plug();
+        bus.cable(bus.ring_cables[broken], false);
+        bus.start();
+        ASSERT_EQ(bus.ctx->slaves().size(), 6U);
+        bus.at = {0, 1, 2, 3, 4, 5};
+        const auto reference = bus.clocks();
+        ASSERT_TRUE(reference.ok()) << bus.words(reference.error());
+        for (std::uint16_t n = 1; n <= 6; ++n) bus.ctx->slave(n).config.setup = &bus.every_ms;
+        const auto mapped = config_map(*bus.ctx, bus.image);
+        ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
+        ASSERT_TRUE(submit(*bus.ctx, bus.supervision).ok());
+        (void)bus.cycles(2000);
+        EXPECT_LE(bus.cycles(500), 1000) << "between the parts";
+        bus.cable(bus.ring_cables[broken], true);
+        EXPECT_LE(bus.cycles(3000), 2500) << "the delays were guessed until then";
+        EXPECT_LE(bus.cycles(500), 100) << bus.joined(bus.events());
+        EXPECT_EQ(bus.ctx->slave(static_cast<std::uint16_t>(broken + 1)).ring_position, 6) << "the branch";
+        EXPECT_EQ(bus.status().second_reference, broken + 1);
+        bus.cable(bus.ring_cables[1], false);
+        EXPECT_LE(bus.cycles(1500), 1000) << bus.joined(bus.events());
+    }
+}
+
 }  // namespace
 }  // namespace margay
