@@ -29,9 +29,9 @@
 // ring. Their delays change with each break. So the frames bring no clock a time after a break or a repair
 // (Group::dc_time has 1 slave), until the SuperviseRequest has written the delays: some rounds of its clock
 // supervision. Beside a break at a slave without receive times, the delays of the nearest slave with receive times are
-// taken, which may be wrong by the way between both. configdc() while the ring is broken between slaves does not know
-// these branches, see above. When the first of these slaves returns from a loss of power, the port of the last slave is
-// closed again for up to two seconds in all, until its clock has learned the rate.
+// taken, which may be wrong by the way between both. Where configdc() is called while the ring is
+// broken between slaves, this begins when the ring is whole. When the first of these slaves returns from a loss of
+// power, the port of the last slave is closed again for up to two seconds in all, until its clock has learned the rate.
 //
 // Datagrams with addresses by position (auto increment) reach the slave of that position in either part; those that
 // found the ring changed are sent again. If a break has moved to another cable since the last frame that counts slaves,
@@ -85,11 +85,28 @@ struct RedundancyStatus {
     // Frames with addresses by position that were sent again, because the ring changed while they were on the wire.
     std::uint32_t repeated = 0;
     std::array<CableStatus, 2> cables{};
+    bool restoring_waits = false;  // for restore_ring(), see set_automatic_restoring()
     // The slave whose clock the clocks behind a break, or at branches that only the second NIC reaches, follow (0:
     // none), and how far this clock was ahead of the reference clock at the last comparison.
     std::uint16_t second_reference = 0;
     std::int64_t second_ahead_ns = 0;
 };
+
+// What is done by itself when a cable breaks and is repaired, where a SuperviseRequest is submitted:
+//
+// - Slaves that were lost between two breaks, or have left their state meanwhile, are started again.
+// - Delays that were measured while the ring was broken are measured anew when it is whole (the last slave's port is
+//   closed for some milliseconds, see above).
+//
+// Switched off (`on` false), both wait after each break and each repair until restore_ring() is called
+// (RedundancyStatus::restoring_waits): events tell what was lost and found, and no slave is started, for whatever
+// reason. What needs no start goes on: process data is exchanged by both NICs, slaves that are in their state again
+// take part, and clocks keep their reference and the delays of the way that the frames take now. Default: on. Switching
+// on restores what waits. For the thread that owns the context; callable from the cycle; no effect with one NIC.
+void set_automatic_restoring(Context& ctx, bool on);
+
+// Restores what waits, once. For the thread that owns the context; callable from the cycle.
+void restore_ring(Context& ctx);
 
 // The state of the ring. For the thread that owns the context; callable from the cycle.
 [[nodiscard]] RedundancyStatus redundancy(Context& ctx);

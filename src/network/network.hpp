@@ -64,6 +64,8 @@ class RedundancyPart {
     [[nodiscard]] virtual Error check() const = 0;
     // At which end of the ring its places are, for find_topology().
     [[nodiscard]] virtual RingParts parts() const = 0;
+    // Slaves may be started, and delays measured: see set_automatic_restoring().
+    [[nodiscard]] virtual bool may_restore() const = 0;
     // How often the ring was broken or closed.
     [[nodiscard]] virtual std::uint32_t changes() const = 0;
     // For a scan: reads the ports of all slaves again if a cable has broken or healed since there were `changes`, while

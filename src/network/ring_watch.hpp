@@ -18,6 +18,12 @@ class RingWatch final : public RedundancyPart {
     void watch(Network& network) override;
     [[nodiscard]] Error check() const override;
     [[nodiscard]] RingParts parts() const override;
+    [[nodiscard]] bool may_restore() const override { return automatic_ || ring_.changes() == restored_; }
+    void set_automatic(bool on) {
+        automatic_ = on;
+        restore();
+    }
+    void restore() { restored_ = ring_.changes(); }
     [[nodiscard]] std::uint32_t changes() const override { return ring_.changes(); }
     [[nodiscard]] Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) override;
     [[nodiscard]] bool are_ports_old() const override { return ports_of_broken_ && parts().whole; }
@@ -73,6 +79,8 @@ class RingWatch final : public RedundancyPart {
     RingState reported_ = RingState::unknown;
     CablingFault reported_fault_ = CablingFault::none;
     bool reported_swapped_ = false;
+    bool automatic_ = true;
+    std::uint32_t restored_ = 0;    // changes of the ring, when restoring was asked for last
     bool ports_of_broken_ = false;  // the topology is that of the broken ring
     std::uint16_t before_ = 0;      // the slaves of the last break
     std::uint16_t behind_ = 0;
