@@ -8,7 +8,9 @@
 // from the slaves at its end; the two replies are merged datagram by datagram, and their working counters are added. So
 // no cycle lacks fresh inputs, except those whose frames were on the broken cable. What is connected to a ring slave by
 // a port that frames reach before the way to the next ring slave (in the order 0, 3, 1, 2) is numbered as without
-// redundancy. config_init() finds the topology of other branches only while the ring is whole.
+// redundancy. Other branches are numbered after all ring slaves; while the ring is broken, config_init() numbers those
+// in the part of the first NIC after the slaves of this part, and those behind the break before the slaves there. Hot
+// connect groups may appear at any port of either part.
 //
 // Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
 // of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the way they
