@@ -20,7 +20,7 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
 static_assert(is_size(sizeof(Master), 6504, 4600), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 392, 320), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
-static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 200, 200), "context_bytes(): kClockBytes");
+static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 216, 216), "context_bytes(): kClockBytes");
 static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");
 static_assert(is_size(sizeof(SlaveMarks), 24, 24), "context_bytes(): kMarksBytes");
 static_assert(is_size(sizeof(ProcessGroup), 424, 328), "context_bytes(): kGroupBytes");

@@ -442,7 +442,7 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";
             if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
-                out << " (a clock at a branch that only the frames of the second NIC reach)";
+                out << " (the chosen reference clock is at a branch that only the frames of the second NIC reach)";
             if (e.step == Step::request_state)
                 out << " (" << to_text(AlState::boot) << ": its SII describes no bootstrap mailbox)";
             break;

@@ -176,8 +176,8 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             out << "the clock of slave " << e.slave << " is the reference clock now, in place of slave " << e.other;
             break;
         case EventKind::second_reference:
-            out << "the clocks behind the break follow slave " << e.slave << ", which is kept in step with slave "
-                << e.other;
+            out << "the clocks that the reference does not reach follow slave " << e.slave
+                << ", which is kept in step with slave " << e.other;
             break;
         case EventKind::reference_lost: out << "slave " << e.slave << " with the reference clock is lost"; break;
         case EventKind::latch_edge:

@@ -60,7 +60,20 @@ RedundancyStatus redundancy(Context& ctx) {
     RedundancyStatus status = watch->ring().status();
     status.second_reference = watch->second_reference();
     status.second_ahead_ns = watch->apart_ns();
+    status.restoring_waits = !watch->may_restore();
     return status;
+}
+
+void set_automatic_restoring(Context& ctx, bool on) {
+    Master* master = master_of(ctx);
+    if (master == nullptr || master->network.redundancy == nullptr) return;
+    static_cast<RingWatch*>(master->network.redundancy)->set_automatic(on);
+}
+
+void restore_ring(Context& ctx) {
+    Master* master = master_of(ctx);
+    if (master == nullptr || master->network.redundancy == nullptr) return;
+    static_cast<RingWatch*>(master->network.redundancy)->restore();
 }
 
 }  // namespace margay

@@ -35,7 +35,7 @@ struct Master;
     constexpr std::size_t kMailboxBytes = kWide ? 392 : 320;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
     constexpr std::size_t kMarksBytes = 24;                          // what the library notes about a slave
-    constexpr std::size_t kClockBytes = 200;                   // the clock of a slave, and its place in the topology
+    constexpr std::size_t kClockBytes = 216;                   // the clock of a slave, and its place in the topology
     constexpr std::size_t kAlignmentBytes = 256;               // between the parts
     constexpr std::size_t kCablesBytes = kWide ? 1152 : 1088;  // the merging of two cables
     constexpr std::size_t kPairBytes = 3136;                   // a frame on both cables

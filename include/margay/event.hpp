@@ -50,8 +50,9 @@ enum class EventKind : std::uint8_t {
     ring_broken,  // with two NICs: the ring is open between `slave` at `port` (0: the first NIC) and `other` (0: the
                   // second NIC). All slaves that answered go on answering. Slaves between both are lost
     ring_closed,  // the ring is whole again
-    second_reference,  // the ring is broken: the clocks behind the break follow the clock of `slave`, which the master
-                       // keeps in step with the reference clock, that of `other`
+    second_reference,  // with two NICs: the clocks that the reference clock, that of `other`, does not reach (behind a
+                       // break, or at branches that only the second NIC reaches) follow the clock of `slave`, which
+                       // the master keeps in step with the reference clock
     second_cable_missing,  // the second NIC reaches no slave since init_redundant(): the ring was never closed
     nics_on_same_port,     // both NICs hear the same frames: they are connected to the same end of the segment
     second_segment,        // the second NIC is connected to the first slave of another segment

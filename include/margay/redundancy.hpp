@@ -8,12 +8,13 @@
 // from the slaves at its end; the two replies are merged datagram by datagram, and their working counters are added. So
 // no cycle lacks fresh inputs, except those whose frames were on the broken cable. What is connected to a ring slave by
 // a port that frames reach before the way to the next ring slave (in the order 0, 3, 1, 2) is numbered as without
-// redundancy. config_init() finds the topology of other branches only while the ring is whole.
+// redundancy. Other branches are numbered after all ring slaves; while the ring is broken, config_init() numbers those
+// in the part of the first NIC after the slaves of this part, and those behind the break before the slaves there. Hot
+// connect groups may appear at any port of either part.
 //
 // Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
 // of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the way they
-// came; all frames are sent by one NIC meanwhile. It fails with Errc::unsupported when a slave with a clock is at a
-// branch that only the frames of the second NIC reach. In a ring that is broken between slaves, each part is measured
+// came; all frames are sent by one NIC meanwhile. In a ring that is broken between slaves, each part is measured
 // by the frames of its own NIC, and the clocks behind the break follow a second reference from the start. Both parts
 // then differ by the difference of the times that the two NICs need until a frame is on the cable: microseconds on a
 // PC. When the ring is whole, the SuperviseRequest measures the delays anew, and all clocks approach the reference
@@ -24,6 +25,15 @@
 // so that both parts keep in step. When the ring is whole again, all clocks follow the reference clock. Group::dc_time
 // always has the time of the reference clock; its `slaves` counts only the slaves on the same side of the break as the
 // reference clock.
+//
+// Clocks at branches that only the frames of the second NIC reach while the ring is whole (ports after the way to the
+// next ring slave) follow a second reference too, the first of them; `second_reference` then is never 0 in the whole
+// ring. Their delays change with each break. So the frames bring no clock a time after a break or a repair
+// (Group::dc_time has 1 slave), until the SuperviseRequest has written the delays: some rounds of its clock
+// supervision. Beside a break at a slave without receive times, the delays of the nearest slave with receive times are
+// taken, which may be wrong by the way between both. Where configdc() is called while the ring is
+// broken between slaves, this begins when the ring is whole. When the first of these slaves returns from a loss of
+// power, the port of the last slave is closed again for up to two seconds in all, until its clock has learned the rate.
 //
 // Datagrams with addresses by position (auto increment) reach the slave of that position in either part; those that
 // found the ring changed are sent again. If a break has moved to another cable since the last frame that counts slaves,
@@ -77,11 +87,28 @@ struct RedundancyStatus {
     // Frames with addresses by position that were sent again, because the ring changed while they were on the wire.
     std::uint32_t repeated = 0;
     std::array<CableStatus, 2> cables{};
-    // While the ring is broken: the slave whose clock the clocks behind the break follow (0: none), and how far this
-    // clock was ahead of the reference clock at the last comparison.
+    bool restoring_waits = false;  // for restore_ring(), see set_automatic_restoring()
+    // The slave whose clock the clocks behind a break, or at branches that only the second NIC reaches, follow (0:
+    // none), and how far this clock was ahead of the reference clock at the last comparison.
     std::uint16_t second_reference = 0;
     std::int64_t second_ahead_ns = 0;
 };
+
+// What is done by itself when a cable breaks and is repaired, where a SuperviseRequest is submitted:
+//
+// - Slaves that were lost between two breaks, or have left their state meanwhile, are started again.
+// - Delays that were measured while the ring was broken are measured anew when it is whole (the last slave's port is
+//   closed for some milliseconds, see above).
+//
+// Switched off (`on` false), both wait after each break and each repair until restore_ring() is called
+// (RedundancyStatus::restoring_waits): events tell what was lost and found, and no slave is started, for whatever
+// reason. What needs no start goes on: process data is exchanged by both NICs, slaves that are in their state again
+// take part, and clocks keep their reference and the delays of the way that the frames take now. Default: on. Switching
+// on restores what waits. For the thread that owns the context; callable from the cycle; no effect with one NIC.
+void set_automatic_restoring(Context& ctx, bool on);
+
+// Restores what waits, once. For the thread that owns the context; callable from the cycle.
+void restore_ring(Context& ctx);
 
 // The state of the ring. For the thread that owns the context; callable from the cycle.
 [[nodiscard]] RedundancyStatus redundancy(Context& ctx);

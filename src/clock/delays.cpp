@@ -119,6 +119,17 @@ void compute_delays(std::span<DelayNode> nodes) {
     }
 }
 
+std::int64_t away_ps(const DelayNode& node, std::uint8_t port) {
+    if (!node.timed() || !has_neighbour(node, port)) return 0;
+    const std::uint8_t before = port_before(node, port);
+    const std::int64_t left = before == node.entry_port ? 0 : node.times->port_ps(before);
+    return node.times->port_ps(port) - left - inner_ps(node, before, port);
+}
+
+std::int64_t way_back_ps(const DelayNode& node) {
+    return node.timed() ? stay_ps(node) - (node.passed_ps - node.arrival_ps) : 0;
+}
+
 std::int64_t delay_between_ns(const DelayNode& reference, const DelayNode& node) {
     const std::int64_t ps = node.passed_ps - reference.passed_ps;
     return (ps + (ps < 0 ? -500 : 500)) / 1000;

@@ -41,6 +41,11 @@ struct DelayNode {
 // Several places may be connected to the master: the frames arrive at all of them at the same time.
 void compute_delays(std::span<DelayNode> nodes);
 
+// How long the frame is away from the node when it leaves by `port`; 0 where no slave is connected there.
+[[nodiscard]] std::int64_t away_ps(const DelayNode& node, std::uint8_t port);
+// From the processing unit of the node until the frame has left the node towards the master.
+[[nodiscard]] std::int64_t way_back_ps(const DelayNode& node);
+
 // The delay from `reference` to `node` in nanoseconds, rounded; negative when the frame passes `node` first.
 [[nodiscard]] std::int64_t delay_between_ns(const DelayNode& reference, const DelayNode& node);
 

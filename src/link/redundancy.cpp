@@ -129,12 +129,13 @@ bool Redundancy::reaches_nothing(unsigned nic) const noexcept {
 SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexcept {
     const bool moved = pair.shift != 0 && nic != pair.head;
     const bool divided = pair.times[0].offset != 0;
+    const bool of_head = divided && nic == pair.head;
+    const bool changed = divided && (!of_head || pair.second_is_first || pair.times_held);
     SendStatus status = SendStatus::failed;
-    if (nic == 0 && !moved && !(divided && (nic != pair.head || pair.second_is_first))) {
+    if (nic == 0 && !moved && !changed) {
         status = nics_[0]->send(frame);
     } else {
         const auto out = MutableBytes(pair.out).first(pair.size);
-        const bool of_head = divided && nic == pair.head;
         if (of_head) set_times(pair, out, TimeDatagram::of_head);
         if (moved) move_positions(out, pair.shift);
         if (nic == 0) set_source(out, source_[0]);
@@ -328,6 +329,7 @@ void Redundancy::set_ring(RingState state) noexcept {
     ever_whole_ |= state == RingState::whole;
     ring_ = state;
     count_is_new_ = {};
+    note_way();
     front_known_.store(false, kRelaxed);
 }
 
@@ -342,6 +344,21 @@ void Redundancy::note_two_ends(const FramePair& pair) noexcept {
     } else if (pair.circulated == 0 && ((!ever_whole_ && !ever_parted_) || ++two_beginnings_ >= kTwoBeginnings)) {
         set_fault(CablingFault::second_segment);
     }
+}
+
+void Redundancy::guard_times(bool guard) noexcept {
+    times_guarded_ = guard;
+    if (!guard) times_held_.store(false, kRelaxed);
+}
+
+void Redundancy::note_way() noexcept {
+    ++ways_;
+    if (times_guarded_) times_held_.store(true, kRelaxed);
+}
+
+void Redundancy::store_count(unsigned nic, std::uint16_t slaves) noexcept {
+    if (slaves_[nic].exchange(slaves, kRelaxed) != slaves && count_is_new_[nic]) note_way();
+    count_is_new_[nic] = true;
 }
 
 void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
@@ -361,8 +378,7 @@ void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
         const bool gone = (pair.sent.load(kRelaxed) & bit(nic)) == 0 || silent_[nic].load(kRelaxed);
         const bool rests = ring_ == RingState::whole && rests_[nic] && (pair.came & bit(nic)) == 0;
         if ((pair.counted & bit(nic)) == 0 && !gone && !rests) continue;
-        slaves_[nic].store((pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0}, kRelaxed);
-        count_is_new_[nic] = true;
+        store_count(nic, (pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0});
     }
     // In the whole ring, a copy that rests meets no slave, but the next one may be behind a new break.
     front_known_.store(ring_ == RingState::whole ? !rests_[1 - head()] : counts_are_new(), kRelaxed);

@@ -58,6 +58,7 @@ struct FramePair {
     std::uint16_t shift = 0;               // added to the positions of the copy that is not sent by `head`
     std::uint16_t size = 0;                // octets of the frame
     std::array<std::uint16_t, 2> count{};  // slaves that have processed the copy
+    bool times_held = false;               // the reference is read, and no clock is given a time
     bool second_is_first = false;     // all slaves with a clock are behind the break: the other copy has the only time
     std::uint16_t second_slaves = 0;  // what the other copy has read last from the second reference
     std::uint32_t second_ns = 0;
@@ -97,6 +98,16 @@ class Redundancy final : public Nic, public Cables {
     }
     // Also false after the second reference has not answered: its slave is lost.
     [[nodiscard]] bool has_second_reference() const noexcept { return second_.load(std::memory_order_relaxed) != 0; }
+    // While `guard` is true, each change of the ways of the frames holds the times: the frames read the reference, and
+    // bring its time to no clock, until release_times(). For clocks whose delay depends on the way.
+    void guard_times(bool guard) noexcept;
+    [[nodiscard]] bool are_times_held() const noexcept { return times_held_.load(std::memory_order_relaxed); }
+    void release_times() noexcept {
+        difference_ = {};
+        times_held_.store(false, std::memory_order_relaxed);
+    }
+    // How often the ways of the frames have changed: the state of the ring, or the slaves that a NIC reaches.
+    [[nodiscard]] std::uint32_t ways() const noexcept { return ways_; }
     // The differences since the last call.
     [[nodiscard]] PartDifference take_difference() noexcept { return std::exchange(difference_, PartDifference{}); }
     // While `only` is true, only the head sends frames, and replies do not change the state of the ring: the library
@@ -148,6 +159,8 @@ class Redundancy final : public Nic, public Cables {
     void note_ring(const FramePair& pair, unsigned processed) noexcept;
     void note_two_ends(const FramePair& pair) noexcept;
     void set_ring(RingState state) noexcept;
+    void note_way() noexcept;
+    void store_count(unsigned nic, std::uint16_t slaves) noexcept;
     void set_fault(CablingFault fault) noexcept {
         fault_ = fault;
         foreign_.store(fault == CablingFault::second_segment, std::memory_order_relaxed);
@@ -177,6 +190,7 @@ class Redundancy final : public Nic, public Cables {
     std::atomic<std::uint8_t> head_{0};
     static constexpr std::uint32_t kIsFirst = 0x1'0000;
     std::atomic<std::uint32_t> second_{0};  // station address, or 0; kIsFirst
+    std::atomic<bool> times_held_{false};
     std::atomic<bool> head_only_{false};
     // Another segment is behind the NIC that is not the head. Its slaves must process nothing: that NIC only sends a
     // frame of NOPs now and then, whose return shows when it is connected to the ring again.
@@ -197,6 +211,8 @@ class Redundancy final : public Nic, public Cables {
     CablingFault fault_ = CablingFault::none;
     bool ever_whole_ = false;
     bool ever_parted_ = false;  // a copy has passed the first slave behind a break
+    bool times_guarded_ = false;
+    std::uint32_t ways_ = 0;
     std::uint32_t changes_ = 0;
     std::uint32_t breaks_ = 0;
     std::uint32_t heals_ = 0;

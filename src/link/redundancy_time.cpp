@@ -17,6 +17,11 @@ bool carries_time(const wire::DatagramView& d) {
     return is_multiple && d.header.address.ado() == wire::reg::kSystemTime.address && d.data.size() >= 4;
 }
 
+// The command that reads the same register of the same slave, and writes it to no other one.
+constexpr wire::Command reading(wire::Command command) {
+    return command == wire::Command::ARMW ? wire::Command::APRD : wire::Command::FPRD;
+}
+
 std::uint32_t time_in(Bytes frame, const TimeDatagram& time) {
     return load_le<std::uint32_t>(frame, time.offset + wire::kDatagramHeaderBytes);
 }
@@ -30,6 +35,7 @@ std::uint16_t slaves_in(Bytes frame, const TimeDatagram& time) {
 void Redundancy::divide_times(FramePair& pair) const noexcept {
     const std::uint32_t second = second_.load(std::memory_order_relaxed);
     pair.second_is_first = (second & kIsFirst) != 0;
+    pair.times_held = times_held_.load(std::memory_order_relaxed);
     pair.second_slaves = 0;
     pair.times = {};
     std::size_t found = 0;
@@ -48,6 +54,9 @@ void Redundancy::divide_times(FramePair& pair) const noexcept {
         if (pair.second_is_first) head[0] = static_cast<std::byte>(wire::Command::NOP);
         other[0] = static_cast<std::byte>(none ? wire::Command::NOP : wire::Command::FRMW);
         store_le<std::uint16_t>(other, kAdp, static_cast<std::uint16_t>(second));
+        if (!pair.times_held) continue;
+        if (!pair.second_is_first) head[0] = static_cast<std::byte>(reading(d->header.command));
+        other[0] = static_cast<std::byte>(pair.second_is_first ? wire::Command::FPRD : wire::Command::NOP);
     }
     set_times(pair, out, TimeDatagram::of_other);
 }

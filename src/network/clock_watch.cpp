@@ -195,7 +195,8 @@ Task<Result<>> watch_clocks(Network& network) {
     note_time_of_cycle(network);
     choose_standby(network);
     const bool guessed = network.redundancy != nullptr && network.redundancy->delays_are_guessed() &&
-                         network.ring_parts().whole && !network.redundancy->are_ports_old();
+                         network.ring_parts().whole && !network.redundancy->are_ports_old() &&
+                         network.redundancy->may_restore();
     if (guessed || (clocks.settings.delay_interval > Duration{0} && now >= clocks.delays_at)) {
         clocks.delays_at = later(now, clocks.settings.delay_interval);
         auto improved = co_await improve_delays(network);

@@ -118,6 +118,7 @@ Task<Result<>> measure(Network& network) {
     const Error changed = changed_meanwhile(network);
     if (changed.code != Errc::none) co_return changed;
     compute_clock_delays(network);
+    if (network.redundancy != nullptr) network.redundancy->note_ways(network);
     co_return Nothing{};
 }
 

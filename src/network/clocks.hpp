@@ -41,6 +41,13 @@ struct ClockEntry : SlaveClock {
     std::uint8_t arrival_port = 0;
     std::uint8_t passing_port = 0;
     std::int32_t passed_ns = 0;  // when the frame has passed the slave, after the reference: the delay, see there
+    // In a ring with two NICs, as measured while it was whole (network/ring_ways.cpp). Ring slaves are those between
+    // both NICs, counted from 1 at the head.
+    std::uint16_t ring_slave = 0;  // this slave, or the ring slave behind which this slave is; 0: not known
+    bool in_ring = false;
+    bool beside = false;         // while the ring is whole, only the copy that the head does not send reaches the slave
+    std::int32_t away_ns = 0;    // of a ring slave: how long the frame is away behind the way to the next ring slave,
+    std::int32_t return_ns = 0;  // and from the processing unit until it has left towards the head
 };
 
 struct Clocks {

@@ -64,6 +64,8 @@ class RedundancyPart {
     [[nodiscard]] virtual Error check() const = 0;
     // At which end of the ring its places are, for find_topology().
     [[nodiscard]] virtual RingParts parts() const = 0;
+    // Slaves may be started, and delays measured: see set_automatic_restoring().
+    [[nodiscard]] virtual bool may_restore() const = 0;
     // How often the ring was broken or closed.
     [[nodiscard]] virtual std::uint32_t changes() const = 0;
     // For a scan: reads the ports of all slaves again if a cable has broken or healed since there were `changes`, while
@@ -76,10 +78,12 @@ class RedundancyPart {
 
     // For the measurement of delays, whose frames must return by the way they came: closes the port of the last slave
     // to the second NIC, for about a second, and sends by one NIC only. close_ring() opens the port again. Errors of
-    // open_ring(): wrong_state (the ring is broken), unsupported (only frames of the second NIC reach a slave with a
-    // clock).
+    // open_ring(): wrong_state (the ring is broken), unsupported (only frames of the second NIC reach the reference
+    // clock that was chosen, and other frames reach other clocks).
     [[nodiscard]] virtual Task<Result<>> open_ring(Network& network) = 0;
     [[nodiscard]] virtual Task<Result<>> close_ring(Network& network) = 0;
+    // The delays were measured, and Clocks::nodes has the ways of the frames: notes how the ways change with a break.
+    virtual void note_ways(Network& network) = 0;
     // configdc() while the ring is broken between slaves with clocks: the delay from one part to the other is a guess
     // until the ring is whole again and the delays are measured anew.
     [[nodiscard]] virtual bool delays_are_guessed() const = 0;

@@ -26,12 +26,13 @@ Error ring_error(Errc code, std::uint16_t slave = 0) {
     return {.code = code, .step = Step::configure_clocks, .slave = slave, .detail = Error::kRedundancy};
 }
 
-// A slave with a clock that only the frames of the second NIC reach while the ring is whole; 0: none. The delay from
-// the reference to this slave is another one after each break.
-std::uint16_t clock_beside_the_ring(Network& network, RingParts parts) {
-    for (const Slave& slave : network.slaves())
-        if (slave.ring_position > parts.front && is_clock(network.clocks.of(slave).kind)) return slave.number;
-    return 0;
+// Whether some slave with a clock is reached by the head (`beside` false), or only by the other copy, while the ring is
+// whole.
+bool has_clock(Network& network, RingParts parts, bool beside) {
+    return std::ranges::any_of(network.slaves(), [&](const Slave& slave) {
+        const bool other = slave.ring_position > parts.front;
+        return other == beside && slave.ring_position != 0 && is_clock(network.clocks.of(slave).kind);
+    });
 }
 
 }  // namespace
@@ -39,11 +40,16 @@ std::uint16_t clock_beside_the_ring(Network& network, RingParts parts) {
 Task<Result<>> RingWatch::open_ring(Network& network) {
     const RingParts now = parts();
     last_ = 0;
+    measured_whole_ = false;
     if (!now.two_nics) co_return Nothing{};
     std::uint8_t port = 0;
     const Slave* const last = last_slave(network, port);
     const auto known = [](const ClockEntry& clock) { return clock.measured; };
     const bool first_time = std::ranges::none_of(network.clocks.entries.first(network.count), known);
+    if (first_time) {
+        has_beside_ = ways_known_ = false;
+        ring_.guard_times(false);
+    }
     if (!now.whole) {
         // Broken at the cable of a NIC: a line.
         const bool parted = now.front < network.ring_count;
@@ -55,8 +61,11 @@ Task<Result<>> RingWatch::open_ring(Network& network) {
     }
     constants_ = {};
     if (last == nullptr) co_return ring_error(Errc::wrong_state);
-    const std::uint16_t beside = clock_beside_the_ring(network, now);
-    if (beside != 0) co_return ring_error(Errc::unsupported, beside);
+    const Slave& reference = network.slave(network.clocks.reference);
+    if (reference.ring_position > now.front && has_clock(network, now, false))
+        co_return ring_error(Errc::unsupported, reference.number);
+    measured_whole_ = true;
+    measured_last_ = last->ring_position;
     const Station station = network.station(*last);
     const auto control = co_await required(read<std::uint16_t>(station, reg::kDlControl, Step::configure_clocks));
     ring_.use_head_only(true);
@@ -82,8 +91,7 @@ Task<Result<>> RingWatch::close_ring(Network& network) {
 }
 
 std::uint16_t RingWatch::reference_of(Network& network, const Slave& slave) const {
-    const RingParts now = parts();
-    const bool behind = now.two_nics && !now.whole && slave.ring_position > now.front;
+    const bool behind = is_behind(network, slave);
     return behind && second_ != 0 && second_ != slave.number ? second_ : network.clocks.reference;
 }
 
@@ -94,9 +102,10 @@ std::uint16_t RingWatch::first_behind(Network& network, bool only_settled) const
         // Below SAFEOP, a slave that has come back may not have its clock yet.
         const bool settled = !only_settled || slave.number == second_ || slave.al.state >= AlState::safeop ||
                              slave.al.state == wanted_state(network, slave);
-        const bool candidate = slave.ring_position > parts().front && slave.al.state != AlState::none && settled &&
+        const bool candidate = is_behind(network, slave) && slave.al.state != AlState::none && settled &&
                                network.clocks.of(slave).synchronised;
-        if (candidate && (best == 0 || slave.ring_position < network.slave(best).ring_position)) best = slave.number;
+        if (candidate && (best == 0 || passes_at_ns(network, slave) < passes_at_ns(network, network.slave(best))))
+            best = slave.number;
     }
     return best;
 }
@@ -107,6 +116,7 @@ Task<Result<>> RingWatch::begin_second_part(Network& network) {
     // Another clock, or the same clock with another time.
     ring_.set_second_reference({}, false);
     second_ = 0;
+    if (has_beside_ && now.whole) co_return co_await required(teach_beside(network));
     wanted_second_ = broken ? first_behind(network, false) : std::uint16_t{0};
     if (wanted_second_ != 0 && wanted_second_ != network.clocks.reference) {
         Slave& second = network.slave(wanted_second_);
@@ -131,6 +141,46 @@ Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
         (void)co_await write;  // a lost frame is one of many
     }
     co_return Nothing{};
+}
+
+// Returns the greatest difference of a clock beside the ring after the lesson.
+Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
+    constexpr Duration kLesson = std::chrono::milliseconds(400);
+    co_await required(open_ring(network));
+    const Time give_up = network.engine.now() + kLesson;
+    for (std::uint16_t n = 0; n < network.clocks.settings.burst_frames && network.engine.now() < give_up; ++n) {
+        co_await required(send_time(network));
+    }
+    co_await required(close_ring(network));
+    std::int64_t greatest = 0;
+    for (Slave& slave : network.slaves()) {
+        const ClockEntry& clock = network.clocks.of(slave);
+        if (!clock.synchronised || !clock.beside || slave.al.state == AlState::none) continue;
+        co_await required(read_difference(network, slave));
+        greatest = std::max(greatest, std::abs(std::int64_t{clock.difference_ns}));
+    }
+    co_return static_cast<std::uint32_t>(greatest);
+}
+
+Task<Result<>> RingWatch::teach(Network& network) {
+    constexpr unsigned kMostLessons = 5;
+    for (unsigned n = 0; n < kMostLessons; ++n) {
+        const auto greatest = co_await required(teach_once(network));
+        if (greatest <= network.clocks.settings.limit_ns / 4) break;
+    }
+    co_return Nothing{};
+}
+
+// The clocks beside a whole ring, before they follow a reference of their own: while the ring is open, the copy of the
+// head brings them the time of the reference. Then the constant of their first clock is measured.
+Task<Result<>> RingWatch::teach_beside(Network& network) {
+    constexpr unsigned kComparisons = 32;
+    co_await required(teach(network));
+    co_await required(arrange(network));
+    for (unsigned n = 0; n < kComparisons; ++n) {
+        co_await required(send_time(network));
+    }
+    co_return co_await required(steer(network));
 }
 
 // The clocks behind the break from that of the reference: all latch the same frame.
@@ -160,7 +210,7 @@ Task<Result<>> RingWatch::set_second_part(Network& network, Slave& second) {
 // The clock behind the break that follows the reference; 0 while the ring is whole.
 std::uint16_t RingWatch::choose_second(Network& network) const {
     const RingParts now = parts();
-    if (!now.two_nics || now.whole || network.clocks.reference == 0) return 0;
+    if (!now.two_nics || (now.whole && !has_beside_) || network.clocks.reference == 0) return 0;
     // A NIC whose copies were lost some times is taken for silent: then the counts are not those of the ring.
     std::size_t there = 0;
     for (const Slave& slave : network.slaves())
@@ -171,7 +221,8 @@ std::uint16_t RingWatch::choose_second(Network& network) const {
 }
 
 Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) {
-    const bool is_first = second != 0 && second == network.clocks.reference;
+    const Slave& reference = network.slave(network.clocks.reference);
+    const bool is_first = second != 0 && (has_beside_ ? is_behind(network, reference) : second == reference.number);
     if (second == second_ && is_first == second_is_first_) {
         if (second != 0 && !ring_.has_second_reference())  // one answer was lost, or had the time that was sent
             ring_.set_second_reference(network.slave(second).station_address, is_first);
@@ -215,15 +266,15 @@ Task<Result<>> RingWatch::steer(Network& network) {
         first_.sum_ns += seen.sum_ns;
         first_.count += seen.count;
         if (first_.count < kEnough) co_return Nothing{};
-        constant_ns_ = first_.sum_ns / first_.count;
+        constant_ns_ = first_.sum_ns / first_.count + network.clocks.entries[second_ - 1U].delay_ns;
         constants_[next_constant_++ % constants_.size()] = {second_, constant_ns_};
         begin_to_steer(network);
         co_return Nothing{};
     }
-    const std::int64_t error = seen.sum_ns / seen.count - constant_ns_;
+    ClockEntry& clock = network.clocks.entries[second_ - 1U];
+    const std::int64_t error = seen.sum_ns / seen.count - (constant_ns_ - clock.delay_ns);
     const std::int64_t correction = phase_.update(error, network.engine.now());
     if (correction == 0) co_return Nothing{};
-    ClockEntry& clock = network.clocks.entries[second_ - 1U];
     clock.offset_ns -= static_cast<std::uint64_t>(correction);
     wire::Register offset = reg::kSystemTimeOffset;
     if (clock.kind == ClockKind::bits32) offset.length = 4;
@@ -232,12 +283,26 @@ Task<Result<>> RingWatch::steer(Network& network) {
 
 Task<Result<>> RingWatch::watch_clocks(Network& network) {
     constexpr std::uint8_t kEnough = 2;
+    const RingParts now = parts();
+    // The ring was a line when the delays were measured, and is whole now.
+    if (!ways_known_ && now.whole && !ports_of_broken_ && has_clock(network, now, true)) guessed_ = true;
+    if (has_beside_ && (!arranged_ || ring_.are_times_held())) {
+        // Measured for the first time in the whole ring: the clocks have followed other delays before.
+        if (now.whole && second_ == 0 && !ring_.are_times_held()) co_await completion(teach(network));
+        co_return co_await required(arrange(network));
+    }
     const std::uint16_t wanted = choose_second(network);
     if (wanted != std::exchange(wanted_second_, wanted))
         rounds_seen_ = 0;
     else if (rounds_seen_ < kEnough)
         ++rounds_seen_;
     if (wanted == 0 || wanted == second_ || rounds_seen_ >= kEnough) {
+        if (has_beside_ && now.whole && wanted != 0 && wanted != second_) {
+            // Perhaps it comes from a loss of power. The present second reference is behind it, and would bring it
+            // what the master has sent.
+            ring_.set_second_reference({}, false);
+            co_await completion(teach(network));
+        }
         co_await required(change_second(network, wanted));
     }
     if (second_ == 0 || second_is_first_) co_return Nothing{};

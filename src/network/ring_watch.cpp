@@ -65,9 +65,9 @@ Task<Result<>> read_dl_status(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-void note_ends(Network& network, unsigned head, std::size_t front, bool whole) {
+void note_ends(Network& network, unsigned head, bool whole, const RingWatch& watch) {
     for (Slave& slave : network.slaves()) {
-        const bool behind = !whole && slave.ring_position > front;
+        const bool behind = !whole && watch.is_behind_break(network, slave);
         slave.ring = static_cast<RingEnd>(behind ? 1 - head : head);
     }
 }
@@ -78,8 +78,9 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
     const unsigned head = now.swapped ? 1 : 0;
     const std::size_t front = now.cables[head].slaves;
     const std::size_t behind = now.cables[1 - head].slaves;
-    note_ends(network, head, front, false);
-    Event event = find_break(network, front, behind);
+    if (has_beside_) (void)find_sides(network);
+    note_ends(network, head, false, *this);
+    Event event = has_beside_ ? find_break_beside(network) : find_break(network, front, behind);
     if (reported_ == RingState::broken && event.slave == before_ && event.other == behind_) return;
     before_ = event.slave;
     behind_ = event.other;
@@ -107,7 +108,7 @@ void RingWatch::watch(Network& network) {
     reported_swapped_ = now.swapped;
     if (now.ring == RingState::broken && ring_.counts_are_new()) report_break(network, now);
     if (now.ring != RingState::whole) return;
-    note_ends(network, now.swapped ? 1 : 0, 0, true);
+    note_ends(network, now.swapped ? 1 : 0, true, *this);
     if (std::exchange(reported_, RingState::whole) == RingState::broken)
         network.report({.kind = EventKind::ring_closed, .slave = before_, .other = behind_});
 }
@@ -129,9 +130,22 @@ Task<Result<>> RingWatch::read_ports(Network& network) {
     const auto read_one = [&network](Slave& s) { return read_dl_status(network, s); };
     co_await required(for_each_slave(network, read_one));
     if (ring_.changes() != changes) co_return Nothing{};  // the next round reads them
-    for (const Slave& slave : network.slaves())
-        if (slave.ring_position != 0 && slave.ring_position <= network.ring.size())
-            network.ring[slave.ring_position - 1U].dl_status = slave.dl_status;
+    // A branch behind the way to the next ring slave has another place now.
+    const auto ring = network.seen_ring();
+    for (std::size_t n = 0; n < ring.size(); ++n) {
+        std::array<std::byte, 2> address{};
+        Datagram look(network.engine.link(), wire::Command::APRD,
+                      {RingPosition{static_cast<std::uint16_t>(n)}, wire::reg::kStationAddress.address},
+                      MutableBytes(address));
+        const auto reply = co_await look;
+        if (!reply.ok() || reply.wkc != 1) co_return Nothing{};  // the next round
+        const std::size_t number = load_le<std::uint16_t>(address) - network.settings.first_station_address + 1U;
+        const bool known = number >= 1 && number <= network.count;
+        ring[n] = {.slave = static_cast<std::uint16_t>(known ? number : 0),
+                   .address = load_le<std::uint16_t>(address),
+                   .dl_status = known ? network.slave(number).dl_status : ring[n].dl_status};
+    }
+    if (ring_.changes() != changes) co_return Nothing{};
     ports_of_broken_ = false;
     (void)find_topology(network.seen_ring(), parts());
     store_topology(network.seen_ring(), network.slaves());

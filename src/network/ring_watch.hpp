@@ -18,10 +18,18 @@ class RingWatch final : public RedundancyPart {
     void watch(Network& network) override;
     [[nodiscard]] Error check() const override;
     [[nodiscard]] RingParts parts() const override;
+    [[nodiscard]] bool may_restore() const override { return automatic_ || ring_.changes() == restored_; }
+    void set_automatic(bool on) {
+        automatic_ = on;
+        restore();
+    }
+    void restore() { restored_ = ring_.changes(); }
     [[nodiscard]] std::uint32_t changes() const override { return ring_.changes(); }
     [[nodiscard]] Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) override;
     [[nodiscard]] bool are_ports_old() const override { return ports_of_broken_ && parts().whole; }
     [[nodiscard]] Task<Result<>> read_ports(Network& network) override;
+    // At the other end than the head. Of a broken ring.
+    [[nodiscard]] bool is_behind_break(Network& network, const Slave& slave) const { return is_behind(network, slave); }
     [[nodiscard]] const Redundancy& ring() const { return ring_; }
 
     // Clocks (ring_clocks.cpp)
@@ -29,6 +37,8 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> close_ring(Network& network) override;
     void forget_opening() override { ring_.use_head_only(false); }
     [[nodiscard]] Task<Result<>> begin_second_part(Network& network) override;
+    // Clocks beside the ring (ring_ways.cpp)
+    void note_ways(Network& network) override;
     [[nodiscard]] bool delays_are_guessed() const override { return guessed_; }
     [[nodiscard]] Task<Result<>> watch_clocks(Network& network) override;
     [[nodiscard]] std::uint16_t reference_of(Network& network, const Slave& slave) const override;
@@ -38,7 +48,8 @@ class RingWatch final : public RedundancyPart {
 
   private:
     // The constants of the last breaks, by the slave that was the first clock behind each: a slave that comes back
-    // there after a loss of power is not in step.
+    // there after a loss of power is not in step. As they are with a delay register of 0, because the register changes
+    // with the ways.
     struct Constant {
         std::uint16_t slave = 0;
         std::int64_t ns = 0;
@@ -51,6 +62,15 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> teach_rate(Network& network, Slave& second);
     [[nodiscard]] Task<Result<>> set_second_part(Network& network, Slave& second);
     [[nodiscard]] Task<Result<>> change_second(Network& network, std::uint16_t second);
+    [[nodiscard]] Task<Result<std::uint32_t>> teach_once(Network& network);
+    [[nodiscard]] Task<Result<>> teach(Network& network);
+    [[nodiscard]] Task<Result<>> teach_beside(Network& network);
+    [[nodiscard]] bool find_sides(Network& network);
+    [[nodiscard]] Event find_break_beside(Network& network) const;
+    [[nodiscard]] bool is_behind(Network& network, const Slave& slave) const;
+    [[nodiscard]] std::int64_t passes_at_ns(Network& network, const Slave& slave) const;
+    [[nodiscard]] Task<Result<>> write_delay(Network& network, Slave& slave, std::int64_t earliest_ns);
+    [[nodiscard]] Task<Result<>> arrange(Network& network);
     [[nodiscard]] Task<Result<>> steer(Network& network);
     void begin_to_steer(Network& network);
     [[nodiscard]] const Constant* known_constant() const;
@@ -59,6 +79,8 @@ class RingWatch final : public RedundancyPart {
     RingState reported_ = RingState::unknown;
     CablingFault reported_fault_ = CablingFault::none;
     bool reported_swapped_ = false;
+    bool automatic_ = true;
+    std::uint32_t restored_ = 0;    // changes of the ring, when restoring was asked for last
     bool ports_of_broken_ = false;  // the topology is that of the broken ring
     std::uint16_t before_ = 0;      // the slaves of the last break
     std::uint16_t behind_ = 0;
@@ -76,6 +98,16 @@ class RingWatch final : public RedundancyPart {
     std::uint8_t rounds_seen_ = 0;
     PartDifference first_;
     PhaseController phase_;
+    // Clocks beside the ring. Ring slaves are counted from 1 at the head.
+    bool has_beside_ = false;
+    bool ways_known_ = false;
+    bool arranged_ = false;            // the delays are those of the ways as they are
+    bool measured_whole_ = false;      // the last measurement was in the whole ring,
+    std::uint16_t measured_last_ = 0;  // whose last ring slave had this position
+    std::uint16_t ring_slaves_ = 0;
+    std::uint16_t front_end_ = 0;     // the last ring slave that the head reaches; all while the ring is whole
+    std::uint16_t behind_begin_ = 0;  // the first ring slave that only the other NIC reaches
+    std::uint8_t rounds_unclear_ = 0;
     // The port of the last slave that was closed, and its settings before.
     Time opened_{};
     std::uint16_t last_ = 0;

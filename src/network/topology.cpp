@@ -76,34 +76,46 @@ void begin_second_part(RingPlace& place) {
     place.parent_port = 0;
 }
 
+// The first slave behind the break: its port 0 is closed. The slaves before it are at branches behind the way to the
+// next slave: the frames of the second NIC pass them first.
+std::size_t first_behind(std::span<const RingPlace> ring, std::size_t front) {
+    for (std::size_t i = front; i < ring.size(); ++i)
+        if (!ring[i].ports[0].open) return i;
+    return front;
+}
+
+// Connects place `i` (from 0) to the next free port after the frame has passed the place `before` (from 1).
+Error connect(std::span<RingPlace> ring, std::size_t i, std::size_t before) {
+    const std::size_t parent = free_place(ring, before);
+    ring[i].parent = static_cast<std::uint16_t>(parent == 0 ? i : parent);
+    ring[i].parent_port = parent == 0 ? ring[i == 0 ? 0 : i - 1].entry_port : free_port(ring[parent - 1]);
+    ring[i].ports[ring[i].entry_port].neighbour = ring[i].parent;
+    if (parent == 0) return topology_error(i + 1, 0);
+    ring[parent - 1].ports[ring[i].parent_port].neighbour = static_cast<std::uint16_t>(i + 1);
+    return {};
+}
+
 }  // namespace
 
 Result<> find_topology(std::span<RingPlace> ring, RingParts parts) {
     Error error;
+    const auto note = [&error](const Error& found) {
+        if (error.code == Errc::none) error = found;
+    };
     for (RingPlace& place : ring) read_ports(place);
     const std::size_t front = parts.two_nics ? std::min(parts.front, ring.size()) : ring.size();
-    if (!ring.empty() && front == 0 && !parts.whole) begin_second_part(ring[0]);
-    for (std::size_t i = 1; i < ring.size(); ++i) {
-        std::size_t before = i;  // a place, from 1
-        if (i == front && !parts.whole) {
-            begin_second_part(ring[i]);
-            continue;
-        }
-        if (i == front) before = leave_to_second_nic(ring, front);
-        const std::size_t parent = free_place(ring, before);
-        const bool nowhere = parent == 0;
-        if (nowhere && error.code == Errc::none) error = topology_error(i + 1, 0);
-        ring[i].parent = static_cast<std::uint16_t>(nowhere ? i : parent);
-        ring[i].parent_port = nowhere ? ring[i - 1].entry_port : free_port(ring[parent - 1]);
-        ring[i].ports[ring[i].entry_port].neighbour = ring[i].parent;
-        if (!nowhere) ring[parent - 1].ports[ring[i].parent_port].neighbour = static_cast<std::uint16_t>(i + 1);
-    }
+    const std::size_t first = parts.whole ? front : first_behind(ring, front);
+    for (std::size_t i = 1; i < front; ++i) note(connect(ring, i, i));
+    if (!parts.whole && first < ring.size()) begin_second_part(ring[first]);
+    for (std::size_t i = first + 1; !parts.whole && i < ring.size(); ++i) note(connect(ring, i, i));
     // Without a place behind the front, the way to the second NIC is not known yet.
-    if (parts.two_nics && !(parts.whole && front < ring.size())) (void)leave_to_second_nic(ring, ring.size());
+    std::size_t before = 0;
+    if (parts.two_nics) before = leave_to_second_nic(ring, parts.whole ? front : ring.size());
+    const std::size_t end = parts.whole ? ring.size() : first;
+    for (std::size_t i = front; i < end; ++i) note(connect(ring, i, i == front ? before : i));
     for (RingPlace& place : ring) {
         const std::uint8_t port = free_port(place);
-        if (port != place.entry_port && error.code == Errc::none)
-            error = topology_error(static_cast<std::size_t>(&place - ring.data() + 1), port);
+        if (port != place.entry_port) note(topology_error(static_cast<std::size_t>(&place - ring.data() + 1), port));
         for (RingPlace::Port& to : place.ports)
             if (to.neighbour == kSecondNic) to.neighbour = 0;
     }

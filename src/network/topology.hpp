@@ -40,7 +40,8 @@ struct RingParts {
 // place that cannot be connected to an open port, or that has an open port with no neighbour.
 //
 // With two NICs one open port has no neighbour: the second NIC is connected there. In a broken ring the first slave
-// behind the break has the parent 0.
+// behind the break has the parent 0; it is the
+// first place there whose port 0 is closed. The places before it are at branches behind the way to the next slave.
 Result<> find_topology(std::span<RingPlace> ring, RingParts parts = {});
 
 // Copies the topology into the table of slaves, by their numbers. A stranger between two known slaves is left out. A

@@ -261,19 +261,162 @@ TEST(ClockRingStart, WithASlaveWithoutAClock) {
     EXPECT_LE(bus.cycles(500), 100);
 }
 
-// Slave 4 is at a port that the frames of the first NIC do not reach while the ring is whole.
-TEST_F(ClockRing, AClockBesideTheRingIsNamed) {
-    const std::uint32_t one = add_to_ring(nth(0));
-    (void)add_to_ring(nth(1));
-    (void)add_to_ring(nth(2));
-    (void)add_behind(one, 2, nth(3));
-    close_ring();
+// Slaves 6 and 7 are at ports that the frames of the first NIC do not reach while the ring is whole: they are behind
+// slaves 2 and 4 of the ring.
+struct BesideTheRing : ClockRing {
+    void build_beside() {
+        std::vector<std::uint32_t> ring;
+        for (unsigned n = 0; n < 5; ++n) ring.push_back(add_to_ring(nth(n)));
+        (void)add_behind(ring[3], 2, nth(50));
+        (void)add_behind(ring[1], 2, nth(51));
+        close_ring();
+        at = {0, 1, 2, 3, 4, 5, 6};
+    }
+};
+
+TEST_F(BesideTheRing, DelaysAreThoseOfALine) {
+    build_beside();
     start();
-    const auto refused = clocks();
-    EXPECT_EQ(refused.error().code, Errc::unsupported);
-    EXPECT_EQ(refused.error().slave, 4) << words(refused.error());
-    EXPECT_NE(words(refused.error()).find("only the frames of the second NIC reach"), std::string::npos)
-        << words(refused.error());
+    const auto reference = clocks();
+    ASSERT_TRUE(reference.ok()) << words(reference.error());
+    EXPECT_LE(apart_ns(), 100);
+    std::vector<std::uint32_t> ring;
+    for (std::uint16_t n = 1; n <= 7; ++n) ring.push_back(slave_clock(*ctx, n).delay_ns);
+    cable(ring_cables.back(), false);
+    for (unsigned n = 0; n < 5; ++n) (void)cycle();
+    ASSERT_TRUE(readstate(*ctx).ok());
+    const auto line = clocks();
+    ASSERT_TRUE(line.ok()) << words(line.error());
+    for (std::uint16_t n = 1; n <= 7; ++n)
+        EXPECT_NEAR(static_cast<double>(slave_clock(*ctx, n).delay_ns), static_cast<double>(ring[n - 1U]), 2) << n;
+}
+
+TEST_F(BesideTheRing, KeepsInStepThroughBreaks) {
+    build_beside();
+    bring_up();
+    EXPECT_EQ(status().second_reference, 6) << "the first that the frames of the second NIC reach";
+    EXPECT_LE(cycles(500), 100);
+    for (std::size_t n = 0; n < ring_cables.size(); ++n) {
+        const std::uint64_t first = pulses(1);
+        const std::uint64_t last = pulses(7);
+        const Time begin = osal.now();
+        cable(ring_cables[n], false);
+        EXPECT_LE(cycles(2000), 1000) << "broken at cable " << n;
+        EXPECT_LE(cycles(500), 200) << "broken at cable " << n;
+        cable(ring_cables[n], true);
+        EXPECT_LE(cycles(300), 1000) << "no step when cable " << n << " heals";
+        EXPECT_LE(cycles(1000), 100) << "whole again after cable " << n;
+        EXPECT_EQ(status().second_reference, 6);
+        const auto passed = static_cast<double>((osal.now() - begin) / 1ms);
+        EXPECT_NEAR(static_cast<double>(pulses(1) - first), passed, 2) << "no SYNC0 is missed or doubled";
+        EXPECT_NEAR(static_cast<double>(pulses(7) - last), passed, 2);
+    }
+    const auto all = events();
+    EXPECT_EQ(std::ranges::count_if(all, [](const std::string& e) { return e.find("out of sync") != e.npos; }), 0)
+        << joined(all);
+}
+
+// The other clocks would take what the master has sent.
+TEST_F(BesideTheRing, CannotHaveTheReference) {
+    build_beside();
+    start();
+    const auto refused = configdc(*ctx, {.reference = 7, .burst_frames = 200});
+    EXPECT_EQ(refused.error().code, Errc::clock_before_reference);
+    EXPECT_EQ(refused.error().slave, 7) << words(refused.error());
+}
+
+// The event says where the ring is open, and Slave::ring at which end a slave hangs.
+TEST_F(BesideTheRing, TheBreakIsNamed) {
+    build_beside();
+    bring_up();
+    cable(ring_cables[2], false);
+    (void)cycles(50);
+    const auto all = joined(events());
+    EXPECT_NE(all.find("between slave 2 port 1 and slave 3"), std::string::npos) << all;
+    for (const unsigned slave : {1U, 2U, 7U}) EXPECT_EQ(ctx->slave(slave).ring, RingEnd::first_nic) << slave;
+    for (const unsigned slave : {3U, 4U, 5U, 6U}) EXPECT_EQ(ctx->slave(slave).ring, RingEnd::second_nic) << slave;
+}
+
+// The slave with the second reference loses its power and comes back: the next one beside the ring takes its place.
+TEST_F(BesideTheRing, AnotherClockTakesOver) {
+    build_beside();
+    bring_up();
+    segment.set_power(at[5], false, osal.now());
+    EXPECT_LE(cycles(1500), 1000);
+    EXPECT_EQ(status().second_reference, 7);
+    segment.set_power(at[5], true, osal.now());
+    ASSERT_TRUE(until_all_in_op(6000)) << joined(events());
+    (void)cycles(2000);
+    EXPECT_EQ(status().second_reference, 6);
+    EXPECT_LE(cycles(300), 100) << joined(events());
+}
+
+TEST_F(BesideTheRing, WithLostFrames) {
+    build_beside();
+    bring_up();
+    segment.set_noise({.lost = 0.01, .seed = 7});
+    for (const std::size_t n : {1U, 3U, 5U}) {
+        cable(ring_cables[n], false);
+        EXPECT_LE(cycles(1000), 1000) << n;
+        cable(ring_cables[n], true);
+        EXPECT_LE(cycles(1000), 1000) << n;
+    }
+    segment.set_noise({});
+    ASSERT_TRUE(until_all_in_op(6000)) << joined(events());
+    (void)cycles(1500);
+    EXPECT_LE(cycles(300), 100);
+}
+
+// The second NIC is not connected at the start: the segment is a line, until the ring is closed.
+TEST_F(BesideTheRing, TheRingIsClosedLater) {
+    build_beside();
+    plug();
+    cable(ring_cables.back(), false);
+    start();
+    const auto reference = clocks();
+    ASSERT_TRUE(reference.ok()) << words(reference.error());
+    for (std::uint16_t n = 1; n <= 7; ++n) ctx->slave(n).config.setup = &every_ms;
+    run();
+    EXPECT_LE(cycles(500), 100);
+    cable(ring_cables.back(), true);
+    EXPECT_LE(cycles(3000), 1000) << joined(events());
+    EXPECT_LE(cycles(300), 100);
+    EXPECT_EQ(status().second_reference, 6);
+    cable(ring_cables[3], false);
+    EXPECT_LE(cycles(2000), 1000) << joined(events());
+}
+
+// The ring is broken between slaves at the start, and closed later. A branch in either part is numbered before the
+// slaves behind the break.
+TEST(BesideTheRingStart, WhileTheRingIsBroken) {
+    for (const std::size_t broken : {1U, 2U, 3U, 4U}) {
+        SCOPED_TRACE("ring cable " + std::to_string(broken));
+        ClockRingBus bus;
+        std::vector<std::uint32_t> ring;
+        for (unsigned n = 0; n < 5; ++n) ring.push_back(bus.add_to_ring(ClockRingBus::nth(n)));
+        (void)bus.add_behind(ring[1], 2, ClockRingBus::nth(50));
+        bus.close_ring();
+        bus.plug();
+        bus.cable(bus.ring_cables[broken], false);
+        bus.start();
+        ASSERT_EQ(bus.ctx->slaves().size(), 6U);
+        bus.at = {0, 1, 2, 3, 4, 5};
+        const auto reference = bus.clocks();
+        ASSERT_TRUE(reference.ok()) << bus.words(reference.error());
+        for (std::uint16_t n = 1; n <= 6; ++n) bus.ctx->slave(n).config.setup = &bus.every_ms;
+        const auto mapped = config_map(*bus.ctx, bus.image);
+        ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
+        ASSERT_TRUE(submit(*bus.ctx, bus.supervision).ok());
+        (void)bus.cycles(2000);
+        EXPECT_LE(bus.cycles(500), 1000) << "between the parts";
+        bus.cable(bus.ring_cables[broken], true);
+        EXPECT_LE(bus.cycles(3000), 2500) << "the delays were guessed until then";
+        EXPECT_LE(bus.cycles(500), 100) << bus.joined(bus.events());
+        EXPECT_EQ(bus.ctx->slave(static_cast<std::uint16_t>(broken + 1)).ring_position, 6) << "the branch";
+        EXPECT_EQ(bus.status().second_reference, broken + 1);
+        bus.cable(bus.ring_cables[1], false);
+        EXPECT_LE(bus.cycles(1500), 1000) << bus.joined(bus.events());
+    }
 }
 
 }  // namespace

@@ -1,0 +1,180 @@
+// Clocks at branches in a ring with two NICs. A ring slave is a slave that the frames pass on their way from one NIC to
+// the other. A frame leaves a slave by its ports in the order 0, 3, 1, 2. So a branch whose port comes after the way to
+// the next ring slave is "beside the ring": while the ring is whole, the copy of the head never comes back to this
+// port, and only the other copy reaches the branch. These clocks follow a second reference, the first of them.
+//
+// The way to a branch beside the ring changes with each break:
+//
+// - The break is behind its ring slave: the copy of the head turns before the break and reaches the branch, earlier
+//   than in the line by which the delays are measured (`away_ns` of the ring slave before the break).
+// - The break is before its ring slave: the other copy reaches the branch before the ring slaves, which it passes when
+//   it has turned at the break (`return_ns` of the ring slave behind the break).
+//
+// The delays of the ring slaves to each other are always those of the line.
+#include "network/ring_watch.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+std::size_t there_between(Network& network, std::size_t first, std::size_t last) {
+    std::size_t count = 0;
+    for (const Slave& slave : network.slaves()) {
+        const std::uint16_t at = network.clocks.of(slave).ring_slave;
+        if (slave.al.state != AlState::none && at >= first && at <= last) ++count;
+    }
+    return count;
+}
+
+// The ring slave `at`, or the next one with receive times towards the head (`step` -1) or away from it (1); nullptr:
+// none.
+const ClockEntry* timed_ring_slave(Network& network, std::size_t at, int step) {
+    const ClockEntry* best = nullptr;
+    for (const ClockEntry& clock : network.clocks.entries.first(network.count)) {
+        const bool side = step < 0 ? clock.ring_slave <= at : clock.ring_slave >= at;
+        if (!clock.in_ring || !clock.measured || !side) continue;
+        if (best == nullptr || (step < 0) == (clock.ring_slave > best->ring_slave)) best = &clock;
+    }
+    return best;
+}
+
+}  // namespace
+
+void RingWatch::note_ways(Network& network) {
+    if (!measured_whole_) return;
+    Clocks& clocks = network.clocks;
+    const auto ring = network.seen_ring();
+    const auto nodes = clocks.nodes.first(std::min(clocks.nodes.size(), ring.size()));
+    for (ClockEntry& clock : clocks.entries.first(network.count)) {
+        clock.ring_slave = 0;
+        clock.in_ring = clock.beside = false;
+    }
+    ring_slaves_ = 0;
+    for (std::size_t at = measured_last_; at != 0 && at <= nodes.size() && ring_slaves_ < nodes.size();
+         at = nodes[at - 1].parent)
+        ++ring_slaves_;
+    std::uint16_t number = ring_slaves_;
+    std::int64_t away = 0;
+    for (std::size_t at = measured_last_; number != 0; --number) {
+        const DelayNode& node = nodes[at - 1];
+        if (ring[at - 1].slave != 0) {
+            ClockEntry& clock = clocks.entries[ring[at - 1].slave - 1U];
+            clock.ring_slave = number;
+            clock.in_ring = true;
+            clock.away_ns = static_cast<std::int32_t>(away / 1000);
+            clock.return_ns = static_cast<std::int32_t>(way_back_ps(node) / 1000);
+        }
+        at = node.parent;
+        if (at != 0) away = away_ps(nodes[at - 1], node.parent_port);
+    }
+    const std::size_t front = parts().front;
+    has_beside_ = false;
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        if (ring[n].slave == 0) continue;
+        ClockEntry& clock = clocks.entries[ring[n].slave - 1U];
+        std::size_t at = n + 1;
+        for (std::size_t steps = 0; at != 0 && steps < nodes.size() && clock.ring_slave == 0; ++steps) {
+            const std::uint16_t slave = ring[at - 1].slave;
+            if (slave != 0 && clocks.entries[slave - 1U].in_ring)
+                clock.ring_slave = clocks.entries[slave - 1U].ring_slave;
+            at = nodes[at - 1].parent;
+        }
+        clock.beside = !clock.in_ring && n >= front;
+        has_beside_ |= clock.beside && is_clock(clock.kind);
+    }
+    ways_known_ = true;
+    arranged_ = false;
+    front_end_ = ring_slaves_;
+    behind_begin_ = static_cast<std::uint16_t>(ring_slaves_ + 1);
+    ring_.guard_times(has_beside_);
+}
+
+// Where the ring is broken, by the slaves that answer to each copy. False: the counts do not belong to the slaves that
+// are known to be there, so one of them is lost or has come back and this is not known yet.
+bool RingWatch::find_sides(Network& network) {
+    front_end_ = ring_slaves_;
+    behind_begin_ = static_cast<std::uint16_t>(ring_slaves_ + 1);
+    if (parts().whole) return true;
+    const std::size_t front = ring_.reached_by(ring_.head());
+    const std::size_t behind = ring_.reached_by(1 - ring_.head());
+    std::uint16_t end = 0;
+    while (end < ring_slaves_ && there_between(network, 1, end) < front) ++end;
+    std::uint16_t begin = static_cast<std::uint16_t>(ring_slaves_ + 1);
+    while (begin > 1 && there_between(network, begin, ring_slaves_) < behind) --begin;
+    front_end_ = end;
+    behind_begin_ = std::max<std::uint16_t>(begin, static_cast<std::uint16_t>(end + 1));
+    return ring_.counts_are_new() && there_between(network, 1, end) == front &&
+           there_between(network, begin, ring_slaves_) == behind;
+}
+
+// See find_sides().
+Event RingWatch::find_break_beside(Network& network) const {
+    Event event{.kind = EventKind::ring_broken};
+    for (const Slave& slave : network.slaves()) {
+        const ClockEntry& clock = network.clocks.of(slave);
+        if (!clock.in_ring) continue;
+        if (clock.ring_slave == front_end_) event.slave = slave.number;
+        if (clock.ring_slave == behind_begin_) event.other = slave.number;
+        if (clock.ring_slave == front_end_ + 1U && slave.parent != 0) event.port = slave.parent_port;
+    }
+    std::uint8_t port = 0;
+    if (front_end_ != ring_slaves_) return event;
+    if (last_slave(network, port) != nullptr) event.port = port;
+    return event;
+}
+
+bool RingWatch::is_behind(Network& network, const Slave& slave) const {
+    const RingParts now = parts();
+    if (!has_beside_) return now.two_nics && !now.whole && slave.ring_position > now.front;
+    const ClockEntry& clock = network.clocks.of(slave);
+    return behind_begin_ > ring_slaves_ && front_end_ == ring_slaves_ ? now.whole && clock.beside
+                                                                      : clock.ring_slave >= behind_begin_;
+}
+
+// When the frame passes the slave, as the ring is now. For the slaves of each part by itself.
+std::int64_t RingWatch::passes_at_ns(Network& network, const Slave& slave) const {
+    const ClockEntry& clock = network.clocks.of(slave);
+    if (!has_beside_) return slave.ring_position;
+    if (!clock.beside || (is_behind(network, slave) && behind_begin_ > ring_slaves_)) return clock.passed_ns;
+    const bool behind = is_behind(network, slave);
+    const ClockEntry* const at = timed_ring_slave(network, behind ? behind_begin_ : front_end_, behind ? 1 : -1);
+    if (at == nullptr) return clock.passed_ns;
+    return std::int64_t{clock.passed_ns} - (behind ? at->return_ns : at->away_ns);
+}
+
+Task<Result<>> RingWatch::write_delay(Network& network, Slave& slave, std::int64_t earliest_ns) {
+    ClockEntry& clock = network.clocks.of(slave);
+    if (!clock.synchronised || !clock.measured) co_return Nothing{};
+    // A register of the chip cannot be negative.
+    const std::int64_t later = is_behind(network, slave) ? std::max<std::int64_t>(-earliest_ns, 0) : 0;
+    const auto delay = static_cast<std::uint32_t>(std::max<std::int64_t>(passes_at_ns(network, slave) + later, 0));
+    const bool same = clock.delay_ns == delay && !clock.beside;
+    clock.delay_ns = delay;
+    if (same || slave.al.state == AlState::none) co_return Nothing{};
+    co_return co_await required(
+        write_clock_register(network.station(slave), wire::reg::kSystemTimeDelay, clock.delay_ns));
+}
+
+// Gives all clocks the delays of the ways as they are now, and the part that the head does not reach its reference.
+// Until then, no clock gets a time.
+Task<Result<>> RingWatch::arrange(Network& network) {
+    constexpr std::uint8_t kMostRounds = 20;  // then the ring is taken for what the counts are nearest to
+    const std::uint32_t ways = ring_.ways();
+    if (!find_sides(network) && ++rounds_unclear_ < kMostRounds) co_return Nothing{};
+    std::int64_t earliest = 0;
+    for (const Slave& slave : network.slaves())
+        if (network.clocks.of(slave).synchronised && is_behind(network, slave))
+            earliest = std::min(earliest, passes_at_ns(network, slave));
+    const auto write = [this, &network, earliest](Slave& s) { return write_delay(network, s, earliest); };
+    co_await required(for_each_slave(network, write));
+    if (ring_.ways() != ways) co_return Nothing{};  // the next round
+    rounds_unclear_ = 0;
+    co_await required(change_second(network, first_behind(network, false)));
+    if (ring_.ways() != ways) co_return Nothing{};
+    arranged_ = true;
+    ring_.release_times();
+    co_return Nothing{};
+}
+
+}  // namespace margay
