@@ -218,7 +218,7 @@ bool Bench::wants_clock(const AlStatus& status) {
 }
 
 void Bench::to_grid() {
-    if (uses_clock()) wait(kLook - (now() - grid()) % kLook);
+    if (uses_clock()) wait(period_ - (now() - grid()) % period_);
 }
 
 void Bench::configure_mailboxes(bool boot) {
@@ -235,7 +235,7 @@ void Bench::configure_mailboxes(bool boot) {
 void Bench::configure_process_data() {
     if (find_lengths_) find_lengths_();
     for (const auto& area : areas_) write_sync_manager(area.sync_manager, area.setting);
-    if (uses_clock()) activate_clock_(clock_attempts_ - 1);
+    if (uses_clock()) period_ = activate_clock_(clock_attempts_ - 1);
 }
 
 void Bench::give_eeprom(bool to_pdi) {

@@ -108,12 +108,14 @@ class Bench {
     // --- Distributed clocks ---
     // Some slaves refuse SAFEOP or OP without SYNC signals. `activate` writes the SYNC unit in PREOP, by the operation
     // mode of the SII; with `attempt` from 1 on it chooses another cycle.
-    void on_clock(std::function<void(unsigned attempt)> activate) { activate_clock_ = std::move(activate); }
+    // It returns the period of the frames that suits the cycle.
+    void on_clock(std::function<Duration(unsigned attempt)> activate) { activate_clock_ = std::move(activate); }
     // Whether the transition was refused because the clock is off, or because of its cycle. Then
     // configure_process_data() activates the clock from now on, or chooses another cycle: try again.
     [[nodiscard]] bool wants_clock(const AlStatus& status);
     [[nodiscard]] bool uses_clock() const { return clock_attempts_ != 0; }
-    // With a clock, go() and run() exchange process data at multiples of 1 ms after this time.
+    // With a clock, go() and run() exchange process data at multiples of the period of the frames after this time.
+    [[nodiscard]] Duration period() const { return period_; }
     [[nodiscard]] Time grid() const { return {}; }
 
     // --- Process data ---
@@ -122,8 +124,9 @@ class Bench {
     // Writes zeros to all outputs and reads all inputs, as one cycle does. Returns false when an access had working
     // counter 0.
     bool exchange();
-    // Exchanges process data each `period` for `time`, or until `done` returns true. Returns whether it did.
-    bool run(Duration time, const std::function<bool()>& done = {}, Duration period = std::chrono::milliseconds(1));
+    // Exchanges process data each period() for `time`, or until `done` returns true. Returns whether it did.
+    bool run(Duration time, const std::function<bool()>& done = {}) { return run(time, done, period_); }
+    bool run(Duration time, const std::function<bool()>& done, Duration period);
     // Replaces the length of an area when the objects of PDO assignment give another one than the SII.
     void set_area_length(std::uint8_t sync_manager, std::uint16_t bytes);
     // Called in PREOP before process data are configured: finds the lengths of the areas.
@@ -145,7 +148,8 @@ class Bench {
     std::vector<ProcessArea> areas_;
     std::function<void()> find_lengths_;
     std::function<void()> mailbox_started_;
-    std::function<void(unsigned)> activate_clock_;
+    std::function<Duration(unsigned)> activate_clock_;
+    Duration period_ = std::chrono::milliseconds(1);
     unsigned clock_attempts_ = 0;
     CheckResult* result_ = nullptr;
     std::string_view clause_;

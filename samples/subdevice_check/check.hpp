@@ -64,8 +64,9 @@ struct SiiPdo {
 
 // Whether the SII has a DC operation mode with SYNC0. activate_clock() writes the SYNC unit by the first of them, in
 // PREOP; with `attempt` from 1 on, where the SII leaves the cycle to the master, with another cycle (clocks.cpp).
+// Returns the period of the frames.
 [[nodiscard]] bool has_sync_mode(const Session& session);
-void activate_clock(Session& session, unsigned attempt);
+[[nodiscard]] Duration activate_clock(Session& session, unsigned attempt);
 
 // Entries that can be written in PREOP with the value that they have, without an effect: configuration of the
 // communication (sdos.cpp).

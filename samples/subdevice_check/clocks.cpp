@@ -349,12 +349,16 @@ bool has_sync_mode(const Session& session) {
     return std::ranges::any_of(modes, uses_sync);
 }
 
-// Frames come each millisecond: SYNC0 with the same period suits slaves that compare both.
-void activate_clock(Session& session, unsigned attempt) {
+// SYNC0 with the period of the frames suits slaves that compare both. Where the SII has a cycle time of its own, the
+// frames have it too.
+Duration activate_clock(Session& session, unsigned attempt) {
     const auto modes = modes_of(session);
+    const auto& mode = *std::ranges::find_if(modes, uses_sync);
     constexpr Duration kCycles[] = {1ms, 2ms, 4ms, 500us};
-    const auto bus = kCycles[std::min<std::size_t>(attempt, std::size(kCycles) - 1)];
-    activate(session.bench, setting_of(*std::ranges::find_if(modes, uses_sync), bus), session.bench.grid());
+    const auto bus = mode.sync0_cycle_time_ns != 0 ? Duration{mode.sync0_cycle_time_ns}
+                                                   : kCycles[std::min<std::size_t>(attempt, std::size(kCycles) - 1)];
+    activate(session.bench, setting_of(mode, bus), session.bench.grid());
+    return bus;
 }
 
 }  // namespace margay::samples::conformance

@@ -43,6 +43,11 @@ constexpr DeviceDescription kClockRequired =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 250us}; });
 constexpr DeviceDescription kClockWithPll =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .pll = true}; });
+constexpr DeviceDescription kSlowPll = changed([](DeviceDescription& d) {
+    d.dc = {.supported = true, .required = true, .min_cycle = 2ms, .max_cycle = 2ms, .pll = true};
+});
+constexpr DeviceDescription kFastPll = changed(
+    [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 600us, .pll = true}; });
 constexpr DeviceDescription kFastClock =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 600us}; });
 constexpr DeviceDescription kShortClock =
@@ -111,6 +116,13 @@ TEST(SubdeviceCheckDevices, AClockThatIsRequiredIsActivated) {
                                      "clock.cycle_zero", "process_data.exchange"});
     expect_conforms<kClockWithPll>({"states.up", "watchdog.time", "watchdog.off", "clock.sync0"});
     expect_conforms<kFastClock>({"states.up", "watchdog.off", "clock.sync0"});
+}
+
+// A device that compares frames with SYNC0: each SYNC0 needs one frame.
+TEST(SubdeviceCheckDevices, FramesHaveThePeriodOfSync0) {
+    expect_conforms<kSlowPll>({"states.up", "states.down", "sm.process_settings", "mailbox.states", "watchdog.time",
+                               "watchdog.off", "process_data.exchange", "process_data.inputs", "clock.sync0"});
+    expect_conforms<kFastPll>({"states.up", "watchdog.time", "watchdog.off", "process_data.exchange"});
 }
 
 TEST(SubdeviceCheckDevices, AnotherCycleIsTried) {
