@@ -9,7 +9,13 @@ namespace {
 using namespace std::chrono_literals;
 
 CycleFigures some_figures() {
-    CycleFigures f{.cycles = 1000, .overruns = 3, .skipped = 2, .caught_up = 1, .no_frame = 4, .wrong_wkc = 5};
+    CycleFigures f;
+    f.cycles = 1000;
+    f.overruns = 3;
+    f.skipped = 2;
+    f.caught_up = 1;
+    f.no_frame = 4;
+    f.wrong_wkc = 5;
     for (int n = 0; n < 1000; ++n) {
         f.lateness.record(Duration(n * n));
         f.period.record(1ms + Duration(n));
