@@ -96,6 +96,7 @@ constexpr std::array<std::string_view, 19> kSameBits{
 
 bool keeps_bits(const DevicePlan& device, const Slave& slave) {
     constexpr unsigned kAsked = mailbox_protocol::kCoE | mailbox_protocol::kSoE;
+    if (device.name == "modular_io") return false;  // the storm changes what is plugged in
     return std::ranges::all_of(device.quirks, [&](const std::string& quirk) {
         if (quirk == "sii_no_pdos" || quirk == "sii_sync_managers_off")
             return (slave.mailbox.protocols & kAsked) != 0;  // it can be asked
