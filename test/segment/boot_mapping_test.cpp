@@ -140,5 +140,56 @@ TEST_F(AfterBoot, TheSecondMappingAsksForItsMemoryAgain) {
     expect_op();
 }
 
+// ------------------------------------------------------------------ the way down beside the cycle
+
+// The write that clears the FMMUs rides in the frame of group 0; the frame of group 1 follows it at once.
+struct Lowered : testing::TestWithParam<AlState> {
+    MailboxBus bus;
+    std::array<std::byte, 64> image{};
+    std::array<std::byte, 64> other{};
+    SuperviseRequest supervision;
+};
+TEST_P(Lowered, TheSlavesAreNotMissedInAnyCycle) {
+    for (const char* name : {"digital_io_16", "digital_io_16", "bootloader_open", "bootloader_open", "bootloader_open"})
+        bus.add_device(sim::make_device(name).value());
+    bus.start();
+    for (int n = 2; n <= 5; ++n) bus.ctx->slave(n).config.group = 1;
+    ASSERT_TRUE(config_map(*bus.ctx, image, 0).ok());
+    ASSERT_TRUE(config_map(*bus.ctx, other, 1).ok());
+    ASSERT_TRUE(submit(*bus.ctx, supervision).ok());
+    ASSERT_TRUE(reach(*bus.ctx, AlState::op, 5s).ok());
+    while (bus.ctx->events().take()) continue;
+    const auto down = [&] {
+        for (int n = 3; n <= 5; ++n)
+            if (bus.ctx->slave(n).al.state != GetParam()) return false;
+        return true;
+    };
+    unsigned wrong = 0;
+    unsigned stale = 0;
+    unsigned after = 0;
+    const auto end = run_cycle(*bus.ctx, {.period = 1ms}, [&](const CycleInfo& cycle) {
+        if (cycle.error.code != Errc::none) {
+            ++wrong;
+            ADD_FAILURE() << "cycle " << cycle.number << ": " << bus.words(cycle.error);
+        }
+        stale += cycle.number > 5 && !(inputs_fresh(*bus.ctx, 1) && inputs_fresh(*bus.ctx, 2)) ? 1 : 0;
+        if (cycle.number == 20) {
+            EXPECT_TRUE(set_target(*bus.ctx, 3, GetParam()).ok());
+        }
+        if (cycle.number == 23) {  // two at once
+            EXPECT_TRUE(set_target(*bus.ctx, 4, GetParam()).ok());
+            EXPECT_TRUE(set_target(*bus.ctx, 5, GetParam()).ok());
+        }
+        after += down() ? 1 : 0;
+        return after < 20 && cycle.number < 2000;
+    });
+    EXPECT_TRUE(end.ok()) << bus.words(end.error());
+    EXPECT_TRUE(down());
+    EXPECT_EQ(wrong, 0U);
+    EXPECT_EQ(stale, 0U) << "cycles without fresh inputs of the slaves that stay";
+    while (const auto event = bus.ctx->events().take()) EXPECT_EQ(event->kind, EventKind::state);
+}
+INSTANTIATE_TEST_SUITE_P(To, Lowered, testing::Values(AlState::boot, AlState::preop, AlState::init));
+
 }  // namespace
 }  // namespace margay
