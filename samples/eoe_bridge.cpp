@@ -1,6 +1,7 @@
 // eoe_bridge: gives each slave with EoE a network interface of the kernel (TAP). Bridging and routing between these
 // interfaces and others is the work of the kernel.
 #include "common/eoe_lines.hpp"
+#include "common/interface_claim.hpp"
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
@@ -55,9 +56,12 @@ class Bridge {
 
   private:
     int open_lines() {
+        bool any = false;
         for (const Slave& slave : ctx_.slaves()) {
             if (!has_eoe(slave)) continue;
-            const auto name = eoe_interface_name(options_.master, slave);
+            any = true;
+            if (const auto shared = shared_alias(slave, ctx_.slaves()); !shared.empty()) warn(shared);
+            const auto name = eoe_interface_name(options_.master, slave, ctx_.slaves());
             const auto opened = lines_.open(ctx_, slave, name);
             if (opened)
                 print_out("{}: slave {} ({})\n", name, slave.number, slave.name());
@@ -66,7 +70,9 @@ class Bridge {
             else
                 return fail(opened.problem, exit_code::kSystem);
         }
-        return lines_.empty() ? fail("no slave of the segment exchanges Ethernet frames (EoE)") : exit_code::kWell;
+        if (!lines_.empty()) return exit_code::kWell;
+        if (any) return fail("no interface was created", exit_code::kSystem);
+        return fail("no slave of the segment exchanges Ethernet frames (EoE)");
     }
 
     int exchange() {
@@ -149,6 +155,10 @@ int main(int argc, char** argv) {
                      "print the counters of each interface at this interval in seconds; 0: only at the end",
                      Bounds{0, 86400});
     return arguments.run(argc, argv, [&] {
+        // Before the scan, which would take the slaves of the running bridge to INIT.
+        InterfaceClaim claim;
+        if (const auto taken = claim.take("eoe_bridge", options.source.source); !taken.empty())
+            return fail(taken, exit_code::kSystem);
         return run_on_source(options.source, [&](Source& source) { return bridge(source, options); });
     });
 }

@@ -2,8 +2,10 @@
 #include "common/firmware_file.hpp"
 #include "common/program.hpp"
 #include "common/progress_line.hpp"
+#include "common/segment_look.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
+#include "wire/foe.hpp"
 
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
@@ -53,6 +55,15 @@ bool refuses_all(Errc code) {
            code == Errc::invalid_argument || code == Errc::wrong_state;
 }
 
+// The device does not accept this file, and would not accept it another time either.
+bool refuses_file(const Error& error) {
+    using enum wire::foe::ErrorCode;
+    if (error.code != Errc::foe_error) return false;
+    const auto code = static_cast<wire::foe::ErrorCode>(error.detail);
+    return code == disk_full || code == wrong_checksum || code == firmware_does_not_fit || code == no_file_header ||
+           code == file_incompatible;
+}
+
 class Update {
   public:
     Update(Source& source, const Options& options) : source_(source), options_(options), number_(options.position) {}
@@ -71,7 +82,9 @@ class Update {
     int write(FirmwareFile& file);
     int read(FirmwareCopy& copy);
     [[nodiscard]] std::string read_back(FirmwareFile& file);
-    int leave_after_failure(bool begun);
+    [[nodiscard]] bool is_in_boot();
+    int leave_after_failure(bool begun, const Error& error);
+    int leave_after_read(const std::string& error, bool of_system);
     int restart(const Known& before, const std::string& not_verified);
     void show(const FoeProgress& progress, std::string_view what);
 
@@ -84,17 +97,20 @@ class Update {
     std::string what_;
     std::size_t total_ = 0;
     bool sent_ = false;   // the device has been asked
-    bool begun_ = false;  // the device has accepted a part of the file
+    bool begun_ = false;  // the device has accepted the request, and may have changed its memory
+    bool was_in_boot_ = false;
 };
 
 // Scans the segment. Errors of single slaves are ignored: a device without a valid firmware stays in INIT.
 std::string Update::scan() {
     const auto found = config_init(ctx_);
-    if (!found && found.error().slave == 0) return sentence(found.error());
-    const std::size_t count = ctx_.slaves().size();
-    if (number_ >= 1 && number_ <= count) return {};
-    return count == 1 ? "POSITION: there is 1 slave, the first is 1"
-                      : fmt::format("POSITION: there are slaves 1 to {}", count);
+    return !found && found.error().slave == 0 ? sentence(found.error()) : std::string();
+}
+
+// An earlier run may have left the device in BOOT. The scan, which follows, puts every slave to INIT.
+bool Update::is_in_boot() {
+    const auto states = look_at_states(source_.nic(), source_.osal());
+    return number_ <= states.size() && states[number_ - 1U].state == AlState::boot;
 }
 
 // While the device restarts, other slaves may have its number. Returns what differs from the segment at the start; the
@@ -123,6 +139,9 @@ Known Update::look() {
 
 // Why the slave cannot get firmware this way.
 std::string Update::why_not() {
+    const Error& error = slave().error;
+    const bool unread = !slave().seen || error.step == Step::read_sii || error.step == Step::parse_sii;
+    if (unread && error.code != Errc::none && !slave().boot_mailbox.present()) return sentence(error);
     if ((slave().mailbox.protocols & mailbox_protocol::kFoE) == 0)
         return fmt::format("slave {} ({}) has no FoE", number_, slave().name());
     if (!slave().boot_mailbox.present())
@@ -193,7 +212,7 @@ std::string Update::told(const FoeRequest& request, const std::string& own) {
     return request.slave_text().empty() ? text : fmt::format("{}; the device says: {}", text, request.slave_text());
 }
 
-int Update::leave_after_failure(bool begun) {
+int Update::leave_after_failure(bool begun, const Error& error) {
     (void)readstate(ctx_);
     if (begun && slave().al.state == AlState::none) {
         warn(fmt::format(
@@ -203,10 +222,11 @@ int Update::leave_after_failure(bool begun) {
         return exit_code::kSegment;
     }
     if (begun) {
-        warn(
-            fmt::format("slave {} is left in BOOT without a complete firmware. Do not switch it off. Execute the same "
-                        "command again to write the whole file; other slaves are in PREOP",
-                        number_));
+        const auto* const again = refuses_file(error) ? "Execute the command again with a file that the device accepts"
+                                                      : "Execute the same command again to write the whole file";
+        warn(fmt::format(
+            "slave {} is left in BOOT without a complete firmware. Do not switch it off. {}; other slaves are in PREOP",
+            number_, again));
         return exit_code::kSegment;
     }
     const auto init = bring(AlState::init);
@@ -225,9 +245,10 @@ int Update::write(FirmwareFile& file) {
     const auto written = transfer(request);
     if (!written) {
         const bool of_file = written.error().code == Errc::stream_failed;
+        begun_ = begun_ || file.asked();  // the device has acknowledged the request
         const bool refused = !begun_ && refuses_all(written.error().code);
         fail(sent_ ? told(request, file.error()) : sentence(written.error()));
-        const int status = leave_after_failure(sent_ && !refused);
+        const int status = leave_after_failure(sent_ && !refused, written.error());
         return of_file ? exit_code::kSystem : status;
     }
     print_out("slave {}: {} octets written as '{}'\n", number_, request.bytes(), options_.name);
@@ -263,11 +284,20 @@ int Update::read(FirmwareCopy& copy) {
     if (!error.empty()) fail(error);
     if (error.empty())
         print_out("slave {}: {} octets of '{}' read into {}\n", number_, request.bytes(), options_.name, options_.file);
-    auto back = bring(AlState::init);
-    if (back) back = bring(AlState::preop);
-    if (!back) warn(sentence(back.error()));
+    return leave_after_read(error, of_system);
+}
+
+int Update::leave_after_read(const std::string& error, bool of_system) {
+    Result<> left;
+    if (was_in_boot_) {
+        warn(fmt::format("slave {} was in BOOT before, and is left there: its firmware may be incomplete", number_));
+    } else {
+        left = bring(AlState::init);
+        if (left) left = bring(AlState::preop);
+        if (!left) warn(sentence(left.error()));
+    }
     if (of_system) return exit_code::kSystem;
-    return error.empty() && back ? exit_code::kWell : exit_code::kSegment;
+    return error.empty() && left ? exit_code::kWell : exit_code::kSegment;
 }
 
 // To INIT, which starts the new firmware; then waits until the device is back.
@@ -304,8 +334,13 @@ int Update::restart(const Known& before, const std::string& not_verified) {
 }
 
 int Update::run(FirmwareFile* file, FirmwareCopy* copy) {
+    was_in_boot_ = copy != nullptr && !source_.virtual_time() && is_in_boot();
     if (const auto ready = source_.begin(ctx_); !ready) return fail(sentence(ready.error()));
     if (const auto error = scan(); !error.empty()) return fail(error);
+    if (const std::size_t count = ctx_.slaves().size(); number_ > count)
+        return fail(count == 1 ? std::string("POSITION: there is 1 slave, the first is 1")
+                               : fmt::format("POSITION: there are slaves 1 to {}", count),
+                    exit_code::kUsage);
     if (const auto reason = why_not(); !reason.empty()) return fail(reason);
     for (const Slave& one : ctx_.slaves()) segment_.push_back(one.identity);
     const Known before = look();
@@ -313,7 +348,7 @@ int Update::run(FirmwareFile* file, FirmwareCopy* copy) {
     if (stop_asked()) return fail("stopped before anything was changed");
     if (const auto boot = bring(AlState::boot); !boot) {
         fail(sentence(boot.error()));
-        return leave_after_failure(false);
+        return leave_after_failure(false, boot.error());
     }
     if (copy != nullptr) return read(*copy);
     if (const int status = write(*file); status != exit_code::kWell) return status;

@@ -193,6 +193,7 @@ std::string_view argument_text(Argument argument) {
         case Argument::period: return "the period must be above zero";
         case Argument::reply_timeout: return "the reply timeout must not be negative";
         case Argument::interval: return "an interval must be above zero (line_interval: zero or more)";
+        case Argument::look_every: return "the interval of looks for mail must not be negative (zero: no looks)";
         case Argument::state: return "the state must be INIT, PREOP, SAFEOP or OP";
         case Argument::work: return "there is no work function";
         case Argument::sii_words: return "beyond the end of the EEPROM";
@@ -348,6 +349,8 @@ std::string_view code_text(const Error& e) {
         return "the new scan has deleted its config and its hooks: set them again, or use expect()";
     if (e.code == Errc::missing_slave && e.step == Step::recover)
         return e.slave == 0 ? "no lost slave was found" : "the slave does not answer";
+    if (e.code == Errc::mailbox_closed && e.step == Step::voe_receive)
+        return "the inbox does not listen any more: unlisten() was called";
     if (e.code == Errc::nic && e.step == Step::open_nic) return "the network interface could not be opened";
     return to_text(e.code);
 }
@@ -465,6 +468,8 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.detail != 0)
                 ((out << " (station address ").hex(e.detail, 4) << " is wanted, and the slave has ").hex(e.actual, 4)
                     << ")";
+            else if (e.step == Step::mailbox_receive && e.expected == 0)
+                out << " (Limits::slaves is " << e.actual << ")";  // a listener before the first scan
             else if (e.slave != 0 || e.expected != 0)
                 out << " (there are " << e.expected << ")";
             break;

@@ -297,7 +297,7 @@ enum class Argument : std::uint8_t {
     timeout,
     period,  // members of CycleSettings
     reply_timeout,
-    interval,         // of a supervision, or of watch_mailboxes()
+    interval,         // of a supervision, of latches or of an EoePort
     state,            // an AL state
     work,             // the function of run_cycle()
     sii_words,        // the words are beyond the end of the EEPROM
@@ -344,6 +344,7 @@ enum class Argument : std::uint8_t {
     second_nic,      // the second NIC of init_redundant() is the first one
     image_place,     // SlaveSetup::place: it overlaps other data, or begins within an octet where that is not possible
     sdo_stream,      // an SdoStream without source or sink, or a size that CoE cannot announce
+    look_every,      // MailListener::look_every, or the interval of watch_mailboxes()
 };
 
 // Errc::cabling: what is wrong with the cables of two NICs.

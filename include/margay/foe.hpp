@@ -89,7 +89,7 @@ struct FoeRead : FoeRequest {
 struct FoeWrite : FoeRequest {
     FoeWrite();
     Borrowed<std::byte> data;      // content of the file, in the caller's memory; not used if there is a source
-    ByteSource* source = nullptr;  // gives a file of any size
+    ByteSource* source = nullptr;  // gives a file of any size; asked when the slave has accepted the request
     std::size_t total = 0;         // octets that the source will give, for the progress only; 0: not known
 };
 

@@ -129,7 +129,10 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 //   The copy is not executed any more, and the outputs of its destination stay as they are. what_is_wrong() says so
 //   until GroupConfiguration::copies is changed;
 // - no_place: the slave could not be read before the image was laid out, and is there since;
-// - remapping_needed: slave(n).config.sms, or the lists of its PDOs, were changed while config_map() executed;
+// - remapping_needed: slave(n).config.sms, or the lists of its PDOs, were changed while config_map() executed. Where a
+//   slave has another revision than when its process data was read (new firmware writes it into the EEPROM some time
+//   after its start), config_map() itself maps the group again, with all hooks, up to four times in all; the error then
+//   means that the revision has changed each time;
 // - of an entry: entry_not_mapped, entry_direction, entry_size, entry_type, unknown_slave.
 //
 // A slave that cannot be asked (because it is missing, held, or does not answer) keeps its part of the image if its

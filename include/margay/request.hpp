@@ -186,7 +186,9 @@ struct MapRequest : Request {
     std::uint8_t group = 0;
     std::span<std::byte> image;
     // Gives the memory of the image in place of `image`, when its size is known. poll() calls the function: it
-    // must neither wait nor call the library. Fewer octets: image_too_large. nullptr: `image` counts.
+    // must neither wait nor call the library. Fewer octets: image_too_large. nullptr: `image` counts. Where the group
+    // is mapped again (see remapping_needed of config_map()), poll() calls it again, and the earlier memory is
+    // not used any more.
     std::span<std::byte> (*memory)(std::size_t bytes, void* user) = nullptr;
     void* memory_user = nullptr;
     std::size_t bytes = 0;  // result: how many octets of the image are used, also if some slave is not mapped

@@ -9,9 +9,28 @@
 
 namespace margay::samples {
 
-std::string eoe_interface_name(unsigned master, const Slave& slave) {
-    if (slave.alias != 0) return fmt::format("eoe{}a{}", master, slave.alias);
+namespace {
+
+const Slave* other_with_alias(const Slave& slave, std::span<const Slave> all) {
+    const auto found = std::ranges::find_if(all, [&slave](const Slave& other) {
+        return slave.alias != 0 && other.alias == slave.alias && other.number != slave.number && has_eoe(other);
+    });
+    return found == all.end() ? nullptr : &*found;
+}
+
+}  // namespace
+
+std::string eoe_interface_name(unsigned master, const Slave& slave, std::span<const Slave> all) {
+    if (slave.alias != 0 && other_with_alias(slave, all) == nullptr)
+        return fmt::format("eoe{}a{}", master, slave.alias);
     return fmt::format("eoe{}s{}", master, slave.number - 1);
+}
+
+std::string shared_alias(const Slave& slave, std::span<const Slave> all) {
+    const Slave* const other = other_with_alias(slave, all);
+    if (other == nullptr) return {};
+    return fmt::format("slave {} has the alias {} of slave {}: its interface is named after its position", slave.number,
+                       slave.alias, other->number);
 }
 
 bool has_eoe(const Slave& slave) { return (slave.mailbox.protocols & mailbox_protocol::kEoE) != 0; }
@@ -23,9 +42,15 @@ EoeLines::Opened EoeLines::open(Context& ctx, const Slave& slave, const std::str
     if (const auto begun = submit(ctx, line->port); !begun)
         return {fmt::format("no interface {}: {}", name, sentence(begun.error())), true};
     auto problem = line->tap.open(name);
-    if (!problem.empty()) return {std::move(problem)};
-    lines_.push_back(std::move(line));
-    return {};
+    if (problem.empty()) {
+        lines_.push_back(std::move(line));
+        return {};
+    }
+    const bool taken = line->tap.name_taken();
+    line->port.cancel();
+    ended_.push_back(std::move(line));
+    if (taken) problem = fmt::format("slave {} gets no interface: {}", slave.number, problem);
+    return {std::move(problem), taken};
 }
 
 void EoeLines::cancel() {

@@ -8,20 +8,24 @@
 #include <poll.h>
 
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
 namespace margay::samples {
 
-// eoe<master>s<position>, the first position is 0; for a slave with an alias eoe<master>a<alias>.
-[[nodiscard]] std::string eoe_interface_name(unsigned master, const Slave& slave);
+// eoe<master>s<position>, the first position is 0; for a slave with an alias eoe<master>a<alias>, if no other slave of
+// `all` with EoE has this alias.
+[[nodiscard]] std::string eoe_interface_name(unsigned master, const Slave& slave, std::span<const Slave> all);
+// A sentence for a slave whose alias another slave with EoE has, too; empty for the others.
+[[nodiscard]] std::string shared_alias(const Slave& slave, std::span<const Slave> all);
 // Whether the slave exchanges Ethernet frames.
 [[nodiscard]] bool has_eoe(const Slave& slave);
 
 class EoeLines {
   public:
-    // What has become of a line: a sentence about its failure. `refused`: by the slave or the library, so that other
-    // lines are not concerned.
+    // What has become of a line: a sentence about its failure. `refused`: by the slave or the library, or the name
+    // exists already, so that other lines are not concerned.
     struct Opened {
         std::string problem{};
         bool refused = false;

@@ -44,9 +44,11 @@ void FirmwareFile::fail() { error_ = failure_of(path_, "cannot be read"); }
 void FirmwareFile::rewind() {
     if (file_ != nullptr) std::rewind(file_.get());
     given_ = 0;
+    asked_ = false;
 }
 
 ByteSource::Piece FirmwareFile::pull(std::span<std::byte> into) {
+    asked_ = true;
     errno = 0;
     const std::size_t wanted = std::min(into.size(), bytes_ - given_);
     const std::size_t got = std::fread(into.data(), 1, wanted, file_.get());

@@ -20,6 +20,8 @@ class FirmwareFile final : public ByteSource {
     explicit FirmwareFile(const std::string& path);
     [[nodiscard]] const std::string& error() const { return error_; }
     [[nodiscard]] std::size_t bytes() const { return bytes_; }
+    // pull() was called since the object was created, or since rewind().
+    [[nodiscard]] bool asked() const { return asked_; }
     // Begins with the first octet again.
     void rewind();
     Piece pull(std::span<std::byte> into) override;
@@ -30,6 +32,7 @@ class FirmwareFile final : public ByteSource {
     FirmwareHandle file_;
     std::size_t bytes_ = 0;
     std::size_t given_ = 0;
+    bool asked_ = false;
     std::string error_;
 };
 

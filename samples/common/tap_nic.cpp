@@ -26,10 +26,15 @@ std::string TapNic::open(const std::string& name) {
     ifreq request{};
     request.ifr_flags = IFF_TAP | IFF_NO_PI;
     std::memcpy(request.ifr_name, name.c_str(), name.size() + 1);
-    if (::ioctl(device_, TUNSETIFF, &request) < 0)
-        return fmt::format("cannot create the TAP device {}: {}{}", name, std::strerror(errno),
-                           errno == EPERM ? "; the program needs the capability CAP_NET_ADMIN" : "");
     Interface interface;
+    if (::ioctl(device_, TUNSETIFF, &request) < 0) {
+        const int error = errno;
+        // A TAP device of another program, or an interface of another kind.
+        name_taken_ = (error == EBUSY || error == EINVAL) && interface.open(name);
+        if (name_taken_) return fmt::format("the system has an interface {} already", name);
+        return fmt::format("cannot create the TAP device {}: {}{}", name, std::strerror(error),
+                           error == EPERM ? "; the program needs the capability CAP_NET_ADMIN" : "");
+    }
     if (!interface.open(name) || !interface.switch_on())
         return fmt::format("cannot switch on the interface {}: {}", name, std::strerror(errno));
     return {};

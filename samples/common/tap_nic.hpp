@@ -18,6 +18,8 @@ class TapNic final : public Nic {
     // Creates the device and switches its interface on. The destructor removes the device. Returns a sentence that
     // describes the error; empty when there is no error.
     [[nodiscard]] std::string open(const std::string& name);
+    // open() has failed because an interface has this name already.
+    [[nodiscard]] bool name_taken() const noexcept { return name_taken_; }
 
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
@@ -30,6 +32,7 @@ class TapNic final : public Nic {
     int device_ = -1;
     int last_error_ = 0;
     bool gone_ = false;
+    bool name_taken_ = false;
 };
 
 }  // namespace margay::samples

@@ -1,6 +1,7 @@
 // Access to mailboxes, registers and the SII of slaves; see standalone.hpp.
 #include "ethercat/standalone.hpp"
 
+#include "common/eoe_lines.hpp"
 #include "common/slave_report.hpp"
 
 #include <fmt/format.h>
@@ -215,8 +216,8 @@ Answer<std::vector<EoeFacts>> StandaloneSession::eoe(std::chrono::milliseconds d
     for (const SlaveFacts& slave : *all) {
         if (!slave.mailbox.present() || (slave.mailbox.protocols & mailbox_protocol::kEoE) == 0) continue;
         EoeFacts facts{.position = slave.position};
-        facts.interface = slave.alias != 0 ? fmt::format("eoe{}a{}", settings_.index, slave.alias)
-                                           : fmt::format("eoe{}s{}", settings_.index, slave.position);
+        facts.interface =
+            samples::eoe_interface_name(settings_.index, ctx_->slave(*number_of(slave.position)), ctx_->slaves());
         auto one = std::make_unique<OnePort>();
         one->port.slave = *number_of(slave.position);
         const auto begun = submit(*ctx_, one->port);

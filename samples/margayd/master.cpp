@@ -236,7 +236,10 @@ void Master::map_groups() {
 void Master::open_eoe() {
     auto lines = std::make_unique<samples::EoeLines>();
     const auto open = [&](const Slave& slave, const std::string& wanted) {
-        const auto name = wanted.empty() ? samples::eoe_interface_name(configuration_.number, slave) : wanted;
+        const auto shared = wanted.empty() ? samples::shared_alias(slave, ctx_->slaves()) : std::string();
+        if (!shared.empty()) log(Priority::warning, shared);
+        const auto name =
+            wanted.empty() ? samples::eoe_interface_name(configuration_.number, slave, ctx_->slaves()) : wanted;
         const auto opened = lines->open(*ctx_, slave, name);
         if (opened)
             log(Priority::notice, fmt::format("interface {}: slave {} ({})", name, slave.number, slave.name()));

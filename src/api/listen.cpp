@@ -15,8 +15,9 @@ Result<> listen(Context& ctx, MailListener& listener) {
         return Error{.code = Errc::unknown_slave,
                      .step = kListenStep,
                      .slave = listener.only_slave,
-                     .expected = static_cast<std::uint32_t>(mailboxes.count())};
-    if (listener.look_every < Duration{0}) return invalid(Argument::interval, kListenStep, listener.only_slave);
+                     .expected = master_of(ctx)->network.count,
+                     .actual = static_cast<std::uint32_t>(mailboxes.count())};
+    if (listener.look_every < Duration{0}) return invalid(Argument::look_every, kListenStep, listener.only_slave);
     const auto type = static_cast<unsigned>(listener.type());
     if (type == 0 || type > 15) return invalid(Argument::mail_type, kListenStep, listener.only_slave);
     mailboxes.listen(listener);

@@ -53,7 +53,7 @@ EmergencyRing& emergencies(Context& ctx, std::uint16_t slave) {
 
 Result<> watch_mailboxes(Context& ctx, Duration every) {
     if (const Error refused = check_owner(ctx, Step::mailbox_receive); refused.code != Errc::none) return refused;
-    if (every < Duration{0}) return invalid(Argument::interval, Step::mailbox_receive);
+    if (every < Duration{0}) return invalid(Argument::look_every, Step::mailbox_receive);
     master_of(ctx)->network.mailboxes.watch(every);
     return Result<>();
 }

@@ -22,9 +22,18 @@ static Task<Result<>> run(Network& network, VoeSend& r) {
     return voe_send(channel_of(network, r), r.header, r.data, patience_of(r));
 }
 
+static std::uint16_t next_with_voe(const void* user, std::uint16_t slave) {
+    const auto slaves = static_cast<const Network*>(user)->slaves();
+    for (std::size_t n = 0; n < slaves.size(); ++n) {
+        const Slave& one = slaves[(slave + n) % slaves.size()];
+        if ((one.mailbox.protocols & mailbox_protocol::kVoE) != 0) return one.number;
+    }
+    return 0;
+}
+
 static Task<Result<>> run(Network& network, VoeReceive& r) {
     r.message = {};
-    return voe_receive(network.mailboxes, r, RequestAccess::deadline(r));
+    return voe_receive(network.mailboxes, r, RequestAccess::deadline(r), {.next = next_with_voe, .user = &network});
 }
 
 static constexpr OperationDescription kSend = describe_mail<VoeSend, check, run>(Operation::voe_send, Step::voe_send);

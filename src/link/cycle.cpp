@@ -113,13 +113,14 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
     DatagramStatus& status = *datagram.status;
     status.got = load_le<std::uint16_t>(Bytes(data + datagram.bytes, 2));
     status.came = true;
+    if (status.got != status.accepted && frame.owner != nullptr) frame.owner->update_accepted(frame.group);
     status.fresh = status.usable();
     if (!status.fresh) return;
     const std::byte* inputs = data + datagram.input_at;
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
     // With the working counter of all slaves, a device answers in the place of a slave that does not take part.
     if (frame.apart || frame.regrouped || frame.doubted || status.got != status.accepted)
-        frame.copy_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
+        frame.owner->copy_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
     else
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }

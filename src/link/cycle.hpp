@@ -120,8 +120,9 @@ inline void copy(std::byte* to, Bytes from) {
     frames_.release(frame.own);
     ++statistics_.frames_received;
     frame.end = CycleEnd::right;
-    if (!commit(frame.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes])) [[unlikely]]
-        frame.end = CycleEnd::odd;
+    const std::byte* const data = &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes];
+    if (!commit(frame.datagrams[0], data)) [[unlikely]]
+        commit_short(frame, frame.datagrams[0], data);
 }
 
 [[gnu::always_inline]] inline CycleEnd Link::receive_cycle(std::span<PreparedFrame> frames, Time now,

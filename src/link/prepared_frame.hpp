@@ -40,6 +40,18 @@ enum class CycleEnd : std::uint8_t {
     right,    // back, and every slave took part
 };
 
+struct PreparedFrame;
+
+// What the frame asks of the part of the library that it belongs to; `group` is PreparedFrame::group.
+struct FrameOwner {
+    // Copies the inputs of the slaves that take part, and of no other slave; n is the index in `datagrams`. Called
+    // for a degraded frame that is `apart`, or that was regrouped in flight.
+    void (*copy_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs);
+    // Called when a working counter is not the accepted one, before the reply is judged: the reply that says why may be
+    // there already, and the sequence that waits for it has not continued yet.
+    void (*update_accepted)(void* group);
+};
+
 struct PreparedFrame {
     std::span<PreparedDatagram> datagrams;
     std::span<const PreparedReading> readings;
@@ -60,9 +72,7 @@ struct PreparedFrame {
     std::uint16_t last = 0;                        // offset of the last datagram, riders not counted
     std::uint16_t datagram_count = 0;              // readings included, riders not
     std::uint16_t wire_bytes = 0;                  // octets on the wire without riders, with padding and all overhead
-    // Copies the inputs of the slaves that take part, and of no other slave; n is the index in `datagrams`. Called
-    // for a degraded frame that is `apart`, or that was regrouped in flight.
-    void (*copy_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs) = nullptr;
+    const FrameOwner* owner = nullptr;
     void* group = nullptr;
     FrameSlot own;
     std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as sent last

@@ -22,6 +22,7 @@ class UploadToSink final : public SdoUploading {
         : SdoUploading(object, UINT32_MAX), request_(request), part_(part) {}
 
     bool prepare() override {
+        show();  // the size is known before the sink takes anything
         while (pushed_ < filled_) {
             const Bytes rest = Bytes(part_).subspan(pushed_, filled_ - pushed_);
             const ByteSink::Taken taken = request_.sink->push(rest);
@@ -35,12 +36,16 @@ class UploadToSink final : public SdoUploading {
             if (taken.bytes < rest.size()) return false;
         }
         filled_ = pushed_ = 0;
-        SdoStreamAccess::set(request_, done_, over() ? done_ : size_);  // an expedited value has no size before it
+        show();
         return true;
     }
     bool restart() override { return !begun_ && SdoTransfer::restart(); }
 
   private:
+    void show() {
+        // An expedited value has no size before it.
+        SdoStreamAccess::set(request_, done_ - (filled_ - pushed_), over() ? done_ : size_);
+    }
     void store(Bytes octets) override {
         filled_ = std::min(octets.size(), part_.size());
         std::ranges::copy(octets.first(filled_), part_.begin());

@@ -41,10 +41,11 @@ Task<Result<>> voe_send(MailboxChannel& channel, VoeHeader header, Bytes data, M
     co_return error;
 }
 
-Task<Result<>> voe_receive(Mailboxes& mailboxes, VoeReceive& request, Time end) {
+Task<Result<>> voe_receive(Mailboxes& mailboxes, VoeReceive& request, Time end, VoeSlaves slaves) {
     constexpr Duration kLookEvery = std::chrono::milliseconds(1);
     Engine& engine = mailboxes.engine();
     const std::uint16_t slave = request.inbox->only_slave;
+    std::uint16_t looked = 0;
     for (;;) {
         const auto message = request.inbox->take(request.data);
         if (message) {
@@ -58,7 +59,8 @@ Task<Result<>> voe_receive(Mailboxes& mailboxes, VoeReceive& request, Time end) 
         if (!mailboxes.hears(*request.inbox))
             co_return Error{.code = Errc::mailbox_closed, .step = Step::voe_receive, .slave = slave};
         if (engine.now() >= end) co_return Error{.code = Errc::timeout, .step = Step::voe_receive, .slave = slave};
-        if (slave != 0 && slave <= mailboxes.count()) mailboxes.channel(slave).look_once();
+        looked = slave != 0 ? slave : slaves.next(slaves.user, looked);
+        if (looked != 0 && looked <= mailboxes.count()) mailboxes.channel(looked).look_once();
         co_await engine.sleep_until(std::min(end, engine.now() + kLookEvery));
     }
 }

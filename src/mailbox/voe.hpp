@@ -10,7 +10,15 @@ namespace margay {
 // Sends a message. `data` outlives the task. Success: the mailbox of the slave has taken the message.
 [[nodiscard]] Task<Result<>> voe_send(MailboxChannel& channel, VoeHeader header, Bytes data, MailPatience patience);
 
-// Takes the next message out of the inbox of `request`, and waits for it until `end`. The request outlives the task.
-[[nodiscard]] Task<Result<>> voe_receive(Mailboxes& mailboxes, VoeReceive& request, Time end);
+// Which slaves exchange VoE messages. The function returns the number of the next one behind `slave`, and begins again
+// at the first one; 0: none.
+struct VoeSlaves {
+    std::uint16_t (*next)(const void* user, std::uint16_t slave);
+    const void* user;
+};
+
+// Takes the next message out of the inbox of `request`, and waits for it until `end`. Meanwhile it looks for mail: of
+// the slave of the inbox, or of all `slaves` in turn. The request and what `slaves` refers to outlive the task.
+[[nodiscard]] Task<Result<>> voe_receive(Mailboxes& mailboxes, VoeReceive& request, Time end, VoeSlaves slaves);
 
 }  // namespace margay

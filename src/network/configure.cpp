@@ -146,9 +146,13 @@ Task<Result<>> prepare_clock_if_any(Network& network, Slave& slave) {
 Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     const std::size_t count = fmmu_count(slave);
     const Bytes zeros = Bytes(kClearedRegisters).first(std::max<std::size_t>(count, 1) * reg::kFmmuStride);
-    auto cleared = co_await write_bytes(network.station(slave), reg::kFmmuBase, zeros, kStep);
+    const Station station = network.station(slave);
+    Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase}, zeros);
+    const LeavingExchange leaving(network, slave, write);
+    const Reply reply = co_await write;
+    const Error failed = error_of_reply(station, reply, kStep, reg::kFmmuBase);
     // The write fails on a slave without FMMUs, which has nothing to clear.
-    if (!cleared && count != 0) co_return cleared;
+    if (failed.code != Errc::none && count != 0) co_return failed;
     set_takes_part(network, slave, false);
     co_return Nothing{};
 }

@@ -220,8 +220,10 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
     if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
         co_await completion(clear_fmmus(network, slave));  // a slave that does not answer maps nothing
     }
-    // Where only the identity is in question, the slave is compared, and not started again.
-    const bool doubted = network.marks(slave).unproved && slave.seen && slave.config.group == number && !slave.held &&
+    // Where only the identity is in question, the slave is compared, and not started again. New firmware may have
+    // written its revision into the EEPROM since the slave reached PREOP.
+    const bool in_question = network.marks(slave).unproved || network.marks(slave).new_firmware;
+    const bool doubted = in_question && slave.seen && slave.config.group == number && !slave.held &&
                          is_there_to_map(slave) && slave.al.state != AlState::init;
     if (doubted) {
         const SlaveToken token(network.marks(slave));
@@ -314,19 +316,37 @@ Error fallen(const Slave& slave) {
     return error;
 }
 
-Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
+constexpr unsigned kPasses = 4;
+
+// One pass of map_group() over the group. `revised`: a slave has another revision than when its process data was read.
+struct Pass {
+    std::uint8_t number;
+    bool last = false;
+    bool revised = false;
+};
+
+// The identity is compared again before the slave is driven.
+Task<Result<>> compare_placed(Network& network, Slave& slave, Pass& pass, FirstFault& faults) {
+    auto same = co_await prove(network, slave);
+    network.marks(slave).unproved |= !same.ok();
+    if (!same) faults.note(network, slave, same.error());
+    if (!same || slave.seen) co_return Nothing{};
+    pass.revised |= !slave.unplaced;
+    if (!pass.last && !slave.unplaced) co_return Nothing{};  // the next pass reads it
+    // It could not be read before the image was laid out, or is of another revision.
+    const Errc late = slave.unplaced ? Errc::no_place : Errc::remapping_needed;
+    faults.note(network, slave, {.code = late, .step = Step::map_process_data, .slave = slave.number});
+    co_return Nothing{};
+}
+
+Task<Result<>> configure(Network& network, Slave& slave, Pass& pass, FirstFault& faults) {
+    const std::uint8_t number = pass.number;
     if (slave.image.group != number) co_return Nothing{};
     // A hook of any slave may have taken long.
     if (is_there_to_map(slave)) {
         co_await completion(read_anew(network, slave));
         if (is_there_to_map(slave)) {
-            auto same = co_await prove(network, slave);
-            network.marks(slave).unproved |= !same.ok();
-            if (!same) faults.note(network, slave, same.error());
-            // It could not be read before the image was laid out, or is of another revision.
-            const Errc late = slave.unplaced ? Errc::no_place : Errc::remapping_needed;
-            if (same && !slave.seen)
-                faults.note(network, slave, {.code = late, .step = Step::map_process_data, .slave = slave.number});
+            co_await required(compare_placed(network, slave, pass, faults));
         }
     }
     const bool unfinished = is_unfinished(network, slave);
@@ -425,11 +445,8 @@ MutableBytes memory_of_image(Network& network, std::uint8_t number, const ImageM
     return memory.provide(too_large ? measured.error().expected : 0, memory.user);
 }
 
-}  // namespace
-
-Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, const ImageMemory& memory) {
-    if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
-    if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
+Task<Result<std::size_t>> map_once(Network& network, Pass& pass, const ImageMemory& memory) {
+    const std::uint8_t number = pass.number;
     Mapping mapping(network, number);
     FirstFault faults;
     const auto start = [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); };
@@ -454,7 +471,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, const
     ProcessGroup& group = network.process.groups[number];
     const detail::EntryPart* const part = group.config.entries.part();
     const Error entries = part == nullptr ? Error{} : part->place(network, group, nullptr);
-    const auto set = [&network, number, &faults](Slave& s) { return configure(network, s, number, faults); };
+    const auto set = [&network, &pass, &faults](Slave& s) { return configure(network, s, pass, faults); };
     co_await required(for_each_slave(network, set));
     network.states_read = network.engine.now();
     use_status_bits(network, number);
@@ -462,6 +479,20 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, const
     faults.keep(entries);
     if (faults.error().code != Errc::none) co_return faults.error();
     co_return network.process.groups[number].image.size();
+}
+
+}  // namespace
+
+// Firmware that has just been started may write its revision into the EEPROM while the group is mapped: then its
+// process data is read again.
+Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, const ImageMemory& memory) {
+    if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
+    if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
+    for (unsigned left = kPasses;; --left) {
+        Pass pass{.number = number, .last = left == 1};
+        auto mapped = co_await map_once(network, pass, memory);
+        if (!pass.revised || pass.last) co_return mapped;
+    }
 }
 
 }  // namespace margay

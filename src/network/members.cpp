@@ -5,6 +5,7 @@
 #include "network/wanted.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -81,6 +82,25 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
     settle(*group);
     if (takes_part) note_joining(*group, slave);
     settle_lost_inputs(*group);
+}
+
+LeavingExchange::LeavingExchange(Network& network, Slave& slave, const Datagram& write)
+    : network_(network), slave_(slave), write_(write), group_(slave.takes_part ? group_of(network, slave) : nullptr) {
+    if (group_ != nullptr) next_ = std::exchange(group_->leaving, this);
+}
+
+LeavingExchange::~LeavingExchange() {
+    if (group_ == nullptr) return;
+    LeavingExchange** at = &group_->leaving;
+    while (*at != this) at = &(*at)->next_;
+    *at = next_;
+}
+
+void update_leaving(ProcessGroup& group) {
+    for (LeavingExchange* one = group.leaving; one != nullptr; one = one->next_) {
+        const Reply reply = one->write_.reply();
+        if (reply.ok() && reply.wkc == 1) set_takes_part(one->network_, one->slave_, false);
+    }
 }
 
 void join_again(Network& network, const Slave& slave) {

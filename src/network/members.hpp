@@ -17,6 +17,26 @@ void settle_groups(Network& network);
 // Sets whether the slave takes part, from the next cycle on. No effect when nothing changes.
 void set_takes_part(Network& network, Slave& slave, bool takes_part);
 
+// While the write that clears the FMMUs of a slave is under way: the slave leaves the exchange as soon as the reply to
+// the write is there. The cycle of another frame that was sent behind the write is judged before the sequence
+// continues.
+class LeavingExchange {
+  public:
+    LeavingExchange(Network& network, Slave& slave, const Datagram& write);
+    LeavingExchange(const LeavingExchange&) = delete;
+    LeavingExchange& operator=(const LeavingExchange&) = delete;
+    ~LeavingExchange();
+
+  private:
+    friend void update_leaving(ProcessGroup& group);
+
+    Network& network_;
+    Slave& slave_;
+    const Datagram& write_;
+    ProcessGroup* group_;
+    LeavingExchange* next_ = nullptr;
+};
+
 // Call it when the slave was away and is known to be this slave again: the inputs of earlier cycles were not copied.
 void join_again(Network& network, const Slave& slave);
 

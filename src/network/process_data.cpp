@@ -91,6 +91,11 @@ void copy_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes in
     }
 }
 
+constexpr FrameOwner kOwner{
+    .copy_inputs = copy_inputs,
+    .update_accepted = [](void* user) { update_leaving(*static_cast<ProcessGroup*>(user)); },
+};
+
 PreparedDatagram append_datagram(ProcessGroup& group, std::size_t n, wire::FrameBuilder& builder) {
     const DatagramPlan& plan = group.plans[n];
     const auto offset = static_cast<std::uint16_t>(builder.size());
@@ -175,7 +180,7 @@ void build_frame(ProcessGroup& group, PreparedFrame& frame, std::span<PreparedDa
     // Overlapped frames do not send inputs: the inputs belong to the owner's thread, not to the sending thread.
     frame.overlapped = group.overlap.sets > 1;
     frame.apart = group.layout.overlapped || frame.overlapped;
-    frame.copy_inputs = copy_inputs;
+    frame.owner = &kOwner;
     frame.group = &group;
 }
 

@@ -21,15 +21,18 @@ struct Master;
 // State of overlapping cycles of a group. The sending thread writes `sent_at`, `sent` and `send_set`, the owner's
 // thread writes `received` and `receive_set`.
 struct Overlap {
-    std::uint8_t sets = 1;  // sets of frames, each for one cycle; 1: cycles do not overlap
     std::array<Time, GroupConfiguration::kMostCyclesInFlight> sent_at{};
     std::atomic<std::uint32_t> sent{0};
-    std::uint8_t send_set = 0;
     std::atomic<std::uint32_t> received{0};
+    std::uint8_t sets = 1;  // sets of frames, each for one cycle; 1: cycles do not overlap
+    std::uint8_t send_set = 0;
     std::uint8_t receive_set = 0;
 };
 
+class LeavingExchange;
+
 struct ProcessGroup : Group {
+    LeavingExchange* leaving = nullptr;  // the slaves whose FMMUs are being cleared: see members.hpp
     ImageLayout layout;
     std::span<PreparedFrame> prepared;  // of all sets where cycles overlap
     Overlap overlap;
@@ -60,6 +63,9 @@ struct ProcessGroup : Group {
     std::uint8_t next_place = 0;      // where the logical addresses of the next mapping begin: see next_start()
     std::uint16_t cycles_lost = 0;    // consecutive cycles with frames that did not come back
 };
+
+// Lets the slaves of the group leave the exchange whose FMMUs are known to be cleared.
+void update_leaving(ProcessGroup& group);
 
 // Whether every wanted slave took part in the last cycle that was received.
 [[nodiscard]] inline bool is_right(const ProcessGroup& group) {

@@ -48,7 +48,7 @@ std::string_view to_text(Errc code) {
             return "the slave has process data, but no place in the image is reserved for it: call "
                    "config_map() again";
         case Errc::remapping_needed:
-            return "its SyncManagers or PDOs have changed since config_map(): call config_map() again";
+            return "its revision, SyncManagers or PDOs have changed since config_map(): call config_map() again";
         case Errc::scan_needed: return "expect() was called after config_init(): call config_init() again";
         case Errc::unknown_group: return "there is no such group, or nothing is mapped in it: call config_map()";
         case Errc::image_too_large: return "the process image is larger than the buffer";
@@ -84,8 +84,7 @@ std::string_view to_text(Errc code) {
             return "no cycle is on the wire: call send_processdata() before each receive_processdata()";
         case Errc::mailbox_closed:
             return "the mailbox was closed while the message waited, because the slave has gone to INIT, is started or "
-                   "is "
-                   "found anew";
+                   "is found anew";
         case Errc::reply_lost: return "the reply was lost on the wire, and the slave does not have it any more";
         case Errc::entry_not_mapped: return "no PDO that the slave exchanges has this entry";
         case Errc::entry_direction: return "the direction of the entry differs";

@@ -51,6 +51,30 @@ struct Reading {
     FoeReadTransfer transfer;
 };
 
+// A program that was refused can tell by its source whether the slave may have changed anything.
+TEST(FoeTransferWrite, TheSourceIsAskedWhenTheSlaveHasAcceptedTheRequest) {
+    const auto content = pattern(13);
+    for (const bool accepted : {false, true}) {
+        SlowSource source(content, 20);
+        FoeWrite request;
+        request.name = "ab";
+        request.source = &source;
+        std::array<std::byte, kRoom> packet{};
+        FoeWriteTransfer transfer(request, source, packet);
+        (void)composed(transfer);
+        EXPECT_EQ(source.calls, 0U);
+        if (accepted) {
+            EXPECT_EQ(acknowledge(transfer, 0), Taken::all);
+            EXPECT_FALSE(transfer.prepare());  // this source has nothing at first
+            EXPECT_TRUE(transfer.prepare());
+        }
+        EXPECT_EQ(answer(transfer, foe_error(0x8010)), Taken::all);
+        EXPECT_EQ(transfer.error().code, Errc::foe_error);
+        EXPECT_EQ(source.calls != 0, accepted);
+        EXPECT_EQ(request.bytes(), 0U);
+    }
+}
+
 TEST(FoeTransferWrite, EveryOctetOfItsMessages) {
     const auto content = pattern(13);
     Writing w(content);

@@ -302,5 +302,30 @@ TEST(ListenerInTheCycle, UsesTheMappedBitAndTheBudgetOfTheCycle) {
     EXPECT_GE(next, 490U);
 }
 
+TEST_F(ListenerTest, WhatIsRefusedIsSaidInWords) {
+    slaves.push_back(&bus.add_scripted(32));
+    slaves.push_back(&bus.add_scripted(32));
+    bus.start({.slaves = 10});
+    Keeper keeper;
+    keeper.only_slave = 99;
+    EXPECT_EQ(bus.words(listen(*bus.ctx, keeper).error()),
+              "slave 99: receiving from the mailbox: there is no such slave (there are 2)");
+    keeper.only_slave = 7;  // a later scan may find it
+    EXPECT_TRUE(listen(*bus.ctx, keeper).ok());
+    ASSERT_TRUE(unlisten(*bus.ctx, keeper).ok());
+    keeper.look_every = -1ms;
+    constexpr auto kNegative =
+        "argument out of range: the interval of looks for mail must not be negative (zero: no looks)";
+    EXPECT_EQ(bus.words(listen(*bus.ctx, keeper).error()),
+              std::string("slave 7: receiving from the mailbox: ") + kNegative);
+    EXPECT_EQ(bus.words(watch_mailboxes(*bus.ctx, -1ms).error()),
+              std::string("receiving from the mailbox: ") + kNegative);
+    HostContext fresh(Limits{.slaves = 10});
+    ASSERT_TRUE(init(fresh, *bus.nic, bus.osal).ok());
+    keeper.only_slave = 11;
+    EXPECT_EQ(bus.words(listen(fresh, keeper).error()),
+              "slave 11: receiving from the mailbox: there is no such slave (Limits::slaves is 10)");
+}
+
 }  // namespace
 }  // namespace margay

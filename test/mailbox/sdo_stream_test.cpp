@@ -30,6 +30,38 @@ TEST_F(SdoStreams, BringALongValueToASlowSink) {
     EXPECT_EQ(sink.content, slave->application.vast);
 }
 
+// A sink that is asked for room for the whole value, and has none yet.
+TEST_F(SdoStreams, TellTheSizeBeforeTheSinkTakesAnything) {
+    struct Closed final : ByteSink {
+        bool open = false;
+        std::size_t taken = 0;
+        Taken push(Bytes octets) override {
+            const std::size_t bytes = open ? octets.size() : std::min<std::size_t>(octets.size(), 5 - taken);
+            taken += bytes;
+            return {.bytes = bytes};
+        }
+    } sink;
+    SdoUploadStream request;
+    request.slave = 1;
+    request.index = 0x2008;
+    request.sink = &sink;
+    sink.taken = 5;
+    ASSERT_TRUE(submit(ctx(), request).ok());
+    bus.idle(20ms);
+    ASSERT_TRUE(request.busy());
+    EXPECT_EQ(request.total(), 70'000U);
+    EXPECT_EQ(request.bytes(), 0U);
+    sink.taken = 0;
+    bus.idle(20ms);
+    ASSERT_TRUE(request.busy());
+    EXPECT_EQ(request.bytes(), 5U) << "what the sink has accepted";
+    EXPECT_EQ(request.total(), 70'000U);
+    sink.open = true;
+    bus.run(request);
+    EXPECT_EQ(request.error().code, Errc::none) << bus.words(request.error());
+    EXPECT_EQ(request.bytes(), 70'000U);
+}
+
 TEST_F(SdoStreams, BringALongValueFromASlowSource) {
     const auto value = pattern(66'000);
     SlowSource source(value, 50);

@@ -110,6 +110,22 @@ TEST_F(VoeTest, SeveralInboxesByVendorAndType) {
     EXPECT_TRUE(others.empty());
 }
 
+// An inbox for all slaves without looks of its own: the request looks at one slave with VoE after the other.
+TEST_F(VoeTest, AWaitForAllSlavesLooksAtThemInTurn) {
+    ASSERT_EQ(inbox.only_slave, 0);
+    ASSERT_EQ(inbox.look_every, 0ms);
+    ASSERT_TRUE(listen(*bus.ctx, inbox).ok());
+    reply({0xDD, 0xCC, 0xBB, 0xAA, 0x02, 0x01, 5, 6});
+    const auto first = receive();
+    ASSERT_TRUE(first.ok()) << bus.words(first.error());
+    EXPECT_EQ(first->slave, 1);
+    ASSERT_TRUE(VOEsend(*bus.ctx, 2, {kOurs, 1}, mail_bytes({4, 5})).ok());
+    const auto second = receive();
+    ASSERT_TRUE(second.ok()) << bus.words(second.error());
+    EXPECT_EQ(second->slave, 2);
+    EXPECT_EQ(bus.words(receive().error()), "VoE receive: timed out");
+}
+
 TEST_F(VoeTest, AFullInboxCountsWhatItLoses) {
     std::vector<std::byte> small(100);
     VoeInbox few(small);
@@ -143,6 +159,8 @@ TEST_F(VoeTest, AWaitEndsWhenTheInboxStopsOrTheRequestIsCanceled) {
     EXPECT_TRUE(wait.busy());  // without a timeout it has no limit
     ASSERT_TRUE(unlisten(*bus.ctx, inbox).ok());
     bus.run(wait, 100ms);
+    EXPECT_EQ(bus.words(wait.error()),
+              "slave 1: VoE receive: the inbox does not listen any more: unlisten() was called");
     EXPECT_EQ(wait.error().code, Errc::mailbox_closed);
     hear(inbox, 1);
     ASSERT_TRUE(submit(*bus.ctx, wait).ok());

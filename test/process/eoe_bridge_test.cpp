@@ -177,13 +177,15 @@ class EoeBridge : public testing::Test {
         if (!cable.missing().empty()) GTEST_SKIP() << cable.missing();
         if (!std::filesystem::exists("/dev/net/tun")) GTEST_SKIP() << "no TAP devices here: /dev/net/tun is missing";
     }
-    void start() {
+    // `chosen`: a ready-made segment, or a file.
+    void start(const std::string& chosen = "eoe") {
         segment = std::make_unique<Child>(
-            cable.segment_namespace(), std::vector<std::string>{kEoeSegment, Cable::kSegment, "eoe", "--ports", "gw"});
+            cable.segment_namespace(), std::vector<std::string>{kEoeSegment, Cable::kSegment, chosen, "--ports", "gw"});
         ASSERT_TRUE(segment->says("serving", kPatience)) << segment->output() << segment->errors();
         bridge =
             std::make_unique<Child>(cable.master_namespace(), std::vector<std::string>{kEoeBridge, Cable::kMaster});
         ASSERT_TRUE(bridge->says("running", kPatience)) << bridge->output() << bridge->errors();
+        if (chosen != "eoe") return;
         ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("addr add ") + kMasterIp + "/24 dev eoe0s1"));
         ASSERT_TRUE(cable.ip(cable.segment_namespace(), std::string("addr add ") + kGatewayIp + "/24 dev gw1"));
     }
@@ -212,6 +214,40 @@ TEST_F(EoeBridge, TheStacksOfTwoKernelsTalkOverEoe) {
     EXPECT_NE(said.find(" octets, 0 dropped; from the slave "), std::string::npos) << said;
     std::string gone;
     EXPECT_FALSE(run("ip -n " + cable.master_namespace() + " link show eoe0s1", &gone)) << gone;
+}
+
+// Two gateways have the same alias, and the system has an interface with the name of the third one.
+TEST_F(EoeBridge, NamesThatAreTakenLeaveTheOthersTheirInterfaces) {
+    const ShellFolder folder;
+    folder.write("twins.toml",
+                 "[[slave]]\ndevice = \"eoe_gateway\"\nalias = 7\n[[slave]]\ndevice = \"eoe_gateway\"\nalias = 7\n"
+                 "[[slave]]\ndevice = \"eoe_gateway\"\nalias = 8\n[[slave]]\ndevice = \"eoe_gateway\"\nalias = 9\n");
+    ASSERT_TRUE(cable.ip(cable.master_namespace(), "link add eoe0a8 type veth peer name other"));
+    start(folder.path() / "twins.toml");
+    const auto said = bridge->output();
+    for (const char* line : {"eoe0s0: slave 1 (Gateway with EoE)\n", "eoe0s1: slave 2 (Gateway with EoE)\n",
+                             "eoe0a9: slave 4 (Gateway with EoE)\n"})
+        EXPECT_NE(said.find(line), std::string::npos) << said;
+    const auto warned = bridge->errors();
+    for (const char* line : {"slave 1 has the alias 7 of slave 2: its interface is named after its position\n",
+                             "slave 2 has the alias 7 of slave 1: its interface is named after its position\n",
+                             "slave 3 gets no interface: the system has an interface eoe0a8 already\n"})
+        EXPECT_NE(warned.find(line), std::string::npos) << warned;
+    EXPECT_TRUE(cable.ip(cable.master_namespace(), "link show eoe0a9"));
+    stop();
+}
+
+// A second bridge on the same interface does not scan the segment of the first one.
+TEST_F(EoeBridge, ASecondOneIsRefusedBeforeItScans) {
+    start();
+    const auto before = segment->output();
+    Child second(cable.master_namespace(), {kEoeBridge, Cable::kMaster, "--master", "1"});
+    EXPECT_EQ(second.wait(kPatience), 3) << second.output();
+    EXPECT_EQ(second.errors(),
+              std::string("eoe_bridge: ") + Cable::kMaster + ": another eoe_bridge uses this interface\n");
+    EXPECT_EQ(segment->output(), before) << "a slave has left its state";
+    Cable::inside(cable.master_namespace(), [] { EXPECT_EQ(pings(), 4U); });
+    stop();
 }
 
 TEST(EoeBridgeArguments, ErrorsAreSaidInWords) {

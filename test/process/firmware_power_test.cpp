@@ -123,6 +123,22 @@ TEST_F(FirmwareInTheMiddle, CtrlCEndsTheTransferAndTheSecondTryWorks) {
     expect_second_try_works();
 }
 
+// A device that an earlier run left in BOOT stays there after it was read.
+TEST_F(FirmwareInTheMiddle, ReadingDoesNotTakeTheDeviceOutOfBoot) {
+    const auto child = update_in_the_middle();
+    signal(SIGINT);
+    EXPECT_EQ(child->wait(120s), 1) << child->output();
+    Child read(cable.master_namespace(),
+               {kFirmwareUpdate, Cable::kMaster, "2", file("copy.bin"), "--read", "--name", "firmware"});
+    EXPECT_EQ(read.wait(120s), 0) << read.output() << read.errors();
+    EXPECT_NE(read.errors().find("slave 2 was in BOOT before, and is left there: its firmware may be incomplete"),
+              std::string::npos)
+        << read.errors();
+    const std::string said = segment->output();
+    EXPECT_EQ(said.rfind("slave 2 (loader): "), said.rfind("slave 2 (loader): BOOT")) << said;
+    expect_second_try_works();
+}
+
 // The computer of the master loses its power.
 TEST_F(FirmwareInTheMiddle, AfterAKilledProgramTheSecondTryWorks) {
     const auto child = update_in_the_middle();

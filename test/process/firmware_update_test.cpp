@@ -167,7 +167,9 @@ TEST_F(FirmwareUpdate, AFileThatTheDeviceRefusesLeavesItInBoot) {
         EXPECT_EQ(ran.status, 1);
         EXPECT_TRUE(contains(ran.err, words)) << ran.err;
         EXPECT_TRUE(contains(ran.err, "slave 2 is left in BOOT without a complete firmware")) << ran.err;
-        EXPECT_TRUE(contains(ran.err, "Execute the same command again")) << ran.err;
+        EXPECT_TRUE(contains(ran.err, "Do not switch it off. Execute the command again with a file that the device "
+                                      "accepts; other slaves are in PREOP\n"))
+            << ran.err;
     }
 }
 
@@ -177,13 +179,24 @@ TEST_F(FirmwareUpdate, SlavesThatTakeNoFirmware) {
     EXPECT_EQ(coupler.status, 1);
     EXPECT_EQ(coupler.err, "firmware_update: slave 1 (EtherCAT coupler) has no FoE\n");
     const auto nobody = update("sim:bootloader 9 firmware.bin");
-    EXPECT_EQ(nobody.status, 1);
+    EXPECT_EQ(nobody.status, 2);
     EXPECT_EQ(nobody.err, "firmware_update: POSITION: there are slaves 1 to 5\n");
     EXPECT_EQ(update("sim:bootloader").status, 2);
     EXPECT_EQ(update("sim:bootloader 2").status, 2);
     EXPECT_EQ(update("sim:bootloader two firmware.bin").status, 2);
     EXPECT_EQ(update("sim:bootloader 2 firmware.bin --read --read-back").status, 2);
     EXPECT_EQ(update("sim:nothing 2 firmware.bin").status, 3);
+}
+
+TEST_F(FirmwareUpdate, ASlaveThatCannotBeReadSaysWhy) {
+    write_image("firmware.bin", 2, 0, 1000);
+    folder.write("blank.toml",
+                 "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"bootloader\"\nquirks = [\"sii_blank\"]\n");
+    const auto ran = update("sim:blank.toml 2 firmware.bin");
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_TRUE(contains(ran.err, "firmware_update: slave 2: ")) << ran.err;
+    EXPECT_TRUE(contains(ran.err, "SII")) << ran.err;
+    EXPECT_FALSE(contains(ran.err, "has no FoE")) << ran.err;
 }
 
 // The cable loses 2 % of the frames.

@@ -288,7 +288,7 @@ TEST_F(LateSlave, WithOtherListsOfTheSameSizeNeedsAMapping) {
     cycles(300);
     power(line[2], true);
     expect_refused(
-        "slave 3: mapping process data: its SyncManagers or PDOs have changed since config_map(): call "
+        "slave 3: mapping process data: its revision, SyncManagers or PDOs have changed since config_map(): call "
         "config_map() again");
     EXPECT_EQ(reconfigure_slave(*ctx, 3).error().code, Errc::remapping_needed);
     ctx->slave(3).config.setup = &kKnown;

@@ -36,7 +36,8 @@ class NextSizes : public testing::Test, protected Bus {
 };
 
 constexpr auto kRemap =
-    "slave 2: mapping process data: its SyncManagers or PDOs have changed since config_map(): call config_map() again";
+    "slave 2: mapping process data: its revision, SyncManagers or PDOs have changed since config_map(): call "
+    "config_map() again";
 
 TEST_F(NextSizes, ASlaveThatComesBackWaitsForTheMapping) {
     const std::uint32_t expected = *cycle();

@@ -99,7 +99,7 @@ TEST_F(OtherPdos, ThoseOfAnSdoAreLostWithThePower) {
     ASSERT_TRUE(submit(*ctx, supervision).ok());
     expect_right_objects();
     power_off_and_on();
-    EXPECT_TRUE(reports("its SyncManagers or PDOs have changed since config_map()"));
+    EXPECT_TRUE(reports("its revision, SyncManagers or PDOs have changed since config_map()"));
     expect_not_driven();
     ASSERT_TRUE(write_mapping());
     map();

@@ -286,7 +286,7 @@ TEST_F(PdoConfiguration, PdosThatAnSdoHasWrittenNeedAMapping) {
     ASSERT_TRUE(SDOwrite(ctx, 1, 0x1C12, 0, std::uint8_t{1}));
     ASSERT_TRUE(set_target(ctx, 1, AlState::none));
     EXPECT_EQ(words(reach(ctx, AlState::op, 5s).error()),
-              "slave 1: mapping process data: its SyncManagers or PDOs have changed since config_map(): call "
+              "slave 1: mapping process data: its revision, SyncManagers or PDOs have changed since config_map(): call "
               "config_map() again");
     EXPECT_EQ(ctx.slave(1).al.state, AlState::preop);
     map();

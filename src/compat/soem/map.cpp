@@ -17,7 +17,9 @@ struct ImageOfProgram {
 
     static std::span<std::byte> provide(std::size_t bytes, void* user) {
         auto& self = *static_cast<ImageOfProgram*>(user);
-        self.before.assign(self.begin, self.begin + bytes);
+        // Asked again in the same mapping, the octets have been set to zero.
+        if (bytes > self.before.size())
+            self.before.insert(self.before.end(), self.begin + self.before.size(), self.begin + bytes);
         return {self.begin, bytes};
     }
     void restore() const { std::ranges::copy(before, begin); }
