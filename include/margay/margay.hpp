@@ -206,8 +206,9 @@ Result<> recover_slave(Context& ctx, std::uint16_t slave);
 
 // Sends the outputs of a group's image in the frames that config_map() has prepared, and queued datagrams in the space
 // that is left (GroupConfiguration::acyclic_bytes). Callable from the cycle: never waits, does not allocate. Errors:
-// wrong_state before init(), not_owner, unknown_group (the group is not mapped), nic (the NIC did not accept a frame),
-// busy (see below: overlapping cycles).
+// wrong_state before init(), not_owner, unknown_group (the group is not mapped), nic (the NIC did not accept a frame:
+// its inputs are old from now on, with or without a receive_processdata(); see inputs_fresh()), busy (see below:
+// overlapping cycles).
 //
 // The overload with `now`, the time of the osal, is for a task that has already read the clock.
 Result<> send_processdata(Context& ctx, std::uint8_t group = 0);
@@ -255,9 +256,11 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
 // Whether the inputs of this slave in the image are those of the last received cycle: the slave takes part, and all
 // slaves that take part did so in every datagram that carries inputs of this slave. For a slave that has only outputs:
 // the same of the datagrams of its outputs. False before the first cycle, for an unknown slave, and for a slave that
-// has no process data or no place in the image. False from the moment when the slave is known to be lost until it takes
-// part again and its identity was compared; GroupConfiguration::lost_inputs decides what its inputs are meanwhile. For
-// the thread that receives; callable from the cycle, costs a few instructions for each datagram of the group.
+// has no process data or no place in the image. False after a send_processdata() whose frame with these inputs was
+// refused (overlapping cycles: when that cycle is received). False from the moment when the slave is known to be lost
+// until it takes part again and its identity was compared; GroupConfiguration::lost_inputs decides what its inputs are
+// meanwhile. For the thread that receives; callable from the cycle, costs a few instructions for each datagram of the
+// group.
 [[nodiscard]] bool inputs_fresh(Context& ctx, std::uint16_t slave);
 
 // Datagram `n` of a mapped group, in the order of group(number).datagrams. Never waits; callable from the cycle.

@@ -97,17 +97,17 @@ FramePair* Redundancy::pair_of(std::uint8_t index) noexcept {
     return number == kNoPair ? nullptr : &pair(number);
 }
 
-bool Redundancy::hold(FramePair& pair) noexcept {
-    std::uint8_t expected = FramePair::open;
+bool Redundancy::hold(FramePair& pair, FramePair::State from) noexcept {
+    std::uint8_t expected = from;
     return pair.state.compare_exchange_strong(expected, FramePair::held, std::memory_order_acquire, kRelaxed);
 }
 
-// The next pair in turn that is not being read. A pair that is still open after all others was lost.
+// The next pair in turn that nobody holds; send() opens it. A pair that is still open after all others was lost.
 FramePair* Redundancy::free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept {
     for (std::size_t tries = 0; tries < pairs.size(); ++tries) {
         FramePair& pair = pairs[next];
         next = next + 1 == pairs.size() ? 0 : next + 1;
-        if (pair.state.load(std::memory_order_acquire) == FramePair::unused || hold(pair)) return &pair;
+        if (hold(pair, FramePair::unused) || hold(pair)) return &pair;
     }
     return nullptr;
 }
@@ -265,12 +265,17 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
     }
     const bool idle = crossed && !marked && !is_counted(frame);
     FramePair* const pair = pair_of(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
-    // The pair may have been opened for another index since.
-    const auto index = std::to_integer<std::uint8_t>(frame[kIndexOffset]);
-    const bool its = pair != nullptr && pair->index == index;
-    if (!its || !hold(*pair)) {
+    // Held before it is read: another thread may open the pair for another index at any time, also a pair that is over.
+    const bool is_open = pair != nullptr && hold(*pair);
+    if (!is_open && (pair == nullptr || !hold(*pair, FramePair::unused))) {
+        if (!idle) add(counters_[at].late);
+        return 0;
+    }
+    const bool its = pair->index == std::to_integer<std::uint8_t>(frame[kIndexOffset]);
+    if (!is_open || !its) {
         if (its) note_late(*pair, at, from, idle, marked);
         if (!idle && (!its || (pair->came & bit(from)) != 0)) add(counters_[at].late);
+        pair->state.store(is_open ? FramePair::open : FramePair::unused, std::memory_order_release);
         return 0;
     }
     const bool known = (pair->came & bit(from)) == 0 && is_reply_to(*pair, frame, from);

@@ -43,7 +43,7 @@ struct FramePair {
     enum State : std::uint8_t {
         unused,
         open,  // copies are awaited
-        held,  // the receiving thread reads or writes it
+        held,  // one thread reads or writes it: the receiving thread, or the thread that opens it
     };
     std::atomic<std::uint8_t> state{unused};
     std::atomic<std::uint8_t> sent{0};  // this and the next four: one bit for each NIC that the copy was sent by
@@ -138,7 +138,8 @@ class Redundancy final : public Nic, public Cables {
         return number < own_.size() ? own_[number] : overlapped_[number - own_.size()];
     }
     [[nodiscard]] FramePair* pair_of(std::uint8_t index) noexcept;
-    [[nodiscard]] static bool hold(FramePair& pair) noexcept;
+    // False: the pair is in another state than `from`, or another thread holds it.
+    [[nodiscard]] static bool hold(FramePair& pair, FramePair::State from = FramePair::open) noexcept;
     [[nodiscard]] FramePair* open(std::uint8_t index) noexcept;
     [[nodiscard]] FramePair* free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept;
     [[nodiscard]] bool reaches_nothing(unsigned nic) const noexcept;

@@ -374,6 +374,10 @@ void give_inputs(ProcessGroup& group) {
 
 Error not_sent(const ProcessGroup& group, Link& link) {
     if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
+    // Perhaps nobody receives this cycle. Where cycles overlap, the results belong to the thread that receives them.
+    for (PreparedFrame& frame : group.prepared)
+        if (!frame.overlapped && frame.slot == nullptr && frame.end == CycleEnd::missing)
+            Link::mark_not_received(frame);
     Error error = cycle_error(Errc::nic, group.number);
     error.actual = static_cast<std::uint32_t>(link.nic().last_error());
     return error;

@@ -42,6 +42,7 @@ void Modules::lay_out(ObjectDictionary& dictionary) {
     const bool first = dictionary_ != &dictionary;
     dictionary_ = &dictionary;
     count_ = 0;
+    hidden_ = false;
     unsigned last = 0;
     dictionary.set_modules({}, device_.index_distance);
     for (unsigned slot = 1; slot <= device_.slots; ++slot) {
@@ -66,6 +67,7 @@ void Modules::place(unsigned slot, const ModuleKind& kind, bool anew) {
     for (const Object& pattern : kind.objects) {
         Object object = pattern;
         object.index = static_cast<std::uint16_t>(device_.index_in(pattern.index, slot));
+        if (dictionary_->find(object.index) != nullptr) hidden_ = true;  // the dictionary has no modules yet
         object.slot = static_cast<std::uint8_t>(slot);
         object.image_start = static_cast<std::uint16_t>(values_ + (slot - 1) * slot_bytes_);
         if (anew) dictionary_->restore_defaults(object);
@@ -100,6 +102,7 @@ bool Modules::matches(std::uint16_t list, bool addresses) const {
 
 AlStatusCode Modules::check() const {
     if (dictionary_ == nullptr) return AlStatusCode::needs_init;
+    if (hidden_) return AlStatusCode::unspecified;
     if (!matches(kConfiguredAddresses, true) || !matches(kConfiguredModules, false))
         return AlStatusCode::module_list_mismatch;
     return std::ranges::equal(detected_, used_) ? AlStatusCode::none : AlStatusCode::needs_init;

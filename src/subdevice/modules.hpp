@@ -14,8 +14,12 @@
 //
 //     using Tables = ModuleTables<kModular, sizeof(Values)>;                             // behind the own values
 //     constexpr auto kObjects = joined(kOwnObjects, Tables::kObjects);                   // 0x1C12, 0x1C13, 0xF000 …
-//     static_assert(well_formed(kObjects, Tables::end, kModular));
 //     constexpr DeviceDescription kDevice{… .outputs = {… .max_bytes = Tables::most_bytes(true)}};
+//
+//     using Stack = StandardDevice<kDevice, kObjects, std::array<std::byte, Tables::end>, 0, 0x1389,
+//     Tables::kMostMapped>;
+//     // With the objects that StandardDevice adds: own values that may be mapped make a 0x1600 or 0x1A00.
+//     static_assert(well_formed(Stack::Objects::kObjects, Tables::end, kModular));
 //
 //     class Coupler final : public Application {                                         // the application has them
 //         ModuleLayout* modules() override { return &modules_; }
@@ -187,6 +191,9 @@ struct ModuleTables {
         });
     static constexpr std::size_t kMostObjects =
         kSlots * module_rules::most(Device, [](const ModuleKind& kind) { return kind.objects.size(); });
+    // The staging buffer of a StandardDevice needs as much (`LargestValue`).
+    static constexpr std::size_t kLargestValue =
+        module_rules::most(Device, [](const ModuleKind& kind) { return largest_value(kind.objects); });
     // Of each slot.
     static constexpr std::size_t kSlotBytes =
         module_rules::most(Device, [](const ModuleKind& kind) { return kind.value_bytes; });
@@ -271,6 +278,7 @@ class Modules final : public ModuleLayout {
     std::span<std::uint32_t> used_;
     std::span<Object> objects_;
     std::size_t count_ = 0;  // objects of the present layout
+    bool hidden_ = false;    // the device itself has an object with the index of one of a module
     std::size_t values_;
     std::size_t slot_bytes_;
     ObjectDictionary* dictionary_ = nullptr;

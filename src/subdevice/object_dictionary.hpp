@@ -197,24 +197,17 @@ struct Object {
 
 // ------------------------------------------------------------------ functions to build tables
 
-template <class T>
-inline constexpr DataType kTypeOf = DataType::none;
-template <>
-inline constexpr DataType kTypeOf<std::uint8_t> = DataType::unsigned8;
-template <>
-inline constexpr DataType kTypeOf<std::uint16_t> = DataType::unsigned16;
-template <>
-inline constexpr DataType kTypeOf<std::uint32_t> = DataType::unsigned32;
-template <>
-inline constexpr DataType kTypeOf<std::uint64_t> = DataType::unsigned64;
-template <>
-inline constexpr DataType kTypeOf<std::int8_t> = DataType::integer8;
-template <>
-inline constexpr DataType kTypeOf<std::int16_t> = DataType::integer16;
-template <>
-inline constexpr DataType kTypeOf<std::int32_t> = DataType::integer32;
-template <>
-inline constexpr DataType kTypeOf<std::int64_t> = DataType::integer64;
+// By size and sign: which of int and long is std::int32_t depends on the compiler.
+template <std::integral T>
+inline constexpr DataType kTypeOf = [] {
+    constexpr bool kSigned = static_cast<T>(-1) < T{0};
+    switch (sizeof(T)) {
+        case 1: return kSigned ? DataType::integer8 : DataType::unsigned8;
+        case 2: return kSigned ? DataType::integer16 : DataType::unsigned16;
+        case 4: return kSigned ? DataType::integer32 : DataType::unsigned32;
+        default: return kSigned ? DataType::integer64 : DataType::unsigned64;
+    }
+}();
 
 // A number in the image.
 template <class F>
@@ -254,6 +247,7 @@ template <auto Member>
 [[nodiscard]] constexpr Entry flag(std::uint8_t subindex, const char* name, std::uint16_t access,
                                    unsigned bits = 1, std::uint8_t initial = 0) {
     constexpr auto kCount = members::Number<MemberType<Member>>::count;
+    static_assert(kCount <= 255);
     return flag<MemberField<Member>>(subindex, name, access, bits, initial).times(static_cast<std::uint8_t>(kCount));
 }
 
@@ -365,6 +359,21 @@ template <std::size_t N, std::size_t M>
             return false;
     }
     return true;
+}
+
+// The largest value that an SDO transfers in segments: a subindex, or a whole object by complete access. Values of
+// hooks do not count.
+constexpr std::size_t largest_value(std::span<const Object> objects) {
+    std::size_t most = 0;
+    for (const Object& object : objects) {
+        std::size_t all = 2;  // subindex 0
+        for (const Entry& entry : object.entries) {
+            most = std::max<std::size_t>(most, entry.bytes());
+            all += std::size_t{entry.bytes()} * entry.count;
+        }
+        most = std::max(most, all);
+    }
+    return most;
 }
 
 // ------------------------------------------------------------------ at run time

@@ -44,17 +44,35 @@ class PdoCollector {
         const std::uint16_t first_index = outputs ? 0x1600 : 0x1A00;
         const auto all = pdos_;
         std::size_t count = 0;
-        for (const auto& object : dictionary_.objects()) {
-            if (!is_pdo(object.index, first_index)) continue;
-            if (count == all.size()) return false;
+        bool room = true;
+        const auto add = [&](const Object& object, const ProcessDataArea* area) {
+            room = room && count < all.size();
+            if (!room) return;
             auto& pdo = all[count++];
             pdo = {.index = object.index, .name = object.name};
-            for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) {
-                if (is_assigned(dictionary_, area.assignment(), object.index)) pdo.sync_manager = area.sync_manager;
-            });
+            if (area != nullptr) pdo.sync_manager = area->sync_manager;
             if (!count_writable(object)) pdo.flags = sii::pdo_flag::kFixedContent;
-            if (!collect_entries(pdo)) return false;
+            room = collect_entries(pdo);
+        };
+        // The process data of a SyncManager have the order of its assignment: so has the category. Then the PDOs that
+        // are not assigned.
+        for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) {
+            const auto assigned = static_cast<unsigned>(dictionary_.number(area.assignment(), 0));
+            for (unsigned n = 1; n <= assigned; ++n) {
+                const auto index = static_cast<std::uint16_t>(dictionary_.number(area.assignment(), n));
+                const auto* const object = is_pdo(index, first_index) ? dictionary_.find(index) : nullptr;
+                if (object != nullptr) add(*object, &area);
+            }
+        });
+        for (const auto& object : dictionary_.objects()) {
+            if (!is_pdo(object.index, first_index)) continue;
+            bool assigned = false;
+            for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) {
+                assigned = assigned || is_assigned(dictionary_, area.assignment(), object.index);
+            });
+            if (!assigned) add(object, nullptr);
         }
+        if (!room) return false;
         found = all.first(count);
         pdos_ = all.subspan(count);
         return true;

@@ -62,19 +62,19 @@ constexpr Mapped count_mapped(std::span<const Object> objects, std::uint16_t acc
     return all;
 }
 
-// The largest value that an SDO transfers in segments: a subindex, or a whole object by complete access. Values of
-// hooks do not count.
-constexpr std::size_t largest_value(std::span<const Object> objects) {
-    std::size_t most = 0;
-    for (const Object& object : objects) {
-        std::size_t all = 2;  // subindex 0
-        for (const Entry& entry : object.entries) {
-            most = std::max<std::size_t>(most, entry.bytes());
-            all += std::size_t{entry.bytes()} * entry.count;
-        }
-        most = std::max(most, all);
-    }
-    return most;
+// Whether no two values of the device (0x2000 on) lie in the same octets: two members of different structs, or a member
+// of a base class, whose offset is that in the base class.
+constexpr bool lie_apart(std::span<const Object> objects, std::size_t image_bytes) {
+    const auto first = std::ranges::find_if(objects, [](const Object& object) { return object.index >= 0x2000; });
+    for (auto one = first; one != objects.end(); ++one)
+        for (const Entry& a : one->entries)
+            for (auto other = one; other != objects.end() && a.storage == Storage::image; ++other)
+                for (const Entry& b : other->entries) {
+                    if (&a == &b || b.storage != Storage::image) continue;
+                    const auto end_of = [](const Entry& e) { return e.offset + std::size_t{e.bytes()} * e.count; };
+                    if (end_of(a) > image_bytes || (a.offset < end_of(b) && b.offset < end_of(a))) return false;
+                }
+    return true;
 }
 
 // The entries of a PDO with all values that may be mapped in this direction, in the order of the objects.
@@ -165,6 +165,13 @@ class StandardObjects {
         // An author who writes the assignment has other PDOs where no value would be in that of this list.
         if (object.index == 0x1600 && kRx.entries == 0 && replaced(Description.outputs.assignment())) return false;
         if (object.index == 0x1A00 && kTx.entries == 0 && replaced(Description.inputs.assignment())) return false;
+        // A modular device with PDOs of its own has no other ones: a module may have that index.
+        const auto own_pdo = [](std::uint16_t first) {
+            return std::ranges::any_of(
+                kOwn, [first](const Object& own) { return own.index >= first && own.index < first + 0x200; });
+        };
+        if ((object.index == 0x1600 || object.index == 0x1A00) && replaced(0xF000) && own_pdo(object.index))
+            return false;
         return !replaced(object.index) && (!of_outputs || Description.outputs.present()) &&
                (!of_inputs || Description.inputs.present());
     }
@@ -188,10 +195,11 @@ class StandardObjects {
 
 // A device with CoE. `Values`: the struct of the values (values.hpp), or std::array<std::byte, N>. `More`: other
 // mailbox protocols besides CoE. An author whose PDOs can be changed by the master says by `MostMapped` how many
-// entries may be mapped in one direction. An object with a large value in the memory of a hook (ObjectHooks::memory)
-// needs ObjectHooks::in_pieces.
+// entries may be mapped in one direction; of a modular device, `LargestValue` is ModuleTables::kLargestValue. An object
+// with a large value in the memory of a hook (ObjectHooks::memory) needs ObjectHooks::in_pieces.
 template <const DeviceDescription& Description, const auto& Own, class Values, std::size_t More = 0,
-          std::uint32_t Type = 0, std::size_t MostMapped = StandardObjects<Description, Own, Type>::kMostMapped>
+          std::uint32_t Type = 0, std::size_t MostMapped = StandardObjects<Description, Own, Type>::kMostMapped,
+          std::size_t LargestValue = 0>
 class StandardDevice {
     // The SII announces the protocols of the description. A master gets no answers from one that has no server.
     static_assert(Description.protocols.coe, "a StandardDevice has CoE: DeviceDescription::protocols must say so");
@@ -201,6 +209,12 @@ class StandardDevice {
 
   public:
     using Objects = StandardObjects<Description, Own, Type>;
+#ifndef __SANITIZE_ADDRESS__
+    static_assert(well_formed(Objects::kObjects, sizeof(Values)),
+                  "the table has values outside of `Values`, or another mistake that well_formed() finds");
+    static_assert(standard::lie_apart(Objects::kObjects, sizeof(Values)),
+                  "two values of the table lie in the same octets: name members of `Values` itself, not of a base");
+#endif
     static constexpr std::size_t kMailboxBytes =
         std::max(standard::largest(Description.mailbox), standard::largest(Description.boot_mailbox));
 
@@ -208,7 +222,7 @@ class StandardDevice {
     struct Memory {
         MailboxMemory<kMailboxBytes, 3> mailbox;
         // Values of more than one message, until all of their segments have arrived.
-        std::array<std::byte, std::max<std::size_t>(256, standard::largest_value(Objects::kObjects))> staging{};
+        std::array<std::byte, std::max<std::size_t>({256, largest_value(Objects::kObjects), LargestValue})> staging{};
         Values values{};
         ProcessDataMemory<most_bytes(Description, true), most_bytes(Description, false), MostMapped> process_data;
     };

@@ -3,12 +3,13 @@
 // that has them places their values in its image; ProcessData finds them by index and subindex:
 //
 //     struct Values {
-//         static constexpr std::size_t sync = 4;  // after the values of the device
-//         static constexpr std::size_t bytes = sync + SyncValues<sync>::bytes;
+//         Le<std::uint16_t> lamps;  // the values of the device, and then:
+//         std::array<std::byte, SyncValues<0>::bytes> sync;
 //     };
-//     constexpr auto kSyncError = sync_error_entries<Values::sync>(kDevice);
-//     constexpr auto kOutputSync = sync_output_entries<Values::sync>(kDevice);
-//     constexpr auto kInputSync = sync_input_entries<Values::sync>(kDevice);
+//     constexpr std::size_t kSync = offset_of(&Values::sync);
+//     constexpr auto kSyncError = sync_error_entries<kSync>(kDevice);
+//     constexpr auto kOutputSync = sync_output_entries<kSync>(kDevice);
+//     constexpr auto kInputSync = sync_input_entries<kSync>(kDevice);
 //     … record(0x10F1, "Sync error setting", kSyncError),
 //     record(0x1C32, "Output sync", kOutputSync, &kSyncParameterHooks), …
 //
@@ -113,6 +114,7 @@ struct MoreSyncValues {
 
 namespace sync_entry {
 [[nodiscard]] constexpr std::uint16_t supported(const DeviceDescription& d) {
+    if (d.dc.required) return 4;  // as supports_sync_type()
     return static_cast<std::uint16_t>((d.free_run_cycle != Duration::zero() ? 1u : 0u) | 2u |
                                       (d.dc.supported ? 4u : 0u));
 }

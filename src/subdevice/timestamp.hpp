@@ -2,8 +2,8 @@
 // stamps of the diagnosis history (0x10F3) to its own time, or maps it into a TxPDO. Application::timestamp_ns() gives
 // the time. The object may be absent; a device that has it places its value in its image:
 //
-//     struct Values { using time = Field<std::uint64_t, 8>; … };
-//     constexpr auto kTime = timestamp_entry<Values::time>();
+//     struct Values { Le<std::uint64_t> time; … };
+//     constexpr auto kTime = timestamp_entry<MemberField<&Values::time>>();
 //     … variable(0x10F8, "Timestamp", kTime, &kTimestampHooks), …
 #pragma once
 

@@ -40,7 +40,7 @@ class Le {
 };
 
 // The offset of a member in its struct. All members must be numbers, Le, or arrays and structs of them: without
-// pointers, references and bool.
+// pointers, references and bool. The struct has no base class: the offset of a member of a base is that in the base.
 template <class Struct, class Member>
 [[nodiscard]] consteval std::size_t offset_of(Member Struct::*member) {
     static_assert(std::is_trivially_copyable_v<Struct> && sizeof(Struct) <= 0x10000);

@@ -90,6 +90,34 @@ TEST_F(FreshInputsTest, TheyStayFreshUntilTheNextCycleIsReceived) {
     EXPECT_TRUE(inputs_fresh(ctx(), 1));
 }
 
+// The cable is out. An application that does not receive after an error of send_processdata() has old inputs too.
+class RefusedCycles : public FreshInputsTest, public testing::WithParamInterface<bool> {};
+INSTANTIATE_TEST_SUITE_P(Supervised, RefusedCycles, testing::Bool());
+
+TEST_P(RefusedCycles, BringNoFreshInputs) {
+    start();
+    SuperviseRequest supervision;
+    if (GetParam()) {
+        ASSERT_TRUE(submit(ctx(), supervision).ok());
+    }
+    for (int n = 0; n < 100; ++n) ASSERT_TRUE(cycle().ok());
+    ASSERT_TRUE(all_right(ctx()));
+    bus.segment.disconnect({0, 0});
+    bus.segment.reconsider();
+    bus.osal.advance(1ms);
+    ASSERT_EQ(send_processdata(ctx()).error().code, Errc::nic);
+    for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_FALSE(inputs_fresh(ctx(), n)) << n;
+    EXPECT_FALSE(all_right(ctx()));
+    EXPECT_EQ(what_is_wrong(ctx()).code, Errc::no_frame);
+    EXPECT_FALSE(ctx().group(0).datagrams[0].came);
+    EXPECT_EQ(receive_processdata(ctx(), 100us).error().code, Errc::no_frame);
+    ASSERT_TRUE(bus.segment.connect_master({0, 0}));
+    bus.segment.reconsider();
+    ASSERT_TRUE(cycle().ok());
+    EXPECT_TRUE(inputs_fresh(ctx(), 1));
+    supervision.cancel();
+}
+
 TEST_F(FreshInputsTest, NoneBeforeTheFirstCycleAndOfNobody) {
     HostContext early(Limits{.slaves = 1});
     EXPECT_FALSE(inputs_fresh(early, 1)) << "before init()";

@@ -1,0 +1,129 @@
+// A ring with two NICs whose overlapped cycles are sent by one thread, while the owner receives, and old copies of
+// frames come back late.
+#include "redundancy/ring_bus.hpp"
+
+#include <atomic>
+#include <deque>
+#include <mutex>
+#include <thread>
+
+namespace margay {
+namespace {
+
+// Both NICs and the clock, which two threads can use.
+struct SharedWorld {
+    std::recursive_mutex mutex;
+    VirtualOsal& osal;
+};
+
+class SharedClock final : public Osal {
+  public:
+    explicit SharedClock(SharedWorld& world) : world_(world) {}
+    Time now() noexcept override {
+        const std::lock_guard lock(world_.mutex);
+        return world_.osal.now();
+    }
+    void wait(Time until, WaitHandles handles) noexcept override {
+        {
+            const std::lock_guard lock(world_.mutex);
+            world_.osal.wait(until, handles);
+        }
+        std::this_thread::yield();
+    }
+
+  private:
+    SharedWorld& world_;
+};
+
+// Each frame that comes back is received once more, after `lag` others.
+class LateNic final : public Nic {
+  public:
+    LateNic(Nic& nic, SharedWorld& world, std::size_t lag) : nic_(nic), world_(world), lag_(lag) {}
+    std::atomic<bool> repeats{false};
+    std::uint32_t repeated = 0;
+
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        const std::lock_guard lock(world_.mutex);
+        return nic_.send(frame);
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override {
+        const std::lock_guard lock(world_.mutex);
+        if (late_.size() > lag_) {
+            const auto again = std::move(late_.front());
+            late_.pop_front();
+            std::ranges::copy(again, into.begin());
+            ++repeated;
+            return again.size();
+        }
+        const std::size_t length = nic_.receive(into);
+        if (length != 0 && repeats)
+            late_.emplace_back(into.begin(), into.begin() + static_cast<std::ptrdiff_t>(length));
+        return length;
+    }
+    LinkState link_state() noexcept override {
+        const std::lock_guard lock(world_.mutex);
+        return nic_.link_state();
+    }
+    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
+    Time next_arrival() const noexcept override {
+        const std::lock_guard lock(world_.mutex);
+        return nic_.next_arrival();
+    }
+
+  private:
+    Nic& nic_;
+    SharedWorld& world_;
+    std::size_t lag_;
+    std::deque<std::vector<std::byte>> late_;
+};
+
+// The sending thread opens a pair of frames again while a late copy of the frame before is looked at.
+TEST(RingThreads, LateCopiesWhileAnotherThreadSends) {
+    constexpr std::uint32_t kCycles = 1000;
+    RingBus bus;
+    bus.build_line(3);
+    bus.plug();
+    SharedWorld world{.mutex = {}, .osal = bus.osal};
+    SharedClock clock(world);
+    LateNic first(*bus.wires[0], world, 2);
+    LateNic second(*bus.wires[1], world, 5);
+    bus.ctx = std::make_unique<HostContext>(RingBus::limits());
+    Context& ctx = *bus.ctx;
+    ASSERT_TRUE(init_redundant(ctx, first, second, clock).ok());
+    ASSERT_TRUE(config_init(ctx).ok());
+    ctx.group(0).config.cycles_in_flight = 3;
+    const auto mapped = config_map(ctx, bus.image);
+    ASSERT_TRUE(mapped.ok()) << RingBus::words(mapped.error());
+    const std::uint32_t late_before = bus.status().cables[0].late + bus.status().cables[1].late;
+    first.repeats = second.repeats = true;
+    std::thread sender([&ctx] {
+        for (std::uint32_t sent = 0; sent < kCycles;) {
+            if (send_processdata(ctx))
+                ++sent;
+            else
+                std::this_thread::yield();  // all cycles are on the wire
+        }
+    });
+    for (std::uint32_t received = 0; received < kCycles;) {
+        const auto wkc = receive_processdata(ctx, 1ms);
+        (void)poll(ctx, clock.now());
+        if (wkc.error().code == Errc::timeout) continue;  // the other thread has not sent yet
+        ++received;
+        EXPECT_TRUE(wkc.ok()) << received << ": " << RingBus::words(wkc.error());
+        EXPECT_EQ(ctx.group(0).cycle_received, received);
+    }
+    sender.join();
+    const RedundancyStatus status = bus.status();
+    EXPECT_EQ(status.fault, CablingFault::none);
+    EXPECT_EQ(status.ring, RingState::whole);
+    EXPECT_EQ(status.breaks, 0U);
+    EXPECT_GT(first.repeated + second.repeated, kCycles);
+    // Copies that rest in the whole ring are late only while the other copy is awaited.
+    const std::uint32_t late = status.cables[0].late + status.cables[1].late - late_before;
+    EXPECT_GE(late, second.repeated);
+    EXPECT_LE(late, first.repeated + second.repeated);
+    EXPECT_EQ(ctx.statistics().lost, 0U);
+}
+
+}  // namespace
+}  // namespace margay
