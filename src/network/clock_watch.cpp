@@ -207,6 +207,8 @@ Task<Result<>> watch_clocks(Network& network) {
     }
     const auto greatest = co_await required(read_greatest_difference(network));
     clocks.greatest_ns = greatest;
+    // A slave that was away is there again since the last look.
+    clocks.all_in_sync = clocks.all_in_sync && all_in_sync(network);
     if (greatest <= clocks.settings.limit_ns && clocks.all_in_sync) co_return Nothing{};
     co_await required(check_reference(network));
     const auto look = [&network](Slave& s) { return look_at_clock(network, s); };

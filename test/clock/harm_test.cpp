@@ -126,5 +126,29 @@ TEST_F(ClockHarm, AClockThatComesBackFarAwayIsSet) {
         << "SYNC0 goes on";
 }
 
+// The cable is out for some milliseconds. All clocks stay near, and both reports say so.
+TEST_F(ClockHarm, AClockThatComesBackInStepIsInSync) {
+    add_line(4);
+    bring_up();
+    for (const int out_ms : {5, 50, 500}) {
+        SCOPED_TRACE(out_ms);
+        cycles(5000);
+        segment.set_cable({3, 0}, false);
+        cycles(out_ms);
+        segment.set_cable({3, 0}, true);
+        bool differs = false;
+        for (int n = 0; n < 5000; ++n) {
+            cycles(1);
+            bool all = true;
+            for (std::uint16_t s = 1; s <= 4; ++s) all &= clock(s).in_sync || ctx->slave(s).al.state == AlState::none;
+            differs |= n > 100 && all != clock_status(*ctx, osal.now()).in_sync;
+        }
+        EXPECT_FALSE(differs) << "ClockStatus::in_sync and SlaveClock::in_sync";
+        EXPECT_TRUE(clock(4).in_sync);
+        EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+        EXPECT_LE(greatest_error_ns(4), 200);
+    }
+}
+
 }  // namespace
 }  // namespace margay
