@@ -26,6 +26,7 @@ void read_ports(RingPlace& place) {
         place.entry_port = next_port(place.entry_port);
     place.parent = 0;
     place.parent_port = 0;
+    place.at_second_nic = place.behind_break = false;
 }
 
 // The first open port of `place` behind its entry port that has no neighbour yet, or the entry port when there is none.
@@ -66,6 +67,7 @@ std::size_t free_place(std::span<const RingPlace> ring, std::size_t last) {
 std::size_t leave_to_second_nic(std::span<RingPlace> ring, std::size_t last) {
     const std::size_t at = free_place(ring, last);
     if (at != 0) ring[at - 1].ports[free_port(ring[at - 1])].neighbour = kSecondNic;
+    if (at != 0) ring[at - 1].at_second_nic = true;
     return at;
 }
 
@@ -74,6 +76,7 @@ void begin_second_part(RingPlace& place) {
     place.entry_port = 0;
     place.parent = 0;
     place.parent_port = 0;
+    place.behind_break = true;
 }
 
 }  // namespace
@@ -99,7 +102,11 @@ Result<> find_topology(std::span<RingPlace> ring, RingParts parts) {
         if (!nowhere) ring[parent - 1].ports[ring[i].parent_port].neighbour = static_cast<std::uint16_t>(i + 1);
     }
     // Without a place behind the front, the way to the second NIC is not known yet.
-    if (parts.two_nics && !(parts.whole && front < ring.size())) (void)leave_to_second_nic(ring, ring.size());
+    if (parts.two_nics && !(parts.whole && front < ring.size())) {
+        std::size_t at = leave_to_second_nic(ring, ring.size());
+        for (; !parts.whole && front < ring.size() && at != 0; at = ring[at - 1].parent)
+            ring[at - 1].behind_break = true;
+    }
     for (RingPlace& place : ring) {
         const std::uint8_t port = free_port(place);
         if (port != place.entry_port && error.code == Errc::none)
