@@ -150,6 +150,11 @@ Task<Result<>> read_ring(Network& network) {
     co_return Nothing{};
 }
 
+bool is_below_break(std::span<const RingPlace> ring, std::uint16_t at) {
+    while (ring[at - 1U].parent != 0) at = ring[at - 1U].parent;
+    return ring[at - 1U].behind_break;
+}
+
 // A slave that was away keeps its station address with its power, and may have been put behind another head meanwhile.
 // There it is no member of its group, but perhaps one of the other. Errors besides those of reading the ring:
 // other_slave, unstable.
@@ -164,8 +169,9 @@ Task<Result<>> compare_group(Network& network, const Slave& slave) {
     Error error{.code = Errc::unstable, .step = Step::recover, .slave = slave.number};
     if (slave.ring_position == 0) co_return error;
     const std::uint8_t group = group_above(network, slave.ring_position);
-    if (group == slave.wanted->hot_connect && neighbour_is_known(network, slave.ring_position - 1U))
-        co_return Nothing{};
+    if (group == slave.wanted->hot_connect) co_return Nothing{};
+    // The head may be before the break.
+    if (group == 0 && is_below_break(network.seen_ring(), slave.ring_position)) co_return Nothing{};
     error.code = Errc::other_slave;
     error.subindex = static_cast<std::uint8_t>(IdentityField::hot_connect);
     error.expected = slave.wanted->hot_connect;
