@@ -560,6 +560,8 @@ bool is_identity_unread(const Network& network, const Slave& slave) {
 }
 
 Task<Result<>> prove_in_boot(Network& network, Slave& slave) {
+    const auto now = co_await required(read_al_status(network.station(slave)));
+    if (now.state == AlState::boot) network.marks(slave).boot_read = true;
     const bool mail = network.has_mailbox(slave) && network.mailbox(slave).is_used();
     std::uint8_t used_by_pdi = 1;
     if (!mail)

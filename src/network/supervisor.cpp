@@ -35,7 +35,7 @@ struct Watch {
     std::uint32_t walked = 0;          // slaves in the ring when it was last read by a search
     RingParts parts{};                 // with two NICs: where the ring was broken in the last round,
     std::uint32_t changes = 0;         // and how often it was broken or closed until then
-    bool break_moved = false;          // since the last search: the number of slaves may be the same, of other slaves
+    bool ring_moved = false;           // since the last search: the ring was closed, or is broken at another place
     Time retry_at = Time::min();
     Time look_at = Time::min();  // when the state of all slaves is read again, whatever the roll says
     std::size_t next_helped =
@@ -194,7 +194,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
 }
 
 Task<Result<>> search(Watch& watch) {
-    watch.break_moved = false;
+    watch.ring_moved = false;
     auto found = co_await find_lost(watch.network);
     const Time now = watch.network.engine.now();
     // An unknown slave remains unknown for a while. When the ring has changed during the search, the search is repeated
@@ -344,7 +344,7 @@ void start_helpers(Watch& watch, Crew& crew) {
 // Whether the ring has changed, or contains a slave that is not identified.
 bool walk_is_due(Watch& watch, const BroadcastState& roll) {
     if (watch.network.searching || watch.network.is_reserved()) return false;
-    if (watch.break_moved || (roll.count != watch.walked && watch.walked != kNotWalked)) return true;
+    if (watch.ring_moved || (roll.count != watch.walked && watch.walked != kNotWalked)) return true;
     return (watch.walked == kNotWalked || roll.count > answering(watch.network)) &&
            watch.network.engine.now() >= watch.search_at;
 }
@@ -382,7 +382,7 @@ bool ring_has_changed(Watch& watch) {
     const RingParts before = std::exchange(watch.parts, redundancy->parts());
     const std::uint32_t changes = std::exchange(watch.changes, redundancy->changes());
     const bool moved = !watch.parts.divides_like(before);
-    watch.break_moved |= moved && before.two_nics && !before.whole && !watch.parts.whole;
+    watch.ring_moved |= moved && before.two_nics && !before.whole;
     return changes != watch.changes || moved;
 }
 

@@ -20,16 +20,13 @@ class EqualSlaves : public testing::Test, protected Plant {
         made.chip = sim::junction();
         return segment.add(std::move(made).assemble());
     }
-    void build(bool serials, bool second_is_there = true) {
+    void build(bool serials) {
         for (std::uint16_t n = 0; n < 5; ++n) {
             line.push_back(make_equal(serials ? 100U + n : 0U));
             wanted.push_back({.number = static_cast<std::uint16_t>(n + 1), .product = 0x100, .optional = n == 1});
         }
         ASSERT_TRUE(segment.connect_master({line[0], 0}));
-        if (second_is_there)
-            put_second_in();
-        else
-            ASSERT_TRUE(segment.connect({line[0], 1}, {line[2], 0}));
+        put_second_in();
         ASSERT_TRUE(segment.connect({line[2], 1}, {line[3], 0}));
         ASSERT_TRUE(segment.connect({line[3], 1}, {line[4], 0}));
         for (ExpectedSlave& slave : wanted) slave.config = &kSizes;
@@ -160,9 +157,10 @@ TEST_F(EqualSlaves, ThatBootInAnyOrderAreThemselves) {
     }
 }
 
-// An optional slave is put in for the first time while those behind it have no power: all come at once.
-TEST_F(EqualSlaves, ThatComeBesideANewOneAreInTheirOrder) {
-    build(false, false);
+// The bridged slave is put in again while those behind it have no power: all come at once, and all are there.
+TEST_F(EqualSlaves, ThatComeWithTheBridgedOneAreInTheirOrder) {
+    build(false);
+    bridge_second();
     for (std::size_t n = 1; n < line.size(); ++n) power(line[n], false);
     drive(300);
     segment.disconnect({line[2], 0});

@@ -52,22 +52,24 @@ struct EqualRing : testing::Test {
 
 // Every set of slaves loses its power, and every part of it boots later than the rest.
 TEST_F(EqualRing, WhoeverBootsLaterEverybodyIsItself) {
-    constexpr unsigned kSlaves = 4;
-    for (unsigned off = 1; off < 1U << kSlaves; ++off)
+    constexpr unsigned kInRing = 3;
+    for (unsigned off = 1; off < 1U << kInRing; ++off)
         for (unsigned late = (off - 1) & off; late != 0; late = (late - 1) & off) {
             SCOPED_TRACE("off " + std::to_string(off) + ", late " + std::to_string(late));
-            build(kSlaves, false);
+            build(kInRing, false);
             lose_and_return(off, late);
             if (HasFailure()) return;
         }
 }
 
-TEST_F(EqualRing, WithSerialNumbersToo) {
-    for (const auto& [off, late] : {std::pair{31U, 4U}, {31U, 1U}, {31U, 14U}, {6U, 2U}, {14U, 4U}}) {
-        SCOPED_TRACE("off " + std::to_string(off) + ", late " + std::to_string(late));
-        build(5, true);
-        lose_and_return(off, late);
-    }
+TEST_F(EqualRing, InALongerRingAndWithSerialNumbersToo) {
+    for (const bool serials : {false, true})
+        for (const auto& [off, late] :
+             {std::pair{31U, 4U}, {31U, 1U}, {31U, 14U}, {6U, 2U}, {14U, 4U}, {24U, 8U}, {31U, 5U}}) {
+            SCOPED_TRACE("off " + std::to_string(off) + ", late " + std::to_string(late));
+            build(5, serials);
+            lose_and_return(off, late);
+        }
 }
 
 // One after the other loses its power and comes back, then two at a time: what is remembered of a broken ring is right.
