@@ -56,6 +56,7 @@ std::string_view to_text(EventKind kind) {
         case EventKind::found: return "found again";
         case EventKind::other_slave: return "another slave in its place";
         case EventKind::stranger: return "unexpected slave";
+        case EventKind::ambiguous: return "one of several equal slaves";
         case EventKind::missing: return "missing";
         case EventKind::recovered: return "recovered";
         case EventKind::recovery_failed: return "recovery failed";
@@ -118,6 +119,16 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             (out << ", revision ").hex(e.expected, 8) << ") is connected to ";
             if (e.slave == 0) return (out << "the master").text();
             out << "slave " << e.slave << " port " << unsigned{e.port} << ", or behind such a slave there";
+            break;
+        case EventKind::ambiguous:
+            out << "a device at ";
+            if (e.expected == 0)
+                out << "a NIC";
+            else
+                out << "slave " << e.expected << " port " << unsigned{e.port};
+            out << " may be slave " << e.slave << " or slave " << e.other
+                << ", which are equal and lost: it is not started until the others are there (a serial number or an "
+                   "alias would tell them apart)";
             break;
         case EventKind::missing:
             write_slave(out, e);

@@ -351,7 +351,7 @@ enum class Argument : std::uint8_t {
 enum class CablingFault : std::uint8_t { none, same_port, second_segment };
 
 // Errc::other_slave: which property differs from the expected one.
-enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias, device_id };
+enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias, device_id, hot_connect };
 [[nodiscard]] std::string_view to_text(IdentityField field);
 
 // Errc::pdo_list: why the list is invalid.

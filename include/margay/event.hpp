@@ -22,8 +22,11 @@ enum class EventKind : std::uint8_t {
                   // the other slave; error: what differs)
     stranger,  // a slave that is not in the list of expected slaves is connected to `port` of `slave` (actual: product,
                // expected: revision, detail: vendor of the unexpected slave)
-    missing,   // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
-    recovered,        // a slave has reached its target state again
+    ambiguous,  // a device that may be `slave` or `other`, equal slaves that are lost, is connected to `port` of slave
+                // `expected` (0: a NIC): neither its identity nor its place says which of them it is. It gets no
+                // outputs until enough of the lost slaves are there, or until config_init() scans again
+    missing,    // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
+    recovered,  // a slave has reached its target state again
     recovery_failed,  // bringing a slave back has failed (`error`: the reason); the supervision will try again
     fell_short,   // the working counter of a group's cycle is below that of the slaves that should take part (expected,
                   // actual)

@@ -161,7 +161,8 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // after the other since the last reading; the application has sent no cycle and read no states for more than a second;
 // or the cycles of a group were right, fell short and are right again. Errors: wrong_state (no slaves yet), unstable (a
 // scan has begun meanwhile), other_slave, identity_unread (another request uses the slave, and has not compared it
-// yet), those of reading the register and the identity.
+// yet; or the slave is in BOOT and was away, and mail to it is under way or its firmware uses the EEPROM), those of
+// reading the register and the identity.
 //
 // writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
 // it is allowed. It reads the state of each slave, executes the start-up commands and the hook before the transition,

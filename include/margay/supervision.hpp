@@ -41,7 +41,10 @@ struct LineErrors {
 // `target`. It works on all such slaves at the same time while the process data of the others continues. If another
 // slave is in the place of a lost one, it is reported and not started up. Before a slave is started again, its identity
 // is compared with the known one. Without the alias or the device id of an expected slave, a slave that has lost its
-// station address is found by its place: between the slaves before and behind it in the ring.
+// station address is found by its serial number, or by its place: between the slaves before and behind it in the ring.
+// Where its place leaves several equal slaves, because others of them are lost too and one was bridged, it is not
+// started, and reported as EventKind::ambiguous. A member of a hot connect group is found behind the head of its group
+// only, also when it has kept its power.
 //
 // When the number of slaves has changed, the supervision scans the ring and updates slave(n).ring_position, parent and
 // ports. Expected slaves that were missing are started up when they appear: SII, mailboxes, start-up commands, hooks,

@@ -27,7 +27,7 @@ Error check_same_slave(Network& network, std::uint16_t slave, Step step) {
     error = {.step = step, .slave = slave};
     if (one.al.state == AlState::none && is_known(one))
         error.code = Errc::missing_slave;
-    else if ((silent || network.marks(one).was_away) && one.al.state != AlState::boot)
+    else if (silent || is_identity_unread(network, one))
         error.code = Errc::identity_unread;  // another device may be there
     return error.code == Errc::none ? Error{} : error;
 }

@@ -67,6 +67,10 @@ class MailboxChannel {
     void resume();
     // Open, and not interrupted.
     [[nodiscard]] bool is_reachable() const { return open_ && !away_; }
+    // An operation is executing, or waits for its turn.
+    [[nodiscard]] bool is_used() const {
+        return busy_types_ != 0 || sending_ != nullptr || !queue_.empty() || !awaiting_.empty() || !tickets_.empty();
+    }
     // Changes with each close() and interrupt().
     [[nodiscard]] std::uint32_t epoch() const { return epoch_; }
     // Why epoch() has changed last: the error of a sequence that began before.

@@ -117,6 +117,7 @@ struct Network {
     std::uint16_t count = 0;  // slaves in the table: found, or expected
     std::span<RingPlace> ring;
     std::uint16_t ring_count = 0;     // slaves in the ring when it was last read
+    RingParts parts_read;             // where the ring was broken then
     std::uint16_t stranger_mark = 0;  // station address of slaves that are unknown and reported
     std::size_t tasks;                // number of slaves that are processed at the same time
     ScanSettings settings;
@@ -164,6 +165,7 @@ struct Network {
     Engine::Sleep::Timer* supervision_sleep = nullptr;  // while the supervision rests between two rounds
     bool in_run_cycle = false;  // groups that were mapped before a scan are missing until they are mapped again
     bool reaching = false;      // reach() has started the supervision itself
+    bool topology_read = true;  // when the ring was read last, all its ports have led to a slave or to a NIC
     // What follows transitions that were requested without waiting. With the requests in execution the last members, so
     // that they are destroyed first.
     Crew settling;

@@ -1,6 +1,7 @@
 #include "network/newcomer.hpp"
 
 #include "network/expectation.hpp"
+#include "network/places.hpp"
 #include "network/survey.hpp"
 #include "network/topology.hpp"
 #include "station/al_state.hpp"
@@ -32,7 +33,6 @@ bool anywhere(const Network& network, const Slave& slave) {
 std::uint8_t group_of(const Slave& slave) {
     return slave.wanted != nullptr ? slave.wanted->hot_connect : std::uint8_t{0};
 }
-bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->number != 0; }
 
 Task<Result<Identity>> read_identity(Station station) {
     co_await required(sii_assign(station, false));
@@ -51,15 +51,6 @@ Task<Result<Identity>> read_identity(Station station) {
 template <class Holds>
 const Slave* last_before(Network& network, std::size_t n, Holds holds) {
     while (n-- > 0)
-        if (const std::uint16_t slave = network.ring[n].slave; slave != 0 && holds(network.slave(slave)))
-            return &network.slave(slave);
-    return nullptr;
-}
-
-// The first one behind the place.
-template <class Holds>
-const Slave* first_behind(Network& network, std::size_t n, Holds holds) {
-    while (++n < network.ring_count)
         if (const std::uint16_t slave = network.ring[n].slave; slave != 0 && holds(network.slave(slave)))
             return &network.slave(slave);
     return nullptr;
@@ -96,42 +87,6 @@ bool is_wanted_elsewhere(Network& network, const Slave& slave) {
 bool agrees(std::uint32_t known, std::uint32_t seen) { return known != 0 && known == seen; }
 bool contradicts(std::uint32_t known, std::uint32_t seen) { return known != 0 && seen != 0 && known != seen; }
 
-// A slave of the line is known by its place: behind the slave before it and before the slave behind it, and not below a
-// slave that is not known.
-Verdict choose_by_place(Network& network, std::size_t n) {
-    if (!above_is_known(network, n)) return {};
-    const Slave* const before = last_before(network, n, of_the_line);
-    const Slave* const behind = first_behind(network, n, of_the_line);
-    const RingPlace& place = network.ring[n];
-    const std::uint16_t parent = place.parent == 0 ? std::uint16_t{0} : network.ring[place.parent - 1U].slave;
-    const bool stranger = network.stranger_mark != 0 && place.address == network.stranger_mark;
-    Verdict verdict;
-    bool sure = false;
-    for (Slave& slave : network.slaves()) {
-        const bool in_order = (before == nullptr || slave.number >= before->number) &&
-                              (behind == nullptr || slave.number <= behind->number);
-        if (!of_the_line(slave) || !in_order) continue;
-        const bool lost = is_lost(network, slave);
-        // It is absent, and not reported lost yet because it is in use: the newcomer may be this slave.
-        if (!lost && slave.ring_position == 0 && slave.seen && fits(slave, network.guest)) return {};
-        if (!lost) continue;
-        if (verdict.instead_of == nullptr) verdict.instead_of = &slave;
-        if (!fits(slave, network.guest) || contradicts(slave.alias, network.guest.alias) ||
-            (slave.other && is_wanted_elsewhere(network, slave)))
-            continue;
-        // Of equal slaves, the one that was at this port, or the one with this serial number or alias.
-        if (slave.parent == parent && slave.parent_port == place.parent_port) return {&slave, nullptr};
-        const bool same =
-            agrees(slave.identity.serial, network.guest.identity.serial) || agrees(slave.alias, network.guest.alias);
-        // An equal device that was there beside the slave, and was reported as a stranger, is not the lost slave.
-        if (!same && stranger) continue;
-        if (verdict.slave == nullptr || (same && !sure)) verdict.slave = &slave;
-        sure |= same;
-    }
-    if (verdict.slave != nullptr) verdict.instead_of = nullptr;
-    return verdict;
-}
-
 Verdict identify_newcomer(Network& network, std::uint16_t n) {
     for (Slave& slave : network.slaves()) {
         if (!is_lost(network, slave) || !anywhere(network, slave) || !locates(*slave.wanted, network.guest)) continue;
@@ -152,10 +107,15 @@ Verdict identify_newcomer(Network& network, std::uint16_t n) {
 
 }  // namespace
 
-bool above_is_known(const Network& network, std::size_t n) {
-    for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
-        if (network.ring[at - 1U].slave == 0) return false;
-    return true;
+bool fits_guest(const Network& network, const Slave& slave) { return fits(slave, network.guest); }
+
+bool guest_may_be(Network& network, const Slave& slave) {
+    return fits(slave, network.guest) && !contradicts(slave.alias, network.guest.alias) &&
+           !(slave.other && is_wanted_elsewhere(network, slave));
+}
+
+bool is_guest_by_number(const Network& network, const Slave& slave) {
+    return agrees(slave.identity.serial, network.guest.identity.serial) || agrees(slave.alias, network.guest.alias);
 }
 
 StationAddress newcomer_address(const Network& network) {
@@ -214,7 +174,8 @@ Task<Result<>> address_newcomer(Network& network, std::uint16_t n) {
     for (const Datagram* d : {&count, &head, &guest, &look, &write}) came &= d->reply().ok();
     const bool same = count.reply().wkc == network.ring_count && guest.reply().wkc == 0 &&
                       load_le<std::uint16_t>(above) == network.ring[parent].address &&
-                      load_le<std::uint16_t>(before) == network.ring[n].address;
+                      load_le<std::uint16_t>(before) == network.ring[n].address &&
+                      network.parts_read.divides_like(network.ring_parts());
     if (came && same) co_return Nothing{};
     Datagram undo(link, wire::Command::FPWR, {newcomer_address(network), reg::kStationAddress.address}, Bytes(before));
     if (look.reply().ok()) co_await undo;
@@ -250,7 +211,7 @@ Task<Result<>> read_newcomer(Network& network) {
 
 Task<Result<Verdict>> verify_newcomer(Network& network, std::uint16_t n) {
     const Verdict verdict = identify_newcomer(network, n);
-    if (verdict.slave != nullptr) co_return verdict;
+    if (verdict.slave != nullptr || verdict.rivals[0] != nullptr) co_return verdict;
     for (Slave& slave : network.slaves()) {
         const bool may_be = slave.al.state == AlState::none || network.ring[n].address == slave.station_address.value;
         if (slave.ring_position == 0 || !slave.seen || !may_be || !fits(slave, network.guest)) continue;

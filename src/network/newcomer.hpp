@@ -37,15 +37,28 @@ namespace margay {
 // Whether the identity of the slave is known: the slave was read. One of another revision is to be read again.
 [[nodiscard]] inline bool is_known(const Slave& slave) { return slave.seen || slave.identity != Identity{}; }
 
-// Whether all slaves above the place `n` of the ring, counted from 0, are known. If not, the place does not say which
-// slave is there.
-[[nodiscard]] bool above_is_known(const Network& network, std::size_t n);
+// What the guest can be, by its identity alone:
+// - this slave, or the wanted one in its place;
+[[nodiscard]] bool fits_guest(const Network& network, const Slave& slave);
+// - the same, and neither does its alias say something else, nor is it exactly what is wanted of another lost slave;
+[[nodiscard]] bool guest_may_be(Network& network, const Slave& slave);
+// - the device with the serial number or the alias of this slave.
+[[nodiscard]] bool is_guest_by_number(const Network& network, const Slave& slave);
 
-// The result of the identification: the newcomer is `slave`; or it is none of them, but at the place of `instead_of`.
+// The result of the identification: the newcomer is `slave`; or it is none of them, but at the place of `instead_of`;
+// or it is one of several lost slaves, at least of these two, and nothing says which.
 struct Verdict {
     Slave* slave = nullptr;
     Slave* instead_of = nullptr;
+    std::array<const Slave*, 2> rivals{};
 };
+
+// The station addresses of unknown slaves, below Network::stranger_mark, which is that of a slave that was reported.
+namespace stranger_mark {
+inline constexpr std::uint16_t kSuspect = 0x0100;  // was found once
+// Is identified as soon as its neighbour is known, or as the others are there.
+inline constexpr std::uint16_t kUndecided = 0x0300;
+}  // namespace stranger_mark
 
 // Finds the slave that the newcomer at place `n` is. A ring that changes while it is read shows a slave twice, or in a
 // place that the slave has left; and a slave may be readmitted while the newcomer is read. The newcomer is that slave

@@ -1,5 +1,6 @@
 #include "network/ring_watch.hpp"
 
+#include "network/places.hpp"
 #include "network/scan.hpp"
 #include "network/topology.hpp"
 
@@ -147,8 +148,9 @@ Task<Result<>> RingWatch::read_ports(Network& network) {
     }
     if (ring_.changes() != changes) co_return Nothing{};
     ports_of_broken_ = false;
-    (void)find_topology(network.seen_ring(), parts());
+    network.topology_read = find_topology(network.seen_ring(), parts()).ok();
     store_topology(network.seen_ring(), network.slaves());
+    if (network.topology_read) remember_places(network);
     co_return Nothing{};
 }
 

@@ -2,6 +2,7 @@
 
 #include "network/configure.hpp"
 #include "network/expectation.hpp"
+#include "network/places.hpp"
 #include "network/preop.hpp"
 #include "network/survey.hpp"
 #include "network/topology.hpp"
@@ -159,6 +160,7 @@ Task<Result<>> arrange(Network& network) {
     if (!network.expected.empty()) moved = network.expectation->number(network);
     if (!moved) co_return moved.error();
     store_topology(network.seen_ring(), network.slaves());
+    remember_places(network);
     if (!*moved) co_return Nothing{};
     const auto assign = [&network](Slave& s) { return assign_address(network, s); };
     co_return co_await required(for_each_slave(network, assign));

@@ -6,6 +6,7 @@
 #include "network/mailbox_setup.hpp"
 #include "network/members.hpp"
 #include "network/newcomer.hpp"
+#include "network/places.hpp"
 #include "network/recovery.hpp"
 #include "network/survey.hpp"
 #include "network/transition.hpp"
@@ -91,6 +92,11 @@ Task<Result<bool>> end_clashes(Network& network) {
     co_return any;
 }
 
+void store_places(Network& network) {
+    store_topology(network.seen_ring(), network.slaves());
+    if (network.topology_read) remember_places(network);
+}
+
 // Assigns the places of the ring to the slaves that answer, by their station addresses. The other places are not
 // assigned yet. A slave that was lost and has its address belongs to readmit_slave(), which may be working on it; an
 // address that no slave has had since the scan comes from an earlier master.
@@ -105,11 +111,12 @@ void recognise(Network& network) {
         slave.ring_position = 1;
         place.slave = slave.number;
     }
-    (void)find_topology(network.seen_ring(), network.ring_parts());
-    store_topology(network.seen_ring(), network.slaves());
+    network.topology_read = find_topology(network.seen_ring(), network.parts_read).ok();
+    store_places(network);
 }
 
-Task<Result<>> read_ring(Network& network) {
+// Reads all places of the ring.
+Task<Result<>> read_places(Network& network) {
     auto roll = co_await read_all_states(network);
     for (int more = 5; !roll && more > 0; --more) roll = co_await read_all_states(network);
     if (!roll) co_return roll.error();
@@ -118,6 +125,7 @@ Task<Result<>> read_ring(Network& network) {
                         .step = Step::recover,
                         .expected = roll->count,
                         .actual = static_cast<std::uint32_t>(network.ring.size())};
+    network.parts_read = network.ring_parts();
     Crew crew(network.tasks);
     for (std::uint16_t n = 0; n < roll->count; ++n) {
         while (crew.full()) co_await crew.one();
@@ -129,11 +137,49 @@ Task<Result<>> read_ring(Network& network) {
     }
     co_await crew.all();
     if (crew.first_error().code != Errc::none) co_return crew.first_error();
+    // The ring was broken, or closed, or at another place, while it was read.
+    if (!network.parts_read.divides_like(network.ring_parts()))
+        co_return Error{.code = Errc::unstable, .step = Step::recover};
     network.ring_count = roll->count;
+    co_return Nothing{};
+}
+
+Task<Result<>> read_ring(Network& network) {
+    co_await required(read_places(network));
     const auto clashes = co_await required(end_clashes(network));
     recognise(network);
     if (clashes) co_return Error{.code = Errc::unstable, .step = Step::recover};
     co_return Nothing{};
+}
+
+bool is_below_break(std::span<const RingPlace> ring, std::uint16_t at) {
+    while (ring[at - 1U].parent != 0) at = ring[at - 1U].parent;
+    return ring[at - 1U].behind_break;
+}
+
+// A slave that was away keeps its station address with its power, and may have been put behind another head meanwhile.
+// There it is no member of its group, but perhaps one of the other. Errors besides those of reading the ring:
+// other_slave, unstable.
+Task<Result<>> compare_group(Network& network, const Slave& slave) {
+    const bool member =
+        slave.wanted != nullptr && slave.wanted->hot_connect != 0 && !is_located(network.expected, *slave.wanted);
+    if (!member) co_return Nothing{};
+    while (network.searching) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    const Searching searching(network);
+    co_await required(read_places(network));
+    recognise(network);
+    Error error{.code = Errc::unstable, .step = Step::recover, .slave = slave.number};
+    if (slave.ring_position == 0) co_return error;
+    const std::uint8_t group = group_above(network, slave.ring_position);
+    if (group == slave.wanted->hot_connect) co_return Nothing{};
+    // The head may be before the break.
+    if (group == 0 && is_below_break(network.seen_ring(), slave.ring_position)) co_return Nothing{};
+    error.code = Errc::other_slave;
+    error.subindex = static_cast<std::uint8_t>(IdentityField::hot_connect);
+    error.expected = slave.wanted->hot_connect;
+    error.actual = group;
+    error.detail = slave.identity.vendor;
+    co_return error;
 }
 
 // Notes the slaves that are absent from the ring and not reported lost yet: a newcomer may be one of them.
@@ -183,7 +229,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     co_await required(rename(network, network.guest.station_address, slave.station_address.value));
     network.ring[n].slave = slave.number;
     network.ring[n].address = slave.station_address.value;
-    store_topology(network.seen_ring(), network.slaves());
+    store_places(network);
     doubt_pdos(network, slave);  // in whatever state it is: it may be a spare part that comes from another machine
     // The slave was never reported lost.
     if (slave.al.state != AlState::none || network.marks(slave).in_use) co_return Nothing{};
@@ -238,24 +284,39 @@ void report_stranger(Network& network, std::uint16_t n) {
     network.report(event);
 }
 
+void report_rivals(Network& network, std::uint16_t n, const Verdict& verdict) {
+    const RingPlace& place = network.ring[n];
+    Event event{.kind = EventKind::ambiguous, .port = place.parent_port};
+    event.slave = verdict.rivals[0]->number;
+    event.other = verdict.rivals[1]->number;
+    event.expected = place.parent == 0 ? 0U : network.ring[place.parent - 1U].slave;
+    network.report(event);
+}
+
 // An unknown slave gets a mark as its station address. It is reported when it is found a second time, because a ring
 // that changes while it is being read can mislead; after that it is not reported again.
-Task<Result<>> mark_stranger(Network& network, std::uint16_t n, Slave* instead_of) {
-    constexpr std::uint16_t kSuspect = 0x0100;  // below the mark of reported slaves
-    // Of a reported slave below an unknown one: it is identified by its place as soon as the slave above is known.
-    constexpr std::uint16_t kUndecided = 0x0300;
+Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* verdict) {
+    using stranger_mark::kSuspect;
+    using stranger_mark::kUndecided;
     const std::uint16_t reported = network.stranger_mark;
     const std::uint16_t before = network.ring[n].address;
-    const bool known = reported != 0 && (before == reported || before == reported - kUndecided);
+    const bool rivals = verdict->rivals[0] != nullptr;
+    const bool waits = rivals || !neighbour_is_known(network, n);
+    const auto undecided = static_cast<std::uint16_t>(reported != 0 && waits ? kUndecided : 0);
+    const bool known = reported != 0 && (before == reported - kUndecided || (before == reported && !rivals));
     const bool at_once = !network.supervised && !known;  // the application asks once
-    const bool again = reported != 0 && before == reported - kSuspect;
-    const auto undecided = static_cast<std::uint16_t>(reported == 0 || above_is_known(network, n) ? 0 : kUndecided);
-    const auto mark = static_cast<std::uint16_t>(reported - (at_once || again || known ? undecided : kSuspect));
+    const bool again =
+        reported != 0 && (before == reported - kSuspect - kUndecided || (before == reported - kSuspect && !rivals));
+    const auto suspect = static_cast<std::uint16_t>(at_once || again || known ? 0 : kSuspect);
+    const auto mark = static_cast<std::uint16_t>(reported - undecided - suspect);
     co_await required(rename(network, network.guest.station_address, mark));
     network.ring[n].address = mark;
+    Slave* const instead_of = verdict->instead_of;
     if (known && instead_of != nullptr) instead_of->error = guest_error(network, *instead_of);
     if (!at_once && !again) co_return Nothing{};
-    if (instead_of != nullptr)
+    if (rivals)
+        report_rivals(network, n, *verdict);
+    else if (instead_of != nullptr)
         report_other_slave(network, *instead_of);
     else
         report_stranger(network, n);
@@ -263,10 +324,26 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, Slave* instead_o
 }
 
 // A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group.
+// Behind a break the slaves of the way are asked before those above them.
 bool below_unasked(Network& network, std::size_t n) {
+    if (network.ring[n].behind_break) return false;
     for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
         if (network.ring[at - 1U].unasked) return true;
     return false;
+}
+
+// The places are asked from the NICs on: those before a break in their order; those on the way from the second NIC to
+// the break in the opposite order; then their branches. Each of these three rounds has one turn for each place.
+constexpr std::uint16_t kNoPlace = UINT16_MAX;  // not in this round
+std::uint16_t place_of_turn(Network& network, std::size_t turn) {
+    const auto ring = network.seen_ring();
+    const std::size_t round = turn / ring.size();
+    const std::size_t at = turn % ring.size();
+    const std::size_t n = round == 1 ? ring.size() - 1 - at : at;
+    const auto is_behind = [](const RingPlace& place) { return static_cast<bool>(place.behind_break); };
+    const auto first = static_cast<std::size_t>(std::ranges::find_if(ring, is_behind) - ring.begin());
+    const std::size_t own = n < first ? 0 : (ring[n].behind_break ? 1 : 2);
+    return own == round ? static_cast<std::uint16_t>(n) : kNoPlace;
 }
 
 // Identifies a newcomer. Returns whether it is a slave of the network.
@@ -281,7 +358,7 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
         co_return asked ? verdict.error() : asked.error();
     }
     if (verdict->slave == nullptr) {
-        auto dismissed = co_await mark_stranger(network, n, verdict->instead_of);
+        auto dismissed = co_await mark_stranger(network, n, &*verdict);
         co_return dismissed ? Result<bool>(false) : Result<bool>(dismissed.error());
     }
     auto admitted = co_await assign_slave_address(network, n, *verdict->slave);
@@ -305,8 +382,10 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
     co_await required(miss_absent(network));
     std::uint16_t found = 0;
     Error error;
-    for (std::uint16_t n = 0; n < network.ring_count && error.code != Errc::unstable; ++n) {
-        if (network.ring[n].slave != 0 || network.ring[n].unasked || below_unasked(network, n)) continue;
+    for (std::size_t turn = 0; turn < std::size_t{network.ring_count} * 3 && error.code != Errc::unstable; ++turn) {
+        const std::uint16_t n = place_of_turn(network, turn);
+        if (n == kNoPlace || network.ring[n].slave != 0 || network.ring[n].unasked || below_unasked(network, n))
+            continue;
         auto ours = co_await receive_newcomer(network, n);
         network.ring[n].unasked = !ours;
         if (!ours) error = ours.error();  // of this newcomer; those behind it may be correct
@@ -455,6 +534,7 @@ Task<Result<>> prove(Network& network, Slave& slave) {
         }
         same = Nothing{};
     }
+    if (same && network.marks(slave).was_away) same = co_await compare_group(network, slave);
     if (same) {
         const bool away = network.marks(slave).was_away;
         network.marks(slave).trust();
@@ -474,6 +554,23 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     co_await required(unmap(network.station(slave)));
     co_await completion(rename(network, slave.station_address, 0));  // or the search finds it at this address again
     co_return same;
+}
+
+bool is_identity_unread(const Network& network, const Slave& slave) {
+    const SlaveMarks& marks = network.marks(slave);
+    return marks.was_away && !(slave.al.state == AlState::boot && marks.boot_read);
+}
+
+Task<Result<>> prove_in_boot(Network& network, Slave& slave) {
+    const auto now = co_await required(read_al_status(network.station(slave)));
+    if (now.state == AlState::boot) network.marks(slave).boot_read = true;
+    const bool mail = network.has_mailbox(slave) && network.mailbox(slave).is_used();
+    std::uint8_t used_by_pdi = 1;
+    if (!mail)
+        used_by_pdi = co_await required(read<std::uint8_t>(network.station(slave), reg::kSiiPdiAccess, Step::recover));
+    if ((used_by_pdi & 1U) != 0)
+        co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
+    co_return co_await required(prove(network, slave));
 }
 
 Task<Result<>> prove_before_request(Network& network, Slave& slave, AlState wanted) {

@@ -18,7 +18,7 @@ struct BroadcastState {
 // - the lost slave with the alias or device id that is set on the newcomer, at any place;
 // - in a hot connect group: the next lost member of the group, or another lost member that it can be;
 // - a lost slave of the line whose number is between those of the slaves of the line before it and behind it in the
-//   ring. Below a slave that is not known there is no slave of the line.
+//   ring. Below a slave that is not known there is no slave of the line. See places.hpp for equal slaves.
 //
 // A newcomer that is taken as a slave gets the station address of that slave, and is reported as found. All others are
 // reported once, as other_slave or as stranger, and not used. Returns the number of slaves found. Only one search
@@ -58,13 +58,22 @@ void doubt_reply(Network& network);
 // noted.
 bool note_silence(Network& network);
 
-// Compares the identity of the slave that answers at the address of `slave` with the known one. Another slave loses its
-// FMMUs and its station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave,
-// those of reading the SII.
+// Compares the identity of the slave that answers at the address of `slave` with the known one, and of a member of a
+// hot connect group that was away, whether it is behind the head of its group. Another slave loses its FMMUs and its
+// station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave, those of reading
+// the SII.
 [[nodiscard]] Task<Result<>> prove(Network& network, Slave& slave);
 
-// The same before a request of the application changes the state of the slave, where the identity is not certain. A
-// slave in BOOT is not asked, because its firmware may use the EEPROM.
+// Whether another device may have the station address of the slave, so that nothing is sent to it. A slave that was in
+// BOOT is not refused once a reading has shown that it still is: its firmware may be incomplete, and a device that was
+// exchanged is mostly not in BOOT.
+[[nodiscard]] bool is_identity_unread(const Network& network, const Slave& slave);
+// prove() for a slave in BOOT. Errors besides those of prove(): identity_unread (its firmware uses the EEPROM, or mail
+// is under way).
+[[nodiscard]] Task<Result<>> prove_in_boot(Network& network, Slave& slave);
+
+// The same as prove() before a request of the application changes the state of the slave, where the identity is not
+// certain. A slave in BOOT is not asked, because its firmware may use the EEPROM.
 [[nodiscard]] Task<Result<>> prove_before_request(Network& network, Slave& slave, AlState wanted);
 
 // A lost slave, whose token is free, answers at its station address: checks whether it is the same slave. If so it is

@@ -47,11 +47,19 @@ struct SlaveMarks {
     bool pdos_in_doubt : 1 = false;  // it has started again, or was in BOOT, since its PDOs were read from it
     bool new_firmware : 1 = false;   // it was in BOOT since then: its identity may change when its firmware has started
     bool held_back : 1 = false;      // brought to PREOP while it was held: its start-up commands were left out
+    bool boot_read : 1 = false;      // its AL status was read since it was away, and is still BOOT
+    // Where the slave was seen last in a ring that could be read: below this port of the slave `home` (0: the first
+    // NIC), and at the second NIC. See places.hpp.
+    bool at_second_nic : 1 = false;
+    std::uint8_t home_port : 2 = 0;
+    std::uint16_t home = kNoHome;
+    static constexpr std::uint16_t kNoHome = UINT16_MAX;
 
     // Another slave may be there. `away`: this one did not answer.
     void doubt(bool away) {
         unproved = true;
         was_away |= away;
+        boot_read &= !away;
     }
     // The comparison has shown that it is this slave.
     void trust() { unproved = was_away = false; }

@@ -127,13 +127,17 @@ const Slave* find_unfinished(const Network& network, std::uint16_t slave) {
 constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 
 Task<Result<>> prove_if_there(Network& network, Slave& slave) {
-    if (slave.al.state == AlState::none || !network.is_doubted(slave)) co_return Nothing{};
+    const bool in_boot = slave.al.state == AlState::boot && network.marks(slave).was_away;
+    if (slave.al.state == AlState::none || (!in_boot && !network.is_doubted(slave))) co_return Nothing{};
     if (network.marks(slave).in_use)  // the request that uses it has not compared it yet
         co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
     Result<> same;
     {
         const SlaveToken token(network.marks(slave));
-        same = co_await prove(network, slave);
+        if (in_boot)
+            same = co_await prove_in_boot(network, slave);
+        else
+            same = co_await prove(network, slave);
     }
     // The reading has found it doubted, so what follows a transition has not begun.
     if (same) settle_request(network, slave);

@@ -33,6 +33,9 @@ struct Watch {
     std::uint64_t heard = 0;           // frames received,
     std::uint64_t lost_before = 0;     // and lost, when a frame was received last
     std::uint32_t walked = 0;          // slaves in the ring when it was last read by a search
+    RingParts parts{};                 // with two NICs: where the ring was broken in the last round,
+    std::uint32_t changes = 0;         // and how often it was broken or closed until then
+    bool ring_moved = false;           // since the last search: the ring was closed, or is broken at another place
     Time retry_at = Time::min();
     Time look_at = Time::min();  // when the state of all slaves is read again, whatever the roll says
     std::size_t next_helped =
@@ -106,6 +109,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
         co_return co_await required(readmit_slave(network, slave, *seen));
     }
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
+    if (seen->state == AlState::boot) note_boot(network, slave);
     note_state(network, slave, *seen);
     if (!network.is_reserved()) settle_request(network, slave);
     co_return Nothing{};
@@ -191,6 +195,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
 }
 
 Task<Result<>> search(Watch& watch) {
+    watch.ring_moved = false;
     auto found = co_await find_lost(watch.network);
     const Time now = watch.network.engine.now();
     // An unknown slave remains unknown for a while. When the ring has changed during the search, the search is repeated
@@ -340,7 +345,7 @@ void start_helpers(Watch& watch, Crew& crew) {
 // Whether the ring has changed, or contains a slave that is not identified.
 bool walk_is_due(Watch& watch, const BroadcastState& roll) {
     if (watch.network.searching || watch.network.is_reserved()) return false;
-    if (roll.count != watch.walked && watch.walked != kNotWalked) return true;
+    if (watch.ring_moved || (roll.count != watch.walked && watch.walked != kNotWalked)) return true;
     return (watch.walked == kNotWalked || roll.count > answering(watch.network)) &&
            watch.network.engine.now() >= watch.search_at;
 }
@@ -368,6 +373,18 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
     if (roll.count == watch.walked && std::ranges::any_of(network.slaves(), unplaced)) watch.walked = kNotWalked;
     if (walk_is_due(watch, roll)) (void)crew.start(search(watch));
     co_return Nothing{};
+}
+
+// Whether the ring was broken or closed, or is broken at another place, since the last call. Between two rolls one
+// slave may have come and another one gone.
+bool ring_has_changed(Watch& watch) {
+    const RedundancyPart* const redundancy = watch.network.redundancy;
+    if (redundancy == nullptr) return false;
+    const RingParts before = std::exchange(watch.parts, redundancy->parts());
+    const std::uint32_t changes = std::exchange(watch.changes, redundancy->changes());
+    const bool moved = !watch.parts.divides_like(before);
+    watch.ring_moved |= moved && before.two_nics && !before.whole;
+    return changes != watch.changes || moved;
 }
 
 // One roll and the actions that follow from it.
@@ -400,7 +417,8 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     }
     apply_target(watch);
     const bool unexpected = report_working_counters(watch);
-    const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
+    const bool changed =
+        ring_has_changed(watch) || roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;
     // When a slave changes its state between two rolls, another slave in the new state hides it: the roll has the OR of
     // all states.

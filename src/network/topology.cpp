@@ -26,6 +26,7 @@ void read_ports(RingPlace& place) {
         place.entry_port = next_port(place.entry_port);
     place.parent = 0;
     place.parent_port = 0;
+    place.at_second_nic = place.behind_break = false;
 }
 
 // The first open port of `place` behind its entry port that has no neighbour yet, or the entry port when there is none.
@@ -66,6 +67,7 @@ std::size_t free_place(std::span<const RingPlace> ring, std::size_t last) {
 std::size_t leave_to_second_nic(std::span<RingPlace> ring, std::size_t last) {
     const std::size_t at = free_place(ring, last);
     if (at != 0) ring[at - 1].ports[free_port(ring[at - 1])].neighbour = kSecondNic;
+    if (at != 0) ring[at - 1].at_second_nic = true;
     return at;
 }
 
@@ -74,6 +76,7 @@ void begin_second_part(RingPlace& place) {
     place.entry_port = 0;
     place.parent = 0;
     place.parent_port = 0;
+    place.behind_break = true;
 }
 
 // The first slave behind the break: its port 0 is closed. The slaves before it are at branches behind the way to the
@@ -111,6 +114,9 @@ Result<> find_topology(std::span<RingPlace> ring, RingParts parts) {
     // Without a place behind the front, the way to the second NIC is not known yet.
     std::size_t before = 0;
     if (parts.two_nics) before = leave_to_second_nic(ring, parts.whole ? front : ring.size());
+    // The way from the second NIC to the break.
+    for (std::size_t at = before; !parts.whole && front < ring.size() && at != 0; at = ring[at - 1].parent)
+        ring[at - 1].behind_break = true;
     const std::size_t end = parts.whole ? ring.size() : first;
     for (std::size_t i = front; i < end; ++i) note(connect(ring, i, i == front ? before : i));
     for (RingPlace& place : ring) {

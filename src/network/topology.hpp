@@ -14,7 +14,11 @@ struct RingPlace {
     std::uint16_t slave = 0;    // its number; 0: an unknown slave ("stranger")
     std::uint16_t address = 0;  // its station address
     std::uint16_t dl_status = 0;
-    bool unasked = false;  // a newcomer whose identity could not be read
+    bool unasked : 1 = false;        // a newcomer whose identity could not be read
+    bool at_second_nic : 1 = false;  // filled by find_topology(): the second NIC is connected to one of its ports
+    // Filled by find_topology(): between a break of the ring and the second NIC, on the way of the frames. The slaves
+    // above it are not known by their place, because the way to the master leads through the break.
+    bool behind_break : 1 = false;
 
     // Filled by find_topology(). Parent and neighbours are places of the ring.
     std::uint16_t parent = 0;
@@ -33,6 +37,11 @@ struct RingParts {
     bool two_nics = false;
     bool whole = false;
     std::size_t front = 0;  // places that the frames of the NIC at the beginning reach; the others are at the other end
+
+    // In a whole ring it does not matter which copies were processed.
+    [[nodiscard]] bool divides_like(const RingParts& other) const {
+        return two_nics == other.two_nics && whole == other.whole && (whole || front == other.front);
+    }
 };
 
 // Fills in the parents and neighbours from the dl_status of all places. A frame leaves a slave by its open ports in the

@@ -250,6 +250,7 @@ std::string_view to_text(IdentityField field) {
         case IdentityField::serial: return "serial number";
         case IdentityField::alias: return "alias";
         case IdentityField::device_id: return "device id";
+        case IdentityField::hot_connect: return "hot connect group";
     }
     return "identity";
 }

@@ -314,6 +314,65 @@ TEST_F(HotConnectGroups, ARequestMayFindTheGroupRemoved) {
     EXPECT_EQ(*cycle(), 9U);
 }
 
+// The cables of two members with supplies of their own are crossed: each is the member behind whose head it is now.
+TEST_F(HotConnectGroups, MembersThatKeptTheirPowerMayChangePlaces) {
+    plug({line[0], 2}, g.a);
+    plug({line[1], 2}, g.b);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    segment.disconnect({g.a2, 0});
+    segment.disconnect({g.b2, 0});
+    cycles(500);
+    ASSERT_TRUE(segment.connect({g.a, 1}, {g.b2, 0}));
+    ASSERT_TRUE(segment.connect({g.b, 1}, {g.a2, 0}));
+    ASSERT_TRUE(until([&] { return in_op(5) && in_op(7) && all_right(*ctx); }, 6000)) << joined(events());
+    EXPECT_EQ(ctx->slave(5).parent, 4);
+    EXPECT_EQ(ctx->slave(7).parent, 6);
+    expect_exchanged(5, g.b2);
+    expect_exchanged(7, g.a2);
+}
+
+TEST_F(HotConnectGroups, AMemberBehindTheOtherHeadIsNotThatOfItsOwnGroup) {
+    plug({line[0], 2}, g.a);
+    plug({line[1], 2}, g.b);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    segment.disconnect({g.a2, 0});
+    segment.disconnect({g.b2, 0});
+    cycles(500);
+    ASSERT_TRUE(segment.connect({g.b, 1}, {g.a2, 0}));
+    ASSERT_TRUE(until([&] { return in_op(7); }, 6000)) << joined(events());
+    expect_exchanged(7, g.a2);
+    EXPECT_EQ(ctx->slave(5).al.state, AlState::none);
+    EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
+}
+
+// Whatever the member had before, nobody drives it behind a head that belongs to another machine.
+TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
+    const auto foreign = make({.product = 0x200, .alias = 0x0099});
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    segment.disconnect({g.a2, 0});
+    pull(g.a);
+    cycles(500);
+    ASSERT_TRUE(segment.connect({foreign, 1}, {g.a2, 0}));
+    plug({line[0], 2}, foreign);
+    power(foreign, true);
+    ctx->slave(5).image.outputs.bytes[0] = std::byte{0x77};
+    cycles(4000);
+    EXPECT_NE(program(g.a2).outputs()[0], std::byte{0x77});
+    EXPECT_EQ(ctx->slave(5).al.state, AlState::none);
+    EXPECT_EQ(*cycle(), 9U);
+    // Behind its own head it is the member again.
+    pull(foreign);
+    segment.disconnect({g.a2, 0});
+    ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
+    plug({line[0], 2}, g.a);
+    ASSERT_TRUE(until([&] { return in_op(4) && in_op(5); }, 6000)) << joined(events());
+    expect_exchanged(5, g.a2);
+}
+
 // Any order of pulling and plugging, power kept or lost, any port, lost frames, and memory for all slaves at once or
 // for one. In the end every slave is in OP and exchanges its own process data.
 class HotConnectInAnyOrder : public HotConnectGroups, public testing::WithParamInterface<std::uint32_t> {};

@@ -48,7 +48,8 @@ void changed(const Event& event, void* user) {
         case EventKind::lost:
         case EventKind::found:
         case EventKind::other_slave:
-        case EventKind::stranger: bus.search.again = true; break;
+        case EventKind::stranger:
+        case EventKind::ambiguous: bus.search.again = true; break;
         default: break;
     }
 }

@@ -1,0 +1,173 @@
+// Equal slaves of a line that come back in another order than they were lost: none of them is driven as another one.
+#include "process_data/plant.hpp"
+
+namespace margay {
+namespace {
+
+using Words = std::vector<std::string>;
+
+// A line of five equal devices. In every cycle each slave gets outputs that name it.
+class EqualSlaves : public testing::Test, protected Plant {
+  protected:
+    std::vector<std::uint32_t> line;
+    std::vector<ExpectedSlave> wanted;
+    unsigned wrong = 0;  // cycles in which a device had the outputs of another slave
+
+    std::uint32_t make_equal(std::uint32_t serial) {
+        auto octets = io_image(8, 8, {.product = 0x100});
+        store_le<std::uint32_t>(octets, 0x1C, serial);
+        auto made = sim::device_from_sii(octets);
+        made.chip = sim::junction();
+        return segment.add(std::move(made).assemble());
+    }
+    void build(bool serials) {
+        for (std::uint16_t n = 0; n < 5; ++n) {
+            line.push_back(make_equal(serials ? 100U + n : 0U));
+            wanted.push_back({.number = static_cast<std::uint16_t>(n + 1), .product = 0x100, .optional = n == 1});
+        }
+        ASSERT_TRUE(segment.connect_master({line[0], 0}));
+        put_second_in();
+        ASSERT_TRUE(segment.connect({line[2], 1}, {line[3], 0}));
+        ASSERT_TRUE(segment.connect({line[3], 1}, {line[4], 0}));
+        for (ExpectedSlave& slave : wanted) slave.config = &kSizes;
+        EXPECT_EQ(bring_up(wanted), Words());
+        run();
+    }
+    static SlaveConfiguration sizes() {
+        SlaveConfiguration config;
+        config.source = ConfigurationSource::application;
+        config.add({0, Direction::outputs, 0x64, 0x1100, 8});
+        config.add({1, Direction::inputs, 0x20, 0x2000, 8});
+        return config;
+    }
+    const SlaveConfiguration kSizes = sizes();
+    void put_second_in() {
+        ASSERT_TRUE(segment.connect({line[0], 1}, {line[1], 0}));
+        ASSERT_TRUE(segment.connect({line[1], 1}, {line[2], 0}));
+        segment.reconsider();
+    }
+    void take_second_out() {
+        segment.disconnect({line[1], 0});
+        segment.disconnect({line[1], 1});
+    }
+    void bridge_second() {
+        take_second_out();
+        drive(300);
+        ASSERT_TRUE(segment.connect({line[0], 1}, {line[2], 0}));
+        segment.reconsider();
+        drive(1500);
+        for (const std::size_t n : {1U, 3U, 4U, 5U}) ASSERT_TRUE(in_op(n)) << n;
+        (void)events();
+    }
+    void drive(int count) {
+        while (count-- > 0) {
+            for (const Slave& slave : ctx->slaves())
+                std::ranges::fill(slave.image.outputs.bytes, static_cast<std::byte>(0x80 + slave.number));
+            (void)cycle();
+            for (std::size_t n = 0; n < line.size(); ++n) {
+                const auto outputs = program(line[n]).outputs();
+                const auto own = static_cast<std::byte>(0x81 + n);
+                if (!outputs.empty() && outputs[0] != std::byte{0} && outputs[0] != own) ++wrong;
+            }
+        }
+    }
+    void expect_everybody_is_itself() {
+        ASSERT_TRUE(until([&] { return all_in_op() && all_right(*ctx); }, 6000)) << joined(events());
+        drive(100);
+        for (std::size_t n = 0; n < line.size(); ++n) {
+            EXPECT_TRUE(in_op(n + 1)) << n + 1;
+            EXPECT_EQ(program(line[n]).outputs()[0], static_cast<std::byte>(0x81 + n)) << n + 1;
+        }
+        EXPECT_EQ(wrong, 0U);
+    }
+};
+
+// Slave 2 is repaired elsewhere, and the others go on without it. Slave 3 loses its power for a moment: the device at
+// slave 1 may be slave 2 as well.
+TEST_F(EqualSlaves, BesideABridgedOneNobodyIsGuessed) {
+    build(false);
+    bridge_second();
+    power(line[2], false);
+    drive(300);
+    power(line[2], true);
+    drive(3000);
+    EXPECT_EQ(wrong, 0U);
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::none);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::none);
+    EXPECT_EQ(what_is_wrong(*ctx).slave, 3);
+    const auto story = events();
+    EXPECT_EQ(told(story, "a device at slave 1 port 1 may be slave 2 or slave 3, which are equal and lost"), 1)
+        << joined(story);
+    EXPECT_EQ(told(story, "not in the list"), 0) << joined(story);
+    // With slave 2 both are there.
+    segment.disconnect({line[2], 0});
+    put_second_in();
+    power(line[1], false);
+    power(line[1], true);
+    expect_everybody_is_itself();
+}
+
+TEST_F(EqualSlaves, BesideABridgedOneASerialNumberDecides) {
+    build(true);
+    bridge_second();
+    power(line[2], false);
+    drive(300);
+    power(line[2], true);
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+    drive(100);
+    EXPECT_EQ(wrong, 0U);
+    EXPECT_EQ(program(line[2]).outputs()[0], std::byte{0x83});
+}
+
+TEST_F(EqualSlaves, AllLoseTheirPowerBesideABridgedOne) {
+    build(true);
+    bridge_second();
+    for (const auto device : line) power(device, false);
+    drive(300);
+    for (const auto device : line) power(device, true);
+    ASSERT_TRUE(until([&] { return in_op(1) && in_op(3) && in_op(4) && in_op(5); }, 6000)) << joined(events());
+    drive(100);
+    EXPECT_EQ(wrong, 0U);
+}
+TEST_F(EqualSlaves, AllWithoutSerialNumbersLoseTheirPowerBesideABridgedOne) {
+    build(false);
+    bridge_second();
+    for (const auto device : line) power(device, false);
+    drive(300);
+    for (const auto device : line) power(device, true);
+    drive(4000);
+    EXPECT_EQ(wrong, 0U);
+    EXPECT_TRUE(in_op(1));
+    EXPECT_FALSE(in_op(3));
+    EXPECT_FALSE(all_right(*ctx));
+    EXPECT_EQ(told(events(), "may be slave 2 or slave 3"), 1);
+}
+
+// The slaves boot one after the other, from the end of the line and from its beginning.
+TEST_F(EqualSlaves, ThatBootInAnyOrderAreThemselves) {
+    build(false);
+    for (const bool backwards : {true, false}) {
+        for (const auto device : line) power(device, false);
+        drive(300);
+        for (std::size_t n = 0; n < line.size(); ++n) {
+            power(line[backwards ? line.size() - 1 - n : n], true);
+            drive(1200);
+        }
+        expect_everybody_is_itself();
+    }
+}
+
+// The bridged slave is put in again while those behind it have no power: all come at once, and all are there.
+TEST_F(EqualSlaves, ThatComeWithTheBridgedOneAreInTheirOrder) {
+    build(false);
+    bridge_second();
+    for (std::size_t n = 1; n < line.size(); ++n) power(line[n], false);
+    drive(300);
+    segment.disconnect({line[2], 0});
+    put_second_in();
+    for (std::size_t n = 1; n < line.size(); ++n) power(line[n], true);
+    expect_everybody_is_itself();
+}
+
+}  // namespace
+}  // namespace margay

@@ -1,0 +1,126 @@
+// Equal slaves in a ring with two NICs that boot at different times: none of them is driven as another one.
+#include "redundancy/ring_bus.hpp"
+
+namespace margay {
+namespace {
+
+// A ring of equal slaves. `off` and `late` are sets of slaves: bit 0 is slave 1.
+struct EqualRing : testing::Test {
+    std::unique_ptr<RingBus> bus;
+    unsigned wrong = 0;  // cycles in which a device had the outputs of another slave
+
+    void build(unsigned slaves, bool serials) {
+        bus = std::make_unique<RingBus>();
+        for (unsigned n = 0; n < slaves; ++n) {
+            auto device = RingBus::io_device();
+            if (serials) device.sii[0x1C] = static_cast<std::byte>(100 + n);
+            (void)bus->add_to_ring(std::move(device));
+        }
+        bus->close_ring();
+        bus->start();
+        bus->run();
+        wrong = 0;
+    }
+    void power(unsigned which, bool on) {
+        for (std::uint32_t n = 0; n < bus->segment.size(); ++n)
+            if ((which >> n & 1U) != 0) bus->segment.set_power(n, on, bus->osal.now());
+    }
+    void drive(unsigned cycles) {
+        while (cycles-- > 0) {
+            (void)bus->cycle();
+            for (std::size_t n = 1; n <= bus->segment.size(); ++n) {
+                const auto outputs = bus->io(n)->outputs();
+                if (outputs.size() < 2 || outputs[1] == std::byte{0}) continue;
+                wrong += outputs[1] != static_cast<std::byte>(0x80 + n) ? 1U : 0U;
+            }
+        }
+    }
+    void lose_and_return(unsigned off, unsigned late) {
+        power(off, false);
+        drive(100);
+        power(off & ~late, true);
+        drive(1200);
+        EXPECT_EQ(wrong, 0U);
+        power(late, true);
+        for (unsigned n = 0; n < 40 && !bus->all_in_op(); ++n) drive(100);
+        drive(10);
+        EXPECT_TRUE(bus->all_in_op()) << bus->joined(bus->events());
+        EXPECT_EQ(wrong, 0U);
+        EXPECT_EQ(bus->stale_cycles(5), 0U);
+    }
+};
+
+// Every set of slaves loses its power, and every part of it boots later than the rest.
+TEST_F(EqualRing, WhoeverBootsLaterEverybodyIsItself) {
+    constexpr unsigned kInRing = 3;
+    for (unsigned off = 1; off < 1U << kInRing; ++off)
+        for (unsigned late = (off - 1) & off; late != 0; late = (late - 1) & off) {
+            SCOPED_TRACE("off " + std::to_string(off) + ", late " + std::to_string(late));
+            build(kInRing, false);
+            lose_and_return(off, late);
+            if (HasFailure()) return;
+        }
+}
+
+TEST_F(EqualRing, InALongerRingAndWithSerialNumbersToo) {
+    for (const bool serials : {false, true})
+        for (const auto& [off, late] :
+             {std::pair{31U, 4U}, {31U, 1U}, {31U, 14U}, {6U, 2U}, {14U, 4U}, {24U, 8U}, {31U, 5U}}) {
+            SCOPED_TRACE("off " + std::to_string(off) + ", late " + std::to_string(late));
+            build(5, serials);
+            lose_and_return(off, late);
+        }
+}
+
+// One after the other loses its power and comes back, then two at a time: what is remembered of a broken ring is right.
+TEST_F(EqualRing, ManyTimesInOneRing) {
+    build(6, false);
+    for (const auto& [off, late] : {std::pair{63U, 4U}, {6U, 2U}, {48U, 16U}, {63U, 30U}, {12U, 4U}, {63U, 1U}}) {
+        SCOPED_TRACE("off " + std::to_string(off) + ", late " + std::to_string(late));
+        lose_and_return(off, late);
+    }
+}
+
+// The last slave is repaired elsewhere and bridged. When all have lost their power, the slave at the second NIC may be
+// that one.
+TEST_F(EqualRing, ABridgedLastSlaveIsNotGuessed) {
+    build(5, false);
+    bus->segment.disconnect({4, 0});
+    bus->segment.disconnect({4, 1});
+    drive(300);
+    ASSERT_TRUE(bus->segment.connect_master({3, 1}, 1));
+    bus->segment.reconsider();
+    drive(1500);
+    EXPECT_EQ(bus->status().ring, RingState::whole);
+    power(15, false);
+    drive(100);
+    power(11, true);  // slave 3 is late
+    drive(2000);
+    EXPECT_EQ(wrong, 0U);
+    EXPECT_EQ(bus->ctx->slave(1).al.state, AlState::op);
+    EXPECT_EQ(bus->ctx->slave(2).al.state, AlState::op);
+    EXPECT_EQ(bus->ctx->slave(4).al.state, AlState::none);
+    EXPECT_NE(bus->joined(bus->events()).find("may be slave 4 or slave 5"), std::string::npos);
+    power(4, true);
+    drive(3000);
+    EXPECT_EQ(wrong, 0U);
+    for (const std::size_t n : {1U, 2U, 3U, 4U}) EXPECT_EQ(bus->ctx->slave(n).al.state, AlState::op) << n;
+}
+
+// Within a millisecond one slave comes and another one goes: as many slaves answer as before.
+TEST_F(EqualRing, ABreakThatMovesIsNoticed) {
+    build(6, false);
+    power(4, false);
+    drive(500);
+    ASSERT_EQ(bus->ctx->slave(3).al.state, AlState::none);
+    power(4, true);
+    power(16, false);
+    drive(20);
+    EXPECT_EQ(bus->ctx->slave(5).al.state, AlState::none);
+    drive(1000);
+    EXPECT_EQ(bus->ctx->slave(3).al.state, AlState::op);
+    EXPECT_EQ(wrong, 0U);
+}
+
+}  // namespace
+}  // namespace margay
