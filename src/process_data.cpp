@@ -1,5 +1,6 @@
 // Process data for the public API: the cycle.
 #include "api/master.hpp"
+#include "network/doubt.hpp"
 #include "network/search.hpp"
 
 #include <margay/margay.hpp>

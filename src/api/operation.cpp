@@ -1,5 +1,6 @@
 #include "api/operation.hpp"
 
+#include "network/doubt.hpp"
 #include "network/newcomer.hpp"
 #include "network/search.hpp"
 

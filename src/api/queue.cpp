@@ -2,6 +2,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/doubt.hpp"
 #include "network/search.hpp"
 #include "network/transition.hpp"
 #include "util/turns.hpp"

@@ -3,6 +3,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/doubt.hpp"
 #include "network/recovery.hpp"
 #include "network/search.hpp"
 #include "network/states.hpp"

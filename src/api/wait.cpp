@@ -1,6 +1,7 @@
 // Waiting for requests; poll(); and the owner thread of a context.
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/doubt.hpp"
 #include "network/search.hpp"
 
 #include <margay/margay.hpp>

@@ -1,13 +1,14 @@
 #include "network/search.hpp"
 
-#include "network/by_address.hpp"
 #include "network/configure.hpp"
+#include "network/doubt.hpp"
 #include "network/expectation.hpp"
 #include "network/mailbox_setup.hpp"
 #include "network/members.hpp"
 #include "network/newcomer.hpp"
 #include "network/places.hpp"
 #include "network/recovery.hpp"
+#include "network/ring_reading.hpp"
 #include "network/survey.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
@@ -21,136 +22,6 @@ namespace margay {
 namespace {
 
 namespace reg = wire::reg;
-
-// Marks a search as executing, until it is destroyed. No scan begins meanwhile.
-class Searching {
-  public:
-    explicit Searching(Network& network) : network_(network) { network_.searching = true; }
-    Searching(const Searching&) = delete;
-    Searching& operator=(const Searching&) = delete;
-    ~Searching() { network_.searching = false; }
-
-  private:
-    Network& network_;
-};
-
-// ------------------------------------------------------------------ the places of the ring
-
-Task<Result<>> read_place(Network& network, std::uint16_t n) {
-    std::array<std::byte, 2> address{};
-    std::array<std::byte, 2> dl_status{};
-    const RingPosition at{n};
-    Datagram look(network.engine.link(), wire::Command::APRD, {at, reg::kStationAddress.address},
-                  MutableBytes(address));
-    Datagram ports(network.engine.link(), wire::Command::APRD, {at, reg::kDlStatus.address}, MutableBytes(dl_status));
-    co_await together(look, ports);
-    for (const Datagram* d : {&look, &ports}) {
-        if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = Step::recover};
-        if (d->reply().wkc != 1) co_return Error{.code = Errc::unstable, .step = Step::recover};
-    }
-    network.ring[n] = {.address = load_le<std::uint16_t>(address), .dl_status = load_le<std::uint16_t>(dl_status)};
-    co_return Nothing{};
-}
-
-// Whether more than one slave has the station address.
-Task<Result<bool>> is_of_two(Station station) {
-    auto seen = co_await read<std::uint8_t>(station, reg::kType, Step::recover);
-    const bool two = seen.error().code == Errc::working_counter && seen.error().actual > 1;
-    co_return two;
-}
-
-// Two slaves with the station address of one slave of the table: a slave has come from another machine, where it had
-// that address. Nobody knows which of them is the right one, so both lose the address and their FMMUs, and the next
-// search identifies both. While a request uses the slave of the table, this search leaves them as they are. Returns
-// whether the ring must be read again.
-Task<Result<bool>> end_clashes(Network& network) {
-    ByAddress table(network);
-    const auto ring = network.seen_ring();
-    bool any = false;
-    for (std::size_t n = 0; n < ring.size(); ++n) {
-        const std::uint16_t address = ring[n].address;
-        const auto behind = ring.subspan(n + 1);
-        if (std::ranges::find(behind, address, &RingPlace::address) == behind.end()) continue;
-        Slave* known = table.find(address);
-        if (known == nullptr) continue;
-        Slave& slave = *known;
-        const Station both{network.engine, {address}, 0};
-        const bool two = co_await required(is_of_two(both));
-        if (!two) co_return true;   // the ring has changed while it was read
-        drop_work(network, slave);  // a hook of the supervision may last for any time
-        if (network.marks(slave).in_use) {
-            for (RingPlace& place : behind) place.unasked |= place.address == address;
-            continue;
-        }
-        any = true;
-        const SlaveToken token(network.marks(slave));
-        if (slave.al.state != AlState::none) note_lost(network, slave);
-        co_await completion(unmap(both));  // neither of them may answer for the slave
-        auto reset = co_await write<std::uint16_t>(both, reg::kStationAddress, 0, Step::recover);
-        (void)reset;  // the working counter is 2
-    }
-    co_return any;
-}
-
-void store_places(Network& network) {
-    store_topology(network.seen_ring(), network.slaves());
-    if (network.topology_read) remember_places(network);
-}
-
-// Assigns the places of the ring to the slaves that answer, by their station addresses. The other places are not
-// assigned yet. A slave that was lost and has its address belongs to readmit_slave(), which may be working on it; an
-// address that no slave has had since the scan comes from an earlier master.
-void recognise(Network& network) {
-    ByAddress table(network);
-    for (Slave& slave : network.slaves()) slave.ring_position = 0;
-    for (RingPlace& place : network.seen_ring()) {
-        Slave* known = table.find(place.address);
-        if (known == nullptr) continue;
-        Slave& slave = *known;
-        if (slave.ring_position != 0 || (is_lost(network, slave) && !slave.seen)) continue;
-        slave.ring_position = 1;
-        place.slave = slave.number;
-    }
-    network.topology_read = find_topology(network.seen_ring(), network.parts_read).ok();
-    store_places(network);
-}
-
-// Reads all places of the ring.
-Task<Result<>> read_places(Network& network) {
-    auto roll = co_await read_all_states(network);
-    for (int more = 5; !roll && more > 0; --more) roll = co_await read_all_states(network);
-    if (!roll) co_return roll.error();
-    if (roll->count > network.ring.size())
-        co_return Error{.code = Errc::capacity,
-                        .step = Step::recover,
-                        .expected = roll->count,
-                        .actual = static_cast<std::uint32_t>(network.ring.size())};
-    network.parts_read = network.ring_parts();
-    Crew crew(network.tasks);
-    for (std::uint16_t n = 0; n < roll->count; ++n) {
-        while (crew.full()) co_await crew.one();
-        while (!crew.start(read_place(network, n))) {
-            if (crew.running() == 0)
-                co_return Error{.code = Errc::capacity, .step = Step::recover, .detail = Error::kTasks};
-            co_await crew.one();
-        }
-    }
-    co_await crew.all();
-    if (crew.first_error().code != Errc::none) co_return crew.first_error();
-    // The ring was broken, or closed, or at another place, while it was read.
-    if (!network.parts_read.divides_like(network.ring_parts()))
-        co_return Error{.code = Errc::unstable, .step = Step::recover};
-    network.ring_count = roll->count;
-    co_return Nothing{};
-}
-
-Task<Result<>> read_ring(Network& network) {
-    co_await required(read_places(network));
-    const auto clashes = co_await required(end_clashes(network));
-    recognise(network);
-    if (clashes) co_return Error{.code = Errc::unstable, .step = Step::recover};
-    co_return Nothing{};
-}
 
 bool is_below_break(std::span<const RingPlace> ring, std::uint16_t at) {
     while (ring[at - 1U].parent != 0) at = ring[at - 1U].parent;
@@ -367,15 +238,6 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
 
 }  // namespace
 
-Task<Result<BroadcastState>> read_all_states(Network& network) {
-    std::array<std::byte, 2> states{};
-    Datagram look(network.engine.link(), wire::Command::BRD, {std::uint16_t{0}, reg::kAlStatus.address},
-                  MutableBytes(states), Repeat::no);
-    auto reply = co_await look;
-    if (!reply.ok()) co_return Error{.code = reply.errc, .step = Step::count_slaves};
-    co_return BroadcastState{.count = reply.wkc, .al_status = load_le<std::uint16_t>(states)};
-}
-
 Task<Result<std::uint16_t>> find_lost(Network& network) {
     const Searching searching(network);
     co_await required(read_ring(network));
@@ -420,82 +282,6 @@ void note_lost(Network& network, Slave& slave) {
     slave.ring_position = 0;
     network.marks(slave).settled = AlState::none;
     leave_exchange(network, slave);
-}
-
-void doubt_all(Network& network, bool away) {
-    for (const Slave& slave : network.slaves())
-        if (is_known(slave)) network.marks(slave).doubt(away);
-    if (!away) return;
-    for (const Slave& slave : network.slaves()) {
-        if (!is_known(slave)) continue;
-        drop_work(network, slave);  // what waits, for example in a hook, would go on with another machine
-        // Mail in BOOT goes on: its firmware may be incomplete, and a device that was exchanged is not in BOOT.
-        if (network.has_mailbox(slave) && slave.al.state != AlState::boot)
-            network.mailbox(slave).interrupt(Errc::identity_unread);
-    }
-    settle_groups(network);
-}
-
-bool note_silence(Network& network) {
-    if (network.supervised) return network.silence_noted = false;
-    network.silence_noted |= network.engine.link().take_longest_silence() >= kSilentFrames;
-    return network.silence_noted;
-}
-
-namespace {
-
-// The cycles of its group show that the slave is there: the two last ones, and none is overdue.
-bool is_shown_by_cycles(Network& network, const Slave& slave) {
-    if (!slave.takes_part || !is_mapped(network, slave)) return false;
-    const ProcessGroup& group = network.process.groups[slave.image.group];
-    if (group.overlap.sets > 1) return true;
-    const CyclePace& pace = group.pace;
-    return pace.last <= later(pace.before, Link::kPause) && network.engine.now() <= later(pace.last, Link::kPause);
-}
-
-// While the cycles of other slaves go on: those that no cycle shows may have been exchanged.
-bool doubt_unshown(Network& network) {
-    bool any = false;
-    for (const Slave& slave : network.slaves()) {
-        if (!is_known(slave) || slave.al.state == AlState::none || is_shown_by_cycles(network, slave)) continue;
-        network.marks(slave).doubt(false);
-        any = true;
-    }
-    return any;
-}
-
-}  // namespace
-
-bool doubt_unseen(Network& network) {
-    if (network.supervised) return false;
-    const bool long_ago = network.is_unobserved();
-    bool unseen = network.engine.link().take_pause(network.engine.now()) && long_ago;
-    for (ProcessGroup& group : network.process.groups) {
-        if (!group.mapped || group.mapping || !is_right(group)) continue;
-        unseen |= group.fell_short && group.was_right;
-        group.fell_short = false;
-        group.was_right = true;
-    }
-    if (unseen) doubt_all(network, false);
-    return unseen || (long_ago && doubt_unshown(network));
-}
-
-void doubt_reply(Network& network) {
-    if (!network.supervised || network.engine.link().longest_silence() < kSilentFrames) return;
-    bool more = false;
-    for (const Slave& slave : network.slaves()) {
-        if (!is_known(slave) || network.marks(slave).was_away) continue;
-        network.marks(slave).doubt(true);
-        more = true;
-    }
-    if (more) settle_groups(network);
-}
-
-bool doubt_after_silence(Network& network) {
-    if (!note_silence(network)) return false;
-    network.silence_noted = false;
-    doubt_all(network, true);
-    return true;
 }
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
@@ -554,11 +340,6 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     co_await required(unmap(network.station(slave)));
     co_await completion(rename(network, slave.station_address, 0));  // or the search finds it at this address again
     co_return same;
-}
-
-bool is_identity_unread(const Network& network, const Slave& slave) {
-    const SlaveMarks& marks = network.marks(slave);
-    return marks.was_away && !(slave.al.state == AlState::boot && marks.boot_read);
 }
 
 Task<Result<>> prove_in_boot(Network& network, Slave& slave) {

@@ -5,13 +5,6 @@
 
 namespace margay {
 
-// A roll: the result of one broadcast read of AL status. A lost frame is not sent again. Errors: no_frame.
-struct BroadcastState {
-    std::uint16_t count = 0;
-    std::uint16_t al_status = 0;  // of all slaves, ORed
-};
-[[nodiscard]] Task<Result<BroadcastState>> read_all_states(Network& network);
-
 // Reads the whole ring: the slave and the neighbours of each place. Then identifies the newcomers. A newcomer gets a
 // station address of its own, its identity is read, and it is taken as one of these slaves, if vendor and product are
 // those of that slave, and what expect() says of it (a slave with another revision is read again):
@@ -37,37 +30,12 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 // supervision readmits it.
 [[nodiscard]] Task<Result<AlStatus>> read_anew(Network& network, Slave& slave);
 
-// SlaveMarks::doubt() for all slaves that are known.
-void doubt_all(Network& network, bool away);
-
-// A single lost frame of a cycle or of a reading of all states is not reported. Where every tenth frame is lost, this
-// many consecutive losses occur by chance once in ten thousand million readings.
-inline constexpr std::uint32_t kSilentFrames = 10;
-
-// Without a supervision: doubt_all() when so many frames did not come back since the last call that another machine may
-// be there. Call it before anything is written to a slave. Returns whether it has doubted them.
-bool doubt_after_silence(Network& network);
-// Without a supervision: doubts all slaves when a machine may have been exchanged that no silence shows. Nothing was
-// sent for long, or a cycle that had been right fell short and is right again. Returns whether it has doubted them.
-bool doubt_unseen(Network& network);
-// With a supervision, before the reply of an overlapped cycle is evaluated: doubts all slaves when a silence has ended
-// that the supervision has not noted yet. Ends no sequence: the supervision does that with its next roll. Cheap.
-void doubt_reply(Network& network);
-// The same as doubt_after_silence(), but the slaves are doubted in the next poll(): for calls within hooks and
-// callbacks, since doubt_all() ends sequences, perhaps the one that is executing. Returns whether such a silence was
-// noted.
-bool note_silence(Network& network);
-
 // Compares the identity of the slave that answers at the address of `slave` with the known one, and of a member of a
 // hot connect group that was away, whether it is behind the head of its group. Another slave loses its FMMUs and its
 // station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave, those of reading
 // the SII.
 [[nodiscard]] Task<Result<>> prove(Network& network, Slave& slave);
 
-// Whether another device may have the station address of the slave, so that nothing is sent to it. A slave that was in
-// BOOT is not refused once a reading has shown that it still is: its firmware may be incomplete, and a device that was
-// exchanged is mostly not in BOOT.
-[[nodiscard]] bool is_identity_unread(const Network& network, const Slave& slave);
 // prove() for a slave in BOOT. Errors besides those of prove(): identity_unread (its firmware uses the EEPROM, or mail
 // is under way).
 [[nodiscard]] Task<Result<>> prove_in_boot(Network& network, Slave& slave);

@@ -1,6 +1,7 @@
 #include "network/states.hpp"
 
 #include "network/boot.hpp"
+#include "network/doubt.hpp"
 #include "network/expectation.hpp"
 #include "network/search.hpp"
 #include "network/transition.hpp"

@@ -2,11 +2,13 @@
 
 #include "network/boot.hpp"
 #include "network/configure.hpp"
+#include "network/doubt.hpp"
 #include "network/expectation.hpp"
 #include "network/line_errors.hpp"
 #include "network/members.hpp"
 #include "network/newcomer.hpp"
 #include "network/recovery.hpp"
+#include "network/ring_reading.hpp"
 #include "network/search.hpp"
 #include "network/settings.hpp"
 #include "network/transition.hpp"

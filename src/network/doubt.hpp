@@ -1,0 +1,35 @@
+// When it is not certain that the slaves are those that they were: after silences, pauses and cycles that fell short.
+#pragma once
+
+#include "network/network.hpp"
+
+namespace margay {
+
+// SlaveMarks::doubt() for all slaves that are known.
+void doubt_all(Network& network, bool away);
+
+// A single lost frame of a cycle or of a reading of all states is not reported. Where every tenth frame is lost, this
+// many consecutive losses occur by chance once in ten thousand million readings.
+inline constexpr std::uint32_t kSilentFrames = 10;
+
+// Without a supervision: doubt_all() when so many frames did not come back since the last call that another machine may
+// be there. Call it before anything is written to a slave. Returns whether it has doubted them.
+bool doubt_after_silence(Network& network);
+// Without a supervision: doubts all slaves when a machine may have been exchanged that no silence shows. Nothing was
+// sent for long, or a cycle that had been right fell short and is right again. Doubts those that no cycle shows while
+// other cycles go on. Returns whether it has doubted any.
+bool doubt_unseen(Network& network);
+// With a supervision, before the reply of an overlapped cycle is evaluated: doubts all slaves when a silence has ended
+// that the supervision has not noted yet. Ends no sequence: the supervision does that with its next roll. Cheap.
+void doubt_reply(Network& network);
+// The same as doubt_after_silence(), but the slaves are doubted in the next poll(): for calls within hooks and
+// callbacks, since doubt_all() ends sequences, perhaps the one that is executing. Returns whether such a silence was
+// noted.
+bool note_silence(Network& network);
+
+// Whether another device may have the station address of the slave, so that nothing is sent to it. A slave that was in
+// BOOT is not refused once a reading has shown that it still is: its firmware may be incomplete, and a device that was
+// exchanged is mostly not in BOOT.
+[[nodiscard]] bool is_identity_unread(const Network& network, const Slave& slave);
+
+}  // namespace margay
