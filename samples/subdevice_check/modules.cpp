@@ -3,6 +3,8 @@
 #include "subdevice_check/check.hpp"
 #include "wire/al_status_code.hpp"
 
+#include <algorithm>
+
 namespace margay::samples::conformance {
 namespace {
 
@@ -124,14 +126,20 @@ void check_match(Session& session) {
 void check_mismatch(Session& session) {
     const auto idents = detected_modules(session);
     const KeptList kept(session);
-    auto other = idents;
+    auto plugged = idents;
+    while (!plugged.empty() && plugged.back() == 0) plugged.pop_back();  // empty slots behind the last module
+    auto other = plugged;
     if (other.empty()) other.push_back(0);
     other.front() ^= 1;
-    auto fewer = idents;
+    auto fewer = plugged;
     if (!fewer.empty()) fewer.pop_back();
-    if (!fewer.empty() && fewer.back() == 0) fewer.clear();
-    for (const auto& wrong : {other, fewer}) {
-        if (wrong.empty()) continue;  // no expectation
+    auto more = plugged;  // a module that is not there
+    if (more.size() < session.sdo.number(kGeneral, 2).value_or(0))
+        more.push_back(more.empty() || more.back() == 0 ? 1 : more.back());
+    auto exchanged = plugged;
+    std::ranges::reverse(exchanged);
+    for (const auto& wrong : {other, fewer, more, exchanged}) {
+        if (wrong.empty() || wrong == plugged) continue;  // no expectation, or the right one
         const auto status = start_with(session, wrong);
         if (status.state != AlState::preop || !status.error)
             session.bench.fail(

@@ -117,6 +117,15 @@ void Device::set_mask(std::uint32_t mask) {
     write_register(esc_, reg::kAlEventMask.address, mask);
 }
 
+// The sizes of modules that do not match are wrong, too: the master must be told of the modules.
+ProcessDataSizes Device::process_data_sizes() {
+    auto sizes = process_data_.sizes();
+    const auto* const modules = application_.modules();
+    const auto mismatch = modules != nullptr && !process_data_.running() ? modules->check() : AlStatusCode::none;
+    if (mismatch != AlStatusCode::none) sizes.fault = mismatch;
+    return sizes;
+}
+
 Verdict Device::before(Transition transition, Time now) {
     if (transition.from == AlState::init && mailbox_ != nullptr && !mailbox_->fits())
         return Verdict::refuse(AlStatusCode::no_memory);

@@ -75,7 +75,7 @@ class Device final : private EsmClient {
 
   private:
     std::uint16_t device_id() override { return application_.device_id(); }
-    ProcessDataSizes process_data_sizes() override { return process_data_.sizes(); }
+    ProcessDataSizes process_data_sizes() override;
     Verdict before(Transition transition, Time now) override;
     void dropped(Transition transition) override;
     void perform(Transition transition, Time now) override;

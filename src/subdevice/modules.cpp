@@ -28,13 +28,15 @@ void Modules::show_list(std::uint16_t list, unsigned nth, std::uint32_t number) 
     for (std::size_t i = 0; i < memory.size(); ++i) memory[i] = static_cast<std::byte>(number >> (8 * i));
 }
 
-// The list ends with the last slot that is not empty.
+// The list ends with the last slot that is not empty. An interrupt handler may call detect() between two sections.
 void Modules::show_detected() {
-    unsigned count = 0;
     for (unsigned slot = 1; slot <= device_.slots; ++slot) {
+        const Guard guard(dictionary_->lock());
         show_list(kDetectedModules, slot, detected_[slot - 1]);
-        if (detected_[slot - 1] != 0) count = slot;
     }
+    const Guard guard(dictionary_->lock());
+    unsigned count = device_.slots;
+    while (count != 0 && detected_[count - 1] == 0) --count;
     show_list(kDetectedModules, 0, count);
 }
 

@@ -426,6 +426,7 @@ class ObjectDictionary {
     // The objects of the modules, ascending by index, and the distance between the indices of two slots. Modules calls
     // it. Other objects of modules must not be in use meanwhile.
     void set_modules(std::span<const Object> objects, std::uint16_t distance) {
+        const Guard guard(lock_);
         modules_ = objects;
         module_distance_ = distance;
     }
