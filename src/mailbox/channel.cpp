@@ -175,8 +175,7 @@ bool MailboxChannel::pick_message() {
 
 bool MailboxChannel::expecting() const {
     const bool held_up = now() < send_at_ && !queue_.empty();  // it may want to be rid of its own mail first
-    return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || now() < late_until_ ||
-           is_owed();
+    return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || now() < late_until_ || is_owed();
 }
 
 // Beside a message, the channel looks for mail that no exchange waits for: otherwise messages that follow each other

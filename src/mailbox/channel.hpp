@@ -83,8 +83,8 @@ class MailboxChannel {
 
     // A reply of this protocol and key may still arrive, until then. Exchanges of the same key wait.
     void owe_reply(wire::MailboxType type, std::uint64_t key, Time until);
-    // A reply to an earlier CoE or FoE request may still arrive, and it would be taken for the reply to a request of this
-    // key. It lasts until the slave has answered a later request, because it answers them in their order.
+    // A reply to an earlier CoE or FoE request may still arrive, and it would be taken for the reply to a request of
+    // this key. It lasts until the slave has answered a later request, because it answers them in their order.
     [[nodiscard]] bool is_doubtful(std::uint64_t key) const;
     // The slave has not yet taken the message that ends an earlier CoE operation.
     [[nodiscard]] bool is_fenced() const { return owed_[0].fences != 0; }

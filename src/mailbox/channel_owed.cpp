@@ -174,7 +174,8 @@ Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
     FinalClient client(Bytes(message.octets).first(message.bytes));
     const Duration patience = fence.stands() ? mail_timing::kFencePatience : mail_timing::kFinalPatience;
     const Time most = later(now(), patience);
-    MailExchange exchange(*this, message.type, client, {.patience = {.give_up = most, .each = patience}, .reply = false});
+    MailExchange exchange(*this, message.type, client,
+                          {.patience = {.give_up = most, .each = patience}, .reply = false});
     constexpr MailPriority kBeforeAll = 3;
     exchange.priority = kBeforeAll;
     const Error failed = co_await exchange;

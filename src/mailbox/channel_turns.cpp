@@ -192,8 +192,8 @@ void MailboxChannel::interrupt(Errc reason) {
     // The slave may have the message on the wire: the next one needs another counter.
     if (sending_ != nullptr) out_counter_ = trial_counter_;
     // It still answers what it has received.
-    const bool owes = !awaiting_.empty() || (sending_ != nullptr && sending_->options_.reply) ||
-                      now() < late_until_ || is_owed() || owed_[0].lasts;
+    const bool owes = !awaiting_.empty() || (sending_ != nullptr && sending_->options_.reply) || now() < late_until_ ||
+                      is_owed() || (owed_[0].mails != 0 && owed_[0].lasts);
     away_ = true;
     end_exchanges(reason);
     if (owes) owe_all();

@@ -82,7 +82,7 @@ Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t nu
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
         const auto key = mail_key::of(mail_key::Kind::tx_pdo, number);
         if (channel.is_doubtful(key)) {
-            auto settled = co_await settle_owed(channel, session, key, patience);
+            auto settled = co_await settle_owed(channel, session, key, patience, Step::none);
             if (!settled) co_return pdo_error(settled.error(), channel, number);
         }
         MailExchange exchange(session, pdo, {.patience = patience, .key = key});

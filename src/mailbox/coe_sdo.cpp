@@ -84,13 +84,15 @@ constexpr Duration kSoonLate = std::chrono::milliseconds(5);
 
 }  // namespace
 
-Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::uint64_t key, MailPatience patience) {
+Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::uint64_t key, MailPatience patience,
+                           Step step) {
     Engine& engine = channel.engine();
+    const SdoObject about{.index = static_cast<std::uint16_t>(key >> 8), .subindex = static_cast<std::uint8_t>(key)};
     patience.give_up = patience.for_one(engine.now());
     for (Time soon = later(engine.now(), kSoonLate); channel.is_doubtful(key) && engine.now() < soon;) {
-        if (engine.now() >= patience.give_up) co_return Error{.code = Errc::timeout};
+        if (engine.now() >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, about, step);
         co_await engine.sleep_for(kUntilReady);
-        if (!session.holds()) co_return Error{.code = channel.cut_by()};
+        if (!session.holds()) co_return complete({.code = channel.cut_by()}, channel, about, step);
         if (channel.is_fenced()) soon = later(engine.now(), kSoonLate);
     }
     Error failed{.code = Errc::reply_lost};
@@ -103,7 +105,7 @@ Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::u
         if (failed.code == Errc::none) channel.other_question = !channel.other_question;
         if (failed.code == Errc::none || failed.code == Errc::mailbox_error) channel.end_doubt();
     }
-    if (channel.is_doubtful(key)) co_return failed;
+    if (channel.is_doubtful(key)) co_return complete(failed, channel, about, step);
     co_return Nothing{};
 }
 
@@ -125,10 +127,8 @@ Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, cons
             co_return complete({.code = channel.cut_by()}, channel, transfer.object(), step);
         }
         if (transfer.over()) break;
-        if (channel.is_doubtful(transfer.key())) {
-            auto settled = co_await settle_owed(channel, session, transfer.key(), patience);
-            if (!settled) co_return complete(settled.error(), channel, transfer.object(), step);
-        }
+        if (channel.is_doubtful(transfer.key()))
+            co_await required(settle_owed(channel, session, transfer.key(), patience, step));
         guard.refused = false;
         MailExchange exchange(session, transfer, {.patience = patience, .key = transfer.key()});
         const Error failed = co_await exchange;

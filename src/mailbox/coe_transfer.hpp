@@ -44,9 +44,7 @@ class SdoTransfer : public MailClient {
     [[nodiscard]] const SdoObject& object() const { return object_; }
     // Distinguishes exchanges of different objects; see MailExchange::Options.
     [[nodiscard]] std::uint64_t key() const {
-        return phase_ == Phase::segments
-                   ? 0
-                   : mail_key::of(mail_key::Kind::sdo, object_.index, object_.subindex);
+        return phase_ == Phase::segments ? 0 : mail_key::of(mail_key::Kind::sdo, object_.index, object_.subindex);
     }
 
   protected:

@@ -185,8 +185,8 @@ EoeRelay::Assembly* EoeRelay::place_for(const eoe::Header& header) {
     return &*place;
 }
 
-// A frame begins. Frame numbers have 4 bits, and slaves count up: a frame whose number lies 8 or more behind will not be
-// completed, and the next frame with its number must not be taken for it.
+// A frame begins. Frame numbers have 4 bits, and slaves count up: a frame whose number lies 8 or more behind will not
+// be completed, and the next frame with its number must not be taken for it.
 void EoeRelay::drop_old(const eoe::Header& header) {
     constexpr unsigned kNumbers = 16;
     const auto behind = [&](unsigned number) { return (header.frame_number - number) % kNumbers; };

@@ -22,8 +22,8 @@ namespace margay {
 
 class MailboxChannel;
 
-// The keys of exchanges, see MailExchange::Options: the kind in the upper half, and what distinguishes exchanges of this
-// kind in the lower half.
+// The keys of exchanges, see MailExchange::Options: the kind in the upper half, and what distinguishes exchanges of
+// this kind in the lower half.
 namespace mail_key {
 enum class Kind : std::uint8_t { none, sdo, sdo_information, tx_pdo, foe, soe, eoe };
 [[nodiscard]] constexpr std::uint64_t of(Kind kind, std::uint32_t which = 0) {
@@ -119,7 +119,7 @@ class MailExchange : public MailTurn {
     wire::MailboxType type_;
     State state_ = State::idle;
     Time wanted_until_ = kNever;  // the timeout of the reply
-    Error error_;  // before State::over: an error reply that may be the answer
+    Error error_;                 // before State::over: an error reply that may be the answer
     Engine::Sleep::Timer timer_;
 };
 

@@ -7,8 +7,8 @@
 //
 // Repetitions. A slave that is busy answers so, and the client sends its last message again. Some slaves then answer
 // twice, once when they are no longer busy and once to the repeated message. So a reply to one of the last messages is
-// ignored; only a reply that cannot be one ends the transfer. A second answer may also come behind the transfer: the next
-// one waits for it (foe.cpp).
+// ignored; only a reply that cannot be one ends the transfer. A second answer may also come behind the transfer: the
+// next one waits for it (foe.cpp).
 //
 // Hostile slaves. Nothing that a slave sends is stored beyond one packet of the size of its mailbox. Ignored mail does
 // not prolong the wait for an answer, and foe.cpp limits how long a slave may be busy.

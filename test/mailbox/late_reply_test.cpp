@@ -83,7 +83,7 @@ class LateReply : public testing::Test {
         const Bytes data = Bytes(mail).subspan(wire::kMailboxHeaderBytes);
         if (type == MailboxType::eoe) {
             ++eoe_asked;
-            return {eoe_asked == 1 ? slow : 1ms, {mail_bytes({7, 1, 0, 0, 0x10, 0, 0, 0, 10, 0, 0, eoe_asked})}};
+            return {eoe_asked == 1 ? slow : 1ms, {mail_bytes({7, 1, 0, 0, 2, 0, 0, 0, eoe_asked, 0, 0, 10})}};
         }
         if (type != MailboxType::coe || data[2] == std::byte{0x80}) return {};
         const auto index = load_le<std::uint16_t>(data, 3);
@@ -101,7 +101,8 @@ class LateReply : public testing::Test {
             packet = 1;
             return {first == 'a' || first == 'A' ? slow : 0ms, {part()}};
         }
-        const bool next = asked.opcode == foe::Opcode::acknowledge && asked.word == packet && packet * 52 <= open.size();
+        const bool next =
+            asked.opcode == foe::Opcode::acknowledge && asked.word == packet && packet * 52 <= open.size();
         if (!next) return {};
         ++packet;
         return {0ms, {part()}};
@@ -228,8 +229,7 @@ TEST_F(LateReply, OfEoeIsNotTakenBehindAFrame) {
     begin(second);
     slave.run(second);
     EXPECT_EQ(second.error().code, Errc::none) << bus.words(second.error());
-    EXPECT_EQ(eoe_asked, 2U);
-    EXPECT_GT(bus.osal.now().time_since_epoch(), slow);
+    EXPECT_EQ(second.ip.address, (Ipv4Address{10, 0, 0, 2}));
 }
 
 // However long the slave takes, also longer than the timeout.
