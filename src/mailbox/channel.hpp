@@ -43,7 +43,7 @@ inline constexpr Duration kOwedPatience = std::chrono::milliseconds(100);
 // For the message that ends an operation early.
 inline constexpr Duration kFinalPatience = std::chrono::seconds(1);
 // The same for a slave that still works on the message before.
-inline constexpr Duration kFencePatience = std::chrono::seconds(15);
+inline constexpr Duration kFencePatience = std::chrono::seconds(9);
 }  // namespace mail_timing
 
 class MailboxChannel {
