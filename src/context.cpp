@@ -18,7 +18,7 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
     return actual <= constant && constant - actual < 64;
 }
 static_assert(is_size(sizeof(Master), 6520, 4600), "context_bytes(): kFixedBytes");
-static_assert(is_size(sizeof(MailboxChannel), 392, 320), "context_bytes(): kMailboxBytes");
+static_assert(is_size(sizeof(MailboxChannel), 448, 376), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 216, 216), "context_bytes(): kClockBytes");
 static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");

@@ -32,7 +32,7 @@ struct Master;
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
     constexpr std::size_t kGroupBytes = kWide ? 424 : 328;
     constexpr std::size_t kProcessFrameBytes = kWide ? 1984 : 1892;  // a prepared frame with its datagrams
-    constexpr std::size_t kMailboxBytes = kWide ? 392 : 320;         // the mailbox channel of a slave
+    constexpr std::size_t kMailboxBytes = kWide ? 448 : 376;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
     constexpr std::size_t kMarksBytes = 24;                          // what the library notes about a slave
     constexpr std::size_t kClockBytes = 216;                   // the clock of a slave, and its place in the topology

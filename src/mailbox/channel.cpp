@@ -167,12 +167,7 @@ MailboxChannel::Action MailboxChannel::next_action() {
 }
 
 bool MailboxChannel::pick_message() {
-    const Time t = now();
-    const auto allowed = [&](const MailTurn& turn) {
-        const auto& exchange = static_cast<const MailExchange&>(turn);
-        const std::uint64_t key = exchange.options_.key;
-        return key == 0 || (key != owed_key_ && owed_key_ != kAnyKey) || t >= owed_until_;
-    };
+    const auto allowed = [&](const MailTurn& turn) { return !must_wait(static_cast<const MailExchange&>(turn)); };
     MailTurn* next = next_turn(queue_, allowed);
     sending_ = static_cast<MailExchange*>(next);
     return next != nullptr;
@@ -180,7 +175,9 @@ bool MailboxChannel::pick_message() {
 
 bool MailboxChannel::expecting() const {
     const bool held_up = now() < send_at_ && !queue_.empty();  // it may want to be rid of its own mail first
-    return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || now() < owed_until_;
+    // A late reply that nobody waits for is fetched before the next message.
+    const bool late = now() < late_until_ || (is_owed() && !queue_.empty());
+    return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || late;
 }
 
 // Beside a message, the channel looks for mail that no exchange waits for: otherwise messages that follow each other
@@ -215,7 +212,9 @@ Time MailboxChannel::doze_until() const {
     if (expecting()) until = look_at_;
     if (unsure_ != nullptr) also(resend_at_);
     if (!queue_.empty()) also(send_at_);
-    also(owed_until_);
+    also(late_until_);
+    for (const Owed& owed : owed_)
+        if (owed.mails != 0) also(owed.until);
     return until;
 }
 
@@ -359,8 +358,8 @@ void MailboxChannel::reply_is_lost() {
         auto& exchange = static_cast<MailExchange&>(*turn);
         turn = awaiting_.after(*turn);
         if (&exchange == unsure_) continue;  // this message may not have arrived, and is sent again
-        owed_key_ = exchange.options_.key;
-        owed_until_ = now() + mail_timing::kOwedPatience;
+        late_until_ = now() + mail_timing::kOwedPatience;
+        (void)owe(exchange.type_, exchange.options_.key, exchange.options_.mails, late_until_);
         finish(exchange, lost);
     }
 }

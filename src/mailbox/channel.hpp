@@ -37,10 +37,13 @@ inline constexpr Duration kLongestPause = std::chrono::milliseconds(1);
 // For a message that may not have arrived.
 inline constexpr Duration kResendAfter = std::chrono::milliseconds(20);
 inline constexpr Duration kRepeatPatience = std::chrono::milliseconds(100);
-// For the reply to an exchange that was given up.
+// For the reply to an exchange that was given up: at least so long, and from the time at which the slave has taken the
+// message that ends the operation.
 inline constexpr Duration kOwedPatience = std::chrono::milliseconds(100);
 // For the message that ends an operation early.
 inline constexpr Duration kFinalPatience = std::chrono::seconds(1);
+// The same for a slave that still works on the message before.
+inline constexpr Duration kFencePatience = std::chrono::seconds(9);
 }  // namespace mail_timing
 
 class MailboxChannel {
@@ -82,6 +85,20 @@ class MailboxChannel {
     static constexpr std::size_t kFinalBytes = 16;
     void send_final_message(wire::MailboxType type, Bytes data);
 
+    // A reply of this protocol and key may still arrive, until then. Exchanges of the same key wait.
+    void owe_reply(wire::MailboxType type, std::uint64_t key, Time until);
+    // A reply to an earlier CoE or FoE request may still arrive, and it would be taken for the reply to a request of
+    // this key. It lasts until the slave has answered a later request, because it answers them in their order.
+    [[nodiscard]] bool is_doubtful(std::uint64_t key) const;
+    // The slave has not yet taken the message that ends an earlier CoE operation.
+    [[nodiscard]] bool is_fenced() const { return owed_[0].fences != 0; }
+    // The slave has answered a later request.
+    void end_doubt() { owed_[0].mails = 0; }
+    // The key of the reply that may still arrive; mail_key::kAny: there are several.
+    [[nodiscard]] std::uint64_t owed_key() const { return owed_[0].key; }
+    // Whether the mail can be a reply to an exchange of this key.
+    [[nodiscard]] static bool can_answer(std::uint64_t key, const wire::MailboxMessage& mail);
+
     // Looks for mail until the mailbox is empty. A slave that does not answer gets 100 looks.
     void glance();
     // The same for a look that is repeated regularly: none while the channel looks by itself, or while a mapped bit
@@ -117,6 +134,8 @@ class MailboxChannel {
 
     // Set when the slave has refused complete access.
     bool no_complete_access = false;
+    // Alternates with each question of settle_owed().
+    bool other_question = false;
     // Whether complete access may be used: the slave has not refused it, and the application has not disabled it.
     [[nodiscard]] bool whole_objects() const { return !no_complete_access && !slave_->config.no_complete_access; }
 
@@ -143,7 +162,31 @@ class MailboxChannel {
         std::uint8_t bytes = 0;
         std::array<std::byte, kFinalBytes> octets{};
     };
+    // Replies that may still arrive, of one protocol or several: owed_of().
+    struct Owed {
+        std::uint64_t key = 0;
+        Time until = Time::min();
+        wire::MailboxType type{};  // error: several
+        std::uint8_t mails = 0;    // so many mails may still arrive; 0: none is owed
+        std::uint8_t fences = 0;   // final messages that the slave has not taken; until then, time does not count
+        bool lasts = false;        // see is_doubtful()
+    };
+    class Fence;
+
+    // channel_owed.cpp: late replies, and the messages that end operations early
     Task<Result<>> deliver(FinalMessage message);
+    [[nodiscard]] Owed& owed_of(wire::MailboxType type) { return owed_[owed_place(type)]; }
+    [[nodiscard]] static std::size_t owed_place(wire::MailboxType type);
+    Owed& owe(wire::MailboxType type, std::uint64_t key, std::uint8_t mails, Time until);
+    [[nodiscard]] bool must_wait(const MailExchange& exchange) const;
+    [[nodiscard]] bool is_owed() const;
+    [[nodiscard]] static bool is_current(const Owed& owed, Time now) {
+        return owed.mails != 0 && (now < owed.until || owed.fences != 0);
+    }
+    void note_late(const wire::MailboxMessage& mail);
+    void note_answered(const MailExchange& exchange);
+    void owe_all();
+
     void enqueue(MailExchange& exchange);
     void forget(MailExchange& exchange);
     void prolong(MailExchange& exchange);
@@ -190,7 +233,7 @@ class MailboxChannel {
 
     static constexpr std::uint8_t kMostStale = 16;         // a slave that always has mail must not prevent sending
     static constexpr std::uint8_t kMostSilentLooks = 100;  // one millisecond each
-    static constexpr std::uint64_t kAnyKey = UINT64_MAX;   // of owed_key_: a reply to any request may still arrive
+    static constexpr std::size_t kOwedPlaces = 3;          // CoE, FoE, and all other protocols
 
     // A context has a channel for each slave, so the members are in the order of their sizes.
     bool open_ = false;
@@ -247,8 +290,8 @@ class MailboxChannel {
     Time repeat_until_ = kNever;
     // A reply that was asked for by a repeat request is lost when it has not arrived until then.
     Time lost_at_ = kNever;
-    std::uint64_t owed_key_ = 0;
-    Time owed_until_ = Time::min();
+    std::array<Owed, kOwedPlaces> owed_;
+    Time late_until_ = Time::min();  // until then, the channel looks for mail of exchanges that were given up
     // A message without reply was sent: until then an error reply may belong to it.
     Time unanswered_until_ = Time::min();
     Time fetched_at_ = Time::min();

@@ -33,7 +33,7 @@ void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
     if (answers(mail, 0)) return;
     if (mailboxes_->offer({.slave = number_, .type = mail.header.type, .data = mail.data, .at = now()})) return;
     ++statistics_.unexpected;
-    owed_until_ = Time::min();  // most likely this was the late reply
+    note_late(mail);
 }
 
 // A slave answers to the address in the header of the message. `to`: 0, or the address that an exchange must have
@@ -46,8 +46,10 @@ bool MailboxChannel::answers(const wire::MailboxMessage& mail, std::uint16_t to)
         if (taken == MailClient::Taken::no) continue;
         if (taken == MailClient::Taken::more)
             prolong(exchange);
-        else
+        else {
+            note_answered(exchange);
             finish(exchange, {});
+        }
         return true;
     }
     return false;

@@ -25,7 +25,8 @@ bool MailExchange::await_suspend(std::coroutine_handle<> h) noexcept {
         return false;
     }
     state_ = State::queued;
-    channel_.engine().sleep(timer_, h, options_.patience.for_one(channel_.engine().now()));
+    wanted_until_ = options_.patience.for_one(channel_.engine().now());
+    channel_.engine().sleep(timer_, h, wanted_until_);
     channel_.enqueue(*this);
     return true;
 }
@@ -49,7 +50,8 @@ void MailboxChannel::enqueue(MailExchange& exchange) {
 void MailboxChannel::prolong(MailExchange& exchange) {
     exchange.error_ = {};
     exchange.timer_.unlink();
-    engine_->sleep(exchange.timer_, exchange.timer_.handle, exchange.options_.patience.for_one(now()));
+    exchange.wanted_until_ = exchange.options_.patience.for_one(now());
+    engine_->sleep(exchange.timer_, exchange.timer_.handle, exchange.wanted_until_);
 }
 
 void MailboxChannel::finish(MailExchange& exchange, const Error& error) {
@@ -62,7 +64,8 @@ void MailboxChannel::finish(MailExchange& exchange, const Error& error) {
     engine_->wake(exchange.timer_);
 }
 
-// The exchange is given up. The slave still processes a message that was sent.
+// The exchange is given up. The slave still processes a message that was sent. Its reply is waited for as long as the
+// exchange itself would have waited, unless the next exchanges can tell it from theirs.
 void MailboxChannel::forget(MailExchange& exchange) {
     exchange.unlink();
     const bool out = exchange.state_ == MailExchange::State::sent || sending_ == &exchange;
@@ -70,8 +73,12 @@ void MailboxChannel::forget(MailExchange& exchange) {
     if (unsure_ == &exchange) unsure_ = nullptr;
     if (awaiting_.empty()) lost_at_ = kNever;
     if (out && exchange.options_.reply) {
-        owed_key_ = exchange.options_.key;
-        owed_until_ = now() + mail_timing::kOwedPatience;
+        const auto& options = exchange.options_;
+        late_until_ = now() + mail_timing::kOwedPatience;
+        const Time most = options.distinct ? late_until_ : std::max(late_until_, exchange.wanted_until_);
+        Owed& owed = owe(exchange.type_, options.key, options.mails, most);
+        const bool foe = exchange.type_ == wire::MailboxType::foe && !options.distinct;
+        owed.lasts |= options.key != 0 && (foe || exchange.type_ == wire::MailboxType::coe);
     }
     kick();
 }
@@ -185,10 +192,11 @@ void MailboxChannel::interrupt(Errc reason) {
     // The slave may have the message on the wire: the next one needs another counter.
     if (sending_ != nullptr) out_counter_ = trial_counter_;
     // It still answers what it has received.
-    const bool owes = !awaiting_.empty() || (sending_ != nullptr && sending_->options_.reply) || now() < owed_until_;
+    const bool owes = !awaiting_.empty() || (sending_ != nullptr && sending_->options_.reply) || now() < late_until_ ||
+                      is_owed() || (owed_[0].mails != 0 && owed_[0].lasts);
     away_ = true;
     end_exchanges(reason);
-    if (owes) owed_key_ = kAnyKey;
+    if (owes) owe_all();
 }
 
 void MailboxChannel::resume() {
@@ -196,7 +204,9 @@ void MailboxChannel::resume() {
     silent_looks_ = 0;
     glance_ = true;
     stale_ = kMostStale;
-    if (owed_key_ == kAnyKey) owed_until_ = now() + mail_timing::kOwedPatience;
+    const Time until = now() + mail_timing::kOwedPatience;
+    for (Owed& owed : owed_)
+        if (owed.mails != 0) owed.until = late_until_ = until;
 }
 
 void MailboxChannel::end_exchanges(Errc why) {
@@ -217,47 +227,10 @@ void MailboxChannel::end_exchanges(Errc why) {
     sending_ = unsure_ = nullptr;
     resend_ = glance_ = full_ = watched_by_mailboxes_ = repeated_ = false;
     resend_at_ = lost_at_ = kNever;
-    send_at_ = look_at_ = owed_until_ = fetched_at_ = real_look_at_ = Time::min();
-    owed_key_ = 0;
+    send_at_ = look_at_ = late_until_ = fetched_at_ = real_look_at_ = Time::min();
+    owed_ = {};
     repeat_ = Repeated::no;
     last_failure_ = Errc::none;
-}
-
-namespace {
-
-class FinalClient final : public MailClient {
-  public:
-    explicit FinalClient(Bytes message) : message_(message) {}
-    std::size_t compose(MutableBytes data) override {
-        if (data.size() < message_.size()) return 0;
-        std::ranges::copy(message_, data.begin());
-        return message_.size();
-    }
-    Taken accept(const wire::MailboxMessage&) override { return Taken::no; }
-
-  private:
-    Bytes message_;
-};
-
-}  // namespace
-
-Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
-    FinalClient client(Bytes(message.octets).first(message.bytes));
-    MailExchange exchange(*this, message.type, client,
-                          {.patience = {.give_up = later(now(), mail_timing::kFinalPatience)}, .reply = false});
-    constexpr MailPriority kBeforeAll = 3;
-    exchange.priority = kBeforeAll;
-    const Error failed = co_await exchange;
-    if (failed.code != Errc::none && failed.code != cut_by_) co_return failed;
-    co_return Nothing{};
-}
-
-void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data) {
-    FinalMessage message{.type = type, .bytes = static_cast<std::uint8_t>(data.size())};
-    if (!is_reachable() || data.size() > message.octets.size()) return;
-    std::ranges::copy(data, message.octets.begin());
-    const TaskReference task = deliver(message);
-    if (task) (void)mailboxes_->tasks_.start(task);
 }
 
 void MailboxChannel::glance() {

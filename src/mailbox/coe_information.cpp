@@ -1,5 +1,7 @@
 #include "mailbox/coe_information.hpp"
 
+#include "mailbox/coe_sdo.hpp"
+
 #include <algorithm>
 
 namespace margay {
@@ -198,11 +200,13 @@ Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObj
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused);
     if (channel.send_room() < coe::kEntryRequestBytes) co_return complete({.code = Errc::unsupported});
-    const std::uint64_t key = (std::uint64_t{2} << 32) | (std::uint64_t{about.index} << 8) | about.subindex;
+    const auto key = mail_key::of(mail_key::Kind::sdo_information, about.index, about.subindex);
+    if (channel.is_doubtful(key))
+        co_await required(settle_owed(channel, session, key, patience, Step::sdo_information));
     Error failed{.code = Errc::reply_lost};
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
         if (n != 0) query.restart();
-        MailExchange exchange(session, query, {.patience = patience, .key = key});
+        MailExchange exchange(session, query, {.patience = patience, .key = key, .mails = MailExchange::kManyMails});
         failed = co_await exchange;
     }
     if (failed.code != Errc::none) co_return complete(failed);

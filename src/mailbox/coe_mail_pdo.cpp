@@ -1,5 +1,7 @@
 #include "mailbox/coe_mail_pdo.hpp"
 
+#include "mailbox/coe_sdo.hpp"
+
 #include <margay/coe.hpp>
 
 #include <algorithm>
@@ -78,7 +80,12 @@ Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t nu
     TxPdo pdo(number, into);
     Error failed{.code = Errc::reply_lost};
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
-        MailExchange exchange(session, pdo, {.patience = patience, .key = (std::uint64_t{3} << 32) | number});
+        const auto key = mail_key::of(mail_key::Kind::tx_pdo, number);
+        if (channel.is_doubtful(key)) {
+            auto settled = co_await settle_owed(channel, session, key, patience, Step::none);
+            if (!settled) co_return pdo_error(settled.error(), channel, number);
+        }
+        MailExchange exchange(session, pdo, {.patience = patience, .key = key});
         failed = co_await exchange;
     }
     if (failed.code != Errc::none) co_return pdo_error(failed, channel, number);

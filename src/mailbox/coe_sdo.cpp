@@ -11,7 +11,8 @@ namespace coe = wire::coe;
 namespace {
 
 // Sends an abort to the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled
-// request.
+// request. Also when the slave has not answered the first message: it need not go on, and a slave that works on one
+// message at a time takes the abort when it has answered.
 class AbortGuard {
   public:
     AbortGuard(MailboxChannel& channel, const MailSession& session, const SdoTransfer& transfer)
@@ -19,15 +20,46 @@ class AbortGuard {
     AbortGuard(const AbortGuard&) = delete;
     AbortGuard& operator=(const AbortGuard&) = delete;
     ~AbortGuard() {
-        if (transfer_.must_abort() && session_.holds())
+        if ((transfer_.must_abort() || (transfer_.is_unanswered() && !refused)) && session_.holds())
             channel_.send_final_message(wire::MailboxType::coe, transfer_.abort_message());
     }
+    bool refused = false;  // the reply to the last message was an error of the mailbox
 
   private:
     MailboxChannel& channel_;
     const MailSession& session_;
     const SdoTransfer& transfer_;
 };
+
+// A question whose answer shows that the slave has answered all requests before. The late reply itself shows it, too.
+class OrderQuestion final : public MailClient {
+  public:
+    OrderQuestion(const SdoObject& object, std::uint64_t key) : question_(object, value_), key_(key) {}
+    std::size_t compose(MutableBytes data) override { return question_.compose(data); }
+    Taken accept(const wire::MailboxMessage& mail) override {
+        if (question_.accept(mail) != Taken::no) return Taken::all;
+        late = MailboxChannel::can_answer(key_, mail);
+        return late ? Taken::all : Taken::no;
+    }
+    bool late = false;
+
+  private:
+    std::array<std::byte, 8> value_{};
+    SdoUploadTransfer question_;
+    std::uint64_t key_;
+};
+
+// Two objects of every device: an answer that is late itself must not be taken for the answer to the next question.
+constexpr SdoObject kDeviceType{.index = 0x1000};
+constexpr SdoObject kVendorId{.index = 0x1018, .subindex = 1};
+
+const SdoObject& question_for(const MailboxChannel& channel) {
+    const auto key = [](const SdoObject& object) {
+        return mail_key::of(mail_key::Kind::sdo, object.index, object.subindex);
+    };
+    if (channel.owed_key() == key(kDeviceType)) return kVendorId;
+    return channel.other_question && channel.owed_key() != key(kVendorId) ? kVendorId : kDeviceType;
+}
 
 Error complete(Error error, const MailboxChannel& channel, const SdoObject& object, Step step) {
     error.slave = channel.station().number;
@@ -47,8 +79,35 @@ bool ask_again(MailboxChannel& channel, SdoTransfer& transfer) {
 }
 
 constexpr Duration kUntilReady = std::chrono::milliseconds(1);
+// Most replies that are late come so soon. They are waited for before the slave is asked.
+constexpr Duration kSoonLate = std::chrono::milliseconds(5);
 
 }  // namespace
+
+Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::uint64_t key, MailPatience patience,
+                           Step step) {
+    Engine& engine = channel.engine();
+    const SdoObject about{.index = static_cast<std::uint16_t>(key >> 8), .subindex = static_cast<std::uint8_t>(key)};
+    patience.give_up = patience.for_one(engine.now());
+    for (Time soon = later(engine.now(), kSoonLate); channel.is_doubtful(key) && engine.now() < soon;) {
+        if (engine.now() >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, about, step);
+        co_await engine.sleep_for(kUntilReady);
+        if (!session.holds()) co_return complete({.code = channel.cut_by()}, channel, about, step);
+        if (channel.is_fenced()) soon = later(engine.now(), kSoonLate);
+    }
+    Error failed{.code = Errc::reply_lost};
+    for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain && channel.is_doubtful(key); ++n) {
+        OrderQuestion question(question_for(channel), key);
+        MailExchange exchange(session, question, {.patience = patience});
+        channel.other_question = !channel.other_question;
+        failed = co_await exchange;
+        if (failed.code == Errc::none && question.late) ++channel.statistics().unexpected;
+        if (failed.code == Errc::none) channel.other_question = !channel.other_question;
+        if (failed.code == Errc::none || failed.code == Errc::mailbox_error) channel.end_doubt();
+    }
+    if (channel.is_doubtful(key)) co_return complete(failed, channel, about, step);
+    co_return Nothing{};
+}
 
 Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, const MailPatience& patience, Step step) {
     MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
@@ -68,9 +127,13 @@ Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, cons
             co_return complete({.code = channel.cut_by()}, channel, transfer.object(), step);
         }
         if (transfer.over()) break;
+        if (channel.is_doubtful(transfer.key()))
+            co_await required(settle_owed(channel, session, transfer.key(), patience, step));
+        guard.refused = false;
         MailExchange exchange(session, transfer, {.patience = patience, .key = transfer.key()});
         const Error failed = co_await exchange;
         if (failed.code == Errc::none) continue;
+        guard.refused = failed.code == Errc::mailbox_error || failed.code == Errc::protocol;
         const bool once_more =
             failed.code == Errc::reply_lost && again < kMostAskedAgain && ask_again(channel, transfer);
         if (!once_more) co_return complete(failed, channel, transfer.object(), step);

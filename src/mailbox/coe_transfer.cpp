@@ -24,7 +24,7 @@ void SdoTransfer::finish() {
 
 bool SdoTransfer::restart() {
     phase_ = Phase::initiate;
-    toggle_ = slave_open_ = false;
+    toggle_ = asked_ = slave_open_ = false;
     done_ = 0;
     return true;
 }
@@ -59,7 +59,9 @@ bool SdoTransfer::read_abort(Bytes data) {
 }
 
 MailClient::Taken SdoTransfer::accept(const wire::MailboxMessage& mail) {
-    return is_ours(mail.data) ? Taken::all : Taken::no;
+    if (!is_ours(mail.data)) return Taken::no;
+    asked_ = false;
+    return Taken::all;
 }
 
 bool SdoTransfer::is_ours(Bytes data) {
@@ -99,7 +101,8 @@ bool SdoTransfer::is_ours(Bytes data) {
 std::size_t SdoUploading::compose(MutableBytes data) {
     if (data.size() < coe::kSdoBytes) return 0;
     std::ranges::fill(data.first(coe::kSdoBytes), std::byte{0});
-    if (phase_ == Phase::initiate) {
+    asked_ = phase_ == Phase::initiate;
+    if (asked_) {
         write_initiate(data, sdo::command(coe::request::kUpload, object_.complete ? sdo::kCompleteAccess : 0U));
     } else {
         coe::store_header(data, {0, coe::Service::sdo_request});
@@ -171,6 +174,7 @@ std::size_t SdoDownloading::compose(MutableBytes data) {
     if (data.size() < coe::kSdoBytes) return 0;
     under_way_ = next_part(data.size());
     if (phase_ == Phase::segments) return compose_segment(data);
+    asked_ = true;
     std::ranges::fill(data.first(coe::kSdoBytes), std::byte{0});
     const unsigned flags = sdo::kSizeIndicated | (object_.complete ? sdo::kCompleteAccess : 0U);
     if (size_ != 0 && size_ <= coe::kExpeditedBytes) {

@@ -38,13 +38,13 @@ class SdoTransfer : public MailClient {
     [[nodiscard]] std::size_t bytes() const { return done_; }
     // Whether the slave is in a transfer that this client gives up: an abort must be sent to the slave.
     [[nodiscard]] bool must_abort() const { return slave_open_; }
+    // Whether the first message may have been sent, and the slave has not answered it.
+    [[nodiscard]] bool is_unanswered() const { return asked_; }
     [[nodiscard]] std::array<std::byte, kAbortBytes> abort_message() const;
     [[nodiscard]] const SdoObject& object() const { return object_; }
     // Distinguishes exchanges of different objects; see MailExchange::Options.
     [[nodiscard]] std::uint64_t key() const {
-        return phase_ == Phase::segments
-                   ? 0
-                   : (std::uint64_t{1} << 32) | (std::uint64_t{object_.index} << 8) | object_.subindex;
+        return phase_ == Phase::segments ? 0 : mail_key::of(mail_key::Kind::sdo, object_.index, object_.subindex);
     }
 
   protected:
@@ -71,6 +71,7 @@ class SdoTransfer : public MailClient {
     SdoObject object_;
     Phase phase_ = Phase::initiate;
     bool toggle_ = false;      // of the next segment
+    bool asked_ = false;       // the slave owes the reply to the first message
     bool slave_open_ = false;  // the slave has started a segmented transfer that has not ended
     std::size_t size_ = 0;     // of the whole value
     std::size_t done_ = 0;

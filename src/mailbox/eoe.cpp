@@ -47,7 +47,7 @@ Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, MailPatience pati
     MailSession session(channel, wire::MailboxType::eoe, patience.priority, patience.give_up);
     Error failed = co_await session;
     EoeClient client(call);
-    const auto key = (std::uint64_t{6} << 32) | static_cast<unsigned>(call.type);
+    const auto key = mail_key::of(mail_key::Kind::eoe, static_cast<std::uint32_t>(call.type));
     if (failed.code == Errc::none) failed.code = Errc::reply_lost;
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
         MailExchange exchange(session, client, {.patience = patience, .key = key});

@@ -170,6 +170,7 @@ bool EoeRelay::take_fragment(const eoe::Header& header, Bytes data) {
 // The frame that the fragment continues. For the first fragment of a frame: the frame with the same number, which gets
 // no more fragments; else a free place; else that of the oldest frame.
 EoeRelay::Assembly* EoeRelay::place_for(const eoe::Header& header) {
+    if (header.fragment == 0) drop_old(header);
     const auto all = std::span(assemblies_).first(slots_);
     auto place = std::ranges::find_if(all, [&](const Assembly& one) { return one.is_part(header); });
     if (header.fragment != 0) return place == all.end() ? nullptr : &*place;
@@ -182,6 +183,20 @@ EoeRelay::Assembly* EoeRelay::place_for(const eoe::Header& header) {
     if (place->busy()) port_.count(EoePort::kIncomplete);
     begun_[static_cast<std::size_t>(place - all.begin())] = ++begun_last_;
     return &*place;
+}
+
+// A frame begins. Frame numbers have 4 bits, and slaves count up: a frame whose number lies 8 or more behind will not
+// be completed, and the next frame with its number must not be taken for it.
+void EoeRelay::drop_old(const eoe::Header& header) {
+    constexpr unsigned kNumbers = 16;
+    const auto behind = [&](unsigned number) { return (header.frame_number - number) % kNumbers; };
+    for (Assembly& one : std::span(assemblies_).first(slots_)) {
+        if (!one.busy() || one.port() != header.port || behind(one.frame_number()) < kNumbers / 2) continue;
+        one.drop();
+        port_.count(EoePort::kIncomplete);
+    }
+    for (unsigned number = 0; number < kNumbers; ++number)
+        if (behind(number) >= kNumbers / 2) dropped_ = static_cast<std::uint16_t>(dropped_ & ~(1U << number));
 }
 
 std::size_t EoeRelay::oldest() const {

@@ -46,6 +46,7 @@ class EoeRelay final : public MailListener, public MailClient {
     using Assembly = wire::eoe::Assembly;
 
     [[nodiscard]] Assembly* place_for(const wire::eoe::Header& header);
+    void drop_old(const wire::eoe::Header& header);
     [[nodiscard]] std::size_t oldest() const;
     // Returns whether more fragments of the frame are expected.
     [[nodiscard]] bool take_fragment(const wire::eoe::Header& header, Bytes data);

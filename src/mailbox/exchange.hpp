@@ -22,6 +22,21 @@ namespace margay {
 
 class MailboxChannel;
 
+// The keys of exchanges, see MailExchange::Options: the kind in the upper half, and what distinguishes exchanges of
+// this kind in the lower half.
+namespace mail_key {
+enum class Kind : std::uint8_t { none, sdo, sdo_information, tx_pdo, foe, soe, eoe };
+[[nodiscard]] constexpr std::uint64_t of(Kind kind, std::uint32_t which = 0) {
+    return static_cast<std::uint64_t>(kind) << 32 | which;
+}
+[[nodiscard]] constexpr std::uint64_t of(Kind kind, std::uint16_t index, std::uint8_t subindex) {
+    return of(kind, std::uint32_t{index} << 8 | subindex);
+}
+[[nodiscard]] constexpr Kind kind_of(std::uint64_t key) { return static_cast<Kind>(key >> 32); }
+// A reply to the exchange can be taken for a reply to any other exchange of its protocol.
+inline constexpr std::uint64_t kAny = UINT64_MAX;
+}  // namespace mail_key
+
 // The protocol's part in an exchange: composes the message and reads the replies. Without bus and time, so that it is
 // easy to test and to fuzz.
 class MailClient {
@@ -63,13 +78,20 @@ class MailSession;
 
 class MailExchange : public MailTurn {
   public:
+    // How many mails a reply to the exchange has at most, if this is not known.
+    static constexpr std::uint8_t kManyMails = 255;
+
     struct Options {
         MailPatience patience;
-        // Replies to two exchanges of the same key cannot be distinguished. The later exchange waits while a reply to
-        // the earlier one may still arrive. 0: no restriction.
+        // Replies to two exchanges of the same protocol and key cannot be distinguished. The later exchange waits while
+        // a reply to the earlier one may still arrive. 0: no restriction. See mail_key.
         std::uint64_t key = 0;
         std::uint16_t address = 0;  // station address in the mailbox header; 0: from the master
         bool reply = true;          // false: the exchange ends when the message has arrived
+        std::uint8_t mails = 1;     // of which the reply consists
+        // A late reply does not look like the reply to the first message of the next sequence, so that sequence need
+        // not wait as long as this exchange would have waited.
+        bool distinct = false;
     };
 
     MailExchange(MailboxChannel& channel, wire::MailboxType type, MailClient& client, const Options& options)
@@ -96,7 +118,8 @@ class MailExchange : public MailTurn {
     const MailSession* session_ = nullptr;
     wire::MailboxType type_;
     State state_ = State::idle;
-    Error error_;  // before State::over: an error reply that may be the answer
+    Time wanted_until_ = kNever;  // the timeout of the reply
+    Error error_;                 // before State::over: an error reply that may be the answer
     Engine::Sleep::Timer timer_;
 };
 

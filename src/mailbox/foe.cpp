@@ -11,7 +11,9 @@ namespace foe = wire::foe;
 namespace {
 
 // All FoE messages of a slave: a reply to an earlier transfer cannot be distinguished from a reply to this one.
-constexpr std::uint64_t kKey = std::uint64_t{4} << 32;
+constexpr std::uint64_t kKey = mail_key::of(mail_key::Kind::foe);
+// A slave that repeats its error does so at once.
+constexpr Duration kErrorTwice = std::chrono::milliseconds(10);
 constexpr Duration kFirstBusyPause = std::chrono::milliseconds(1);
 constexpr Duration kLongestBusyPause = std::chrono::milliseconds(32);
 
@@ -21,7 +23,8 @@ Error of_file(Error error, const MailboxChannel& channel, Step step) {
     return error;
 }
 
-// Tells the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled request.
+// Tells the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled request. Where
+// the slave may answer twice, the next transfer waits for the second answer.
 class TransferEnd {
   public:
     TransferEnd(MailboxChannel& channel, const MailSession& session, const FoeTransfer& transfer)
@@ -29,8 +32,13 @@ class TransferEnd {
     TransferEnd(const TransferEnd&) = delete;
     TransferEnd& operator=(const TransferEnd&) = delete;
     ~TransferEnd() {
-        if (transfer_.must_abort() && session_.holds())
-            channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
+        if (!session_.holds()) return;
+        const bool ended_by_slave = transfer_.error().code == Errc::foe_error;
+        if (transfer_.has_repeated() || ended_by_slave) {
+            const Duration most = transfer_.has_repeated() ? mail_timing::kOwedPatience : kErrorTwice;
+            channel_.owe_reply(wire::MailboxType::foe, kKey, channel_.engine().now() + most);
+        }
+        if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
     }
 
   private:
@@ -79,14 +87,18 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
             continue;
         }
         const bool reply = transfer.awaits_reply();
-        MailExchange exchange(session, transfer, {.patience = patience, .key = kKey, .reply = reply});
+        MailExchange exchange(
+            session, transfer,
+            {.patience = patience, .key = kKey, .reply = reply, .distinct = !transfer.is_like_first()});
         const Error failed = co_await exchange;
         if (failed.code == Errc::reply_lost && again < kMostAskedAgain) {
             ++again;
+            transfer.repeats();
             continue;
         }
         if (failed.code != Errc::none) co_return of_file(failed, channel, step);
         again = 0;
+        if (channel.is_doubtful(kKey)) transfer.doubt();
         if (!reply) transfer.finish();
         if (!transfer.is_busy()) {
             busy.answers();

@@ -77,6 +77,11 @@ bool FoeTransfer::is_old(std::uint32_t number) const {
     return phase_ == Phase::request || distance(number, number_) <= kRemembered;
 }
 
+// The first packet comes twice although it was asked for once: the one before was of an earlier file.
+bool FoeTransfer::is_first_again(std::uint32_t number) const {
+    return doubtful_ && !repeated_ && answer_ == Opcode::data && phase_ == Phase::packets && number == 1;
+}
+
 MailClient::Taken FoeTransfer::accept(const wire::MailboxMessage& mail) {
     if (phase_ == Phase::over || mail.data.size() < foe::kHeaderBytes) return Taken::no;
     const auto opcode = Layout::opcode::load(mail.data);
@@ -87,7 +92,7 @@ MailClient::Taken FoeTransfer::accept(const wire::MailboxMessage& mail) {
     const Bytes body = mail.data.subspan(foe::kHeaderBytes);
     busy_ = false;
     if (!is_answered(number)) {
-        if (is_old(number)) return Taken::no;
+        if (is_old(number) && !is_first_again(number)) return Taken::no;
         fail({.code = Errc::protocol, .expected = number_, .actual = number}, foe::ErrorCode::wrong_packet_number);
         return Taken::all;
     }
@@ -104,7 +109,7 @@ MailClient::Taken FoeTransfer::end_by_slave(Bytes data) {
 }
 
 MailClient::Taken FoeTransfer::wait_for_slave(Bytes data) {
-    busy_ = true;
+    busy_ = repeated_ = true;
     FoeAccess::set_text(request_, data.subspan(foe::kHeaderBytes));
     FoeProgress progress;
     progress.busy = true;

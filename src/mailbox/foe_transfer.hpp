@@ -7,7 +7,8 @@
 //
 // Repetitions. A slave that is busy answers so, and the client sends its last message again. Some slaves then answer
 // twice, once when they are no longer busy and once to the repeated message. So a reply to one of the last messages is
-// ignored; only a reply that cannot be one ends the transfer.
+// ignored; only a reply that cannot be one ends the transfer. A second answer may also come behind the transfer: the
+// next one waits for it (foe.cpp).
 //
 // Hostile slaves. Nothing that a slave sends is stored beyond one packet of the size of its mailbox. Ignored mail does
 // not prolong the wait for an answer, and foe.cpp limits how long a slave may be busy.
@@ -48,6 +49,13 @@ class FoeTransfer : public MailClient {
     [[nodiscard]] bool over() const { return phase_ == Phase::over; }
     // The error without slave and step; code none on success.
     [[nodiscard]] const Error& error() const { return error_; }
+    // A message was sent again: the slave may answer it twice, and the second answer may come behind the transfer.
+    void repeats() { repeated_ = true; }
+    [[nodiscard]] bool has_repeated() const { return repeated_; }
+    // The first reply may be the late one to an earlier request.
+    void doubt() { doubtful_ = true; }
+    // The reply to the next message looks like the first reply to another transfer.
+    [[nodiscard]] bool is_like_first() const { return phase_ == Phase::request || (number_ & 0xFFFF) <= 1; }
     // The slave must be told that the transfer has ended early.
     [[nodiscard]] bool must_abort() const { return slave_open_; }
     [[nodiscard]] std::array<std::byte, kAbortBytes> abort_message() const;
@@ -80,6 +88,7 @@ class FoeTransfer : public MailClient {
   private:
     [[nodiscard]] bool is_answered(std::uint32_t number) const;
     [[nodiscard]] bool is_old(std::uint32_t number) const;
+    [[nodiscard]] bool is_first_again(std::uint32_t number) const;
     Taken end_by_slave(Bytes data);
     Taken wait_for_slave(Bytes data);
 
@@ -87,6 +96,8 @@ class FoeTransfer : public MailClient {
     wire::foe::Opcode answer_;
     wire::foe::ErrorCode said_ = wire::foe::ErrorCode::undefined;  // why this end has ended the transfer
     bool busy_ = false;
+    bool repeated_ = false;
+    bool doubtful_ = false;
     Error error_;
 };
 

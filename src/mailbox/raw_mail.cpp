@@ -85,9 +85,9 @@ Task<Result<>> transfer_raw(MailboxChannel& channel, RawMail& request, const Mai
         if (refused.code != Errc::none) co_return channel.station().error(refused.code, Step::mailbox_send);
     }
     RawMessage message(request);
-    const std::uint64_t key = (std::uint64_t{5} << 32) | static_cast<unsigned>(request.type);
-    MailExchange exchange(channel, request.type, message,
-                          {.patience = patience, .key = reply ? key : 0, .address = request.address, .reply = reply});
+    MailExchange exchange(
+        channel, request.type, message,
+        {.patience = patience, .key = reply ? mail_key::kAny : 0, .address = request.address, .reply = reply});
     const Error failed = co_await exchange;
     if (failed.code != Errc::none) {
         Error error = failed;

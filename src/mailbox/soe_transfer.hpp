@@ -29,7 +29,7 @@ class SoeTransfer : public MailClient {
     // Distinguishes exchanges of different drives; see MailExchange::Options. A fragment contains no IDN, so the key
     // does not contain it either.
     [[nodiscard]] std::uint64_t key() const {
-        return std::uint64_t{5} << 32 | static_cast<std::uint64_t>(answer_) << 8 | target_.drive;
+        return mail_key::of(mail_key::Kind::soe, static_cast<std::uint16_t>(answer_), target_.drive);
     }
 
   protected:

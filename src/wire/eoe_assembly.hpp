@@ -28,6 +28,7 @@ class Assembly {
     void drop() { next_ = 0; }
     // Of the frame that has begun.
     [[nodiscard]] std::uint8_t frame_number() const { return frame_number_; }
+    [[nodiscard]] std::uint8_t port() const { return port_; }
 
     // Takes a fragment; `data` is behind its header. Fragment 0 begins a frame, whatever has begun before.
     [[nodiscard]] Took add(const Header& header, Bytes data);

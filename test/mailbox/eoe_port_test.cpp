@@ -113,6 +113,46 @@ TEST_F(EoePortTest, ALostFragmentDropsOneFrameOnly) {
     EXPECT_EQ(port.statistics().incomplete, 6U);
 }
 
+// Frame numbers have 4 bits: what is left of a frame is not continued by the frame that has its number next.
+TEST_F(EoePortTest, FramesWithTheSameNumberAreNotJoined) {
+    std::vector<Mail> sent;
+    std::vector<Mail> parts;
+    std::vector<Mail> got;
+    for (unsigned n = 0; n < 18; ++n) {
+        const auto frame = ethernet_frame(120, n);
+        const auto both = eoe_parts(frame, n % 16, 64);
+        if (n != 17) parts.push_back(both[0]);
+        if (n != 1) parts.push_back(both[1]);
+        if (n != 1 && n != 17) sent.push_back(frame);
+        if (n % 4 == 3) say(std::exchange(parts, {}));
+        for (auto& one : received(port)) got.push_back(std::move(one));
+    }
+    say(parts);
+    for (auto& one : received(port)) got.push_back(std::move(one));
+    EXPECT_EQ(got, sent);
+    EXPECT_EQ(port.statistics().incomplete, 2U);
+}
+
+// The same with room for one frame.
+TEST_F(EoePortTest, FramesWithTheSameNumberAreCountedWithoutRoomForOthersToo) {
+    port.cancel();
+    bus.idle(5ms);
+    EoePortMemory<4, 4, 1> one;
+    EoePort small(one);
+    small.slave = 1;
+    ASSERT_TRUE(submit(*bus.ctx, small).ok());
+    for (unsigned n = 0; n < 18; ++n) {
+        const auto both = eoe_parts(ethernet_frame(120, n), n % 16, 64);
+        if (n != 17) slave.reply(both[0], kEoe);
+        if (n != 1) slave.reply(both[1], kEoe);
+        bus.idle(5ms);
+        EXPECT_EQ(received(small).size(), n == 1 || n == 17 ? 0U : 1U) << n;
+    }
+    EXPECT_EQ(small.statistics().incomplete, 2U);
+    small.cancel();
+    bus.idle(5ms);
+}
+
 TEST_F(EoePortTest, HostileFragmentsHarmNothing) {
     const auto part = ethernet_frame(64, 1);
     const auto good = ethernet_frame(60, 9);

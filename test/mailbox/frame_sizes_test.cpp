@@ -32,7 +32,7 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     expect("sdo_upload_once", 512, sdo_upload_once(channel, {}, memory, {}));
     expect("sdo_download", 512, sdo_download(channel, {}, memory, {}));
     expect("sdo_upload_singly", 256, sdo_upload_singly(channel, {}, memory, {}));
-    expect("ask_information", 512, ask_information(channel, query, {}, {}));
+    expect("ask_information", 1024, ask_information(channel, query, {}, {}));
     expect("fetch_tx_pdo", 1024, fetch_tx_pdo(channel, 1, memory, {}));
     expect("soe_read", 512, soe_read(channel, {}, memory, {}));
     expect("soe_write", 512, soe_write(channel, {}, memory, {}));

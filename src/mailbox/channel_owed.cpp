@@ -1,0 +1,203 @@
+// Late replies: which reply to an exchange that was given up may still arrive, and which exchanges wait for it. And the
+// messages that end operations early.
+//
+// A slave answers the messages of a protocol in their order. So a reply cannot arrive any more when the slave has
+// answered a later request (CoE: settle_owed() asks one), or when a slave that works on one message at a time has taken
+// a later one. For slaves that keep messages in a queue, and protocols without such a request, only time is left.
+#include "mailbox/channel.hpp"
+#include "mailbox/mailboxes.hpp"
+#include "wire/coe.hpp"
+#include "wire/eoe.hpp"
+#include "wire/soe.hpp"
+#include "wire/sync_manager.hpp"
+
+#include <algorithm>
+
+namespace margay {
+
+// ------------------------------------------------------------------ what is owed
+
+std::size_t MailboxChannel::owed_place(wire::MailboxType type) {
+    return type == wire::MailboxType::coe ? 0 : type == wire::MailboxType::foe ? 1 : 2;
+}
+
+MailboxChannel::Owed& MailboxChannel::owe(wire::MailboxType type, std::uint64_t key, std::uint8_t mails, Time until) {
+    Owed& owed = owed_of(type);
+    if (key == 0) return owed;
+    if (!is_current(owed, now()) && !(owed.mails != 0 && owed.lasts))
+        owed = {.key = key, .until = until, .type = type, .fences = owed.fences};
+    if (owed.key != key) owed.key = mail_key::kAny;
+    if (owed.type != type) owed.type = wire::MailboxType::error;
+    owed.until = std::max(owed.until, until);
+    owed.mails = static_cast<std::uint8_t>(std::min<unsigned>(owed.mails + mails, MailExchange::kManyMails));
+    return owed;
+}
+
+void MailboxChannel::owe_reply(wire::MailboxType type, std::uint64_t key, Time until) {
+    (void)owe(type, key, 1, until);
+    late_until_ = std::max(late_until_, until);
+    look_soon();
+    ensure_pump();
+    kick();
+}
+
+// Of all protocols. resume() sets the time.
+void MailboxChannel::owe_all() {
+    for (Owed& owed : owed_) owed = {.key = mail_key::kAny, .mails = MailExchange::kManyMails};
+    owed_[0].type = wire::MailboxType::coe;
+    owed_[1].type = wire::MailboxType::foe;
+}
+
+bool MailboxChannel::must_wait(const MailExchange& exchange) const {
+    const std::uint64_t key = exchange.options_.key;
+    const Owed& owed = owed_[owed_place(exchange.type_)];
+    if (key == 0 || !is_current(owed, now())) return false;
+    if (owed.type != wire::MailboxType::error && owed.type != exchange.type_) return false;
+    return owed.key == key || owed.key == mail_key::kAny || key == mail_key::kAny;
+}
+
+bool MailboxChannel::is_owed() const {
+    const Time t = now();
+    return std::ranges::any_of(owed_, [&](const Owed& owed) { return is_current(owed, t); });
+}
+
+bool MailboxChannel::is_doubtful(std::uint64_t key) const {
+    const bool foe = mail_key::kind_of(key) == mail_key::Kind::foe;
+    const Owed& owed = owed_[owed_place(foe ? wire::MailboxType::foe : wire::MailboxType::coe)];
+    return key != 0 && owed.mails != 0 && owed.lasts && (owed.key == key || owed.key == mail_key::kAny);
+}
+
+// ------------------------------------------------------------------ what ends it
+
+// SDO replies name their object. Mail that slaves send on their own is no reply.
+bool MailboxChannel::can_answer(std::uint64_t key, const wire::MailboxMessage& mail) {
+    namespace coe = wire::coe;
+    const Bytes data = mail.data;
+    switch (mail.header.type) {
+        case wire::MailboxType::coe: {
+            if (data.size() < coe::kHeaderBytes) return false;
+            const auto service = coe::load_header(data).service;
+            if (key == mail_key::kAny) return service != coe::Service::emergency && service != coe::Service::tx_pdo;
+            if (data.size() < coe::kSdoBytes) return false;
+            const auto specifier = coe::sdo::specifier(coe::SdoLayout::command::load(data));
+            const bool aborts = specifier == coe::kAbortSpecifier;
+            const bool initiates = specifier == coe::response::kUpload || specifier == coe::response::kDownload;
+            const bool replies = service == coe::Service::sdo_response && (aborts || initiates);
+            return (replies || (service == coe::Service::sdo_request && aborts)) &&
+                   key == mail_key::of(mail_key::Kind::sdo, coe::SdoLayout::index::load(data),
+                                       coe::SdoLayout::subindex::load(data));
+        }
+        case wire::MailboxType::eoe: {
+            if (data.size() < wire::eoe::kHeaderBytes) return false;
+            const auto type = wire::eoe::load_header(data).type;
+            return type != wire::eoe::Type::fragment && type != wire::eoe::Type::time_stamp_response;
+        }
+        case wire::MailboxType::soe: {
+            if (data.size() < wire::soe::kHeaderBytes) return false;
+            const auto opcode = wire::soe::load_header(data).opcode;
+            return opcode == wire::soe::Opcode::read_response || opcode == wire::soe::Opcode::write_response;
+        }
+        default: return true;
+    }
+}
+
+// Mail that nobody has taken: most likely the late reply, if it is of its protocol.
+void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
+    Owed& owed = owed_of(mail.header.type);
+    if (owed.mails == 0 || owed.mails == MailExchange::kManyMails || owed.type != mail.header.type) return;
+    if (!can_answer(owed.key, mail)) return;
+    --owed.mails;
+    if (!is_owed()) late_until_ = Time::min();
+}
+
+// The exchanges of a session follow each other, so this one was sent after those that were given up. A TxPDO may be one
+// that the slave has sent on its own; the first reply to a file may be the late one.
+void MailboxChannel::note_answered(const MailExchange& exchange) {
+    if (exchange.session_ == nullptr) return;
+    const bool coe = exchange.type_ == wire::MailboxType::coe;
+    const bool foe = exchange.type_ == wire::MailboxType::foe;
+    const bool pdo = mail_key::kind_of(exchange.options_.key) == mail_key::Kind::tx_pdo;
+    if (!(coe && !pdo) && !(foe && exchange.options_.distinct)) return;
+    if (Owed& owed = owed_of(exchange.type_); owed.lasts) owed.mails = 0;
+}
+
+// ------------------------------------------------------------------ messages that end operations
+
+namespace {
+
+class FinalClient final : public MailClient {
+  public:
+    explicit FinalClient(Bytes message) : message_(message) {}
+    std::size_t compose(MutableBytes data) override {
+        if (data.size() < message_.size()) return 0;
+        std::ranges::copy(message_, data.begin());
+        return message_.size();
+    }
+    Taken accept(const wire::MailboxMessage&) override { return Taken::no; }
+
+  private:
+    Bytes message_;
+};
+
+}  // namespace
+
+// Holds the exchanges that wait for a late reply.
+class MailboxChannel::Fence {
+  public:
+    Fence(MailboxChannel& channel, wire::MailboxType type)
+        : channel_(channel), place_(owed_place(type)), epoch_(channel.epoch_) {
+        ++owed().fences;
+    }
+    Fence(const Fence&) = delete;
+    Fence& operator=(const Fence&) = delete;
+    ~Fence() {
+        if (channel_.epoch_ != epoch_) return;
+        --owed().fences;
+        channel_.kick();
+    }
+    // Something is owed, and the mailbox was not closed since.
+    [[nodiscard]] bool stands() const { return channel_.epoch_ == epoch_ && owed().mails != 0; }
+    [[nodiscard]] Owed& owed() const { return channel_.owed_[place_]; }
+
+  private:
+    MailboxChannel& channel_;
+    std::size_t place_;
+    std::uint32_t epoch_;
+};
+
+// A slave that works on one message at a time takes this one when it has answered the message before. Until then the
+// reply to the exchange that was given up may still come, however long it takes.
+Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
+    constexpr std::uint16_t kOutStatus =
+        wire::reg::sync_manager(0).address + static_cast<std::uint16_t>(wire::SyncManagerLayout::status::offset);
+    const Fence fence(*this, message.type);
+    FinalClient client(Bytes(message.octets).first(message.bytes));
+    const Duration patience = fence.stands() ? mail_timing::kFencePatience : mail_timing::kFinalPatience;
+    const Time most = later(now(), patience);
+    MailExchange exchange(*this, message.type, client,
+                          {.patience = {.give_up = most, .each = patience}, .reply = false});
+    constexpr MailPriority kBeforeAll = 3;
+    exchange.priority = kBeforeAll;
+    const Error failed = co_await exchange;
+    for (bool full = true; full && failed.code == Errc::none && fence.stands() && now() < most;) {
+        std::array<std::byte, 1> status{};
+        Datagram look(engine_->link(), wire::Command::FPRD, {address_, kOutStatus}, MutableBytes(status));
+        auto reply = co_await look;
+        full = !reply.ok() || reply.wkc != 1 ||
+               (std::to_integer<unsigned>(status[0]) & wire::sm_status::kMailboxFull) != 0;
+        if (full) co_await engine_->sleep_for(mail_timing::kLongestPause);
+    }
+    if (fence.stands()) fence.owed().until = std::max(fence.owed().until, now() + mail_timing::kOwedPatience);
+    if (failed.code != Errc::none && failed.code != cut_by_) co_return failed;
+    co_return Nothing{};
+}
+
+void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data) {
+    FinalMessage message{.type = type, .bytes = static_cast<std::uint8_t>(data.size())};
+    if (!is_reachable() || data.size() > message.octets.size()) return;
+    std::ranges::copy(data, message.octets.begin());
+    const TaskReference task = deliver(message);
+    if (task) (void)mailboxes_->tasks_.start(task);
+}
+
+}  // namespace margay

@@ -1,0 +1,375 @@
+// Replies that come late or twice: a reply to a request that was given up is never taken for the reply to the next
+// request of the same kind, however long the slave works and whatever else was given up.
+#include "mailbox/foe_bus.hpp"
+
+#include <functional>
+#include <optional>
+
+namespace margay {
+namespace {
+
+using wire::MailboxType;
+
+// A slave that answers in order, each message after a time of its own. With `queues` it takes all messages at once,
+// otherwise it takes one when it has answered the message before.
+class SlowSlave {
+  public:
+    explicit SlowSlave(MailboxBus& bus) : bus_(bus), slave_(bus.add_scripted(64)) {
+        slave_.on_mail = [this](const Mail& mail) {
+            in_.push_back(mail);
+            slave_.takes = queues;
+        };
+    }
+    struct Answer {
+        Duration after{0};
+        std::vector<Mail> mails;
+    };
+    bool queues = false;
+    std::function<Answer(MailboxType, const Mail&)> answers;
+
+    void step() {
+        const Time now = bus_.osal.now();
+        if (!working_ && !in_.empty()) {
+            type_ = wire::load_mailbox_header(in_.front()).type;
+            working_ = answers(type_, in_.front());
+            in_.pop_front();
+            ready_ = now + working_->after;
+        }
+        if (working_ && now >= ready_) {
+            for (const Mail& mail : working_->mails) slave_.reply(mail, type_);
+            working_.reset();
+        } else if (!working_) {
+            slave_.takes = true;
+        }
+        bus_.step();
+    }
+    void run(const Request& request) {
+        const Time end = bus_.osal.now() + 60s;
+        while (request.busy() && bus_.osal.now() < end) step();
+        EXPECT_FALSE(request.busy());
+    }
+    void idle(Duration time) {
+        for (const Time end = bus_.osal.now() + time; bus_.osal.now() < end;) step();
+    }
+    // Mail that nobody has asked for.
+    void say(const Mail& data, MailboxType type) { slave_.reply(data, type); }
+    [[nodiscard]] const std::vector<Mail>& received() const { return slave_.received; }
+
+  private:
+    MailboxBus& bus_;
+    ScriptedSlave& slave_;
+    std::deque<Mail> in_;
+    std::optional<Answer> working_;
+    MailboxType type_{};
+    Time ready_{};
+};
+
+class LateReply : public testing::Test {
+  protected:
+    MailboxBus bus;
+    SlowSlave slave{bus};
+    Duration slow = 30ms;
+    std::string open;  // the file that is read
+    std::size_t packet = 0;
+
+    void SetUp() override {
+        slave.answers = [this](MailboxType type, const Mail& mail) { return answer(type, mail); };
+        bus.start();
+    }
+    // 0x2000 accepts the value 1 after `slow`, and refuses any other value at once. A file has the first octet of its
+    // name 20 or, in capitals, 100 times; 'a' and 'A' come after `slow`.
+    SlowSlave::Answer answer(MailboxType type, const Mail& mail) {
+        if (type == MailboxType::foe) return foe_answer(mail);
+        const Bytes data = Bytes(mail).subspan(wire::kMailboxHeaderBytes);
+        if (type == MailboxType::eoe) {
+            ++eoe_asked;
+            return {eoe_asked == 1 ? slow : 1ms, {mail_bytes({7, 1, 0, 0, 2, 0, 0, 0, eoe_asked, 0, 0, 10})}};
+        }
+        if (type != MailboxType::coe || data[2] == std::byte{0x80}) return {};
+        const auto index = load_le<std::uint16_t>(data, 3);
+        const auto low = std::to_integer<unsigned>(data[3]);
+        const auto high = std::to_integer<unsigned>(data[4]);
+        if (index != 0x2000) return {0ms, {mail_bytes({0, 0x30, 0x43, low, high, 0, 1, 2, 3, 4})}};
+        if (load_le<std::uint16_t>(data, 6) == 1) return {slow, {mail_bytes({0, 0x30, 0x60, 0, 0x20, 0, 0, 0, 0, 0})}};
+        return {0ms, {mail_bytes({0, 0x20, 0x80, 0, 0x20, 0, 0x30, 0, 9, 6})}};  // the value is out of range
+    }
+    SlowSlave::Answer foe_answer(const Mail& mail) {
+        const FoeAsked asked(mail);
+        if (asked.opcode == foe::Opcode::read) {
+            const char first = text_of(asked.body)[0];
+            open = std::string(first < 'a' ? 100 : 20, first);
+            packet = 1;
+            return {first == 'a' || first == 'A' ? slow : 0ms, {part()}};
+        }
+        const bool next =
+            asked.opcode == foe::Opcode::acknowledge && asked.word == packet && packet * 52 <= open.size();
+        if (!next) return {};
+        ++packet;
+        return {0ms, {part()}};
+    }
+    Mail part() const {
+        const std::string octets = open.substr((packet - 1) * 52, 52);
+        return foe_message(foe::Opcode::data, static_cast<std::uint32_t>(packet), std::as_bytes(std::span(octets)));
+    }
+    unsigned eoe_asked = 0;
+
+    struct Write : SdoDownload {
+        explicit Write(unsigned v) : octets{static_cast<std::byte>(v), std::byte{0}} {
+            slave = 1;
+            index = 0x2000;
+            data = octets;
+        }
+        std::array<std::byte, 2> octets;
+    };
+    struct Read : FoeRead {
+        explicit Read(std::string_view file) {
+            slave = 1;
+            name = file;
+            data = memory;
+        }
+        [[nodiscard]] std::string content() const { return text_of(Bytes(memory).first(bytes())); }
+        std::array<std::byte, 400> memory{};
+    };
+    void begin(Request& request) {
+        const auto done = submit(*bus.ctx, request);
+        ASSERT_TRUE(done.ok()) << bus.words(done.error());
+    }
+    void refused() {
+        Write second(2);
+        begin(second);
+        slave.run(second);
+        EXPECT_EQ(second.error().code, Errc::sdo_abort) << bus.words(second.error());
+        EXPECT_EQ(second.error().detail, 0x06090030U);
+    }
+    void reads(const char* name) {
+        Read second(name);
+        begin(second);
+        slave.run(second);
+        EXPECT_EQ(second.error().code, Errc::none) << bus.words(second.error());
+        EXPECT_EQ(second.content(), std::string(name[0] < 'a' ? 100 : 20, name[0]));
+    }
+};
+
+TEST_F(LateReply, IsNotTakenWhenAnotherProtocolIsGivenUpToo) {
+    for (const bool queues : {false, true}) {
+        slave.queues = queues;
+        for (const bool file : {false, true}) {
+            SCOPED_TRACE(testing::Message() << queues << file);
+            Write write(1);
+            Read read("a");
+            std::array<std::byte, 4> memory{};
+            AoeRead aoe;
+            aoe.slave = 1;
+            aoe.data = memory;
+            aoe.target = {{{1, 2, 3, 4, 5, 6}}, 10};
+            Request& first = file ? static_cast<Request&>(read) : write;
+            begin(first);
+            slave.idle(2ms);
+            begin(aoe);
+            slave.idle(3ms);
+            first.cancel();
+            aoe.cancel();
+            if (file)
+                reads("b");
+            else
+                refused();
+            slave.idle(200ms);
+        }
+    }
+}
+
+// A cancelled write and a cancelled file: none of them hides the other.
+TEST_F(LateReply, IsNotTakenWhenSeveralAreGivenUp) {
+    slave.queues = true;
+    slow = 150ms;
+    Write write(1);
+    Read read("a");
+    begin(write);
+    begin(read);
+    slave.idle(5ms);
+    write.cancel();
+    read.cancel();
+    refused();
+    reads("b");
+}
+
+TEST_F(LateReply, IsNotTakenBehindMailOfAnotherProtocol) {
+    for (const bool file : {false, true}) {
+        SCOPED_TRACE(file);
+        slave.queues = true;
+        Write write(1);
+        Read read("a");
+        Request& first = file ? static_cast<Request&>(read) : write;
+        begin(first);
+        slave.idle(3ms);
+        first.cancel();
+        slave.idle(1ms);
+        slave.say(mail_bytes({1, 0, 0, 0, 1, 0, 7}), MailboxType::voe);
+        slave.idle(2ms);
+        if (file)
+            reads("b");
+        else
+            refused();
+        slave.idle(100ms);
+    }
+}
+
+// A fragment of a frame is no answer to a request for the IP parameters.
+TEST_F(LateReply, OfEoeIsNotTakenBehindAFrame) {
+    slave.queues = true;
+    EoeGetIp first;
+    first.slave = 1;
+    begin(first);
+    slave.idle(3ms);
+    first.cancel();
+    slave.say(mail_bytes({0, 1, 0, 0, 1, 2, 3, 4}), MailboxType::eoe);
+    slave.idle(2ms);
+    EoeGetIp second;
+    second.slave = 1;
+    begin(second);
+    slave.run(second);
+    EXPECT_EQ(second.error().code, Errc::none) << bus.words(second.error());
+    EXPECT_EQ(second.ip.address, (Ipv4Address{10, 0, 0, 2}));
+}
+
+// However long the slave takes, also longer than the timeout.
+TEST_F(LateReply, OfASlowObjectIsNotTaken) {
+    for (const bool queues : {false, true})
+        for (const Duration takes : {Duration(150ms), Duration(1500ms)})
+            for (const bool cancels : {false, true}) {
+                SCOPED_TRACE(testing::Message() << queues << cancels << " " << takes.count());
+                slave.queues = queues;
+                slow = takes;
+                Write first(1);
+                if (!cancels) first.timeout = 100ms;
+                begin(first);
+                if (cancels) slave.idle(100ms);
+                if (cancels) first.cancel();
+                slave.run(first);
+                refused();
+                slave.idle(100ms);
+            }
+}
+
+TEST_F(LateReply, OfAnObjectThatTakesLongerThanTheDefaultTimeout) {
+    for (const bool queues : {false, true}) {
+        SCOPED_TRACE(queues);
+        slave.queues = queues;
+        slow = 3100ms;
+        Write first(1);
+        begin(first);
+        slave.run(first);
+        EXPECT_EQ(first.error().code, Errc::timeout);
+        refused();
+        slow = 5s;  // also longer than the second request
+        Write again(1);
+        begin(again);
+        slave.run(again);
+        EXPECT_EQ(again.error().code, Errc::timeout);
+        Write early(2);
+        early.timeout = 1s;
+        begin(early);
+        slave.run(early);
+        EXPECT_EQ(early.error().code, Errc::timeout) << bus.words(early.error());
+        refused();
+    }
+}
+
+// The abort of the first message, octet by octet; and a slave that has dropped the request delays nobody for long.
+TEST_F(LateReply, TheFirstMessageIsAbortedAndARetryIsQuick) {
+    slave.answers = [&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
+        if (slave.received().size() == 1) return {};
+        return answer(type, mail);
+    };
+    Write first(1);
+    first.timeout = 50ms;
+    begin(first);
+    slave.run(first);
+    EXPECT_EQ(first.error().code, Errc::timeout);
+    const Time start = bus.osal.now();
+    refused();
+    EXPECT_LT(bus.osal.now() - start, 20ms);
+    ASSERT_EQ(slave.received().size(), 4U);  // the abort, a question, the second write
+    const Mail& abort = slave.received()[1];
+    EXPECT_EQ(Mail(abort.begin() + 6, abort.end()), mail_bytes({0, 0x20, 0x80, 0, 0x20, 0, 0, 0, 0x04, 0x05}));
+    refused();
+    EXPECT_EQ(slave.received().size(), 5U) << "nothing is owed any more";
+}
+
+TEST_F(LateReply, OfASlowFileIsNotTaken) {
+    for (const Duration takes : {Duration(250ms), Duration(900ms)})
+        for (const bool cancels : {false, true})
+            for (const bool queues : {false, true})
+                for (const auto* name : {"b", "B"}) {
+                    if (queues && !cancels) continue;  // only time is left, see the next test
+                    SCOPED_TRACE(testing::Message() << queues << cancels << name << takes.count());
+                    slave.queues = queues;
+                    slow = takes;
+                    Read first("a");
+                    if (!cancels) first.answer_timeout = 100ms;
+                    begin(first);
+                    if (cancels) slave.idle(100ms);
+                    if (cancels) first.cancel();
+                    slave.run(first);
+                    reads(name);
+                    slave.idle(100ms);
+                }
+}
+
+// A slave with a queue that answers long after the timeout: a file whose first packet comes twice is no success.
+TEST_F(LateReply, OfAFileIsFoundWhenTheFirstPacketComesTwice) {
+    slave.queues = true;
+    slow = 700ms;
+    Read first("A");
+    first.answer_timeout = 100ms;
+    begin(first);
+    slave.run(first);
+    slave.idle(200ms);
+    Read second("B");
+    begin(second);
+    slave.run(second);
+    EXPECT_EQ(second.error().code, Errc::protocol) << bus.words(second.error());
+    slave.idle(200ms);
+    reads("B");
+}
+
+// A slave that was busy answers twice: the second answer comes behind the file.
+TEST_F(LateReply, TheSecondAnswerBehindABusyFile) {
+    for (const bool fails : {false, true}) {
+        SCOPED_TRACE(fails);
+        unsigned asked = 0;
+        slave.answers = [&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
+            auto usual = answer(type, mail);
+            if (type != MailboxType::foe || FoeAsked(mail).opcode != foe::Opcode::read || open[0] != 'c') return usual;
+            if (++asked == 1) return {0ms, {foe_busy(0, 0, "loading")}};
+            if (fails) usual.mails[0] = foe_error(0x8001);
+            usual.mails.push_back(usual.mails[0]);
+            return usual;
+        };
+        Read first("c");
+        begin(first);
+        slave.run(first);
+        EXPECT_EQ(first.error().code, fails ? Errc::foe_error : Errc::none) << bus.words(first.error());
+        reads("B");
+        reads("b");
+    }
+}
+
+// The same where the slave was not busy.
+TEST_F(LateReply, AnErrorThatComesTwiceDoesNotEndTheNextFile) {
+    slave.answers = [&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
+        auto usual = answer(type, mail);
+        if (open[0] == 'c' && !usual.mails.empty()) usual.mails = {foe_error(0x8001), foe_error(0x8001)};
+        return usual;
+    };
+    Read first("c");
+    begin(first);
+    slave.run(first);
+    EXPECT_EQ(first.error().code, Errc::foe_error);
+    const Time start = bus.osal.now();
+    reads("b");
+    EXPECT_LT(bus.osal.now() - start, 20ms);
+}
+
+}  // namespace
+}  // namespace margay
