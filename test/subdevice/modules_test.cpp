@@ -286,6 +286,18 @@ TEST(Modules, SafeopIsRefusedWhereTheListsDiffer) {
     }
 }
 
+// A master that was configured for other modules sets SyncManagers of other sizes, too.
+TEST(Modules, AMismatchIsToldBeforeTheSizesThatFollowFromIt) {
+    RackBench missing{0x11};
+    missing.configure_modules(0xF030, std::array<std::uint32_t, 2>{0x11, 0x22});
+    EXPECT_EQ(missing.to_safeop(1, 5), (AlStatus{AlState::preop, true, 0x0070}));
+    RackBench plugged{0x11};
+    plugged.rack.slots.detect(2, 0x22);
+    EXPECT_EQ(plugged.to_safeop(1, 5), (AlStatus{AlState::preop, true, 0x0021}));
+    RackBench right{0x11, 0x22};
+    EXPECT_EQ(right.to_safeop(1, 2), (AlStatus{AlState::preop, true, 0x001E})) << "only the size is wrong";
+}
+
 TEST(Modules, ANewLayoutNeedsInit) {
     RackBench bench{0x22, 0x11};
     EXPECT_EQ(bench.write(0x8000, 1, 42, 2), Abort::none);
