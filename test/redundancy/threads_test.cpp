@@ -79,7 +79,7 @@ class LateNic final : public Nic {
 
 // The sending thread opens a pair of frames again while a late copy of the frame before is looked at.
 TEST(RingThreads, LateCopiesWhileAnotherThreadSends) {
-    constexpr std::uint32_t kCycles = 1000;
+    constexpr std::uint32_t kSharedCycles = 1000;
     RingBus bus;
     bus.build_line(3);
     bus.plug();
@@ -97,14 +97,14 @@ TEST(RingThreads, LateCopiesWhileAnotherThreadSends) {
     const std::uint32_t late_before = bus.status().cables[0].late + bus.status().cables[1].late;
     first.repeats = second.repeats = true;
     std::thread sender([&ctx] {
-        for (std::uint32_t sent = 0; sent < kCycles;) {
+        for (std::uint32_t sent = 0; sent < kSharedCycles;) {
             if (send_processdata(ctx))
                 ++sent;
             else
                 std::this_thread::yield();  // all cycles are on the wire
         }
     });
-    for (std::uint32_t received = 0; received < kCycles;) {
+    for (std::uint32_t received = 0; received < kSharedCycles;) {
         const auto wkc = receive_processdata(ctx, 1ms);
         (void)poll(ctx, clock.now());
         if (wkc.error().code == Errc::timeout) continue;  // the other thread has not sent yet
@@ -117,7 +117,7 @@ TEST(RingThreads, LateCopiesWhileAnotherThreadSends) {
     EXPECT_EQ(status.fault, CablingFault::none);
     EXPECT_EQ(status.ring, RingState::whole);
     EXPECT_EQ(status.breaks, 0U);
-    EXPECT_GT(first.repeated + second.repeated, kCycles);
+    EXPECT_GT(first.repeated + second.repeated, kSharedCycles);
     // Copies that rest in the whole ring are late only while the other copy is awaited.
     const std::uint32_t late = status.cables[0].late + status.cables[1].late - late_before;
     EXPECT_GE(late, second.repeated);
