@@ -77,9 +77,10 @@ class VoeInbox final : public MailListener {
 
 // Waits for the next message in an inbox, and takes it. A message that is already there ends the request at once. While
 // the request waits, it looks for mail of the slave of the inbox once a millisecond; for an inbox of all slaves, of one
-// slave with VoE after the other. The inbox must not be destroyed meanwhile, and no thread may take messages from it. `timeout` zero: no limit. Errors: invalid_argument (no inbox, or it does not listen in this
-// context), timeout, capacity (the message is longer than `data`, and `message.bytes` is its size; the octets that do
-// not fit are gone), mailbox_closed (unlisten() was called).
+// slave with VoE after the other. The inbox must not be destroyed meanwhile, and no thread may take messages from it.
+// `timeout` zero: no limit. Errors: invalid_argument (no inbox, or it does not listen in this context), timeout,
+// capacity (the message is longer than `data`, and `message.bytes` is its size; the octets that do not fit are gone),
+// mailbox_closed (unlisten() was called).
 struct VoeReceive : Request {
     VoeReceive();
     VoeInbox* inbox = nullptr;

@@ -125,6 +125,10 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
 
+void Link::commit_plain_short(PreparedFrame& frame) {
+    commit_short(frame, frame.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes]);
+}
+
 void Link::mark_not_received(PreparedFrame& frame) {
     frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;

@@ -120,9 +120,8 @@ inline void copy(std::byte* to, Bytes from) {
     frames_.release(frame.own);
     ++statistics_.frames_received;
     frame.end = CycleEnd::right;
-    const std::byte* const data = &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes];
-    if (!commit(frame.datagrams[0], data)) [[unlikely]]
-        commit_short(frame, frame.datagrams[0], data);
+    if (!commit(frame.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes])) [[unlikely]]
+        commit_plain_short(frame);
 }
 
 [[gnu::always_inline]] inline CycleEnd Link::receive_cycle(std::span<PreparedFrame> frames, Time now,

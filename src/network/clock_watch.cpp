@@ -197,7 +197,9 @@ Task<Result<>> watch_clocks(Network& network) {
     const bool guessed = network.redundancy != nullptr && network.redundancy->delays_are_guessed() &&
                          network.ring_parts().whole && !network.redundancy->are_ports_old() &&
                          network.redundancy->may_restore();
-    if (guessed || (clocks.settings.delay_interval > Duration{0} && now >= clocks.delays_at)) {
+    const bool measure_again = clocks.settings.delay_interval > Duration{0} && now >= clocks.delays_at;
+    // The measurement opens a ring for a moment, and a search reads its ports.
+    if ((guessed || measure_again) && !network.searching) {
         clocks.delays_at = later(now, clocks.settings.delay_interval);
         auto improved = co_await improve_delays(network);
         if (!improved && improved.error().code == Errc::capacity) co_return improved;

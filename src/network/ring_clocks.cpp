@@ -288,7 +288,9 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
     if (!ways_known_ && now.whole && !ports_of_broken_ && has_clock(network, now, true)) guessed_ = true;
     if (has_beside_ && (!arranged_ || ring_.are_times_held())) {
         // Measured for the first time in the whole ring: the clocks have followed other delays before.
-        if (now.whole && second_ == 0 && !ring_.are_times_held()) co_await completion(teach(network));
+        const bool taught = !now.whole || second_ != 0 || ring_.are_times_held();
+        if (!taught && network.searching) co_return Nothing{};  // it reads the ports, and teach() closes one
+        if (!taught) co_await completion(teach(network));
         co_return co_await required(arrange(network));
     }
     const std::uint16_t wanted = choose_second(network);
@@ -298,6 +300,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         ++rounds_seen_;
     if (wanted == 0 || wanted == second_ || rounds_seen_ >= kEnough) {
         if (has_beside_ && now.whole && wanted != 0 && wanted != second_) {
+            if (network.searching) co_return Nothing{};
             // Perhaps it comes from a loss of power. The present second reference is behind it, and would bring it
             // what the master has sent.
             ring_.set_second_reference({}, false);

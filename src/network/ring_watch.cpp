@@ -1,5 +1,6 @@
 #include "network/ring_watch.hpp"
 
+#include "network/by_address.hpp"
 #include "network/places.hpp"
 #include "network/scan.hpp"
 #include "network/topology.hpp"
@@ -133,6 +134,7 @@ Task<Result<>> RingWatch::read_ports(Network& network) {
     if (ring_.changes() != changes) co_return Nothing{};  // the next round reads them
     // A branch behind the way to the next ring slave has another place now.
     const auto ring = network.seen_ring();
+    ByAddress table(network);
     for (std::size_t n = 0; n < ring.size(); ++n) {
         std::array<std::byte, 2> address{};
         Datagram look(network.engine.link(), wire::Command::APRD,
@@ -140,11 +142,11 @@ Task<Result<>> RingWatch::read_ports(Network& network) {
                       MutableBytes(address));
         const auto reply = co_await look;
         if (!reply.ok() || reply.wkc != 1) co_return Nothing{};  // the next round
-        const std::size_t number = load_le<std::uint16_t>(address) - network.settings.first_station_address + 1U;
-        const bool known = number >= 1 && number <= network.count;
-        ring[n] = {.slave = static_cast<std::uint16_t>(known ? number : 0),
-                   .address = load_le<std::uint16_t>(address),
-                   .dl_status = known ? network.slave(number).dl_status : ring[n].dl_status};
+        const std::uint16_t at = load_le<std::uint16_t>(address);
+        const Slave* const known = table.find(at);
+        ring[n] = {.slave = known != nullptr ? known->number : std::uint16_t{0},
+                   .address = at,
+                   .dl_status = known != nullptr ? known->dl_status : ring[n].dl_status};
     }
     if (ring_.changes() != changes) co_return Nothing{};
     ports_of_broken_ = false;

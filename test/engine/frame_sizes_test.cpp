@@ -65,7 +65,7 @@ TEST_F(FrameSizes, OfEachSequence) {
     expect("discover_pdos", 512, discover_pdos(network, slave));
     expect("change_state", 256, change_state(network, slave, AlState::preop, kNever));
     expect("run_commands", 256, run_commands(network, slave, Transition::init_to_preop, Moment::before));
-    expect("map_group", 512, map_group(network, 0, {}));
+    expect("map_group", 256, map_group(network, 0, {}));
 }
 
 }  // namespace
