@@ -125,10 +125,6 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
 
-void Link::commit_plain_short(PreparedFrame& frame) {
-    commit_short(frame, frame.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes]);
-}
-
 void Link::mark_not_received(PreparedFrame& frame) {
     frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
@@ -267,6 +263,8 @@ void Link::accept_frame(Bytes frame, Time now, List<Waiter>& ready) {
 }
 
 CycleEnd Link::receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready) {
+    if (PreparedFrame& first = frames.front(); first.end == CycleEnd::unjudged)
+        commit_short(first, first.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes]);
     for (const PreparedFrame& frame : frames)
         while (frame.slot != nullptr)
             if (!receive_one(now, ready)) return CycleEnd::missing;

@@ -121,7 +121,7 @@ inline void copy(std::byte* to, Bytes from) {
     ++statistics_.frames_received;
     frame.end = CycleEnd::right;
     if (!commit(frame.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes])) [[unlikely]]
-        commit_plain_short(frame);
+        frame.end = CycleEnd::unjudged;
 }
 
 [[gnu::always_inline]] inline CycleEnd Link::receive_cycle(std::span<PreparedFrame> frames, Time now,
@@ -138,7 +138,7 @@ inline void copy(std::byte* to, Bytes from) {
                 accept_frame(reply, now, ready);
         }
         if (frame.end != CycleEnd::right) [[unlikely]]
-            return receive_rest({&frame + 1, frames.data() + frames.size()}, now, ready);
+            return receive_rest({&frame, frames.data() + frames.size()}, now, ready);
     }
     return CycleEnd::right;
 }

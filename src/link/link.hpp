@@ -154,9 +154,7 @@ class Link {
     [[nodiscard]] SendStatus send_prepared(PreparedFrame& frame, Time now);
     void send_riders(Time now);
     void commit_plain(PreparedFrame& frame);
-    // The same when not every slave took part. Not inline, so that the fast path saves few registers.
-    [[gnu::noinline]] void commit_plain_short(PreparedFrame& frame);
-    // Receives the remaining frames of a cycle after one that was not `right`.
+    // Receives the remaining frames of a cycle, whose first one has come and is not `right`.
     [[nodiscard]] CycleEnd receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     [[nodiscard]] bool is_reply(FrameSlot& slot, Bytes frame) const;
     static void commit_frame(PreparedFrame& sent, Bytes frame);

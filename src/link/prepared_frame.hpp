@@ -35,9 +35,10 @@ struct PreparedReading {
 
 // The result of one frame of a cycle, or of all its frames.
 enum class CycleEnd : std::uint8_t {
-    missing,  // not back
-    odd,      // back, but some slave did not take part in one of its datagrams
-    right,    // back, and every slave took part
+    missing,   // not back
+    odd,       // back, but some slave did not take part in one of its datagrams
+    unjudged,  // back, a plain frame: not every slave took part, and commit_short() has not seen it yet
+    right,     // back, and every slave took part
 };
 
 struct PreparedFrame;
