@@ -168,7 +168,7 @@ class MailboxChannel::Fence {
 // A slave that works on one message at a time takes this one when it has answered the message before. Until then the
 // reply to the exchange that was given up may still come, however long it takes.
 Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
-    constexpr std::uint16_t kOutStatus =
+    constexpr std::uint16_t kStatusOfSm0 =
         wire::reg::sync_manager(0).address + static_cast<std::uint16_t>(wire::SyncManagerLayout::status::offset);
     const Fence fence(*this, message.type);
     FinalClient client(Bytes(message.octets).first(message.bytes));
@@ -181,7 +181,7 @@ Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
     const Error failed = co_await exchange;
     for (bool full = true; full && failed.code == Errc::none && fence.stands() && now() < most;) {
         std::array<std::byte, 1> status{};
-        Datagram look(engine_->link(), wire::Command::FPRD, {address_, kOutStatus}, MutableBytes(status));
+        Datagram look(engine_->link(), wire::Command::FPRD, {address_, kStatusOfSm0}, MutableBytes(status));
         auto reply = co_await look;
         full = !reply.ok() || reply.wkc != 1 ||
                (std::to_integer<unsigned>(status[0]) & wire::sm_status::kMailboxFull) != 0;
