@@ -260,10 +260,7 @@ bool report_working_counters(Watch& watch) {
     return unexpected;
 }
 
-// A single lost frame of a cycle or of a roll is not reported. Where every tenth frame is lost, this many consecutive
-// losses occur by chance once in ten thousand million rolls.
-constexpr std::uint64_t kSilentFrames = 10;
-// Without cycles fewer frames are sent, so the time counts too: then this many.
+// Without cycles fewer frames are sent than kSilentFrames, so the time counts too: then this many.
 constexpr std::uint32_t kFewFrames = 4;
 constexpr Duration kSilence = std::chrono::milliseconds(60);
 constexpr Duration kShortSilence = std::chrono::milliseconds(30);

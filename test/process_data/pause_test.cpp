@@ -57,6 +57,14 @@ struct Pause : Identities {
             osal.wait(std::min(next, end), nic->wait_handles());
         }
     }
+    void submit_before_pause(RegisterWriteRequest& request, bool exchanges) {
+        request.slave = 2;
+        request.address = kUserMemory;
+        request.data = kMark;
+        ASSERT_TRUE(submit(*ctx, request).ok());
+        stop(exchanges);
+        poll_when_due(400ms);
+    }
     void TestBody() override {}  // for tests that use several plants
     void expect_untouched() {
         EXPECT_EQ(segment.slave(tool).peek(kUserMemory, 1)[0], std::byte{0});
@@ -147,12 +155,7 @@ TEST_F(Pause, IsNoticedWhereTheSupervisionLooksSeldom) {
 TEST_F(Pause, ARequestBeforeItIsExecutedBehindIt) {
     supervise();
     RegisterWriteRequest request;
-    request.slave = 2;
-    request.address = kUserMemory;
-    request.data = kMark;
-    ASSERT_TRUE(submit(*ctx, request).ok());
-    stop(false);
-    poll_when_due(400ms);
+    submit_before_pause(request, false);
     EXPECT_EQ(request.state(), RequestState::success) << in_words(request.error());
     EXPECT_EQ(segment.slave(line[1]).peek(kUserMemory, 1)[0], kMark[0]);
 }
@@ -160,12 +163,7 @@ TEST_F(Pause, ARequestForAMachineThatIsExchangedInItIsRefused) {
     prepare(AlState::op);
     supervise();
     RegisterWriteRequest request;
-    request.slave = 2;
-    request.address = kUserMemory;
-    request.data = kMark;
-    ASSERT_TRUE(submit(*ctx, request).ok());
-    stop(true);
-    poll_when_due(400ms);
+    submit_before_pause(request, true);
     EXPECT_EQ(request.state(), RequestState::error);
     expect_untouched();
 }
