@@ -99,7 +99,8 @@ class InitWriter {
         };
         check("check vendor id", 0x08, slave_.identity.vendor);
         check("check product code", 0x0A, slave_.identity.product);
-        const ExpectedSlave wanted = slave_.wanted == nullptr ? ExpectedSlave{} : *slave_.wanted;
+        static const ExpectedSlave kNothingExpected{};
+        const ExpectedSlave& wanted = slave_.wanted == nullptr ? kNothingExpected : *slave_.wanted;
         check("check revision number", 0x0C, wanted.revision.value_or(slave_.identity.revision), wanted.newer_revision);
         if (wanted.serial) check("check serial number", 0x0E, *wanted.serial);
     }
