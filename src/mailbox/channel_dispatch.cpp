@@ -93,14 +93,14 @@ bool MailboxChannel::answers_by_error(const wire::MailboxMessage& mail, std::uin
 }
 
 // An error reply does not contain the message that it answers. When a message without reply was sent a moment ago, the
-// error most likely belongs to it, since nothing else answers such a message. When no other answer comes, it was that
-// of the oldest exchange that waits.
+// error most likely belongs to it, since nothing else answers such a message. It may also be the late reply to an
+// exchange that was given up. When no other answer comes, it was that of the oldest exchange that waits.
 void MailboxChannel::error_reply(Bytes data) {
     ++statistics_.errors;
-    const bool of_unanswered = now() < std::exchange(unanswered_until_, Time::min());
+    const bool of_another = now() < std::exchange(unanswered_until_, Time::min()) || is_owed();
     if (awaiting_.empty()) return;
     auto& oldest = static_cast<MailExchange&>(*awaiting_.front());
-    if (of_unanswered)
+    if (of_another)
         oldest.error_ = error_of(number_, data);
     else
         finish(oldest, error_of(number_, data));

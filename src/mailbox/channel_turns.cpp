@@ -79,6 +79,8 @@ void MailboxChannel::forget(MailExchange& exchange) {
         Owed& owed = owe(exchange.type_, options.key, options.mails, most);
         const bool foe = exchange.type_ == wire::MailboxType::foe && !options.distinct;
         owed.lasts |= options.key != 0 && (foe || exchange.type_ == wire::MailboxType::coe);
+    } else if (out) {
+        unanswered_until_ = now() + mail_timing::kOwedPatience;
     }
     kick();
 }

@@ -23,6 +23,7 @@ class SlowSlave {
     struct Answer {
         Duration after{0};
         std::vector<Mail> mails;
+        std::optional<MailboxType> type{};  // none: the type of the message
     };
     bool queues = false;
     std::function<Answer(MailboxType, const Mail&)> answers;
@@ -36,7 +37,7 @@ class SlowSlave {
             ready_ = now + working_->after;
         }
         if (working_ && now >= ready_) {
-            for (const Mail& mail : working_->mails) slave_.reply(mail, type_);
+            for (const Mail& mail : working_->mails) slave_.reply(mail, working_->type.value_or(type_));
             working_.reset();
         } else if (!working_) {
             slave_.takes = true;
@@ -85,6 +86,7 @@ class LateReply : public testing::Test {
             ++eoe_asked;
             return {eoe_asked == 1 ? slow : 1ms, {mail_bytes({7, 1, 0, 0, 2, 0, 0, 0, eoe_asked, 0, 0, 10})}};
         }
+        if (type == MailboxType::voe) return {1ms, {mail_bytes({1, 0, 2, 0})}, MailboxType::error};
         if (type != MailboxType::coe || data[2] == std::byte{0x80}) return {};
         const auto index = load_le<std::uint16_t>(data, 3);
         const auto low = std::to_integer<unsigned>(data[3]);
@@ -212,6 +214,35 @@ TEST_F(LateReply, IsNotTakenBehindMailOfAnotherProtocol) {
             refused();
         slave.idle(100ms);
     }
+}
+
+// The slave refuses a protocol that it does not have. Its error does not name the message.
+TEST_F(LateReply, TheErrorOfAMessageThatWasGivenUpDoesNotEndTheNextRequest) {
+    const auto message = mail_bytes({1, 2, 3, 4, 5, 6});
+    for (const bool wants_answer : {false, true})
+        for (unsigned steps = 0; steps < 12; ++steps) {
+            SCOPED_TRACE(testing::Message() << wants_answer << " given up after " << steps << " steps");
+            std::array<std::byte, 32> memory{};
+            RawMail other;
+            other.slave = 1;
+            other.type = MailboxType::voe;
+            other.message = message;
+            if (wants_answer) other.answer = memory;
+            begin(other);
+            for (unsigned n = 0; n < steps; ++n) slave.step();
+            other.cancel();
+            slave.run(other);
+
+            std::array<std::byte, 4> octets{};
+            SdoUpload read;
+            read.slave = 1;
+            read.index = static_cast<std::uint16_t>(0x3000 + steps);
+            read.data = octets;
+            begin(read);
+            slave.run(read);
+            EXPECT_EQ(read.state(), RequestState::success) << bus.words(read.error());
+            slave.idle(200ms);
+        }
 }
 
 // A fragment of a frame is no answer to a request for the IP parameters.
