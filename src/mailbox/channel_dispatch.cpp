@@ -100,10 +100,14 @@ void MailboxChannel::error_reply(Bytes data) {
     const bool of_another = now() < std::exchange(unanswered_until_, Time::min()) || is_owed();
     if (awaiting_.empty()) return;
     auto& oldest = static_cast<MailExchange&>(*awaiting_.front());
-    if (of_another)
+    if (of_another) {
         oldest.error_ = error_of(number_, data);
-    else
-        finish(oldest, error_of(number_, data));
+        return;
+    }
+    // A slave that works on several protocols at a time may mean another exchange.
+    if (awaiting_.after(oldest) != nullptr)
+        owe_reply(oldest.type_, oldest.options_.key, now() + mail_timing::kOwedPatience);
+    finish(oldest, error_of(number_, data));
 }
 
 }  // namespace margay

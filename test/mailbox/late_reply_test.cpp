@@ -245,6 +245,23 @@ TEST_F(LateReply, TheErrorOfAMessageThatWasGivenUpDoesNotEndTheNextRequest) {
         }
 }
 
+// A slave works on a write and a file at the same time, and refuses the file. The write, which is older, ends by this
+// error, because the error does not say what it answers.
+TEST_F(LateReply, OfAWriteThatTheErrorOfAnotherProtocolEnded) {
+    slave.queues = true;
+    Write write(1);
+    Read read("a");
+    begin(write);
+    slave.idle(3ms);
+    begin(read);
+    slave.idle(3ms);
+    slave.say(mail_bytes({1, 0, 2, 0}), MailboxType::error);
+    slave.run(write);
+    EXPECT_EQ(write.error().code, Errc::mailbox_error) << bus.words(write.error());
+    refused();
+    read.cancel();
+}
+
 // A fragment of a frame is no answer to a request for the IP parameters.
 TEST_F(LateReply, OfEoeIsNotTakenBehindAFrame) {
     slave.queues = true;
