@@ -359,7 +359,8 @@ void MailboxChannel::reply_is_lost() {
         turn = awaiting_.after(*turn);
         if (&exchange == unsure_) continue;  // this message may not have arrived, and is sent again
         late_until_ = now() + mail_timing::kOwedPatience;
-        (void)owe(exchange.type_, exchange.options_.key, exchange.options_.mails, late_until_);
+        Owed& owed = owe(exchange.type_, exchange.options_.key, exchange.options_.mails, late_until_);
+        owed.lasts |= is_in_order(exchange);
         finish(exchange, lost);
     }
 }
@@ -382,6 +383,7 @@ void MailboxChannel::fetched(Reply reply, Bytes mailbox) {
     fetched_at_ = now();
     if (reply.errc == Errc::no_frame) {
         repeat_ = Repeated::wanted;
+        missed_ = true;
         look_soon();
     } else if (!reply.ok()) {
         last_failure_ = reply.errc;

@@ -44,6 +44,8 @@ inline constexpr Duration kOwedPatience = std::chrono::milliseconds(100);
 inline constexpr Duration kFinalPatience = std::chrono::seconds(1);
 // The same for a slave that still works on the message before.
 inline constexpr Duration kFencePatience = std::chrono::seconds(9);
+// A slave that has answered none of all questions of settle_owed() for so long will not answer them any more.
+inline constexpr Duration kQuestionsLapse = std::chrono::seconds(9);
 }  // namespace mail_timing
 
 class MailboxChannel {
@@ -92,10 +94,20 @@ class MailboxChannel {
     [[nodiscard]] bool is_doubtful(std::uint64_t key) const;
     // The slave has not yet taken the message that ends an earlier CoE operation.
     [[nodiscard]] bool is_fenced() const { return owed_[0].fences != 0; }
+    // Whether one reply of this key is owed, and no other one of CoE. Mail of any kind may be something else.
+    [[nodiscard]] bool owes_only(std::uint64_t key) const {
+        return owed_[0].mails == 1 && owed_[0].key == key && key != mail_key::kAny;
+    }
+    // The key of the next question of settle_owed(): an object that no request given up, and no question without an
+    // answer, has asked for, because an answer to those that comes late would be taken for the answer to this one. 0:
+    // there is none, until a late answer comes or kQuestionsLapse is over.
+    [[nodiscard]] std::uint64_t next_question();
+    // The question was sent.
+    void note_question(std::uint64_t key);
+    // The replies that were owed have come.
+    void forget_owed() { owed_[0].mails = 0; }
     // The slave has answered a later request.
-    void end_doubt() { owed_[0].mails = 0; }
-    // The key of the reply that may still arrive; mail_key::kAny: there are several.
-    [[nodiscard]] std::uint64_t owed_key() const { return owed_[0].key; }
+    void end_doubt() { owed_[0].mails = owed_[0].questions = 0; }
     // Whether the mail can be a reply to an exchange of this key.
     [[nodiscard]] static bool can_answer(std::uint64_t key, const wire::MailboxMessage& mail);
 
@@ -134,8 +146,6 @@ class MailboxChannel {
 
     // Set when the slave has refused complete access.
     bool no_complete_access = false;
-    // Alternates with each question of settle_owed().
-    bool other_question = false;
     // Whether complete access may be used: the slave has not refused it, and the application has not disabled it.
     [[nodiscard]] bool whole_objects() const { return !no_complete_access && !slave_->config.no_complete_access; }
 
@@ -166,10 +176,11 @@ class MailboxChannel {
     struct Owed {
         std::uint64_t key = 0;
         Time until = Time::min();
-        wire::MailboxType type{};  // error: several
-        std::uint8_t mails = 0;    // so many mails may still arrive; 0: none is owed
-        std::uint8_t fences = 0;   // final messages that the slave has not taken; until then, time does not count
-        bool lasts = false;        // see is_doubtful()
+        wire::MailboxType type{};    // error: several
+        std::uint8_t mails = 0;      // so many mails may still arrive; 0: none is owed
+        std::uint8_t fences = 0;     // final messages that the slave has not taken; until then, time does not count
+        bool lasts = false;          // see is_doubtful()
+        std::uint8_t questions = 0;  // CoE: a bit for each object of kQuestions that an answer may still come for
     };
     class Fence;
 
@@ -183,9 +194,16 @@ class MailboxChannel {
     [[nodiscard]] static bool is_current(const Owed& owed, Time now) {
         return owed.mails != 0 && (now < owed.until || owed.fences != 0);
     }
+    // Whether the order of the slave's answers tells a late reply to the exchange from later ones: see is_doubtful().
+    [[nodiscard]] static bool is_in_order(const MailExchange& exchange) {
+        const bool foe = exchange.type_ == wire::MailboxType::foe && !exchange.options_.distinct;
+        return exchange.options_.key != 0 && (foe || exchange.type_ == wire::MailboxType::coe);
+    }
     void note_late(const wire::MailboxMessage& mail);
     void note_answered(const MailExchange& exchange);
-    void owe_all();
+    // What the channel owes when the exchange, which was sent, ends without its reply.
+    void owe_answer_to(const MailExchange& exchange);
+    [[nodiscard]] static std::uint8_t question_bit(std::uint64_t key);
 
     void enqueue(MailExchange& exchange);
     void forget(MailExchange& exchange);
@@ -260,6 +278,7 @@ class MailboxChannel {
     bool counts_ = true;  // false: the slave sends mail with counter 0
     Repeated repeat_ = Repeated::no;
     bool repeated_ = false;  // the next mail may repeat the one received before
+    bool missed_ = false;    // a frame with mail may have been lost, and no mail has come since
     std::uint8_t activate_ = 0;
     std::uint16_t busy_types_ = 0;
 
@@ -291,6 +310,7 @@ class MailboxChannel {
     // A reply that was asked for by a repeat request is lost when it has not arrived until then.
     Time lost_at_ = kNever;
     std::array<Owed, kOwedPlaces> owed_;
+    Time asked_at_ = Time::min();    // the last question of settle_owed()
     Time late_until_ = Time::min();  // until then, the channel looks for mail of exchanges that were given up
     // A message without reply was sent: until then an error reply may belong to it.
     Time unanswered_until_ = Time::min();

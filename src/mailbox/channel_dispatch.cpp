@@ -8,6 +8,9 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     ++statistics_.received;
     const auto header = wire::load_mailbox_header(mailbox);
     counts_ = header.counter != 0;
+    // The mail in between is lost: the slave had new mail before the repeat request came.
+    const bool skips = std::exchange(missed_, false) && counts_ && in_counter_ != 0 && header.counter != in_counter_ &&
+                       header.counter != wire::next_mailbox_counter(in_counter_);
     const bool again = std::exchange(repeated_, false) && counts_ && header.counter == in_counter_;
     in_counter_ = header.counter;
     if (again) {
@@ -17,6 +20,8 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     const auto mail = wire::load_mailbox_message(mailbox);
     if (!mail || mail->data.empty()) return malformed(header);
     dispatch(*mail);
+    // What is lost may have been the reply that is still waited for.
+    if (skips && !awaiting_.empty() && lost_at_ == kNever) lost_at_ = now() + mail_timing::kResendAfter;
 }
 
 void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {

@@ -25,7 +25,8 @@ MailboxChannel::Owed& MailboxChannel::owe(wire::MailboxType type, std::uint64_t 
     Owed& owed = owed_of(type);
     if (key == 0) return owed;
     if (!is_current(owed, now()) && !(owed.mails != 0 && owed.lasts))
-        owed = {.key = key, .until = until, .type = type, .fences = owed.fences};
+        owed = {.key = key, .until = until, .type = type, .fences = owed.fences, .questions = owed.questions};
+    if (type == wire::MailboxType::coe) owed.questions |= question_bit(key);
     if (owed.key != key) owed.key = mail_key::kAny;
     if (owed.type != type) owed.type = wire::MailboxType::error;
     owed.until = std::max(owed.until, until);
@@ -41,11 +42,18 @@ void MailboxChannel::owe_reply(wire::MailboxType type, std::uint64_t key, Time u
     kick();
 }
 
-// Of all protocols. resume() sets the time.
-void MailboxChannel::owe_all() {
-    for (Owed& owed : owed_) owed = {.key = mail_key::kAny, .mails = MailExchange::kManyMails};
-    owed_[0].type = wire::MailboxType::coe;
-    owed_[1].type = wire::MailboxType::foe;
+// The reply is waited for as long as the exchange itself would have waited, unless the next exchanges can tell it from
+// theirs.
+void MailboxChannel::owe_answer_to(const MailExchange& exchange) {
+    const auto& options = exchange.options_;
+    if (!options.reply) {
+        unanswered_until_ = now() + mail_timing::kOwedPatience;
+        return;
+    }
+    late_until_ = now() + mail_timing::kOwedPatience;
+    const Time most = options.distinct ? late_until_ : std::max(late_until_, exchange.wanted_until_);
+    Owed& owed = owe(exchange.type_, options.key, options.mails, most);
+    owed.lasts |= is_in_order(exchange);
 }
 
 bool MailboxChannel::must_wait(const MailExchange& exchange) const {
@@ -64,7 +72,40 @@ bool MailboxChannel::is_owed() const {
 bool MailboxChannel::is_doubtful(std::uint64_t key) const {
     const bool foe = mail_key::kind_of(key) == mail_key::Kind::foe;
     const Owed& owed = owed_[owed_place(foe ? wire::MailboxType::foe : wire::MailboxType::coe)];
-    return key != 0 && owed.mails != 0 && owed.lasts && (owed.key == key || owed.key == mail_key::kAny);
+    const bool alike = owed.key == key || owed.key == mail_key::kAny || key == mail_key::kAny;
+    const bool asked = !foe && (owed.questions & question_bit(key)) != 0;
+    return key != 0 && ((owed.mails != 0 && owed.lasts && alike) || asked);
+}
+
+// ------------------------------------------------------------------ questions
+
+namespace {
+
+// Objects that a device answers at once, if only by an abort.
+constexpr std::array kQuestions{
+    mail_key::of(mail_key::Kind::sdo, 0x1000, 0), mail_key::of(mail_key::Kind::sdo, 0x1018, 1),
+    mail_key::of(mail_key::Kind::sdo, 0x1018, 2), mail_key::of(mail_key::Kind::sdo, 0x1018, 3),
+    mail_key::of(mail_key::Kind::sdo, 0x1018, 4), mail_key::of(mail_key::Kind::sdo, 0x1018, 0),
+    mail_key::of(mail_key::Kind::sdo, 0x1001, 0), mail_key::of(mail_key::Kind::sdo, 0x1000, 1)};
+
+}  // namespace
+
+std::uint8_t MailboxChannel::question_bit(std::uint64_t key) {
+    const auto at = std::ranges::find(kQuestions, key);
+    return at == kQuestions.end() ? std::uint8_t{0} : static_cast<std::uint8_t>(1U << (at - kQuestions.begin()));
+}
+
+std::uint64_t MailboxChannel::next_question() {
+    if (owed_[0].questions == UINT8_MAX && now() >= later(asked_at_, mail_timing::kQuestionsLapse))
+        owed_[0].questions = 0;
+    const auto free = [&](std::uint64_t key) { return (owed_[0].questions & question_bit(key)) == 0; };
+    const auto at = std::ranges::find_if(kQuestions, free);
+    return at == kQuestions.end() ? 0 : *at;
+}
+
+void MailboxChannel::note_question(std::uint64_t key) {
+    owed_[0].questions |= question_bit(key);
+    asked_at_ = now();
 }
 
 // ------------------------------------------------------------------ what ends it
@@ -104,6 +145,9 @@ bool MailboxChannel::can_answer(std::uint64_t key, const wire::MailboxMessage& m
 // Mail that nobody has taken: most likely the late reply, if it is of its protocol.
 void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
     Owed& owed = owed_of(mail.header.type);
+    if (mail.header.type == wire::MailboxType::coe)
+        for (const std::uint64_t key : kQuestions)
+            if (can_answer(key, mail)) owed.questions &= static_cast<std::uint8_t>(~question_bit(key));
     if (owed.mails == 0 || owed.mails == MailExchange::kManyMails || owed.type != mail.header.type) return;
     if (!can_answer(owed.key, mail)) return;
     --owed.mails;
@@ -111,14 +155,15 @@ void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
 }
 
 // The exchanges of a session follow each other, so this one was sent after those that were given up. A TxPDO may be one
-// that the slave has sent on its own; the first reply to a file may be the late one.
+// that the slave has sent on its own; the first reply to a file may be the late one. A question (key 0) may have ended
+// by a late reply.
 void MailboxChannel::note_answered(const MailExchange& exchange) {
-    if (exchange.session_ == nullptr) return;
+    if (exchange.session_ == nullptr || exchange.options_.key == 0) return;
     const bool coe = exchange.type_ == wire::MailboxType::coe;
     const bool foe = exchange.type_ == wire::MailboxType::foe;
     const bool pdo = mail_key::kind_of(exchange.options_.key) == mail_key::Kind::tx_pdo;
     if (!(coe && !pdo) && !(foe && exchange.options_.distinct)) return;
-    if (Owed& owed = owed_of(exchange.type_); owed.lasts) owed.mails = 0;
+    if (Owed& owed = owed_of(exchange.type_); owed.lasts) owed.mails = owed.questions = 0;
 }
 
 // ------------------------------------------------------------------ messages that end operations

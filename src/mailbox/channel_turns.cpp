@@ -5,6 +5,16 @@
 #include <algorithm>
 
 namespace margay {
+namespace {
+
+// The error message of FoE without text, with the error code "not defined".
+constexpr std::array<std::byte, 6> kEndOfTransfer{std::byte{5}, {}, {}, std::byte{0x80}};
+
+constexpr std::uint16_t bit_of(wire::MailboxType type) {
+    return static_cast<std::uint16_t>(1U << static_cast<unsigned>(type));
+}
+
+}  // namespace
 
 // ------------------------------------------------------------------ exchanges
 
@@ -41,6 +51,14 @@ Error MailExchange::await_resume() noexcept {
 }
 
 void MailboxChannel::enqueue(MailExchange& exchange) {
+    // The reply to an exchange that was given up may have come after the last look, and lie in the mailbox since. The
+    // packets of a file are told by their numbers.
+    const auto& options = exchange.options_;
+    if (options.key != 0 && !options.distinct && awaiting_.empty() && owed_of(exchange.type_).mails != 0) {
+        glance_ = true;
+        stale_ = kMostStale;
+        look_soon();
+    }
     queue_.push_back(exchange);
     ensure_pump();
     kick();
@@ -64,24 +82,14 @@ void MailboxChannel::finish(MailExchange& exchange, const Error& error) {
     engine_->wake(exchange.timer_);
 }
 
-// The exchange is given up. The slave still processes a message that was sent. Its reply is waited for as long as the
-// exchange itself would have waited, unless the next exchanges can tell it from theirs.
+// The exchange is given up. The slave still processes a message that was sent.
 void MailboxChannel::forget(MailExchange& exchange) {
     exchange.unlink();
     const bool out = exchange.state_ == MailExchange::State::sent || sending_ == &exchange;
     if (sending_ == &exchange) sending_ = nullptr;
     if (unsure_ == &exchange) unsure_ = nullptr;
     if (awaiting_.empty()) lost_at_ = kNever;
-    if (out && exchange.options_.reply) {
-        const auto& options = exchange.options_;
-        late_until_ = now() + mail_timing::kOwedPatience;
-        const Time most = options.distinct ? late_until_ : std::max(late_until_, exchange.wanted_until_);
-        Owed& owed = owe(exchange.type_, options.key, options.mails, most);
-        const bool foe = exchange.type_ == wire::MailboxType::foe && !options.distinct;
-        owed.lasts |= options.key != 0 && (foe || exchange.type_ == wire::MailboxType::coe);
-    } else if (out) {
-        unanswered_until_ = now() + mail_timing::kOwedPatience;
-    }
+    if (out) owe_answer_to(exchange);
     kick();
 }
 
@@ -119,12 +127,6 @@ Error MailSession::await_resume() noexcept {
     if (!granted_ && error_.code == Errc::none) error_.code = Errc::timeout;
     return granted_ ? Error{} : error_;
 }
-
-namespace {
-constexpr std::uint16_t bit_of(wire::MailboxType type) {
-    return static_cast<std::uint16_t>(1U << static_cast<unsigned>(type));
-}
-}  // namespace
 
 bool MailboxChannel::try_enter(MailSession& session) {
     if ((busy_types_ & bit_of(session.type_)) != 0) return false;
@@ -193,12 +195,18 @@ void MailboxChannel::interrupt(Errc reason) {
     if (!is_reachable()) return;
     // The slave may have the message on the wire: the next one needs another counter.
     if (sending_ != nullptr) out_counter_ = trial_counter_;
-    // It still answers what it has received.
-    const bool owes = !awaiting_.empty() || (sending_ != nullptr && sending_->options_.reply) || now() < late_until_ ||
-                      is_owed() || (owed_[0].mails != 0 && owed_[0].lasts);
+    // It still answers what it has received, also long after it is back.
+    for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn))
+        owe_answer_to(static_cast<MailExchange&>(*turn));
+    if (sending_ != nullptr && sending_->state_ == MailExchange::State::queued) owe_answer_to(*sending_);
+    auto still = owed_;
+    for (Owed& owed : still) {
+        if (!is_current(owed, now()) && !owed.lasts) owed = {};
+        owed.fences = 0;  // the messages that end operations are lost
+    }
     away_ = true;
     end_exchanges(reason);
-    if (owes) owe_all();
+    owed_ = still;
 }
 
 void MailboxChannel::resume() {
@@ -206,9 +214,12 @@ void MailboxChannel::resume() {
     silent_looks_ = 0;
     glance_ = true;
     stale_ = kMostStale;
-    const Time until = now() + mail_timing::kOwedPatience;
+    late_until_ = now() + mail_timing::kOwedPatience;
     for (Owed& owed : owed_)
-        if (owed.mails != 0) owed.until = late_until_ = until;
+        if (owed.mails != 0) owed.until = std::max(owed.until, late_until_);
+    // Nobody has told the slave that its file transfer has ended. A slave that works on one message at a time takes
+    // this one when it has answered.
+    if (owed_[1].mails != 0 && owed_[1].lasts) send_final_message(wire::MailboxType::foe, kEndOfTransfer);
 }
 
 void MailboxChannel::end_exchanges(Errc why) {
@@ -227,7 +238,7 @@ void MailboxChannel::end_exchanges(Errc why) {
     busy_types_ = 0;
     stale_ = 0;
     sending_ = unsure_ = nullptr;
-    resend_ = glance_ = full_ = watched_by_mailboxes_ = repeated_ = false;
+    resend_ = glance_ = full_ = watched_by_mailboxes_ = repeated_ = missed_ = false;
     resend_at_ = lost_at_ = kNever;
     send_at_ = look_at_ = late_until_ = fetched_at_ = real_look_at_ = Time::min();
     owed_ = {};

@@ -201,10 +201,10 @@ Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObj
     if (refused.code != Errc::none) co_return complete(refused);
     if (channel.send_room() < coe::kEntryRequestBytes) co_return complete({.code = Errc::unsupported});
     const auto key = mail_key::of(mail_key::Kind::sdo_information, about.index, about.subindex);
-    if (channel.is_doubtful(key))
-        co_await required(settle_owed(channel, session, key, patience, Step::sdo_information));
     Error failed{.code = Errc::reply_lost};
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
+        if (channel.is_doubtful(key))
+            co_await required(settle_owed(channel, session, key, patience, Step::sdo_information));
         if (n != 0) query.restart();
         MailExchange exchange(session, query, {.patience = patience, .key = key, .mails = MailExchange::kManyMails});
         failed = co_await exchange;

@@ -31,34 +31,33 @@ class AbortGuard {
     const SdoTransfer& transfer_;
 };
 
-// A question whose answer shows that the slave has answered all requests before. The late reply itself shows it, too.
+// A question whose answer shows that the slave has answered all requests before. The late reply itself shows it, too,
+// if no other one is owed.
 class OrderQuestion final : public MailClient {
   public:
-    OrderQuestion(const SdoObject& object, std::uint64_t key) : question_(object, value_), key_(key) {}
+    OrderQuestion(const SdoObject& object, std::uint64_t key, bool only)
+        : question_(object, value_), key_(key), only_(only) {}
     std::size_t compose(MutableBytes data) override { return question_.compose(data); }
     Taken accept(const wire::MailboxMessage& mail) override {
         if (question_.accept(mail) != Taken::no) return Taken::all;
-        late = MailboxChannel::can_answer(key_, mail);
-        return late ? Taken::all : Taken::no;
+        if (!MailboxChannel::can_answer(key_, mail)) return Taken::no;
+        ++late;
+        settled = only_;
+        return only_ ? Taken::all : Taken::more;
     }
-    bool late = false;
+    unsigned late = 0;     // late replies of the key
+    bool settled = false;  // one of them has ended the exchange
 
   private:
     std::array<std::byte, 8> value_{};
     SdoUploadTransfer question_;
     std::uint64_t key_;
+    bool only_;
 };
 
-// Two objects of every device: an answer that is late itself must not be taken for the answer to the next question.
-constexpr SdoObject kDeviceType{.index = 0x1000};
-constexpr SdoObject kVendorId{.index = 0x1018, .subindex = 1};
-
-const SdoObject& question_for(const MailboxChannel& channel) {
-    const auto key = [](const SdoObject& object) {
-        return mail_key::of(mail_key::Kind::sdo, object.index, object.subindex);
-    };
-    if (channel.owed_key() == key(kDeviceType)) return kVendorId;
-    return channel.other_question && channel.owed_key() != key(kVendorId) ? kVendorId : kDeviceType;
+SdoObject object_of(std::uint64_t key) {
+    if (mail_key::kind_of(key) == mail_key::Kind::tx_pdo || key == mail_key::kAny) return {};
+    return {.index = static_cast<std::uint16_t>(key >> 8), .subindex = static_cast<std::uint8_t>(key)};
 }
 
 Error complete(Error error, const MailboxChannel& channel, const SdoObject& object, Step step) {
@@ -87,7 +86,7 @@ constexpr Duration kSoonLate = std::chrono::milliseconds(5);
 Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::uint64_t key, MailPatience patience,
                            Step step) {
     Engine& engine = channel.engine();
-    const SdoObject about{.index = static_cast<std::uint16_t>(key >> 8), .subindex = static_cast<std::uint8_t>(key)};
+    const SdoObject about = object_of(key);
     patience.give_up = patience.for_one(engine.now());
     for (Time soon = later(engine.now(), kSoonLate); channel.is_doubtful(key) && engine.now() < soon;) {
         if (engine.now() >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, about, step);
@@ -96,14 +95,25 @@ Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::u
         if (channel.is_fenced()) soon = later(engine.now(), kSoonLate);
     }
     Error failed{.code = Errc::reply_lost};
-    for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain && channel.is_doubtful(key); ++n) {
-        OrderQuestion question(question_for(channel), key);
+    for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain && channel.is_doubtful(key);) {
+        const std::uint64_t asked = channel.next_question();
+        if (asked == 0) {
+            if (engine.now() >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, about, step);
+            channel.glance();
+            co_await engine.sleep_for(kUntilReady);
+            if (!session.holds()) co_return complete({.code = channel.cut_by()}, channel, about, step);
+            continue;
+        }
+        OrderQuestion question(object_of(asked), key, channel.owes_only(key));
         MailExchange exchange(session, question, {.patience = patience});
-        channel.other_question = !channel.other_question;
+        channel.note_question(asked);
         failed = co_await exchange;
-        if (failed.code == Errc::none && question.late) ++channel.statistics().unexpected;
-        if (failed.code == Errc::none) channel.other_question = !channel.other_question;
-        if (failed.code == Errc::none || failed.code == Errc::mailbox_error) channel.end_doubt();
+        ++n;
+        channel.statistics().unexpected += question.late;
+        if (question.settled)
+            channel.forget_owed();
+        else if (failed.code == Errc::none || failed.code == Errc::mailbox_error)
+            channel.end_doubt();
     }
     if (channel.is_doubtful(key)) co_return complete(failed, channel, about, step);
     co_return Nothing{};

@@ -35,11 +35,13 @@ class TransferEnd {
         if (!session_.holds()) return;
         const bool ended_by_slave = transfer_.error().code == Errc::foe_error;
         if (transfer_.has_repeated() || ended_by_slave) {
-            const Duration most = transfer_.has_repeated() ? mail_timing::kOwedPatience : kErrorTwice;
+            const Duration again = std::max(mail_timing::kOwedPatience, slowest);
+            const Duration most = transfer_.has_repeated() ? again : kErrorTwice;
             channel_.owe_reply(wire::MailboxType::foe, kKey, channel_.engine().now() + most);
         }
         if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
     }
+    Duration slowest{0};  // what the slave needs at most for all answers to a message and its repetitions
 
   private:
     MailboxChannel& channel_;
@@ -73,10 +75,11 @@ class BusySlave {
 
 Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeTransfer& transfer,
                              const MailPatience& patience, Step step) {
-    const TransferEnd end(channel, session, transfer);
+    TransferEnd end(channel, session, transfer);
     Engine& engine = channel.engine();
     BusySlave busy(transfer.request(), patience.give_up);
     unsigned again = 0;
+    Time asked{};  // the message for the first time
     while (!transfer.over()) {
         if (!session.holds()) co_return of_file({.code = channel.cut_by()}, channel, step);
         const bool ready = transfer.prepare();
@@ -90,6 +93,7 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
         MailExchange exchange(
             session, transfer,
             {.patience = patience, .key = kKey, .reply = reply, .distinct = !transfer.is_like_first()});
+        if (again == 0) asked = engine.now();
         const Error failed = co_await exchange;
         if (failed.code == Errc::reply_lost && again < kMostAskedAgain) {
             ++again;
@@ -97,6 +101,7 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
             continue;
         }
         if (failed.code != Errc::none) co_return of_file(failed, channel, step);
+        end.slowest = std::max(end.slowest, (again + 1) * (engine.now() - asked));
         again = 0;
         if (channel.is_doubtful(kKey)) transfer.doubt();
         if (!reply) transfer.finish();

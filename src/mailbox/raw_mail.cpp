@@ -1,5 +1,6 @@
 #include "mailbox/raw_mail.hpp"
 
+#include "mailbox/coe_sdo.hpp"
 #include "mailbox/mailboxes.hpp"
 
 #include <algorithm>
@@ -84,6 +85,9 @@ Task<Result<>> transfer_raw(MailboxChannel& channel, RawMail& request, const Mai
         const Error refused = co_await session;
         if (refused.code != Errc::none) co_return channel.station().error(refused.code, Step::mailbox_send);
     }
+    // Replies of CoE do not say which message they answer, and the message may continue a transfer of the caller.
+    if (reply && request.type == wire::MailboxType::coe && channel.is_doubtful(mail_key::kAny))
+        co_await required(settle_owed(channel, session, mail_key::kAny, patience, Step::mailbox_send));
     RawMessage message(request);
     MailExchange exchange(
         channel, request.type, message,

@@ -1,69 +1,9 @@
 // Replies that come late or twice: a reply to a request that was given up is never taken for the reply to the next
 // request of the same kind, however long the slave works and whatever else was given up.
-#include "mailbox/foe_bus.hpp"
-
-#include <functional>
-#include <optional>
+#include "mailbox/slow_slave.hpp"
 
 namespace margay {
 namespace {
-
-using wire::MailboxType;
-
-// A slave that answers in order, each message after a time of its own. With `queues` it takes all messages at once,
-// otherwise it takes one when it has answered the message before.
-class SlowSlave {
-  public:
-    explicit SlowSlave(MailboxBus& bus) : bus_(bus), slave_(bus.add_scripted(64)) {
-        slave_.on_mail = [this](const Mail& mail) {
-            in_.push_back(mail);
-            slave_.takes = queues;
-        };
-    }
-    struct Answer {
-        Duration after{0};
-        std::vector<Mail> mails;
-        std::optional<MailboxType> type{};  // none: the type of the message
-    };
-    bool queues = false;
-    std::function<Answer(MailboxType, const Mail&)> answers;
-
-    void step() {
-        const Time now = bus_.osal.now();
-        if (!working_ && !in_.empty()) {
-            type_ = wire::load_mailbox_header(in_.front()).type;
-            working_ = answers(type_, in_.front());
-            in_.pop_front();
-            ready_ = now + working_->after;
-        }
-        if (working_ && now >= ready_) {
-            for (const Mail& mail : working_->mails) slave_.reply(mail, working_->type.value_or(type_));
-            working_.reset();
-        } else if (!working_) {
-            slave_.takes = true;
-        }
-        bus_.step();
-    }
-    void run(const Request& request) {
-        const Time end = bus_.osal.now() + 60s;
-        while (request.busy() && bus_.osal.now() < end) step();
-        EXPECT_FALSE(request.busy());
-    }
-    void idle(Duration time) {
-        for (const Time end = bus_.osal.now() + time; bus_.osal.now() < end;) step();
-    }
-    // Mail that nobody has asked for.
-    void say(const Mail& data, MailboxType type) { slave_.reply(data, type); }
-    [[nodiscard]] const std::vector<Mail>& received() const { return slave_.received; }
-
-  private:
-    MailboxBus& bus_;
-    ScriptedSlave& slave_;
-    std::deque<Mail> in_;
-    std::optional<Answer> working_;
-    MailboxType type_{};
-    Time ready_{};
-};
 
 class LateReply : public testing::Test {
   protected:
