@@ -22,7 +22,9 @@
 //
 // When a cable breaks, the clocks behind the break follow the first clock there (EventKind::second_reference). A
 // SuperviseRequest compares this clock with the reference clock by the two copies of each frame, and steers its offset,
-// so that both parts keep in step. When the ring is whole again, all clocks follow the reference clock. Group::dc_time
+// so that both parts keep in step, and SlaveClock::in_sync tells it. If this clock was away before (no power, or between
+// two breaks), it was not in step when the comparison began: then the ways of both copies are measured, and "in step"
+// does not contain the times that both NICs need, as in a ring that is broken from the start. When the ring is whole again, all clocks follow the reference clock. Group::dc_time
 // always has the time of the reference clock; its `slaves` counts only the slaves on the same side of the break as the
 // reference clock.
 //

@@ -5,6 +5,23 @@
 #include <algorithm>
 
 namespace margay {
+namespace {
+
+using wire::Command;
+
+// ARMW and FRMW bring the time of the reference clock to the other clocks; APRD and FPRD read it only.
+constexpr std::byte kFirstWithTime{static_cast<std::uint8_t>(Command::ARMW)};
+constexpr std::byte without_time(std::byte command) {
+    return static_cast<std::byte>(command == kFirstWithTime ? Command::APRD : Command::FPRD);
+}
+constexpr std::byte with_time(std::byte command) {
+    return static_cast<std::byte>(command == static_cast<std::byte>(Command::APRD) ? Command::ARMW : Command::FRMW);
+}
+constexpr bool is_without_time(std::byte command) {
+    return command == static_cast<std::byte>(Command::APRD) || command == static_cast<std::byte>(Command::FPRD);
+}
+
+}  // namespace
 
 // Returns until when the queue waits for the next cycle. A group counts while its cycles keep their interval.
 Time Link::cycles_until() {
@@ -125,10 +142,16 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
 
+// After a frame that was lost, the time in the next one is too early: the clocks would take it if the reference was lost
+// meanwhile. So the next frame only reads the reference.
 void Link::mark_not_received(PreparedFrame& frame) {
     frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
-    for (const PreparedReading& r : frame.readings) r.into->came = false;
+    for (const PreparedReading& r : frame.readings) {
+        r.into->came = false;
+        std::byte& command = frame.bytes[r.offset];
+        if (!frame.overlapped && command >= kFirstWithTime) command = without_time(command);
+    }
 }
 
 SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
@@ -181,27 +204,36 @@ void copy_reading(const PreparedReading& reading, const std::byte* data) {
 // that the reference will probably have. A reply that still has this value, and comes from fewer slaves than before,
 // was not read from the reference: then the next cycle carries the time of the standby, which has another position in
 // the ring now, so FRMW addresses it. Without a standby no time is sent any more, until the owner chooses another
-// reference.
+// reference. The same when the reference is only read, and does not answer.
 void take_time(PreparedFrame& sent, const PreparedReading& reading, const std::byte* data) {
     RegisterReading& into = *reading.into;
     const RegisterReading before = into;
     copy_reading(reading, data);
-    if (sent.overlapped || into.slaves == 0) return;
-    const std::size_t at = reading.offset + wire::kDatagramHeaderBytes;
+    const MutableBytes head = MutableBytes(sent.bytes).subspan(reading.offset);
+    const bool alone = is_without_time(head[0]);
+    if (sent.overlapped || (into.slaves == 0 && !alone)) return;
+    std::byte* const time = &head[wire::kDatagramHeaderBytes];
     // The reference shows this time by chance only: where cycles are exact, it would often show the expected time
     // itself.
     constexpr std::uint64_t kBeside_ns = 64;
-    const std::uint64_t next = (before.value == 0 ? into.value : 2 * into.value - before.value) + kBeside_ns;
-    const bool doubtful = into.slaves < before.slaves || before.value == 0;
-    if (doubtful && std::memcmp(&sent.bytes[at], data, reading.bytes) == 0) {
-        const MutableBytes head = MutableBytes(sent.bytes).subspan(reading.offset);
+    std::uint64_t step_ns = kBeside_ns;
+    if (before.value != 0)
+        step_ns = alone ? load_le<std::uint32_t>(Bytes(time, 4)) - static_cast<std::uint32_t>(before.value)
+                        : into.value - before.value + kBeside_ns;
+    const std::uint64_t next = into.value + step_ns;
+    const bool doubtful = into.slaves < before.slaves || before.slaves <= 1 || before.value == 0;
+    if (alone ? into.slaves == 0 : doubtful && std::memcmp(time, data, reading.bytes) == 0) {
         const bool standby = reading.standby != 0 && load_le<std::uint16_t>(head, 2) != reading.standby;
-        head[0] = static_cast<std::byte>(standby ? wire::Command::FRMW : wire::Command::NOP);
+        const Command command = alone ? Command::FPRD : Command::FRMW;
+        head[0] = static_cast<std::byte>(standby ? command : Command::NOP);
         if (standby) store_le<std::uint16_t>(head, 2, reading.standby);
         into.slaves = 0;
         into.value = before.value;
+        if (alone) return;
+    } else if (alone) {
+        head[0] = with_time(head[0]);
     }
-    for (std::size_t n = 0; n < reading.bytes; ++n) sent.bytes[at + n] = static_cast<std::byte>(next >> (8 * n));
+    for (std::size_t n = 0; n < reading.bytes; ++n) time[n] = static_cast<std::byte>(next >> (8 * n));
 }
 
 }  // namespace
@@ -230,7 +262,8 @@ void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
     }
     for (const PreparedReading& r : sent.readings) {
         const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];
-        if (sent.bytes[r.offset] >= static_cast<std::byte>(wire::Command::ARMW))  // or FRMW
+        const std::byte command = sent.bytes[r.offset];
+        if (command >= kFirstWithTime || is_without_time(command))
             take_time(sent, r, data);
         else
             copy_reading(r, data);
