@@ -270,22 +270,14 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
     // Between two corrections its own rate moves it by half of that to either side.
     const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
     const std::int64_t half_ns = std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000;
-    const std::int64_t known_ns = std::abs(ahead_ns_) <= 2 * noise_ns_ ? 0 : ahead_ns_;
+    const std::int64_t known_ns = std::abs(ahead_ns_) <= jitter_ns_ / 2 ? 0 : ahead_ns_;
     return {.slave = second_, .ahead_ns = known_ns + (ahead_ns_ < 0 ? -half_ns : half_ns)};
 }
 
 void RingWatch::begin_to_steer(Network& network) {
     known_ = true;
-    ahead_ns_ = noise_ns_ = last_ns_ = rounds_deaf_ = 0;
+    ahead_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
     phase_.start(for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0}));
-}
-
-// The differences have the jitter of both NICs. While the clock is moved by much, they differ by that too.
-void RingWatch::note_ahead(std::int64_t error_ns, std::int64_t correction_ns) {
-    constexpr std::int64_t kMuch_ns = 1000;
-    const std::int64_t change = std::abs(error_ns - std::exchange(last_ns_, error_ns));
-    noise_ns_ = std::abs(correction_ns) > kMuch_ns ? 0 : noise_ns_ + (change - noise_ns_) / 8;
-    ahead_ns_ += (error_ns - ahead_ns_) / 4;
 }
 
 // The constant contains the delay of the reference, and not that of the second reference.
@@ -325,9 +317,10 @@ Task<Result<>> RingWatch::steer(Network& network) {
         co_return co_await required(find_constant(network));
     }
     const ClockEntry& clock = network.clocks.entries[second_ - 1U];
-    const std::int64_t error = seen.sum_ns / seen.count - (constant_ns_ - clock.delay_ns);
-    const std::int64_t correction = phase_.update(error, network.engine.now());
-    note_ahead(error, correction);
+    ahead_ns_ = seen.sum_ns / seen.count - (constant_ns_ - clock.delay_ns);
+    jitter_ns_ = std::max<std::int64_t>(std::int64_t{seen.most_ns} - seen.least_ns - std::abs(moved_ns_), 0);
+    const std::int64_t correction = phase_.update(ahead_ns_, network.engine.now());
+    moved_ns_ = correction;
     if (correction == 0) co_return Nothing{};
     co_return co_await required(move_clock(network, network.slave(second_), -correction));
 }

@@ -48,7 +48,7 @@ class RingWatch final : public RedundancyPart {
     }
     // The second reference clock, 0: none; and how far it is ahead of the first one.
     [[nodiscard]] std::uint16_t second_reference() const { return second_; }
-    [[nodiscard]] std::int64_t apart_ns() const { return second_ == 0 || !known_ ? 0 : last_ns_; }
+    [[nodiscard]] std::int64_t apart_ns() const { return second_ == 0 || !known_ ? 0 : ahead_ns_; }
 
   private:
     // The constants of the last breaks, by the slave that was the first clock behind each: a slave that comes back
@@ -79,7 +79,6 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> steer(Network& network);
     [[nodiscard]] Task<Result<>> find_constant(Network& network);
     void begin_to_steer(Network& network);
-    void note_ahead(std::int64_t error_ns, std::int64_t correction_ns);
     [[nodiscard]] const Constant* known_constant() const;
 
     Redundancy& ring_;
@@ -98,9 +97,9 @@ class RingWatch final : public RedundancyPart {
     bool second_is_first_ = false;
     bool in_step_ = false;
     bool known_ = false;
-    std::int64_t ahead_ns_ = 0;     // mean of the last differences, without the constant,
-    std::int64_t noise_ns_ = 0;     // and by how much they differ among each other
-    std::int64_t last_ns_ = 0;      // the last difference
+    std::int64_t ahead_ns_ = 0;     // mean of the differences of the last round, without the constant,
+    std::int64_t jitter_ns_ = 0;    // by how much they differ among each other,
+    std::int64_t moved_ns_ = 0;     // and the correction of the round before, which they contain
     std::uint8_t rounds_deaf_ = 0;  // rounds without a difference
     bool guessed_ = false;  // the delays behind a break, see delays_are_guessed()
     std::int64_t constant_ns_ = 0;
