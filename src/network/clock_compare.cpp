@@ -1,5 +1,5 @@
-// Which time reaches the clock of a slave, and how far a clock is from the reference. "In sync" in src/network/README.md
-// says what follows from it.
+// Which time reaches the clock of a slave, and how far a clock is from the reference. "In sync" in
+// src/network/README.md says what follows from it.
 #include "clock/system_time.hpp"
 #include "network/network.hpp"
 #include "network/wanted.hpp"
@@ -54,8 +54,8 @@ void note_followed_clocks(Network& network) {
         if (!clock.synchronised) continue;
         const std::uint16_t follows = is_there(slave) ? followed_clock(network, slave).slave : std::uint16_t{0};
         if (std::exchange(clock.follows, follows) != follows) clock.times_seen = 0;
-        clock.times_seen =
-            static_cast<std::uint8_t>(std::min<std::uint32_t>(clock.times_seen + (follows != 0 ? times : 1), UINT8_MAX));
+        clock.times_seen = static_cast<std::uint8_t>(
+            std::min<std::uint32_t>(clock.times_seen + (follows != 0 ? times : 1), UINT8_MAX));
         const bool alone = follows == 0 && (clock.times_seen == UINT8_MAX ||
                                             clock.times_seen * clocks.settings.watch_interval >= kLongestAlone);
         if (!clock.in_sync || (is_there(slave) && !alone)) continue;
@@ -76,8 +76,8 @@ Task<Result<std::int64_t>> measure_ahead(Network& network, Slave& slave, Slave& 
     co_await required(read_receive_times(network, reference, Keep::no));
     const ClockEntry& source = clocks.of(reference);
     const ClockEntry& clock = clocks.of(slave);
-    const std::uint64_t ahead = clock.local_ns + clock.offset_ns -
-                                (source.local_ns + source.offset_ns + static_cast<std::uint64_t>(way_ns));
+    const std::uint64_t ahead =
+        clock.local_ns + clock.offset_ns - (source.local_ns + source.offset_ns + static_cast<std::uint64_t>(way_ns));
     co_return std::int64_t{static_cast<std::int32_t>(ahead)};  // some clocks have 32 bits
 }
 

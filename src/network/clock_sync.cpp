@@ -218,8 +218,8 @@ Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
 }  // namespace
 
 // The slave is before the reference in the ring, so the time of the reference does not reach it: it would get what the
-// master has sent. While no time is sent it is set by the reference, and then is the reference itself. The other clocks go
-// on at their rates meanwhile.
+// master has sent. While no time is sent it is set by the reference, and then is the reference itself. The other clocks
+// go on at their rates meanwhile.
 Task<Result<>> become_reference(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
     constexpr unsigned kMostTries = 100;

@@ -101,7 +101,7 @@ class RingWatch final : public RedundancyPart {
     std::int64_t jitter_ns_ = 0;    // by how much they differ among each other,
     std::int64_t moved_ns_ = 0;     // and the correction of the round before, which they contain
     std::uint8_t rounds_deaf_ = 0;  // rounds without a difference
-    bool guessed_ = false;  // the delays behind a break, see delays_are_guessed()
+    bool guessed_ = false;          // the delays behind a break, see delays_are_guessed()
     std::int64_t constant_ns_ = 0;
     std::array<Constant, 4> constants_{};
     std::size_t next_constant_ = 0;
