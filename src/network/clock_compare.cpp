@@ -128,6 +128,8 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
     if (clocks.reference != reference || !is_there(slave) || !is_before_reference(network, slave))
         co_return Error{.code = Errc::unstable, .slave = slave.number};
     if (std::abs(ahead) > kNear_ns) {
+        if (network.redundancy != nullptr && !network.redundancy->may_restore())
+            co_return Error{.code = Errc::busy, .slave = slave.number};
         clocks.returning = 0;
         const bool sync = clocks.of(slave).sync_active;
         co_await required(become_reference(network, slave));

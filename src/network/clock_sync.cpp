@@ -253,6 +253,7 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     }
     if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
     clock.synchronised = clock.in_sync = false;
+    clock.follows = 0;
     clock.watch.reset();
     clocks.all_in_sync = false;
     const Slave& reference = network.slave(clocks.reference);

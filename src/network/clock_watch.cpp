@@ -68,6 +68,7 @@ Task<Result<>> replace_reference(Network& network) {
     if (!carry_time_of(network, &slave)) co_return Nothing{};
     network.report({.kind = EventKind::reference_clock, .slave = next, .other = clocks.reference});
     clocks.reference = next;
+    clocks.returning = 0;
     clocks.loss_reported = false;
     co_return Nothing{};
 }

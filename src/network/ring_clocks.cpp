@@ -232,9 +232,7 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     second_is_first_ = is_first;
     known_ = false;
     first_ = {};
-    // Beside a whole ring, teach() has brought it into step.
-    in_step_ = second != 0 && (network.clocks.entries[second - 1U].in_sync || parts().whole);
-    if (const Constant* const constant = known_constant(); constant != nullptr && !in_step_) {
+    if (const Constant* const constant = known_constant(); constant != nullptr && !is_in_step(network)) {
         constant_ns_ = constant->ns;
         begin_to_steer(network);
     }
@@ -247,6 +245,11 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     if (std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= network.clocks.settings.limit_ns)
         co_return Nothing{};
     co_return co_await required(reset_control_loop(network.station(slave)));
+}
+
+// Before the first comparison. Beside a whole ring, teach() has brought the second reference into step.
+bool RingWatch::is_in_step(const Network& network) const {
+    return second_ != 0 && (network.clocks.entries[second_ - 1U].in_sync || parts().whole);
 }
 
 const RingWatch::Constant* RingWatch::known_constant() const {
@@ -287,7 +290,7 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
     const std::int64_t mean_ns = first_.sum_ns / first_.count;
     first_ = {};
     constant_ns_ = mean_ns + clocks.entries[second - 1U].delay_ns;
-    if (!in_step_) {
+    if (!is_in_step(network)) {
         const Slave& reference = network.slave(clocks.reference);
         const auto way = co_await measure_way(network, network.slave(second), reference);
         // The ring changes now, or there is another second reference: the next differences tell.

@@ -80,6 +80,7 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> find_constant(Network& network);
     void begin_to_steer(Network& network);
     [[nodiscard]] const Constant* known_constant() const;
+    [[nodiscard]] bool is_in_step(const Network& network) const;
 
     Redundancy& ring_;
     RingState reported_ = RingState::unknown;
@@ -95,7 +96,6 @@ class RingWatch final : public RedundancyPart {
     // show what the ways of both copies differ by (`constant_ns_`). If it was away before, its ways are measured.
     std::uint16_t second_ = 0;
     bool second_is_first_ = false;
-    bool in_step_ = false;
     bool known_ = false;
     std::int64_t ahead_ns_ = 0;     // mean of the differences of the last round, without the constant,
     std::int64_t jitter_ns_ = 0;    // by how much they differ among each other,
