@@ -146,9 +146,10 @@ void Link::mark_not_received(PreparedFrame& frame) {
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
     for (const PreparedReading& r : frame.readings) {
         r.into->came = false;
-        r.into->slaves = 0;
         std::byte& command = frame.bytes[r.offset];
-        if (!frame.overlapped && command >= kFirstWithTime) command = without_time(command);
+        if (frame.overlapped || command < kFirstWithTime) continue;
+        command = without_time(command);
+        r.into->slaves = 0;
     }
 }
 

@@ -5,7 +5,6 @@
 #include "network/wanted.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 #include <utility>
 
 namespace margay {
