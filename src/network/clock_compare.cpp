@@ -118,8 +118,8 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
     constexpr std::int64_t kMostStep_ns = 6'000;
     Clocks& clocks = network.clocks;
     if (clocks.returning != slave.number) {
-        if (!carry_time_of(network, nullptr)) co_return Error{.code = Errc::busy, .slave = slave.number};
         clocks.returning = slave.number;
+        if (!carry_time_of(network, nullptr)) co_return Error{.code = Errc::busy, .slave = slave.number};
         co_await required(settle_rate(network, slave));
     }
     const std::uint16_t reference = clocks.reference;
@@ -127,8 +127,6 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
     if (clocks.reference != reference || !is_there(slave) || !is_before_reference(network, slave))
         co_return Error{.code = Errc::unstable, .slave = slave.number};
     if (std::abs(ahead) > kNear_ns) {
-        if (network.redundancy != nullptr && !network.redundancy->may_restore())
-            co_return Error{.code = Errc::busy, .slave = slave.number};
         clocks.returning = 0;
         const bool sync = clocks.of(slave).sync_active;
         co_await required(become_reference(network, slave));
@@ -143,7 +141,8 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
 
 Task<Result<>> return_to_first_clock(Network& network) {
     Clocks& clocks = network.clocks;
-    Slave* const first = first_before_reference(network);
+    const bool allowed = network.redundancy == nullptr || network.redundancy->may_restore();
+    Slave* const first = allowed ? first_before_reference(network) : nullptr;
     Result<bool> is_at_reference = false;
     if (first != nullptr) {
         if (clocks.measuring) co_return Nothing{};
