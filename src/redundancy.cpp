@@ -21,7 +21,7 @@ struct TwoCables {
     RingWatch watch;
 };
 static_assert(std::is_trivially_destructible_v<FramePair>);
-constexpr std::size_t kCables = sizeof(void*) == 8 ? 1152 : 1088;
+constexpr std::size_t kCables = sizeof(void*) == 8 ? 1216 : 1152;
 constexpr std::size_t kPair = 3136;
 static_assert(sizeof(TwoCables) <= kCables && kCables - sizeof(TwoCables) < 64, "context_bytes(): kCablesBytes");
 static_assert(sizeof(FramePair) <= kPair && kPair - sizeof(FramePair) < 64, "context_bytes(): kPairBytes");

@@ -33,10 +33,15 @@ enum class ClockKind : std::uint8_t {
 struct SlaveClock {
     ClockKind kind = ClockKind::unknown;
     bool synchronised = false;  // delay and offset are written: the slave follows the reference clock, or is that clock
-    bool in_sync = false;       // its difference was within the limit for the settle time
-    bool sync_active = false;   // SYNC signals were activated
-    std::uint32_t delay_ns = 0;       // from the reference clock (ESC register 0x0928)
-    std::int32_t difference_ns = 0;   // to the reference clock as read last (0x092C); negative: behind
+    // Its difference was within the limit for the settle time, and was measured since the slave was lost last. Behind a
+    // break of a ring with two NICs: see redundancy.hpp. A clock that was in sync remains so while no time reaches it
+    // (after a break, or when the reference is lost), for a second at most.
+    bool in_sync = false;
+    bool sync_active = false;    // SYNC signals were activated
+    std::uint32_t delay_ns = 0;  // from the reference clock (ESC register 0x0928)
+    // To the reference clock as read last (0x092C); negative: behind. Behind a break of a ring with two NICs: to the
+    // second reference, plus the difference of both references.
+    std::int32_t difference_ns = 0;
     std::uint64_t offset_ns = 0;      // system time minus the slave's own time (0x0920)
     std::uint64_t sync_start_ns = 0;  // system time of the first SYNC0
 };
@@ -79,7 +84,9 @@ struct ClockSettings {
     Duration delay_interval{0};
     // When the slave with the reference clock is lost while a supervision runs: the next clock that is synchronised and
     // not behind the lost slave takes over with the same time and rate (true), or no time is sent until the slave is
-    // back, and all clocks go on at their rates (false). EventKind::reference_lost and reference_clock report it.
+    // back, and all clocks go on at their rates (false). EventKind::reference_lost and reference_clock report it. When
+    // a slave with a clock is back before the reference clock in the ring, its clock becomes the reference again,
+    // without a step of the others (EventKind::reference_clock).
     bool replace_lost_reference = true;
     // Called with the start time of SYNC0 of a slave, in system time; the result is written instead. nullptr: not
     // called. The rules are those of hooks that poll() calls: neither wait nor call the library.
@@ -91,7 +98,9 @@ struct ClockSettings {
 struct ClockStatus {
     std::uint16_t reference = 0;    // the slave with the reference clock; 0: none
     bool in_sync = false;           // every clock that is there is in sync
-    std::uint32_t greatest_ns = 0;  // less than twice the greatest difference of any clock (ESC registers 0x092C, OR)
+    // Less than twice the greatest difference of any clock (ESC registers 0x092C, OR), or the difference of both
+    // references of a ring with two NICs.
+    std::uint32_t greatest_ns = 0;
     // The system time at the moment of the call: the time of the reference clock that was read last, continued by the
     // master's clock. All 64 bits, also where the reference clock has 32.
     std::uint64_t system_time_ns = 0;
@@ -99,7 +108,8 @@ struct ClockStatus {
 
 // What a SuperviseRequest does beside the reports of SlaveClock::in_sync: a slave that was reset gets its clock again
 // before SAFEOP. A slave that was disconnected but kept its power is started again if its clock differs by more than
-// 100 µs, because its control loop would need long. A reference clock to which another program has written a time gets
+// 100 µs, because its control loop would need long; if it kept its state too, and is before the reference clock, its
+// clock is set and its SYNC signals start again. A reference clock to which another program has written a time gets
 // its own rate again.
 
 // Synchronises the clocks of all slaves; see configdc().

@@ -37,7 +37,7 @@ struct Master;
     constexpr std::size_t kMarksBytes = 24;                          // what the library notes about a slave
     constexpr std::size_t kClockBytes = 216;                   // the clock of a slave, and its place in the topology
     constexpr std::size_t kAlignmentBytes = 256;               // between the parts
-    constexpr std::size_t kCablesBytes = kWide ? 1152 : 1088;  // the merging of two cables
+    constexpr std::size_t kCablesBytes = kWide ? 1216 : 1152;  // the merging of two cables
     constexpr std::size_t kPairBytes = 3136;                   // a frame on both cables
     const std::size_t pairs = limits.redundancy ? limits.frames + 2U * limits.process_frames : 0;
     const std::size_t cables = limits.redundancy ? kCablesBytes + pairs * kPairBytes : 0;

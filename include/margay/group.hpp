@@ -69,7 +69,8 @@ struct Group {
     // OR. `slaves`: the number of slaves in the ring.
     RegisterReading al_status;
     // For GroupConfiguration::dc_reference: the system time (ESC register 0x0910) of the reference slave when the frame
-    // passed it, in ns. `slaves`: the reference slave and the slaves that copied the time.
+    // passed it, in ns. `slaves`: the reference slave and the slaves that copied the time. After a cycle that was lost
+    // (0), the next ones only read the time (1): the reference may have been lost with it.
     RegisterReading dc_time;
 };
 

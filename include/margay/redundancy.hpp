@@ -21,10 +21,16 @@
 // clock without a step. Delays that were measured in the whole ring are not measured again while it is broken.
 //
 // When a cable breaks, the clocks behind the break follow the first clock there (EventKind::second_reference). A
-// SuperviseRequest compares this clock with the reference clock by the two copies of each frame, and steers its offset,
-// so that both parts keep in step. When the ring is whole again, all clocks follow the reference clock. Group::dc_time
-// always has the time of the reference clock; its `slaves` counts only the slaves on the same side of the break as the
-// reference clock.
+// SuperviseRequest compares this clock with the reference clock by the two copies of each frame, and steers its
+// offset, so that both parts keep in step, and SlaveClock::in_sync tells it. When the ring is whole again, all clocks
+// follow the reference clock. Group::dc_time always has the time of the reference clock; its `slaves` counts only the
+// slaves on the same side of the break as the reference clock.
+//
+// If the second reference was away before (no power, or between two breaks), it was not in step when the comparison
+// began. Then the ways of both copies are measured, and "in sync" leaves out the times that both NICs need, as in a
+// ring that is broken from the start. After a loss of power it has not learned the rate of the reference clock: if its
+// oscillator differs much (by more than 40 ppm with the default settings), the corrections once in each watch_interval
+// are too rare for the limit, and the clocks of its part are not in sync until the ring is whole.
 //
 // Clocks at branches that only the frames of the second NIC reach while the ring is whole (ports after the way to the
 // next ring slave) follow a second reference too, the first of them; `second_reference` then is never 0 in the whole

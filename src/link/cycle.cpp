@@ -5,6 +5,20 @@
 #include <algorithm>
 
 namespace margay {
+namespace {
+
+using wire::Command;
+
+// ARMW and FRMW bring the time of the reference clock to the other clocks; APRD and FPRD read it only.
+constexpr std::byte kFirstWithTime{static_cast<std::uint8_t>(Command::ARMW)};
+constexpr std::byte without_time(std::byte command) {
+    return static_cast<std::byte>(command == kFirstWithTime ? Command::APRD : Command::FPRD);
+}
+constexpr std::byte with_time(std::byte command) {
+    return static_cast<std::byte>(command == static_cast<std::byte>(Command::APRD) ? Command::ARMW : Command::FRMW);
+}
+
+}  // namespace
 
 // Returns until when the queue waits for the next cycle. A group counts while its cycles keep their interval.
 Time Link::cycles_until() {
@@ -125,10 +139,18 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
 
+// After a frame that was lost, the time in the next one is too early: the clocks would take it if the reference was
+// lost meanwhile. So the next frame only reads the reference.
 void Link::mark_not_received(PreparedFrame& frame) {
     frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
-    for (const PreparedReading& r : frame.readings) r.into->came = false;
+    for (const PreparedReading& r : frame.readings) {
+        r.into->came = false;
+        std::byte& command = frame.bytes[r.offset];
+        if (frame.overlapped || command < kFirstWithTime) continue;
+        command = without_time(command);
+        r.into->slaves = 0;
+    }
 }
 
 SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
@@ -167,13 +189,13 @@ void Link::not_sent(PreparedFrame& frame, Time now) {
 
 namespace {
 
-void copy_reading(const PreparedReading& reading, const std::byte* data) {
+[[gnu::noinline]] void copy_reading(const PreparedReading& reading, const std::byte* data) {
     reading.into->came = true;
     reading.into->slaves = load_le<std::uint16_t>(Bytes(data + reading.bytes, 2));
     if (reading.into->slaves == 0) return;
-    reading.into->value = 0;
-    for (std::size_t n = reading.bytes; n-- > 0;)
-        reading.into->value = reading.into->value << 8 | std::to_integer<std::uint64_t>(data[n]);
+    std::array<std::byte, sizeof(std::uint64_t)> value{};
+    std::memcpy(value.data(), data, reading.bytes);
+    reading.into->value = load_le<std::uint64_t>(value);
 }
 
 // The datagram that carries the time of the reference clock (FRMW or ARMW). When the reference clock is lost, all other
@@ -181,39 +203,41 @@ void copy_reading(const PreparedReading& reading, const std::byte* data) {
 // that the reference will probably have. A reply that still has this value, and comes from fewer slaves than before,
 // was not read from the reference: then the next cycle carries the time of the standby, which has another position in
 // the ring now, so FRMW addresses it. Without a standby no time is sent any more, until the owner chooses another
-// reference.
-void take_time(PreparedFrame& sent, const PreparedReading& reading, const std::byte* data) {
+// reference. After a lost frame the reference is only read, until two answers in succession tell the next time; a frame
+// behind them is not compared with the number of slaves, because only one has answered.
+void take_time(PreparedFrame& sent, const PreparedReading& reading, const RegisterReading& before,
+               const std::byte* data) {
     RegisterReading& into = *reading.into;
-    const RegisterReading before = into;
-    copy_reading(reading, data);
-    if (sent.overlapped || into.slaves == 0) return;
-    const std::size_t at = reading.offset + wire::kDatagramHeaderBytes;
+    std::byte* const head = &sent.bytes[reading.offset];
+    if (*head == static_cast<std::byte>(Command::BRD)) return;
+    std::byte* const time = head + wire::kDatagramHeaderBytes;
     // The reference shows this time by chance only: where cycles are exact, it would often show the expected time
     // itself.
     constexpr std::uint64_t kBeside_ns = 64;
-    const std::uint64_t next = (before.value == 0 ? into.value : 2 * into.value - before.value) + kBeside_ns;
-    const bool doubtful = into.slaves < before.slaves || before.value == 0;
-    if (doubtful && std::memcmp(&sent.bytes[at], data, reading.bytes) == 0) {
-        const MutableBytes head = MutableBytes(sent.bytes).subspan(reading.offset);
-        const bool standby = reading.standby != 0 && load_le<std::uint16_t>(head, 2) != reading.standby;
-        head[0] = static_cast<std::byte>(standby ? wire::Command::FRMW : wire::Command::NOP);
-        if (standby) store_le<std::uint16_t>(head, 2, reading.standby);
+    std::array<std::byte, sizeof(std::uint64_t)> next{};
+    store_le<std::uint64_t>(next, 0, (before.value == 0 ? into.value : 2 * into.value - before.value) + kBeside_ns);
+    if (*head < kFirstWithTime) {
+        if (before.slaves != 0) *head = with_time(*head);
+    } else if ((before.slaves <= 1 || into.slaves < before.slaves) && std::memcmp(time, data, reading.bytes) == 0) {
+        const MutableBytes address(head + 2, 2);
+        const bool standby = reading.standby != 0 && load_le<std::uint16_t>(address) != reading.standby;
+        *head = static_cast<std::byte>(standby ? Command::FRMW : Command::NOP);
+        if (standby) store_le<std::uint16_t>(address, 0, reading.standby);
         into.slaves = 0;
         into.value = before.value;
     }
-    for (std::size_t n = 0; n < reading.bytes; ++n) sent.bytes[at + n] = static_cast<std::byte>(next >> (8 * n));
+    std::memcpy(time, next.data(), reading.bytes);
 }
 
 }  // namespace
 
 // Whether `frame` contains all datagrams that were sent in the frame of `slot`.
 bool Link::is_reply(FrameSlot& slot, Bytes frame) const {
-    constexpr std::size_t kTypeAndLengthBytes = 4;
+    constexpr std::size_t kTypeAndLength = wire::kEthernetHeaderBytes - 2;
     const PreparedFrame& sent = *slot.prepared;
     const Bytes own = Bytes(sent.bytes).first(sent.size);
     if (frame.size() < own.size() || !is_genuine(frame)) return false;
-    const auto head = [](Bytes b) { return b.subspan(wire::kEthernetHeaderBytes - 2, kTypeAndLengthBytes); };
-    if (!std::ranges::equal(head(own), head(frame))) return false;
+    if (load_le<std::uint32_t>(own, kTypeAndLength) != load_le<std::uint32_t>(frame, kTypeAndLength)) return false;
     for (const PreparedDatagram& d : sent.datagrams)
         if (!cycle::same_datagram(&own[d.offset], &frame[d.offset])) return false;
     for (const PreparedReading& r : sent.readings)
@@ -230,10 +254,9 @@ void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
     }
     for (const PreparedReading& r : sent.readings) {
         const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];
-        if (sent.bytes[r.offset] >= static_cast<std::byte>(wire::Command::ARMW))  // or FRMW
-            take_time(sent, r, data);
-        else
-            copy_reading(r, data);
+        const RegisterReading before = *r.into;
+        copy_reading(r, data);
+        if (!sent.overlapped && r.into->slaves != 0) take_time(sent, r, before, data);
     }
 }
 

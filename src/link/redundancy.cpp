@@ -131,18 +131,21 @@ SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexc
     const bool divided = pair.times[0].offset != 0;
     const bool of_head = divided && nic == pair.head;
     const bool changed = divided && (!of_head || pair.second_is_first || pair.times_held);
+    const auto own = Bytes(pair.out).first(pair.size);
     SendStatus status = SendStatus::failed;
     if (nic == 0 && !moved && !changed) {
         status = nics_[0]->send(frame);
+    } else if (nic != 0 && !moved && !of_head) {
+        status = nics_[1]->send(own);
     } else {
-        const auto out = MutableBytes(pair.out).first(pair.size);
+        // The pair is open: `out` is read by the receiving thread as soon as the first copy is back.
+        std::array<std::byte, wire::kMaxFrameBytes> copy;
+        const auto out = MutableBytes(copy).first(pair.size);
+        std::ranges::copy(own, out.begin());
         if (of_head) set_times(pair, out, TimeDatagram::of_head);
         if (moved) move_positions(out, pair.shift);
         if (nic == 0) set_source(out, source_[0]);
         status = nics_[nic]->send(out);
-        if (nic == 0) set_source(out, source_[1]);
-        if (moved) move_positions(out, static_cast<std::uint16_t>(-pair.shift));
-        if (of_head) set_times(pair, out, TimeDatagram::of_other);
     }
     add(status == SendStatus::sent ? counters_[nic].sent : counters_[nic].refused);
     busy_[nic].store(status == SendStatus::busy, kRelaxed);

@@ -36,6 +36,8 @@ struct TimeDatagram {
 struct PartDifference {
     std::int64_t sum_ns = 0;
     std::uint32_t count = 0;
+    std::int32_t least_ns = 0;
+    std::int32_t most_ns = 0;
 };
 
 // A frame in flight on both cables.

@@ -111,8 +111,11 @@ void Redundancy::compare_times(const FramePair& pair, Bytes frame) noexcept {
     if (time.offset == 0 || pair.second_slaves == 0 || slaves_in(frame, time) == 0) return;
     // The reference has not answered: what was sent came back.
     if (time_in(frame, time) == time_in(pair.out, time)) return;
-    difference_.sum_ns += static_cast<std::int32_t>(pair.second_ns - time_in(frame, time));
-    ++difference_.count;
+    const auto ns = static_cast<std::int32_t>(pair.second_ns - time_in(frame, time));
+    const bool first = difference_.count++ == 0;
+    difference_.sum_ns += ns;
+    difference_.least_ns = first ? ns : std::min(difference_.least_ns, ns);
+    difference_.most_ns = first ? ns : std::max(difference_.most_ns, ns);
 }
 
 }  // namespace margay

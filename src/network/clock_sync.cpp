@@ -164,6 +164,11 @@ Task<Result<>> restore_reference(Network& network) {
     co_return co_await required(continue_reference(network));
 }
 
+Slave& reference_of(Network& network, const Slave& slave) {
+    return network.slave(network.redundancy == nullptr ? network.clocks.reference
+                                                       : network.redundancy->reference_of(network, slave));
+}
+
 // The clock of the slave from that of the reference: both latch the same frame. The delay of a slave that configdc()
 // has not seen is measured before; its neighbours are measured with it.
 Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
@@ -171,10 +176,11 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     if (!clocks.of(slave).measured) co_await required(improve_delays(network));
     if (!clocks.of(slave).measured)  // its place in the ring is not known yet
         co_return Error{.code = Errc::unstable, .step = Step::configure_clocks, .slave = slave.number};
+    Slave& reference = reference_of(network, slave);
+    const auto way = co_await required(measure_way(network, slave, reference));
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     const Measuring measuring(clocks);
-    Slave& reference = network.slave(network.redundancy == nullptr ? clocks.reference
-                                                                   : network.redundancy->reference_of(network, slave));
+    (void)find_frame_ways(network);
     auto offset = co_await required(
         read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks));
     if (reference.number == clocks.reference && was_reset(clocks.of(reference), offset)) {
@@ -188,7 +194,7 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     const ClockEntry& source = clocks.of(reference);
     const std::uint64_t system = source.local_ns + offset - source.delay_ns;
     clocks.note_time(system, source.kind == ClockKind::bits64, clocks.latched_at);
-    clock.offset_ns = clock_offset_ns(clocks.system_ns, clock.delay_ns, clock.local_ns);
+    clock.offset_ns = clock_offset_ns(clocks.system_ns, way + source.delay_ns, clock.local_ns);
     co_return co_await required(write_clock(network, slave));
 }
 
@@ -209,9 +215,11 @@ Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
     co_return Result<>();
 }
 
-// The slave is before the reference in the ring, so the time of the reference does not reach it: the frame passes it
-// with zeros. While no time is sent it is set by the reference, and then is the reference itself. The other clocks go
-// on at their rates meanwhile.
+}  // namespace
+
+// The slave is before the reference in the ring, so the time of the reference does not reach it: it would get what the
+// master has sent. While no time is sent it is set by the reference, and then is the reference itself. The other clocks
+// go on at their rates meanwhile.
 Task<Result<>> become_reference(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
     constexpr unsigned kMostTries = 100;
@@ -229,6 +237,8 @@ Task<Result<>> become_reference(Network& network, Slave& slave) {
     co_return set;
 }
 
+namespace {
+
 Task<Result<>> restore_clock(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
     ClockEntry& clock = clocks.of(slave);
@@ -243,6 +253,7 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     }
     if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
     clock.synchronised = clock.in_sync = false;
+    clock.follows = 0;
     clock.watch.reset();
     clocks.all_in_sync = false;
     const Slave& reference = network.slave(clocks.reference);
@@ -256,12 +267,18 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
 
 }  // namespace
 
+// A slave that was away may not have compared its clock since.
 Task<Result<bool>> is_near(Network& network, Slave& slave) {
-    constexpr std::int64_t kFollows_ns = 100'000;
     const ClockEntry& clock = network.clocks.of(slave);
+    Slave& reference = reference_of(network, slave);
     if (!clock.synchronised || network.clocks.reference == slave.number) co_return true;
+    if (reference.al.state == AlState::none) co_return true;  // nothing to compare with
+    if (!clock.in_sync && !clock.knows_difference()) {
+        const auto ahead = co_await required(measure_ahead(network, slave, reference));
+        co_return std::abs(ahead) <= kNear_ns;
+    }
     co_await required(read_difference(network, slave));
-    co_return std::abs(std::int64_t{clock.difference_ns}) <= kFollows_ns;
+    co_return std::abs(std::int64_t{clock.difference_ns}) <= kNear_ns;
 }
 
 Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSettings& clocks) {

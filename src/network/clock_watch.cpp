@@ -68,6 +68,7 @@ Task<Result<>> replace_reference(Network& network) {
     if (!carry_time_of(network, &slave)) co_return Nothing{};
     network.report({.kind = EventKind::reference_clock, .slave = next, .other = clocks.reference});
     clocks.reference = next;
+    clocks.returning = 0;
     clocks.loss_reported = false;
     co_return Nothing{};
 }
@@ -75,6 +76,13 @@ Task<Result<>> replace_reference(Network& network) {
 void note_difference(Network& network, const Slave& slave) {
     Clocks& clocks = network.clocks;
     ClockEntry& clock = clocks.of(slave);
+    const FollowedClock followed = followed_clock(network, slave);
+    if (!clock.knows_difference() || followed.slave != clock.follows) return;
+    if (followed.slave != clocks.reference) {
+        const std::int64_t own = followed.slave == slave.number ? 0 : clock.difference_ns;  // nobody sends it a time
+        clock.difference_ns =
+            static_cast<std::int32_t>(std::clamp<std::int64_t>(own + followed.ahead_ns, -INT32_MAX, INT32_MAX));
+    }
     const SyncLimit limit{.limit_ns = clocks.settings.limit_ns, .settle = clocks.settings.settle};
     if (clock.in_sync != clock.watch.in_sync()) clock.watch.set(clock.in_sync);
     const auto change = clock.watch.update(clock.difference_ns, limit, network.engine.now());
@@ -109,22 +117,21 @@ Task<Result<>> check_reference(Network& network) {
     co_return co_await required(reset_control_loop(network.station(slave)));
 }
 
-// A slave that is lost is not in sync when it answers again.
-void forget_lost(Network& network) {
-    for (const Slave& slave : network.slaves()) {
-        ClockEntry& clock = network.clocks.of(slave);
-        if (!clock.in_sync || is_there(network, slave.number)) continue;
-        clock.in_sync = false;
-        clock.watch.reset();
-        network.clocks.all_in_sync = false;
-    }
-}
-
 bool all_in_sync(Network& network) {
     return std::ranges::all_of(network.slaves(), [&network](const Slave& slave) {
         const ClockEntry& clock = network.clocks.of(slave);
-        return !clock.synchronised || clock.in_sync || !is_there(network, slave.number);
+        return !is_clock(clock.kind) || clock.in_sync || !is_there(network, slave.number);
     });
+}
+
+// How far the second reference of a ring with two NICs is ahead of the reference, whichever clocks follow it.
+std::uint32_t second_ahead_ns(Network& network) {
+    if (network.redundancy == nullptr) return 0;
+    std::int64_t most = 0;
+    for (const Slave& slave : network.slaves())
+        if (network.clocks.of(slave).follows == slave.number)
+            most = std::max(most, std::abs(followed_clock(network, slave).ahead_ns));
+    return static_cast<std::uint32_t>(std::min<std::int64_t>(most, INT32_MAX));
 }
 
 }  // namespace
@@ -183,7 +190,7 @@ Task<Result<>> watch_clocks(Network& network) {
     if (clocks.settings.watch_interval <= Duration{0} || now < clocks.watch_at || network.segment_in_use)
         co_return Nothing{};
     clocks.watch_at = later(now, clocks.settings.watch_interval);
-    forget_lost(network);
+    note_followed_clocks(network);
     if (network.redundancy != nullptr) {
         co_await required(network.redundancy->watch_clocks(network));
     }
@@ -192,6 +199,7 @@ Task<Result<>> watch_clocks(Network& network) {
     }
     if (!is_there(network, clocks.reference)) co_return Nothing{};
     clocks.loss_reported = false;
+    co_await required(return_to_first_clock(network));
     note_time_of_cycle(network);
     choose_standby(network);
     const bool guessed = network.redundancy != nullptr && network.redundancy->delays_are_guessed() &&
@@ -207,7 +215,8 @@ Task<Result<>> watch_clocks(Network& network) {
     if (!cycle_carries_time(network)) {
         co_await required(send_time(network));
     }
-    const auto greatest = co_await required(read_greatest_difference(network));
+    auto greatest = co_await required(read_greatest_difference(network));
+    greatest = std::max(greatest, second_ahead_ns(network));
     clocks.greatest_ns = greatest;
     // A slave that was away is there again since the last look.
     clocks.all_in_sync = clocks.all_in_sync && all_in_sync(network);

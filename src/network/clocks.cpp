@@ -122,6 +122,12 @@ Task<Result<>> measure(Network& network) {
     co_return Nothing{};
 }
 
+// Places of the ring that the frames enter as they do now.
+bool ring_has_changed(Network& network, const RingParts& before) {
+    const RingParts now = network.ring_parts();
+    return now.whole != before.whole || now.front != before.front;
+}
+
 // The offsets of all clocks from the last measurement.
 void compute_offsets(Network& network) {
     Clocks& clocks = network.clocks;
@@ -230,11 +236,36 @@ Task<Result<>> improve_delays(Network& network) {
     co_return co_await required(for_each_slave(network, write));
 }
 
+Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Slave& reference) {
+    Clocks& clocks = network.clocks;
+    const RingParts before = network.ring_parts();
+    const std::int64_t of_line = std::int64_t{clocks.of(slave).delay_ns} - clocks.of(reference).delay_ns;
+    const bool parted = network.redundancy != nullptr && network.redundancy->are_parted(network, slave, reference);
+    if (!parted || before.whole) co_return of_line;
+    while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    const Measuring measuring(clocks);
+    for (ClockEntry& clock : clocks.entries.first(network.count)) clock.times.clear();
+    (void)find_frame_ways(network);
+    co_await required(measure_all(network));
+    Error changed = changed_meanwhile(network);
+    const auto nodes = clocks.nodes.first(find_frame_ways(network));
+    const std::size_t from = reference.ring_position;
+    const std::size_t to = slave.ring_position;
+    const auto is_known = [nodes](std::size_t place) {
+        return place != 0 && place <= nodes.size() && nodes[place - 1].timed();
+    };
+    if (ring_has_changed(network, before) || !is_known(from) || !is_known(to)) changed.code = Errc::unstable;
+    if (changed.code != Errc::none) co_return changed;
+    compute_delays(nodes);
+    co_return delay_between_ns(nodes[from - 1], nodes[to - 1]);
+}
+
 void Clocks::forget() {
     for (ClockEntry& entry : entries) entry = {};
-    reference = 0;
+    reference = returning = 0;
     measuring = all_in_sync = paused = loss_reported = is_driven = false;
     without_time = 0;
+    cycle_seen = 0;
     greatest_ns = 0;
     delays_at = Time::min();
     prepare = nullptr;

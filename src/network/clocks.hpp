@@ -29,6 +29,12 @@ struct SyncRegisters {
     std::int64_t shift_ns = 0;
 };
 
+// The clock whose time the frames bring to a slave, as the ring is now.
+struct FollowedClock {
+    std::uint16_t slave = 0;    // the reference, or the second reference of a ring with two NICs; 0: no time arrives
+    std::int64_t ahead_ns = 0;  // how far that clock is ahead of the reference; 0 where this cannot be told from 0
+};
+
 struct ClockEntry : SlaveClock {
     PortTimes times;
     SyncWatch watch;
@@ -48,11 +54,18 @@ struct ClockEntry : SlaveClock {
     bool beside = false;         // while the ring is whole, only the copy that the head does not send reaches the slave
     std::int32_t away_ns = 0;    // of a ring slave: how long the frame is away behind the way to the next ring slave,
     std::int32_t return_ns = 0;  // and from the processing unit until it has left towards the head
+    // The clock whose time arrives, and how many frames have brought it since this is so; where no time arrives (0),
+    // the rounds of the watch without it.
+    std::uint16_t follows = 0;
+    std::uint8_t times_seen = 0;
+    // The register with the difference is a mean of 16 comparisons: with fewer, it shows what was before.
+    [[nodiscard]] bool knows_difference() const { return follows != 0 && times_seen >= 32; }
 };
 
 struct Clocks {
     ClockSettings settings;
     std::uint16_t reference = 0;    // number of the slave; 0: configure_clocks() has not succeeded
+    std::uint16_t returning = 0;    // the slave that return_to_first_clock() brings to the reference
     std::span<ClockEntry> entries;  // by slave number - 1
     std::span<DelayNode> nodes;     // by place
     Time latched_at{};              // when receive times were latched last
@@ -64,6 +77,7 @@ struct Clocks {
     bool all_in_sync = false;
     bool is_driven = false;         // times are written to the reference, which follows them
     bool loss_reported = false;     // that the reference is lost
+    std::uint16_t cycle_seen = 0;   // cycle_received of the group that carries the time, in the last round
     std::uint32_t greatest_ns = 0;  // upper estimate of the differences, as read last
     Time watch_at = Time::min();
     Time delays_at = Time::min();  // when the delays are measured again
@@ -115,6 +129,7 @@ class Measuring {
 // False when the clock differs by more than its control loop corrects in about a second. Its slave must be started
 // again: a clock that is set makes a step, and SYNC signals that are active would stop.
 [[nodiscard]] Task<Result<bool>> is_near(Network& network, Slave& slave);
+inline constexpr std::int64_t kNear_ns = 100'000;
 
 // ------------------------------------------------------------------ parts of the sequences
 
@@ -137,6 +152,25 @@ enum class Keep : bool { no, yes };
 std::size_t find_frame_ways(Network& network);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);
+// How much later a frame passes `slave` than `reference`, or its other copy where a break of the ring is between both:
+// then it is measured, with the ways as they are now, as if both NICs had sent at the same time. Errors: unstable (the
+// ring has changed meanwhile).
+[[nodiscard]] Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Slave& reference);
+// How far the clock of `slave` is ahead of that of `reference`: both latch the same frame, or copies of it.
+[[nodiscard]] Task<Result<std::int64_t>> measure_ahead(Network& network, Slave& slave, Slave& reference);
+// Changes the offset of a clock that runs: its control loop goes on.
+[[nodiscard]] Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns);
+// The clock whose time reaches the slave now.
+[[nodiscard]] FollowedClock followed_clock(Network& network, const Slave& slave);
+// Once in each round of the watch: who follows whom, and who is not in sync any more because it is lost, or because no
+// time has reached it for a second.
+void note_followed_clocks(Network& network);
+// The first slave in the ring that has its clock and its state, where this slave is before the reference: it gets what
+// the master has sent. It becomes the reference. Its clock is moved to that of the reference before, in small steps, so
+// that no other clock sees a step; one that is too far away is set, and its SYNC signals start again.
+[[nodiscard]] Task<Result<>> return_to_first_clock(Network& network);
+// See prepare_clock(): the slave gets the time of the reference, while no time is sent, and is the reference then.
+[[nodiscard]] Task<Result<>> become_reference(Network& network, Slave& slave);
 // Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.
 [[nodiscard]] Task<Result<>> improve_delays(Network& network);
 // Writes offset and delay of the entry, and starts the control loop of the clock again.

@@ -95,6 +95,9 @@ class RedundancyPart {
     [[nodiscard]] virtual Task<Result<>> watch_clocks(Network& network) = 0;
     // The slave whose clock the slave follows: the reference clock, or that of the part behind the break.
     [[nodiscard]] virtual std::uint16_t reference_of(Network& network, const Slave& slave) const = 0;
+    [[nodiscard]] virtual FollowedClock followed_clock(Network& network, const Slave& slave) const = 0;
+    // A break of the ring is between both.
+    [[nodiscard]] virtual bool are_parted(Network& network, const Slave& one, const Slave& other) const = 0;
 
   protected:
     ~RedundancyPart() = default;

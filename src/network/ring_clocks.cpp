@@ -232,7 +232,7 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     second_is_first_ = is_first;
     known_ = false;
     first_ = {};
-    if (const Constant* const constant = known_constant(); constant != nullptr) {
+    if (const Constant* const constant = known_constant(); constant != nullptr && !is_in_step(network)) {
         constant_ns_ = constant->ns;
         begin_to_steer(network);
     }
@@ -247,38 +247,85 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     co_return co_await required(reset_control_loop(network.station(slave)));
 }
 
+// Before the first comparison. Beside a whole ring, teach() has brought the second reference into step.
+bool RingWatch::is_in_step(const Network& network) const {
+    return second_ != 0 && (network.clocks.entries[second_ - 1U].in_sync || parts().whole);
+}
+
 const RingWatch::Constant* RingWatch::known_constant() const {
-    const auto found = std::ranges::find(constants_, second_, &Constant::slave);
+    const auto front = static_cast<std::uint16_t>(parts().front);
+    const auto found = std::ranges::find_if(
+        constants_, [&](const Constant& known) { return known.slave == second_ && known.front == front; });
     return second_ == 0 || found == constants_.end() ? nullptr : &*found;
+}
+
+FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) const {
+    constexpr std::uint8_t kDeaf = 100;
+    const Slave& reference = network.slave(network.clocks.reference);
+    const std::int64_t passes = passes_at_ns(network, slave);
+    const bool behind = is_behind(network, slave);
+    if (ring_.are_times_held()) return {};
+    if (behind == is_behind(network, reference))
+        return {.slave = passes < passes_at_ns(network, reference) ? std::uint16_t{0} : reference.number};
+    // Before the break, no time arrives while the reference is behind it.
+    if (!behind || second_ == 0 || second_is_first_ || !known_ || rounds_deaf_ >= kDeaf) return {};
+    if (slave.number != second_ && passes < passes_at_ns(network, network.slave(second_))) return {};
+    // Between two corrections its own rate moves it by half of that to either side.
+    const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
+    const std::int64_t half_ns = std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000;
+    const std::int64_t known_ns = std::abs(ahead_ns_) <= jitter_ns_ / 2 ? 0 : ahead_ns_;
+    return {.slave = second_, .ahead_ns = known_ns + (ahead_ns_ < 0 ? -half_ns : half_ns)};
 }
 
 void RingWatch::begin_to_steer(Network& network) {
     known_ = true;
+    ahead_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
     phase_.start(for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0}));
+}
+
+// The constant contains the delay of the reference, and not that of the second reference.
+Task<Result<>> RingWatch::find_constant(Network& network) {
+    const Clocks& clocks = network.clocks;
+    const std::uint16_t second = second_;
+    const std::int64_t mean_ns = first_.sum_ns / first_.count;
+    first_ = {};
+    constant_ns_ = mean_ns + clocks.entries[second - 1U].delay_ns;
+    if (!is_in_step(network)) {
+        const Slave& reference = network.slave(clocks.reference);
+        const auto way = co_await measure_way(network, network.slave(second), reference);
+        // The ring changes now, or there is another second reference: the next differences tell.
+        if (!way && way.error().code == Errc::unstable) co_return Nothing{};
+        if (!way) co_return way.error();
+        if (second != second_ || known_ || reference.number != clocks.reference) co_return Nothing{};
+        constant_ns_ = *way + clocks.entries[reference.number - 1U].delay_ns;
+    }
+    (void)ring_.take_difference();
+    constants_[next_constant_++ % constants_.size()] = {second_, static_cast<std::uint16_t>(parts().front),
+                                                        constant_ns_};
+    begin_to_steer(network);
+    co_return Nothing{};
 }
 
 // One step of the controller of the second reference.
 Task<Result<>> RingWatch::steer(Network& network) {
     constexpr std::uint32_t kEnough = 16;
     const PartDifference seen = ring_.take_difference();
+    if (rounds_deaf_ < UINT8_MAX) ++rounds_deaf_;
     if (seen.count == 0) co_return Nothing{};
+    rounds_deaf_ = 0;
     if (!known_) {
         first_.sum_ns += seen.sum_ns;
         first_.count += seen.count;
         if (first_.count < kEnough) co_return Nothing{};
-        constant_ns_ = first_.sum_ns / first_.count + network.clocks.entries[second_ - 1U].delay_ns;
-        constants_[next_constant_++ % constants_.size()] = {second_, constant_ns_};
-        begin_to_steer(network);
-        co_return Nothing{};
+        co_return co_await required(find_constant(network));
     }
-    ClockEntry& clock = network.clocks.entries[second_ - 1U];
-    const std::int64_t error = seen.sum_ns / seen.count - (constant_ns_ - clock.delay_ns);
-    const std::int64_t correction = phase_.update(error, network.engine.now());
+    const ClockEntry& clock = network.clocks.entries[second_ - 1U];
+    ahead_ns_ = seen.sum_ns / seen.count - (constant_ns_ - clock.delay_ns);
+    jitter_ns_ = std::max<std::int64_t>(std::int64_t{seen.most_ns} - seen.least_ns - std::abs(moved_ns_), 0);
+    const std::int64_t correction = phase_.update(ahead_ns_, network.engine.now());
+    moved_ns_ = correction;
     if (correction == 0) co_return Nothing{};
-    clock.offset_ns -= static_cast<std::uint64_t>(correction);
-    wire::Register offset = reg::kSystemTimeOffset;
-    if (clock.kind == ClockKind::bits32) offset.length = 4;
-    co_return co_await required(write_clock_register(network.station(network.slave(second_)), offset, clock.offset_ns));
+    co_return co_await required(move_clock(network, network.slave(second_), -correction));
 }
 
 Task<Result<>> RingWatch::watch_clocks(Network& network) {

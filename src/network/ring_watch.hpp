@@ -42,9 +42,13 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] bool delays_are_guessed() const override { return guessed_; }
     [[nodiscard]] Task<Result<>> watch_clocks(Network& network) override;
     [[nodiscard]] std::uint16_t reference_of(Network& network, const Slave& slave) const override;
+    [[nodiscard]] FollowedClock followed_clock(Network& network, const Slave& slave) const override;
+    [[nodiscard]] bool are_parted(Network& network, const Slave& one, const Slave& other) const override {
+        return is_behind(network, one) != is_behind(network, other);
+    }
     // The second reference clock, 0: none; and how far it is ahead of the first one.
     [[nodiscard]] std::uint16_t second_reference() const { return second_; }
-    [[nodiscard]] std::int64_t apart_ns() const { return second_ == 0 || !known_ ? 0 : phase_.error_ns(); }
+    [[nodiscard]] std::int64_t apart_ns() const { return second_ == 0 || !known_ ? 0 : ahead_ns_; }
 
   private:
     // The constants of the last breaks, by the slave that was the first clock behind each: a slave that comes back
@@ -52,6 +56,7 @@ class RingWatch final : public RedundancyPart {
     // with the ways.
     struct Constant {
         std::uint16_t slave = 0;
+        std::uint16_t front = 0;  // and by the slaves before the break: other slaves without a clock may be behind it
         std::int64_t ns = 0;
     };
 
@@ -72,8 +77,10 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> write_delay(Network& network, Slave& slave, std::int64_t earliest_ns);
     [[nodiscard]] Task<Result<>> arrange(Network& network);
     [[nodiscard]] Task<Result<>> steer(Network& network);
+    [[nodiscard]] Task<Result<>> find_constant(Network& network);
     void begin_to_steer(Network& network);
     [[nodiscard]] const Constant* known_constant() const;
+    [[nodiscard]] bool is_in_step(const Network& network) const;
 
     Redundancy& ring_;
     RingState reported_ = RingState::unknown;
@@ -85,12 +92,16 @@ class RingWatch final : public RedundancyPart {
     std::uint16_t before_ = 0;      // the slaves of the last break
     std::uint16_t behind_ = 0;
 
-    // The slave with the second reference clock. It is in step at the moment of the break, so the first differences
-    // show what the ways of both copies differ by (`constant_ns_`).
+    // The slave with the second reference clock. If it is in step at the moment of the break, the first differences
+    // show what the ways of both copies differ by (`constant_ns_`). If it was away before, its ways are measured.
     std::uint16_t second_ = 0;
     bool second_is_first_ = false;
     bool known_ = false;
-    bool guessed_ = false;  // the delays behind a break, see delays_are_guessed()
+    std::int64_t ahead_ns_ = 0;     // mean of the differences of the last round, without the constant,
+    std::int64_t jitter_ns_ = 0;    // by how much they differ among each other,
+    std::int64_t moved_ns_ = 0;     // and the correction of the round before, which they contain
+    std::uint8_t rounds_deaf_ = 0;  // rounds without a difference
+    bool guessed_ = false;          // the delays behind a break, see delays_are_guessed()
     std::int64_t constant_ns_ = 0;
     std::array<Constant, 4> constants_{};
     std::size_t next_constant_ = 0;

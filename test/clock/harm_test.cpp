@@ -150,5 +150,42 @@ TEST_F(ClockHarm, AClockThatComesBackInStepIsInSync) {
     }
 }
 
+// Slave 1 with the reference clock is bridged, which takes a while without any frame; later it is put back. No clock
+// gets a time that is older than the silence.
+TEST_F(ClockHarm, TheNextReferenceTakesOverAfterASilence) {
+    add_line(5);
+    bring_up();
+    cycles(5000);
+    const auto most_apart = [this](int count) {
+        std::int64_t most = 0;
+        for (int n = 0; n < count; ++n) {
+            cycles(1);
+            for (std::uint16_t s = 3; s <= 5; ++s) most = std::max(most, std::abs(ahead_ns(s, 2)));
+        }
+        return most;
+    };
+    segment.disconnect({0, 0});
+    segment.disconnect({0, 1});
+    EXPECT_LE(most_apart(100), 200);
+    ASSERT_TRUE(segment.connect_master({1, 0}));
+    segment.reconsider();
+    EXPECT_LE(most_apart(1500), 200) << joined(events());
+    EXPECT_EQ(reference_clock(*ctx), 2);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+    segment.disconnect({1, 0});
+    EXPECT_LE(most_apart(100), 200);
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    ASSERT_TRUE(segment.connect({0, 1}, {1, 0}, kCable));
+    segment.reconsider();
+    ASSERT_TRUE(until([&] { return all_in_op() && reference_clock(*ctx) == 1; }, 2000)) << joined(events());
+    EXPECT_LE(most_apart(1000), 200) << joined(events());
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+    for (std::uint16_t s = 1; s <= 5; ++s) EXPECT_TRUE(clock(s).in_sync) << s;
+    EXPECT_LE(greatest_error_ns(5), 200);
+    (void)events();
+    cycles(3000);
+    EXPECT_EQ(joined(events()), "");
+}
+
 }  // namespace
 }  // namespace margay

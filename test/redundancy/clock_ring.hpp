@@ -45,6 +45,12 @@ struct ClockRingBus : RingBus {
         (void)events();
         ASSERT_EQ(status().ring, RingState::whole);
     }
+    // How far the clock of a slave is ahead of another one.
+    std::int64_t ahead_ns(std::uint16_t slave, std::uint16_t of = 1) {
+        const Time now = osal.now();
+        return static_cast<std::int64_t>(segment.slave(at[slave - 1U]).clock().copy(now) -
+                                         segment.slave(at[of - 1U]).clock().copy(now));
+    }
     // The greatest difference between any two clocks that have power.
     std::int64_t apart_ns() {
         std::int64_t least = INT64_MAX;

@@ -1,6 +1,6 @@
 // A ring with two NICs whose overlapped cycles are sent by one thread, while the owner receives, and old copies of
 // frames come back late.
-#include "redundancy/ring_bus.hpp"
+#include "redundancy/clock_ring.hpp"
 
 #include <atomic>
 #include <deque>
@@ -123,6 +123,48 @@ TEST(RingThreads, LateCopiesWhileAnotherThreadSends) {
     EXPECT_GE(late, second.repeated);
     EXPECT_LE(late, first.repeated + second.repeated);
     EXPECT_EQ(ctx.statistics().lost, 0U);
+}
+
+// The receiving thread gets the first copy of a frame while the sending thread sends the second one. The NICs are
+// interchanged, and the copies have other positions and other times.
+TEST(RingThreads, TheFirstCopyIsBackBeforeTheSecondIsSent) {
+    for (const bool broken : {false, true}) {
+        SCOPED_TRACE(broken);
+        ClockRingBus bus;
+        for (unsigned n = 0; n < 5; ++n) (void)bus.add_to_ring(ClockRingBus::nth(n));
+        bus.segment.disconnect({0, 0});
+        ASSERT_TRUE(bus.segment.connect_master({0, 0}, 1));
+        ASSERT_TRUE(bus.segment.connect_master({4, 1}, 0));
+        bus.ring_cables.push_back({4, 1});
+        bus.start();
+        const auto reference = configdc(*bus.ctx, {.burst_frames = 200, .by_position = true});
+        ASSERT_TRUE(reference.ok()) << bus.words(reference.error());
+        bus.ctx->group(0).config.cycles_in_flight = 2;
+        bus.run();
+        if (broken) bus.cable(bus.ring_cables[2], false);
+        for (unsigned n = 0; n < 50; ++n) (void)bus.cycle();
+        ASSERT_EQ(bus.status().ring, broken ? RingState::broken : RingState::whole);
+        bus.supervision.cancel();
+        const auto slaves = [&bus] { return std::array{bus.status().cables[0].slaves, bus.status().cables[1].slaves}; };
+        const auto before = slaves();
+        EXPECT_EQ(before, broken ? (std::array<std::uint16_t, 2>{3, 2}) : (std::array<std::uint16_t, 2>{0, 5}));
+        unsigned copies = 0;
+        bus.on_frame = [&](std::uint64_t) {
+            if (++copies % 2 != 0) return;
+            bus.osal.advance(200us);
+            (void)poll(*bus.ctx, bus.osal.now());
+        };
+        for (unsigned n = 0; n < 20; ++n) {
+            bus.osal.advance(1ms);
+            ASSERT_TRUE(send_processdata(*bus.ctx).ok());
+            const auto wkc = receive_processdata(*bus.ctx, 500us);
+            EXPECT_TRUE(wkc.ok()) << RingBus::words(wkc.error());
+            EXPECT_EQ(slaves(), before) << n;
+            EXPECT_EQ(bus.ctx->group(0).dc_time.slaves, broken ? 2 : 5);
+        }
+        EXPECT_EQ(copies, 40U);
+        bus.on_frame = nullptr;
+    }
 }
 
 }  // namespace

@@ -1,0 +1,164 @@
+// Which time reaches the clock of a slave, and how far a clock is from the reference. "In sync" in
+// src/network/README.md says what follows from it.
+#include "clock/system_time.hpp"
+#include "network/network.hpp"
+#include "network/wanted.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace margay {
+namespace {
+
+bool is_there(const Slave& slave) { return slave.al.state != AlState::none; }
+
+bool is_before_reference(Network& network, const Slave& slave) {
+    return slave.ring_position != 0 && slave.ring_position < network.slave(network.clocks.reference).ring_position;
+}
+
+// How many frames have brought the time of the reference since the last round.
+std::uint32_t times_since_last_round(Network& network) {
+    Clocks& clocks = network.clocks;
+    bool by_cycle = false;
+    for (const ProcessGroup& group : network.process.groups) {
+        if (!group.mapped || group.dc_reference == 0) continue;
+        by_cycle = true;
+        if (group.dc_reference != clocks.reference) continue;
+        const auto now = static_cast<std::uint16_t>(group.cycle_received);
+        const auto cycles = static_cast<std::uint16_t>(now - std::exchange(clocks.cycle_seen, now));
+        const wire::Command command = time_source(group).command;
+        const bool carried = command == wire::Command::FRMW || command == wire::Command::ARMW;
+        return carried && group.dc_time.came && group.dc_time.slaves != 0 ? cycles : 0;
+    }
+    return by_cycle ? 0 : 1;
+}
+
+}  // namespace
+
+FollowedClock followed_clock(Network& network, const Slave& slave) {
+    const Clocks& clocks = network.clocks;
+    const Slave& reference = network.slave(clocks.reference);
+    if (slave.number == reference.number) return {.slave = slave.number};
+    if (!is_there(reference) || slave.ring_position == 0) return {};
+    if (network.redundancy != nullptr) return network.redundancy->followed_clock(network, slave);
+    return {.slave = is_before_reference(network, slave) ? std::uint16_t{0} : clocks.reference};
+}
+
+void note_followed_clocks(Network& network) {
+    constexpr Duration kLongestAlone = std::chrono::seconds(1);
+    Clocks& clocks = network.clocks;
+    const std::uint32_t times = times_since_last_round(network);
+    for (const Slave& slave : network.slaves()) {
+        ClockEntry& clock = clocks.of(slave);
+        if (!clock.synchronised) continue;
+        const std::uint16_t follows = is_there(slave) ? followed_clock(network, slave).slave : std::uint16_t{0};
+        if (std::exchange(clock.follows, follows) != follows) clock.times_seen = 0;
+        clock.times_seen = static_cast<std::uint8_t>(
+            std::min<std::uint32_t>(clock.times_seen + (follows != 0 ? times : 1), UINT8_MAX));
+        const bool alone = follows == 0 && (clock.times_seen == UINT8_MAX ||
+                                            clock.times_seen * clocks.settings.watch_interval >= kLongestAlone);
+        if (!clock.in_sync || (is_there(slave) && !alone)) continue;
+        clock.in_sync = false;
+        clock.watch.reset();
+        clocks.all_in_sync = false;
+    }
+}
+
+Task<Result<std::int64_t>> measure_ahead(Network& network, Slave& slave, Slave& reference) {
+    Clocks& clocks = network.clocks;
+    const auto way_ns = co_await required(measure_way(network, slave, reference));
+    while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    const Measuring measuring(clocks);
+    (void)find_frame_ways(network);
+    co_await required(latch_receive_times(network));
+    co_await required(read_receive_times(network, slave, Keep::no));
+    co_await required(read_receive_times(network, reference, Keep::no));
+    const ClockEntry& source = clocks.of(reference);
+    const ClockEntry& clock = clocks.of(slave);
+    const std::uint64_t ahead =
+        clock.local_ns + clock.offset_ns - (source.local_ns + source.offset_ns + static_cast<std::uint64_t>(way_ns));
+    co_return std::int64_t{static_cast<std::int32_t>(ahead)};  // some clocks have 32 bits
+}
+
+Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns) {
+    ClockEntry& clock = network.clocks.of(slave);
+    clock.offset_ns += static_cast<std::uint64_t>(by_ns);
+    wire::Register offset = wire::reg::kSystemTimeOffset;
+    if (clock.kind == ClockKind::bits32) offset.length = 4;
+    co_return co_await required(write_clock_register(network.station(slave), offset, clock.offset_ns));
+}
+
+namespace {
+
+// The first clock that is before the reference, and may be the reference: the slave is in its state, and nobody works
+// on it.
+Slave* first_before_reference(Network& network) {
+    Slave* first = nullptr;
+    for (Slave& slave : network.slaves()) {
+        // Below SAFEOP, a slave that has come back may not have its clock yet.
+        const bool settled = slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave);
+        if (!is_there(slave) || !settled || slave.al.error || network.marks(slave).in_use ||
+            !network.clocks.of(slave).synchronised || !is_before_reference(network, slave))
+            continue;
+        if (first == nullptr || slave.ring_position < first->ring_position) first = &slave;
+    }
+    return first;
+}
+
+// While the slave got what the master has sent, its rate has followed the jitter of the master.
+Task<Result<>> settle_rate(Network& network, Slave& slave) {
+    co_await required(read_difference(network, slave));
+    if (std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= network.clocks.settings.limit_ns)
+        co_return Nothing{};
+    co_return co_await required(reset_control_loop(network.station(slave)));
+}
+
+// Stops the time, and moves the clock of the slave to that of the reference. True: it is there.
+Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
+    constexpr std::int64_t kMostStep_ns = 6'000;
+    Clocks& clocks = network.clocks;
+    if (clocks.returning != slave.number) {
+        clocks.returning = slave.number;
+        if (!carry_time_of(network, nullptr)) co_return Error{.code = Errc::busy, .slave = slave.number};
+        co_await required(settle_rate(network, slave));
+    }
+    const std::uint16_t reference = clocks.reference;
+    const auto ahead = co_await required(measure_ahead(network, slave, network.slave(reference)));
+    if (clocks.reference != reference || !is_there(slave) || !is_before_reference(network, slave))
+        co_return Error{.code = Errc::unstable, .slave = slave.number};
+    if (std::abs(ahead) > kNear_ns) {
+        clocks.returning = 0;
+        const bool sync = clocks.of(slave).sync_active;
+        co_await required(become_reference(network, slave));
+        if (sync) co_await required(prepare_clock(network, slave));
+        co_return false;
+    }
+    co_await required(move_clock(network, slave, -std::clamp(ahead, -kMostStep_ns, kMostStep_ns)));
+    co_return std::abs(ahead) <= kMostStep_ns;
+}
+
+}  // namespace
+
+Task<Result<>> return_to_first_clock(Network& network) {
+    Clocks& clocks = network.clocks;
+    const bool allowed = network.redundancy == nullptr || network.redundancy->may_restore();
+    Slave* const first = allowed ? first_before_reference(network) : nullptr;
+    Result<bool> is_at_reference = false;
+    if (first != nullptr) {
+        if (clocks.measuring) co_return Nothing{};
+        const SlaveToken token(network.marks(*first));
+        is_at_reference = co_await approach_reference(network, *first);
+        if (is_at_reference && *is_at_reference && carry_time_of(network, first)) {
+            network.report({.kind = EventKind::reference_clock, .slave = first->number, .other = clocks.reference});
+            clocks.reference = first->number;
+            clocks.returning = 0;
+        }
+    }
+    // The slave is lost again, or the ring changes now: the next round tries again.
+    const bool given_up = first == nullptr || !is_at_reference;
+    if (given_up && std::exchange(clocks.returning, std::uint16_t{0}) != 0)
+        (void)carry_time_of(network, &network.slave(clocks.reference));
+    co_return Nothing{};
+}
+
+}  // namespace margay

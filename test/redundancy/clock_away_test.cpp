@@ -1,0 +1,185 @@
+// "In sync" in a ring with two NICs, against the simulation's true time: slaves that were away, and a reference that
+// comes back. Their clocks have gone on alone, or begin anew.
+#include "redundancy/clock_ring.hpp"
+
+namespace margay {
+namespace {
+
+struct AwayBus : ClockRingBus {
+    // The limit of ClockSettings, what the register rounds, and what a clock runs until it is read.
+    static constexpr std::int64_t kMost_ns = 400;
+
+    void prepare(unsigned slaves) {
+        if (ring_cables.empty()) build(slaves, false);
+        bring_up();
+        (void)cycles(5000);
+        (void)events();
+    }
+    // Cycles in which a clock was reported as in sync with the reference clock, and was not.
+    unsigned wrong_cycles(unsigned count) {
+        unsigned wrong = 0;
+        for (unsigned n = 0; n < count; ++n) {
+            (void)cycle();
+            const std::uint16_t reference = reference_clock(*ctx);
+            std::uint16_t s = 1;
+            while (s <= at.size() && (!slave_clock(*ctx, s).in_sync || std::abs(ahead_ns(s, reference)) <= kMost_ns))
+                ++s;
+            if (s <= at.size() && ++wrong == 1)
+                ADD_FAILURE() << "slave " << s << " is in sync and " << ahead_ns(s, reference) << " ns ahead of slave "
+                              << reference << ", cycle " << n << "\n"
+                              << joined(events());
+        }
+        return wrong;
+    }
+    bool all_in_sync() {
+        for (std::uint16_t s = 1; s <= at.size(); ++s)
+            if (!slave_clock(*ctx, s).in_sync) return false;
+        return clock_status(*ctx, osal.now()).in_sync;
+    }
+    // The last two slaves hang at no NIC for a while; then the cable of the second NIC is mended.
+    template <class Meanwhile>
+    void come_back_behind_a_break(unsigned slaves, Duration away, Meanwhile meanwhile) {
+        prepare(slaves);
+        const auto last = static_cast<std::uint16_t>(slaves);
+        cable(ring_cables[slaves - 2], false);
+        cable(ring_cables[slaves], false);
+        for (unsigned n = 0; n < 10; ++n) (void)cycle();
+        meanwhile();
+        EXPECT_EQ(wrong_cycles(static_cast<unsigned>(away / 1ms)), 0U);
+        for (const std::uint16_t s : {static_cast<std::uint16_t>(slaves - 1), last}) {
+            segment.set_power(at[s - 1U], true, osal.now());
+            EXPECT_FALSE(slave_clock(*ctx, s).in_sync) << s;
+        }
+        cable(ring_cables[slaves], true);
+        EXPECT_EQ(wrong_cycles(500), 0U);
+        ASSERT_TRUE(until_all_in_op(10'000)) << joined(events());
+        EXPECT_EQ(wrong_cycles(1000), 0U);
+        EXPECT_EQ(status().second_reference, slaves - 1);
+    }
+    // The ring is whole again.
+    void come_together(unsigned slaves) {
+        cable(ring_cables[slaves - 2], true);
+        EXPECT_EQ(wrong_cycles(1000), 0U);
+        EXPECT_TRUE(all_in_sync()) << joined(events());
+        EXPECT_LE(cycles(300), 100) << joined(events());
+    }
+    void expect_near(std::uint16_t slave, std::int64_t most_ns) {
+        for (unsigned n = 0; n < 1000; ++n) {
+            EXPECT_EQ(wrong_cycles(1), 0U);
+            ASSERT_LE(std::abs(ahead_ns(slave)), most_ns) << slave << " " << n << "\n" << joined(events());
+        }
+    }
+    std::int32_t drift_of(unsigned n) { return static_cast<std::int32_t>(n * 7919 % 201) * 1000 - 100'000; }
+    void warm(unsigned n, std::int32_t by_ppb) { segment.slave(at[n]).set_drift(drift_of(n) + by_ppb, osal.now()); }
+};
+struct ClockAway : testing::Test, AwayBus {};
+
+// Their oscillators get warmer: 20 ppm for half a minute are 0.6 ms. Slave 5 is started again and loses its rate: the
+// master corrects its clock every 10 ms, which is too seldom for the limit.
+TEST_F(ClockAway, OscillatorsThatHaveChanged) {
+    come_back_behind_a_break(6, 30s, [this] {
+        for (const unsigned n : {4U, 5U}) warm(n, -20'000);
+    });
+    expect_near(5, 1500);
+    expect_near(6, 1500);
+    come_together(6);
+}
+
+// Less than what the slaves are started again for.
+TEST_F(ClockAway, OscillatorsThatHaveChangedALittle) {
+    come_back_behind_a_break(6, 30s, [this] {
+        for (const unsigned n : {4U, 5U}) warm(n, 1'000);
+    });
+    EXPECT_TRUE(all_in_sync()) << joined(events());
+    expect_near(5, 200);
+    expect_near(6, 200);
+    come_together(6);
+}
+
+TEST_F(ClockAway, ALossOfPower) {
+    come_back_behind_a_break(6, 3s, [this] {
+        for (const unsigned n : {4U, 5U}) segment.set_power(at[n], false, osal.now());
+    });
+    expect_near(5, 1500);
+    expect_near(6, 1500);
+    come_together(6);
+}
+
+// The oscillators of slaves 5 and 6 differ by 10 ppm from that of slave 1: the corrections keep their clocks in the
+// window.
+TEST_F(ClockAway, ALossOfPowerOfGoodOscillators) {
+    for (unsigned n = 0; n < 6; ++n) (void)add_to_ring(clocked(n < 4 ? 0 : 10'000, n * 0x3000'0001ULL));
+    close_ring();
+    come_back_behind_a_break(6, 3s, [this] {
+        for (const unsigned n : {4U, 5U}) segment.set_power(at[n], false, osal.now());
+    });
+    EXPECT_TRUE(all_in_sync()) << joined(events());
+    expect_near(5, 300);
+    come_together(6);
+}
+
+// The copies for both references differ by the way through all slaves, which is no difference of clocks.
+TEST_F(ClockAway, BehindABreakOfALongRing) {
+    come_back_behind_a_break(24, 3s, [] {});
+    EXPECT_TRUE(all_in_sync()) << joined(events());
+    expect_near(23, 200);
+    expect_near(24, 200);
+    come_together(24);
+}
+
+// The application wakes up late, by up to 20 µs.
+struct LateBus : AwayBus {
+    std::uint32_t random = 1;
+    unsigned run(unsigned count) {
+        unsigned wrong = 0;
+        for (unsigned n = 0; n < count; ++n) {
+            random = random * 1'664'525 + 1'013'904'223;
+            osal.advance(std::chrono::nanoseconds((random >> 8) % 20'000));
+            wrong += wrong_cycles(1);
+        }
+        return wrong;
+    }
+};
+
+// Slaves with power hang at no NIC for a second, the one with the reference clock among them: another clock is the
+// reference, and the first one again when it is back. No clock leaves its window.
+TEST(ClockAwayRing, TheFirstClockIsTheReferenceAgain) {
+    for (const std::array<std::size_t, 2> cut : {std::array<std::size_t, 2>{0, 1}, {0, 4}, {0, 2}}) {
+        SCOPED_TRACE(cut[1]);
+        LateBus bus;
+        bus.prepare(5);
+        for (const std::size_t n : cut) bus.cable(bus.ring_cables[n], false);
+        EXPECT_EQ(bus.run(1000), 0U);
+        EXPECT_EQ(reference_clock(*bus.ctx), cut[1] + 1);
+        for (const std::size_t n : cut) bus.cable(bus.ring_cables[n], true);
+        EXPECT_EQ(bus.run(1000), 0U);
+        EXPECT_EQ(reference_clock(*bus.ctx), 1);
+        EXPECT_TRUE(bus.all_in_sync()) << AwayBus::joined(bus.events());
+        (void)bus.events();
+        EXPECT_EQ(bus.run(5000), 0U);
+        EXPECT_TRUE(bus.all_in_sync());
+        EXPECT_EQ(AwayBus::joined(bus.events()), "") << "no clock leaves the limit any more";
+        EXPECT_LE(bus.cycles(100), 100);
+    }
+}
+
+// The cables are mended one after the other: for a while the slaves that are back, and the reference, are in two parts.
+TEST(ClockAwayRing, TheFirstClockComesBackBeforeABreak) {
+    LateBus bus;
+    bus.prepare(5);
+    for (const std::size_t n : {0U, 3U}) bus.cable(bus.ring_cables[n], false);
+    EXPECT_EQ(bus.run(1000), 0U);
+    EXPECT_EQ(reference_clock(*bus.ctx), 4);
+    bus.cable(bus.ring_cables[0], true);
+    EXPECT_EQ(bus.run(1500), 0U);
+    EXPECT_EQ(reference_clock(*bus.ctx), 1) << AwayBus::joined(bus.events());
+    EXPECT_EQ(bus.status().second_reference, 4);
+    EXPECT_TRUE(bus.all_in_sync()) << AwayBus::joined(bus.events());
+    bus.cable(bus.ring_cables[3], true);
+    EXPECT_EQ(bus.run(1000), 0U);
+    EXPECT_TRUE(bus.all_in_sync()) << AwayBus::joined(bus.events());
+    EXPECT_LE(bus.cycles(300), 100);
+}
+
+}  // namespace
+}  // namespace margay
