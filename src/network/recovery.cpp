@@ -149,7 +149,9 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     const bool new_firmware = network.marks(slave).new_firmware;
     const Time begun = network.engine.now();
     co_await required(find_process_data(network, slave));
-    co_await required(prove_after_hook(network, slave, AlState::safeop, begun));
+    if (doubt_after_hook(network, slave, begun)) {
+        co_await required(prove_before_request(network, slave, AlState::safeop));
+    }
     // Some firmware writes its identity into the EEPROM when it has started.
     if (new_firmware) {
         co_await required(prove(network, slave));

@@ -42,7 +42,9 @@ Task<Result<Transition>> prepare_request(Network& network, Slave& slave, AlState
     const Time begun = network.engine.now();
     co_await required(finish_requested(network, slave, which));
     co_await required(around_transition(network, slave, which, Moment::before));
-    co_await required(prove_after_hook(network, slave, state, begun));
+    if (doubt_after_hook(network, slave, begun)) {
+        co_await required(prove_before_request(network, slave, state));
+    }
     co_return which;
 }
 
