@@ -105,7 +105,8 @@ Error check_late_slave(Network& network, Slave& slave) {
     if (!has_place(slave)) return {.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.number};
     if (!is_mapped(network, slave)) return {};
     ProcessGroup& group = network.process.groups[slave.image.group];
-    const Error entries = place_entries(network, group, &slave);
+    const detail::EntryPart* const part = group.config.entries.part();
+    const Error entries = part == nullptr ? Error{} : part->place(network, group, &slave);
     if (entries.code != Errc::none) return entries;  // outputs that the application writes would have no effect
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
