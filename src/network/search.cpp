@@ -342,18 +342,6 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     co_return same;
 }
 
-Task<Result<>> prove_in_boot(Network& network, Slave& slave) {
-    const auto now = co_await required(read_al_status(network.station(slave)));
-    if (now.state == AlState::boot) network.marks(slave).boot_read = true;
-    const bool mail = network.has_mailbox(slave) && network.mailbox(slave).is_used();
-    std::uint8_t used_by_pdi = 1;
-    if (!mail)
-        used_by_pdi = co_await required(read<std::uint8_t>(network.station(slave), reg::kSiiPdiAccess, Step::recover));
-    if ((used_by_pdi & 1U) != 0)
-        co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
-    co_return co_await required(prove(network, slave));
-}
-
 Task<Result<>> prove_before_request(Network& network, Slave& slave, AlState wanted) {
     const AlState now = slave.al.state;
     const SlaveMarks& marks = network.marks(slave);
