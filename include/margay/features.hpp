@@ -23,7 +23,8 @@ extern const RoutingFeature kRoutingFeature;
 // GroupConfiguration::cycles_in_flight may be more than 1. Without it config_map() refuses that (Errc::unsupported).
 extern const OverlapFeature kOverlapFeature;
 
-// Slaves can be brought to BOOT, where they accept firmware. Without it BOOT is refused (Errc::unsupported).
+// Slaves can be brought to BOOT, where they accept firmware. Without it BOOT is refused (Errc::unsupported), and a
+// slave that was away and is in BOOT by itself is refused (Errc::identity_unread) until it has left BOOT.
 extern const BootFeature kBootFeature;
 
 struct Features {

@@ -2,7 +2,9 @@
 
 #include "network/configure.hpp"
 #include "network/mailbox_setup.hpp"
+#include "network/search.hpp"
 #include "network/transition.hpp"
+#include "station/al_state.hpp"
 
 #include <margay/features.hpp>
 
@@ -48,8 +50,21 @@ void reached(Network& network, Slave& slave, AlState from, AlState to) {
     if (to == AlState::preop) open_mailbox(network, slave, slave.mailbox);
 }
 
+Task<Result<>> prove_in_boot(Network& network, Slave& slave) {
+    const auto now = co_await required(read_al_status(network.station(slave)));
+    if (now.state == AlState::boot) network.marks(slave).boot_read = true;
+    const bool mail = network.has_mailbox(slave) && network.mailbox(slave).is_used();
+    std::uint8_t used_by_pdi = 1;
+    if (!mail)
+        used_by_pdi =
+            co_await required(read<std::uint8_t>(network.station(slave), wire::reg::kSiiPdiAccess, Step::recover));
+    if ((used_by_pdi & 1U) != 0)
+        co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
+    co_return co_await required(prove(network, slave));
+}
+
 }  // namespace
 
-const BootFeature kBootFeature{.prepare = prepare, .reached = reached};
+const BootFeature kBootFeature{.prepare = prepare, .reached = reached, .prove = prove_in_boot};
 
 }  // namespace margay

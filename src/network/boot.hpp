@@ -12,6 +12,9 @@ struct BootFeature {
     Task<Result<>> (*prepare)(Network& network, Slave& slave, AlState to, Time until);
     // The slave has gone from `from` to `to`: opens or closes its mailbox. May be called again.
     void (*reached)(Network& network, Slave& slave, AlState from, AlState to);
+    // prove() for a slave in BOOT that was away. Errors besides those of prove(): identity_unread (its firmware uses
+    // the EEPROM, or mail is under way). A context without this part compares the slave when it has left BOOT.
+    Task<Result<>> (*prove)(Network& network, Slave& slave);
 };
 
 // Whether prepare() must be called before the slave goes to `to`: it enters BOOT, or leaves it for another state than

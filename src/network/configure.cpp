@@ -3,6 +3,7 @@
 #include "network/members.hpp"
 #include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
+#include "network/search.hpp"
 #include "network/settings.hpp"
 #include "network/transition.hpp"
 #include "station/al_state.hpp"
@@ -207,7 +208,9 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     const Time begun = network.engine.now();
     co_await required(around_transition(network, slave, Transition::preop_to_safeop, Moment::before));
     co_await required(prepare_clock_if_any(network, slave));
-    co_await required(prove_after_hook(network, slave, AlState::safeop, begun));
+    if (doubt_after_hook(network, slave, begun)) {
+        co_await required(prove_before_request(network, slave, AlState::safeop));
+    }
     network.marks(slave).requested = Transition::none;
     mark_unfinished(network, slave, Transition::preop_to_safeop);
     auto state = co_await to_safeop(station, slave);
@@ -220,7 +223,10 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     }
     const Time reached = network.engine.now();
     co_await required(around_transition(network, slave, Transition::preop_to_safeop, Moment::after));
-    co_return co_await required(prove_after_hook(network, slave, AlState::safeop, reached));
+    if (doubt_after_hook(network, slave, reached)) {
+        co_await required(prove_before_request(network, slave, AlState::safeop));
+    }
+    co_return Nothing{};
 }
 
 }  // namespace margay

@@ -1,5 +1,6 @@
 #include "network/expectation.hpp"
 
+#include "network/newcomer.hpp"
 #include "station/device_id.hpp"
 
 #include <algorithm>
@@ -288,6 +289,10 @@ Task<Result<>> read_id(Network& network, Slave& slave) {
 
 }  // namespace
 
-const Expectation kExpectation{.number = number_slaves, .compare = compare_with_expected, .read_id = read_id};
+const Expectation kExpectation{.number = number_slaves,
+                               .compare = compare_with_expected,
+                               .read_id = read_id,
+                               .compare_group = compare_group,
+                               .identify = identify_as_expected};
 
 }  // namespace margay

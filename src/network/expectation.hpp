@@ -7,11 +7,15 @@
 
 namespace margay {
 
-// What a scan needs when slaves are expected.
+struct Verdict;
+
+// What a scan and a search need when slaves are expected.
 struct Expectation {
     Result<bool> (*number)(Network& network);
     void (*compare)(Network& network, FirstFault& faults);
     Task<Result<>> (*read_id)(Network& network, Slave& slave);
+    Task<Result<>> (*compare_group)(Network& network, const Slave& slave);
+    Verdict (*identify)(Network& network, std::uint16_t n);
 };
 extern const Expectation kExpectation;
 
@@ -45,5 +49,10 @@ void compare_with_expected(Network& network, FirstFault& faults);
 
 // The hot connect group that the slave at a place of the ring belongs to, found through its parents; 0: none.
 [[nodiscard]] std::uint8_t group_above(Network& network, std::uint16_t place);
+
+// A slave that was away keeps its station address with its power, and may have been put behind another head meanwhile.
+// There it is no member of its group, but perhaps one of the other. Errors besides those of reading the ring:
+// other_slave, unstable.
+[[nodiscard]] Task<Result<>> compare_group(Network& network, const Slave& slave);
 
 }  // namespace margay

@@ -1,5 +1,6 @@
 #include "network/newcomer.hpp"
 
+#include "network/configure.hpp"
 #include "network/expectation.hpp"
 #include "network/places.hpp"
 #include "network/survey.hpp"
@@ -88,17 +89,10 @@ bool agrees(std::uint32_t known, std::uint32_t seen) { return known != 0 && know
 bool contradicts(std::uint32_t known, std::uint32_t seen) { return known != 0 && seen != 0 && known != seen; }
 
 Verdict identify_newcomer(Network& network, std::uint16_t n) {
-    for (Slave& slave : network.slaves()) {
-        if (!is_lost(network, slave) || !anywhere(network, slave) || !locates(*slave.wanted, network.guest)) continue;
-        return fits(slave, network.guest) ? Verdict{&slave, nullptr} : Verdict{nullptr, &slave};
-    }
-    if (const std::uint8_t group = group_above(network, static_cast<std::uint16_t>(n + 1)); group != 0) {
-        const auto in_group = [&](const Slave& s) { return group_of(s) == group; };
-        const auto member = [&](const Slave& s) { return group_of(s) == group && !anywhere(network, s); };
-        const Verdict verdict = choose_member(network, last_before(network, n, in_group), member);
-        if (verdict.slave != nullptr || verdict.instead_of != nullptr) return verdict;
-    }
-    Verdict verdict = choose_by_place(network, n);
+    Verdict verdict;
+    if (network.expectation != nullptr) verdict = network.expectation->identify(network, n);
+    if (verdict.slave != nullptr || verdict.instead_of != nullptr) return verdict;
+    verdict = choose_by_place(network, n);
     // An optional slave that has never been present is not reported as replaced by another slave.
     if (verdict.instead_of != nullptr && !verdict.instead_of->seen && is_optional(*verdict.instead_of))
         verdict.instead_of = nullptr;
@@ -116,6 +110,18 @@ bool guest_may_be(Network& network, const Slave& slave) {
 
 bool is_guest_by_number(const Network& network, const Slave& slave) {
     return agrees(slave.identity.serial, network.guest.identity.serial) || agrees(slave.alias, network.guest.alias);
+}
+
+Verdict identify_as_expected(Network& network, std::uint16_t n) {
+    for (Slave& slave : network.slaves()) {
+        if (!is_lost(network, slave) || !anywhere(network, slave) || !locates(*slave.wanted, network.guest)) continue;
+        return fits(slave, network.guest) ? Verdict{&slave, nullptr} : Verdict{nullptr, &slave};
+    }
+    const std::uint8_t group = group_above(network, static_cast<std::uint16_t>(n + 1));
+    if (group == 0) return {};
+    const auto in_group = [&](const Slave& s) { return group_of(s) == group; };
+    const auto member = [&](const Slave& s) { return group_of(s) == group && !anywhere(network, s); };
+    return choose_member(network, last_before(network, n, in_group), member);
 }
 
 StationAddress newcomer_address(const Network& network) {
@@ -147,8 +153,8 @@ Task<Result<>> rename(Network& network, StationAddress from, std::uint16_t to) {
 }
 
 Task<Result<>> unmap(Station station) {
-    static constexpr std::array<std::byte, 16 * reg::kFmmuStride> kZeros{};
-    auto written = co_await write_bytes(station, reg::kFmmuBase, kZeros, Step::recover);
+    const auto zeros = Bytes(kClearedRegisters).first(16 * reg::kFmmuStride);
+    auto written = co_await write_bytes(station, reg::kFmmuBase, zeros, Step::recover);
     co_return written || does_not_answer(written.error()) ? Result<>() : written;  // some slaves have no FMMUs
 }
 

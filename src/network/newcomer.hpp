@@ -53,6 +53,11 @@ struct Verdict {
     std::array<const Slave*, 2> rivals{};
 };
 
+// Which slave the guest at place `n` is by what the application expects of it: by the alias or device id of a lost
+// slave, or as a member of the hot connect group above the place. Neither `slave` nor `instead_of`: nothing is
+// expected.
+[[nodiscard]] Verdict identify_as_expected(Network& network, std::uint16_t n);
+
 // The station addresses of unknown slaves, below Network::stranger_mark, which is that of a slave that was reported.
 namespace stranger_mark {
 inline constexpr std::uint16_t kSuspect = 0x0100;  // was found once

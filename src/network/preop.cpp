@@ -21,7 +21,9 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     const Transition which = network.marks(slave).held_back ? Transition::none : Transition::init_to_preop;
     const Time begun = network.engine.now();
     co_await required(around_transition(network, slave, which, Moment::before));
-    co_await required(prove_after_hook(network, slave, AlState::preop, begun));
+    if (doubt_after_hook(network, slave, begun)) {
+        co_await required(prove_before_request(network, slave, AlState::preop));
+    }
     if (slave.al.state == AlState::none) {
         slave.al = co_await required(read_al_status(station));
     }
@@ -35,7 +37,9 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
         co_await required(prove_before_request(network, slave, AlState::preop));
         const Time reached = network.engine.now();
         co_await required(around_transition(network, slave, which, Moment::after));
-        co_await required(prove_after_hook(network, slave, AlState::preop, reached));
+        if (doubt_after_hook(network, slave, reached)) {
+            co_await required(prove_before_request(network, slave, AlState::preop));
+        }
         co_return Nothing{};
     }
     auto seen = co_await read_al_status(station);

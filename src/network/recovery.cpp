@@ -105,7 +105,8 @@ Error check_late_slave(Network& network, Slave& slave) {
     if (!has_place(slave)) return {.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.number};
     if (!is_mapped(network, slave)) return {};
     ProcessGroup& group = network.process.groups[slave.image.group];
-    const Error entries = place_entries(network, group, &slave);
+    const detail::EntryPart* const part = group.config.entries.part();
+    const Error entries = part == nullptr ? Error{} : part->place(network, group, &slave);
     if (entries.code != Errc::none) return entries;  // outputs that the application writes would have no effect
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
@@ -149,7 +150,9 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     const bool new_firmware = network.marks(slave).new_firmware;
     const Time begun = network.engine.now();
     co_await required(find_process_data(network, slave));
-    co_await required(prove_after_hook(network, slave, AlState::safeop, begun));
+    if (doubt_after_hook(network, slave, begun)) {
+        co_await required(prove_before_request(network, slave, AlState::safeop));
+    }
     // Some firmware writes its identity into the EEPROM when it has started.
     if (new_firmware) {
         co_await required(prove(network, slave));

@@ -21,38 +21,6 @@
 namespace margay {
 namespace {
 
-namespace reg = wire::reg;
-
-bool is_below_break(std::span<const RingPlace> ring, std::uint16_t at) {
-    while (ring[at - 1U].parent != 0) at = ring[at - 1U].parent;
-    return ring[at - 1U].behind_break;
-}
-
-// A slave that was away keeps its station address with its power, and may have been put behind another head meanwhile.
-// There it is no member of its group, but perhaps one of the other. Errors besides those of reading the ring:
-// other_slave, unstable.
-Task<Result<>> compare_group(Network& network, const Slave& slave) {
-    const bool member =
-        slave.wanted != nullptr && slave.wanted->hot_connect != 0 && !is_located(network.expected, *slave.wanted);
-    if (!member) co_return Nothing{};
-    while (network.searching) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    const Searching searching(network);
-    co_await required(read_places(network));
-    recognise(network);
-    Error error{.code = Errc::unstable, .step = Step::recover, .slave = slave.number};
-    if (slave.ring_position == 0) co_return error;
-    const std::uint8_t group = group_above(network, slave.ring_position);
-    if (group == slave.wanted->hot_connect) co_return Nothing{};
-    // The head may be before the break.
-    if (group == 0 && is_below_break(network.seen_ring(), slave.ring_position)) co_return Nothing{};
-    error.code = Errc::other_slave;
-    error.subindex = static_cast<std::uint8_t>(IdentityField::hot_connect);
-    error.expected = slave.wanted->hot_connect;
-    error.actual = group;
-    error.detail = slave.identity.vendor;
-    co_return error;
-}
-
 // Notes the slaves that are absent from the ring and not reported lost yet: a newcomer may be one of them.
 Task<Result<>> miss_absent(Network& network) {
     for (Slave& slave : network.slaves()) {
@@ -320,7 +288,9 @@ Task<Result<>> prove(Network& network, Slave& slave) {
         }
         same = Nothing{};
     }
-    if (same && network.marks(slave).was_away) same = co_await compare_group(network, slave);
+    const bool member = slave.wanted != nullptr && slave.wanted->hot_connect != 0;
+    if (same && member && network.marks(slave).was_away)
+        same = co_await network.expectation->compare_group(network, slave);
     if (same) {
         const bool away = network.marks(slave).was_away;
         network.marks(slave).trust();
@@ -340,18 +310,6 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     co_await required(unmap(network.station(slave)));
     co_await completion(rename(network, slave.station_address, 0));  // or the search finds it at this address again
     co_return same;
-}
-
-Task<Result<>> prove_in_boot(Network& network, Slave& slave) {
-    const auto now = co_await required(read_al_status(network.station(slave)));
-    if (now.state == AlState::boot) network.marks(slave).boot_read = true;
-    const bool mail = network.has_mailbox(slave) && network.mailbox(slave).is_used();
-    std::uint8_t used_by_pdi = 1;
-    if (!mail)
-        used_by_pdi = co_await required(read<std::uint8_t>(network.station(slave), reg::kSiiPdiAccess, Step::recover));
-    if ((used_by_pdi & 1U) != 0)
-        co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
-    co_return co_await required(prove(network, slave));
 }
 
 Task<Result<>> prove_before_request(Network& network, Slave& slave, AlState wanted) {

@@ -36,10 +36,6 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 // the SII.
 [[nodiscard]] Task<Result<>> prove(Network& network, Slave& slave);
 
-// prove() for a slave in BOOT. Errors besides those of prove(): identity_unread (its firmware uses the EEPROM, or mail
-// is under way).
-[[nodiscard]] Task<Result<>> prove_in_boot(Network& network, Slave& slave);
-
 // The same as prove() before a request of the application changes the state of the slave, where the identity is not
 // certain. A slave in BOOT is not asked, because its firmware may use the EEPROM.
 [[nodiscard]] Task<Result<>> prove_before_request(Network& network, Slave& slave, AlState wanted);

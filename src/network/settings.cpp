@@ -57,7 +57,8 @@ Error invalid_setting(const Slave& slave) {
         return invalid_mapping(wrong, slave.number);
     if (const Argument wrong = invalid_sync_manager(slave); wrong != Argument::unknown)
         return invalid_mapping(wrong, slave.number);
-    return invalid_commands(slave);
+    const auto commands = slave.config.startup();
+    return commands.empty() ? Error{} : slave.config.setup->startup.part()->invalid(slave);
 }
 
 Error invalid_setting(const Network& network, const ProcessGroup& group) {

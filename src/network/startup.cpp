@@ -167,11 +167,8 @@ Task<Result<>> run_one(Network& network, Slave& slave, const StartupCommand& com
     co_return Nothing{};
 }
 
-}  // namespace
-
-bool has_commands(const Slave& slave, Transition which, Moment moment) {
-    return std::ranges::any_of(slave.config.startup(),
-                               [&](const StartupCommand& c) { return is_due(c, which, moment); });
+bool has_due(std::span<const StartupCommand> commands, Transition which, Moment moment) {
+    return std::ranges::any_of(commands, [&](const StartupCommand& c) { return is_due(c, which, moment); });
 }
 
 Error invalid_commands(const Slave& slave) {
@@ -194,6 +191,8 @@ Error invalid_commands(const Slave& slave) {
     }
     return {};
 }
+
+}  // namespace
 
 Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Moment moment) {
     std::size_t place = 0;
@@ -233,6 +232,7 @@ std::uint32_t check_of_ip_commands(std::span<const StartupCommand> commands) {
 
 }  // namespace
 
-constinit const detail::StartupPart detail::kStartupPart{.run = run_commands, .check = check_of_ip_commands};
+constinit const detail::StartupPart detail::kStartupPart{
+    .has = has_due, .invalid = invalid_commands, .run = run_commands, .check = check_of_ip_commands};
 
 }  // namespace margay

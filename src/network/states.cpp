@@ -42,7 +42,9 @@ Task<Result<Transition>> prepare_request(Network& network, Slave& slave, AlState
     const Time begun = network.engine.now();
     co_await required(finish_requested(network, slave, which));
     co_await required(around_transition(network, slave, which, Moment::before));
-    co_await required(prove_after_hook(network, slave, state, begun));
+    if (doubt_after_hook(network, slave, begun)) {
+        co_await required(prove_before_request(network, slave, state));
+    }
     co_return which;
 }
 
@@ -130,13 +132,14 @@ constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 Task<Result<>> prove_if_there(Network& network, Slave& slave) {
     const bool in_boot = slave.al.state == AlState::boot && network.marks(slave).was_away;
     if (slave.al.state == AlState::none || (!in_boot && !network.is_doubted(slave))) co_return Nothing{};
-    if (network.marks(slave).in_use)  // the request that uses it has not compared it yet
+    // The request that uses it has not compared it yet, or it is compared when it has left BOOT.
+    if (network.marks(slave).in_use || (in_boot && network.boot == nullptr))
         co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
     Result<> same;
     {
         const SlaveToken token(network.marks(slave));
         if (in_boot)
-            same = co_await prove_in_boot(network, slave);
+            same = co_await network.boot->prove(network, slave);
         else
             same = co_await prove(network, slave);
     }

@@ -151,12 +151,10 @@ bool is_unfinished(const Network& network, const Slave& slave) {
     return row != nullptr && (row->to == AlState::boot ? slave.al.state == row->to : slave.al.state >= row->to);
 }
 
-// A hook may have taken long: another device may have the station address now.
-Task<Result<>> prove_after_hook(Network& network, Slave& slave, AlState state, Time begun) {
+bool doubt_after_hook(Network& network, Slave& slave, Time begun) {
     const bool stale = !network.supervised && later(begun, Network::kBelieved) < network.engine.now();
     if (stale && is_known(slave)) network.marks(slave).doubt(false);
-    if (!network.marks(slave).unproved) co_return Nothing{};
-    co_return co_await required(prove_before_request(network, slave, state));
+    return network.marks(slave).unproved;
 }
 
 Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until) {
@@ -188,7 +186,9 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     if (concerns(slave, which, Moment::before)) {
         co_await required(around_transition(network, slave, which, Moment::before));
     }
-    co_await required(prove_after_hook(network, slave, state, begun));
+    if (doubt_after_hook(network, slave, begun)) {
+        co_await required(prove_before_request(network, slave, state));
+    }
     mark_unfinished(network, slave, which);
     const Time now = network.engine.now();
     const Duration patience = until == kNever ? al_timeout(slave, state) : std::max(until - now, Duration{1});
@@ -210,7 +210,9 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     if (concerns(slave, which, Moment::after)) {
         const Time reached = network.engine.now();
         co_await required(around_transition(network, slave, which, Moment::after));
-        co_await required(prove_after_hook(network, slave, state, reached));
+        if (doubt_after_hook(network, slave, reached)) {
+            co_await required(prove_before_request(network, slave, state));
+        }
     } else {
         nothing_follows(network.marks(slave), which);
         if (is_unfinished(network, slave)) co_return unfinished_error(network, slave);

@@ -71,9 +71,9 @@ class WorkLimit {
 // Whether writestate() has requested this state, and it is not confirmed yet.
 [[nodiscard]] bool is_requested(const Network& network, const Slave& slave, AlState state);
 
-// Call it when commands and a hook have ended that began at `begun`: compares the identity if another slave may have
-// taken the place of this one meanwhile.
-[[nodiscard]] Task<Result<>> prove_after_hook(Network& network, Slave& slave, AlState state, Time begun);
+// Call it when commands and a hook have ended that began at `begun`: doubts the slave if another one may have taken its
+// place meanwhile. Returns whether prove_before_request() is due.
+[[nodiscard]] bool doubt_after_hook(Network& network, Slave& slave, Time begun);
 
 // Ends the work on the slave, if there is any: the slave has left the state in which the work executes a hook.
 void drop_work(Network& network, const Slave& slave);

@@ -102,7 +102,9 @@ bool needs_mapping(const Network& network, const Slave& slave) {
 }
 
 void note_boot(Network& network, const Slave& slave) {
-    network.marks(slave).from_boot = network.marks(slave).boot_read = true;
+    network.marks(slave).from_boot = true;
+    // Without the part of BOOT nothing compares the slave before it leaves BOOT.
+    network.marks(slave).boot_read = network.boot != nullptr;
     network.marks(slave).pdos_in_doubt = network.marks(slave).new_firmware = !is_by_application(slave.config);
 }
 

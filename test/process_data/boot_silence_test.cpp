@@ -43,17 +43,21 @@ struct BootInASilence : testing::TestWithParam<AlState>, MailboxBus {
         segment.slave(at).frame_end(end);
     }
     int state_of(std::uint32_t at) { return std::to_integer<int>(segment.slave(at).peek(0x130, 1)[0]) & 0x1F; }
-    void prepare_tool(AlState state) {
-        set(tool, 0x0010, 0x1002);
-        for (std::uint16_t sm = 0x800; sm < 0x810; sm += 8)
-            (void)segment.slave(tool).ecat_write(sm, segment.slave(device).peek(sm, 8), osal.now());
-        set(tool, 0x0120, static_cast<std::uint16_t>(state));
+    // As another master requests it.
+    void request(std::uint32_t at, AlState state) {
+        set(at, 0x0120, static_cast<std::uint16_t>(state));
         for (int n = 0; n < 300; ++n) {
             osal.advance(1ms);
             segment.reconsider();
             segment.advance(osal.now());
         }
-        ASSERT_EQ(state_of(tool), static_cast<int>(state));
+        ASSERT_EQ(state_of(at), static_cast<int>(state));
+    }
+    void prepare_tool(AlState state) {
+        set(tool, 0x0010, 0x1002);
+        for (std::uint16_t sm = 0x800; sm < 0x810; sm += 8)
+            (void)segment.slave(tool).ecat_write(sm, segment.slave(device).peek(sm, 8), osal.now());
+        request(tool, state);
     }
     void put_in(std::uint32_t which) {
         ASSERT_TRUE(segment.connect({coupler, 1}, {which, 0}));
@@ -114,6 +118,33 @@ TEST_P(BootInASilence, AFirmwareKeepsItsEeprom) {
     EXPECT_EQ(read.error().slave, 2);
     EXPECT_EQ(std::to_integer<int>(segment.slave(device).peek(0x0501, 1)[0]) & 1, 1);
     EXPECT_TRUE(write_word().ok());  // a reading has shown that it is still in BOOT
+}
+
+// The firmware of the device has entered BOOT by itself. The context cannot compare a slave there.
+TEST_P(BootInASilence, WithoutThePartOfBootItIsComparedWhenItHasLeftBoot) {
+    const auto mailboxes = segment.slave(device).peek(0x800, 16);
+    const std::vector<std::byte> kept(mailboxes.begin(), mailboxes.end());
+    ctx.reset();
+    ctx = std::make_unique<HostContext>(Limits{.slaves = 16});
+    ASSERT_TRUE(init(*ctx, *nic, osal, {}).ok());
+    ASSERT_TRUE(config_init(*ctx).ok());
+    request(device, AlState::init);
+    for (const std::uint16_t sm : {std::uint16_t{0x806}, std::uint16_t{0x80E}}) set(device, sm, 0);
+    (void)segment.slave(device).ecat_write(0x800, kept, osal.now());
+    request(device, AlState::boot);
+    const bool same = GetParam() == AlState::preop;
+    silence(same ? device : tool);
+    for (int reading = 0; reading < 2; ++reading) {
+        EXPECT_EQ(readstate(*ctx).error().code, Errc::identity_unread);
+        EXPECT_EQ(write_word().error().code, Errc::identity_unread);
+        EXPECT_EQ(written(same ? device : tool), std::byte{0});
+    }
+    EXPECT_TRUE(writestate(*ctx, 2, AlState::init).ok());
+    const auto left = statecheck(*ctx, 2, AlState::init, 2s);
+    EXPECT_EQ(left->state, same ? AlState::init : AlState::none);
+    EXPECT_EQ(write_word().error().code, same ? Errc::none : Errc::missing_slave);
+    EXPECT_EQ(written(device), same ? std::byte{0x34} : std::byte{0});
+    EXPECT_EQ(written(tool), std::byte{0});
 }
 
 INSTANTIATE_TEST_SUITE_P(StatesOfTheTool, BootInASilence, testing::Values(AlState::preop, AlState::boot));

@@ -74,7 +74,8 @@ row(everything "All of it")
 
 set(heap malloc operator.new __cxa_throw "std::ios" __cxa_demangle printf)
 set(by_name soe_ eoe_ Eoe write_sm_pdos run_commands supervise find_lost address_newcomer ask_information compare_with_expected
-            read_device_id forward_mail send_overlapped Redundancy RingWatch "describe\\(")
+            read_device_id forward_mail send_overlapped Redundancy RingWatch "describe\\(" compare_group identify_as_expected
+            read_places prove_in_boot invalid_commands place_entries)
 without(sdo ${by_name} sdo_download ${heap})
 without(cycle ${by_name} sdo_download ${heap})
 without(everything ${heap})
