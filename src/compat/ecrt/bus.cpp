@@ -43,6 +43,7 @@ int lock_interface(const std::string& name) {
 void changed(const Event& event, void* user) {
     Bus& bus = *static_cast<Bus*>(user);
     bus.dirty.store(true, std::memory_order_relaxed);
+    bus.refresh_at = Time{};
     switch (event.kind) {
         case EventKind::slave_count:
         case EventKind::lost:
