@@ -44,6 +44,19 @@ set_property(TEST compat/ecrt/masters APPEND PROPERTY ENVIRONMENT MARGAY_MASTER1
 margay_ecrt_test(ring ecrt_rules sim:${folder}/../ring.toml 2)
 margay_ecrt_test(mixed ecrt_mixed sim:drive,digital_in_8,drive\#16,drive,drive\#99@3s)
 
+# The same programs at a cable, with the segment in another process.
+include(${folder}/../over_veth.cmake)
+function(margay_ecrt_far_test name program segment)
+  margay_far_test(compat/ecrt/${name}_over_veth ${segment} ${program} ${ARGN})
+  set_tests_properties(compat/ecrt/${name}_over_veth PROPERTIES ENVIRONMENT "MARGAY_MASTER0=ecat-m;FAR_SEGMENT=1")
+endfunction()
+if(TARGET virtual_segment)
+  margay_ecrt_far_test(user ecrt_user demo)
+  margay_ecrt_far_test(dc ecrt_dc pulse_axis,pulse_axis,drive)
+  margay_ecrt_far_test(two_domains ecrt_two_domains drive,digital_in_8,digital_out_8)
+  margay_ecrt_far_test(mixed ecrt_mixed drive,digital_in_8,drive\#16,drive,drive\#99@3s)
+endif()
+
 # The header in every version of the languages, with types, constants and macros.
 margay_ecrt_program(ecrt_header_c99 header.c)
 margay_ecrt_test(header_c99 ecrt_header_c99 "")
