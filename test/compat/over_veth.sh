@@ -1,7 +1,8 @@
 #!/bin/sh
 # over_veth.sh VIRTUAL_SEGMENT SEGMENT PROGRAM [ARGUMENT …]: starts PROGRAM in a network namespace at one end of a veth
 # pair, with the segment at the other end, in a namespace of its own. The interface of the program is ecat-m. The end of
-# PROGRAM is the end of the test; 77: there are no network namespaces with a veth pair here.
+# PROGRAM is the end of the test; 77: there are no network namespaces with a veth pair here. In the environment:
+# FAR_OPTIONS, of virtual_segment, and FAR_ADDRESS, an address and the interface of virtual_segment that gets it.
 virtual_segment=$1
 segment=$2
 shift 2
@@ -30,7 +31,7 @@ if ! { ip netns add "$near" && ip netns add "$far" &&
     exit 77
 fi
 
-ip netns exec "$far" "$virtual_segment" ecat-s "$segment" >"$said/segment" 2>&1 &
+ip netns exec "$far" "$virtual_segment" ecat-s "$segment" $FAR_OPTIONS >"$said/segment" 2>&1 &
 server=$!
 until grep -q serving "$said/segment"; do
     if ! kill -0 "$server" 2>/dev/null; then
@@ -39,6 +40,9 @@ until grep -q serving "$said/segment"; do
     fi
     sleep 0.05
 done
+if [ -n "$FAR_ADDRESS" ]; then
+    ip -n "$far" address add "${FAR_ADDRESS%@*}" dev "${FAR_ADDRESS#*@}" || exit 1
+fi
 
 ip netns exec "$near" "$@"
 code=$?

@@ -1,5 +1,6 @@
 #include "compat/ecrt/bus.hpp"
 
+#include "compat/ecrt/eoe_interfaces.hpp"
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/requests.hpp"
 #include "compat/ecrt/segment.hpp"
@@ -118,6 +119,7 @@ Bus::~Bus() {
     if (reporter.joinable()) reporter.join();
     if (ctx != nullptr) {
         (void)take_ownership(*ctx);
+        close_eoe_interfaces(*this);
         search.scan.cancel();
         search.watch.cancel();
         if (operation != nullptr) operation->cancel();

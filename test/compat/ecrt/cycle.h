@@ -18,8 +18,8 @@ static inline void next_cycle(void) {
     clock_nanosleep(CLOCK_MONOTONIC, 0, &period, NULL);
 }
 
-/* The number of right cycles one after the other. FAR_SEGMENT in the environment: in total. The segment is another process
- * then, and on a busy machine some of its answers come too late. */
+/* The number of right cycles one after the other. FAR_SEGMENT in the environment: in total. The segment is another
+ * process then, and on a busy machine some of its answers come too late. */
 static inline unsigned int count_right(unsigned int before, int right) {
     if (right) return before + 1;
     return getenv("FAR_SEGMENT") != NULL ? before : 0;

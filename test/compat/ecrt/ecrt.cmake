@@ -21,7 +21,7 @@ function(margay_ecrt_test name program segment)
   set_tests_properties(compat/ecrt/${name} PROPERTIES TIMEOUT 120 ENVIRONMENT MARGAY_MASTER0=${segment})
 endfunction()
 
-foreach(program user information dc two_domains requests later mail rules masters)
+foreach(program user information dc two_domains requests later mail rules masters eoe)
   margay_ecrt_program(ecrt_${program} ${program}.c)
 endforeach()
 margay_ecrt_program(ecrt_mixed mixed.cpp)
@@ -55,6 +55,8 @@ if(TARGET virtual_segment)
   margay_ecrt_far_test(dc ecrt_dc pulse_axis,pulse_axis,drive)
   margay_ecrt_far_test(two_domains ecrt_two_domains drive,digital_in_8,digital_out_8)
   margay_ecrt_far_test(mixed ecrt_mixed drive,digital_in_8,drive\#16,drive,drive\#99@3s)
+  margay_ecrt_far_test(eoe ecrt_eoe eoe)
+  set_property(TEST compat/ecrt/eoe_over_veth APPEND PROPERTY ENVIRONMENT "FAR_OPTIONS=--ports gw" FAR_ADDRESS=192.168.77.2/24@gw1)
 endif()
 
 # The header in every version of the languages, with types, constants and macros.

@@ -61,9 +61,9 @@ int main(void) {
         ecrt_domain_queue(in);
         if (n % 2 == 1) ecrt_domain_queue(rare);
         ecrt_master_send(master);
-        good = count_right(good, out_state.wc_state == EC_WC_COMPLETE && in_state.wc_state == EC_WC_COMPLETE &&
-                                     rare_state.wc_state == EC_WC_COMPLETE &&
-                                     EC_READ_U8(in_pd + off_mode_display) == 8);
+        good =
+            count_right(good, out_state.wc_state == EC_WC_COMPLETE && in_state.wc_state == EC_WC_COMPLETE &&
+                                  rare_state.wc_state == EC_WC_COMPLETE && EC_READ_U8(in_pd + off_mode_display) == 8);
     }
     printf("WC %u %u %u, mode %u\n", out_state.working_counter, in_state.working_counter, rare_state.working_counter,
            EC_READ_U8(in_pd + off_mode_display));
