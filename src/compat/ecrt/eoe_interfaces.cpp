@@ -101,15 +101,24 @@ class EoeInterfaces {
         const std::lock_guard lock(mutex_);
         all_.push_back(std::move(interface));
     }
-    // False: there is none. Its memory lives until the owner of the context has ended the port.
+    // False: there is none. The memory of its port lives until the owner of the context has ended the port. Waits some
+    // milliseconds, because the system keeps the interface while the thread waits for its frames.
     bool remove(std::uint16_t alias, std::uint16_t position) {
+        std::unique_ptr<EoeInterface> ending;
+        std::uint32_t round = 0;
+        {
+            const std::lock_guard lock(mutex_);
+            const auto found = find(alias, position);
+            if (found == all_.end()) return false;
+            ending = std::move(*found);
+            all_.erase(found);
+            round = rounds_;
+        }
+        rounds_.wait(round);
+        ending->remove();
+        ending->port.cancel();
         const std::lock_guard lock(mutex_);
-        const auto found = find(alias, position);
-        if (found == all_.end()) return false;
-        (*found)->remove();
-        (*found)->port.cancel();
-        ending_.push_back(std::move(*found));
-        all_.erase(found);
+        ending_.push_back(std::move(ending));
         return true;
     }
     [[nodiscard]] bool empty() {
@@ -137,7 +146,9 @@ class EoeInterfaces {
                 for (const auto& interface : all_) files.push_back(interface->waiting());
             }
             // A port wakes no thread when a frame has arrived: therefore 1 ms at most.
-            if (!any) ::poll(files.data(), files.size(), files.empty() ? 20 : 1);
+            if (!any) ::poll(files.data(), files.size(), 1);
+            ++rounds_;
+            rounds_.notify_all();
         }
     }
 
@@ -145,6 +156,7 @@ class EoeInterfaces {
     List all_;
     List ending_;
     std::atomic<bool> stop_{false};
+    std::atomic<std::uint32_t> rounds_{0};  // of the thread
     std::thread passer_;
 };
 
