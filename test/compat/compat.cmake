@@ -14,6 +14,8 @@ function(margay_compat name library)
   target_compile_options(${name} PRIVATE -Wall -Wextra)
 endfunction()
 
+include(${compat}/over_veth.cmake)
+
 # Every constant, field and function of the tables.
 foreach(v 1 2)
   margay_compat(compat_soem${v}_rows margay_soem${v} soem${v}/rows.c rows_main.c)
@@ -74,6 +76,15 @@ foreach(segment demo drives dc_bench)
 endforeach()
 add_test(NAME compat/soem2_simple_demo COMMAND compat_soem2_simple sim:demo 200 0)
 add_test(NAME compat/soem2_simple_drives COMMAND compat_soem2_simple sim:drives 200 1)
+# At a cable, with the segment in another process.
+if(TARGET virtual_segment)
+  foreach(segment demo drives dc_bench)
+    margay_far_test(compat/soem1_simple_${segment}_over_veth ${segment} compat_soem1_simple ecat-m 200)
+  endforeach()
+  margay_far_test(compat/soem1_tools_over_veth servodrives compat_soem1_tools ecat-m 2)
+  margay_far_test(compat/soem1_firmware_over_veth bootloader compat_soem1_firmware ecat-m 2 0x4d47)
+  margay_far_test(compat/soem2_simple_over_veth drives compat_soem2_simple ecat-m 200 1)
+endif()
 
 # The places of the data of slaves, compared with those of the original masters.
 margay_compat(compat_soem1_layouts margay_soem1 layouts.c)

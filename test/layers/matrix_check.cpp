@@ -41,11 +41,14 @@ bool there(const std::string& name, const std::vector<std::string>& tests, const
                                                     "clang/builds",
                                                     "compat/soem1_rows",
                                                     "compat/soem1_layout_tree_plain",
+                                                    "compat/soem1_simple_demo_over_veth",
                                                     "compat/readme",
                                                     "compat/ecrt/user",
                                                     "compat/ecrt/ring",
                                                     "compat/ecrt/dc_ring",
                                                     "compat/ecrt/ip_stack",
+                                                    "compat/ecrt/user_over_veth",
+                                                    "compat/ecrt/eoe_over_veth",
                                                     "test/run.sh"};
     if (std::find(nested.begin(), nested.end(), name) != nested.end()) return true;
     return std::any_of(tests.begin(), tests.end(), [&](const auto& test) { return test.rfind(name, 0) == 0; });

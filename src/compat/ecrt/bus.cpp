@@ -1,5 +1,6 @@
 #include "compat/ecrt/bus.hpp"
 
+#include "compat/ecrt/eoe_interfaces.hpp"
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/requests.hpp"
 #include "compat/ecrt/segment.hpp"
@@ -43,6 +44,7 @@ int lock_interface(const std::string& name) {
 void changed(const Event& event, void* user) {
     Bus& bus = *static_cast<Bus*>(user);
     bus.dirty.store(true, std::memory_order_relaxed);
+    bus.refresh_at = Time{};
     switch (event.kind) {
         case EventKind::slave_count:
         case EventKind::lost:
@@ -117,6 +119,7 @@ Bus::~Bus() {
     if (reporter.joinable()) reporter.join();
     if (ctx != nullptr) {
         (void)take_ownership(*ctx);
+        close_eoe_interfaces(*this);
         search.scan.cancel();
         search.watch.cancel();
         if (operation != nullptr) operation->cancel();

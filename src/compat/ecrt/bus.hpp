@@ -124,8 +124,8 @@ class Bus {
 
     std::mutex facts_mutex;
     std::vector<Slave> facts;
-    std::atomic<bool> dirty{true};
-    Time refresh_at{};
+    std::atomic<bool> dirty{true};  // the copies are old; for all threads
+    Time refresh_at{};              // for the owner; in the past while the copies are old
     std::atomic<std::uint32_t> responding{0};
     std::atomic<std::uint32_t> al_states{0};
     // Of the two ends of a ring; one NIC: the first.
@@ -134,7 +134,7 @@ class Bus {
         std::atomic<std::uint32_t> slaves{0};
     };
     std::array<Link, 2> links;
-    std::atomic<bool> ring_broken{false};
+    std::atomic<unsigned> ring_broken{0};  // 0 or 1
     [[nodiscard]] bool link_up() const {
         return links[0].up.load(std::memory_order_relaxed) || links[1].up.load(std::memory_order_relaxed);
     }
@@ -157,9 +157,11 @@ class Bus {
     std::vector<std::unique_ptr<Operation>> old_operations;
     AppTime app_time;
     std::unique_ptr<ApplicationTime> clocks;
-    bool clocks_pending = false;  // datagrams for the clocks wait for the next send
-    bool clocks_wanted = false;   // the next send carries the time of the reference clock to the others
-    bool time_rides = true;       // the last send did so in the frames of the first domain
+    // What the next send has to do for the clocks.
+    static constexpr std::uint8_t kDatagramsWait = 1;  // datagrams for the clocks wait for it
+    static constexpr std::uint8_t kTimeWanted = 2;     // it carries the time of the reference clock to the others
+    std::uint8_t clocks_due = 0;
+    bool time_rides = true;  // the last send did so in the frames of the first domain
 
   private:
     [[nodiscard]] bool lock_interfaces();

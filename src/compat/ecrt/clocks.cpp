@@ -14,7 +14,7 @@ bool has_clock(const Bus& bus) { return bus.active && bus.operation->has_clock()
 
 int sync_to(Bus& bus, std::uint64_t time_ns) {
     if (!has_clock(bus)) return 0;
-    bus.clocks_pending = true;
+    bus.clocks_due |= Bus::kDatagramsWait;
     const auto begun = bus.clocks->sync_reference_clock_to(time_ns);
     return begun || begun.error().code == Errc::busy ? 0 : -EIO;
 }
@@ -48,10 +48,10 @@ int ecrt_master_sync_slave_clocks(ec_master_t* master) {
     Bus& bus = *master->bus;
     if (!has_clock(bus)) return 0;
     if (cycle_carries_time(bus)) {
-        bus.clocks_wanted = true;  // ecrt_master_send() knows whether the first domain is exchanged
+        bus.clocks_due |= Bus::kTimeWanted;  // ecrt_master_send() knows whether the first domain is exchanged
         return 0;
     }
-    bus.clocks_pending = true;
+    bus.clocks_due |= Bus::kDatagramsWait;
     (void)bus.clocks->sync_slave_clocks();
     return 0;
 }
@@ -83,7 +83,7 @@ void ecrt_master_64bit_reference_clock_time_queue(ec_master_t* master) { (void)e
 int ecrt_master_sync_monitor_queue(ec_master_t* master) {
     Bus& bus = *master->bus;
     if (!has_clock(bus)) return 0;
-    bus.clocks_pending = true;
+    bus.clocks_due |= Bus::kDatagramsWait;
     (void)bus.clocks->queue_sync_monitor();
     return 0;
 }

@@ -1,6 +1,7 @@
 #include "compat/ecrt/copies.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <utility>
 
@@ -8,106 +9,146 @@ namespace margay::compat::ecrt {
 
 // What makes the copies of a run.
 struct Copies::Makers {
-    using Make = void (*)(const Run& run);
+    using Make = int (*)(const Run* run);
+    static constexpr std::size_t kMostWithoutCall = 32;
+    using Table = std::array<Make, kMostWithoutCall + 1>;
 
-    static void nothing(const Run&) {}
-    static void whole(const Run& run) { std::memcpy(run.to, run.from, run.bytes); }
-    static void list_of_wholes(const Run& run) {
-        for (const Copy* copy = run.list; copy != run.list + run.count; ++copy)
+    static int nothing(const Run*) { return 0; }
+    static int next(const Run* run) { return run[1].make(run + 1); }
+    static int whole(const Run* run) {
+        std::memcpy(run->to, run->from, run->bytes);
+        return next(run);
+    }
+    // The last block overlaps the one before it.
+    static constexpr std::uint32_t kBlock = 64;
+    static constexpr std::uint32_t kMostInBlocks = 512;
+    static int blocks(const Run* run) {
+        std::uint8_t* to = run->to;
+        const std::uint8_t* from = run->from;
+        std::uint32_t left = run->bytes;
+        for (; left >= 2 * kBlock; left -= 2 * kBlock) {
+            std::memcpy(to, from, kBlock);
+            std::memcpy(to + kBlock, from + kBlock, kBlock);
+            to += 2 * kBlock;
+            from += 2 * kBlock;
+        }
+        if (left > kBlock) std::memcpy(to, from, kBlock);
+        std::memcpy(to + left - kBlock, from + left - kBlock, kBlock);
+        return next(run);
+    }
+    static int list_of_wholes(const Run* run) {
+        for (const Copy* copy = run->list; copy != run->list + run->count; ++copy)
             std::memcpy(copy->to, copy->from, copy->bytes);
+        return next(run);
     }
 
-    // Copies of `Part` octets.
-    template <std::size_t Part>
-    struct Exact {
-        static void run(const Run& run) {
-            std::uint8_t* to = run.to;
-            const std::uint8_t* from = run.from;
-            const std::ptrdiff_t t = run.step_to;
-            const std::ptrdiff_t f = run.step_from;
-            std::uint32_t left = run.count;
-            for (; left >= 4; left -= 4) {
-                std::memcpy(to, from, Part);
-                std::memcpy(to + t, from + f, Part);
-                std::memcpy(to + 2 * t, from + 2 * f, Part);
-                std::memcpy(to + 3 * t, from + 3 * f, Part);
-                to += 4 * t;
-                from += 4 * f;
-            }
-            for (; left != 0; --left) {
-                std::memcpy(to, from, Part);
-                to += t;
-                from += f;
-            }
-        }
-        static void list(const Run& run) {
-            for (const Copy* copy = run.list; copy != run.list + run.count; ++copy)
-                std::memcpy(copy->to, copy->from, Part);
-        }
-    };
-
-    // A first and a last part of `Part` octets, which overlap.
-    template <std::size_t Part>
-    struct Twice {
-        static void run(const Run& run) {
-            std::uint8_t* to = run.to;
-            const std::uint8_t* from = run.from;
-            const std::size_t tail = run.bytes - Part;
-            for (std::uint32_t left = run.count; left != 0; --left) {
-                std::memcpy(to, from, Part);
-                std::memcpy(to + tail, from + tail, Part);
-                to += run.step_to;
-                from += run.step_from;
-            }
-        }
-        static void list(const Run& run) {
-            const std::size_t tail = run.bytes - Part;
-            for (const Copy* copy = run.list; copy != run.list + run.count; ++copy) {
-                std::memcpy(copy->to, copy->from, Part);
-                std::memcpy(copy->to + tail, copy->from + tail, Part);
-            }
-        }
-    };
-
-    template <class Kind>
-    static Make of(bool list) {
-        return list ? &Kind::list : &Kind::run;
+    template <std::size_t Bytes>
+    static int list(const Run* run) {
+        for (const Copy* copy = run->list; copy != run->list + run->count; ++copy)
+            std::memcpy(copy->to, copy->from, Bytes);
+        return next(run);
     }
-    static Make choose(std::uint32_t bytes, bool list) {
-        switch (bytes) {
-            case 1: return of<Exact<1>>(list);
-            case 2: return of<Exact<2>>(list);
-            case 4: return of<Exact<4>>(list);
-            case 8: return of<Exact<8>>(list);
-            case 16: return of<Exact<16>>(list);
-            default: break;
+    // At constant distances. The number of octets is a constant, and so are the addresses in the image. The compiler
+    // must not compute the other addresses in advance: it adds the distance once for each copy.
+    template <std::size_t Bytes, bool ToImage>
+    [[gnu::always_inline]] static inline int strided(const Run* run) {
+        std::uint8_t* to = run->to;
+        const std::uint8_t* from = run->from;
+        const std::ptrdiff_t step = run->step;
+        const auto copy = [&](std::size_t n) {
+            if constexpr (ToImage) {
+                std::memcpy(to + n * Bytes, from, Bytes);
+                from += step;
+                asm("" : "+r"(from));
+            } else {
+                std::memcpy(to, from + n * Bytes, Bytes);
+                to += step;
+                asm("" : "+r"(to));
+            }
+        };
+        const auto advance_image = [&](std::size_t copies) {
+            if constexpr (ToImage)
+                to += copies * Bytes;
+            else
+                from += copies * Bytes;
+        };
+        std::uint32_t left = run->count;
+        if ((left & 1U) != 0) {
+            copy(0);
+            advance_image(1);
         }
-        if (bytes < 4) return of<Twice<2>>(list);
-        if (bytes < 8) return of<Twice<4>>(list);
-        if (bytes < 16) return of<Twice<8>>(list);
-        if (bytes <= 32) return of<Twice<16>>(list);
-        return &list_of_wholes;
+        if ((left & 2U) != 0) {
+            copy(0);
+            copy(1);
+            advance_image(2);
+        }
+        for (left /= 4; left != 0; --left) {
+            copy(0);
+            copy(1);
+            copy(2);
+            copy(3);
+            advance_image(4);
+            asm("" : "+r"(left));
+        }
+        return next(run);
+    }
+    template <std::size_t Bytes>
+    static int to_image(const Run* run) {
+        return strided<Bytes, true>(run);
+    }
+    template <std::size_t Bytes>
+    static int from_image(const Run* run) {
+        return strided<Bytes, false>(run);
+    }
+
+    template <std::size_t... Bytes>
+    static constexpr Table lists(std::index_sequence<Bytes...>) {
+        return {&list<Bytes>...};
+    }
+    template <std::size_t... Bytes>
+    static constexpr Table to_images(std::index_sequence<Bytes...>) {
+        return {&to_image<Bytes>...};
+    }
+    template <std::size_t... Bytes>
+    static constexpr Table from_images(std::index_sequence<Bytes...>) {
+        return {&from_image<Bytes>...};
     }
 };
 
 // Copies of the same size, from `begin`.
 void Copies::add_run(std::size_t begin, std::size_t count) {
+    constexpr auto kSizes = std::make_index_sequence<Makers::kMostWithoutCall + 1>();
+    static constexpr Makers::Table kLists = Makers::lists(kSizes);
+    static constexpr Makers::Table kToImage = Makers::to_images(kSizes);
+    static constexpr Makers::Table kFromImage = Makers::from_images(kSizes);
     const Copy& first = copies_[begin];
-    Run run{.count = static_cast<std::uint32_t>(count),
-            .bytes = first.bytes,
-            .to = first.to,
+    Run run{.to = first.to,
             .from = first.from,
+            .count = static_cast<std::uint32_t>(count),
+            .bytes = first.bytes,
             .list = &first};
-    bool even = true;
+    std::ptrdiff_t step_to = first.bytes;
+    std::ptrdiff_t step_from = first.bytes;
     if (count > 1) {
-        run.step_to = copies_[begin + 1].to - first.to;
-        run.step_from = copies_[begin + 1].from - first.from;
+        step_to = copies_[begin + 1].to - first.to;
+        step_from = copies_[begin + 1].from - first.from;
     }
+    bool even = true;
     for (std::size_t n = 1; n < count; ++n)
-        even &= copies_[begin + n].to - copies_[begin + n - 1].to == run.step_to &&
-                copies_[begin + n].from - copies_[begin + n - 1].from == run.step_from;
-    constexpr std::uint32_t kMostWithoutCall = 32;
-    run.make = count == 1 && first.bytes > kMostWithoutCall ? &Makers::whole : Makers::choose(first.bytes, !even);
+        even &= copies_[begin + n].to - copies_[begin + n - 1].to == step_to &&
+                copies_[begin + n].from - copies_[begin + n - 1].from == step_from;
+    if (first.bytes > Makers::kMostWithoutCall) {
+        const bool in_blocks = first.bytes >= Makers::kBlock && first.bytes <= Makers::kMostInBlocks;
+        run.make = count != 1 ? &Makers::list_of_wholes : in_blocks ? &Makers::blocks : &Makers::whole;
+    } else if (even && step_to == first.bytes) {
+        run.make = kToImage[first.bytes];
+        run.step = step_from;
+    } else if (even && step_from == first.bytes) {
+        run.make = kFromImage[first.bytes];
+        run.step = step_to;
+    } else {
+        run.make = kLists[first.bytes];
+    }
     runs_.push_back(run);
 }
 
@@ -130,9 +171,8 @@ void Copies::set(std::vector<Copy> copies) {
         add_run(begin, end - begin);
         begin = end;
     }
-    if (runs_.empty()) runs_.push_back({.make = &Makers::nothing});
+    runs_.push_back({.make = &Makers::nothing});
     first_ = runs_.data();
-    last_ = &runs_.back();
 }
 
 }  // namespace margay::compat::ecrt

@@ -13,8 +13,9 @@ struct Copy {
     std::uint32_t bytes = 0;
 };
 
-// Slaves of the same kind make copies of the same size at constant distances: such a run needs no list. All others are
-// in lists, by size. Copies of up to 32 octets are made without a call.
+// Slaves of the same kind make copies of the same size, which follow each other without a gap in the image and at
+// constant distances in the domain: such a run needs no list. All others are in lists, by size. Copies of up to 32
+// octets are made without a call.
 class Copies {
   public:
     Copies() { set({}); }
@@ -22,21 +23,18 @@ class Copies {
     Copies& operator=(const Copies&) = delete;
     // Octets that follow each other on both sides become one copy.
     void set(std::vector<Copy> copies);
-    void execute() const {
-        const Run* run = first_;
-        for (; run != last_; ++run) run->make(*run);
-        run->make(*run);
-    }
+    // Returns 0, which a function of the interface returns in turn.
+    int execute() const { return first_->make(first_); }
 
   private:
+    // Each run calls the next one at its end; the last run makes nothing.
     struct Run {
-        void (*make)(const Run& run) = nullptr;
-        std::uint32_t count = 0;
-        std::uint32_t bytes = 0;
+        int (*make)(const Run* run) = nullptr;
         std::uint8_t* to = nullptr;
         const std::uint8_t* from = nullptr;
-        std::ptrdiff_t step_to = 0;
-        std::ptrdiff_t step_from = 0;
+        std::ptrdiff_t step = 0;  // distance on the side with gaps
+        std::uint32_t count = 0;
+        std::uint32_t bytes = 0;
         const Copy* list = nullptr;
     };
     struct Makers;
@@ -44,9 +42,8 @@ class Copies {
     void add_run(std::size_t begin, std::size_t count);
 
     std::vector<Copy> copies_;
-    std::vector<Run> runs_;  // never empty
+    std::vector<Run> runs_;
     const Run* first_ = nullptr;
-    const Run* last_ = nullptr;
 };
 
 }  // namespace margay::compat::ecrt

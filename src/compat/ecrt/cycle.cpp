@@ -30,29 +30,32 @@ inline bool be_owner(const ec_master_t& master) {
 
 inline void receive_group(Context& ctx, Exchange& exchange, Duration timeout) {
     const auto counter = receive_processdata(ctx, timeout, exchange.group);
-    const bool complete = counter.ok();
-    if (!complete && counter.error().code == Errc::invalid_argument) [[unlikely]]
+    const Errc error = counter.error().code;
+    if (error == Errc::invalid_argument) [[unlikely]]
         return;  // still on the wire
     exchange.on_wire = false;
-    exchange.complete = complete;
+    exchange.error = error;
     ++exchange.answers;
 }
+
+// The answer comes too late: it is given up.
+[[gnu::noinline]] void give_up(Context& ctx, Exchange& exchange) { receive_group(ctx, exchange, Duration{0}); }
 
 bool is_sent(const Exchange& exchange) { return exchange.mapped && (exchange.wanted || exchange.domains.empty()); }
 
 // The frames of the first group carry the time of the reference clock. In a cycle without them a datagram does.
 inline void carry_time(Bus& bus) {
-    bus.clocks_wanted = false;
+    bus.clocks_due &= static_cast<std::uint8_t>(~Bus::kTimeWanted);
     bus.time_rides = is_sent(*bus.exchanges.front());
     if (bus.time_rides) [[likely]]
         return;
-    bus.clocks_pending = true;
+    bus.clocks_due |= Bus::kDatagramsWait;
     (void)bus.clocks->sync_slave_clocks();
 }
 
 void send_group(Bus& bus, Exchange& exchange, Time now) {
     if (exchange.on_wire) [[unlikely]]
-        receive_group(*bus.ctx, exchange, Duration{0});  // it comes too late
+        give_up(*bus.ctx, exchange);
     for (ec_domain* domain : exchange.domains) {
         if (!domain->queued) continue;
         domain->queued = false;
@@ -92,16 +95,15 @@ void be_steady(Bus& bus) {
         if (exchange->on_wire) receive_group(*bus.ctx, *exchange, kDoNotWait);
     const Time now = bus.source->osal().now();
     poll(*bus.ctx, now);
-    if (!bus.operation->running() || bus.dirty.load(std::memory_order_relaxed) || now >= bus.refresh_at)
-        step_up(bus, now);
+    if (!bus.operation->running() || now >= bus.refresh_at) step_up(bus, now);
     return 0;
 }
 
 // Before the frames of the domains are sent.
 [[gnu::noinline]] void send_for_clocks(Bus& bus, Time now) {
-    if (bus.clocks_wanted) carry_time(bus);
-    if (!bus.clocks_pending) return;
-    bus.clocks_pending = false;
+    if ((bus.clocks_due & Bus::kTimeWanted) != 0) carry_time(bus);
+    if (bus.clocks_due == 0) return;
+    bus.clocks_due = 0;
     poll(*bus.ctx, now);
 }
 
@@ -110,7 +112,7 @@ void be_steady(Bus& bus) {
     if (!bus.active.load(std::memory_order_relaxed)) return 0;
     if (!be_owner(master)) return -EPERM;
     const Time now = bus.source->osal().now();
-    bus.clocks_pending |= !bus.operation->running();  // the requests of the start-up
+    if (!bus.operation->running()) bus.clocks_due |= Bus::kDatagramsWait;  // the requests of the start-up
     send_for_clocks(bus, now);
     for (const auto& exchange : bus.exchanges)
         if (is_sent(*exchange)) send_group(bus, *exchange, now);
@@ -130,7 +132,7 @@ int ecrt_master_receive(ec_master_t* master) {
         receive_group(*steady.ctx, *steady.exchange, kDoNotWait);
     const Time now = steady.osal->now();
     poll(*steady.ctx, now);
-    if (bus.dirty.load(std::memory_order_relaxed) || now >= bus.refresh_at) [[unlikely]]
+    if (now >= bus.refresh_at) [[unlikely]]
         step_up(bus, now);
     return 0;
 }
@@ -140,23 +142,20 @@ int ecrt_master_send(ec_master_t* master) {
     const Steady& steady = bus.steady;
     if (steady.thread != this_thread()) [[unlikely]]
         return send_all(*master);
-    const Time now = steady.osal->now();
-    if (bus.clocks_wanted | bus.clocks_pending) [[unlikely]]
-        send_for_clocks(bus, now);
+    if (bus.clocks_due != 0) [[unlikely]]
+        send_for_clocks(bus, steady.osal->now());
     Exchange& exchange = *steady.exchange;
     if (!exchange.wanted) [[unlikely]]
         return 0;
     if (exchange.on_wire) [[unlikely]]
-        receive_group(*steady.ctx, exchange, Duration{0});  // it comes too late
-    steady.domain->queued = false;
+        give_up(*steady.ctx, exchange);
     steady.domain->outputs.execute();
     exchange.wanted = false;
-    exchange.on_wire = send_processdata(*steady.ctx, now, exchange.group).ok();
+    exchange.on_wire = send_processdata(*steady.ctx, steady.osal->now(), exchange.group).ok();
     return 0;
 }
 
 int ecrt_domain_queue(ec_domain_t* domain) {
-    if (domain->exchange == nullptr) return 0;
     domain->queued = true;
     domain->exchange->wanted = true;
     return 0;
@@ -164,26 +163,24 @@ int ecrt_domain_queue(ec_domain_t* domain) {
 
 int ecrt_domain_process(ec_domain_t* domain) {
     const Exchange* exchange = domain->exchange;
-    if (exchange == nullptr) return 0;
     if (exchange->on_wire) [[unlikely]] {  // nothing has come back
-        domain->state.working_counter = 0;
-        domain->state.wc_state = EC_WC_ZERO;
+        domain->state = {};
         return 0;
     }
     if (domain->seen == exchange->answers) return 0;
     domain->seen = exchange->answers;
-    if (exchange->complete) {
-        domain->inputs.execute();
-        domain->state.working_counter = domain->expected;
-        domain->state.wc_state = domain->expected != 0 ? EC_WC_COMPLETE : EC_WC_ZERO;
-    } else {
+    if (exchange->error != Errc::none) [[unlikely]] {
         judge(*domain);
+        return 0;
     }
-    return 0;
+    domain->state.working_counter = domain->expected;
+    domain->state.wc_state = domain->complete;
+    return domain->inputs.execute();
 }
 
 int ecrt_domain_state(const ec_domain_t* domain, ec_domain_state_t* state) {
-    *state = domain->state;
+    state->working_counter = domain->state.working_counter;
+    state->wc_state = domain->state.wc_state;
     state->redundancy_active = domain->bus.ring_broken.load(std::memory_order_relaxed);
     return 0;
 }

@@ -78,6 +78,7 @@ void plan_counters(ec_domain& domain) {
         part.share = !first ? 0U : both && part.output ? 2U : 1U;
         domain.expected += part.share;
     }
+    domain.complete = domain.expected != 0 ? EC_WC_COMPLETE : EC_WC_ZERO;
 }
 
 void judge(ec_domain& domain) {

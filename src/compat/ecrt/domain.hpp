@@ -34,11 +34,10 @@ struct DomainPart {
 struct Exchange {
     std::uint8_t group = 0;
     bool mapped = false;
-    bool on_wire = false;   // sent and not received yet
-    bool wanted = false;    // a domain was queued since the last send
-    bool complete = false;  // the last answer was complete
+    bool on_wire = false;     // sent and not received yet
+    bool wanted = false;      // a domain was queued since the last send
+    Errc error = Errc::none;  // of the last answer; none: it was complete
     std::uint32_t answers = 0;
-    Errc error = Errc::none;
     std::vector<ec_domain*> domains;
     std::vector<std::byte> image;
 };
@@ -56,20 +55,22 @@ struct ec_domain {
     // After activation.
     std::uint8_t* data = nullptr;
     std::vector<std::uint8_t> memory;
-    margay::compat::ecrt::Exchange* exchange = nullptr;
+    margay::compat::ecrt::Exchange none;  // before activation
+    margay::compat::ecrt::Exchange* exchange = &none;
     margay::compat::ecrt::Copies outputs;
     margay::compat::ecrt::Copies inputs;
     bool queued = false;
     std::uint32_t seen = 0;  // Exchange::answers at the last process
     ec_domain_state_t state{};
+    ec_wc_state_t complete = EC_WC_ZERO;  // the state of a complete answer
 };
 
 namespace margay::compat::ecrt {
 
 // Where the copies of a domain go, after the group was mapped. For the owner of the context.
 void plan_copies(Bus& bus, ec_domain& domain);
-// Counts `expected` as the interface does: a domain is cut into datagrams between SyncManagers; in a datagram with both
-// directions a slave counts 2 for outputs and 1 for inputs, otherwise 1.
+// Counts `expected` and sets `complete` as the interface does: a domain is cut into datagrams between SyncManagers; in
+// a datagram with both directions a slave counts 2 for outputs and 1 for inputs, otherwise 1.
 void plan_counters(ec_domain& domain);
 // The state of a domain whose answer is not complete. For the owner of the context.
 void judge(ec_domain& domain);

@@ -30,7 +30,8 @@ void Bus::refresh_facts(Time now) {
     std::unique_lock lock(facts_mutex, std::try_to_lock);
     if (!lock.owns_lock()) return;  // the next call does it
     dirty = false;
-    refresh_at = now + (active && operation != nullptr && operation->running() ? 100ms : 10ms);
+    // Later only for the link: all other changes have events.
+    refresh_at = now + (active && operation != nullptr && operation->running() ? 500ms : 10ms);
     const auto slaves = ctx->slaves();
     facts.assign(slaves.begin(), slaves.end());
     std::uint32_t count = 0;
@@ -65,7 +66,7 @@ void Bus::refresh_links(std::uint32_t count) {
         links[n].up.store(cable.slaves != 0 || cable.link == LinkState::up, std::memory_order_relaxed);
         links[n].slaves.store(cable.slaves, std::memory_order_relaxed);
     }
-    ring_broken.store(status.ring == RingState::broken, std::memory_order_relaxed);
+    ring_broken.store(status.ring == RingState::broken ? 1U : 0U, std::memory_order_relaxed);
 }
 
 std::uint16_t Bus::number_at(std::uint16_t position) {

@@ -119,13 +119,4 @@ int ecrt_master_rt_slave_requests(ec_master_t*, unsigned int rt_slave_requests) 
 }
 void ecrt_master_exec_slave_requests(ec_master_t*) {}
 
-int ecrt_master_eoe_is_open(ec_master_t*) { return 0; }
-int ecrt_master_eoe_process(ec_master_t*) { return not_there("ecrt_master_eoe_process", "use margay::EoePort"); }
-int ecrt_master_eoe_addif(ec_master_t*, uint16_t, uint16_t) {
-    return not_there("ecrt_master_eoe_addif", "use margay::EoePort, or the program eoe_bridge");
-}
-int ecrt_master_eoe_delif(ec_master_t*, uint16_t, uint16_t) {
-    return not_there("ecrt_master_eoe_delif", "use margay::EoePort, or the program eoe_bridge");
-}
-
 }  // extern "C"

@@ -99,7 +99,7 @@ void end_operation(Bus& bus) {
     bus.exchanges.clear();
     bus.reference = nullptr;
     bus.app_time.known = false;
-    bus.clocks_pending = false;
+    bus.clocks_due = 0;
     bus.search.scanning = false;
     bus.search.again = true;
     bus.scan_busy = true;  // transfers wait for this scan

@@ -30,6 +30,29 @@ bool busy(const Wish& wish, const Request& one, const Request& other) {
     return (wish.last == Transfer::read || wish.last == Transfer::write) && (one.busy() || other.busy());
 }
 
+bool busy(const ec_reg_request& request) {
+    if (request.last == Transfer::exchange_later) return true;
+    if (request.last == Transfer::exchange) return request.exchange.busy();
+    return busy(request, request.read, request.write);
+}
+
+// The working counter of a slave that was read and written.
+constexpr std::uint16_t kExchanged = 3;
+
+// One datagram reads the registers and writes them.
+void exchange_or_later(ec_reg_request& request) {
+    if (too_early(request.config)) {
+        request.last = Transfer::exchange_later;
+        return;
+    }
+    request.last = Transfer::refused;
+    const std::uint16_t number = slave_number(request.config);
+    Context& ctx = *request.config.bus.ctx;
+    if (number == 0) return;
+    request.exchange.adp = ctx.slave(number).station_address.value;
+    if (submit(ctx, request.exchange)) request.last = Transfer::exchange;
+}
+
 std::uint8_t* memory_of(const std::vector<std::byte>& memory) {
     return reinterpret_cast<std::uint8_t*>(const_cast<std::byte*>(memory.data()));
 }
@@ -49,20 +72,26 @@ bool too_early(const ec_slave_config& config) {
     return bus.active && (bus.operation->scanning() || (!bus.operation->running() && bus.dirty));
 }
 
-bool begin(ec_slave_config& config, SlaveRequest& request) {
+Time time_now(const ec_slave_config& config) { return config.bus.source->osal().now(); }
+
+Time time_to_give_up(const ec_slave_config& config, std::uint32_t timeout_ms) {
+    return timeout_ms == 0 ? kNever : time_now(config) + ms(timeout_ms);
+}
+
+std::uint16_t slave_number(ec_slave_config& config) {
     Bus& bus = config.bus;
-    std::uint16_t number = 0;
     if (bus.active) {
         // Another device may be in its place.
-        if ((config.state.load(std::memory_order_relaxed) & 1U) != 0)
-            number = config.number.load(std::memory_order_relaxed);
-    } else {
-        Slave slave;
-        if (bus.slave_of(config, slave)) number = slave.number;
+        const bool online = (config.state.load(std::memory_order_relaxed) & 1U) != 0;
+        return online ? config.number.load(std::memory_order_relaxed) : std::uint16_t{0};
     }
-    if (number == 0) return false;
-    request.slave = number;
-    return submit(*bus.ctx, request).ok();
+    Slave slave;
+    return bus.slave_of(config, slave) ? slave.number : std::uint16_t{0};
+}
+
+bool begin(ec_slave_config& config, SlaveRequest& request) {
+    request.slave = slave_number(config);
+    return request.slave != 0 && submit(*config.bus.ctx, request).ok();
 }
 
 }  // namespace margay::compat::ecrt
@@ -218,13 +247,19 @@ uint8_t* ecrt_reg_request_data(const ec_reg_request_t* req) { return memory_of(r
 
 ec_request_state_t ecrt_reg_request_state(const ec_reg_request_t* req) {
     auto& request = const_cast<ec_reg_request&>(*req);
+    if (request.last == Transfer::exchange_later) exchange_or_later(request);
+    if (request.last == Transfer::exchange_later) return EC_REQUEST_BUSY;
+    if (request.last == Transfer::exchange) {
+        const ec_request_state_t state = to_ec(request.exchange.state());
+        return state == EC_REQUEST_SUCCESS && request.exchange.wkc != kExchanged ? EC_REQUEST_ERROR : state;
+    }
     begin_if_due(request, request.read, request.write);
     return state_of(req->last, req->read, req->write);
 }
 
 int ecrt_reg_request_write(ec_reg_request_t* req, uint16_t address, size_t size) {
     if (size > req->memory.size()) return -EINVAL;
-    if (busy(*req, req->read, req->write)) return -EBUSY;
+    if (busy(*req)) return -EBUSY;
     req->write.address = address;
     req->write.data = Borrowed<std::byte>(req->memory.data(), size);
     return start(*req, req->write, Transfer::write);
@@ -232,15 +267,23 @@ int ecrt_reg_request_write(ec_reg_request_t* req, uint16_t address, size_t size)
 
 int ecrt_reg_request_read(ec_reg_request_t* req, uint16_t address, size_t size) {
     if (size > req->memory.size()) return -EINVAL;
-    if (busy(*req, req->read, req->write)) return -EBUSY;
+    if (busy(*req)) return -EBUSY;
     req->read.address = address;
     req->read.data = std::span(req->memory).first(size);
     return start(*req, req->read, Transfer::read);
 }
 
-void ecrt_reg_request_readwrite(ec_reg_request_t* req, uint16_t, size_t) {
-    (void)not_there("ecrt_reg_request_readwrite", "use a read and then a write");
-    req->last = Transfer::refused;
+void ecrt_reg_request_readwrite(ec_reg_request_t* req, uint16_t address, size_t size) {
+    if (busy(*req)) return;
+    if (size == 0 || size > req->memory.size()) {
+        req->last = Transfer::refused;
+        return;
+    }
+    req->exchange.command = DatagramCommand::fprw;
+    req->exchange.ado = address;
+    req->exchange.data = std::span(req->memory).first(size);
+    req->exchange.repeat = false;  // what came back of a lost frame is not known
+    exchange_or_later(*req);
 }
 
 }  // extern "C"

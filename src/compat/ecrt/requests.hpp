@@ -2,6 +2,7 @@
 #pragma once
 
 #include <margay/coe.hpp>
+#include <margay/datagram.hpp>
 #include <margay/foe.hpp>
 #include <margay/registers.hpp>
 #include <margay/soe.hpp>
@@ -26,7 +27,7 @@ namespace margay::compat::ecrt {
 
 // What the last transfer of a request was, and whether it could not even begin.
 // …_later: it begins when the scan of the start-up is over; the state function of the request sees to that.
-enum class Transfer : std::uint8_t { none, read, write, refused, read_later, write_later };
+enum class Transfer : std::uint8_t { none, read, write, refused, read_later, write_later, exchange, exchange_later };
 
 // The state of a request that has one object of the library for reading and one for writing.
 template <class Read, class Write>
@@ -44,24 +45,48 @@ template <class Read, class Write>
 // The slaves have no numbers yet, because the segment is scanned after activation.
 [[nodiscard]] bool too_early(const ec_slave_config& config);
 
+// When a request whose slave has no number yet gives up; 0 ms: never.
+[[nodiscard]] Time time_to_give_up(const ec_slave_config& config, std::uint32_t timeout_ms);
+[[nodiscard]] Time time_now(const ec_slave_config& config);
+
+// The number of the slave of a configuration; 0: it is not there.
+[[nodiscard]] std::uint16_t slave_number(ec_slave_config& config);
 // Submits a request to the slave of a configuration; false: the slave is not there, or the request was refused.
 [[nodiscard]] bool begin(ec_slave_config& config, SlaveRequest& request);
+
+// The program sets the timeout of the request.
+template <class Wish>
+concept Timed = requires(Wish& wish) {
+    wish.timeout_ms;
+};
 
 // `what` is read or write.
 template <class Wish>
 void begin_or_later(Wish& wish, SlaveRequest& request, Transfer what) {
-    if (too_early(wish.config))
+    if (too_early(wish.config)) {
+        if constexpr (Timed<Wish>)
+            if (wish.last != Transfer::read_later && wish.last != Transfer::write_later)
+                wish.give_up = time_to_give_up(wish.config, wish.timeout_ms);
         wish.last = what == Transfer::read ? Transfer::read_later : Transfer::write_later;
-    else
+    } else {
         wish.last = begin(wish.config, request) ? what : Transfer::refused;
+    }
 }
+// The timeout counts from the start of the request on.
 template <class Wish, class Read, class Write>
 void begin_if_due(Wish& wish, Read& read, Write& write) {
     if (wish.last != Transfer::read_later && wish.last != Transfer::write_later) return;
-    if (wish.last == Transfer::read_later)
-        begin_or_later(wish, read, Transfer::read);
-    else
-        begin_or_later(wish, write, Transfer::write);
+    const bool reads = wish.last == Transfer::read_later;
+    SlaveRequest& request = reads ? static_cast<SlaveRequest&>(read) : static_cast<SlaveRequest&>(write);
+    if constexpr (Timed<Wish>)
+        if (wish.timeout_ms != 0) {
+            request.timeout = wish.give_up - time_now(wish.config);
+            if (request.timeout <= Duration{0}) {
+                wish.last = Transfer::refused;
+                return;
+            }
+        }
+    begin_or_later(wish, request, reads ? Transfer::read : Transfer::write);
 }
 
 }  // namespace margay::compat::ecrt
@@ -73,6 +98,7 @@ struct ec_sdo_request {
     std::uint8_t subindex = 0;
     bool complete = false;
     std::uint32_t timeout_ms = 0;
+    margay::Time give_up{};
     std::vector<std::byte> memory;
     std::size_t size = 0;  // of a write
     margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
@@ -86,6 +112,7 @@ struct ec_soe_request {
     std::uint8_t drive = 0;
     std::uint16_t idn = 0;
     std::uint32_t timeout_ms = 0;
+    margay::Time give_up{};
     std::vector<std::byte> memory;
     std::size_t size = 0;
     margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
@@ -99,6 +126,7 @@ struct ec_foe_request {
     std::string file;
     std::uint32_t password = 0;
     std::uint32_t timeout_ms = 0;
+    margay::Time give_up{};
     std::vector<std::byte> memory;
     std::size_t size = 0;
     margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
@@ -113,6 +141,7 @@ struct ec_reg_request {
     margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
     margay::RegisterReadRequest read;
     margay::RegisterWriteRequest write;
+    margay::DatagramRequest exchange;
 };
 
 struct ec_voe_handler {

@@ -78,6 +78,9 @@ void copy_state(ecx_contextt& context, Session& session, std::uint16_t number);
 // The cycle of a group.
 int send_group(ecx_contextt& context, std::uint8_t group);
 int receive_group(ecx_contextt& context, std::uint8_t group, int timeout);
+// The same for group 0.
+int send_first(ecx_contextt& context);
+int receive_first(ecx_contextt& context, int timeout);
 
 // Takes the SyncManagers that the program has changed as its configuration of the slave.
 void take_sync_managers(ecx_contextt& context, Session& session, std::uint16_t number);

@@ -23,12 +23,13 @@ class PriorityLock {
             pass_on();
     }
 
-    // The parts of lock() and unlock() that need no function of the system. try_lock() returns the number of the
-    // calling thread, for try_unlock(). 0 and false: the rest is needed.
-    std::uint32_t try_lock() noexcept {
+    // The parts of lock() and unlock() that need no function of the system, for the number of the calling thread.
+    // False: the rest is needed.
+    [[gnu::always_inline]] inline bool try_lock(std::uint32_t me) noexcept {
+        if (me == 0) [[unlikely]]
+            return false;
         std::uint32_t nobody = 0;
-        const std::uint32_t me = thread_;
-        return word_.compare_exchange_strong(nobody, me, std::memory_order_acquire) ? me : 0;
+        return word_.compare_exchange_strong(nobody, me, std::memory_order_acquire);
     }
     bool try_unlock(std::uint32_t me) noexcept {
         return word_.compare_exchange_strong(me, 0, std::memory_order_release);
@@ -36,7 +37,8 @@ class PriorityLock {
     // After a try_unlock() that returned false.
     void pass_on() noexcept;
 
-    // The number of the calling thread in the kernel.
+    // The number of the calling thread in the kernel; 0: it was not asked yet.
+    static std::uint32_t known_thread() noexcept { return thread_; }
     static std::uint32_t thread() noexcept {
         if (thread_ == 0) [[unlikely]]
             thread_ = ask_thread();

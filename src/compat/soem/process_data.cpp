@@ -75,15 +75,23 @@ struct Receive {
 
 }  // namespace
 
-int send_group(ecx_contextt& context, std::uint8_t group) {
+namespace {
+
+[[gnu::always_inline]] inline int send(ecx_contextt& context, std::uint8_t group) {
     ecx_portt& port = port_of(context);
     return Sessions::with_lock<Send>(place_of(port).load(std::memory_order_relaxed), &port, group);
 }
-
-int receive_group(ecx_contextt& context, std::uint8_t group, int timeout) {
+[[gnu::always_inline]] inline int receive(ecx_contextt& context, std::uint8_t group, int timeout) {
     ecx_portt& port = port_of(context);
     return Sessions::with_lock<Receive>(place_of(port).load(std::memory_order_relaxed), &port, group, timeout);
 }
+
+}  // namespace
+
+int send_group(ecx_contextt& context, std::uint8_t group) { return send(context, group); }
+int receive_group(ecx_contextt& context, std::uint8_t group, int timeout) { return receive(context, group, timeout); }
+int send_first(ecx_contextt& context) { return send(context, 0); }
+int receive_first(ecx_contextt& context, int timeout) { return receive(context, 0, timeout); }
 
 }  // namespace margay::soem
 
@@ -95,7 +103,7 @@ int ecx_send_processdata_group(ecx_contextt* context, uint8 group) { return send
 int ecx_receive_processdata_group(ecx_contextt* context, uint8 group, int timeout) {
     return receive_group(*context, group, timeout);
 }
-int ecx_send_processdata(ecx_contextt* context) { return send_group(*context, 0); }
-int ecx_receive_processdata(ecx_contextt* context, int timeout) { return receive_group(*context, 0, timeout); }
+int ecx_send_processdata(ecx_contextt* context) { return send_first(*context); }
+int ecx_receive_processdata(ecx_contextt* context, int timeout) { return receive_first(*context, timeout); }
 
 }  // extern "C"

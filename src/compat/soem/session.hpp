@@ -174,8 +174,8 @@ class Sessions {
                                                 Arguments... arguments) {
         // Any number in a port that was never opened leads to some place, whose owner is another one.
         Place& found = places_[static_cast<unsigned>(place) % kMost];
-        const std::uint32_t me = found.lock.try_lock();
-        if (me == 0) [[unlikely]]
+        const std::uint32_t me = PriorityLock::known_thread();
+        if (!found.lock.try_lock(me)) [[unlikely]]
             return in_any_case<Work, Arguments...>(group, arguments..., found, false, owner);
         if (found.owner.load(std::memory_order_relaxed) != owner) [[unlikely]]
             return in_any_case<Work, Arguments...>(group, arguments..., found, true, owner);

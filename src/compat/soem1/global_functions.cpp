@@ -41,9 +41,9 @@ uint64 ec_readeepromFP(uint16 configadr, uint16 eeproma, int timeout) {
 int ec_writeeepromFP(uint16 configadr, uint16 eeproma, uint16 data, int timeout) {
     return ecx_writeeepromFP(&ecx_context, configadr, eeproma, data, timeout);
 }
-int ec_send_processdata(void) { return margay::soem::send_group(ecx_context, 0); }
+int ec_send_processdata(void) { return margay::soem::send_first(ecx_context); }
 int ec_send_overlap_processdata(void) { return ecx_send_overlap_processdata(&ecx_context); }
-int ec_receive_processdata(int timeout) { return margay::soem::receive_group(ecx_context, 0, timeout); }
+int ec_receive_processdata(int timeout) { return margay::soem::receive_first(ecx_context, timeout); }
 void ec_pusherror(const ec_errort* Ec) { ecx_pusherror(&ecx_context, Ec); }
 void ec_packeterror(uint16 Slave, uint16 Index, uint8 SubIdx, uint16 ErrorCode) {
     ecx_packeterror(&ecx_context, Slave, Index, SubIdx, ErrorCode);

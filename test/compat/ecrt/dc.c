@@ -49,7 +49,7 @@ static void cyclic_task(int off_control, int off_status) {
     if (cycles % 4 == 0) ecrt_master_sync_monitor_queue(master);
     ecrt_domain_queue(domain);
     ecrt_master_send(master);
-    good = ds.wc_state == EC_WC_COMPLETE && ms.al_states == EC_AL_STATE_OP && monitor < 10000 ? good + 1 : 0;
+    good = count_right(good, ds.wc_state == EC_WC_COMPLETE && ms.al_states == EC_AL_STATE_OP && monitor < 10000);
     ++cycles;
 }
 

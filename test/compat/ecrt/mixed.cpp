@@ -104,7 +104,7 @@ int run() {
         cycle(master.get(), domain, drives, data);
         bool all = true;
         for (const auto& drive : drives) all = all && drive.operational() && (drive.status(data) & 0x6F) == 0x21;
-        good = all ? good + 1 : 0;
+        good = count_right(good, all);
     }
     for (const auto& drive : drives)
         std::cout << drive.operational() << " 0x" << std::hex << drive.status(data) << '\n';

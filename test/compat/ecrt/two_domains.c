@@ -61,10 +61,9 @@ int main(void) {
         ecrt_domain_queue(in);
         if (n % 2 == 1) ecrt_domain_queue(rare);
         ecrt_master_send(master);
-        good = out_state.wc_state == EC_WC_COMPLETE && in_state.wc_state == EC_WC_COMPLETE &&
-                       rare_state.wc_state == EC_WC_COMPLETE && EC_READ_U8(in_pd + off_mode_display) == 8
-                   ? good + 1
-                   : 0;
+        good =
+            count_right(good, out_state.wc_state == EC_WC_COMPLETE && in_state.wc_state == EC_WC_COMPLETE &&
+                                  rare_state.wc_state == EC_WC_COMPLETE && EC_READ_U8(in_pd + off_mode_display) == 8);
     }
     printf("WC %u %u %u, mode %u\n", out_state.working_counter, in_state.working_counter, rare_state.working_counter,
            EC_READ_U8(in_pd + off_mode_display));
@@ -84,7 +83,7 @@ int main(void) {
         ecrt_domain_state(out, &out_state);
         ecrt_domain_queue(out);
         ecrt_master_send(master);
-        good = out_state.wc_state == EC_WC_COMPLETE && out_state.working_counter == 1 ? good + 1 : 0;
+        good = count_right(good, out_state.wc_state == EC_WC_COMPLETE && out_state.working_counter == 1);
     }
     if (good < 50) return 7;
     ecrt_release_master(master);

@@ -75,9 +75,8 @@ static void cyclic_task(unsigned int n) {
     EC_WRITE_S16(domain1_pd + off_ana_out1, -1234);
     ecrt_domain_queue(domain1);
     ecrt_master_send(master);
-    good = domain1_state.wc_state == EC_WC_COMPLETE && master_state.al_states == 0x08 && sc_ana_in_state.operational
-               ? good + 1
-               : 0;
+    good = count_right(good, domain1_state.wc_state == EC_WC_COMPLETE && master_state.al_states == 0x08 &&
+                                 sc_ana_in_state.operational);
 }
 
 int main(void) {
