@@ -37,7 +37,7 @@ struct Options {
     samples::SourceArguments source;
     unsigned cycles = 5000;
     bool count = false;       // write a counter to the outputs
-    bool drives_too = false;  // to those of drives as well
+    bool drives_too = false;  // also to the outputs of drives
     samples::PaceOptions pace;
     std::string eni{};     // bring the segment up as this file says
     std::string attach{};  // path of a socket for other programs; empty: none
