@@ -3,6 +3,7 @@
 // the program prints how far the drives were behind their targets, and how synchronous the clocks were.
 #include "common/arguments.hpp"
 #include "common/gnuplot.hpp"
+#include "common/new_file.hpp"
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
@@ -18,7 +19,6 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 #include <numbers>
 #include <optional>
@@ -145,8 +145,9 @@ class Motion {
     enum class Phase : std::uint8_t { settling, enabling, moving, stopping };
 
     int report(const Error& error) {
-        warn(sentence(error));
-        while (const auto next = ctx_.errors().take()) warn(sentence(*next));
+        const std::string text = sentence(error);
+        warn(text);
+        for (const auto& other : samples::take_errors(ctx_, text)) warn(other);
         return samples::exit_code::kSegment;
     }
     void leave() {
@@ -266,9 +267,10 @@ class Motion {
     int write_files() {
         if (!options_.log.empty()) {
             std::array<char, 400> head{};
-            std::ofstream file(options_.log, std::ios::binary);
-            file << write_clock_log_head(head) << log_;
-            if (!file.flush()) return samples::fail(options_.log + " cannot be written", samples::exit_code::kSystem);
+            samples::NewFile file(options_.log);
+            std::string error = file.write(std::string(write_clock_log_head(head)) + log_);
+            if (error.empty()) error = file.commit();
+            if (!error.empty()) return samples::fail(error, samples::exit_code::kSystem);
         }
         if (options_.svg.empty() || errors_.empty()) return 0;
         samples::Diagram way{"Position", "increments", {}};

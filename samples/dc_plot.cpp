@@ -3,10 +3,10 @@
 #include "common/clock_log_file.hpp"
 #include "common/program.hpp"
 
+#include <margay/files/text_place.hpp>
+
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 
 namespace {
 
@@ -25,12 +25,10 @@ double greatest(const std::vector<double>& values) {
 }
 
 int run(const Options& options) {
-    std::ifstream file(options.log, std::ios::binary);
-    std::stringstream text;
-    text << file.rdbuf();
-    if (!file) return samples::fail(options.log + " cannot be read", samples::exit_code::kSystem);
-    const auto log = samples::parse_clock_log(text.str());
-    if (!log.fault.empty()) return samples::fail(options.log + ": " + log.fault);
+    const auto file = files::read_file(options.log);
+    if (!file.error.empty()) return samples::fail(file.error, samples::exit_code::kSystem);
+    const auto log = samples::parse_clock_log(file.octets);
+    if (!log.fault.empty()) return samples::fail(options.log + ": " + log.fault, samples::exit_code::kSystem);
     const std::string svg = options.svg.empty() ? options.log + ".svg" : options.svg;
     const auto failed = samples::draw_svg(svg, log.times_s, samples::clock_diagrams(log));
     if (!failed.empty()) return samples::fail(failed, samples::exit_code::kSystem);

@@ -25,7 +25,7 @@ using namespace std::chrono_literals;
 
 struct Options {
     SourceArguments source;
-    std::uint16_t position = 0;
+    std::uint16_t number = 0;
     std::string file;
     std::string name;
     std::uint32_t password = 0;
@@ -66,7 +66,7 @@ bool refuses_file(const Error& error) {
 
 class Update {
   public:
-    Update(Source& source, const Options& options) : source_(source), options_(options), number_(options.position) {}
+    Update(Source& source, const Options& options) : source_(source), options_(options), number_(options.number) {}
 
     int run(FirmwareFile* file, FirmwareCopy* copy);
 
@@ -338,8 +338,8 @@ int Update::run(FirmwareFile* file, FirmwareCopy* copy) {
     if (const auto ready = source_.begin(ctx_); !ready) return fail(sentence(ready.error()));
     if (const auto error = scan(); !error.empty()) return fail(error);
     if (const std::size_t count = ctx_.slaves().size(); number_ > count)
-        return fail(count == 1 ? std::string("POSITION: there is 1 slave, the first is 1")
-                               : fmt::format("POSITION: there are slaves 1 to {}", count),
+        return fail(count == 1 ? std::string("NUMBER: there is 1 slave, the first is 1")
+                               : fmt::format("NUMBER: there are slaves 1 to {}", count),
                     exit_code::kUsage);
     if (const auto reason = why_not(); !reason.empty()) return fail(reason);
     for (const Slave& one : ctx_.slaves()) segment_.push_back(one.identity);
@@ -357,7 +357,7 @@ int Update::run(FirmwareFile* file, FirmwareCopy* copy) {
 }
 
 int update(Options& options) {
-    if (options.position == 0) return fail("POSITION of the slave is missing; 1 is the first slave", exit_code::kUsage);
+    if (options.number == 0) return fail("NUMBER of the slave is missing; 1 is the first slave", exit_code::kUsage);
     if (options.read && options.read_back) return fail("--read and --read-back exclude each other", exit_code::kUsage);
     if (options.name.empty()) options.name = std::filesystem::path(options.file).stem().string();
     stop_at_signals();
@@ -384,7 +384,7 @@ int main(int argc, char** argv) {
         "back, and waits until it has restarted. Puts the segment to PREOP. Do not use it while another "
         "master is running.");
     add_source_arguments(arguments, options.source);
-    arguments.positional("POSITION", options.position, "the slave, 1 is the first");
+    arguments.positional("NUMBER", options.number, "the slave, 1 is the first");
     arguments.positional("FILE", options.file, "the firmware");
     arguments.option("--name", options.name,
                      "name of the file in the device; without it that of FILE, less its extension");

@@ -12,9 +12,12 @@
 
 #include <fmt/format.h>
 #include <ncurses.h>
+#include <unistd.h>
 
 #include <array>
 #include <clocale>
+#include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -45,16 +48,18 @@ class Screen {
 
 class Terminal final : public Screen {
   public:
-    Terminal() {
+    // nullptr: ncurses does not know the terminal.
+    static std::unique_ptr<Screen> open() {
         std::setlocale(LC_ALL, "");
-        (void)initscr();
-        (void)cbreak();
-        (void)noecho();
-        (void)curs_set(0);
-        (void)keypad(stdscr, TRUE);
-        (void)nodelay(stdscr, TRUE);
+        // Not initscr(): it ends the program when it does not know the terminal, and the slaves would stay in OP.
+        SCREEN* const screen = newterm(nullptr, stdout, stdin);
+        if (screen == nullptr) return nullptr;
+        return std::unique_ptr<Screen>(new Terminal(screen));
     }
-    ~Terminal() override { (void)endwin(); }
+    ~Terminal() override {
+        (void)endwin();
+        delscreen(screen_);
+    }
     void show(const samples::MonitorModel& model, std::size_t scroll) override {
         const auto lines =
             samples::monitor_lines(model, static_cast<std::size_t>(COLS), static_cast<std::size_t>(LINES), scroll);
@@ -64,6 +69,17 @@ class Terminal final : public Screen {
         (void)refresh();
     }
     int key() override { return getch(); }
+
+  private:
+    explicit Terminal(SCREEN* screen) : screen_(screen) {
+        (void)cbreak();
+        (void)noecho();
+        (void)curs_set(0);
+        (void)keypad(stdscr, TRUE);
+        (void)nodelay(stdscr, TRUE);
+    }
+
+    SCREEN* screen_;
 };
 
 class Plain final : public Screen {
@@ -124,6 +140,16 @@ class Monitor {
             return samples::fail(failed, samples::exit_code::kSystem);
         return bad_cycles_ != 0 || failed_ || !pace_.stopped().empty() ? samples::exit_code::kSegment
                                                                        : samples::exit_code::kWell;
+    }
+
+    // After bring_up() has failed: prints this error, and the others of errors(). Returns the exit code.
+    [[nodiscard]] int report_failure(const Error& error) {
+        const std::string text = samples::sentence(error);
+        (void)samples::fail(text);
+        store_errors();
+        std::erase(errors_, "error: " + text);  // errors() has it too
+        (void)report();
+        return samples::exit_code::kSegment;
     }
 
     // Copies the entries of errors() and warnings() to lines for the screen and for report().
@@ -197,22 +223,27 @@ class Monitor {
     bool failed_ = false;
 };
 
-int run(samples::Source& source, const Options& options) {
+// The screen for these options. Sets `plain` where a live screen is not possible: standard output is a file or a pipe,
+// or ncurses does not know the terminal.
+std::unique_ptr<Screen> open_screen(Options& options) {
+    if (::isatty(STDOUT_FILENO) == 0) options.plain = true;
+    if (!options.plain) {
+        if (auto terminal = Terminal::open()) return terminal;
+        const char* const name = std::getenv("TERM");
+        samples::warn(fmt::format("the terminal '{}' is not known (TERM): continuing as with --plain",
+                                  name == nullptr ? "" : name));
+        options.plain = true;
+    }
+    return std::make_unique<Plain>();
+}
+
+int run(samples::Source& source, Options& options) {
     const auto monitor = std::make_unique<Monitor>(source, options);
     if (const auto ready = monitor->bring_up(); !ready) {
-        const int code = samples::fail(samples::sentence(ready.error()));
-        (void)monitor->report();
-        return code;
+        return monitor->report_failure(ready.error());
     }
     samples::stop_at_signals();
-    {
-        std::unique_ptr<Screen> screen;
-        if (options.plain)
-            screen = std::make_unique<Plain>();
-        else
-            screen = std::make_unique<Terminal>();
-        monitor->run(*screen);
-    }
+    monitor->run(*open_screen(options));  // the screen is closed before report() prints
     return monitor->report();
 }
 
@@ -226,7 +257,10 @@ int main(int argc, char** argv) {
         "Ends with 1 after lost frames, wrong working counters or errors.");
     add_source_arguments(arguments, options.source);
     arguments.option("--cycles", options.cycles, "end after this number of cycles; 0: run until q or a signal");
-    arguments.flag("--plain", options.plain, "print the last view as text at the end, in place of a live screen");
+    arguments.flag(
+        "--plain", options.plain,
+        "print the last view as text at the end, in place of a live screen (always so when standard output is no "
+        "terminal)");
     samples::add_pace_options(arguments, options.pace);
     return arguments.run(argc, argv, [&] {
         return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });

@@ -12,6 +12,7 @@
 
 #include "analyse/analyser.hpp"
 
+#include <margay/files/text_place.hpp>
 #include <margay/version.hpp>
 
 #include <fmt/format.h>
@@ -22,8 +23,6 @@
 #include <array>
 #include <ctime>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <optional>
 
@@ -96,22 +95,18 @@ std::string contradiction(const Options& options) {
 
 // Reads the log of a master's clock and the figures of its cycles. Returns a sentence about an error.
 std::string read_logs(const Options& options, Report& report) {
-    const auto content = [](const std::string& path, std::string& text) {
-        std::ifstream in(path, std::ios::binary);
-        text.assign(std::istreambuf_iterator<char>(in), {});
-        return in.is_open() && !in.bad();
-    };
-    std::string text;
     if (const auto& path = options.dc_log; !path.empty()) {
-        if (!content(path, text)) return path + ": cannot be read";
-        auto log = samples::parse_clock_log(text);
+        const auto file = files::read_file(path);
+        if (!file.error.empty()) return file.error;
+        auto log = samples::parse_clock_log(file.octets);
         if (!log.fault.empty()) return path + ": " + log.fault;
         report.clock_log = std::move(log);
         report.clock_log_file = path;
     }
     if (const auto& path = options.cycle_log; !path.empty()) {
-        if (!content(path, text)) return path + ": cannot be read";
-        const auto log = samples::parse_cycle_log(text);
+        const auto file = files::read_file(path);
+        if (!file.error.empty()) return file.error;
+        const auto log = samples::parse_cycle_log(file.octets);
         if (!log.fault.empty()) return path + ": " + log.fault;
         report.cycle_log = log.figures;
         report.cycle_log_file = path;

@@ -37,7 +37,7 @@ struct Options {
     samples::SourceArguments source;
     unsigned cycles = 5000;
     bool count = false;       // write a counter to the outputs
-    bool drives_too = false;  // to those of drives as well
+    bool drives_too = false;  // also to the outputs of drives
     samples::PaceOptions pace;
     std::string eni{};     // bring the segment up as this file says
     std::string attach{};  // path of a socket for other programs; empty: none
@@ -93,12 +93,13 @@ class SimpleIo {
         (void)writestate(ctx_, 0, AlState::init);
     }
     int report_failure(const Error& error) {
-        warn(sentence(error));
-        print_errors();
+        const std::string text = sentence(error);
+        warn(text);
+        print_errors(text);
         return 1;
     }
-    void print_errors() {
-        while (const auto error = ctx_.errors().take()) warn(sentence(*error));
+    void print_errors(const std::string& printed = {}) {
+        for (const auto& text : samples::take_errors(ctx_, printed)) warn(text);
         while (const auto odd = ctx_.warnings().take()) warn("warning: " + sentence(*odd));
     }
     void print_states() {

@@ -1,5 +1,6 @@
 // slaveinfo: prints the slaves of a segment, their process image and their object dictionaries.
 #include "common/dictionary_report.hpp"
+#include "common/new_file.hpp"
 #include "common/process_map.hpp"
 #include "common/process_struct.hpp"
 #include "common/program.hpp"
@@ -13,7 +14,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include <fstream>
 #include <string>
 #include <vector>
 
@@ -65,10 +65,10 @@ int save(const std::string& path, const margay::files::Written& written) {
     using namespace margay::samples;
     if (!written) return fail(written.error);
     for (const std::string& remark : written.remarks) warn("warning: " + remark);
-    std::ofstream out(path, std::ios::binary);
-    out << written.text;
-    out.close();
-    return out ? 0 : fail(path + ": cannot be written", exit_code::kSystem);
+    NewFile file(path);
+    std::string error = file.write(written.text);
+    if (error.empty()) error = file.commit();
+    return error.empty() ? 0 : fail(error, exit_code::kSystem);
 }
 
 // Maps all slaves, which puts them to SAFEOP, prints the process image, and puts the slaves back to PREOP.

@@ -16,7 +16,7 @@ using namespace margay::samples;
 
 struct Options {
     SourceArguments source;
-    std::uint16_t position = 0;
+    std::uint16_t number = 0;
     bool json = false;
     bool all = false;
     conformance::Options checks{};
@@ -28,7 +28,7 @@ int check(Source& source, const Options& options) {
     if (!ready) return fail(sentence(ready.error()));
     ProgressLine line;
     const auto checked =
-        conformance::check_device(ctx, source.osal(), source.wait_handles(), options.position, options.checks,
+        conformance::check_device(ctx, source.osal(), source.wait_handles(), options.number, options.checks,
                                   [&](std::string_view name) { line.show(std::string(name)); });
     line.clear();
     if (checked.report.checks.empty())
@@ -50,7 +50,7 @@ int main(int argc, char** argv) {
         "and gets wrong requests on purpose; its outputs are 0. All other slaves stay in PREOP. Do not "
         "use it on a machine.");
     add_source_arguments(arguments, options.source);
-    arguments.positional("POSITION", options.position, "the slave, 1 is the first");
+    arguments.positional("NUMBER", options.number, "the slave, 1 is the first");
     arguments.flag("--json", options.json, "print JSON for programs");
     arguments.flag("--all", options.all, "also print the checks that passed or do not apply");
     arguments.option("--only", options.checks.only,
@@ -60,7 +60,7 @@ int main(int argc, char** argv) {
         "also write the EEPROM: the alias, with the value that it has, and the word behind the content, which "
         "gets its old value again");
     return arguments.run(argc, argv, [&] {
-        if (options.position == 0) return fail("POSITION is missing; the first slave is 1", exit_code::kUsage);
+        if (options.number == 0) return fail("NUMBER of the slave is missing; 1 is the first slave", exit_code::kUsage);
         stop_at_signals();
         return run_on_source(options.source, [&](Source& source) { return check(source, options); });
     });

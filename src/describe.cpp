@@ -330,7 +330,7 @@ void write_oversized_mailbox(TextWriter& out, const Error& e) {
     out << " (the " << which << " has " << e.actual << " octets, a frame carries " << e.expected << ")";
 }
 
-// What is needed, and how much there is.
+// How much memory is needed, and how much is available.
 void write_room(TextWriter& out, const Error& e) {
     if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
 }

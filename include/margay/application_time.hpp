@@ -1,7 +1,8 @@
 // The reference clock in the time of the application, for programs that drive the clocks themselves with each cycle:
-// the application states its time, writes it to the reference clock, has the time of the reference clock sent to all
-// other clocks, and looks how far they are from each other. MasterClock does the same with a controller, and the cycle
-// carries the time of the reference clock by itself (Group::dc_time): this is for programs that are written this way.
+// the application states its time, writes it to the reference clock, sends the time of the reference clock to all other
+// clocks, and reads the differences between the clocks. A new program needs none of this: MasterClock does the same
+// with a controller, and the cycle carries the time of the reference clock (Group::dc_time). This header is for
+// programs that were written for another master and call these functions themselves.
 //
 //     ApplicationTime time(ctx);
 //     time.set(my_time_ns, osal.now());
@@ -37,18 +38,20 @@ struct ClockDatagramRequest : Request {
     };
     ClockDatagramRequest();
     Action action = Action::distribute;
-    // write_reference: the time to write, at `at`; what passes until the datagram is queued is added. distribute:
-    // result, the time of the reference clock when the frame passed it, all 64 bits.
+    // write_reference: the time to write, which was right at `at`; the library adds the time between `at` and the
+    // queueing of the datagram. distribute: result, the time of the reference clock when the frame passed it, all 64
+    // bits.
     std::uint64_t time_ns = 0;
-    Time at = kNever;                 // kNever: nothing is added
+    Time at = kNever;                 // in the time of the osal; kNever: nothing is added
     std::uint16_t slaves = 0;         // result of distribute: the reference clock, and the slaves that took its time
     std::uint32_t difference_ns = 0;  // result of read_differences
 };
 
 // For the thread that owns the context, which must outlive this object. All functions are callable from the cycle and
-// never wait: what they send begins with the next poll(). Call poll() before send_processdata(), so that the datagrams
-// travel with the cycle, and after receive_processdata(), so that they are over before the next ones. Do it always at
-// the same point of the cycle: what lies between set() and the passage of the frame is an error of the reference clock.
+// never wait: their datagrams are sent from the next poll() on. Call poll() before send_processdata(), so that the
+// datagrams travel with the cycle, and after receive_processdata(), so that they are over before the next ones. Do it
+// always at the same point of the cycle: the time between set() and the passage of the frame is an error of the
+// reference clock.
 class ApplicationTime {
   public:
     explicit ApplicationTime(Context& ctx) : ctx_(ctx) {}

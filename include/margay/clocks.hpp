@@ -106,11 +106,11 @@ struct ClockStatus {
     std::uint64_t system_time_ns = 0;
 };
 
-// What a SuperviseRequest does beside the reports of SlaveClock::in_sync: a slave that was reset gets its clock again
-// before SAFEOP. A slave that was disconnected but kept its power is started again if its clock differs by more than
-// 100 µs, because its control loop would need long; if it kept its state too, and is before the reference clock, its
-// clock is set and its SYNC signals start again. A reference clock to which another program has written a time gets
-// its own rate again.
+// A SuperviseRequest also does this with the clocks, beside the reports of SlaveClock::in_sync: a slave that was reset
+// gets delay and offset again before SAFEOP. A slave that was disconnected but kept its power is started again if its
+// clock differs by more than 100 µs, because its control loop would need long; if it kept its state too, and is before
+// the reference clock, its clock is set and its SYNC signals start again. A reference clock to which another program
+// has written a time gets its own rate again.
 
 // Synchronises the clocks of all slaves; see configdc().
 struct ClockRequest : Request {

@@ -140,8 +140,9 @@ struct SlaveConfiguration {
     // slave is exchanged as it was mapped; when it leaves SAFEOP meanwhile, it stays in PREOP with
     // Errc::remapping_needed. The same after an SDO of the application to a PDO mapping or a PDO assignment (0x1600 to
     // 0x1BFF, 0x1C10 to 0x1C2F), or SoEwrite() of a telegram (S-0-0015, S-0-0016, S-0-0024), unless the slave has
-    // refused the request; the same by RawMail; and when a slave comes back with another revision. The library does not
-    // see what AoE writes, nor compares what a hook or a start-up command writes there: it must be the same each time.
+    // refused the request; the same by RawMail; and when a slave comes back with another revision. The library does
+    // not see what AoE writes, and does not compare what a hook or a start-up command writes to these objects: a hook
+    // or command must write the same values at each start-up.
     std::uint8_t sm_count = 0;
     std::array<ProcessSm, kProcessSms> sms{};
     // Timeout of the slave's process data watchdog: the time without outputs after which the watchdog expires. In

@@ -35,7 +35,7 @@ enum class DatagramCommand : std::uint8_t {
     frmw = 14,
 };
 
-// Sends one datagram and waits for its reply. It is sent before config_init() too, and to slaves without a number. A
+// Sends one datagram and waits for its reply. Works before config_init() too, and with slaves that have no number. A
 // reply with the working counter 0 is a success of the request: compare `wkc`. Errors: invalid_argument (no data, or
 // more than 1486 octets; an unknown command), no_frame (the frame did not come back), timeout, nic, nic_busy.
 struct DatagramRequest : Request {

@@ -20,8 +20,8 @@ namespace margay {
 //    slaves that may be anywhere and without hot connect groups. If the next slave found does not match an optional
 //    slave but matches an entry behind it, the optional slave is regarded as missing.
 //    Slaves that the list describes alike are told apart by their order alone: when one of them is missing at the
-//    start, those that are there are regarded as the first ones. Where the application goes on although a slave is
-//    missing, let the list give such slaves an alias, a device id or a serial number.
+//    start, the slaves that are present are regarded as the first ones. If the application continues although a slave
+//    is missing, the list must give such slaves an alias, a device id or a serial number.
 // 2. The following numbers belong to the entries with number 0, members of groups included, in the order of the list.
 // 3. If the list skips a number, the unexpected slave found at this place of the line gets that number. All other
 //    unexpected slaves get the last numbers, in the order of the ring. slave(n) of a number that the list leaves out
@@ -55,8 +55,9 @@ struct ExpectedSlave {
     // working counters include it. While a group that was connected starts up, they do not.
     std::uint8_t hot_connect = 0;
     // The station address that config_init() gives to the slave, for tools that know the slaves by the addresses of a
-    // configuration file (ENI: PhysAddr), for example by a mailbox gateway. 0: one from 0x1001 on that no entry of the
-    // list has. Each address once; 0x0C00 to 0x0FFF are those of unknown slaves and refused.
+    // configuration file (ENI: PhysAddr), for example by a mailbox gateway. 0: an address from 0x1001 on
+    // that no entry of the list has. Two entries must not have the same address. config_init() needs 0x0C00 to 0x0FFF
+    // for unknown slaves: expect() refuses these addresses.
     std::uint16_t station_address = 0;
     // Is copied to slave(n).config before the slave leaves INIT. nullptr: the library asks the slave. The caller's
     // memory, which must live as long as the list.

@@ -1,7 +1,7 @@
 // Two segments, one clock ("DCX", external synchronisation): the reference clock of this segment follows the clock of
 // another segment, by a bridge device that is a slave in both. The bridge notes the time of both clocks at the same
-// moment, and shows both in its inputs (object 0x10F4, ETG.1020 "External synchronization"). The master of the other
-// segment needs nothing of this; it may be another library.
+// moment, and shows both times in its inputs (object 0x10F4, ETG.1020 "External synchronization"). The master of the
+// other segment does nothing for this; it may be another library.
 //
 // The bridge is the reference clock of this segment, so it must be the first slave with a clock: a bridge whose clock
 // follows another slave shows each correction late and in part. In the other segment it may be any slave with a clock
@@ -39,7 +39,7 @@ class ExternalClock : public CycleClock {
 
     // `bridge`: the slave with object 0x10F4.
     ExternalClock(std::uint16_t bridge, const Settings& settings);
-    // The entries of this object's memory are in the list of the group.
+    // Not copyable: the list of the group points to members of this object.
     ExternalClock(const ExternalClock&) = delete;
     ExternalClock& operator=(const ExternalClock&) = delete;
 

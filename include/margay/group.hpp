@@ -12,8 +12,7 @@ namespace margay {
 // The result of one datagram of process data in the last received cycle.
 struct DatagramStatus {
     std::uint16_t expected = 0;  // working counter if all slaves take part, except missing optional slaves
-    // working counter of the received datagram
-    std::uint16_t got = 0;
+    std::uint16_t got = 0;       // working counter of the received datagram
     // Working counter if all slaves take part except those that are known to be lost or to need their configuration.
     std::uint16_t accepted = 0;
     std::uint16_t full = 0;  // working counter if all slaves take part, optional ones included

@@ -32,7 +32,7 @@ struct Limits {
     // memory; too little for one sequence ends it with Errc::capacity. Context::arena_peak_bytes() shows what a program
     // has needed.
     std::uint32_t arena_bytes = 0;
-    // False: no memory for distributed clocks (240 octets for each slave); configdc() fails with Errc::capacity.
+    // False: no memory for distributed clocks (216 octets for each slave); configdc() fails with Errc::capacity.
     bool clocks = true;
     // True: memory for init_redundant(), which needs it: 3.1 KiB for each of `frames`, and for each of `process_frames`
     // twice.

@@ -2,12 +2,13 @@
 // waits.
 //
 // Names. A service of a mailbox protocol begins with the protocol as the standard writes it: SDOread(), SDOwrite(),
-// SoEread(), SoEwrite(), SoEcommand(), FOEread(), FOEwrite(). The functions that every master has keep their usual
-// names: config_init(), config_map(), send_processdata(), receive_processdata(), readstate(), writestate(),
-// statecheck(). Every other function that does something is a verb and its object: read_register(), read_sii(),
-// find_entry(), recover_slave(), set_target(). A function that only returns what is known already is named after its
-// result: all_right(), inputs_fresh(), emergencies(). The request of a function has the same words in CamelCase, and a
-// method of Context returns a part of the context.
+// SoEread(), SoEwrite(), SoEcommand(), FOEread(), FOEwrite(); raw_mail() is the same for any protocol. The functions
+// that every master has keep their usual names: config_init(), config_map(), send_processdata(), receive_processdata(),
+// readstate(), writestate(), statecheck(), configdc(), dcsync0(), dcsync01(). Every other function that does something
+// is a verb and its object: read_register(), read_sii(), find_entry(), recover_slave(), set_target(). A function that
+// only returns what is known already is named after its result: all_right(), inputs_fresh(), emergencies(). The request
+// of a function has the same words in CamelCase. A method of Context returns a part of the context. A method of
+// HookedSlave begins with what it accesses: sdo_read(), register_read().
 //
 // Numbers. `number` is the number of a slave, which config_init() gives and which stays until the next config_init().
 // `position` is a place in the ring, which the standard counts with auto-increment addresses, and nothing else.
@@ -171,12 +172,13 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // error of the first slave that is held or missing, whose hook or PDOs have failed, or whose commands or hook after the
 // last transition have failed or were ended (start_up_unfinished, if there is no other error); the request is sent to
 // the other slaves nevertheless. other_state: a slave that enters every state by itself (device emulation) would leave
-// out the commands and hooks of a state between; request the states one by one. What follows an earlier transition that
-// no reading has seen is executed first. While a supervision keeps another state, writestate() fails with
+// out the commands and hooks of a state between; request the states one by one. When a slave has made an earlier
+// transition and no function has read its new state yet, the commands and the hook after that transition are executed
+// first. While a supervision keeps another state, writestate() fails with
 // Errc::supervised: use set_target().
 //
-// The commands and the hook after the transition begin when the first of these sees the new state: readstate(),
-// statecheck(), or the supervision. They continue during all later calls of poll(). As long as they execute, other
+// The commands and the hook after the transition begin when readstate(), statecheck() or the supervision reads the new
+// state, whichever is first. They continue during all later calls of poll(). As long as they execute, other
 // requests that need the slave, or the whole segment, wait. When they have executed for 10 s, such a request ends them:
 // errors() has a timeout of the hook, or start_up_unfinished where commands were ended. The same holds for a hook that
 // the supervision executes.
@@ -184,7 +186,7 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // statecheck() reads all slaves until `slave`, or all slaves (0), are in `state` without error and their commands and
 // hooks after the transition have ended, or until `timeout` is over (zero: reads once). Returns what it read last. A
 // timeout is no error: compare the returned state. But where the state is reached and commands or hooks after the
-// transition have not ended, the timeout is the error start_up_unfinished of the first such slave.
+// transition have not ended, the timeout is an error: start_up_unfinished of the first such slave.
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);

@@ -17,8 +17,9 @@
 // came; all frames are sent by one NIC meanwhile. In a ring that is broken between slaves, each part is measured
 // by the frames of its own NIC, and the clocks behind the break follow a second reference from the start. Both parts
 // then differ by the difference of the times that the two NICs need until a frame is on the cable: microseconds on a
-// PC. When the ring is whole, the SuperviseRequest measures the delays anew, and all clocks approach the reference
-// clock without a step. Delays that were measured in the whole ring are not measured again while it is broken.
+// PC. When the ring is whole again, the SuperviseRequest measures the delays again, and all clocks approach the
+// reference clock without a step. Delays that were measured in the whole ring are not measured again while it is
+// broken.
 //
 // When a cable breaks, the clocks behind the break follow the first clock there (EventKind::second_reference). A
 // SuperviseRequest compares this clock with the reference clock by the two copies of each frame, and steers its
@@ -37,7 +38,7 @@
 // ring. Their delays change with each break. So the frames bring no clock a time after a break or a repair
 // (Group::dc_time has 1 slave), until the SuperviseRequest has written the delays: some rounds of its clock
 // supervision. Beside a break at a slave without receive times, the delays of the nearest slave with receive times are
-// taken, which may be wrong by the way between both. Where configdc() is called while the ring is
+// used, which may be wrong by the propagation delay between both slaves. Where configdc() is called while the ring is
 // broken between slaves, this begins when the ring is whole. When the first of these slaves returns from a loss of
 // power, the port of the last slave is closed again for up to two seconds in all, until its clock has learned the rate.
 //
@@ -46,8 +47,8 @@
 // a write may meet another slave than the one that was meant: then its reply has working counter 0, which is an error.
 //
 // When another segment is behind the second NIC (CablingFault::second_segment, EventKind::second_segment), its slaves
-// get no commands: with each 64th frame the second NIC sends a frame without commands (NOP), whose return shows that
-// the cable is right again.
+// get no commands. With each 64th frame the second NIC sends a frame without commands (NOP); when this frame comes back
+// as in a ring, the cable is right again.
 #pragma once
 
 #include <margay/context.hpp>
@@ -65,7 +66,7 @@ class Osal;
 enum class LinkState : std::uint8_t;
 
 // init() for a ring with two NICs. `nic`, `second` and `osal` must outlive the context. A NIC without a link is no
-// error: the events tell it. Further errors: invalid_argument (Argument::second_nic: both are the same object),
+// error: an event reports it. Further errors: invalid_argument (Argument::second_nic: both are the same object),
 // capacity (Limits::redundancy is false).
 Result<> init_redundant(Context& ctx, Nic& nic, Nic& second, Osal& osal, const Features& features = kAllFeatures);
 
@@ -100,20 +101,23 @@ struct RedundancyStatus {
     std::int64_t second_ahead_ns = 0;
 };
 
-// What is done by itself when a cable breaks and is repaired, where a SuperviseRequest is submitted:
+// What the library does without a call of the application when a cable breaks and is repaired, while a SuperviseRequest
+// is busy:
 //
 // - Slaves that were lost between two breaks, or have left their state meanwhile, are started again.
-// - Delays that were measured while the ring was broken are measured anew when it is whole (the last slave's port is
+// - Delays that were measured while the ring was broken are measured again when it is whole (the last slave's port is
 //   closed for some milliseconds, see above).
 //
 // Switched off (`on` false), both wait after each break and each repair until restore_ring() is called
-// (RedundancyStatus::restoring_waits): events tell what was lost and found, and no slave is started, for whatever
-// reason. What needs no start goes on: process data is exchanged by both NICs, slaves that are in their state again
+// (RedundancyStatus::restoring_waits): events report lost and found slaves, and no slave is started, for any reason.
+// Work that needs no start continues: process data is exchanged by both NICs, slaves that are in their state again
 // take part, and clocks keep their reference and the delays of the way that the frames take now. Default: on. Switching
-// on restores what waits. For the thread that owns the context; callable from the cycle; no effect with one NIC.
+// on restores the ring at once if a restoring waits. For the thread that owns the context; callable from the cycle; no
+// effect with one NIC.
 void set_automatic_restoring(Context& ctx, bool on);
 
-// Restores what waits, once. For the thread that owns the context; callable from the cycle.
+// Does the restoring that waits, once; without effect if none waits. For the thread that owns the context; callable
+// from the cycle.
 void restore_ring(Context& ctx);
 
 // The state of the ring. For the thread that owns the context; callable from the cycle.

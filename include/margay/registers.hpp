@@ -24,10 +24,11 @@ struct RegisterReadRequest : SlaveRequest {
     std::span<std::byte> data;
 };
 
-// Writes them. A lost frame is sent again: a write with an effect at each access may have the effect twice. Nothing is
-// written while the slave is missing (missing_slave), or after it was away, until its identity is compared
-// (identity_unread): another device may have its station address now. Only a supervision, or readstate(), shows that
-// the slave was away: without a supervision call readstate() first after a pause of more than a second.
+// Writes `data` from `address` on, in one datagram, within the same bounds. A lost frame is sent again: a write with an
+// effect at each access may have the effect twice. Nothing is written while the slave is missing (missing_slave), or
+// after it was away, until its identity is compared (identity_unread): another device may have its station address now.
+// Only a supervision, or readstate(), shows that the slave was away: without a supervision call readstate() first after
+// a pause of more than a second.
 struct RegisterWriteRequest : SlaveRequest {
     RegisterWriteRequest();
     std::uint16_t address = 0;

@@ -129,7 +129,7 @@ struct Slave {
     static constexpr std::size_t kSyncManagers = 8;
     static constexpr std::size_t kFmmus = 8;
 
-    std::uint16_t number = 0;  //  the first is 1; config_init() assigns it (ExpectedSlave)
+    std::uint16_t number = 0;  // the first is 1; config_init() assigns it (ExpectedSlave)
     StationAddress station_address;
     std::uint16_t alias = 0;  // ESC register 0x0012, loaded from the SII
     std::uint16_t dl_status = 0;

@@ -84,7 +84,7 @@ std::string write_drawing(const std::string& path, const std::string& content) {
         if (well) reason = errno;
         well = false;
     }
-    return well ? std::string() : fmt::format("{} could not be written: {}", path, std::strerror(reason));
+    return well ? std::string() : fmt::format("{}: cannot be written: {}", path, std::strerror(reason));
 }
 
 }  // namespace

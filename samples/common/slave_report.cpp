@@ -190,6 +190,13 @@ std::string sentence(const Error& error) {
     return std::string(describe(error, buffer));
 }
 
+std::vector<std::string> take_errors(Context& ctx, const std::string& printed) {
+    std::vector<std::string> sentences;
+    while (const auto error = ctx.errors().take())
+        if (std::string text = sentence(*error); text != printed) sentences.push_back(std::move(text));
+    return sentences;
+}
+
 std::string al_text(const AlStatus& al) { return fmt::format("{}{}", to_text(al.state), al.error ? " + ERROR" : ""); }
 
 std::vector<std::string> protocol_names(unsigned bits) { return names_of(bits, kProtocols); }

@@ -12,6 +12,10 @@ namespace margay::samples {
 // The sentence that describe() writes for an error.
 [[nodiscard]] std::string sentence(const Error& error);
 
+// The sentences of errors(), oldest first, which this removes. Without those that read like `printed`: errors() also
+// has the error that a call has returned, and the program has printed that one already.
+[[nodiscard]] std::vector<std::string> take_errors(Context& ctx, const std::string& printed = {});
+
 // "PREOP", "SAFEOP + ERROR" …
 [[nodiscard]] std::string al_text(const AlStatus& al);
 

@@ -41,7 +41,8 @@ std::string source_text() {
 
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more) {
     arguments.positional("SOURCE", values.source, source_text() + more);
-    arguments.option("--record", values.options.record, "write every frame sent and received to this file, as pcap");
+    arguments.option("--record", values.options.record,
+                     "write every frame sent and received to this file, as pcap (two interfaces: as pcapng)");
     arguments.flag("--trace", values.options.trace, "print a line for every datagram to standard error");
     arguments.flag(
         "--take-over", values.take_over,

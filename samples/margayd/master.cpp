@@ -98,7 +98,7 @@ std::string Master::open_here() {
     ctx_ = std::make_unique<HostContext>(source_->limits(samples::with_room(limits(), eni_ ? &*eni_ : nullptr)));
     if (const auto ready = source_->begin(*ctx_); !ready) return samples::sentence(ready.error());
     companion_ = std::make_unique<Companion>(*ctx_, configuration_.name);
-    // A socket that nobody serves is of a margayd that did not end in order: the slaves may be as it left them.
+    // A socket that no process serves: a margayd was killed, and the slaves may still be in the state that it left.
     const bool left_behind = is_left_behind(socket_);
     const auto& s = configuration_.socket;
     attach_ = std::make_unique<AttachServer>(*ctx_, socket_,

@@ -21,7 +21,7 @@ namespace margay::samples::conformance {
 
 namespace reg = wire::reg;
 
-// Ends a check that cannot be judged: the slave does not do what the check needs. Another check reports the fault.
+// Ends a check without a result: the slave does not do what the check needs. Another check reports the fault.
 struct NotJudged {
     std::string reason{};
 };

@@ -77,9 +77,9 @@ struct SiiPdo {
 struct Checked {
     Report report{};
     std::string error{};
-    bool wrong_arguments = false;  // the error is one of POSITION or of the names of checks
+    bool wrong_arguments = false;  // the error is one of NUMBER or of the names of checks
 };
-[[nodiscard]] Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t position,
+[[nodiscard]] Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t number,
                                    const Options& options = {},
                                    const std::function<void(std::string_view)>& progress = {});
 

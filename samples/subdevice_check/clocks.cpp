@@ -12,8 +12,8 @@ using namespace std::chrono_literals;
 using wire::AlStatusCode;
 namespace sii = wire::sii;
 
-// Where the SII leaves the cycle to the master: the first one, and the others if the slave refuses it by 0x0035 or
-// 0x0036.
+// The cycles that are tried, in this order, where the SII leaves the cycle to the master: the next one when the slave
+// refuses a cycle by AL status code 0x0035 or 0x0036.
 constexpr Duration kBusCycles[] = {2ms, 1ms, 4ms, 500us};
 constexpr Duration kStartIn = 50ms;  // SYNC0 begins this long after its activation
 

@@ -44,7 +44,7 @@ std::string_view to_text(Outcome outcome) {
 
 std::string report_text(const Report& report, bool all) {
     std::string text = fmt::format("slave {}: {}, vendor 0x{:08x}, product 0x{:08x}, revision 0x{:08x}\n\n",
-                                   report.position, report.device, report.vendor, report.product, report.revision);
+                                   report.number, report.device, report.vendor, report.product, report.revision);
     bool any = false;
     for (const auto& check : report.checks) {
         if (!all && check.findings.empty()) continue;
@@ -71,7 +71,7 @@ nlohmann::ordered_json report_json(const Report& report) {
         if (!check.reason.empty()) one["reason"] = check.reason;
         checks.push_back(std::move(one));
     }
-    return {{"position", report.position},
+    return {{"number", report.number},
             {"device", report.device},
             {"vendor", report.vendor},
             {"product", report.product},

@@ -33,7 +33,7 @@ struct CheckResult {
 };
 
 struct Report {
-    std::uint16_t position = 0;
+    std::uint16_t number = 0;
     std::string device{};  // name of the SII, or a text that says that there is none
     std::uint32_t vendor = 0;
     std::uint32_t product = 0;

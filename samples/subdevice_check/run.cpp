@@ -90,14 +90,14 @@ std::vector<Check> all_checks() {
     return all;
 }
 
-Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t position, const Options& options,
+Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t number, const Options& options,
                      const std::function<void(std::string_view)>& progress) {
     const auto found = config_init(ctx);
     if (!found && found.error().slave == 0) return {.error = sentence(found.error())};
     const std::size_t count = ctx.slaves().size();
-    if (position < 1 || position > count)
-        return {.error = count == 1 ? "POSITION: there is 1 slave, the first is 1"
-                                    : fmt::format("POSITION: there are slaves 1 to {}", count),
+    if (number < 1 || number > count)
+        return {.error = count == 1 ? "NUMBER: there is 1 slave, the first is 1"
+                                    : fmt::format("NUMBER: there are slaves 1 to {}", count),
                 .wrong_arguments = true};
     // The checks report the errors of this slave themselves.
     while (ctx.errors().take()) {
@@ -107,7 +107,7 @@ Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t p
     if (chosen_checks(options).empty())
         return {.error = fmt::format("no check has a name that begins with '{}'", options.only),
                 .wrong_arguments = true};
-    Bench bench(ctx, osal, nics, position);
+    Bench bench(ctx, osal, nics, number);
     MailBench mail(bench);
     SdoClient sdo(mail);
     Session session{bench, mail, sdo, options};
@@ -118,7 +118,7 @@ Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t p
         bench.on_clock([&session](unsigned attempt) { return activate_clock(session, attempt); });
 
     const auto& slave = bench.slave();
-    Report report{position, std::string(slave.name().empty() ? "a device without a name" : slave.name()),
+    Report report{number, std::string(slave.name().empty() ? "a device without a name" : slave.name()),
                   slave.identity.vendor, slave.identity.product, slave.identity.revision};
     for (const auto& check : chosen_checks(options)) {
         if (stop_asked()) break;

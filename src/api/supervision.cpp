@@ -50,7 +50,7 @@ class Supervised {
 };
 
 static Task<Result<>> run(Network& network, SuperviseRequest& request) {
-    (void)doubt_after_silence(network);  // one that nobody has noticed, before other requests may write
+    (void)doubt_after_silence(network);  // a silence before this request: no other request may write before
     const Supervised supervised(network, request);
     network.target = request.target;
     co_return co_await required(supervise(network, request));

@@ -4,13 +4,19 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
 #include <charconv>
 #include <cstdio>
-#include <fstream>
+#include <cstring>
 #include <iterator>
+#include <memory>
 
 namespace margay::files {
 namespace {
+
+struct CloseReadFile {
+    void operator()(std::FILE* file) const { (void)std::fclose(file); }
+};
 
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r'; }
 
@@ -91,16 +97,18 @@ std::string to_text(const Remark& remark) {
 }
 
 FileContent read_file(const std::string& path, std::size_t most_bytes) {
-    std::ifstream in(path, std::ios::binary);
-    if (!in) return {.error = path + ": cannot be opened"};
+    const auto failed = [&path] { return FileContent{.error = path + ": cannot be read: " + std::strerror(errno)}; };
+    const std::unique_ptr<std::FILE, CloseReadFile> file(std::fopen(path.c_str(), "rb"));
+    if (file == nullptr) return failed();
     FileContent content;
     std::vector<char> block(65536);
-    while (in.read(block.data(), static_cast<std::streamsize>(block.size())) || in.gcount() > 0) {
-        content.octets.append(block.data(), static_cast<std::size_t>(in.gcount()));
+    while (const auto bytes = std::fread(block.data(), 1, block.size(), file.get())) {
+        content.octets.append(block.data(), bytes);
         if (content.octets.size() > most_bytes)
             return {.error = path + ": has more than " + std::to_string(most_bytes) + " octets"};
     }
-    if (in.bad() || content.octets.empty()) return {.error = path + ": cannot be read, or is empty"};
+    if (std::ferror(file.get()) != 0) return failed();
+    if (content.octets.empty()) return {.error = path + ": the file is empty"};
     return content;
 }
 

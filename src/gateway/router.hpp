@@ -23,15 +23,15 @@ class Router {
     };
 
     Router(Context& ctx, const MailboxGatewaySettings& settings);
-    // In the thread of the owner, or while the owner polls.
+    // Call it in the thread of the owner, or while the owner polls.
     ~Router() = default;
     Router(const Router&) = delete;
     Router& operator=(const Router&) = delete;
 
     void add(Client& client) { clients_.push_back(&client); }
-    // The client is gone: its requests are cancelled, and what is left of them gets no reply.
+    // The client is gone: its requests are cancelled, and their replies are dropped.
     void remove(Client& client);
-    // Whether something of the client waits or runs, or a conversation of it goes on.
+    // Whether a message of the client waits or is executed, or one of its conversations has not ended.
     [[nodiscard]] bool uses(const Client& client) const;
     // Whether the client may send another message.
     [[nodiscard]] bool has_room(const Client& client) const {

@@ -1,4 +1,5 @@
-// When it is not certain that the slaves are those that they were: after silences, pauses and cycles that fell short.
+// Doubts slaves: after a silence, a pause or a cycle that fell short, another machine may be there (src/README.md,
+// "doubt").
 #pragma once
 
 #include "network/network.hpp"
@@ -13,11 +14,11 @@ void doubt_all(Network& network, bool away);
 inline constexpr std::uint32_t kSilentFrames = 10;
 
 // Without a supervision: doubt_all() when so many frames did not come back since the last call that another machine may
-// be there. Call it before anything is written to a slave. Returns whether it has doubted them.
+// be there. Call it before anything is written to a slave. Returns whether it has doubted the slaves.
 bool doubt_after_silence(Network& network);
-// Without a supervision: doubts all slaves when a machine may have been exchanged that no silence shows. Nothing was
-// sent for long, or a cycle that had been right fell short and is right again. Doubts those that no cycle shows while
-// other cycles go on. Returns whether it has doubted any.
+// Without a supervision: doubts all slaves when the machine may have been exchanged without a silence: nothing was sent
+// for long, or a cycle that had been right fell short and is right again. While other cycles go on, doubts only the
+// slaves that no cycle reads. Returns whether it has doubted any slave.
 bool doubt_unseen(Network& network);
 // With a supervision, before the reply of an overlapped cycle is evaluated: doubts all slaves when a silence has ended
 // that the supervision has not noted yet. Ends no sequence: the supervision does that with its next roll. Cheap.

@@ -9,7 +9,8 @@
 // 3. As many newcomers as lost slaves are between the same two known slaves: all are there, in the order of their
 //    numbers. Where rule 2 says something else, the other newcomers are asked first: not all of them may belong there.
 // 4. Several lost slaves were at this neighbour, because one of them was bridged while the others went on, and not all
-//    of them are there: nobody knows which of them it is. The same holds where nobody remembers this neighbour.
+//    of them are there: it is not known which of them the newcomer is. The same holds where no slave was seen last at
+//    this neighbour.
 // 5. A newcomer that one lost slave alone can be is that slave. Of equal slaves that were never there it is the first.
 //
 // A newcomer beside an unknown slave, in the direction of the NIC, is not identified before that slave is.

@@ -12,6 +12,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -411,7 +413,9 @@ LoadedSegment load_segment(const std::string& what, Time now) {
     const std::filesystem::path path(ready_made.empty() ? what : ready_made);
     if (path.extension() == ".toml") {
         std::ifstream in(path, std::ios::binary);
-        if (!in) return LoadedSegment(fmt::format("cannot read the segment description '{}'", path.string()));
+        if (!in)
+            return LoadedSegment(
+                fmt::format("cannot read the segment description '{}': {}", path.string(), std::strerror(errno)));
         return parse_segment(std::string(std::istreambuf_iterator<char>(in), {}), path.string(),
                              path.has_parent_path() ? path.parent_path().string() : ".", now);
     }

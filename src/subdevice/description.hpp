@@ -57,8 +57,8 @@ struct ProcessDataArea {
 // A direction has at most this many areas in DeviceDescription::more_outputs or more_inputs.
 inline constexpr std::size_t kMostMoreAreas = 3;
 
-// Times of a direction that objects 0x1C32 and 0x1C33 tell the master (ETG.1020 "Synchronization"), and only the author
-// knows: those of the hardware behind the stack.
+// Times of the hardware behind the stack, for one direction, which only the author knows. The master reads them from
+// objects 0x1C32 and 0x1C33 (ETG.1020 "Synchronization").
 struct SyncTimes {
     // From SYNC0 until the outputs are used or the inputs are latched (subindex 3). Zero: the device does it as soon as
     // it can, without a fixed time.

@@ -1,6 +1,7 @@
 // Modular devices (ETG.5001.1 "Modular Device Profile"): a table of the kinds of modules, a list of slots, and in each
-// slot the module that is plugged in. The author writes the objects of one module as those of the first slot; the stack
-// makes those of each slot out of them, the PDO assignment, and the objects that describe the modules to the master:
+// slot the module that is plugged in. The author writes the objects of one module with the indices of the first
+// slot. From them the stack makes the objects of each slot, the PDO assignment, and the objects that describe the
+// modules to the master:
 //
 //     struct OutValues { std::uint8_t lamps; };                                           // of one module
 //     constexpr Entry kOut[] = {entry_count(1),
@@ -29,9 +30,9 @@
 //
 // The firmware says what is plugged in: detect(slot, ident), at any time. Object 0xF050 shows it at once. The objects,
 // the PDOs and the sizes of the process data follow at the next INIT→PREOP; until then SAFEOP is refused with AL status
-// code 0x0021 (needs INIT), and process data that run go on with the objects of the old module: a device that must not
-// do so calls Device::fall_back(). SAFEOP is refused with 0x0070 while the master has written a list of modules
-// (0xF030) or of their slots (0xF020) that differs from what is plugged in.
+// code 0x0021 (needs INIT). In SAFEOP and OP process data continues with the objects of the old module; a device that
+// must not do so calls Device::fall_back(). SAFEOP is refused with 0x0070 while the master has written a list of
+// modules (0xF030) or of their slots (0xF020) that differs from what is plugged in.
 #pragma once
 
 #include "subdevice/application.hpp"

@@ -159,10 +159,10 @@ class StandardObjects {
     static constexpr bool is_there(const Object& object) {
         const bool of_outputs = object.index == 0x1600 || object.index == Description.outputs.assignment();
         const bool of_inputs = object.index == 0x1A00 || object.index == Description.inputs.assignment();
-        // The PDOs of a device with more SyncManagers are those of the author.
+        // The author writes the PDOs of a device with more SyncManagers.
         if ((of_outputs && !Description.more_outputs.empty()) || (of_inputs && !Description.more_inputs.empty()))
             return false;
-        // An author who writes the assignment has other PDOs where no value would be in that of this list.
+        // An author who writes the assignment has PDOs of other indices: this list adds no PDO without a value.
         if (object.index == 0x1600 && kRx.entries == 0 && replaced(Description.outputs.assignment())) return false;
         if (object.index == 0x1A00 && kTx.entries == 0 && replaced(Description.inputs.assignment())) return false;
         // A modular device with PDOs of its own has no other ones: a module may have that index.
@@ -194,9 +194,9 @@ class StandardObjects {
 };
 
 // A device with CoE. `Values`: the struct of the values (values.hpp), or std::array<std::byte, N>. `More`: other
-// mailbox protocols besides CoE. An author whose PDOs can be changed by the master says by `MostMapped` how many
-// entries may be mapped in one direction; of a modular device, `LargestValue` is ModuleTables::kLargestValue. An object
-// with a large value in the memory of a hook (ObjectHooks::memory) needs ObjectHooks::in_pieces.
+// mailbox protocols besides CoE. `MostMapped`: how many entries the master may map in one direction, for PDOs that it
+// can change. `LargestValue`: ModuleTables::kLargestValue, for a modular device. An object with a large value in the
+// memory of a hook (ObjectHooks::memory) needs ObjectHooks::in_pieces.
 template <const DeviceDescription& Description, const auto& Own, class Values, std::size_t More = 0,
           std::uint32_t Type = 0, std::size_t MostMapped = StandardObjects<Description, Own, Type>::kMostMapped,
           std::size_t LargestValue = 0>

@@ -170,7 +170,7 @@ template <class Device, class Type, class Cycle>
         value<typename Device::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>),
         time(kMaxDelay, "Maximum delay time", d.input_times.max_delay),
         value<typename Device::sync0_cycle>(kSync0Cycle, "Sync0 cycle time", od::kReadOnly),
-        // An update of the inputs is one of the outputs: the counters are those of the device.
+        // The device updates inputs and outputs together: both directions have the same counters.
         value<typename Device::missed_frames>(kMissedFrames, "SM event missed counter", od::kReadOnly),
         value<typename Device::cycle_exceeded>(kCycleExceeded, "Cycle exceeded counter", od::kReadOnly),
         value<typename Device::shift_too_short>(kShiftTooShort, "Shift too short counter", od::kReadOnly),

@@ -180,7 +180,7 @@ TEST_F(FirmwareUpdate, SlavesThatTakeNoFirmware) {
     EXPECT_EQ(coupler.err, "firmware_update: slave 1 (EtherCAT coupler) has no FoE\n");
     const auto nobody = update("sim:bootloader 9 firmware.bin");
     EXPECT_EQ(nobody.status, 2);
-    EXPECT_EQ(nobody.err, "firmware_update: POSITION: there are slaves 1 to 5\n");
+    EXPECT_EQ(nobody.err, "firmware_update: NUMBER: there are slaves 1 to 5\n");
     EXPECT_EQ(update("sim:bootloader").status, 2);
     EXPECT_EQ(update("sim:bootloader 2").status, 2);
     EXPECT_EQ(update("sim:bootloader two firmware.bin").status, 2);

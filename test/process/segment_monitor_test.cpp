@@ -65,6 +65,24 @@ TEST(SegmentMonitor, DrawsOnATerminalAndEndsByItself) {
     EXPECT_TRUE(contains(ran.output, "8-channel digital output")) << ran.output;
 }
 
+TEST(SegmentMonitor, PrintsPlainTextIntoAFileOrAPipe) {
+    const auto ran = run(kBin + "/segment_monitor sim:demo --cycles 500");
+    EXPECT_EQ(ran.status, 0) << ran.output;
+    EXPECT_TRUE(ran.output.starts_with("sim:demo   5 slaves:  5 in OP\ncycle 500 ")) << ran.output;
+    EXPECT_FALSE(contains(ran.output, "\x1b")) << ran.output;
+}
+
+// ncurses would end the program here, with the slaves in OP.
+TEST(SegmentMonitor, GoesOnWithPlainTextOnATerminalThatIsNotKnown) {
+    if (run("script -qec true /dev/null").status != 0)
+        GTEST_SKIP() << "no script (bsdutils), or no pseudo-terminal for it";
+    const auto ran = run("TERM=no-such script -qec '" + kBin + "/segment_monitor sim:demo --cycles 20' /dev/null");
+    EXPECT_EQ(ran.status, 0) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "the terminal 'no-such' is not known (TERM): continuing as with --plain"))
+        << ran.output;
+    EXPECT_TRUE(contains(ran.output, "cycle 20  working counter 6 of 6")) << ran.output;
+}
+
 TEST(SegmentMonitor, NamesWhatItCannotOpen) {
     const auto ran = run(kBin + "/segment_monitor no-such-if --plain");
     EXPECT_EQ(ran.status, 3);

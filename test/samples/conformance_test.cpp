@@ -65,7 +65,7 @@ TEST(SubdeviceCheck, JsonHasEachCheckAndFindingWithItsClause) {
     auto device = sim::make_device("odd_device").value();
     ASSERT_TRUE(add_quirk(device, "empty_repeats"));
     const auto json = report_json(check_it(std::move(device), {.only = "mailbox."}).report);
-    EXPECT_EQ(json["position"], 1);
+    EXPECT_EQ(json["number"], 1);
     EXPECT_EQ(json["conforms"], false);
     EXPECT_EQ(json["errors"], 1);
     for (const auto& check : json["checks"]) {
@@ -95,7 +95,7 @@ TEST(SubdeviceCheck, APositionThatDoesNotExistIsAnError) {
     HostContext ctx{Limits{.slaves = 4}};
     ASSERT_TRUE(init(ctx, nic, osal).ok());
     const auto absent = check_device(ctx, osal, -1, 2);
-    EXPECT_EQ(absent.error, "POSITION: there is 1 slave, the first is 1");
+    EXPECT_EQ(absent.error, "NUMBER: there is 1 slave, the first is 1");
     EXPECT_TRUE(absent.wrong_arguments);
     const auto nothing = check_device(ctx, osal, -1, 1, {.only = "nothing"});
     EXPECT_EQ(nothing.error, "no check has a name that begins with 'nothing'");

@@ -51,7 +51,7 @@ TEST_F(XmlFiles, ASegmentOfEsiFiles) {
 
 TEST_F(XmlFiles, AnEniThatIsNoneIsNamed) {
     EXPECT_NE(load_eni(path("drive.xml")).error.find("the root element is EtherCATInfo"), std::string::npos);
-    EXPECT_EQ(load_eni(path("nothing.xml")).error, path("nothing.xml") + ": cannot be opened");
+    EXPECT_EQ(load_eni(path("nothing.xml")).error, path("nothing.xml") + ": cannot be read: No such file or directory");
 }
 
 }  // namespace

@@ -12,9 +12,9 @@
 // sends has no other effect on the application: a message that is malformed or too long, a client that is slow, floods
 // or goes away ends its own connection, and the memory of the server is bounded by AttachSettings.
 //
-// Access. Whoever may write to the socket can do what the application could do by requests: change states, write
-// objects and registers. The file permissions of the socket decide who that is; `read_only` refuses everything that
-// writes.
+// Access. Every program that may write to the socket can do what the application could do by requests: change states,
+// write objects and registers. The file permissions of the socket select these programs. `read_only` refuses every
+// request that writes.
 #pragma once
 
 #include <margay/context.hpp>
@@ -50,12 +50,13 @@ class AttachServer {
   public:
     // Binds the socket and starts the thread. Call it after init(), in the thread that owns the context: it observes
     // EventQueue::callback (a callback that was set before is called too; one that the application sets later replaces
-    // it, and then clients see no events). A socket that a program has left behind is replaced; one that is served is
-    // not. Create the server before the thread gets a processor of its own: the server's thread inherits the
-    // processors, but not the real-time priority. Allocates memory; not for the cycle. `ctx` must outlive the server.
+    // it, and then clients see no events). A socket that an ended program has left behind is replaced. A socket that
+    // another program serves is an error(). Create the server before the thread gets a processor of its own: the
+    // server's thread inherits the processors, but not the real-time priority. Allocates memory; not for the cycle.
+    // `ctx` must outlive the server.
     AttachServer(Context& ctx, std::string path, AttachSettings settings = {});
-    // Ends all connections and removes the socket; busy requests of clients end as canceled. In the thread that owns
-    // the context.
+    // Ends all connections and removes the socket; busy requests of clients end as canceled. Call it in the thread that
+    // owns the context.
     ~AttachServer();
     AttachServer(const AttachServer&) = delete;
     AttachServer& operator=(const AttachServer&) = delete;

@@ -18,8 +18,9 @@
 // slave that is lost, below PREOP, or was away and not identified since. What a client sends has no other effect on the
 // application, and the memory of the gateway is bounded by MailboxGatewaySettings.
 //
-// Access. The protocol has no authentication: whoever reaches the port can write what the application could write by
-// the mailbox. So the default address is that of this machine. `read_only` refuses everything that may change a slave.
+// Access. The protocol has no authentication: every program that reaches the port can write what the application could
+// write by the mailbox. So the default address is that of this machine. `read_only` refuses everything that may change
+// a slave.
 #pragma once
 
 #include <margay/context.hpp>
@@ -53,7 +54,7 @@ struct MailboxGatewaySettings {
     Identity identity{};                          // 0x1018
 };
 
-// What the gateway has seen. For tests and for the curious: a rising number of `malformed` is a faulty client.
+// What the gateway has counted, for tests and for diagnosis: `malformed` increases when a client is faulty.
 struct MailboxGatewayCounts {
     std::uint64_t clients = 0;    // TCP connections, and senders of UDP that were new
     std::uint64_t refused = 0;    // clients beyond MailboxGatewaySettings::clients
@@ -71,7 +72,7 @@ class MailboxGateway {
     // the thread of the gateway inherits the processors, but not the real-time priority. Allocates memory; not for the
     // cycle. `ctx` must outlive the gateway.
     explicit MailboxGateway(Context& ctx, MailboxGatewaySettings settings = {});
-    // Ends all connections; busy requests of clients end as canceled. In the thread that owns the context.
+    // Ends all connections; busy requests of clients end as canceled. Call it in the thread that owns the context.
     ~MailboxGateway();
     MailboxGateway(const MailboxGateway&) = delete;
     MailboxGateway& operator=(const MailboxGateway&) = delete;
