@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdlib>
 
 namespace margay::ethercat {
 namespace {
@@ -30,9 +29,7 @@ bool has_coe(const SlaveFacts& slave) {
 
 // What a newcomer with a simulated segment needs to know.
 std::string hint(const Call& call) {
-    const char* first = std::getenv("MARGAY_MASTER0");
-    const std::string source = call.has("source") ? call.value("source") : first == nullptr ? "" : first;
-    return source.starts_with("sim:") ? "; --source sim:drives has slaves with one" : "";
+    return call.value("source").starts_with("sim:") ? "; --source sim:drives has slaves with one" : "";
 }
 
 Answer<> check_coe(const Call& call, const SlaveFacts& slave) {

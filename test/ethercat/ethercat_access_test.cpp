@@ -54,11 +54,10 @@ TEST_F(EthercatAccess, ListsDictionaries) {
 }
 
 TEST_F(EthercatAccess, ASlaveWithoutObjectsIsNamedAsThat) {
-    const std::string none =
-        "position 3: the slave has no object dictionary: its mailbox does not support CoE; "
-        "--source sim:drives has slaves with one";
+    const std::string none = "position 3: the slave has no object dictionary: its mailbox does not support CoE";
     for (const char* call : {"sdos -p 3", "upload -p 3 0x1018 1", "download -p 3 0x6060 0 8 -t int8"})
         fails("sim:demo", call, 1, none);
+    fails("", "sdos -p 3 --source sim:demo", 1, none + "; --source sim:drives has slaves with one");
     const auto all = ethercat("sim:demo", "sdos");
     EXPECT_EQ(all.status, 0);
     EXPECT_EQ(all.out, "");
