@@ -22,7 +22,7 @@ int execute(const Arguments& arguments) {
     if (!arguments.command->without_master) {
         auto found = find_masters(arguments);
         if (!found) {
-            const int code = samples::fail(found.problem().text, found.problem().code);
+            const int code = fail(arguments, found.problem());
             if (found.problem().text.starts_with("no source"))
                 (void)std::fputs((samples::list_of_interfaces() + samples::list_of_segments("sim:")).c_str(), stderr);
             return code;
@@ -44,8 +44,10 @@ int execute(const Arguments& arguments) {
 int run(const std::vector<std::string>& words) {
     const auto arguments = parse(words);
     if (!arguments) {
-        const int code = samples::fail(arguments.problem().text, arguments.problem().code);
-        return code;
+        // What the words mean is not known: only the option in full tells which output is wanted.
+        Arguments wanted;
+        if (std::ranges::find(words, "--json") != words.end()) wanted.options.emplace_back("json", "");
+        return fail(wanted, arguments.problem());
     }
     if (arguments->has("help"))
         samples::write_out(help_text(arguments->command));

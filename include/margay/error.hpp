@@ -85,7 +85,7 @@ enum class Errc : std::uint8_t {
                    // SyncManager (index: its register)
     above_highest,  // the slave's configuration does not allow the state (expected: the highest allowed, actual: the
                     // requested one)
-    check_failed,   // a register does not have the value that a command requires (expected, actual: the lowest 32 bits)
+    check_failed,   // a register or an object does not have the required value (expected, actual: the lowest 32 bits)
     not_owner,      // the call is for the thread that owns the context, and another thread made it
     not_polled,     // the owner of the context has not called poll()
     waiting_forbidden,  // a function that waits, called by the owner after allow_waiting(ctx, false)

@@ -61,6 +61,8 @@ class HookedSlave {
     [[nodiscard]] Task<> aoe_set_net_id(const AoeNetId& net_id) const;
     // Sets the parameters of the slave's IP stack; errors as of EOEset_ip().
     [[nodiscard]] Task<> eoe_set_ip(const EoeIp& ip) const;
+    // Sets the filter for the frames that the slave passes on; errors as of EOEset_filter().
+    [[nodiscard]] Task<> eoe_set_filter(const EoeFilter& filter) const;
 
     // Access to ESC registers; errors as of read_register() and write_register().
     [[nodiscard]] Task<> register_read(std::uint16_t address, std::span<std::byte> into) const;

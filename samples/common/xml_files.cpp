@@ -29,7 +29,9 @@ Result<std::uint16_t> scan_by(Context& ctx, const files::EniConfiguration* eni) 
     if (eni == nullptr) return config_init(ctx);
     if (const auto applied = files::apply(ctx, *eni); !applied) return applied.error();
     const auto found = config_init(ctx);
-    if (!found || !eni->clocks) return found;
+    if (!found) return found;
+    if (const auto told = files::after_scan(ctx, *eni); !told) return told.error();
+    if (!eni->clocks) return found;
     if (const auto reference = configdc(ctx, *eni->clocks); !reference) return reference.error();
     return found;
 }

@@ -24,7 +24,16 @@ struct CloseStream {
 Output::Output() : json_(std::make_unique<nlohmann::ordered_json>(nlohmann::ordered_json::object())), json(*json_) {}
 Output::~Output() = default;
 
-int Call::fail(const Problem& problem) const { return samples::fail(problem.text, problem.code); }
+int fail(const Arguments& arguments, const Problem& problem) {
+    if (arguments.has("json")) samples::write_out(nlohmann::ordered_json{{"error", problem.text}}.dump(2) + "\n");
+    return samples::fail(problem.text, problem.code);
+}
+
+int Call::fail(const Problem& problem) const {
+    if (printed_) return samples::fail(problem.text, problem.code);
+    printed_ = true;
+    return ethercat::fail(arguments_, problem);
+}
 
 int Call::each_master(const std::function<Answer<>(Master& master, Output& output)>& work) {
     int code = samples::exit_code::kWell;
@@ -33,18 +42,23 @@ int Call::each_master(const std::function<Answer<>(Master& master, Output& outpu
         Output output;
         output.json["master"] = master.index;
         const auto done = work(master, output);
-        if (!done) code = std::max(code, fail(done.problem()));
+        if (!done) {
+            code = std::max(code, samples::fail(done.problem().text, done.problem().code));
+            output.json["error"] = done.problem().text;
+        }
         if (json())
             all.push_back(std::move(output.json));
         else if (!output.text.empty())
             samples::write_out((masters_.size() > 1 ? fmt::format("Master{}\n", master.index) : "") + output.text);
     }
     if (json()) samples::write_out(nlohmann::ordered_json{{"masters", all}}.dump(2) + "\n");
+    printed_ = true;
     return code;
 }
 
 int Call::print(const Output& output) const {
     samples::write_out(json() ? output.json.dump(2) + "\n" : output.text);
+    printed_ = true;
     return samples::exit_code::kWell;
 }
 

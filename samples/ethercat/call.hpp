@@ -54,11 +54,12 @@ class Call {
     [[nodiscard]] bool json() const { return has("json"); }
     [[nodiscard]] std::vector<Master>& masters() { return masters_; }
 
-    // Reports a problem on standard error and returns its exit code.
+    // Reports a problem on standard error and returns its exit code. With --json the output is {"error": "…"} if there
+    // is none yet.
     int fail(const Problem& problem) const;
 
     // Calls `work` for each master and prints its output; {"masters": [{"master": 0, …}]} with --json. A problem of one
-    // master does not stop the others. Returns the greatest exit code.
+    // master is its key "error" then, and does not stop the others. Returns the greatest exit code.
     int each_master(const std::function<Answer<>(Master& master, Output& output)>& work);
     // Prints the result of a command for one slave.
     int print(const Output& output) const;
@@ -80,7 +81,11 @@ class Call {
   private:
     const Arguments& arguments_;
     std::vector<Master> masters_;
+    mutable bool printed_ = false;  // there is output already: with --json it is one document
 };
+
+// Reports a problem on standard error, with --json also as {"error": "…"} on standard output. Returns its exit code.
+int fail(const Arguments& arguments, const Problem& problem);
 
 // {"master": 0, "position": 3}
 [[nodiscard]] nlohmann::ordered_json place_json(const SelectedSlave& slave);

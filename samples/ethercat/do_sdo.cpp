@@ -1,4 +1,5 @@
 // The commands sdos, upload, download.
+#include "common/program.hpp"
 #include "ethercat/call.hpp"
 #include "ethercat/commands.hpp"
 #include "ethercat/values.hpp"
@@ -6,6 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
+
+#include <algorithm>
 
 namespace margay::ethercat {
 namespace {
@@ -18,6 +21,29 @@ std::string rights_text(std::uint16_t access) {
         text += (access & (8U << state)) != 0 ? 'w' : '-';
     }
     return text;
+}
+
+bool has_coe(const SlaveFacts& slave) {
+    return slave.mailbox.present() && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0;
+}
+
+// What a newcomer with a simulated segment needs to know.
+std::string hint(const Call& call) {
+    return call.value("source").starts_with("sim:") ? "; --source sim:drives has slaves with one" : "";
+}
+
+Answer<> check_coe(const Call& call, const SlaveFacts& slave) {
+    if (has_coe(slave)) return {};
+    return Problem{fmt::format("position {}: the slave has no object dictionary: its mailbox does not support CoE{}",
+                               slave.position, hint(call))};
+}
+
+// The one slave of a command for an object.
+Answer<SelectedSlave> slave_with_objects(Call& call) {
+    const auto slave = call.one_slave();
+    if (!slave) return slave;
+    if (const auto checked = check_coe(call, slave->slave); !checked) return checked.problem();
+    return slave;
 }
 
 struct Place {
@@ -82,9 +108,12 @@ int run_sdos(Call& call) {
         const auto selected = call.selected(master);
         if (!selected) return selected.problem();
         output.json["slaves"] = nlohmann::ordered_json::array();
+        if (selected->size() > 1 && std::ranges::none_of(*selected, has_coe))
+            samples::warn(fmt::format("warning: no slave of master {} has an object dictionary (CoE){}", master.index,
+                                      hint(call)));
         for (const SlaveFacts& slave : *selected) {
-            const bool coe = slave.mailbox.present() && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0;
-            if (!coe && selected->size() > 1) continue;
+            if (!has_coe(slave) && selected->size() > 1) continue;
+            if (const auto checked = check_coe(call, slave); !checked) return checked;
             if (selected->size() > 1) output.text += slave_heading(master, slave);
             const auto added = add_dictionary(call, {&master, slave}, output);
             if (!added) return added;
@@ -96,7 +125,7 @@ int run_sdos(Call& call) {
 int run_upload(Call& call) {
     const auto place = place_of(call.words(), call.words().size());
     if (!place) return call.fail(place.problem());
-    const auto slave = call.one_slave();
+    const auto slave = slave_with_objects(call);
     if (!slave) return call.fail(slave.problem());
     const auto type = type_of(call, *slave, *place);
     if (!type) return call.fail(type.problem());
@@ -123,7 +152,7 @@ int run_upload(Call& call) {
 int run_download(Call& call) {
     const auto place = place_of(call.words(), call.words().size() - 1);
     if (!place) return call.fail(place.problem());
-    const auto slave = call.one_slave();
+    const auto slave = slave_with_objects(call);
     if (!slave) return call.fail(slave.problem());
     const auto type = type_of(call, *slave, *place);
     if (!type) return call.fail(type.problem());

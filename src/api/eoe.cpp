@@ -73,6 +73,15 @@ Task<> set_ip(HookedSlave hooked, EoeIp ip) {
     co_return done;
 }
 
+Task<> set_filter(HookedSlave hooked, EoeFilter filter) {
+    EoeSetFilter request;
+    request.slave = hooked.number();
+    request.filter = filter;
+    request.timeout = startup_patience(hooked.slave()).each;
+    auto done = co_await run_in_hook(hooked, request);
+    co_return done;
+}
+
 }  // namespace
 
 EoeSetIp::EoeSetIp() : MailRequest(kSetIp) {}
@@ -81,6 +90,7 @@ EoeSetFilter::EoeSetFilter() : MailRequest(kSetFilter) {}
 EoeGetFilter::EoeGetFilter() : MailRequest(kGetFilter) {}
 
 Task<> HookedSlave::eoe_set_ip(const EoeIp& ip) const { return set_ip(*this, ip); }
+Task<> HookedSlave::eoe_set_filter(const EoeFilter& filter) const { return set_filter(*this, filter); }
 
 // ------------------------------------------------------------------ functions that wait
 

@@ -92,6 +92,9 @@ bool check_root(Reader& r) {
 void read_config(Reader& r, EniConfiguration& eni) {
     const Node config = r.root().child("Config");
     eni.master_name = Reader::text(child(config.child("Master").child("Info"), "Name"));
+    if (const Node eoe = config.child("Master").child("EoE"))
+        eni.eoe = {r.number<std::uint32_t>(child(eoe, "MaxPorts")), r.number<std::uint32_t>(child(eoe, "MaxFrames")),
+                   r.number<std::uint32_t>(child(eoe, "MaxMACs"))};
     std::deque<EniSlaveData> slaves;
     read_slaves(r, config, slaves);
     if (r.failed()) return;

@@ -85,6 +85,8 @@ struct EniSlaveData {
 };
 
 [[nodiscard]] EniSlaveData read_eni_slave(Reader& reader, Node node, std::uint16_t position);
+// The commands of EoE and AoE.
+void read_eni_mail(Reader& reader, Node mailbox, EniSlaveData& slave);
 // An init command of the master becomes a command of the slaves that it addresses.
 void add_master_command(Reader& reader, const EniInit& init, std::deque<EniSlaveData>& slaves);
 void add_register_command(Reader& reader, const EniInit& init, EniSlaveData& slave);

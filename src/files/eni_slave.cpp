@@ -1,6 +1,7 @@
 // One slave of an ENI file.
 #include "files/eni_read.hpp"
 #include "files/esi_read.hpp"
+#include "files/modules.hpp"
 #include "wire/fmmu.hpp"
 #include "wire/sync_manager.hpp"
 
@@ -252,11 +253,8 @@ void read_soe(Reader& r, Node protocol, EniSlaveData& s) {
 void read_mailbox(Reader& r, Node mailbox, EniSlaveData& s) {
     read_coe(r, mailbox.child("CoE"), s);
     read_soe(r, mailbox.child("SoE"), s);
-    for (const char* name : {"EoE", "AoE", "FoE", "VoE"})
-        for (const Node node : mailbox.child(name).child("InitCmds").children("InitCmd"))
-            r.remark(node, std::string("the start-up command of ") + name + " is not supported and not sent");
-    if (child(mailbox.child("AoE"), "NetId").there)
-        r.remark(mailbox.child("AoE"), "the AoE NetId is not given to the slave");
+    read_eni_mail(r, mailbox, s);
+    s.slave.modules = configured_modules(s.mail);
 }
 
 // The PDOs that SyncManager `number` has by Sm<n>/Pdo; without such a list those with the attribute Sm.

@@ -52,6 +52,11 @@ class EniWriter {
         add(info, "Destination", std::string("ffffffffffff"));
         add(info, "Source", std::string("000000000000"));
         add(info, "EtherType", std::string("a488"));
+        if (!settings_.eoe) return;
+        Node eoe = add(master, "EoE");
+        add(eoe, "MaxPorts", std::uint64_t{settings_.eoe->ports});
+        add(eoe, "MaxFrames", std::uint64_t{settings_.eoe->frames});
+        add(eoe, "MaxMACs", std::uint64_t{settings_.eoe->macs});
     }
 
     [[nodiscard]] bool read(const Slave& slave, std::uint16_t address, std::span<std::byte> into) {
@@ -228,7 +233,7 @@ class EniWriter {
             {"FoE", mailbox_protocol::kFoE}, {"SoE", mailbox_protocol::kSoE}, {"VoE", mailbox_protocol::kVoE}};
         for (const auto& [name, bit] : kProtocols)
             if ((slave.mailbox.protocols & bit) != 0) add(mailbox, "Protocol", std::string(name));
-        write_mail_commands(mailbox, slave);
+        write_mail_commands(mailbox, ctx_, slave);
     }
 
     void write_cyclic(Node config, std::size_t number) {

@@ -26,8 +26,12 @@ struct SlaveRegisters {
 // slave. `info` and `node`: the elements Info and Slave. Both return what an ENI cannot express, a sentence each.
 [[nodiscard]] std::vector<std::string> write_identification(Node info, Context& ctx, const Slave& slave);
 [[nodiscard]] std::vector<std::string> write_hot_connect(Node node, Context& ctx, const Slave& slave);
-// The start-up commands by mailbox, and the PDOs that are written.
-void write_mail_commands(Node mailbox, const Slave& slave);
+// The start-up commands by mailbox, the modules, and the PDOs that are written. Reads the list of configured modules.
+void write_mail_commands(Node mailbox, Context& ctx, const Slave& slave);
+// The messages of an ENI that send_mail() sends.
+void write_eoe_commands(Node mailbox, const Slave& slave);
+void write_aoe_commands(Node mailbox, const Slave& slave);
+void write_transitions(Node command, Transition transitions);
 // Reads the SII up to its end mark; returns an error in words.
 [[nodiscard]] std::string read_sii_image(Context& ctx, std::uint16_t slave, std::vector<std::byte>& image);
 

@@ -1,5 +1,6 @@
 // The init commands that an ENI has for a slave.
 #include "files/eni_write.hpp"
+#include "files/modules.hpp"
 #include "files/transitions.hpp"
 #include "wire/esc.hpp"
 
@@ -171,8 +172,7 @@ void coe_command(Node inits, Transition transitions, std::uint16_t index, std::u
                  const std::string& data, Duration timeout, bool complete) {
     Node node = add(inits, "InitCmd");
     if (complete) set(node, "CompleteAccess", true);
-    for (const Transition t : kTransitions)
-        if (contains(transitions, t)) add(node, "Transition", std::string(initials(t)));
+    write_transitions(node, transitions);
     const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(timeout).count();
     add(node, "Timeout", static_cast<std::uint64_t>(ms));
     add(node, "Ccs", std::uint64_t{1});
@@ -209,16 +209,34 @@ void pdo_commands(Node inits, const Slave& slave) {
     }
 }
 
+// The list of configured modules, where the slave has one and no start-up command writes it: before the PDOs, which
+// depend on the modules.
+void module_commands(Node inits, Context& ctx, const Slave& slave) {
+    if ((slave.mailbox.protocols & mailbox_protocol::kCoE) == 0) return;
+    if (!configured_modules(slave.config.startup()).empty()) return;
+    const std::vector<std::uint32_t> idents = modules_in_use(ctx, slave.number);
+    if (idents.empty()) return;
+    const auto write = [&](std::size_t subindex, std::uint64_t value, std::size_t octets) {
+        coe_command(inits, Transition::init_to_preop, kConfiguredModules, static_cast<std::uint8_t>(subindex),
+                    hex_value(value, octets), Duration{0}, false);
+    };
+    write(0, 0, 1);
+    for (std::size_t n = 0; n < idents.size(); ++n) write(n + 1, idents[n], 4);
+    write(0, idents.size(), 1);
+}
+
 }  // namespace
 
 std::vector<std::string> write_slave_inits(Node parent, const Slave& slave, const SlaveRegisters& registers) {
     return InitWriter(parent, slave, registers).run();
 }
 
-void write_mail_commands(Node mailbox, const Slave& slave) {
+void write_mail_commands(Node mailbox, Context& ctx, const Slave& slave) {
     Node coe = add(mailbox, "CoE");
     Node inits = add(coe, "InitCmds");
+    module_commands(inits, ctx, slave);
     if (!slave.config.fixed_pdos) pdo_commands(inits, slave);
+    write_eoe_commands(mailbox, slave);
     Node soe = add(mailbox, "SoE");
     Node parameters = add(soe, "InitCmds");
     for (const StartupCommand& one : slave.config.startup()) {
@@ -227,14 +245,14 @@ void write_mail_commands(Node mailbox, const Slave& slave) {
                         one.complete_access);
         if (one.kind != StartupCommand::Kind::write_parameter) continue;
         Node node = add(parameters, "InitCmd");
-        for (const Transition t : kTransitions)
-            if (contains(one.transitions, t)) add(node, "Transition", std::string(initials(t)));
+        write_transitions(node, one.transitions);
         add(node, "Timeout", std::uint64_t{0});
         add(node, "OpCode", std::uint64_t{3});
         add(node, "DriveNo", std::uint64_t{one.subindex});
         add(node, "IDN", std::uint64_t{one.index});
         add(node, "Data", hex_octets(one.octets()));
     }
+    write_aoe_commands(mailbox, slave);
     if (!inits.first_child()) coe.remove_child(inits);
     if (!coe.first_child()) mailbox.remove_child(coe);
     if (!parameters.first_child()) mailbox.remove_child(soe);

@@ -2,14 +2,13 @@
 #include <margay/files/esi.hpp>
 #include <margay/host_configuration.hpp>
 
+#include "files/modules.hpp"
 #include "files/xml.hpp"
 
 #include <algorithm>
 
 namespace margay::files {
 namespace {
-
-constexpr std::uint16_t kConfiguredModules = 0xF030;
 
 constexpr std::size_t kMostPdos = 1024;
 

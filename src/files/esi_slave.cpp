@@ -12,8 +12,6 @@
 namespace margay::files {
 namespace {
 
-constexpr std::uint16_t kDetectedModules = 0xF050;
-
 std::string said(const Error& error) {
     std::array<char, 256> text{};
     return std::string(describe(error, text));
@@ -85,26 +83,6 @@ std::string read_sii_image(Context& ctx, std::uint16_t slave, std::vector<std::b
         while (walker.next()) {
         }
         if (image.size() > wire::sii::kFixedBytes && walker.fault() == wire::sii::Fault::none) break;
-    }
-    return {};
-}
-
-std::string check_modules(Context& ctx, std::uint16_t slave, std::span<const std::uint32_t> wanted) {
-    const auto count = SDOread<std::uint8_t>(ctx, slave, kDetectedModules, 0);
-    if (!count) return said(count.error());
-    while (!wanted.empty() && wanted.back() == 0) wanted = wanted.first(wanted.size() - 1);
-    for (std::size_t slot = 0; slot < std::max<std::size_t>(wanted.size(), *count); ++slot) {
-        std::uint32_t found = 0;
-        if (slot < *count) {
-            const auto ident =
-                SDOread<std::uint32_t>(ctx, slave, kDetectedModules, static_cast<std::uint8_t>(slot + 1));
-            if (!ident) return said(ident.error());
-            found = *ident;
-        }
-        const std::uint32_t expected = slot < wanted.size() ? wanted[slot] : 0;
-        if (found != expected)
-            return "slave " + std::to_string(slave) + ", slot " + std::to_string(slot) + ": module " + hex(found, 8) +
-                   " is there, and " + hex(expected, 8) + " is wanted";
     }
     return {};
 }

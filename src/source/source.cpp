@@ -52,7 +52,7 @@ std::string Source::finish() {
     if (problem != nullptr && !problem->empty())
         say(*problem +
             " (a recording answers only what the recorded master asked: replay one that this program made itself by "
-            "--record with the same arguments)");
+            "--record with the same arguments; ethercat analyse FILE shows what the recording of any master contains)");
     return said;
 }
 

@@ -67,7 +67,7 @@ std::string_view to_text(Errc code) {
         case Errc::sizes_differ: return "sources differ";
         case Errc::types_differ: return "object 0x1C00 and the SII differ";
         case Errc::above_highest: return "the slave's configuration allows no such state";
-        case Errc::check_failed: return "the register does not have the required value";
+        case Errc::check_failed: return "the value is not the required one";
         case Errc::not_owner:
             return "another thread owns the context: submit a request, or call take_ownership() at a time that both "
                    "threads know";

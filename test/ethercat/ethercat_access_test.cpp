@@ -53,6 +53,19 @@ TEST_F(EthercatAccess, ListsDictionaries) {
     fails("sim:demo", "sdos -p 1", 1, "position 1: ");
 }
 
+TEST_F(EthercatAccess, ASlaveWithoutObjectsIsNamedAsThat) {
+    const std::string none = "position 3: the slave has no object dictionary: its mailbox does not support CoE";
+    for (const char* call : {"sdos -p 3", "upload -p 3 0x1018 1", "download -p 3 0x6060 0 8 -t int8"})
+        fails("sim:demo", call, 1, none);
+    fails("", "sdos -p 3 --source sim:demo", 1, none + "; --source sim:drives has slaves with one");
+    const auto all = ethercat("sim:demo", "sdos");
+    EXPECT_EQ(all.status, 0);
+    EXPECT_EQ(all.out, "");
+    EXPECT_TRUE(contains(all.err, "warning: no slave of master 0 has an object dictionary (CoE)")) << all.err;
+    // What the message names is true.
+    EXPECT_TRUE(contains(out("sim:drives", "sdos -p 0"), "SDO 0x1018"));
+}
+
 TEST_F(EthercatAccess, TransfersFiles) {
     const std::string slave = " -p 1 --password 0x4d47 --boot ";
     EXPECT_EQ(out("sim:bootloader", "foe_read firmware -o old.bin" + slave), "");

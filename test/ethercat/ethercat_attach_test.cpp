@@ -25,19 +25,21 @@ class EthercatAttach : public EthercatTest {
 };
 
 TEST_F(EthercatAttach, CommandsPrintTheSameAsOnASegmentOfTheirOwn) {
+    // Only a simulated segment of the command's own is a reason to name another one.
     const std::string commands =
+        "without_hint() { sed 's/; --source sim:drives has slaves with one//'; }\n"
         "e slaves | sed 's/OP/PREOP/; s/PREPREOP/PREOP/'\n"
         "e pdos\n"
         "e cstruct\n"
         "e config --verbose | sed 's/SAFEOP/X/; s/OP/X/'\n"
-        "e sdos -p 3 2>&1\n"
-        "e upload -p 3 -t uint32 0x1018 1 2>&1\n"
+        "e sdos -p 3 2>&1 | without_hint\n"
+        "e upload -p 3 -t uint32 0x1018 1 2>&1 | without_hint\n"
         "e sii_read -p 2 --verbose\n"
         "e reg_read -p 1 -t uint16 0x10\n"
         "e crc\n"
-        "e upload -p 3 0x5fff 0 2>&1\n"
+        "e upload -p 3 0x5fff 0 2>&1 | without_hint\n"
         "e upload -p 99 0x1018 1 2>&1\n"
-        "e upload -p 0 0x1018 1 2>&1\n"
+        "e upload -p 0 0x1018 1 2>&1 | without_hint\n"
         "e graph | sed 's/nOP/nPREOP/'\n";
     const auto alone = own(commands);
     const auto there = attached(commands + "true");

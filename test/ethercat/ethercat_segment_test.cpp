@@ -182,6 +182,7 @@ TEST_F(EthercatSegment, ReplaysTheRecordingOfTheSameCall) {
         EXPECT_EQ(out("pcap:r.pcap", command), live) << command;
     }
     fails("pcap:r.pcap", "xml", 1, "a recording answers only what the recorded master asked");
+    fails("pcap:r.pcap", "xml", 1, "ethercat analyse FILE");
     fails("pcap:none", "slaves", 3, "none");
     fails("sim:demo", "slaves --record no/such/folder", 3, "no/such/folder");
 }

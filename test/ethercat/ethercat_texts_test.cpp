@@ -3,6 +3,8 @@
 
 #include "ethercat/table.hpp"
 
+#include <nlohmann/json.hpp>
+
 namespace margay::process {
 namespace {
 
@@ -50,6 +52,31 @@ TEST_F(EthercatTexts, ArgumentsAreRefusedInWords) {
     fails("sim:demo", "slaves x", 2, "unexpected argument 'x'");
     EXPECT_EQ(out("sim:demo", "sla -p 0"), out("sim:demo", "slaves --pos 0")) << "shortened names";
     EXPECT_EQ(out("sim:demo", "-p 0 slaves"), out("sim:demo", "slaves -p0")) << "options before the command";
+}
+
+// One JSON document on standard output, whatever fails.
+TEST_F(EthercatTexts, ErrorsAreInTheJsonToo) {
+    const auto error_of = [&](const std::string& arguments, int code) {
+        const auto ran = ethercat("sim:demo", "--json " + arguments);
+        EXPECT_EQ(ran.status, code) << arguments << ran.err;
+        const auto json = nlohmann::json::parse(ran.out, nullptr, false);
+        EXPECT_FALSE(json.is_discarded()) << arguments << "\n" << ran.out;
+        if (json.is_discarded()) return std::string();
+        const auto& where = json.contains("masters") ? json["masters"][0] : json;
+        EXPECT_TRUE(where.contains("error")) << ran.out;
+        const auto text = where.value("error", "");
+EXPECT_TRUE(ran.err.starts_with("ethercat: " + text + "\n")) << ran.err;
+        return text;
+    };
+    const std::string unreachable = "missing.sock: no application can be reached: No such file or directory";
+    for (const char* call :
+         {"slaves", "upload -p 0 0x1018 1", "states PREOP", "graph", "reg_read -p 0 0x130 2", "data"})
+        EXPECT_EQ(error_of(std::string(call) + " --attach missing.sock", 3), unreachable) << call;
+    EXPECT_EQ(error_of("slaves -p 9", 1), "no slave of master 0 is selected by --position 9");
+    EXPECT_TRUE(contains(error_of("slaves --source no-such-if", 3), "no-such-if"));
+    EXPECT_TRUE(contains(error_of("slaves --master 5", 2), "no master is selected"));
+    EXPECT_TRUE(contains(error_of("slaves --wrong", 2), "--wrong"));
+    EXPECT_TRUE(contains(error_of("analyse missing.pcap", 3), "missing.pcap"));
 }
 
 TEST_F(EthercatTexts, TheManualPageHasNoWarnings) {

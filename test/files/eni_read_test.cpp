@@ -84,7 +84,9 @@ TEST(EniReader, NamesWhatIsNotSupportedByLine) {
     EXPECT_EQ(said,
               (std::vector<std::string>{
                   "line 20, column 38: the transition 'PP' is not supported: nothing is sent then",
-                  "line 12, column 17: the start-up command of EoE is not supported and not sent",
+                  "line 12, column 17: the start-up command of EoE is not sent: its data is neither that of IP "
+                  "parameters nor of "
+                  "an address filter",
                   "line 30, column 2: the inputs are at logical address 0x01000800 in the file; the library exchanges "
                   "them behind the outputs, at 0x01000002",
                   "line 31, column 2: Cnt is 2, and the FMMUs of the slaves give 1: the library expects what the "

@@ -136,7 +136,7 @@ TEST_F(Startup, WhatFailsIsNamedWithItsPlaceAndCause) {
         {write_register(preop_to_safeop, 0x5000, std::uint8_t{1}),
          "slave 1: command at PS (no. 2, register 0x5000): wrong working counter (expected 1, got 0)"},
         {check_register(preop_to_safeop, 0x0010, std::uint16_t{0x2222}, std::uint16_t{0x0FFF}),
-         "slave 1: command at PS (no. 2, register 0x0010): the register does not have the required value (wanted "
+         "slave 1: command at PS (no. 2, register 0x0010): the value is not the required one (wanted "
          "0x00000222, is 0x00000001)"},
         {StartupCommand{.transitions = preop_to_safeop, .index = 0x0F80},
          "slave 1: command at PS (no. 2, register 0x0f80): argument out of range: the value of the start-up command "
