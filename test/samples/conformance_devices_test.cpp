@@ -53,7 +53,7 @@ constexpr DeviceDescription kFastClock =
 constexpr DeviceDescription kVeryFastClock = changed(
     [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 100us, .max_cycle = 250us}; });
 constexpr DeviceDescription kVeryFastPll = changed(
-    [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 125us, .pll = true}; });
+    [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 250us, .pll = true}; });
 constexpr DeviceDescription kOwnTimeout = changed([](DeviceDescription& d) { d.output_timeout = 60ms; });
 constexpr DeviceDescription kShortClock =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .max_cycle = 1ms}; });
@@ -71,7 +71,7 @@ class SmallFirmware final : public sim::Firmware {
         all_->stack.device.start(now);
     }
     // A control loop compares frames with SYNC0.
-    static constexpr Duration kStep = Description.dc.pll && Description.dc.max_cycle == 125us ? 5us : 50us;
+    static constexpr Duration kStep = Description.dc.pll && Description.dc.max_cycle == 250us ? 5us : 50us;
     Time step(Time now) override { return std::min(all_->stack.device.step(now), now + kStep); }
 
   private:

@@ -180,8 +180,8 @@ constexpr Fault kFaults[] = {
      }},
     {"messages.lengths", "the length is one octet too long",
      [](std::uint16_t address, Octets& data) {
-         if (is_mail(address, data))
-             store_le(MutableBytes(data), 0, static_cast<std::uint16_t>(load_le<std::uint16_t>(data, 0) + 1));
+         if (is_mail(address, data) && load_le<std::uint16_t>(data, 0) == coe::kSdoBytes)
+             store_le(MutableBytes(data), 0, std::uint16_t{coe::kSdoBytes + 1});
          return true;
      }},
     {.check = "clock.cycle_short",
