@@ -134,9 +134,9 @@ TEST_F(StrictEsc, ASyncManagerOverRegistersHasNoEffect) {
         EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0815) & 0x0F, 0) << "nothing was handed over";
     }
     move(0x0420, 1, 0x64);
-    EXPECT_EQ(rig.put<std::uint16_t>(0, 0x0420, 1000), 1);
-    EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0440), 0) << "no watchdog is triggered";
+    EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0440), 1) << "no SyncManager triggers the watchdog";
     move(0x0F00, 2, 0x44);
+    EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0440), 0) << "the watchdog waits for the first trigger";
     EXPECT_EQ(rig.write(0, 0x0F00, bytes({1, 2})).wkc, 1);
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0440), 1) << "the digital outputs trigger it";
 }
