@@ -205,14 +205,13 @@ bool Bench::try_to_enter(AlState state) {
 }
 
 bool Bench::wants_clock(const AlStatus& status) {
-    constexpr unsigned kMostAttempts = 4;
     if (!activate_clock_ || !status.error) return false;
     const auto code = static_cast<wire::AlStatusCode>(status.code);
     const bool cycle = code == wire::AlStatusCode::invalid_dc_sync_cycle_time ||
                        code == wire::AlStatusCode::invalid_dc_sync0_cycle_time;
     const bool off =
         code == wire::AlStatusCode::invalid_dc_sync_configuration || code == wire::AlStatusCode::no_sync_error;
-    if (uses_clock() ? !cycle || clock_attempts_ == kMostAttempts : !cycle && !off) return false;
+    if (uses_clock() ? !cycle || clock_attempts_ == most_attempts_ : !cycle && !off) return false;
     ++clock_attempts_;
     return true;
 }

@@ -107,9 +107,12 @@ class Bench {
 
     // --- Distributed clocks ---
     // Some slaves refuse SAFEOP or OP without SYNC signals. `activate` writes the SYNC unit in PREOP, by the operation
-    // mode of the SII; with `attempt` from 1 on it chooses another cycle.
+    // mode of the SII; with `attempt` from 1 on it chooses another cycle. `attempts` is the number of cycles.
     // It returns the period of the frames that suits the cycle.
-    void on_clock(std::function<Duration(unsigned attempt)> activate) { activate_clock_ = std::move(activate); }
+    void on_clock(std::function<Duration(unsigned attempt)> activate, unsigned attempts) {
+        activate_clock_ = std::move(activate);
+        most_attempts_ = attempts;
+    }
     // Whether the transition was refused because the clock is off, or because of its cycle. Then
     // configure_process_data() activates the clock from now on, or chooses another cycle: try again.
     [[nodiscard]] bool wants_clock(const AlStatus& status);
@@ -151,6 +154,7 @@ class Bench {
     std::function<Duration(unsigned)> activate_clock_;
     Duration period_ = std::chrono::milliseconds(1);
     unsigned clock_attempts_ = 0;
+    unsigned most_attempts_ = 0;
     CheckResult* result_ = nullptr;
     std::string_view clause_;
 };

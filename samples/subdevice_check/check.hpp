@@ -66,6 +66,7 @@ struct SiiPdo {
 // PREOP; with `attempt` from 1 on, where the SII leaves the cycle to the master, with another cycle (clocks.cpp).
 // Returns the period of the frames.
 [[nodiscard]] bool has_sync_mode(const Session& session);
+[[nodiscard]] unsigned clock_attempts();  // the number of cycles
 [[nodiscard]] Duration activate_clock(Session& session, unsigned attempt);
 
 // Entries that can be written in PREOP with the value that they have, without an effect: configuration of the

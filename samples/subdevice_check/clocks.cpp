@@ -13,9 +13,11 @@ using wire::AlStatusCode;
 namespace sii = wire::sii;
 
 // The cycles that are tried, in this order, where the SII leaves the cycle to the master: the next one when the slave
-// refuses a cycle by AL status code 0x0035 or 0x0036.
-constexpr Duration kBusCycles[] = {2ms, 1ms, 4ms, 500us};
-constexpr Duration kStartIn = 50ms;  // SYNC0 begins this long after its activation
+// refuses a cycle by AL status code 0x0035 or 0x0036. The short ones are the last, because not every master can send
+// frames so often.
+constexpr Duration kBusCycles[] = {2ms, 1ms, 4ms, 500us, 250us, 125us, 100us, 62'500ns, 50us};
+constexpr Duration kShortestTried = 10us;  // of SYNC0
+constexpr Duration kStartIn = 50ms;        // SYNC0 begins this long after its activation
 
 std::vector<sii::DcOpMode> modes_of(const Session& session) {
     std::vector<sii::DcOpMode> modes;
@@ -168,13 +170,23 @@ bool refuses_cycle(const AlStatus& status) {
            (code == AlStatusCode::invalid_dc_sync_cycle_time || code == AlStatusCode::invalid_dc_sync0_cycle_time);
 }
 
-// The cycles for a mode: that of the SII, or those of the master. The slave may tell its shortest cycle (0x1C32:05).
+// The shortest SYNC0 cycle that the slave tells: 0x1C32:05, without outputs 0x1C33:05, or those of another SyncManager.
+std::optional<Duration> shortest_cycle(Session& session) {
+    std::uint32_t shortest = 0;
+    for (const auto& area : session.bench.areas())
+        shortest = std::max(shortest,
+                            session.sdo.number(static_cast<std::uint16_t>(0x1C30 + area.sync_manager), 5).value_or(0));
+    if (shortest == 0) return std::nullopt;
+    return Duration{shortest};
+}
+
+// The cycles for a mode: that of the SII, or those of the master. The slave may tell its shortest cycle.
 std::vector<Duration> bus_cycles(Session& session, const sii::DcOpMode& mode) {
     if (mode.sync0_cycle_time_ns != 0) return {kBusCycles[0]};
     std::vector<Duration> cycles(std::begin(kBusCycles), std::end(kBusCycles));
     if (!session.bench.has(mailbox_protocol::kCoE) || session.mail.dead()) return cycles;
     session.bench.enter(AlState::preop);
-    const auto shortest = Duration{session.sdo.number(0x1C32, 5).value_or(0)};
+    const auto shortest = shortest_cycle(session).value_or(Duration{});
     const auto possible = [&](Duration bus) { return sync0_cycle(mode, bus) >= shortest; };
     if (std::ranges::none_of(cycles, possible)) cycles.insert(cycles.begin(), shortest);
     std::ranges::stable_partition(cycles, possible);
@@ -192,6 +204,14 @@ AlStatus start(Session& session, const sii::DcOpMode& mode, SyncSetting& setting
     return status;
 }
 
+std::string cycles_text(const sii::DcOpMode& mode) {
+    std::string text;
+    for (const auto bus : kBusCycles)
+        text +=
+            fmt::format("{}{}", text.empty() ? "" : ", ", static_cast<double>(sync0_cycle(mode, bus).count()) / 1e3);
+    return text;
+}
+
 void check_sync(Session& session) {
     auto& bench = session.bench;
     for (const auto& mode : needs_modes(session)) {
@@ -200,9 +220,8 @@ void check_sync(Session& session) {
         const auto status = start(session, mode, setting, grid);
         if (refuses_cycle(status) && mode.sync0_cycle_time_ns == 0)
             bench.skip(
-                fmt::format("AssignActivate 0x{:04x} could not be tried: the slave refuses SYNC0 each 2 ms, 1 "
-                            "ms, 4 ms and 500 µs ({})",
-                            mode.assign_activate, status_text(status)));
+                fmt::format("AssignActivate 0x{:04x} could not be tried: the slave refuses SYNC0 each {} µs ({})",
+                            mode.assign_activate, cycles_text(mode), status_text(status)));
         if (status.state != AlState::op || status.error) {
             bench.fail(fmt::format("with SYNC0 each {} µs (AssignActivate 0x{:04x}) the slave is in {}",
                                    setting.cycle / 1us, mode.assign_activate, status_text(status)));
@@ -311,6 +330,29 @@ void check_cycle_zero(Session& session) {
                    "ETG.1020, AL Status Codes");
 }
 
+// SYNC0 twice as often as the slave says that it can follow.
+void check_cycle_short(Session& session) {
+    auto& bench = session.bench;
+    const auto mode = needs_modes(session).front();
+    if (mode.sync0_cycle_time_ns != 0) bench.skip("the SII has a cycle time of its own");
+    session.sdo.needs_sdo();
+    bench.enter(AlState::preop);
+    const auto shortest = shortest_cycle(session);
+    if (!shortest) bench.skip("the slave does not tell its shortest cycle (0x1C32:05)");
+    auto setting = setting_of(mode);
+    setting.cycle = *shortest / 2;
+    if (setting.cycle < kShortestTried) bench.skip("half of the shortest cycle is too short for a trial");
+    setting.bus = setting.cycle * std::max<std::int64_t>(1, kBusCycles[0] / setting.cycle);
+    Time grid{};
+    const auto status = start(session, setting, grid);
+    // In SAFEOP, another error than that of the cycle time is the lack of frames for each SYNC0.
+    if (status.state != AlState::preop && !refuses_cycle(status))
+        bench.remark(
+            fmt::format("the slave tells a shortest cycle of {} ns (subindex 5 of 0x1C32 or 0x1C33), and SYNC0 "
+                        "each {} ns is accepted",
+                        shortest->count(), setting.cycle.count()));
+}
+
 // SYNC0 alone, and the cycle time of SYNC1 left over by another configuration.
 void check_cycle1(Session& session) {
     auto& bench = session.bench;
@@ -337,12 +379,15 @@ constexpr Check kChecks[] = {
     {"clock.lost", "OP ends when SYNC0 ends, and needs a new SYNC0", kSync, check_lost},
     {"clock.sync1", "an operation mode with SYNC1 needs SYNC1", kSync, check_sync1},
     {"clock.cycle_zero", "SYNC0 with a cycle time of 0 is refused with 0x0036", kSync, check_cycle_zero},
+    {"clock.cycle_short", "SYNC0 shorter than the cycle in 0x1C32:05 is refused", kSync, check_cycle_short},
     {"clock.cycle1", "an unused cycle time of SYNC1 does no harm", kSync, check_cycle1},
 };
 
 }  // namespace
 
 std::span<const Check> clock_checks() { return kChecks; }
+
+unsigned clock_attempts() { return static_cast<unsigned>(std::size(kBusCycles)); }
 
 bool has_sync_mode(const Session& session) {
     const auto modes = modes_of(session);
@@ -354,9 +399,10 @@ bool has_sync_mode(const Session& session) {
 Duration activate_clock(Session& session, unsigned attempt) {
     const auto modes = modes_of(session);
     const auto& mode = *std::ranges::find_if(modes, uses_sync);
-    constexpr Duration kCycles[] = {1ms, 2ms, 4ms, 500us};
+    auto cycles = std::to_array(kBusCycles);
+    std::swap(cycles[0], cycles[1]);  // 1 ms, as without a clock
     const auto bus = mode.sync0_cycle_time_ns != 0 ? Duration{mode.sync0_cycle_time_ns}
-                                                   : kCycles[std::min<std::size_t>(attempt, std::size(kCycles) - 1)];
+                                                   : cycles[std::min<std::size_t>(attempt, cycles.size() - 1)];
     activate(session.bench, setting_of(mode, bus), session.bench.grid());
     return bus;
 }

@@ -39,6 +39,23 @@ std::size_t shortest(const Mail& mail) {
     }
 }
 
+// The length of a message whose content has a fixed or an announced size; nullopt: another message.
+std::optional<std::size_t> longest(const Mail& mail) {
+    if (mail.header.type == MailboxType::error) return wire::kMailboxErrorBytes;
+    if (mail.header.type != MailboxType::coe || mail.data.size() < coe::kSdoBytes) return std::nullopt;
+    const auto service = coe::load_header(mail.data).service;
+    const auto command = coe::SdoLayout::command::load(mail.data);
+    const auto specifier = coe::sdo::specifier(command);
+    const bool abort = service == coe::Service::sdo_request && specifier == coe::kAbortSpecifier;
+    if (abort) return coe::kSdoBytes;
+    if (service != coe::Service::sdo_response) return std::nullopt;
+    if (specifier == coe::response::kDownload || specifier == coe::response::kDownloadSegment) return coe::kSdoBytes;
+    if (specifier != coe::response::kUpload) return std::nullopt;
+    if ((command & coe::sdo::kExpedited) != 0) return coe::kSdoBytes;
+    if ((command & coe::sdo::kSizeIndicated) == 0) return std::nullopt;
+    return coe::kSdoBytes + std::size_t{coe::SdoLayout::complete_size::load(mail.data)};
+}
+
 bool is_coe(const Mail& mail, coe::Service service) {
     return mail.header.type == MailboxType::coe && mail.data.size() >= coe::kHeaderBytes &&
            coe::load_header(mail.data).service == service;
@@ -194,6 +211,8 @@ void MailBench::judge(const Mail& mail) {
     else if (header.length < shortest(mail))
         note(Oddity::too_short,
              fmt::format("length {} in a message of protocol {}", header.length, wire::to_text(header.type)));
+    else if (const auto most = longest(mail); most && header.length > *most)
+        note(Oddity::surplus, fmt::format("length {} in place of {}: {}", header.length, *most, hex(mail.data)));
     if (header.channel != 0)
         note(Oddity::channel,
              fmt::format("a message of protocol {} on channel {}", wire::to_text(header.type), header.channel));

@@ -21,6 +21,7 @@ enum class Oddity : std::uint8_t {
     counter_order,       // it does not follow that of the message before
     too_long,            // the length in the header is larger than the mailbox
     too_short,           // shorter than the header of its protocol
+    surplus,             // longer than its content
     other_station,       // the address is not that of the request
     unasked_reply,       // a reply that no request asked for
     protocol_unknown,    // a protocol that the SII does not announce
@@ -28,7 +29,7 @@ enum class Oddity : std::uint8_t {
     channel,             // the channel of a message is not 0
     coe_number,          // the number in a CoE header is not 0, and the message is no PDO
 };
-inline constexpr std::size_t kOddities = 10;
+inline constexpr std::size_t kOddities = 11;
 
 class MailBench {
   public:

@@ -27,6 +27,7 @@ void check_lengths(Session& session) {
     needs_mailbox(session);
     fail_for(session, Oddity::too_long, "messages longer than the mailbox");
     fail_for(session, Oddity::too_short, "messages shorter than the header of their protocol");
+    fail_for(session, Oddity::surplus, "messages longer than their content");
 }
 
 void check_unasked(Session& session) {

@@ -4,6 +4,7 @@
 #include "wire/al_status_code.hpp"
 
 #include <algorithm>
+#include <functional>
 
 namespace margay::samples::conformance {
 namespace {
@@ -59,6 +60,7 @@ void check_lists(Session& session) {
                 const auto index = static_cast<std::uint16_t>(entry >> 16);
                 if (index < 0x6000 || index >= 0xF000) continue;
                 const auto slot = (index & 0x0FFFU) / *distance + 1;
+                if (slot > *most) continue;  // an object of the device itself, behind those of the slots
                 if (slot <= idents.size() && idents[slot - 1] != 0) continue;
                 bench.fail(fmt::format("PDO 0x{:04x} maps {}, an object of slot {}, which is empty by 0xF050", pdo,
                                        object_text(index, static_cast<std::uint8_t>(entry >> 8)), slot));
@@ -136,9 +138,18 @@ void check_mismatch(Session& session) {
     auto more = plugged;  // a module that is not there
     if (more.size() < session.sdo.number(kGeneral, 2).value_or(0))
         more.push_back(more.empty() || more.back() == 0 ? 1 : more.back());
-    auto exchanged = plugged;
-    std::ranges::reverse(exchanged);
-    for (const auto& wrong : {other, fewer, more, exchanged}) {
+    auto exchanged = plugged;  // the same modules in other slots
+    const auto differ = std::ranges::adjacent_find(exchanged, std::not_equal_to{});
+    if (differ != exchanged.end()) std::iter_swap(differ, differ + 1);
+    std::vector<std::vector<std::uint32_t>> lists{other, fewer, more, exchanged};
+    // One wrong module in each of the first slots, and in the last one.
+    constexpr std::size_t kMostSlots = 16;
+    for (std::size_t slot = 1; slot < plugged.size(); ++slot) {
+        if (slot >= kMostSlots && slot + 1 != plugged.size()) continue;
+        lists.push_back(plugged);
+        lists.back()[slot] ^= 1;
+    }
+    for (const auto& wrong : lists) {
         if (wrong.empty() || wrong == plugged) continue;  // no expectation, or the right one
         const auto status = start_with(session, wrong);
         if (status.state != AlState::preop || !status.error)

@@ -229,14 +229,24 @@ void check_unknown_pdo(Session& session) {
 
 void check_locked(Session& session) {
     auto& bench = session.bench;
-    const auto areas = assignable(session);
-    bench.enter(AlState::safeop);
-    for (const auto& area : areas) {
-        const auto index = assignment_of(area);
-        if (session.sdo.download<std::uint8_t>(index, 0, 0) != Abort::none) continue;
-        bench.fail(fmt::format("the PDO assignment {} was changed in SAFEOP", object_text(index, 0)));
-        bench.enter(AlState::preop);
-        return;
+    enter(session);
+    std::vector<std::uint16_t> changeable;
+    for (const auto& area : bench.areas()) {
+        if (area.setting.length_bytes == 0) continue;
+        if (writable(session, assignment_of(area))) changeable.push_back(assignment_of(area));
+        for (const auto& pdo : dictionary_pdos(session, area).value_or(std::vector<SiiPdo>{}))
+            if (writable(session, pdo.index)) changeable.push_back(pdo.index);
+    }
+    if (changeable.empty()) bench.skip("the PDO assignment and the mapping cannot be changed");
+    for (const auto index : changeable) {
+        const Kept kept(session, index);
+        for (const auto state : {AlState::safeop, AlState::op}) {
+            bench.enter(state);
+            (void)bench.exchange();
+            if (session.sdo.download<std::uint8_t>(index, 0, 0) != Abort::none) continue;
+            bench.fail(fmt::format("{} was changed in {}", object_text(index, 0), state_text(state)));
+            return;
+        }
     }
 }
 
@@ -287,7 +297,7 @@ constexpr Check kChecks[] = {
     {"pdos.sii", "the objects and the SII assign the same PDOs", "ETG.2010, category TXPDO and RXPDO", check_sii},
     {"pdos.assignment", "the assignment is changed in the order of the standard", kAssign, check_assignment},
     {"pdos.unknown", "a PDO that does not exist cannot be used", kAssign, check_unknown_pdo},
-    {"pdos.locked", "the assignment cannot be changed in SAFEOP", kAssign, check_locked},
+    {"pdos.locked", "assignment and mapping cannot be changed in SAFEOP and OP", kAssign, check_locked},
     {"pdos.mapping", "the mapping is changed in the order of the standard", kMapping, check_mapping},
 };
 

@@ -115,7 +115,7 @@ Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t n
     bench.on_preop([&session] { find_process_data_lengths(session); });
     read_content(session);
     if (has_sync_mode(session))
-        bench.on_clock([&session](unsigned attempt) { return activate_clock(session, attempt); });
+        bench.on_clock([&session](unsigned attempt) { return activate_clock(session, attempt); }, clock_attempts());
 
     const auto& slave = bench.slave();
     Report report{number, std::string(slave.name().empty() ? "a device without a name" : slave.name()),

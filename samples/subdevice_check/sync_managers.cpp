@@ -108,12 +108,14 @@ void check_process_settings(Session& session) {
     bench.enter(AlState::preop);
     bench.configure_process_data();
     if (bench.area(true) == nullptr && bench.area(false) == nullptr) bench.skip("the slave has no process data");
-    for (const bool outputs : {true, false}) {
-        if (bench.area(outputs) == nullptr) continue;
+    const auto areas = bench.areas();
+    for (std::size_t n = 0; n < areas.size(); ++n) {
+        if (areas[n].setting.length_bytes == 0) continue;
+        const bool outputs = areas[n].outputs;
         for (const auto& mistake : kProcessMistakes) {
             bench.enter(AlState::preop);
             bench.configure_process_data();
-            const auto area = *bench.area(outputs);
+            const auto area = bench.areas()[n];
             auto setting = area.setting;
             mistake.spoil(setting);
             bench.write_sync_manager(area.sync_manager, setting);
@@ -179,10 +181,12 @@ void check_process_data_off(Session& session) {
     needs_checks(bench);
     bench.enter(AlState::safeop);
     if (bench.area(true) == nullptr && bench.area(false) == nullptr) bench.skip("the slave has no process data");
-    for (const bool outputs : {true, false}) {
-        if (bench.area(outputs) == nullptr) continue;
+    for (std::size_t nth = 0; nth < bench.areas().size(); ++nth) {
         bench.enter(AlState::op);
-        const auto n = bench.area(outputs)->sync_manager;
+        const auto area = bench.areas()[nth];
+        if (area.setting.length_bytes == 0) continue;
+        const bool outputs = area.outputs;
+        const auto n = area.sync_manager;
         bench.write<std::uint8_t>(static_cast<std::uint16_t>(reg::sync_manager(n).address + 6), 0);
         const auto status = after_change(bench, AlState::op, true);
         if ((status.state != AlState::preop && status.state != AlState::init) || !status.error)

@@ -10,7 +10,6 @@ namespace {
 
 namespace reg = wire::reg;
 constexpr std::uint32_t kAddressSpace = 0x10000;
-constexpr std::uint32_t kDigitalOutputs = 0x0F00;  // process data that is not in RAM
 
 }  // namespace
 

@@ -19,6 +19,9 @@ inline constexpr std::uint8_t kReadEffect = 0x10;   // a read has side effects
 inline constexpr std::uint8_t kWriteEffect = 0x20;  // a write does something else than to store the octet
 }  // namespace access
 
+// The digital outputs of an ESC: process data that is not in RAM.
+inline constexpr std::uint32_t kDigitalOutputs = 0x0F00;
+
 class RegisterFile {
   public:
     static constexpr std::uint32_t kSize = 0x1000;

@@ -49,8 +49,9 @@ void SyncManagers::reconfigure(unsigned n) {
     channel.control = raw.control;
     channel.activate = raw.activate;
     channel.locked_by_pdi = locked;
-    channel.enabled = raw.enabled() && raw.length_bytes > 1;
-    const bool single = raw.enabled() && raw.length_bytes == 1 && !locked;
+    const bool over_data = raw.physical_start >= kDigitalOutputs;
+    channel.enabled = raw.enabled() && raw.length_bytes > 1 && over_data;
+    const bool single = raw.enabled() && raw.length_bytes == 1 && !locked && over_data;
     singles_ = single ? singles_ | (1u << n) : singles_ & ~(1u << n);
     const bool in_ram = channel.start >= reg::kProcessRam;
     channel.three = !channel.mailbox() && in_ram && channel.start + 3 * channel.length <= ram_end_;

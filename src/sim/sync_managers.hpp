@@ -33,7 +33,10 @@ class SyncManagers {
     // Updates the status octets in the registers.
     void settle() const;
 
-    // Call it after the registers of channel n were written: reads the new configuration.
+    // Call it after the registers of channel n were written: reads the new configuration. A channel that begins below
+    // the digital outputs (0x0F00) would lie over the registers of the ESC: it has no effect, and its status is that of
+    // a channel that is off. (Buffers are in the process RAM; the digital outputs are the only registers that terminals
+    // give to a SyncManager. No recording shows one over other registers.)
     void reconfigure(unsigned n);
     // Whether the first five octets of channel n are write protected. They can be written only while the channel is
     // off.

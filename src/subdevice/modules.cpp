@@ -46,7 +46,7 @@ void Modules::lay_out(ObjectDictionary& dictionary) {
     count_ = 0;
     hidden_ = false;
     unsigned last = 0;
-    dictionary.set_modules({}, device_.index_distance);
+    dictionary.set_modules({}, device_.index_distance, {});
     for (unsigned slot = 1; slot <= device_.slots; ++slot) {
         const auto ident = detected_[slot - 1];
         const bool anew = first || used_[slot - 1] != ident;
@@ -59,7 +59,7 @@ void Modules::lay_out(ObjectDictionary& dictionary) {
     }
     show_list(kModuleProfileList, 0, last);
     show_detected();
-    dictionary.set_modules(objects_.first(count_), device_.index_distance);
+    dictionary.set_modules(objects_.first(count_), device_.index_distance, used_);
     assign(kOutputAssignment, device_.own_rx_pdos, true);
     assign(kInputAssignment, device_.own_tx_pdos, false);
 }

@@ -51,6 +51,10 @@ void ObjectDictionary::restore_defaults(const Object& object, std::uint16_t acce
     }
 }
 
+std::uint32_t ObjectDictionary::module_ident(const Object& object) const {
+    return object.slot != 0 && object.slot <= module_idents_.size() ? module_idents_[object.slot - 1U] : 0;
+}
+
 MutableBytes ObjectDictionary::in_image(const Object& object, const Entry& entry, unsigned subindex) const {
     if (entry.storage != Storage::image) return {};
     const auto first = std::size_t{object.image_start} + entry.offset;

@@ -172,8 +172,8 @@ struct ObjectHooks {
     void (*after_write)(const ObjectAccess&) = nullptr;  // the value is stored
     // Storage::provided: returns the value with its current length; for a write it returns all available memory.
     MutableBytes (*memory)(const ObjectAccess&) = nullptr;
-    // Downloads larger than the staging buffer are written segment by segment into the memory of the object.
-    // before_write is called after that.
+    // Values larger than the staging buffer are read from the memory of the object, and written into it, segment by
+    // segment; before_write is called after that. false: they are refused.
     bool in_pieces = false;
 };
 
@@ -420,20 +420,20 @@ class ObjectDictionary {
     // Sets all entries in the image to their initial values. With `access` not 0: only entries that have these access
     // bits (for example od::kBackup).
     void restore_defaults(std::uint16_t access = 0);
-
     void restore_defaults(const Object& object, std::uint16_t access = 0);
 
-    // The objects of the modules, ascending by index, and the distance between the indices of two slots. Modules calls
-    // it. Other objects of modules must not be in use meanwhile.
-    void set_modules(std::span<const Object> objects, std::uint16_t distance) {
+    // The objects of the modules, ascending by index, the distance between the indices of two slots, and the idents of
+    // the modules in the slots. Modules calls it. Other objects of modules must not be in use meanwhile.
+    void set_modules(std::span<const Object> objects, std::uint16_t distance, std::span<const std::uint32_t> idents) {
         const Guard guard(lock_);
         modules_ = objects;
         module_distance_ = distance;
+        module_idents_ = idents;
     }
-
+    // Of the module that has the object; 0: the object belongs to the device.
+    [[nodiscard]] std::uint32_t module_ident(const Object& object) const;
     // Memory of a value in the image; empty for another storage.
     [[nodiscard]] MutableBytes in_image(const Object& object, const Entry& entry, unsigned subindex) const;
-
     // The constant or initial value of a number. In the PDO of a module, the objects of the module are those of its
     // slot.
     [[nodiscard]] std::uint64_t initial(const Object& object, const Entry& entry) const;
@@ -455,6 +455,7 @@ class ObjectDictionary {
     std::span<const Object> objects_;
     std::span<const Object> modules_{};
     std::uint16_t module_distance_ = 0;
+    std::span<const std::uint32_t> module_idents_{};
     MutableBytes image_;
     Application* application_;
     const PdoMapping* blocked_ = nullptr;

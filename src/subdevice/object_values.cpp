@@ -174,8 +174,14 @@ Abort check_complete(const ObjectAccess& access, Bytes data) {
             return;
         }
         any = true;
-        if (entry.bits < 8 || varies(entry.type)) return;  // all bit patterns are valid
-        wrong = check_value(at(access, n), entry, data.subspan(bit / 8, entry.bytes()));
+        if (varies(entry.type)) return;
+        if (entry.bits >= 8) {
+            wrong = check_value(at(access, n), entry, data.subspan(bit / 8, entry.bytes()));
+            return;
+        }
+        Scratch scratch{};
+        copy_bits(scratch, 0, data, bit, entry.bits);
+        wrong = check_value(at(access, n), entry, Bytes(scratch).first(1));
     });
     if (wrong != Abort::none) return wrong;
     return any || why == Abort::none ? Abort::none : why;

@@ -140,7 +140,8 @@ AlStatusCode ProcessData::missing(Time now) {
     forget_lost_sync(now);
     if (!sync_seen_) return AlStatusCode::no_sync_error;
     constexpr unsigned kEnough = 4;
-    const bool unlocked = application_.description().dc.pll && has_outputs() && locked_ < kEnough;
+    const bool counted = has_outputs() && (last_output_ & unseen_) == 0;
+    const bool unlocked = application_.description().dc.pll && counted && locked_ < kEnough;
     return unlocked ? AlStatusCode::pll_error : AlStatusCode::none;
 }
 

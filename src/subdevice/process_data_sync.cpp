@@ -226,7 +226,8 @@ void ProcessData::count_sync(Time now) {
     sync_seen_ = sync_began_ = true;
     last_sync_ = now;
     watch_lock();
-    if (!outputs_valid_ || !has_outputs() || ++syncs_ < syncs_per_frame_) return;
+    // Nothing shows when outputs of one octet arrive: the watchdog monitors them.
+    if (!outputs_valid_ || !has_outputs() || (last_output_ & unseen_) != 0 || ++syncs_ < syncs_per_frame_) return;
     syncs_ = 0;
     ++missed_;
     count_missed_frames();
@@ -239,7 +240,7 @@ void ProcessData::count_missed_frames() {
             add_to_sync_counter(area.sync_parameters(), sync_subindex::kMissedFrames);
     });
     if (late_ != 0) ++counters_.missed_frames;
-    late_ = output_areas_;
+    late_ = output_areas_ & ~unseen_;
 }
 
 }  // namespace margay::subdevice

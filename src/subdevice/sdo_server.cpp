@@ -115,6 +115,12 @@ void SdoServer::upload(Outbox& out, Time now) {
     upload_now(out, now);
 }
 
+// Whether the value may be read in pieces: it never changes, or its author takes care of that.
+bool SdoServer::source_stays() const {
+    if (entry_->storage != Storage::image && entry_->storage != Storage::provided) return true;
+    return source_.size() > staging_.size() && object_->hooks != nullptr && object_->hooks->in_pieces;
+}
+
 void SdoServer::upload_now(Outbox& out, Time now) {
     const Guard guard(dictionary_.lock());  // the value is copied as a whole
     if (complete_) {
@@ -137,7 +143,8 @@ void SdoServer::upload_now(Outbox& out, Time now) {
     }
     const auto first = std::min(size, at.size() - SdoLayout::normal_data);
     // Copied, because the application may change the value during the transfer.
-    if (first < size && !complete_ && size <= staging_.size()) {
+    if (first < size && !complete_ && !source_stays()) {
+        if (size > staging_.size()) return abort(Abort::out_of_memory, out);
         std::copy(source_.begin(), source_.end(), staging_.begin());
         source_ = staging_.first(size);
     }

@@ -29,6 +29,7 @@ class SdoServer {
 
     void upload(Outbox& out, Time now);
     void upload_now(Outbox& out, Time now);
+    [[nodiscard]] bool source_stays() const;
     void upload_segment(std::uint8_t command, Outbox& out);
     void download(std::uint8_t command, Bytes data, Outbox& out, Time now);
     void download_segmented(std::size_t size, Bytes first, Outbox& out);

@@ -9,8 +9,8 @@
 namespace margay::subdevice {
 namespace {
 
-// The head of a block. `layout` is a CRC of the table: values of another table are not loaded. The limits of the values
-// are no part of it: a firmware with other limits loads the values that it allows.
+// The head of a block. `layout` is a CRC of the table and of the kinds of modules: values of others are not loaded. The
+// limits of the values are no part of it: a firmware with other limits loads the values that it allows.
 struct Head {
     using layout = Field<std::uint32_t, 0>;
     using size = Field<std::uint32_t, 4>;
@@ -63,6 +63,8 @@ std::size_t block_bytes(const ObjectDictionary& dictionary) {
 std::uint32_t layout_of(const ObjectDictionary& dictionary) {
     Crc crc;
     for_each_line(dictionary, [&](const Object& object, const Entry& entry) {
+        // Two kinds of modules may have the same objects.
+        if (object.slot != 0) crc.add(dictionary.module_ident(object));
         crc.add(std::uint32_t{object.index} << 16 | std::uint32_t{entry.subindex} << 8 | entry.count);
         crc.add(std::uint32_t{static_cast<std::uint16_t>(entry.type)} << 16 | entry.bits);
     });

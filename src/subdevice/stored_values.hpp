@@ -55,8 +55,8 @@ class StoredValues {
 
     // Copies the stored values into the dictionary. Call it before Device::start(). Returns false and changes nothing
     // if there is no block, the block is damaged, or it belongs to another table of objects: one with other indices,
-    // subindices, data types or sizes. A value outside the limits of this table (a firmware with other limits has
-    // stored it) keeps its initial value; the other values are loaded.
+    // subindices, data types or sizes, or with a module of another kind in a slot. A value outside the limits of this
+    // table (a firmware with other limits has stored it) keeps its initial value; the other values are loaded.
     [[nodiscard]] bool load();
 
     // The CRC of the present values: a master compares it with the value that it knows, to see whether it must write

@@ -72,9 +72,10 @@ inline constexpr std::uint16_t kDcSync0 = 2;      // with SYNC0
 inline constexpr std::uint16_t kSm2Event = 0x22;  // inputs: with the event of the outputs
 }  // namespace sync_type
 
-// The object with the values of the whole device.
+// The object with the values of the whole device: that of the outputs; of a device without outputs, that of the inputs.
 [[nodiscard]] constexpr std::uint16_t first_sync_object(const DeviceDescription& device) {
-    return device.outputs.present() ? device.outputs.sync_parameters() : kOutputSyncParameters;
+    if (device.outputs.present()) return device.outputs.sync_parameters();
+    return device.inputs.present() ? device.inputs.sync_parameters() : kOutputSyncParameters;
 }
 
 // Whether the master may choose the type for a SyncManager of outputs or inputs.

@@ -50,6 +50,11 @@ constexpr DeviceDescription kFastPll = changed(
     [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 600us, .pll = true}; });
 constexpr DeviceDescription kFastClock =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 600us}; });
+constexpr DeviceDescription kVeryFastClock = changed(
+    [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 100us, .max_cycle = 250us}; });
+constexpr DeviceDescription kVeryFastPll = changed(
+    [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 250us, .pll = true}; });
+constexpr DeviceDescription kOwnTimeout = changed([](DeviceDescription& d) { d.output_timeout = 60ms; });
 constexpr DeviceDescription kShortClock =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .max_cycle = 1ms}; });
 constexpr DeviceDescription kNoCycle =
@@ -65,7 +70,9 @@ class SmallFirmware final : public sim::Firmware {
         all_ = std::make_unique<All>(esc);
         all_->stack.device.start(now);
     }
-    Time step(Time now) override { return std::min(all_->stack.device.step(now), now + 50us); }
+    // A control loop compares frames with SYNC0.
+    static constexpr Duration kStep = Description.dc.pll && Description.dc.max_cycle == 250us ? 5us : 50us;
+    Time step(Time now) override { return std::min(all_->stack.device.step(now), now + kStep); }
 
   private:
     struct SmallApplication final : subdevice::Application {
@@ -116,6 +123,22 @@ TEST(SubdeviceCheckDevices, AClockThatIsRequiredIsActivated) {
                                      "clock.cycle_zero", "process_data.exchange"});
     expect_conforms<kClockWithPll>({"states.up", "watchdog.time", "watchdog.off", "clock.sync0"});
     expect_conforms<kFastClock>({"states.up", "watchdog.off", "clock.sync0"});
+}
+
+TEST(SubdeviceCheckDevices, ADeviceForShortCyclesOnlyIsTriedWithThem) {
+    expect_conforms<kVeryFastClock>({"states.up", "states.down", "sm.process_settings", "mailbox.states",
+                                     "process_data.exchange", "watchdog.off", "clock.sync0", "clock.lost"});
+    expect_conforms<kVeryFastPll>({"states.up", "process_data.exchange", "clock.sync0"});
+}
+
+// Outputs that are older than the device allows are as good as an expired watchdog.
+TEST(SubdeviceCheckDevices, ATimeoutShorterThanTheWatchdogIsARemark) {
+    const auto report = check_small<kOwnTimeout>().report;
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    for (const auto* const name : {"watchdog.expires", "watchdog.time"}) {
+        EXPECT_EQ(find(report, name)->outcome, Outcome::passed) << name;
+        EXPECT_TRUE(has(report, name, Severity::remark)) << name;
+    }
 }
 
 // A device that compares frames with SYNC0: each SYNC0 needs one frame.

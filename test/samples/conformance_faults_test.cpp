@@ -1,219 +1,10 @@
 // The checks of subdevice_check: faults of one device, made between its firmware and its ESC, are found by name.
-#include "samples/conformance.hpp"
-#include "subdevice/esc_access.hpp"
-#include "wire/coe.hpp"
-#include "wire/sii.hpp"
-#include "wire/sii_category.hpp"
+#include "samples/conformance_faults.hpp"
 
 #include <set>
-#include <utility>
 
 namespace margay::samples::conformance {
 namespace {
-
-using Octets = std::vector<std::byte>;
-
-struct Fault {
-    std::string_view check;  // finds it, as an error
-    std::string_view what;
-    // Change what the firmware writes, or what it reads; return false to drop a write.
-    bool (*write)(std::uint16_t address, Octets& data) = nullptr;
-    void (*read)(std::uint16_t address, MutableBytes data) = nullptr;
-    // Acts on the ESC beside the firmware, in each step.
-    void (*step)(subdevice::EscAccess& esc) = nullptr;
-    // Changes chip or SII before the device is switched on.
-    void (*prepare)(sim::Device& device) = nullptr;
-    Severity severity = Severity::error;
-    std::string_view device = "odd_device";
-};
-
-class FaultyPdi final : public subdevice::EscAccess {
-  public:
-    FaultyPdi(subdevice::EscAccess& esc, const Fault& fault) : esc_(esc), fault_(fault) {}
-    void read(std::uint16_t address, MutableBytes into) noexcept override {
-        esc_.read(address, into);
-        if (fault_.read != nullptr) fault_.read(address, into);
-    }
-    void write(std::uint16_t address, Bytes data) noexcept override {
-        Octets octets(data.begin(), data.end());
-        if (fault_.write == nullptr || fault_.write(address, octets)) esc_.write(address, octets);
-    }
-    Time now() noexcept override { return esc_.now(); }
-
-  private:
-    subdevice::EscAccess& esc_;
-    const Fault& fault_;
-};
-
-class FaultyFirmware final : public sim::Firmware {
-  public:
-    FaultyFirmware(std::unique_ptr<sim::Firmware> inner, const Fault& fault)
-        : inner_(std::move(inner)), fault_(fault) {}
-    void start(subdevice::EscAccess& esc, Time now) override {
-        pdi_ = std::make_unique<FaultyPdi>(esc, fault_);
-        inner_->start(*pdi_, now);
-    }
-    Time step(Time now) override {
-        const auto next = inner_->step(now);
-        if (fault_.step == nullptr) return next;
-        fault_.step(*pdi_);
-        return std::min(next, now + std::chrono::milliseconds(1));
-    }
-
-  private:
-    std::unique_ptr<sim::Firmware> inner_;
-    const Fault& fault_;
-    std::unique_ptr<FaultyPdi> pdi_;
-};
-
-// In a write of the AL status code, one code instead of another.
-template <std::uint16_t From, std::uint16_t To>
-bool replace_code(std::uint16_t address, Octets& data) {
-    if (address == reg::kAlStatusCode.address && load_le<std::uint16_t>(data, 0) == From)
-        store_le<std::uint16_t>(data, 0, To);
-    return true;
-}
-// The error indication is never set.
-bool no_error_bit(std::uint16_t address, Octets& data) {
-    if (address == reg::kAlStatus.address) data[0] &= ~std::byte{wire::al::kErrorIndication};
-    return true;
-}
-// A write into the send mailbox of the odd device.
-bool is_mail(std::uint16_t address, const Octets& data) { return address == 0x1400 && data.size() > 8; }
-bool is_service(std::uint16_t address, const Octets& data, coe::Service service) {
-    return is_mail(address, data) && data.size() >= 14 && (std::to_integer<unsigned>(data[5]) & 0x0F) == 3 &&
-           coe::load_header(Bytes(data).subspan(6)).service == service;
-}
-template <std::uint32_t From, std::uint32_t To>
-bool replace_abort(std::uint16_t address, Octets& data) {
-    if (is_mail(address, data))
-        for (std::size_t at = 6; at + 4 <= data.size(); ++at)
-            if (load_le<std::uint32_t>(data, at) == From) store_le<std::uint32_t>(data, at, To);
-    return true;
-}
-bool replace_error_detail(std::uint16_t address, Octets& data) {
-    if (is_mail(address, data) && (std::to_integer<unsigned>(data[5]) & 0x0F) == 0) data[8] = std::byte{0x77};
-    return true;
-}
-// An SDO information response of one opcode.
-bool is_information(std::uint16_t address, const Octets& data, coe::InfoOpcode opcode) {
-    return is_service(address, data, coe::Service::sdo_information) &&
-           (std::to_integer<unsigned>(data[8]) & 0x7F) == static_cast<unsigned>(opcode);
-}
-// The first SDO response of an upload of this object.
-bool is_upload(std::uint16_t address, const Octets& data, std::uint16_t index, std::uint8_t subindex) {
-    return is_service(address, data, coe::Service::sdo_response) && data.size() >= 16 &&
-           (std::to_integer<unsigned>(data[8]) >> 5) == coe::response::kUpload &&
-           load_le<std::uint16_t>(data, 9) == index && std::to_integer<unsigned>(data[11]) == subindex;
-}
-// What the firmware reads at one address.
-template <std::uint16_t Address, unsigned Set, unsigned Cleared = 0>
-void read_bits(std::uint16_t address, MutableBytes data) {
-    if (address <= Address && Address < address + data.size()) {
-        auto& octet = data[Address - address];
-        octet = (octet | std::byte{Set}) & ~std::byte{Cleared};
-    }
-}
-// The firmware always reads a SyncManager as it should be.
-template <unsigned N, std::uint16_t Start, std::uint16_t Length, std::uint8_t Control>
-void read_right_sync_manager(std::uint16_t address, MutableBytes data) {
-    const auto at = reg::sync_manager(N).address;
-    if (address > at || at + 8U > address + data.size()) return;
-    wire::store_sync_manager(data.subspan(at - address, 8), {Start, Length, Control, 1});
-}
-
-// After an error in PREOP, a request for INIT with an acknowledge looks like one for PREOP without.
-bool error_in_preop = false;
-bool note_error(std::uint16_t address, Octets& data) {
-    if (address == reg::kAlStatus.address) error_in_preop = data[0] == std::byte{0x12};
-    return true;
-}
-void read_no_init_after_error(std::uint16_t address, MutableBytes data) {
-    if (error_in_preop && address == reg::kAlControl.address && data[0] == std::byte{0x11}) data[0] = std::byte{0x02};
-}
-
-// An SDO download of this subindex that was aborted looks like a success.
-template <std::uint16_t Index, std::uint8_t Subindex, std::uint16_t Mailbox = 0x1400>
-bool grant(std::uint16_t address, Octets& data) {
-    if (address != Mailbox || data.size() < 16 || data[8] != std::byte{0x80}) return true;
-    if (load_le<std::uint16_t>(data, 9) != Index || data[11] != std::byte{Subindex}) return true;
-    coe::store_header(MutableBytes(data).subspan(6), {0, coe::Service::sdo_response});
-    data[8] = std::byte{0x60};
-    store_le<std::uint32_t>(data, 12, 0);
-    return true;
-}
-// An SDO request that the firmware reads from the receive mailbox, behind the header of the mailbox.
-bool is_request(std::uint16_t address, Bytes data, unsigned command) {
-    return address == 0x1006 && data.size() >= 10 && coe::load_header(data).service == coe::Service::sdo_request &&
-           std::to_integer<unsigned>(data[2]) == command;
-}
-std::uint16_t al_status_of(subdevice::EscAccess& esc) {
-    std::array<std::byte, 2> word{};
-    esc.read(reg::kAlStatus.address, word);
-    return load_le<std::uint16_t>(word, 0);
-}
-void set_al_status(subdevice::EscAccess& esc, std::uint16_t status, std::uint16_t code) {
-    std::array<std::byte, 2> word{};
-    store_le(MutableBytes(word), 0, code);
-    esc.write(reg::kAlStatusCode.address, word);
-    store_le(MutableBytes(word), 0, status);
-    esc.write(reg::kAlStatus.address, word);
-}
-bool leave_op = false;      // the last message came in OP
-bool full_message = false;  // the last message had the size of the mailbox
-// Between the begin of an upload in segments and its last segment.
-bool in_segments = false;
-bool note_segments(std::uint16_t address, Octets& data) {
-    if (!is_service(address, data, coe::Service::sdo_response) || data.size() < 10) return true;
-    const auto command = std::to_integer<unsigned>(data[8]);
-    if (command >> 5 == coe::response::kUpload) in_segments = (command & 2) == 0;
-    if (command >> 5 == 0 && (command & 1) != 0) in_segments = false;
-    return true;
-}
-
-// SYNC0 always looks as if it had arrived, once the device has reported an error.
-bool after_error = false;
-bool note_any_error(std::uint16_t address, Octets& data) {
-    if (address == reg::kAlStatus.address && data[0] == std::byte{0x14}) after_error = true;
-    return true;
-}
-void read_sync0_after_error(std::uint16_t address, MutableBytes data) {
-    if (after_error) read_bits<0x0220, 0x04>(address, data);
-}
-// The DC operation modes of the SII with SYNC0 get SYNC1.
-void announce_sync1(sim::Device& device) {
-    const auto modes = wire::sii::find_category(device.sii, wire::sii::category::kDc);
-    ASSERT_TRUE(modes);
-    constexpr std::size_t kModeBytes = 24;
-    constexpr std::size_t kAssignActivate = 15;  // the high octet
-    const auto first = static_cast<std::size_t>(modes->data() - device.sii.data());
-    for (std::size_t at = first + kAssignActivate; at < first + modes->size(); at += kModeBytes)
-        if (device.sii[at] == std::byte{3}) device.sii[at] = std::byte{7};
-}
-// A firmware that needs SYNC1 does not accept SYNC0 alone.
-void need_sync1(std::uint16_t address, MutableBytes data) {
-    if (address == reg::kSyncActivation.address && data[0] == std::byte{3}) data[0] = std::byte{1};
-}
-
-// An upload of this subindex gives another number.
-template <std::uint16_t Index, std::uint8_t Subindex, std::uint8_t Number>
-bool show_number(std::uint16_t address, Octets& data) {
-    const bool upload = address == 0x1100 && data.size() >= 16 && data[6] == std::byte{0} &&
-                        data[7] == std::byte{0x30} &&
-                        (std::to_integer<unsigned>(data[8]) >> 5) == coe::response::kUpload;
-    if (upload && load_le<std::uint16_t>(data, 9) == Index && data[11] == std::byte{Subindex}) {
-        data[12] = std::byte{Number};
-        data[13] = std::byte{0};
-    }
-    return true;
-}
-// An expedited download of the first configured module reaches the firmware with this low octet.
-template <std::uint8_t Octet>
-void take_module(std::uint16_t address, MutableBytes data) {
-    if (address != 0x1006 || data.size() < 10 || load_le<std::uint16_t>(data, 3) != 0xF030) return;
-    if ((std::to_integer<unsigned>(data[2]) >> 5) == coe::request::kDownload && data[5] == std::byte{1})
-        data[6] = std::byte{Octet};
-}
 
 constexpr Fault kFaults[] = {
     {.check = "modules.lists",
@@ -234,6 +25,39 @@ constexpr Fault kFaults[] = {
      .what = "another code",
      .write = replace_code<0x0070, 0x0001>,
      .device = "modular_io"},
+    {.check = "modules.mismatch",
+     .what = "only the first module is compared",
+     .read = take_right_module<2, 0x208>,
+     .device = "modular_io"},
+    {.check = "modules.mismatch",
+     .what = "the last module is not compared",
+     .read = take_right_module<4, 0x401>,
+     .device = "modular_io"},
+    // Further SyncManagers of a direction.
+    {.check = "sm.process_settings",
+     .what = "SyncManager 4 is not checked",
+     .read = read_right_sync_manager<4, 0x1400, 4, 0x64>,
+     .device = "split_io"},
+    {.check = "sm.process_settings",
+     .what = "SyncManager 5 is not checked",
+     .read = read_right_sync_manager<5, 0x1500, 4, 0x20>,
+     .device = "split_io"},
+    {.check = "sm.process_data_off",
+     .what = "SyncManager 4 always looks switched on",
+     .read = read_bits<0x0826, 1>,
+     .device = "split_io"},
+    {.check = "sm.process_data_off",
+     .what = "SyncManager 5 always looks switched on",
+     .read = read_bits<0x082E, 1>,
+     .device = "split_io"},
+    {.check = "process_data.inputs",
+     .what = "the inputs of SyncManager 5 stay locked",
+     .write =
+         [](std::uint16_t address, Octets& data) {
+             if (address == 0x082F) data[0] |= std::byte{wire::sm_pdi_control::kDeactivate};
+             return true;
+         },
+     .device = "split_io"},
     {"clock.lost", "a SYNC0 of long ago leads to OP again", note_any_error, read_sync0_after_error},
     {"clock.lost", "OP is refused again with another code", replace_code<0x002D, 0x0001>},
     {.check = "clock.sync1",
@@ -347,7 +171,24 @@ constexpr Fault kFaults[] = {
      }},
     {"pdos.assignment", "a value is written while the count is not 0", grant<0x1C12, 1>},
     {"pdos.unknown", "a PDO that does not exist", grant<0x1C12, 1>},
-    {"pdos.locked", "the count is written in SAFEOP", grant<0x1C12, 0>},
+    {"pdos.locked", "the count of the assignment is written in SAFEOP", grant<0x1C12, 0>},
+    {"pdos.locked", "the count of the mapping is written in OP",
+     [](std::uint16_t address, Octets& data) {
+         static bool op = false;
+         if (address == reg::kAlStatus.address) op = data[0] == std::byte{8};
+         return !op || grant<0x1600, 0>(address, data);
+     }},
+    {"messages.lengths", "the length is one octet too long",
+     [](std::uint16_t address, Octets& data) {
+         if (is_mail(address, data) && load_le<std::uint16_t>(data, 0) == coe::kSdoBytes)
+             store_le(MutableBytes(data), 0, std::uint16_t{coe::kSdoBytes + 1});
+         return true;
+     }},
+    {.check = "clock.cycle_short",
+     .what = "SYNC0 is not compared with the shortest cycle",
+     .write = show_number<0x1C32, 5, 100'000>,
+     .severity = kRemark,
+     .device = "split_io"},
     {"mailbox.octets", "the reply to a message of the size of the mailbox is empty",
      [](std::uint16_t address, Octets& data) {
          if (is_mail(address, data) && full_message) store_le<std::uint16_t>(data, 0, 0);

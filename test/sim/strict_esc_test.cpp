@@ -117,6 +117,30 @@ TEST_F(StrictEsc, ASyncManagerOfOneOctetOnlyTriggersTheWatchdog) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0440), 1);
 }
 
+// Buffers are in the process RAM, and the digital outputs may have a SyncManager: one over other registers has no
+// effect.
+TEST_F(StrictEsc, ASyncManagerOverRegistersHasNoEffect) {
+    build();
+    const auto move = [&](std::uint16_t start, std::uint16_t length, unsigned control) {
+        EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0816, 0), 1);
+        set_sm(2, start, length, control);
+    };
+    for (const unsigned control : {0x64u, 0x26u, 0x20u}) {
+        move(0x0120, 2, control);
+        EXPECT_EQ(rig.put<std::uint16_t>(0, 0x0120, 0x0001), 1) << "the master still requests states";
+        EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0120), 1) << "and reads them";
+        EXPECT_EQ(rig.pdi_get<std::uint16_t>(0, 0x0120), 1);
+        EXPECT_EQ(events() & al_event::sync_manager(2), 0u);
+        EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0815) & 0x0F, 0) << "nothing was handed over";
+    }
+    move(0x0420, 1, 0x64);
+    EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0440), 1) << "no SyncManager triggers the watchdog";
+    move(0x0F00, 2, 0x44);
+    EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0440), 0) << "the watchdog waits for the first trigger";
+    EXPECT_EQ(rig.write(0, 0x0F00, bytes({1, 2})).wkc, 1);
+    EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0440), 1) << "the digital outputs trigger it";
+}
+
 // I, "FMMU": bit-wise writing works for the digital outputs 0x0F00–0x0F03 only.
 TEST_F(StrictEsc, BitsBesideABitWiseWriteAreKeptInDigitalOutputsOnly) {
     build();

@@ -195,8 +195,9 @@ TEST(SdoAbort, StagingIsTheAuthorsAndEndsSomewhere) {
     bench.mailbox->start(AlState::preop);
     EXPECT_EQ(download(bench, 0x2003, 0, sdo_pattern(81)).abort, Abort::out_of_memory);
     EXPECT_EQ(download(bench, 0x2003, 0, sdo_pattern(80)).abort, Abort::none);
-    EXPECT_EQ(upload(bench, 0x2003).data.size(), 300u) << "uploads go straight from the object";
-    EXPECT_EQ(download(bench, 0x2008, 0, sdo_pattern(500)).abort, Abort::none) << "and streams straight into it";
+    EXPECT_EQ(upload(bench, 0x2003).abort, Abort::out_of_memory) << "the application could change it meanwhile";
+    EXPECT_EQ(download(bench, 0x2008, 0, sdo_pattern(500)).abort, Abort::none) << "straight into an object in pieces";
+    EXPECT_EQ(upload(bench, 0x2008).data, sdo_pattern(500)) << "and out of it";
 }
 
 TEST(SdoComplete, SubindexZeroTakesSixteenBits) {

@@ -1,0 +1,226 @@
+// Values of modules: stored values and modules that are exchanged, values larger than the staging buffer, and lists of
+// fewer modules than slots.
+#include "bench_device.hpp"
+#include "subdevice/modules.hpp"
+#include "subdevice/standard_device.hpp"
+
+namespace margay::subdevice {
+namespace {
+
+using namespace testing;
+
+// Two kinds with the same objects, a third one with a large value.
+struct ScaleValues {
+    Le<std::uint16_t> gain;
+};
+struct TextValues {
+    std::array<char, 300> label;
+};
+constexpr Entry kScaleGain[] = {entry_count(1),
+                                value<&ScaleValues::gain>(1, "Gain", od::kReadWrite | od::kBackup, 1000)};
+constexpr Object kCoarseScale[] = {record(0x8000, "Scale", kScaleGain)};
+constexpr Object kFineScale[] = {record(0x8000, "Scale", kScaleGain)};
+constexpr Entry kScaleLabel[] = {entry_count(1),
+                                 octets<&TextValues::label>(1, "Label", DataType::octet_string, od::kReadWrite)};
+constexpr Object kLabelModule[] = {record(0x8000, "Label", kScaleLabel)};
+constexpr ModuleKind kScaleKinds[] = {
+    {.ident = 0x51, .name = "Coarse scale", .objects = kCoarseScale, .value_bytes = sizeof(ScaleValues)},
+    {.ident = 0x52, .name = "Fine scale", .objects = kFineScale, .value_bytes = sizeof(ScaleValues)},
+    {.ident = 0x53, .name = "Label", .objects = kLabelModule, .value_bytes = sizeof(TextValues)}};
+constexpr ModularDevice kScales{.kinds = kScaleKinds, .slots = 3};
+using ScaleTables = ModuleTables<kScales, 0>;
+constexpr DeviceDescription kScaleDevice{
+    .name = "Scales",
+    .protocols = {.coe = true},
+    .mailbox = {{.start = 0x1000, .size_bytes = 128}, {.start = 0x1100, .size_bytes = 128}}};
+constexpr auto kScaleObjects = ScaleTables::kObjects;
+
+struct ScaleStore final : ValueStore {
+    std::vector<std::byte> cells;
+    std::size_t load(MutableBytes into) override {
+        if (cells.size() > into.size()) return 0;
+        std::ranges::copy(cells, into.begin());
+        return cells.size();
+    }
+    HookAnswer save(Bytes block, Time) override {
+        cells.assign(block.begin(), block.end());
+        return Abort::none;
+    }
+};
+
+class ScaleApplication final : public Application {
+  public:
+    explicit ScaleApplication(std::initializer_list<std::uint32_t> idents) {
+        unsigned slot = 0;
+        for (const auto ident : idents) slots.detect(++slot, ident);
+    }
+    const DeviceDescription& description() const override { return kScaleDevice; }
+    ModuleLayout* modules() override { return &slots; }
+
+  private:
+    ModuleMemory<ScaleTables> memory_;
+
+  public:
+    Modules slots{memory_};
+};
+
+// A device after power-up, with these modules and the values that the store has.
+struct ScaleRack {
+    ScaleRack(ScaleStore& store, std::initializer_list<std::uint32_t> idents)
+        : application(idents), dictionary(kScaleObjects, image, &application), stored(dictionary, store, buffer) {
+        application.slots.lay_out(dictionary);
+        loaded = stored.load();
+    }
+    std::uint16_t gain(unsigned slot) { return values_in<ScaleValues>(application.slots.values(slot)).gain; }
+    void set_gain(unsigned slot, std::uint16_t gain) {
+        auto values = values_in<ScaleValues>(application.slots.values(slot));
+        values.gain = gain;
+        store_values(application.slots.values(slot), values);
+    }
+    std::array<std::byte, ScaleTables::end> image{};
+    std::array<std::byte, kStoredHeadBytes + ScaleTables::kValueBytes> buffer{};
+    ScaleApplication application;
+    ObjectDictionary dictionary;
+    StoredValues stored;
+    bool loaded = false;
+};
+
+TEST(ModuleValues, StoredValuesBelongToModulesOfTheSameKindInTheSameSlot) {
+    ScaleStore store;
+    {
+        ScaleRack rack(store, {0x51, 0x52});
+        EXPECT_FALSE(rack.loaded);
+        rack.set_gain(1, 11);
+        rack.set_gain(2, 22);
+        ASSERT_EQ(rack.stored.save(Time{}).abort, Abort::none);
+    }
+    ScaleRack same(store, {0x51, 0x52});
+    EXPECT_TRUE(same.loaded);
+    EXPECT_EQ(same.gain(1), 11);
+    EXPECT_EQ(same.gain(2), 22);
+    struct Case {
+        const char* what;
+        std::initializer_list<std::uint32_t> idents;
+    };
+    const Case cases[] = {{"exchanged", {0x52, 0x51}},
+                          {"another kind with the same objects", {0x51, 0x51}},
+                          {"moved to other slots", {0, 0x51, 0x52}},
+                          {"one is gone", {0x51}},
+                          {"one more", {0x51, 0x52, 0x51}}};
+    for (const auto& one : cases) {
+        SCOPED_TRACE(one.what);
+        ScaleRack other(store, one.idents);
+        EXPECT_FALSE(other.loaded);
+        for (unsigned slot = 1; slot <= one.idents.size(); ++slot) {
+            const auto initial = std::data(one.idents)[slot - 1] != 0 ? 1000 : 0;
+            EXPECT_EQ(other.gain(slot), initial) << slot;
+        }
+    }
+}
+
+// A module was exchanged, and the old layout is in use until INIT: the values are those of the old module.
+TEST(ModuleValues, ASaveBeforeTheNewLayoutIsOneOfTheOldModules) {
+    ScaleStore store;
+    {
+        ScaleRack rack(store, {0x51});
+        rack.set_gain(1, 11);
+        rack.application.slots.detect(1, 0x52);
+        ASSERT_EQ(rack.stored.save(Time{}).abort, Abort::none);
+    }
+    ScaleRack fine(store, {0x52});
+    EXPECT_FALSE(fine.loaded);
+    EXPECT_EQ(fine.gain(1), 1000);
+    ScaleRack coarse(store, {0x51});
+    EXPECT_TRUE(coarse.loaded);
+    EXPECT_EQ(coarse.gain(1), 11);
+}
+
+// ------------------------------------------------------------------ over a mailbox
+
+template <std::size_t LargestValue>
+struct ScaleBench {
+    using Stack = StandardDevice<kScaleDevice, kScaleObjects, std::array<std::byte, ScaleTables::end>, 0, 0x1389,
+                                 ScaleTables::kMostMapped + 1, LargestValue>;
+    PlainEsc esc;
+    typename Stack::Memory memory;
+    ScaleApplication application;
+    Stack stack{esc, application, memory};
+    MailHand hand{esc};
+
+    explicit ScaleBench(std::initializer_list<std::uint32_t> idents) : application(idents) {
+        stack.device.start(esc.time);
+        hand.configure(128);
+        EXPECT_EQ(request(2), (AlStatus{AlState::preop, false, 0}));
+    }
+    AlStatus request(std::uint16_t control) {
+        esc.al_control(control);
+        (void)stack.device.step(esc.time);
+        return esc.al_status();
+    }
+    // The data of the reply, from the CoE header on.
+    std::vector<std::byte> exchange(const std::vector<std::byte>& data) {
+        EXPECT_TRUE(hand.put(hand.message(wire::MailboxType::coe, data)));
+        for (int n = 0; n < 4; ++n) (void)stack.device.step(esc.time);
+        auto reply = hand.fetch();
+        (void)stack.device.step(esc.time);
+        if (reply.size() < 16) return std::vector<std::byte>(10);
+        reply.resize(wire::kMailboxHeaderBytes + wire::load_mailbox_header(reply).length);
+        reply.erase(reply.begin(), reply.begin() + wire::kMailboxHeaderBytes);
+        return reply;
+    }
+    // A download by complete access in one message.
+    Abort write_list(int index, int subindex, const std::vector<std::byte>& value) {
+        auto message = sdo_request(0x31, index, subindex, static_cast<std::uint32_t>(value.size()));
+        message.insert(message.end(), value.begin(), value.end());
+        return abort_of(exchange(message));
+    }
+};
+
+// All octets of the label are the same when the upload begins, and others before its second segment.
+TEST(ModuleValues, ALargeValueIsReadAsAWholeOrNotAtAll) {
+    ScaleBench<ScaleTables::kLargestValue> bench({0x53});
+    const auto label = bench.application.slots.values(1);
+    std::ranges::fill(label, std::byte{1});
+    auto reply = bench.exchange(sdo_request(0x40, 0x8000, 1));
+    ASSERT_EQ(abort_of(reply), Abort::none);
+    std::vector<std::byte> got(reply.begin() + 10, reply.end());
+    std::ranges::fill(label, std::byte{2});
+    for (int toggle = 0; got.size() < 300; toggle ^= 0x10) {
+        reply = bench.exchange(raw({0x00, 0x20, 0x60 | toggle, 0, 0, 0, 0, 0, 0, 0}));
+        ASSERT_GT(reply.size(), 3u);
+        got.insert(got.end(), reply.begin() + 3, reply.end());
+    }
+    EXPECT_EQ(got, std::vector<std::byte>(300, std::byte{1}));
+
+    // The author has not said that modules have large values.
+    ScaleBench<0> small({0x53});
+    EXPECT_EQ(abort_of(small.exchange(sdo_request(0x40, 0x8000, 1))), Abort::out_of_memory);
+}
+
+TEST(ModuleValues, CompleteAccessWritesAListOfFewerModulesThanSlots) {
+    ScaleBench<0> bench({0x51, 0x52});
+    auto& dictionary = bench.stack.dictionary;
+    EXPECT_EQ(bench.write_list(0xF030, 0, raw({3, 0, 0x51, 0, 0, 0, 0x52, 0, 0, 0, 0x77, 0, 0, 0})), Abort::none);
+    EXPECT_EQ(bench.request(4), (AlStatus{AlState::preop, true, 0x0070}));
+    EXPECT_EQ(bench.write_list(0xF030, 0, raw({2, 0, 0x51, 0, 0, 0, 0x52, 0, 0, 0})), Abort::none);
+    EXPECT_EQ(dictionary.number(0xF030, 0), 2u);
+    EXPECT_EQ(bench.request(0x14), (AlStatus{AlState::safeop, false, 0})) << "the third module counts no more";
+    (void)bench.request(2);
+    EXPECT_EQ(bench.write_list(0xF030, 0, raw({2, 0, 0x52, 0, 0, 0, 0x51, 0, 0, 0})), Abort::none);
+    EXPECT_EQ(bench.request(4), (AlStatus{AlState::preop, true, 0x0070}));
+    EXPECT_EQ(bench.write_list(0xF030, 1, raw({0x51, 0, 0, 0, 0x52, 0, 0, 0})), Abort::none) << "from subindex 1 on";
+    EXPECT_EQ(dictionary.number(0xF030, 0), 2u) << "the count stays";
+    EXPECT_EQ(bench.request(0x14), (AlStatus{AlState::safeop, false, 0}));
+    (void)bench.request(2);
+    EXPECT_EQ(bench.write_list(0xF030, 0, raw({0, 0})), Abort::none) << "no expectation";
+    EXPECT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
+    (void)bench.request(2);
+    // Fewer or more elements than the count says.
+    EXPECT_EQ(bench.write_list(0xF030, 0, raw({2, 0, 0x51, 0, 0, 0})), Abort::length_too_low);
+    EXPECT_EQ(bench.write_list(0xF030, 0, raw({1, 0, 0x51, 0, 0, 0, 0x52, 0, 0, 0})), Abort::length_too_high);
+    EXPECT_EQ(bench.write_list(0xF030, 0, raw({4, 0})), Abort::value_too_high);
+    EXPECT_EQ(dictionary.number(0xF030, 0), 0u);
+}
+
+}  // namespace
+}  // namespace margay::subdevice
