@@ -11,12 +11,13 @@
 //
 //     auto status = margay::SDOread<std::uint16_t>(ctx, 3, 0x6041, 0);   // waits
 //
-// After a timeout or cancel() the slave may still answer. The library sends the slave an abort. Before the next request
-// for the same object it waits for the late answer for 5 ms after the slave has taken the abort; if none comes, it
-// reads 0x1000:0 or 0x1018:1, because a slave answers in order: when it answers this, no late answer can follow. The
-// timeout of the next request limits all of this, and the request then ends with Errc::timeout and is not sent. Two
-// cases are not covered: a slave that answers its requests in another order than it gets them, and a late TxPDO of the
-// mailbox (MailPdoFetch), which cannot be distinguished from a TxPDO that the slave sends on its own.
+// After a timeout, cancel(), a lost frame or a silence of the slave, the slave may still answer. The library sends the
+// slave an abort. Before the next request for the same object it waits for the late answer for 5 ms after the slave has
+// taken the abort; if none comes, it reads an object of its own choice (0x1000, 0x1001 or 0x1018), because a slave
+// answers in order: when it answers this, no late answer can follow. The timeout of the next request limits all of
+// this, and the request then ends with Errc::timeout and is not sent. Two cases are not covered: a slave that answers
+// its requests in another order than it gets them, and a late TxPDO of the mailbox (MailPdoFetch), which cannot be
+// distinguished from a TxPDO that the slave sends on its own.
 #pragma once
 
 #include <margay/borrowed.hpp>
