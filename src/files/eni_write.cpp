@@ -4,6 +4,7 @@
 #include <margay/margay.hpp>
 
 #include "files/eni_write.hpp"
+#include "files/said.hpp"
 #include "wire/fmmu.hpp"
 
 #include <algorithm>
@@ -12,11 +13,6 @@ namespace margay::files {
 namespace {
 
 namespace reg = wire::reg;
-
-std::string said(const Error& error) {
-    std::array<char, 256> text{};
-    return std::string(describe(error, text));
-}
 
 class EniWriter {
   public:

@@ -4,6 +4,7 @@
 
 #include "files/eni_write.hpp"
 #include "files/esi_types.hpp"
+#include "files/said.hpp"
 #include "files/xml.hpp"
 #include "wire/sii_category.hpp"
 
@@ -11,11 +12,6 @@
 
 namespace margay::files {
 namespace {
-
-std::string said(const Error& error) {
-    std::array<char, 256> text{};
-    return std::string(describe(error, text));
-}
 
 std::string text_of(std::span<const std::byte> octets) {
     std::array<char, 256> text{};

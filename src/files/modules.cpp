@@ -3,6 +3,7 @@
 #include <margay/margay.hpp>
 
 #include "files/modules.hpp"
+#include "files/said.hpp"
 #include "files/xml.hpp"
 
 #include <algorithm>
@@ -17,11 +18,6 @@ std::uint32_t ident_at(std::span<const std::byte> octets, std::size_t at) {
     for (std::size_t n = 0; n < sizeof(ident) && at + n < octets.size(); ++n)
         ident |= std::to_integer<std::uint32_t>(octets[at + n]) << (8 * n);
     return ident;
-}
-
-std::string said(const Error& error) {
-    std::array<char, 256> text{};
-    return std::string(describe(error, text));
 }
 
 }  // namespace
