@@ -257,6 +257,7 @@ void MailboxChannel::left(MailExchange& exchange) {
     if (first) {
         take_turn(queue_, exchange, [](const MailTurn&) { return true; });
         awaiting_.push_back(exchange);
+        prolong(exchange);  // it may have waited for a late reply
     }
     exchange.state_ = MailExchange::State::sent;
     look_soon();

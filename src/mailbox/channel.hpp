@@ -44,8 +44,6 @@ inline constexpr Duration kOwedPatience = std::chrono::milliseconds(100);
 inline constexpr Duration kFinalPatience = std::chrono::seconds(1);
 // The same for a slave that still works on the message before.
 inline constexpr Duration kFencePatience = std::chrono::seconds(9);
-// A slave that has answered none of all questions of settle_owed() for so long will not answer them any more.
-inline constexpr Duration kQuestionsLapse = std::chrono::seconds(9);
 }  // namespace mail_timing
 
 class MailboxChannel {
@@ -99,10 +97,9 @@ class MailboxChannel {
         return owed_[0].mails == 1 && owed_[0].key == key && key != mail_key::kAny;
     }
     // The key of the next question of settle_owed(): an object that no request given up, and no question without an
-    // answer, has asked for, because an answer to those that comes late would be taken for the answer to this one. 0:
-    // there is none, until a late answer comes or kQuestionsLapse is over.
+    // answer, has asked for, because an answer to those that comes late would be taken for the answer to this one.
     [[nodiscard]] std::uint64_t next_question();
-    // The question was sent.
+    // The question will be sent.
     void note_question(std::uint64_t key);
     // The replies that were owed have come.
     void forget_owed() { owed_[0].mails = 0; }
@@ -180,7 +177,9 @@ class MailboxChannel {
         std::uint8_t mails = 0;      // so many mails may still arrive; 0: none is owed
         std::uint8_t fences = 0;     // final messages that the slave has not taken; until then, time does not count
         bool lasts = false;          // see is_doubtful()
+        bool guessed = false;        // the exchange has ended by an error reply that may be that of another one
         std::uint8_t questions = 0;  // CoE: a bit for each object of kQuestions that an answer may still come for
+        std::uint8_t spare = 1;      // CoE: the subindex of 0x1000 in the last question that is none of kQuestions
     };
     class Fence;
 
@@ -310,7 +309,6 @@ class MailboxChannel {
     // A reply that was asked for by a repeat request is lost when it has not arrived until then.
     Time lost_at_ = kNever;
     std::array<Owed, kOwedPlaces> owed_;
-    Time asked_at_ = Time::min();    // the last question of settle_owed()
     Time late_until_ = Time::min();  // until then, the channel looks for mail of exchanges that were given up
     // A message without reply was sent: until then an error reply may belong to it.
     Time unanswered_until_ = Time::min();

@@ -2,6 +2,8 @@
 #include "mailbox/channel.hpp"
 #include "mailbox/mailboxes.hpp"
 
+#include <algorithm>
+
 namespace margay {
 
 void MailboxChannel::receive_mail(Bytes mailbox) {
@@ -102,16 +104,24 @@ bool MailboxChannel::answers_by_error(const wire::MailboxMessage& mail, std::uin
 // exchange that was given up. When no other answer comes, it was that of the oldest exchange that waits.
 void MailboxChannel::error_reply(Bytes data) {
     ++statistics_.errors;
-    const bool of_another = now() < std::exchange(unanswered_until_, Time::min()) || is_owed();
+    const auto given_up = [&](const Owed& owed) { return is_current(owed, now()) && !owed.guessed; };
+    const bool of_another =
+        now() < std::exchange(unanswered_until_, Time::min()) || std::ranges::any_of(owed_, given_up);
     if (awaiting_.empty()) return;
     auto& oldest = static_cast<MailExchange&>(*awaiting_.front());
     if (of_another) {
         oldest.error_ = error_of(number_, data);
         return;
     }
-    // A slave that works on several protocols at a time may mean another exchange.
-    if (awaiting_.after(oldest) != nullptr)
+    // A slave that works on several protocols at a time may mean another exchange, or one that was given up.
+    const auto doubtful = [](const Owed& owed) { return owed.mails != 0 && owed.lasts; };
+    if (awaiting_.after(oldest) != nullptr || std::ranges::any_of(owed_, doubtful)) {
+        Owed& owed = owed_of(oldest.type_);
+        const bool alone = !is_current(owed, now()) || owed.guessed;
         owe_reply(oldest.type_, oldest.options_.key, now() + mail_timing::kOwedPatience);
+        owed.guessed = alone;
+        owed.lasts |= is_in_order(oldest);
+    }
     finish(oldest, error_of(number_, data));
 }
 

@@ -25,10 +25,16 @@ MailboxChannel::Owed& MailboxChannel::owe(wire::MailboxType type, std::uint64_t 
     Owed& owed = owed_of(type);
     if (key == 0) return owed;
     if (!is_current(owed, now()) && !(owed.mails != 0 && owed.lasts))
-        owed = {.key = key, .until = until, .type = type, .fences = owed.fences, .questions = owed.questions};
+        owed = {.key = key,
+                .until = until,
+                .type = type,
+                .fences = owed.fences,
+                .questions = owed.questions,
+                .spare = owed.spare};
     if (type == wire::MailboxType::coe) owed.questions |= question_bit(key);
     if (owed.key != key) owed.key = mail_key::kAny;
     if (owed.type != type) owed.type = wire::MailboxType::error;
+    owed.guessed = false;
     owed.until = std::max(owed.until, until);
     owed.mails = static_cast<std::uint8_t>(std::min<unsigned>(owed.mails + mails, MailExchange::kManyMails));
     return owed;
@@ -73,7 +79,8 @@ bool MailboxChannel::is_doubtful(std::uint64_t key) const {
     const bool foe = mail_key::kind_of(key) == mail_key::Kind::foe;
     const Owed& owed = owed_[owed_place(foe ? wire::MailboxType::foe : wire::MailboxType::coe)];
     const bool alike = owed.key == key || owed.key == mail_key::kAny || key == mail_key::kAny;
-    const bool asked = !foe && (owed.questions & question_bit(key)) != 0;
+    const unsigned like = key == mail_key::kAny ? UINT8_MAX : question_bit(key);
+    const bool asked = !foe && (owed.questions & like) != 0;
     return key != 0 && ((owed.mails != 0 && owed.lasts && alike) || asked);
 }
 
@@ -96,17 +103,15 @@ std::uint8_t MailboxChannel::question_bit(std::uint64_t key) {
 }
 
 std::uint64_t MailboxChannel::next_question() {
-    if (owed_[0].questions == UINT8_MAX && now() >= later(asked_at_, mail_timing::kQuestionsLapse))
-        owed_[0].questions = 0;
     const auto free = [&](std::uint64_t key) { return (owed_[0].questions & question_bit(key)) == 0; };
     const auto at = std::ranges::find_if(kQuestions, free);
-    return at == kQuestions.end() ? 0 : *at;
+    if (at != kQuestions.end()) return *at;
+    // A slave without an answer to all of them may have dropped them. It answers by an abort, which names the object.
+    owed_[0].spare = owed_[0].spare == UINT8_MAX ? std::uint8_t{2} : static_cast<std::uint8_t>(owed_[0].spare + 1);
+    return mail_key::of(mail_key::Kind::sdo, 0x1000, owed_[0].spare);
 }
 
-void MailboxChannel::note_question(std::uint64_t key) {
-    owed_[0].questions |= question_bit(key);
-    asked_at_ = now();
-}
+void MailboxChannel::note_question(std::uint64_t key) { owed_[0].questions |= question_bit(key); }
 
 // ------------------------------------------------------------------ what ends it
 

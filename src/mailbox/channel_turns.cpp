@@ -219,7 +219,7 @@ void MailboxChannel::resume() {
         if (owed.mails != 0) owed.until = std::max(owed.until, late_until_);
     // Nobody has told the slave that its file transfer has ended. A slave that works on one message at a time takes
     // this one when it has answered.
-    if (owed_[1].mails != 0 && owed_[1].lasts) send_final_message(wire::MailboxType::foe, kEndOfTransfer);
+    if (owed_[1].mails != 0) send_final_message(wire::MailboxType::foe, kEndOfTransfer);
 }
 
 void MailboxChannel::end_exchanges(Errc why) {

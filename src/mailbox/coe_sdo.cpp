@@ -95,15 +95,13 @@ Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::u
         if (channel.is_fenced()) soon = later(engine.now(), kSoonLate);
     }
     Error failed{.code = Errc::reply_lost};
-    for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain && channel.is_doubtful(key);) {
+    unsigned refused = 0;  // error replies; one of them may be that of another protocol
+    const auto go_on = [&] {
+        const bool again = failed.code == Errc::mailbox_error && refused == 1 && engine.now() < patience.give_up;
+        return failed.code == Errc::reply_lost || again;
+    };
+    for (unsigned n = 0; go_on() && n <= kMostAskedAgain && channel.is_doubtful(key);) {
         const std::uint64_t asked = channel.next_question();
-        if (asked == 0) {
-            if (engine.now() >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, about, step);
-            channel.glance();
-            co_await engine.sleep_for(kUntilReady);
-            if (!session.holds()) co_return complete({.code = channel.cut_by()}, channel, about, step);
-            continue;
-        }
         OrderQuestion question(object_of(asked), key, channel.owes_only(key));
         MailExchange exchange(session, question, {.patience = patience});
         channel.note_question(asked);
@@ -112,7 +110,7 @@ Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::u
         channel.statistics().unexpected += question.late;
         if (question.settled)
             channel.forget_owed();
-        else if (failed.code == Errc::none || failed.code == Errc::mailbox_error)
+        else if (failed.code == Errc::none || (failed.code == Errc::mailbox_error && ++refused == 2))
             channel.end_doubt();
     }
     if (channel.is_doubtful(key)) co_return complete(failed, channel, about, step);

@@ -41,7 +41,7 @@ class TransferEnd {
         }
         if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
     }
-    Duration slowest{0};  // what the slave needs at most for all answers to a message and its repetitions
+    Duration slowest{0};  // what the slave needs at most for all answers to the last message, if it was repeated
 
   private:
     MailboxChannel& channel_;
@@ -101,7 +101,8 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
             continue;
         }
         if (failed.code != Errc::none) co_return of_file(failed, channel, step);
-        end.slowest = std::max(end.slowest, (again + 1) * (engine.now() - asked));
+        // The slave has answered the messages before, with their repetitions: it answers in order.
+        if (reply) end.slowest = again == 0 ? Duration{0} : (again + 1) * (engine.now() - asked);
         again = 0;
         if (channel.is_doubtful(kKey)) transfer.doubt();
         if (!reply) transfer.finish();

@@ -224,7 +224,9 @@ Task<Result<>> become_reference(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
     constexpr unsigned kMostTries = 100;
     for (unsigned n = 0; !carry_time_of(network, nullptr) && n < kMostTries; ++n) co_await network.engine.next_poll();
-    auto set = co_await set_clock_by_reference(network, slave);
+    // After a loss of power it has followed the system time as fast as it can, and would go on while it is set.
+    auto set = co_await reset_control_loop(network.station(slave));
+    if (set) set = co_await set_clock_by_reference(network, slave);
     const std::uint16_t before = clocks.reference;
     // Another slave, before this one, may have become the reference meanwhile.
     const bool first = set && slave.ring_position < network.slave(before).ring_position;

@@ -163,6 +163,19 @@ TEST(ClockAwayRing, TheFirstClockIsTheReferenceAgain) {
     }
 }
 
+// The first slave has compared its clock with what the master sends since its power is back: it runs at its limit until
+// its clock is set.
+TEST(ClockAwayRing, TheFirstClockIsTheReferenceAgainAfterALossOfPower) {
+    LateBus bus;
+    bus.prepare(5);
+    bus.segment.set_power(bus.at[0], false, bus.osal.now());
+    EXPECT_EQ(bus.run(500), 0U);
+    bus.segment.set_power(bus.at[0], true, bus.osal.now());
+    EXPECT_EQ(bus.run(3000), 0U);
+    EXPECT_EQ(reference_clock(*bus.ctx), 1) << AwayBus::joined(bus.events());
+    EXPECT_TRUE(bus.all_in_sync()) << AwayBus::joined(bus.events());
+}
+
 // The cables are mended one after the other: for a while the slaves that are back, and the reference, are in two parts.
 TEST(ClockAwayRing, TheFirstClockComesBackBeforeABreak) {
     LateBus bus;
