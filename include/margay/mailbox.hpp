@@ -9,10 +9,11 @@
 //     margay::submit(ctx, request);                    // from any thread, beside the cycle
 //
 // After a timeout or cancel() the slave may still answer, and the library does not know which message an answer belongs
-// to. The next request of this protocol waits for the late answer for 100 ms, and fetches what has come since. CoE: it
-// also asks the slave for an object of the library's choice, as SDO requests do (coe.hpp). An answer of another
-// protocol that comes later is taken for the answer to the next message. So set a `timeout` that is longer than the
-// slave needs, or let `is_answer` compare what the message and its answer have in common.
+// to. The next request of this protocol waits for the late answer for 100 ms; after cancel(), until the `timeout` of
+// the cancelled request is over (3 s if it is zero). It also fetches what has come since. CoE: the library asks the
+// slave for an object of its own choice, as SDO requests do (coe.hpp). An answer of another protocol that comes later
+// is taken for the answer to the next message. So set a `timeout` that is longer than the slave needs, or let
+// `is_answer` compare what the message and its answer have in common.
 #pragma once
 
 #include <margay/address.hpp>

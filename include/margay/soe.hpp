@@ -11,9 +11,10 @@
 //
 //     auto feedback = margay::SoEread<std::int32_t>(ctx, 2, 0, margay::Idn::standard(51));   // waits
 //
-// After a timeout or cancel() the drive may still answer. The next request for the same IDN waits for the late answer
-// for 100 ms, and fetches what has come since; an answer that comes later is taken for the answer to this request. So
-// set a `timeout` that is longer than the drive needs.
+// After a timeout or cancel() the drive may still answer. The next request of the same kind (read or write) to the same
+// drive waits for the late answer for 100 ms; after cancel(), until the `timeout` of the cancelled request is over (3 s
+// for each answer if it is zero). It also fetches what has come since. An answer that comes later is taken for the
+// answer to this request. So set a `timeout` that is longer than the drive needs.
 //
 // Messages that drives send on their own go to a SoeListener.
 #pragma once
