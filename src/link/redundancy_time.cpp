@@ -49,10 +49,7 @@ void Redundancy::divide_times(FramePair& pair) const noexcept {
         auto& [original, head, other] = time.forms;
         std::ranges::copy(out.subspan(d->offset, original.size()), original.begin());
         head = other = original;
-        // The reference has changed since the second reference was set: its slave is lost, or is at the other end now.
-        const bool changed = pair.second_is_first && d->header.command == wire::Command::FRMW &&
-                             load_le<std::uint16_t>(original, kAdp) != static_cast<std::uint16_t>(second);
-        const bool none = static_cast<std::uint16_t>(second) == 0 || changed;
+        const bool none = static_cast<std::uint16_t>(second) == 0;
         // The reference is behind the break: the slaves before it would take what was sent.
         if (pair.second_is_first) head[0] = static_cast<std::byte>(wire::Command::NOP);
         other[0] = static_cast<std::byte>(none ? wire::Command::NOP : wire::Command::FRMW);
