@@ -3,7 +3,6 @@
 
 #include "api/hooked.hpp"
 #include "api/mail.hpp"
-#include "network/pdos.hpp"
 
 namespace margay {
 
@@ -64,24 +63,6 @@ constexpr OperationDescription kSetFilter =
     describe_mail<EoeSetFilter, check_filter, run<EoeSetFilter>>(Operation::eoe_parameters, Step::eoe_set_filter);
 constexpr OperationDescription kGetFilter = describe_eoe<EoeGetFilter, Step::eoe_get_filter>();
 
-Task<> set_ip(HookedSlave hooked, EoeIp ip) {
-    EoeSetIp request;
-    request.slave = hooked.number();
-    request.ip = ip;
-    request.timeout = startup_patience(hooked.slave()).each;
-    auto done = co_await run_in_hook(hooked, request);
-    co_return done;
-}
-
-Task<> set_filter(HookedSlave hooked, EoeFilter filter) {
-    EoeSetFilter request;
-    request.slave = hooked.number();
-    request.filter = filter;
-    request.timeout = startup_patience(hooked.slave()).each;
-    auto done = co_await run_in_hook(hooked, request);
-    co_return done;
-}
-
 }  // namespace
 
 EoeSetIp::EoeSetIp() : MailRequest(kSetIp) {}
@@ -89,8 +70,10 @@ EoeGetIp::EoeGetIp() : MailRequest(kGetIp) {}
 EoeSetFilter::EoeSetFilter() : MailRequest(kSetFilter) {}
 EoeGetFilter::EoeGetFilter() : MailRequest(kGetFilter) {}
 
-Task<> HookedSlave::eoe_set_ip(const EoeIp& ip) const { return set_ip(*this, ip); }
-Task<> HookedSlave::eoe_set_filter(const EoeFilter& filter) const { return set_filter(*this, filter); }
+Task<> HookedSlave::eoe_set_ip(const EoeIp& ip) const { return set_in_hook(*this, &EoeSetIp::ip, ip); }
+Task<> HookedSlave::eoe_set_filter(const EoeFilter& filter) const {
+    return set_in_hook(*this, &EoeSetFilter::filter, filter);
+}
 
 // ------------------------------------------------------------------ functions that wait
 

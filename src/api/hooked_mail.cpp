@@ -3,7 +3,6 @@
 #include "api/mail.hpp"
 #include "mailbox/aoe.hpp"
 #include "mailbox/raw_mail.hpp"
-#include "network/pdos.hpp"
 
 namespace margay {
 namespace {
@@ -23,21 +22,14 @@ Task<Result<std::size_t>> transfer(HookedSlave hooked, MailboxType type, Bytes m
     co_return done ? Result<std::size_t>(request.bytes) : Result<std::size_t>(done.error());
 }
 
-Task<> set_net_id(HookedSlave hooked, AoeNetId net_id) {
-    AoeSetNetId request;
-    request.slave = hooked.number();
-    request.net_id = net_id;
-    request.timeout = startup_patience(hooked.slave()).each;
-    auto done = co_await run_in_hook(hooked, request);
-    co_return done;
-}
-
 }  // namespace
 
 Task<Result<std::size_t>> HookedSlave::raw_mail(MailboxType type, std::span<const std::byte> message,
                                                 std::span<std::byte> answer) const {
     return transfer(*this, type, message, answer);
 }
-Task<> HookedSlave::aoe_set_net_id(const AoeNetId& net_id) const { return set_net_id(*this, net_id); }
+Task<> HookedSlave::aoe_set_net_id(const AoeNetId& net_id) const {
+    return set_in_hook(*this, &AoeSetNetId::net_id, net_id);
+}
 
 }  // namespace margay

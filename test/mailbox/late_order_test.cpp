@@ -41,16 +41,6 @@ class LateOrder : public testing::Test {
         return {usual, {mail_bytes({0, 0x20, 0x80, octet(3), 0x20, 0, 0x30, 0, 9, 6})}};  // out of range
     }
 
-    struct Write : SdoDownload {
-        explicit Write(unsigned v, std::uint16_t object = 0x2000, Duration most = 0ms)
-            : octets{static_cast<std::byte>(v), std::byte{0}} {
-            slave = 1;
-            index = object;
-            data = octets;
-            timeout = most;
-        }
-        std::array<std::byte, 2> octets;
-    };
     struct Read : FoeRead {
         Read(std::string_view file, MutableBytes memory) {
             slave = 1;

@@ -55,14 +55,6 @@ class LateReply : public testing::Test {
     }
     unsigned eoe_asked = 0;
 
-    struct Write : SdoDownload {
-        explicit Write(unsigned v) : octets{static_cast<std::byte>(v), std::byte{0}} {
-            slave = 1;
-            index = 0x2000;
-            data = octets;
-        }
-        std::array<std::byte, 2> octets;
-    };
     struct Read : FoeRead {
         explicit Read(std::string_view file) {
             slave = 1;

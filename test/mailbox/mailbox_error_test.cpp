@@ -1,13 +1,9 @@
 // A mailbox error does not say which message it answers. Slaves that work on several protocols at a time, slaves that
 // drop messages, and slaves that refuse late: no request ends by the reply to an earlier one.
-#include "mailbox/foe_bus.hpp"
-
-#include <functional>
+#include "mailbox/slow_slave.hpp"
 
 namespace margay {
 namespace {
-
-using wire::MailboxType;
 
 class MailboxErrors : public testing::Test {
   protected:
@@ -73,15 +69,6 @@ class MailboxErrors : public testing::Test {
         EXPECT_EQ(error.code, Errc::sdo_abort) << bus.words(error);
     }
 
-    struct Write : SdoDownload {
-        Write(unsigned v, std::uint16_t object, Duration most) : value{static_cast<std::byte>(v), std::byte{0}} {
-            slave = 1;
-            index = object;
-            data = value;
-            timeout = most;
-        }
-        std::array<std::byte, 2> value;
-    };
     struct Read : FoeRead {
         Read(MutableBytes memory, Duration most) {
             slave = 1;

@@ -10,6 +10,18 @@ namespace margay {
 
 using wire::MailboxType;
 
+// A download of a value of 16 bits.
+struct Write : SdoDownload {
+    explicit Write(unsigned v, std::uint16_t object = 0x2000, Duration most = Duration{0})
+        : octets{static_cast<std::byte>(v), std::byte{0}} {
+        slave = 1;
+        index = object;
+        data = octets;
+        timeout = most;
+    }
+    std::array<std::byte, 2> octets;
+};
+
 // A slave that answers in order, each message after a time of its own. With `queues` it takes all messages at once,
 // otherwise it takes one when it has answered the message before.
 class SlowSlave {

@@ -4,6 +4,7 @@
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/devices.hpp"
 #include "subdevice/diagnosis.hpp"
+#include "subdevice/memory_store.hpp"
 #include "subdevice/sii_image.hpp"
 #include "subdevice/standard_device.hpp"
 #include "subdevice/stored_values.hpp"
@@ -20,6 +21,7 @@ namespace margay::subdevice {
 namespace {
 
 using namespace std::chrono_literals;
+using margay::subdevice::testing::MemoryStore;
 
 // ------------------------------------------------------------------ the device
 
@@ -66,19 +68,6 @@ constexpr Object kPumpObjects[] = {array(0x1010, "Store parameters", kStoreEntri
                                    variable(0x8000, "Gain", kPumpGain)};
 using PumpStack = StandardDevice<kPump, kPumpObjects, PumpValues>;
 
-struct PumpFlash final : ValueStore {
-    std::vector<std::byte> cells{};
-    std::size_t load(MutableBytes into) override {
-        if (cells.size() > into.size()) return 0;
-        std::ranges::copy(cells, into.begin());
-        return cells.size();
-    }
-    HookAnswer save(Bytes block, Time) override {
-        cells.assign(block.begin(), block.end());
-        return Abort::none;
-    }
-};
-
 class Pump final : public Application {
   public:
     explicit Pump(PumpValues& values) : values_(values) {}
@@ -111,7 +100,7 @@ class Pump final : public Application {
 // The main program of the device.
 class PumpFirmware final : public sim::Firmware {
   public:
-    explicit PumpFirmware(PumpFlash& flash) : flash_(flash) {}
+    explicit PumpFirmware(MemoryStore& flash) : flash_(flash) {}
     void start(EscAccess& esc, Time now) override {
         all_.emplace(esc, flash_);
         all_->stack.device.start(now);
@@ -123,7 +112,7 @@ class PumpFirmware final : public sim::Firmware {
 
   private:
     struct All {
-        All(EscAccess& esc, PumpFlash& flash) : stack(esc, pump, memory), stored(stack.dictionary, flash, block) {
+        All(EscAccess& esc, MemoryStore& flash) : stack(esc, pump, memory), stored(stack.dictionary, flash, block) {
             pump.stored = &stored;
             (void)stored.load();
         }
@@ -133,11 +122,11 @@ class PumpFirmware final : public sim::Firmware {
         std::array<std::byte, stored_bytes(kPumpObjects)> block{};
         StoredValues stored;
     };
-    PumpFlash& flash_;
+    MemoryStore& flash_;
     std::optional<All> all_;
 };
 
-sim::Device make_pump(PumpFlash& flash) {
+sim::Device make_pump(MemoryStore& flash) {
     PumpValues values{};
     const ObjectDictionary dictionary(PumpStack::Objects::kObjects, image_of(values));
     SiiWorkspace<2, 8> workspace;
@@ -152,7 +141,7 @@ sim::Device make_pump(PumpFlash& flash) {
 
 class AuthorsDevice : public ::testing::Test {
   protected:
-    PumpFlash flash;
+    MemoryStore flash;
     sim::Segment segment;
     VirtualOsal osal;
     SimulatedNic nic{segment, osal};

@@ -1,6 +1,7 @@
 // Values of modules: stored values and modules that are exchanged, values larger than the staging buffer, and lists of
 // fewer modules than slots.
 #include "bench_device.hpp"
+#include "memory_store.hpp"
 #include "subdevice/modules.hpp"
 #include "subdevice/standard_device.hpp"
 
@@ -35,19 +36,6 @@ constexpr DeviceDescription kScaleDevice{
     .mailbox = {{.start = 0x1000, .size_bytes = 128}, {.start = 0x1100, .size_bytes = 128}}};
 constexpr auto kScaleObjects = ScaleTables::kObjects;
 
-struct ScaleStore final : ValueStore {
-    std::vector<std::byte> cells;
-    std::size_t load(MutableBytes into) override {
-        if (cells.size() > into.size()) return 0;
-        std::ranges::copy(cells, into.begin());
-        return cells.size();
-    }
-    HookAnswer save(Bytes block, Time) override {
-        cells.assign(block.begin(), block.end());
-        return Abort::none;
-    }
-};
-
 class ScaleApplication final : public Application {
   public:
     explicit ScaleApplication(std::initializer_list<std::uint32_t> idents) {
@@ -66,7 +54,7 @@ class ScaleApplication final : public Application {
 
 // A device after power-up, with these modules and the values that the store has.
 struct ScaleRack {
-    ScaleRack(ScaleStore& store, std::initializer_list<std::uint32_t> idents)
+    ScaleRack(MemoryStore& store, std::initializer_list<std::uint32_t> idents)
         : application(idents), dictionary(kScaleObjects, image, &application), stored(dictionary, store, buffer) {
         application.slots.lay_out(dictionary);
         loaded = stored.load();
@@ -86,7 +74,7 @@ struct ScaleRack {
 };
 
 TEST(ModuleValues, StoredValuesBelongToModulesOfTheSameKindInTheSameSlot) {
-    ScaleStore store;
+    MemoryStore store;
     {
         ScaleRack rack(store, {0x51, 0x52});
         EXPECT_FALSE(rack.loaded);
@@ -120,7 +108,7 @@ TEST(ModuleValues, StoredValuesBelongToModulesOfTheSameKindInTheSameSlot) {
 
 // A module was exchanged, and the old layout is in use until INIT: the values are those of the old module.
 TEST(ModuleValues, ASaveBeforeTheNewLayoutIsOneOfTheOldModules) {
-    ScaleStore store;
+    MemoryStore store;
     {
         ScaleRack rack(store, {0x51});
         rack.set_gain(1, 11);

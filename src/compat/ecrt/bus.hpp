@@ -101,6 +101,8 @@ class Bus {
     // The number of the slave at this place of the ring, the first is 0; 0: there is none. Any thread.
     [[nodiscard]] std::uint16_t number_at(std::uint16_t position);
     [[nodiscard]] bool slave_at(std::uint16_t position, Slave& copy);
+    // The place in the ring, from 1 on, of the first slave with the alias; 0: there is none.
+    [[nodiscard]] std::uint16_t first_with(std::uint16_t alias);
     // The slave of a configuration, as far as it is there. Any thread; before activation by address and identity.
     [[nodiscard]] bool slave_of(const ec_slave_config& config, Slave& copy);
 

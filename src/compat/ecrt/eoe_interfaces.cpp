@@ -182,14 +182,9 @@ EoeInterfaces& make_interfaces(const Bus& bus) {
 bool find_slave(Bus& bus, std::uint16_t alias, std::uint16_t position, Slave& copy) {
     std::uint32_t at = position;
     if (alias != 0) {
-        const std::lock_guard lock(bus.facts_mutex);
-        const Slave* head = nullptr;
-        for (const Slave& slave : bus.facts)
-            if (slave.alias == alias && slave.ring_position != 0 &&
-                (head == nullptr || slave.ring_position < head->ring_position))
-                head = &slave;
-        if (head == nullptr) return false;
-        at += head->ring_position - 1U;
+        const std::uint16_t first = bus.first_with(alias);
+        if (first == 0) return false;
+        at += first - 1U;
     }
     return at <= 0xFFFF && bus.slave_at(static_cast<std::uint16_t>(at), copy);
 }

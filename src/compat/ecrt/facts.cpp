@@ -86,6 +86,15 @@ bool Bus::slave_at(std::uint16_t position, Slave& copy) {
     return false;
 }
 
+std::uint16_t Bus::first_with(std::uint16_t alias) {
+    const std::lock_guard lock(facts_mutex);
+    std::uint16_t first = 0;
+    for (const Slave& slave : facts)
+        if (slave.alias == alias && slave.ring_position != 0 && (first == 0 || slave.ring_position < first))
+            first = slave.ring_position;
+    return first;
+}
+
 bool Bus::slave_of(const ec_slave_config& config, Slave& copy) {
     const std::lock_guard lock(facts_mutex);
     if (active) {

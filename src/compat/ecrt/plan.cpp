@@ -113,12 +113,8 @@ void Operation::plan_slave(ec_slave_config& config) {
 void Operation::add_expected(ec_slave_config& config) {
     int number = config.position + 1;
     if (config.alias != 0) {
-        const std::lock_guard lock(bus_.facts_mutex);
-        int head = -1;
-        for (const Slave& slave : bus_.facts)
-            if (slave.alias == config.alias && slave.ring_position != 0 && (head < 0 || slave.ring_position < head))
-                head = slave.ring_position;
-        if (head < 0) return;  // add_by_alias()
+        const int head = bus_.first_with(config.alias);
+        if (head == 0) return;  // add_by_alias()
         number += head - 1;
     }
     for (const ExpectedSlave& other : expected_)

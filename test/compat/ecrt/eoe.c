@@ -1,6 +1,7 @@
 /* A slave with EoE gets a network interface. The stack of the kernel at the other end answers through it, before
  * activation and beside the cycle. Ends with 77 where the system has no TAP devices. */
 #define _DEFAULT_SOURCE
+#include "check.h"
 #include "cycle.h"
 
 #include <ecrt.h>
@@ -16,13 +17,6 @@
 #include <unistd.h>
 
 #define NAME "eoe0s1"
-#define CHECK(condition)                                                    \
-    do {                                                                    \
-        if (!(condition)) {                                                 \
-            fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #condition); \
-            return 1;                                                       \
-        }                                                                   \
-    } while (0)
 
 static ec_master_t* master;
 static ec_domain_t* domain;

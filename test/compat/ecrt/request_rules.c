@@ -1,5 +1,6 @@
 /* The timeout of a request counts from its start on, also while the segment does not start up because nobody cycles.
  * A register is read and written by one datagram. */
+#include "check.h"
 #include "cycle.h"
 
 #include <ecrt.h>
@@ -7,13 +8,6 @@
 #include <stdio.h>
 
 #define USER_RAM 0x0F80
-#define CHECK(condition)                                                    \
-    do {                                                                    \
-        if (!(condition)) {                                                 \
-            fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #condition); \
-            return 1;                                                       \
-        }                                                                   \
-    } while (0)
 
 static ec_master_t* master;
 

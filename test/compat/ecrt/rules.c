@@ -1,6 +1,7 @@
 /* What is refused: changes while the master is active, and configuration by a handle that was only opened. Octets that
  * the program writes into the memory of a domain before activation stay. The time of the clocks goes on also in cycles
  * without the first domain. In a ring both links can be asked. */
+#include "check.h"
 #include "cycle.h"
 
 #include <ecrt.h>
@@ -9,14 +10,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#define CHECK(condition)                                                    \
-    do {                                                                    \
-        if (!(condition)) {                                                 \
-            fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #condition); \
-            return 1;                                                       \
-        }                                                                   \
-    } while (0)
 
 static ec_master_t* master;
 static ec_domain_t* first;
