@@ -250,7 +250,7 @@ void check_locked(Session& session) {
     }
 }
 
-// One mapping object that a master may change, of each direction.
+// The first mapping object that a master may change, of each SyncManager.
 void check_mapping(Session& session) {
     auto& bench = session.bench;
     enter(session);
@@ -258,8 +258,10 @@ void check_mapping(Session& session) {
         bench.skip("the SII does not announce that the PDO mapping can be changed");
     for (const auto& area : bench.areas()) {
         const auto pdos = dictionary_pdos(session, area);
-        if (!pdos || pdos->empty() || !writable(session, pdos->front().index)) continue;
-        const auto index = pdos->front().index;
+        if (!pdos) continue;
+        const auto found = std::ranges::find_if(*pdos, [&](const auto& pdo) { return writable(session, pdo.index); });
+        if (found == pdos->end()) continue;
+        const auto index = found->index;
         const Kept kept(session, index);
         if (!kept.values().empty() && session.sdo.download(index, 1, Bytes(kept.values().front())) == Abort::none)
             bench.fail(fmt::format("{} was written while subindex 0 was not 0", object_text(index, 1)));

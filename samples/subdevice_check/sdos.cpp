@@ -212,6 +212,9 @@ void check_rights(Session& session) {
     }
 }
 
+// The PDO assignments of SyncManagers 2 to 31.
+bool is_assignment(std::uint16_t index) { return index >= 0x1C12 && index <= 0x1C2F; }
+
 // Complete access writes what it has read: a PDO assignment.
 void check_complete_download(Session& session) {
     enter(session);
@@ -219,9 +222,8 @@ void check_complete_download(Session& session) {
     if ((bench.slave().coe_details & coe_detail::kCompleteAccess) == 0)
         bench.skip("the SII does not announce complete access");
     const auto entries = harmless_entries(session);
-    const auto found = std::ranges::find_if(entries, [](const DictionaryEntry& entry) {
-        return entry.index >= 0x1C12 && entry.index <= 0x1C13 && entry.subindex == 0;
-    });
+    const auto found = std::ranges::find_if(
+        entries, [](const DictionaryEntry& entry) { return is_assignment(entry.index) && entry.subindex == 0; });
     if (found == entries.end()) bench.skip("the master cannot change the PDO assignment");
     const auto before = session.sdo.upload(found->index, 0, true);
     if (!before.ok()) bench.skip(object_text(found->index, 0) + " cannot be read by complete access");
@@ -257,8 +259,7 @@ std::vector<DictionaryEntry> harmless_entries(const Session& session) {
     std::vector<DictionaryEntry> entries;
     for (const auto& entry : session.sdo.entries) {
         const bool harmless = entry.index == 0x10F1 || (entry.index == 0x10F3 && entry.subindex == 5) ||
-                              (entry.index >= 0x1C32 && entry.index <= 0x1C4F) ||
-                              (entry.index >= 0x1C12 && entry.index <= 0x1C13);
+                              (entry.index >= 0x1C32 && entry.index <= 0x1C4F) || is_assignment(entry.index);
         const bool number = entry.bits == 8 || entry.bits == 16 || entry.bits == 32;
         constexpr unsigned kBoth = coe::access::kReadPreop | coe::access::kWritePreop;
         if (harmless && number && (entry.access & kBoth) == kBoth) entries.push_back(entry);

@@ -72,7 +72,7 @@ void check_down(Session& session) {
 
 void check_same(Session& session) {
     auto& bench = session.bench;
-    for (const auto state : {AlState::init, AlState::preop, AlState::safeop}) {
+    for (const auto state : {AlState::init, AlState::preop, AlState::safeop, AlState::op}) {
         bench.enter(state);
         bench.request(word(state));
         const auto status = bench.refused();
@@ -117,11 +117,15 @@ void check_skipped(Session& session) {
 void check_unknown(Session& session) {
     auto& bench = session.bench;
     needs_state_machine(bench);
-    for (const auto state : {AlState::init, AlState::preop, AlState::safeop}) {
+    std::vector states{AlState::init, AlState::preop, AlState::safeop, AlState::op};
+    if (bench.slave().boot_mailbox.present()) states.push_back(AlState::boot);
+    for (const auto state : states) {
         bench.enter(state);
-        for (const unsigned value : {0U, 5U, 6U, 7U, 9U, 15U})
+        for (const unsigned value : {0U, 5U, 6U, 7U, 9U, 15U}) {
+            if (bench.al_status().state != state) bench.enter(state);  // the request before has led elsewhere
             expect_refusal(bench, state, value, {AlStatusCode::unknown_requested_state},
                            fmt::format("the state {} requested in {}", value, state_text(state)));
+        }
     }
 }
 
@@ -133,7 +137,6 @@ void check_boot(Session& session) {
     const bool boot = bench.slave().boot_mailbox.present();
     for (const auto from : {AlState::preop, AlState::safeop, AlState::op}) {
         bench.enter(from);
-        // The outputs stop here: OP ends by the watchdog if the check takes longer than its time.
         expect_refusal(bench, from, word(AlState::boot),
                        boot ? std::vector{invalid} : std::vector{unsupported, invalid},
                        transition_text(from, AlState::boot));
@@ -196,6 +199,14 @@ void check_error_stays(Session& session) {
     else if (status.code != before.code)
         bench.remark(fmt::format("a request that was not executed changed the AL status code from 0x{:04x} to 0x{:04x}",
                                  before.code, status.code));
+    bench.enter(AlState::safeop);
+    bench.request(word(AlState::boot));
+    if (const auto refused = bench.refused(); refused.state != AlState::safeop || !refused.error) return;
+    bench.request(word(AlState::op));
+    (void)bench.run(100ms);
+    if (const auto after = bench.al_status(); after.state != AlState::safeop || !after.error)
+        bench.fail(
+            fmt::format("a request for OP without an acknowledge in SAFEOP + ERROR led to {}", status_text(after)));
 }
 
 void check_init_clears(Session& session) {

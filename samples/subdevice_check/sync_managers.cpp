@@ -27,6 +27,7 @@ constexpr Mistake kMailboxMistakes[] = {
     {"behind the end of the memory", [](SyncManager& sm) { sm.physical_start = 0xFFF0; }},
 };
 constexpr Mistake kProcessMistakes[] = {
+    {"behind the end of the memory", [](SyncManager& sm) { sm.physical_start = 0xFFF0; }},
     {"switched off", [](SyncManager& sm) { sm.activate = 0; }},
     {"one octet longer", [](SyncManager& sm) { ++sm.length_bytes; }},
     {"one octet shorter", [](SyncManager& sm) { --sm.length_bytes; }},

@@ -159,7 +159,10 @@ void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time
         for (unsigned n = 0; n < description_.sync_managers; ++n) {
             const auto channel = reg::sync_manager(n);
             if (!range.meets(channel)) continue;
-            sync_managers_.reconfigure(n);
+            if (sync_managers_.reconfigure(n)) {
+                clear_al_events(wire::al_event::sync_manager(n));
+                change_ecat_events(0, ecat_event::sync_manager(n));
+            }
             if (!from_pdi && range.covers(channel.address + wire::SyncManagerLayout::activate::offset)) {
                 activations_ |= 1u << n;
                 set_al_events(wire::al_event::kSmActivation, at);

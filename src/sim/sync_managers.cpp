@@ -38,7 +38,7 @@ void SyncManagers::power_up(RegisterFile& registers, unsigned count, std::uint32
     stale_ = (1u << count_) - 1;
 }
 
-void SyncManagers::reconfigure(unsigned n) {
+bool SyncManagers::reconfigure(unsigned n) {
     auto& channel = channels_[n];
     const auto raw = wire::load_sync_manager(Bytes(registers_->bytes()).subspan(reg::sync_manager(n).address));
     const auto pdi = registers_->get<std::uint8_t>(field(n, Layout::pdi_control::offset));
@@ -56,13 +56,14 @@ void SyncManagers::reconfigure(unsigned n) {
     const bool in_ram = channel.start >= reg::kProcessRam;
     channel.three = !channel.mailbox() && in_ram && channel.start + 3 * channel.length <= ram_end_;
     channel.reachable = !in_ram || channel.stop() <= ram_end_;
-    const bool is_on = channel.enabled && !locked;
-    if (was_on != is_on) {
+    const bool anew = was_on != (channel.enabled && !locked);
+    if (anew) {
         channel.reset();
         closing_ &= ~(1u << n);
     }
     enabled_ = channel.enabled ? enabled_ | (1u << n) : enabled_ & ~(1u << n);
     show(n);
+    return anew;
 }
 
 SyncManagers::Part SyncManagers::part_at(std::uint32_t address, std::uint32_t end) const {

@@ -37,7 +37,9 @@ class SyncManagers {
     // the digital outputs (0x0F00) would lie over the registers of the ESC: it has no effect, and its status is that of
     // a channel that is off. (Buffers are in the process RAM; the digital outputs are the only registers that terminals
     // give to a SyncManager. No recording shows one over other registers.)
-    void reconfigure(unsigned n);
+    // True: the channel was switched on or off, so that it begins anew. Its interrupt bits are clear then, and with
+    // them its bits in 0x0210 and 0x0220, which show the interrupt bits (DS II, register 0x0220).
+    bool reconfigure(unsigned n);
     // Whether the first five octets of channel n are write protected. They can be written only while the channel is
     // off.
     [[nodiscard]] bool locked(unsigned n) const { return (channels_[n].activate & 1) != 0; }

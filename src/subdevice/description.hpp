@@ -117,7 +117,8 @@ struct DeviceDescription {
     std::span<const ProcessDataArea> more_inputs{};
     DcDescription dc{};
     Duration outputs_wait = std::chrono::milliseconds(200);  // SAFEOP→OP: longest wait for the first outputs and SYNC0
-    // Watchdog of the stack on the outputs, in addition to the ESC's watchdog; zero: none
+    // Watchdog of the stack on the outputs, in addition to the ESC's watchdog; zero: none. It has no effect on an area
+    // of one octet: nothing shows that one octet has arrived (see process_data.hpp). Then the ESC's watchdog is needed.
     Duration output_timeout{};
     // Without DC, Application::cycle() is called at least this often; zero: only when process data arrive. (Before the
     // first outputs, and without outputs, it is called when the master has read the inputs, or each millisecond when

@@ -92,6 +92,7 @@ void ProcessData::start(Time now) {
     arrived_ = 0;
     missed_ = syncs_ = 0;
     late_ = 0;
+    discard_old_outputs();
     next_poll_ = kNever;
     find_silent(now);
     read_sync_settings();
@@ -107,6 +108,14 @@ void ProcessData::start(Time now) {
     collided_ = false;
     next_watch_ = kNever;
     process(part::kApplication | part::kInputs, now);
+}
+
+// Outputs of an earlier use that the device has not read: they came together with the request for a lower state. Their
+// AL event, and the status of their SyncManager, would make them look new. A read clears both.
+void ProcessData::discard_old_outputs() {
+    for_each_used(true, [this](const ProcessDataArea& area, std::size_t at, std::size_t bytes) {
+        esc_.read(area.start, outputs_.subspan(at, bytes));
+    });
 }
 
 // The SyncManagers that raise no events, by the control octets of the master.

@@ -129,6 +129,7 @@ class ProcessData {
     void take_outputs(std::uint32_t areas, Time now);
     void apply_outputs();
     void give_inputs(Time now);
+    void discard_old_outputs();
     void find_silent(Time now);
     void set_watchdog(Time now);
     void look_again(Time now);

@@ -95,6 +95,12 @@ constexpr std::array<Entry, N + 1> mapping_entries(std::span<const Object> objec
     return entries;
 }
 
+constexpr bool no_area_of_one_octet(const DeviceDescription& device) {
+    bool none = true;
+    for_each_area(device, true, [&](const ProcessDataArea& area, std::size_t) { none = none && area.max_bytes != 1; });
+    return none;
+}
+
 constexpr std::uint16_t largest(const MailboxPair& pair) {
     const auto of = [](const MailboxArea& area) { return std::max(area.size_bytes, area.max_bytes); };
     return std::max(of(pair.receive), of(pair.send));
@@ -206,6 +212,8 @@ class StandardDevice {
     static_assert(standard::protocol_count(Description.protocols) <= 1 + More,
                   "DeviceDescription::protocols has a protocol for which `More` has no server");
     static_assert(Description.mailbox.present(), "a device with CoE needs DeviceDescription::mailbox");
+    static_assert(Description.output_timeout == Duration::zero() || standard::no_area_of_one_octet(Description),
+                  "DeviceDescription::output_timeout has no effect on outputs of one octet: give them two octets");
 
   public:
     using Objects = StandardObjects<Description, Own, Type>;

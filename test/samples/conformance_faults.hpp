@@ -123,14 +123,16 @@ void read_right_sync_manager(std::uint16_t address, MutableBytes data) {
     wire::store_sync_manager(data.subspan(at - address, 8), {Start, Length, Control, 1});
 }
 
-// After an error in PREOP, a request for INIT with an acknowledge looks like one for PREOP without.
-inline bool error_in_preop = false;
-inline bool note_error(std::uint16_t address, Octets& data) {
-    if (address == reg::kAlStatus.address) error_in_preop = data[0] == std::byte{0x12};
+// The AL status that the firmware has written last. In one status, a request looks like another one.
+inline std::byte al_status_now{};
+inline bool note_status(std::uint16_t address, Octets& data) {
+    if (address == reg::kAlStatus.address) al_status_now = data[0];
     return true;
 }
-inline void read_no_init_after_error(std::uint16_t address, MutableBytes data) {
-    if (error_in_preop && address == reg::kAlControl.address && data[0] == std::byte{0x11}) data[0] = std::byte{0x02};
+template <unsigned Status, unsigned Request, unsigned Other>
+void read_request(std::uint16_t address, MutableBytes data) {
+    if (al_status_now == std::byte{Status} && address == reg::kAlControl.address && data[0] == std::byte{Request})
+        data[0] = std::byte{Other};
 }
 
 // An SDO download of this subindex that was aborted looks like a success.

@@ -275,21 +275,33 @@ constexpr Fault kFaults[] = {
          last = data[0];
          return true;
      }},
+    {"states.same", "a request for OP in OP leads to SAFEOP", note_status, read_request<8, 8, 4>},
     {"states.skipped", "another code", replace_code<0x0011, 0x0001>},
     {"states.skipped", "no error indication", no_error_bit},
     {"states.unknown", "another code", replace_code<0x0012, 0x0011>},
+    {"states.unknown", "a state that does not exist leads from OP to SAFEOP", note_status, read_request<8, 5, 4>},
+    {.check = "states.unknown",
+     .what = "a state that does not exist leads from BOOT to INIT",
+     .write = note_status,
+     .read = read_request<3, 7, 1>,
+     .device = "bootloader"},
     {"states.boot", "another code", replace_code<0x0013, 0x0001>},
     {"states.acknowledge", "the code stays",
      [](std::uint16_t address, Octets& data) {
          return address != reg::kAlStatusCode.address || load_le<std::uint16_t>(data, 0) != 0;
      }},
     {"states.error_stays", "every request acknowledges", nullptr, read_bits<0x0120, 0x10>},
-    {"states.init_clears", "an error stays in PREOP", note_error, read_no_init_after_error},
+    {"states.error_stays", "a request for OP acknowledges in SAFEOP", note_status, read_request<0x14, 0x08, 0x18>},
+    {"states.init_clears", "an error stays in PREOP", note_status, read_request<0x12, 0x11, 0x02>},
     {"sm.mailbox_settings", "another code", replace_code<0x0016, 0x0001>},
     {"sm.mailbox_settings", "SyncManager 0 is not checked", nullptr, read_right_sync_manager<0, 0x1000, 128, 0x26>},
     {"sm.mailbox_overlap", "SyncManager 1 is not checked", nullptr, read_right_sync_manager<1, 0x1400, 128, 0x22>},
     {"sm.process_settings", "another code for outputs", replace_code<0x001D, 0x0001>},
     {"sm.process_settings", "SyncManager 3 is not checked", nullptr, read_right_sync_manager<3, 0x1A00, 8, 0x20>},
+    {"sm.process_settings", "the start of SyncManager 2 is not checked", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         if (address == reg::sync_manager(2).address && data.size() >= 8) store_le<std::uint16_t>(data, 0, 0x1800);
+     }},
     {"sm.mailbox_off", "SyncManager 0 always looks switched on", nullptr, read_bits<0x0806, 1>},
     {"sm.process_data_off", "SyncManager 2 always looks switched on", nullptr, read_bits<0x0816, 1>},
     {"mailbox.duplicate", "each message looks new", nullptr,

@@ -239,6 +239,23 @@ TEST_F(SyncManagerTest, SwitchingOffAndOnEmptiesIt) {
     EXPECT_EQ(rig.put<std::uint32_t>(0, 0x1000, 3), 1);
 }
 
+// The bits in 0x0210 and 0x0220 show the interrupt bits of the status.
+TEST_F(SyncManagerTest, SwitchingOffClearsItsEvents) {
+    for (const bool by_pdi : {false, true}) {
+        EXPECT_EQ(set(2, 0x1200, 2, kOutputs), 1);
+        EXPECT_EQ(rig.put<std::uint16_t>(0, 0x1200, 1), 1);
+        EXPECT_EQ(rig.get<std::uint32_t>(0, 0x0220) & 0x400, 0x400u);
+        if (by_pdi)
+            rig.pdi_put<std::uint8_t>(0, 0x0817, 1);
+        else
+            EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0816, 0), 1);
+        EXPECT_EQ(rig.get<std::uint32_t>(0, 0x0220) & 0x400, 0u);
+        if (!by_pdi) continue;
+        rig.pdi_put<std::uint8_t>(0, 0x0817, 0);
+        EXPECT_EQ(rig.get<std::uint32_t>(0, 0x0220) & 0x400, 0u) << "no outputs were written";
+    }
+}
+
 // PDI control bit 0: the slave locks its SyncManager; no access succeeds until it unlocks the SyncManager.
 TEST_F(SyncManagerTest, ThePdiMayLockIt) {
     EXPECT_EQ(set(2, 0x1200, 4, kOutputs), 1);

@@ -54,7 +54,6 @@ class PlainEsc final : public EscAccess {
         for (unsigned n = 0; n < kSyncManagers; ++n) {
             if (address == wire::reg::sync_manager(n).address + 7u && (get<std::uint8_t>(address) & 1) != 0) {
                 set_full(n, false);
-                clear(al_event::sync_manager(n));
             }
             const auto sm = sync_manager(n);
             if (!sm.enabled() || sm.ecat_writes()) continue;
