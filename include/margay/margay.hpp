@@ -185,8 +185,9 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 //
 // statecheck() reads all slaves until `slave`, or all slaves (0), are in `state` without error and their commands and
 // hooks after the transition have ended, or until `timeout` is over (zero: reads once). Returns what it read last. A
-// timeout is no error: compare the returned state. But where the state is reached and commands or hooks after the
-// transition have not ended, the timeout is an error: start_up_unfinished of the first such slave.
+// timeout is no error: compare the returned state. But two causes are an error: other_slave (another device answers in
+// the place of the slave), and start_up_unfinished (the state is reached, and commands or hooks after the transition
+// have not ended), each of the first such slave.
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);

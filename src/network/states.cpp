@@ -126,6 +126,14 @@ const Slave* find_unfinished(const Network& network, std::uint16_t slave) {
     return nullptr;
 }
 
+// The first slave, of all slaves or `slave` alone, in whose place another device answers.
+const Slave* find_exchanged(const Network& network, std::uint16_t slave) {
+    for (const Slave& one : network.slaves())
+        if ((slave == 0 || slave == one.number) && one.al.state == AlState::none && one.error.code == Errc::other_slave)
+            return &one;
+    return nullptr;
+}
+
 // A scan has begun: the table has other slaves now.
 constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 
@@ -210,6 +218,8 @@ Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlS
         const AlStatus now = slave == 0 ? *all : network.slave(slave).al;
         const bool reached = now.state == state && !now.error;
         const Slave* unfinished = reached ? find_unfinished(network, slave) : nullptr;
+        const Slave* exchanged = over && !reached ? find_exchanged(network, slave) : nullptr;
+        if (all && exchanged != nullptr) co_return exchanged->error;
         if (all && unfinished == nullptr && (reached || over)) co_return now;
         // Only the supervision starts a slave again whose commands or hook have failed.
         const bool in_vain = unfinished != nullptr && !network.supervised && !is_settling(network, *unfinished);

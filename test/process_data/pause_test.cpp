@@ -200,7 +200,8 @@ TEST_P(UnsupervisedPause, ReadstateCompares) {
 TEST_P(UnsupervisedPause, StatecheckCompares) {
     stop(true);
     const auto checked = statecheck(*ctx, 2, GetParam(), 100ms);
-    EXPECT_FALSE(checked.ok() && checked->state == GetParam());
+    EXPECT_EQ(checked.error().code, Errc::other_slave) << in_words(checked.error());
+    EXPECT_EQ(checked.error().slave, 2U);
     EXPECT_EQ(ctx->slave(2).error.code, Errc::other_slave) << in_words(ctx->slave(2).error);
     expect_nothing_of_slave_2(100);
 }
