@@ -252,6 +252,7 @@ void MailboxChannel::left(MailExchange& exchange) {
     const bool first = exchange.state_ == MailExchange::State::queued;
     if (!exchange.options_.reply) {
         unanswered_until_ = now() + mail_timing::kOwedPatience;
+        owed_[0].silent = true;
         return finish(exchange, {});
     }
     if (first) {
@@ -343,6 +344,11 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
         repeat_ = Repeated::no;
         repeated_ = acknowledged;
         lost_at_ = full ? kNever : now() + mail_timing::kResendAfter;
+        // What the slave wanted to send meanwhile comes first.
+        if (is_owed()) {
+            glance_ = true;
+            stale_ = kMostStale;
+        }
     }
     full_ = full;
     if (full_) return;

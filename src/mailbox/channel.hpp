@@ -180,6 +180,7 @@ class MailboxChannel {
         bool guessed = false;        // the exchange has ended by an error reply that may be that of another one
         std::uint8_t questions = 0;  // CoE: a bit for each object of kQuestions that an answer may still come for
         std::uint8_t spare = 1;      // CoE: the subindex of 0x1000 in the last question that is none of kQuestions
+        bool silent = false;         // [0]: a message without reply was sent since open(): it may be refused late
     };
     class Fence;
 

@@ -8,6 +8,7 @@
 #include "mailbox/mailboxes.hpp"
 #include "wire/coe.hpp"
 #include "wire/eoe.hpp"
+#include "wire/foe.hpp"
 #include "wire/soe.hpp"
 #include "wire/sync_manager.hpp"
 
@@ -30,7 +31,8 @@ MailboxChannel::Owed& MailboxChannel::owe(wire::MailboxType type, std::uint64_t 
                 .type = type,
                 .fences = owed.fences,
                 .questions = owed.questions,
-                .spare = owed.spare};
+                .spare = owed.spare,
+                .silent = owed.silent};
     if (type == wire::MailboxType::coe) owed.questions |= question_bit(key);
     if (owed.key != key) owed.key = mail_key::kAny;
     if (owed.type != type) owed.type = wire::MailboxType::error;
@@ -140,19 +142,47 @@ bool MailboxChannel::can_answer(std::uint64_t key, const wire::MailboxMessage& m
         }
         case wire::MailboxType::soe: {
             if (data.size() < wire::soe::kHeaderBytes) return false;
-            const auto opcode = wire::soe::load_header(data).opcode;
+            const auto header = wire::soe::load_header(data);
+            if (header.incomplete) return false;  // the answer has several mails, and this is not the last one
+            const auto opcode = header.opcode;
             return opcode == wire::soe::Opcode::read_response || opcode == wire::soe::Opcode::write_response;
+        }
+        case wire::MailboxType::foe: {
+            // The late packet of a transfer that was given up in its middle is none that is_doubtful() counts.
+            namespace foe = wire::foe;
+            if (data.size() < foe::kHeaderBytes) return false;
+            const auto opcode = foe::Layout::opcode::load(data);
+            const auto number = foe::Layout::packet_number::load(data);
+            return (opcode != foe::Opcode::data && opcode != foe::Opcode::acknowledge) || number <= 1;
         }
         default: return true;
     }
 }
 
+namespace {
+
+// An answer for a subindex of 0x1000 that next_question() has taken from Owed::spare.
+bool is_spare_question(const wire::MailboxMessage& mail) {
+    namespace coe = wire::coe;
+    return mail.data.size() >= coe::kSdoBytes && coe::SdoLayout::index::load(mail.data) == 0x1000 &&
+           coe::SdoLayout::subindex::load(mail.data) > 1;
+}
+
+}  // namespace
+
 // Mail that nobody has taken: most likely the late reply, if it is of its protocol.
 void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
     Owed& owed = owed_of(mail.header.type);
-    if (mail.header.type == wire::MailboxType::coe)
+    if (mail.header.type == wire::MailboxType::coe) {
+        bool of_question = is_spare_question(mail);
         for (const std::uint64_t key : kQuestions)
-            if (can_answer(key, mail)) owed.questions &= static_cast<std::uint8_t>(~question_bit(key));
+            if (can_answer(key, mail)) {
+                of_question |= (owed.questions & question_bit(key)) != 0;
+                owed.questions &= static_cast<std::uint8_t>(~question_bit(key));
+            }
+        // An answer to a question is none of the replies that are counted.
+        if (of_question && owed.key == mail_key::kAny) return;
+    }
     if (owed.mails == 0 || owed.mails == MailExchange::kManyMails || owed.type != mail.header.type) return;
     if (!can_answer(owed.key, mail)) return;
     --owed.mails;

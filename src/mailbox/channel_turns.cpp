@@ -54,7 +54,7 @@ void MailboxChannel::enqueue(MailExchange& exchange) {
     // The reply to an exchange that was given up may have come after the last look, and lie in the mailbox since. The
     // packets of a file are told by their numbers.
     const auto& options = exchange.options_;
-    if (options.key != 0 && !options.distinct && awaiting_.empty() && owed_of(exchange.type_).mails != 0) {
+    if (options.key != 0 && !options.distinct && owed_of(exchange.type_).mails != 0) {
         glance_ = true;
         stale_ = kMostStale;
         look_soon();

@@ -200,7 +200,8 @@ Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObj
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused);
     if (channel.send_room() < coe::kEntryRequestBytes) co_return complete({.code = Errc::unsupported});
-    const auto key = mail_key::of(mail_key::Kind::sdo_information, about.index, about.subindex);
+    // An error does not name its object.
+    constexpr auto key = mail_key::of(mail_key::Kind::sdo_information);
     Error failed{.code = Errc::reply_lost};
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
         if (channel.is_doubtful(key))

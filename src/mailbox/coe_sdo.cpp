@@ -135,7 +135,7 @@ Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, cons
             co_return complete({.code = channel.cut_by()}, channel, transfer.object(), step);
         }
         if (transfer.over()) break;
-        if (channel.is_doubtful(transfer.key()))
+        if (transfer.begins() && channel.is_doubtful(transfer.key()))
             co_await required(settle_owed(channel, session, transfer.key(), patience, step));
         guard.refused = false;
         MailExchange exchange(session, transfer, {.patience = patience, .key = transfer.key()});

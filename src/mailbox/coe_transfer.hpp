@@ -42,9 +42,12 @@ class SdoTransfer : public MailClient {
     [[nodiscard]] bool is_unanswered() const { return asked_; }
     [[nodiscard]] std::array<std::byte, kAbortBytes> abort_message() const;
     [[nodiscard]] const SdoObject& object() const { return object_; }
-    // Distinguishes exchanges of different objects; see MailExchange::Options.
+    // The next message is the first one of the transfer.
+    [[nodiscard]] bool begins() const { return phase_ == Phase::initiate; }
+    // Distinguishes exchanges of different objects; see MailExchange::Options. Also of segments: the reply to a segment
+    // may be an abort, which names the object.
     [[nodiscard]] std::uint64_t key() const {
-        return phase_ == Phase::segments ? 0 : mail_key::of(mail_key::Kind::sdo, object_.index, object_.subindex);
+        return mail_key::of(mail_key::Kind::sdo, object_.index, object_.subindex);
     }
 
   protected:

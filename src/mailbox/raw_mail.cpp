@@ -89,9 +89,12 @@ Task<Result<>> transfer_raw(MailboxChannel& channel, RawMail& request, const Mai
     if (reply && request.type == wire::MailboxType::coe && channel.is_doubtful(mail_key::kAny))
         co_await required(settle_owed(channel, session, mail_key::kAny, patience, Step::mailbox_send));
     RawMessage message(request);
-    MailExchange exchange(
-        channel, request.type, message,
-        {.patience = patience, .key = reply ? mail_key::kAny : 0, .address = request.address, .reply = reply});
+    MailExchange exchange(channel, request.type, message,
+                          {.patience = patience,
+                           .key = reply ? mail_key::kAny : 0,
+                           .address = request.address,
+                           .reply = reply,
+                           .mails = request.more_follows != nullptr ? MailExchange::kManyMails : std::uint8_t{1}});
     const Error failed = co_await exchange;
     if (failed.code != Errc::none) {
         Error error = failed;

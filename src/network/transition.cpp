@@ -143,7 +143,9 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
 }
 
 void mark_unfinished(Network& network, Slave& slave, Transition which) {
-    if (goes_up(which) && concerns(slave, which, Moment::after)) network.marks(slave).unfinished = which;
+    // Its mailbox is opened behind the transition.
+    const bool opens = which == Transition::init_to_preop && uses_mailbox(slave);
+    if (opens || (goes_up(which) && concerns(slave, which, Moment::after))) network.marks(slave).unfinished = which;
 }
 
 bool is_unfinished(const Network& network, const Slave& slave) {

@@ -40,6 +40,10 @@ class Interrupted : public SegmentTest {
     void cycles(int count) {
         while (count-- > 0) (void)cycle();
     }
+    // Cycles of 1 ms, and no poll between two of them.
+    void cycle_for(Duration time) {
+        for (const Time end = osal.now() + time; osal.now() < end; osal.advance(1ms)) (void)cycle();
+    }
     [[nodiscard]] bool ends(const Request& request) {
         for (int n = 0; n < 500'000 && request.busy(); ++n) step();
         return !request.busy();
@@ -52,6 +56,42 @@ class Interrupted : public SegmentTest {
 };
 
 // ------------------------------------------------------------------ a slave that disappears
+
+// The request for PREOP reaches the slave, and its answer does not come back: the mailbox is not opened yet.
+TEST_F(Interrupted, ASlaveThatIsLostOnItsWayToPreopHasItsMailboxAgain) {
+    plug_line({"coupler", "digital_io_16", "bootloader_open"});
+    switch_on();
+    ASSERT_TRUE(bring_up());
+    ASSERT_TRUE(config_map(ctx, image));
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(300);
+    unsigned lost = 0;
+    for (Duration delay{0}; delay < 40ms; delay += 1ms) {
+        SCOPED_TRACE(delay.count());
+        ASSERT_TRUE(set_target(ctx, 3, AlState::init));
+        for (int n = 0; n < 20'000 && ctx.slave(3).al.state != AlState::init; ++n) (void)cycle();
+        ASSERT_EQ(ctx.slave(3).al.state, AlState::init);
+        ASSERT_TRUE(set_target(ctx, 3, AlState::preop));
+        cycle_for(delay);
+        segment.set_cable({1, 1}, false);
+        cycle_for(100ms);
+        lost += ctx.slave(3).al.state == AlState::none ? 1 : 0;
+        segment.set_cable({1, 1}, true);
+        for (int n = 0; n < 20'000 && !all_right(ctx); ++n) (void)cycle();
+        ASSERT_EQ(ctx.slave(3).al.state, AlState::preop);
+        EXPECT_TRUE(all_right(ctx)) << words(what_is_wrong(ctx));
+        std::array<std::byte, 4> type{};
+        SdoUpload upload;
+        upload.slave = 3;
+        upload.index = 0x1000;
+        upload.data = type;
+        ASSERT_TRUE(submit(ctx, upload)) << "its mailbox is closed";
+        ASSERT_TRUE(ends(upload));
+        EXPECT_EQ(upload.error().code, Errc::none) << words(upload.error());
+    }
+    EXPECT_GT(lost, 30U);
+}
 
 TEST_F(Interrupted, ASlaveThatIsLostDuringAStateRequestIsReportedAndTheOthersStayFresh) {
     begin();
