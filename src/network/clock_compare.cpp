@@ -148,11 +148,8 @@ Task<Result<>> return_to_first_clock(Network& network) {
         if (clocks.measuring) co_return Nothing{};
         const SlaveToken token(network.marks(*first));
         is_at_reference = co_await approach_reference(network, *first);
-        if (is_at_reference && *is_at_reference && carry_time_of(network, first)) {
-            network.report({.kind = EventKind::reference_clock, .slave = first->number, .other = clocks.reference});
-            clocks.reference = first->number;
-            clocks.returning = 0;
-        }
+        if (is_at_reference && *is_at_reference && carry_time_of(network, first))
+            co_return co_await required(set_reference(network, *first));
     }
     // The slave is lost again, or the ring changes now: the next round tries again.
     const bool given_up = first == nullptr || !is_at_reference;

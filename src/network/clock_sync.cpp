@@ -227,15 +227,13 @@ Task<Result<>> become_reference(Network& network, Slave& slave) {
     // After a loss of power it has followed the system time as fast as it can, and would go on while it is set.
     auto set = co_await reset_control_loop(network.station(slave));
     if (set) set = co_await set_clock_by_reference(network, slave);
-    const std::uint16_t before = clocks.reference;
     // Another slave, before this one, may have become the reference meanwhile.
-    const bool first = set && slave.ring_position < network.slave(before).ring_position;
-    if (first) clocks.reference = slave.number;
+    const bool first = set && slave.ring_position < network.slave(clocks.reference).ring_position;
+    clocks.of(slave).synchronised = set.ok();
+    if (first) co_await completion(set_reference(network, slave));
     const Slave& reference = network.slave(clocks.reference);
     for (unsigned n = 0; !carry_time_of(network, &reference) && n < kMostTries; ++n)
         co_await network.engine.next_poll();
-    clocks.of(slave).synchronised = set.ok();
-    if (first) network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = before});
     co_return set;
 }
 

@@ -66,11 +66,8 @@ Task<Result<>> replace_reference(Network& network) {
         co_await required(reset_control_loop(network.station(slave)));
     }
     if (!carry_time_of(network, &slave)) co_return Nothing{};
-    network.report({.kind = EventKind::reference_clock, .slave = next, .other = clocks.reference});
-    clocks.reference = next;
-    clocks.returning = 0;
     clocks.loss_reported = false;
-    co_return Nothing{};
+    co_return co_await required(set_reference(network, slave));
 }
 
 void note_difference(Network& network, const Slave& slave) {
@@ -145,6 +142,15 @@ bool carry_time_of(Network& network, const Slave* slave) {
     for (ProcessGroup& group : network.process.groups)
         if (group.mapped && group.dc_reference != 0) all &= redirect_time(group, slave, about);
     return all;
+}
+
+Task<Result<>> set_reference(Network& network, const Slave& slave) {
+    Clocks& clocks = network.clocks;
+    network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = clocks.reference});
+    clocks.reference = slave.number;
+    clocks.returning = 0;
+    if (network.redundancy == nullptr) co_return Nothing{};
+    co_return co_await required(network.redundancy->follow_reference(network));
 }
 
 namespace {

@@ -135,6 +135,9 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 
 // The cycles carry the time of this slave from now on; nullptr: no time. False: not now, a frame is on the wire.
 [[nodiscard]] bool carry_time_of(Network& network, const Slave* slave);
+// The slave, whose time the cycles carry, is the reference from now on, in place of the present one. The error is that
+// of a request to a second reference, which the supervision repeats.
+[[nodiscard]] Task<Result<>> set_reference(Network& network, const Slave& slave);
 // Sends the time of the reference clock to all slaves once, in a frame of its own.
 [[nodiscard]] Task<Result<>> send_time(Network& network);
 // An upper estimate of the differences of all clocks, by one broadcast.

@@ -114,7 +114,7 @@ Task<Result<>> RingWatch::begin_second_part(Network& network) {
     const RingParts now = parts();
     const bool broken = now.two_nics && !now.whole;
     // Another clock, or the same clock with another time.
-    ring_.set_second_reference({}, false);
+    ring_.set_second_reference({});
     second_ = 0;
     if (has_beside_ && now.whole) co_return co_await required(teach_beside(network));
     wanted_second_ = broken ? first_behind(network, false) : std::uint16_t{0};
@@ -223,9 +223,11 @@ std::uint16_t RingWatch::choose_second(Network& network) const {
 Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) {
     const Slave& reference = network.slave(network.clocks.reference);
     const bool is_first = second != 0 && (has_beside_ ? is_behind(network, reference) : second == reference.number);
+    const StationAddress address = second == 0 ? StationAddress{} : network.slave(second).station_address;
+    const StationAddress first = is_first ? reference.station_address : StationAddress{};
     if (second == second_ && is_first == second_is_first_) {
-        if (second != 0 && !ring_.has_second_reference())  // one answer was lost, or had the time that was sent
-            ring_.set_second_reference(network.slave(second).station_address, is_first);
+        // There is another reference; or one answer was lost, or had the time that was sent.
+        if (!ring_.has_second_reference(address, first)) ring_.set_second_reference(address, first);
         co_return Nothing{};
     }
     second_ = second;
@@ -236,7 +238,7 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
         constant_ns_ = constant->ns;
         begin_to_steer(network);
     }
-    ring_.set_second_reference(second == 0 ? StationAddress{} : network.slave(second).station_address, is_first);
+    ring_.set_second_reference(address, first);
     if (second == 0 || is_first) co_return Nothing{};
     network.report({.kind = EventKind::second_reference, .slave = second, .other = network.clocks.reference});
     // See replace_reference(): a clock keeps the rate that it has learned, unless its comparisons were wrong.
@@ -245,6 +247,14 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     if (std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= network.clocks.settings.limit_ns)
         co_return Nothing{};
     co_return co_await required(reset_control_loop(network.station(slave)));
+}
+
+// The reference is another one. Without this, the copies that the head does not send would carry no time for some
+// rounds where they have the only one. While the ring changes, the rounds decide.
+Task<Result<>> RingWatch::follow_reference(Network& network) {
+    if (has_beside_ && (!arranged_ || ring_.are_times_held())) co_return Nothing{};
+    wanted_second_ = choose_second(network);
+    co_return co_await required(change_second(network, wanted_second_));
 }
 
 // Before the first comparison. Beside a whole ring, teach() has brought the second reference into step.
@@ -350,7 +360,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
             if (network.searching) co_return Nothing{};
             // Perhaps it comes from a loss of power. The present second reference is behind it, and would bring it
             // what the master has sent.
-            ring_.set_second_reference({}, false);
+            ring_.set_second_reference({});
             co_await completion(teach(network));
         }
         co_await required(change_second(network, wanted));

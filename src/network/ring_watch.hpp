@@ -41,6 +41,7 @@ class RingWatch final : public RedundancyPart {
     void note_ways(Network& network) override;
     [[nodiscard]] bool delays_are_guessed() const override { return guessed_; }
     [[nodiscard]] Task<Result<>> watch_clocks(Network& network) override;
+    [[nodiscard]] Task<Result<>> follow_reference(Network& network) override;
     [[nodiscard]] std::uint16_t reference_of(Network& network, const Slave& slave) const override;
     [[nodiscard]] FollowedClock followed_clock(Network& network, const Slave& slave) const override;
     [[nodiscard]] bool are_parted(Network& network, const Slave& one, const Slave& other) const override {
