@@ -23,6 +23,10 @@ void read_only(PreparedFrame& frame, const PreparedReading& reading) {
     std::byte& command = frame.bytes[reading.offset];
     if (frame.overlapped || command == static_cast<std::byte>(Command::BRD)) return;
     if (command >= kFirstWithTime) command = without_time(command);
+    if (command == static_cast<std::byte>(Command::NOP) && reading.standby != 0) {
+        command = static_cast<std::byte>(Command::FPRD);
+        store_le<std::uint16_t>(frame.bytes, reading.offset + 2U, reading.standby);
+    }
     reading.into->slaves = 0;
 }
 

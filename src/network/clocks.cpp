@@ -270,7 +270,9 @@ void Clocks::forget() {
     delays_at = Time::min();
     prepare = nullptr;
     watch = nullptr;
+    rests = 0;
     is_near = nullptr;
+    resume = nullptr;
 }
 
 // Before configdc() the features register has to be believed.
@@ -418,6 +420,7 @@ Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings set
     clocks.prepare = prepare_clock;
     clocks.watch = watch_clocks;
     clocks.is_near = is_near;
+    clocks.resume = resume_time;
     auto set = co_await set_clocks(network);
     if (set && network.redundancy != nullptr) set = co_await network.redundancy->begin_second_part(network);
     if (set) set = co_await send_burst(network);

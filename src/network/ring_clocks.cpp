@@ -234,19 +234,29 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     second_is_first_ = is_first;
     known_ = false;
     first_ = {};
-    if (const Constant* const constant = known_constant(); constant != nullptr && !is_in_step(network)) {
-        constant_ns_ = constant->ns;
-        begin_to_steer(network);
-    }
+    use_known_constant(network);
     ring_.set_second_reference(address, first);
     if (second == 0 || is_first) co_return Nothing{};
     network.report({.kind = EventKind::second_reference, .slave = second, .other = network.clocks.reference});
-    // See replace_reference(): a clock keeps the rate that it has learned, unless its comparisons were wrong.
-    Slave& slave = network.slave(second);
-    co_await required(read_difference(network, slave));
-    if (std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= network.clocks.settings.limit_ns)
-        co_return Nothing{};
-    co_return co_await required(reset_control_loop(network.station(slave)));
+    const auto restarted = co_await required(settle_rate(network, network.slave(second)));
+    if (restarted && second == second_) distrust_second_part(network);
+    co_return Nothing{};
+}
+
+// The clocks that the reference does not reach are not in step with it: a known constant, or the ways, tell how far.
+void RingWatch::distrust_second_part(Network& network) {
+    for (const Slave& slave : network.slaves())
+        if (is_behind(network, slave)) network.clocks.lose_sync(slave);
+    first_ = {};
+    known_ = false;
+    use_known_constant(network);
+}
+
+void RingWatch::use_known_constant(Network& network) {
+    const Constant* const constant = known_constant();
+    if (constant == nullptr || is_in_step(network)) return;
+    constant_ns_ = constant->ns;
+    begin_to_steer(network);
 }
 
 // The reference is another one. Without this, the copies that the head does not send would carry no time for some
@@ -284,7 +294,7 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
     const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
     const std::int64_t half_ns = std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000;
     const std::int64_t known_ns = std::abs(ahead_ns_) <= jitter_ns_ / 2 ? 0 : ahead_ns_;
-    return {.slave = second_, .ahead_ns = known_ns + (ahead_ns_ < 0 ? -half_ns : half_ns)};
+    return {.slave = second_, .ahead_ns = known_ns + (ahead_ns_ < 0 ? -half_ns : half_ns), .silent = rounds_deaf_ > 1};
 }
 
 void RingWatch::begin_to_steer(Network& network) {

@@ -80,6 +80,8 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> steer(Network& network);
     [[nodiscard]] Task<Result<>> find_constant(Network& network);
     void begin_to_steer(Network& network);
+    void use_known_constant(Network& network);
+    void distrust_second_part(Network& network);
     [[nodiscard]] const Constant* known_constant() const;
     [[nodiscard]] bool is_in_step(const Network& network) const;
 
