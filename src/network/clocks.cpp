@@ -240,8 +240,9 @@ Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Sla
     Clocks& clocks = network.clocks;
     const RingParts before = network.ring_parts();
     const std::int64_t of_line = std::int64_t{clocks.of(slave).delay_ns} - clocks.of(reference).delay_ns;
-    const bool parted = network.redundancy != nullptr && network.redundancy->are_parted(network, slave, reference);
-    if (!parted || before.whole) co_return of_line;
+    const RedundancyPart* const ring = network.redundancy;
+    const bool parted = ring != nullptr && ring->are_parted(network, slave, reference);
+    if (!parted || before.whole || ring->has_clocks_beside()) co_return of_line;
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     const Measuring measuring(clocks);
     for (ClockEntry& clock : clocks.entries.first(network.count)) clock.times.clear();

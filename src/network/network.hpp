@@ -99,6 +99,8 @@ class RedundancyPart {
     // The slave whose clock the slave follows: the reference clock, or that of the part behind the break.
     [[nodiscard]] virtual std::uint16_t reference_of(Network& network, const Slave& slave) const = 0;
     [[nodiscard]] virtual FollowedClock followed_clock(Network& network, const Slave& slave) const = 0;
+    // Some clocks are beside the ring: the ways of both copies are not measured then.
+    [[nodiscard]] virtual bool has_clocks_beside() const = 0;
     // A break of the ring is between both.
     [[nodiscard]] virtual bool are_parted(Network& network, const Slave& one, const Slave& other) const = 0;
 

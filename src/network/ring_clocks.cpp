@@ -164,9 +164,10 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
 
 Task<Result<>> RingWatch::teach(Network& network) {
     constexpr unsigned kMostLessons = 5;
-    for (unsigned n = 0; n < kMostLessons; ++n) {
+    taught_ = false;
+    for (unsigned n = 0; n < kMostLessons && !taught_; ++n) {
         const auto greatest = co_await required(teach_once(network));
-        if (greatest <= network.clocks.settings.limit_ns / 4) break;
+        taught_ = greatest <= network.clocks.settings.limit_ns / 4;
     }
     co_return Nothing{};
 }
@@ -248,7 +249,7 @@ void RingWatch::distrust_second_part(Network& network) {
     for (const Slave& slave : network.slaves())
         if (is_behind(network, slave)) network.clocks.lose_sync(slave);
     first_ = {};
-    known_ = false;
+    known_ = taught_ = false;
     use_known_constant(network);
 }
 
@@ -267,9 +268,9 @@ Task<Result<>> RingWatch::follow_reference(Network& network) {
     co_return co_await required(change_second(network, wanted_second_));
 }
 
-// Before the first comparison. Beside a whole ring, teach() has brought the second reference into step.
+// Before the first comparison.
 bool RingWatch::is_in_step(const Network& network) const {
-    return second_ != 0 && (network.clocks.entries[second_ - 1U].in_sync || parts().whole);
+    return second_ != 0 && (network.clocks.entries[second_ - 1U].in_sync || taught_);
 }
 
 const RingWatch::Constant* RingWatch::known_constant() const {
@@ -288,7 +289,7 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
     if (behind == is_behind(network, reference))
         return {.slave = passes < passes_at_ns(network, reference) ? std::uint16_t{0} : reference.number};
     // Before the break, no time arrives while the reference is behind it.
-    if (!behind || second_ == 0 || second_is_first_ || !known_ || rounds_deaf_ >= kDeaf) return {};
+    if (!behind || second_ == 0 || second_is_first_ || !known_ || unsure_ || rounds_deaf_ >= kDeaf) return {};
     if (slave.number != second_ && passes < passes_at_ns(network, network.slave(second_))) return {};
     // Between two corrections its own rate moves it by half of that to either side.
     const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
@@ -299,6 +300,7 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
 
 void RingWatch::begin_to_steer(Network& network) {
     known_ = true;
+    taught_ = unsure_ = false;
     ahead_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
     phase_.start(for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0}));
 }
@@ -310,6 +312,14 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
     const std::int64_t mean_ns = first_.sum_ns / first_.count;
     first_ = {};
     constant_ns_ = mean_ns + clocks.entries[second - 1U].delay_ns;
+    if (!is_in_step(network) && has_beside_) {
+        // The ways are not measured with clocks beside the ring. In the whole ring they are taught; behind a break the
+        // clocks stay where they are, and are not in sync.
+        begin_to_steer(network);
+        unsure_ = true;
+        rests_ = 0;
+        co_return Nothing{};
+    }
     if (!is_in_step(network)) {
         const Slave& reference = network.slave(clocks.reference);
         const auto way = co_await measure_way(network, network.slave(second), reference);
@@ -376,6 +386,13 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         co_await required(change_second(network, wanted));
     }
     if (second_ == 0 || second_is_first_) co_return Nothing{};
+    if (known_ && unsure_ && now.whole && !network.searching && rests_-- == 0) {
+        co_await completion(teach(network));
+        known_ = !taught_;  // then the constant is measured
+        first_ = {};
+        rests_ = UINT8_MAX;
+        co_return Nothing{};
+    }
     co_return co_await required(steer(network));
 }
 
