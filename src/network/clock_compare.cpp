@@ -107,9 +107,9 @@ Slave* first_before_reference(Network& network) {
     for (Slave& slave : network.slaves()) {
         // Below SAFEOP, a slave that has come back may not have its clock yet.
         const bool settled = slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave);
-        if (!is_there(slave) || !settled || slave.al.error || network.marks(slave).in_use ||
-            !network.clocks.of(slave).measured || !is_clock(network.clocks.of(slave).kind) ||
-            !is_before_reference(network, slave))
+        const ClockEntry& clock = network.clocks.of(slave);
+        if (!is_there(slave) || !settled || slave.al.error || network.marks(slave).in_use || !clock.measured ||
+            !is_clock(clock.kind) || clock.beside || !is_before_reference(network, slave))
             continue;
         if (first == nullptr || slave.ring_position < first->ring_position) first = &slave;
     }
