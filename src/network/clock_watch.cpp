@@ -69,6 +69,12 @@ Task<Result<>> replace_reference(Network& network) {
     co_return co_await required(set_reference(network, slave));
 }
 
+// Of a clock that is `own_ns` ahead of the clock that it follows.
+std::int64_t greatest_ahead_ns(const FollowedClock& followed, std::int64_t own_ns) {
+    const std::int64_t ahead = own_ns + followed.ahead_ns;
+    return ahead < 0 ? ahead - followed.moves_ns : ahead + followed.moves_ns;
+}
+
 void note_difference(Network& network, const Slave& slave) {
     Clocks& clocks = network.clocks;
     ClockEntry& clock = clocks.of(slave);
@@ -76,8 +82,8 @@ void note_difference(Network& network, const Slave& slave) {
     if (!clock.knows_difference() || followed.slave != clock.follows) return;
     if (followed.slave != clocks.reference) {
         const std::int64_t own = followed.slave == slave.number ? 0 : clock.difference_ns;  // nobody sends it a time
-        clock.difference_ns =
-            static_cast<std::int32_t>(std::clamp<std::int64_t>(own + followed.ahead_ns, -INT32_MAX, INT32_MAX));
+        clock.difference_ns = static_cast<std::int32_t>(
+            std::clamp<std::int64_t>(greatest_ahead_ns(followed, own), -INT32_MAX, INT32_MAX));
     }
     const SyncLimit limit{.limit_ns = clocks.settings.limit_ns, .settle = clocks.settings.settle};
     if (clock.in_sync != clock.watch.in_sync()) clock.watch.set(clock.in_sync);
@@ -128,7 +134,7 @@ std::uint32_t second_ahead_ns(Network& network) {
     std::int64_t most = 0;
     for (const Slave& slave : network.slaves())
         if (network.clocks.of(slave).follows == slave.number)
-            most = std::max(most, std::abs(followed_clock(network, slave).ahead_ns));
+            most = std::max(most, std::abs(greatest_ahead_ns(followed_clock(network, slave), 0)));
     return static_cast<std::uint32_t>(std::min<std::int64_t>(most, INT32_MAX));
 }
 

@@ -33,6 +33,7 @@ struct SyncRegisters {
 struct FollowedClock {
     std::uint16_t slave = 0;    // the reference, or the second reference of a ring with two NICs; 0: no time arrives
     std::int64_t ahead_ns = 0;  // how far that clock is ahead of the reference; 0 where this cannot be told from 0
+    std::int64_t moves_ns = 0;  // how far it may be from there until the next round
     bool silent = false;        // its time has not been seen since the last round
 };
 

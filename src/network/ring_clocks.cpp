@@ -240,7 +240,9 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     if (second == 0 || is_first) co_return Nothing{};
     network.report({.kind = EventKind::second_reference, .slave = second, .other = network.clocks.reference});
     const auto restarted = co_await required(settle_rate(network, network.slave(second)));
-    if (restarted && second == second_) distrust_second_part(network);
+    const ClockEntry& clock = network.clocks.entries[second - 1U];
+    const bool disturbed = std::abs(std::int64_t{clock.difference_ns}) > network.clocks.settings.limit_ns / 2;
+    if ((restarted || disturbed) && second == second_) distrust_second_part(network);
     co_return Nothing{};
 }
 
@@ -294,14 +296,16 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
     // Between two corrections its own rate moves it by half of that to either side.
     const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
     const std::int64_t half_ns = std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000;
+    // Until the controller knows this rate, the difference changes from round to round.
     const std::int64_t known_ns = std::abs(ahead_ns_) <= jitter_ns_ / 2 ? 0 : ahead_ns_;
-    return {.slave = second_, .ahead_ns = known_ns + (ahead_ns_ < 0 ? -half_ns : half_ns), .silent = rounds_deaf_ > 1};
+    const std::int64_t change_ns = change_ns_ <= jitter_ns_ ? 0 : change_ns_;
+    return {.slave = second_, .ahead_ns = known_ns, .moves_ns = half_ns + change_ns, .silent = rounds_deaf_ > 1};
 }
 
 void RingWatch::begin_to_steer(Network& network) {
     known_ = true;
     taught_ = unsure_ = false;
-    ahead_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
+    ahead_ns_ = change_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
     phase_.start(for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0}));
 }
 
@@ -350,7 +354,8 @@ Task<Result<>> RingWatch::steer(Network& network) {
         co_return co_await required(find_constant(network));
     }
     const ClockEntry& clock = network.clocks.entries[second_ - 1U];
-    ahead_ns_ = seen.sum_ns / seen.count - (constant_ns_ - clock.delay_ns);
+    const std::int64_t before_ns = std::exchange(ahead_ns_, seen.sum_ns / seen.count - (constant_ns_ - clock.delay_ns));
+    change_ns_ = std::abs(ahead_ns_ - before_ns);
     jitter_ns_ = std::max<std::int64_t>(std::int64_t{seen.most_ns} - seen.least_ns - std::abs(moved_ns_), 0);
     const std::int64_t correction = phase_.update(ahead_ns_, network.engine.now());
     moved_ns_ = correction;

@@ -105,6 +105,7 @@ class RingWatch final : public RedundancyPart {
     bool taught_ = false;           // the clocks beside the ring are in step with the reference now, by teach()
     std::uint8_t rests_ = 0;        // rounds until they are taught again
     std::int64_t ahead_ns_ = 0;     // mean of the differences of the last round, without the constant,
+    std::int64_t change_ns_ = 0;    // and how far it is from that of the round before,
     std::int64_t jitter_ns_ = 0;    // by how much they differ among each other,
     std::int64_t moved_ns_ = 0;     // and the correction of the round before, which they contain
     std::uint8_t rounds_deaf_ = 0;  // rounds without a difference
