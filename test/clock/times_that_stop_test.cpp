@@ -55,6 +55,27 @@ TEST_F(TimesThatStop, OnlyTwoAnswersInSuccessionTellATime) {
     }
 }
 
+// The first frame after the pause has the time of the last cycle before it, and all clocks take it: nobody says that
+// they are in sync while they recover.
+TEST_F(TimesThatStop, AReferenceThatIsLostInAPause) {
+    constexpr unsigned kUntilItIsKnown = 60;
+    for (const auto pause : {20ms, 80ms, 2000ms}) {
+        SCOPED_TRACE(pause.count());
+        if (segment.size() == 0) begin(5);
+        osal.advance(pause);
+        segment.advance(osal.now());
+        bridge_first();
+        for (unsigned n = 0; n < 3000; ++n) {
+            cycles(1);
+            for (std::uint16_t s = 3; s <= 5 && n > kUntilItIsKnown; ++s)
+                ASSERT_TRUE(!clock(s).in_sync || std::abs(ahead_ns(s, 2)) <= 400) << s << ", cycle " << n;
+        }
+        restore_first();
+        cycles(5000);
+        ASSERT_TRUE(clock_status(*ctx, osal.now()).in_sync) << joined(events());
+    }
+}
+
 TEST_F(TimesThatStop, InSyncEndsInSilence) {
     begin(4);
     segment.set_cable({0, 0}, false);
