@@ -219,6 +219,12 @@ TEST(ClockAwayRing, TheFirstSlaveIsTakenOutByTwoCables) {
         EXPECT_EQ(reference_clock(*bus.ctx), 2);
         EXPECT_LE(most, 6'000) << "the rate of the new reference begins anew, no clock follows the jitter";
         EXPECT_TRUE(slave_clock(*bus.ctx, 5).in_sync) << AwayBus::joined(bus.events());
+        bus.cable(bus.ring_cables[0], true);
+        EXPECT_EQ(bus.run(1000), 0U);
+        bus.cable(bus.ring_cables[1], true);
+        EXPECT_EQ(bus.run(3000), 0U);
+        EXPECT_EQ(reference_clock(*bus.ctx), 1);
+        EXPECT_TRUE(bus.all_in_sync()) << AwayBus::joined(bus.events());
     }
 }
 
