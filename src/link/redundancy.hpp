@@ -92,9 +92,9 @@ class Redundancy final : public Nic, public Cables {
     void give_up(std::uint8_t index) noexcept override;
     void split() noexcept override { split_ = true; }
 
-    // Sets the slave whose time is in the copies that the head does not send; 0: these copies carry no time. `reference`:
-    // the reference of the whole segment, where only these copies reach it: they have the only time, while the frames of
-    // the link are meant for this reference.
+    // Sets the slave whose time is in the copies that the head does not send; 0: these copies carry no time.
+    // `reference`: the reference of the whole segment, where only these copies reach it. They have the only time, while
+    // the frames of the link are meant for this reference.
     void set_second_reference(StationAddress slave, StationAddress reference = {}) noexcept {
         second_.store(packed(slave, reference), std::memory_order_relaxed);
         difference_ = {};

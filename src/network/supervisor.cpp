@@ -458,7 +458,6 @@ struct Rest {
 struct TimeGuard {
     explicit TimeGuard(Network& n) : network(n) {}
     TimeGuard(const TimeGuard&) = delete;
-    TimeGuard& operator=(const TimeGuard&) = delete;
     ~TimeGuard() {
         if (network.clocks.resume != nullptr) network.clocks.resume(network);
     }
