@@ -228,7 +228,8 @@ Task<Result<>> become_reference(Network& network, Slave& slave) {
     auto set = co_await reset_control_loop(network.station(slave));
     if (set) set = co_await set_clock_by_reference(network, slave);
     // Another slave, before this one, may have become the reference meanwhile.
-    const bool first = set && slave.ring_position != 0 && slave.ring_position < network.slave(clocks.reference).ring_position;
+    const bool first =
+        set && slave.ring_position != 0 && slave.ring_position < network.slave(clocks.reference).ring_position;
     clocks.of(slave).synchronised = set.ok();
     clocks.lose_sync(slave);
     if (first) co_await completion(set_reference(network, slave));
