@@ -35,7 +35,8 @@ struct SlaveClock {
     bool synchronised = false;  // delay and offset are written: the slave follows the reference clock, or is that clock
     // Its difference was within the limit for the settle time, and was measured since the slave was lost last. Behind a
     // break of a ring with two NICs: see redundancy.hpp. A clock that was in sync remains so while no time reaches it
-    // (after a break, or when the reference is lost), for a second at most.
+    // (after a break, or when the reference is lost), for a second at most. A supervision keeps it up to date; without
+    // one, or with a watch_interval of zero, it becomes false when the slave is seen to be lost, and stays false.
     bool in_sync = false;
     bool sync_active = false;    // SYNC signals were activated
     std::uint32_t delay_ns = 0;  // from the reference clock (ESC register 0x0928)

@@ -37,10 +37,12 @@
 // next ring slave) follow a second reference too, the first of them; `second_reference` then is never 0 in the whole
 // ring. Their delays change with each break. So the frames bring no clock a time after a break or a repair
 // (Group::dc_time has 1 slave), until the SuperviseRequest has written the delays: some rounds of its clock
-// supervision. Beside a break at a slave without receive times, the delays of the nearest slave with receive times are
-// used, which may be wrong by the propagation delay between both slaves. Where configdc() is called while the ring is
-// broken between slaves, this begins when the ring is whole. When the first of these slaves returns from a loss of
-// power, the port of the last slave is closed again for up to two seconds in all, until its clock has learned the rate.
+// supervision. If the time that the master had sent has disturbed clocks behind a break, or they had no power, they are
+// not in sync until the ring is whole. Beside a break at a slave without receive times, the delays of the nearest slave
+// with receive times are used, which may be wrong by the propagation delay between both slaves. Where configdc() is
+// called while the ring is broken between slaves, this begins when the ring is whole. When the first of these slaves
+// returns from a loss of power, the port of the last slave is closed again for up to two seconds in all, until its
+// clock has learned the rate.
 //
 // Datagrams with addresses by position (auto increment) reach the slave of that position in either part; those that
 // found the ring changed are sent again. If a break has moved to another cable since the last frame that counts slaves,

@@ -18,6 +18,18 @@ constexpr std::byte with_time(std::byte command) {
     return static_cast<std::byte>(command == static_cast<std::byte>(Command::APRD) ? Command::ARMW : Command::FRMW);
 }
 
+// The next frame only reads the reference, until two answers in succession tell the next time.
+void read_only(PreparedFrame& frame, const PreparedReading& reading) {
+    std::byte& command = frame.bytes[reading.offset];
+    if (frame.overlapped || command == static_cast<std::byte>(Command::BRD)) return;
+    if (command >= kFirstWithTime) command = without_time(command);
+    if (command == static_cast<std::byte>(Command::NOP) && reading.standby != 0) {
+        command = static_cast<std::byte>(Command::FPRD);
+        store_le<std::uint16_t>(frame.bytes, reading.offset + 2U, reading.standby);
+    }
+    reading.into->slaves = 0;
+}
+
 }  // namespace
 
 // Returns until when the queue waits for the next cycle. A group counts while its cycles keep their interval.
@@ -146,10 +158,7 @@ void Link::mark_not_received(PreparedFrame& frame) {
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
     for (const PreparedReading& r : frame.readings) {
         r.into->came = false;
-        std::byte& command = frame.bytes[r.offset];
-        if (frame.overlapped || command < kFirstWithTime) continue;
-        command = without_time(command);
-        r.into->slaves = 0;
+        read_only(frame, r);
     }
 }
 
@@ -256,7 +265,10 @@ void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
         const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];
         const RegisterReading before = *r.into;
         copy_reading(r, data);
-        if (!sent.overlapped && r.into->slaves != 0) take_time(sent, r, before, data);
+        if (r.into->slaves == 0)
+            read_only(sent, r);  // the time in the frame is too early for the next one
+        else if (!sent.overlapped)
+            take_time(sent, r, before, data);
     }
 }
 

@@ -93,13 +93,16 @@ class Redundancy final : public Nic, public Cables {
     void split() noexcept override { split_ = true; }
 
     // Sets the slave whose time is in the copies that the head does not send; 0: these copies carry no time.
-    // `is_first`: the slave is the reference of the whole segment.
-    void set_second_reference(StationAddress slave, bool is_first) noexcept {
-        second_.store(slave.value | (is_first ? kIsFirst : 0U), std::memory_order_relaxed);
+    // `reference`: the reference of the whole segment, where only these copies reach it. They have the only time, while
+    // the frames of the link are meant for this reference.
+    void set_second_reference(StationAddress slave, StationAddress reference = {}) noexcept {
+        second_.store(packed(slave, reference), std::memory_order_relaxed);
         difference_ = {};
     }
-    // Also false after the second reference has not answered: its slave is lost.
-    [[nodiscard]] bool has_second_reference() const noexcept { return second_.load(std::memory_order_relaxed) != 0; }
+    // False after the second reference has not answered: its slave is lost.
+    [[nodiscard]] bool has_second_reference(StationAddress slave, StationAddress reference) const noexcept {
+        return second_.load(std::memory_order_relaxed) == packed(slave, reference);
+    }
     // While `guard` is true, each change of the ways of the frames holds the times: the frames read the reference, and
     // bring its time to no clock, until release_times(). For clocks whose delay depends on the way.
     void guard_times(bool guard) noexcept;
@@ -191,8 +194,10 @@ class Redundancy final : public Nic, public Cables {
     std::array<std::atomic<bool>, 2> silent_{};   // copies do not come back, although the NIC accepts them
     std::array<std::atomic<std::uint16_t>, 2> slaves_{};
     std::atomic<std::uint8_t> head_{0};
-    static constexpr std::uint32_t kIsFirst = 0x1'0000;
-    std::atomic<std::uint32_t> second_{0};  // station address, or 0; kIsFirst
+    static constexpr std::uint32_t packed(StationAddress slave, StationAddress reference) {
+        return slave.value | std::uint32_t{reference.value} << 16;
+    }
+    std::atomic<std::uint32_t> second_{0};  // see set_second_reference()
     std::atomic<bool> times_held_{false};
     std::atomic<bool> head_only_{false};
     // Another segment is behind the NIC that is not the head. Its slaves must process nothing: that NIC only sends a

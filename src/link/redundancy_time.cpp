@@ -34,7 +34,8 @@ std::uint16_t slaves_in(Bytes frame, const TimeDatagram& time) {
 // Finds the datagrams with a time, and gives `out` the form of the copy that is not sent by the head.
 void Redundancy::divide_times(FramePair& pair) const noexcept {
     const std::uint32_t second = second_.load(std::memory_order_relaxed);
-    pair.second_is_first = (second & kIsFirst) != 0;
+    const auto reference = static_cast<std::uint16_t>(second >> 16);
+    pair.second_is_first = reference != 0;
     pair.times_held = times_held_.load(std::memory_order_relaxed);
     pair.second_slaves = 0;
     pair.times = {};
@@ -49,7 +50,10 @@ void Redundancy::divide_times(FramePair& pair) const noexcept {
         auto& [original, head, other] = time.forms;
         std::ranges::copy(out.subspan(d->offset, original.size()), original.begin());
         head = other = original;
-        const bool none = static_cast<std::uint16_t>(second) == 0;
+        // For another reference, the second one was not chosen yet: the copies carry no time until then.
+        const bool other_reference = reference != 0 && d->header.command == wire::Command::FRMW &&
+                                     load_le<std::uint16_t>(original, kAdp) != reference;
+        const bool none = static_cast<std::uint16_t>(second) == 0 || other_reference;
         // The reference is behind the break: the slaves before it would take what was sent.
         if (pair.second_is_first) head[0] = static_cast<std::byte>(wire::Command::NOP);
         other[0] = static_cast<std::byte>(none ? wire::Command::NOP : wire::Command::FRMW);

@@ -44,23 +44,25 @@ FollowedClock followed_clock(Network& network, const Slave& slave) {
     return {.slave = is_before_reference(network, slave) ? std::uint16_t{0} : clocks.reference};
 }
 
-void note_followed_clocks(Network& network) {
+void note_followed_clocks(Network& network, std::int64_t rounds) {
     constexpr Duration kLongestAlone = std::chrono::seconds(1);
     Clocks& clocks = network.clocks;
     const std::uint32_t times = times_since_last_round(network);
     for (const Slave& slave : network.slaves()) {
         ClockEntry& clock = clocks.of(slave);
         if (!clock.synchronised) continue;
-        const std::uint16_t follows = is_there(slave) ? followed_clock(network, slave).slave : std::uint16_t{0};
-        if (std::exchange(clock.follows, follows) != follows) clock.times_seen = 0;
-        clock.times_seen = static_cast<std::uint8_t>(
-            std::min<std::uint32_t>(clock.times_seen + (follows != 0 ? times : 1), UINT8_MAX));
-        const bool alone = follows == 0 && (clock.times_seen == UINT8_MAX ||
-                                            clock.times_seen * clocks.settings.watch_interval >= kLongestAlone);
-        if (!clock.in_sync || (is_there(slave) && !alone)) continue;
-        clock.in_sync = false;
-        clock.watch.reset();
-        clocks.all_in_sync = false;
+        const FollowedClock followed = is_there(slave) ? followed_clock(network, slave) : FollowedClock{};
+        if (std::exchange(clock.follows, followed.slave) != followed.slave) clock.times_seen = 0;
+        const bool fed = followed.slave != 0 && !followed.silent && (times != 0 || slave.number == clocks.reference);
+        clock.rounds_alone =
+            fed ? std::uint8_t{0}
+                : static_cast<std::uint8_t>(std::min<std::int64_t>(clock.rounds_alone + rounds, UINT8_MAX));
+        if (fed)
+            clock.times_seen = static_cast<std::uint8_t>(std::min<std::uint32_t>(clock.times_seen + times, UINT8_MAX));
+        // What the register shows is older.
+        const bool alone =
+            clock.rounds_alone == UINT8_MAX || clock.rounds_alone * clocks.settings.watch_interval >= kLongestAlone;
+        if (!is_there(slave) || alone) clocks.lose_sync(slave);
     }
 }
 
@@ -80,6 +82,14 @@ Task<Result<std::int64_t>> measure_ahead(Network& network, Slave& slave, Slave& 
     co_return std::int64_t{static_cast<std::int32_t>(ahead)};  // some clocks have 32 bits
 }
 
+Task<Result<bool>> settle_rate(Network& network, Slave& slave) {
+    co_await required(read_difference(network, slave));
+    if (std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= network.clocks.settings.limit_ns)
+        co_return false;
+    co_await required(reset_control_loop(network.station(slave)));
+    co_return true;
+}
+
 Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns) {
     ClockEntry& clock = network.clocks.of(slave);
     clock.offset_ns += static_cast<std::uint64_t>(by_ns);
@@ -97,20 +107,13 @@ Slave* first_before_reference(Network& network) {
     for (Slave& slave : network.slaves()) {
         // Below SAFEOP, a slave that has come back may not have its clock yet.
         const bool settled = slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave);
-        if (!is_there(slave) || !settled || slave.al.error || network.marks(slave).in_use ||
-            !network.clocks.of(slave).synchronised || !is_before_reference(network, slave))
+        const ClockEntry& clock = network.clocks.of(slave);
+        if (!is_there(slave) || !settled || slave.al.error || network.marks(slave).in_use || !clock.measured ||
+            !is_clock(clock.kind) || clock.beside || !is_before_reference(network, slave))
             continue;
         if (first == nullptr || slave.ring_position < first->ring_position) first = &slave;
     }
     return first;
-}
-
-// While the slave got what the master has sent, its rate has followed the jitter of the master.
-Task<Result<>> settle_rate(Network& network, Slave& slave) {
-    co_await required(read_difference(network, slave));
-    if (std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= network.clocks.settings.limit_ns)
-        co_return Nothing{};
-    co_return co_await required(reset_control_loop(network.station(slave)));
 }
 
 // Stops the time, and moves the clock of the slave to that of the reference. True: it is there.
@@ -120,14 +123,17 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
     if (clocks.returning != slave.number) {
         clocks.returning = slave.number;
         if (!carry_time_of(network, nullptr)) co_return Error{.code = Errc::busy, .slave = slave.number};
+        // While it got what the master has sent, its rate has followed the jitter of the master.
         co_await required(settle_rate(network, slave));
     }
     const std::uint16_t reference = clocks.reference;
     const auto ahead = co_await required(measure_ahead(network, slave, network.slave(reference)));
     if (clocks.reference != reference || !is_there(slave) || !is_before_reference(network, slave))
         co_return Error{.code = Errc::unstable, .slave = slave.number};
-    if (std::abs(ahead) > kNear_ns) {
+    if (std::abs(ahead) > kNear_ns || !clocks.of(slave).synchronised) {
+        constexpr std::uint8_t kRests = 100;
         clocks.returning = 0;
+        clocks.rests = kRests;  // if this fails
         const bool sync = clocks.of(slave).sync_active;
         co_await required(become_reference(network, slave));
         if (sync) co_await required(prepare_clock(network, slave));
@@ -142,17 +148,15 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
 Task<Result<>> return_to_first_clock(Network& network) {
     Clocks& clocks = network.clocks;
     const bool allowed = network.redundancy == nullptr || network.redundancy->may_restore();
-    Slave* const first = allowed ? first_before_reference(network) : nullptr;
+    const bool rests = clocks.rests != 0 && --clocks.rests != 0;
+    Slave* const first = allowed && !rests ? first_before_reference(network) : nullptr;
     Result<bool> is_at_reference = false;
     if (first != nullptr) {
         if (clocks.measuring) co_return Nothing{};
         const SlaveToken token(network.marks(*first));
         is_at_reference = co_await approach_reference(network, *first);
-        if (is_at_reference && *is_at_reference && carry_time_of(network, first)) {
-            network.report({.kind = EventKind::reference_clock, .slave = first->number, .other = clocks.reference});
-            clocks.reference = first->number;
-            clocks.returning = 0;
-        }
+        if (is_at_reference && *is_at_reference && carry_time_of(network, first))
+            co_return co_await required(set_reference(network, *first));
     }
     // The slave is lost again, or the ring changes now: the next round tries again.
     const bool given_up = first == nullptr || !is_at_reference;

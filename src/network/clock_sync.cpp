@@ -227,15 +227,15 @@ Task<Result<>> become_reference(Network& network, Slave& slave) {
     // After a loss of power it has followed the system time as fast as it can, and would go on while it is set.
     auto set = co_await reset_control_loop(network.station(slave));
     if (set) set = co_await set_clock_by_reference(network, slave);
-    const std::uint16_t before = clocks.reference;
     // Another slave, before this one, may have become the reference meanwhile.
-    const bool first = set && slave.ring_position < network.slave(before).ring_position;
-    if (first) clocks.reference = slave.number;
+    const bool first =
+        set && slave.ring_position != 0 && slave.ring_position < network.slave(clocks.reference).ring_position;
+    clocks.of(slave).synchronised = set.ok();
+    clocks.lose_sync(slave);
+    if (first) co_await completion(set_reference(network, slave));
     const Slave& reference = network.slave(clocks.reference);
     for (unsigned n = 0; !carry_time_of(network, &reference) && n < kMostTries; ++n)
         co_await network.engine.next_poll();
-    clocks.of(slave).synchronised = set.ok();
-    if (first) network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = before});
     co_return set;
 }
 
@@ -254,10 +254,9 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
         if (same) co_return Result<>();
     }
     if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
-    clock.synchronised = clock.in_sync = false;
+    clock.synchronised = false;
     clock.follows = 0;
-    clock.watch.reset();
-    clocks.all_in_sync = false;
+    clocks.lose_sync(slave);
     const Slave& reference = network.slave(clocks.reference);
     // 0: its place in the ring is not known yet.
     if (slave.ring_position != 0 && slave.ring_position < reference.ring_position)
@@ -275,7 +274,8 @@ Task<Result<bool>> is_near(Network& network, Slave& slave) {
     Slave& reference = reference_of(network, slave);
     if (!clock.synchronised || network.clocks.reference == slave.number) co_return true;
     if (reference.al.state == AlState::none) co_return true;  // nothing to compare with
-    if (!clock.in_sync && !clock.knows_difference()) {
+    const bool watched = network.clocks.settings.watch_interval > Duration{0};
+    if (!watched || (!clock.in_sync && !clock.knows_difference())) {
         const auto ahead = co_await required(measure_ahead(network, slave, reference));
         co_return std::abs(ahead) <= kNear_ns;
     }

@@ -14,7 +14,8 @@ bool is_there(Network& network, std::uint16_t number) {
     return number != 0 && network.slave(number).al.state != AlState::none;
 }
 
-// The first slave in the ring whose clock is synchronised, and that is not lost when the slave `without` is lost.
+// The first slave in the ring whose clock is synchronised, and that is not lost when the slave `without` is lost. Not
+// one beside a ring, whose time the other clocks do not get.
 std::uint16_t next_reference(Network& network, std::uint16_t without) {
     const auto ring = network.seen_ring();
     const std::size_t lost = without == 0 ? 0 : network.slave(without).ring_position;
@@ -25,7 +26,9 @@ std::uint16_t next_reference(Network& network, std::uint16_t without) {
         if (place > lost) behind = behind && ring[n].parent >= lost;
         const std::uint16_t slave = ring[n].slave;
         if (behind || slave == 0 || !is_there(network, slave)) continue;
-        if (network.clocks.entries[slave - 1U].synchronised) return slave;
+        const ClockEntry& clock = network.clocks.entries[slave - 1U];
+        if (clock.synchronised && (!clock.beside || network.clocks.entries[network.clocks.reference - 1U].beside))
+            return slave;
     }
     return 0;
 }
@@ -34,21 +37,17 @@ std::uint16_t next_reference(Network& network, std::uint16_t without) {
 // the time for one cycle only.
 void choose_standby(Network& network) {
     Clocks& clocks = network.clocks;
-    const std::uint16_t next =
-        clocks.settings.replace_lost_reference ? next_reference(network, clocks.reference) : std::uint16_t{0};
+    const std::uint16_t next = clocks.settings.replace_lost_reference && !clocks.paused
+                                   ? next_reference(network, clocks.reference)
+                                   : std::uint16_t{0};
     for (ProcessGroup& group : network.process.groups)
         if (group.mapped && group.dc_reference == clocks.reference)
             set_time_standby(group, next == 0 ? StationAddress{} : network.slave(next).station_address);
 }
 
 // The new reference shows the time of the lost one: it has followed it, and its register 0x0928 is subtracted when the
-// master reads the time. So all delays stay right, and no clock makes a step. The new reference also keeps the rate
-// that it has learned from the lost one.
-//
-// When the old reference was lost, the way of the frame became shorter: one comparison with the time that still was
-// sent was wrong. The filter of the chip takes a small part of it. If the mean of the differences has left the limit
-// nevertheless, the rate may be wrong too, and no comparison would correct it any more: then the control loop of the
-// new reference starts again.
+// master reads the time. So all delays stay right, and no clock makes a step. When the old reference was lost, the
+// clocks took the time that the master had sent, and the way of the frame became shorter: see settle_rate().
 Task<Result<>> replace_reference(Network& network) {
     Clocks& clocks = network.clocks;
     const bool known = std::exchange(clocks.loss_reported, true);
@@ -61,16 +60,19 @@ Task<Result<>> replace_reference(Network& network) {
         co_return Nothing{};
     }
     Slave& slave = network.slave(next);
-    co_await required(read_difference(network, slave));
-    if (std::abs(std::int64_t{clocks.of(slave).difference_ns}) > clocks.settings.limit_ns) {
-        co_await required(reset_control_loop(network.station(slave)));
-    }
+    const auto restarted = co_await required(settle_rate(network, slave));
+    if (restarted)
+        for (const Slave& other : network.slaves())
+            if (other.number != next) clocks.lose_sync(other);
     if (!carry_time_of(network, &slave)) co_return Nothing{};
-    network.report({.kind = EventKind::reference_clock, .slave = next, .other = clocks.reference});
-    clocks.reference = next;
-    clocks.returning = 0;
     clocks.loss_reported = false;
-    co_return Nothing{};
+    co_return co_await required(set_reference(network, slave));
+}
+
+// Of a clock that is `own_ns` ahead of the clock that it follows.
+std::int64_t greatest_ahead_ns(const FollowedClock& followed, std::int64_t own_ns) {
+    const std::int64_t ahead = own_ns + followed.ahead_ns;
+    return ahead < 0 ? ahead - followed.moves_ns : ahead + followed.moves_ns;
 }
 
 void note_difference(Network& network, const Slave& slave) {
@@ -80,12 +82,14 @@ void note_difference(Network& network, const Slave& slave) {
     if (!clock.knows_difference() || followed.slave != clock.follows) return;
     if (followed.slave != clocks.reference) {
         const std::int64_t own = followed.slave == slave.number ? 0 : clock.difference_ns;  // nobody sends it a time
-        clock.difference_ns =
-            static_cast<std::int32_t>(std::clamp<std::int64_t>(own + followed.ahead_ns, -INT32_MAX, INT32_MAX));
+        clock.difference_ns = static_cast<std::int32_t>(
+            std::clamp<std::int64_t>(greatest_ahead_ns(followed, own), -INT32_MAX, INT32_MAX));
     }
     const SyncLimit limit{.limit_ns = clocks.settings.limit_ns, .settle = clocks.settings.settle};
     if (clock.in_sync != clock.watch.in_sync()) clock.watch.set(clock.in_sync);
-    const auto change = clock.watch.update(clock.difference_ns, limit, network.engine.now());
+    // The register of the reference shows a time that was meant for others, unless the application writes times to it.
+    const bool own_time = slave.number == clocks.reference && !clocks.is_driven;
+    const auto change = clock.watch.update(own_time ? 0 : clock.difference_ns, limit, network.engine.now());
     clock.in_sync = clock.watch.in_sync();
     if (change == SyncWatch::Change::none) return;
     const bool in = change == SyncWatch::Change::in_sync;
@@ -130,7 +134,7 @@ std::uint32_t second_ahead_ns(Network& network) {
     std::int64_t most = 0;
     for (const Slave& slave : network.slaves())
         if (network.clocks.of(slave).follows == slave.number)
-            most = std::max(most, std::abs(followed_clock(network, slave).ahead_ns));
+            most = std::max(most, std::abs(greatest_ahead_ns(followed_clock(network, slave), 0)));
     return static_cast<std::uint32_t>(std::min<std::int64_t>(most, INT32_MAX));
 }
 
@@ -142,9 +146,32 @@ bool carry_time_of(Network& network, const Slave* slave) {
     clocks.without_time = 0;
     clocks.paused = slave == nullptr;
     bool all = true;
-    for (ProcessGroup& group : network.process.groups)
-        if (group.mapped && group.dc_reference != 0) all &= redirect_time(group, slave, about);
+    for (ProcessGroup& group : network.process.groups) {
+        if (!group.mapped || group.dc_reference == 0) continue;
+        if (slave == nullptr) set_time_standby(group, {});
+        all &= redirect_time(group, slave, about);
+    }
     return all;
+}
+
+// A frame on the wire cannot be changed. When it is back, the cycle changes to the standby by itself.
+void resume_time(Network& network) {
+    Clocks& clocks = network.clocks;
+    clocks.returning = 0;
+    if (!clocks.paused || !is_there(network, clocks.reference)) return;
+    const Slave& reference = network.slave(clocks.reference);
+    if (carry_time_of(network, &reference)) return;
+    for (ProcessGroup& group : network.process.groups)
+        if (group.mapped && group.dc_reference == clocks.reference) set_time_standby(group, reference.station_address);
+}
+
+Task<Result<>> set_reference(Network& network, const Slave& slave) {
+    Clocks& clocks = network.clocks;
+    network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = clocks.reference});
+    clocks.reference = slave.number;
+    clocks.returning = 0;
+    if (network.redundancy == nullptr) co_return Nothing{};
+    co_return co_await required(network.redundancy->follow_reference(network));
 }
 
 namespace {
@@ -189,8 +216,11 @@ Task<Result<>> watch_clocks(Network& network) {
     const Time now = network.engine.now();
     if (clocks.settings.watch_interval <= Duration{0} || now < clocks.watch_at || network.segment_in_use)
         co_return Nothing{};
+    const std::int64_t rounds =
+        clocks.watch_at == Time::min() ? 1 : 1 + (now - clocks.watch_at) / clocks.settings.watch_interval;
     clocks.watch_at = later(now, clocks.settings.watch_interval);
-    note_followed_clocks(network);
+    note_followed_clocks(network, rounds);
+    if (network.silent) co_return Nothing{};
     if (network.redundancy != nullptr) {
         co_await required(network.redundancy->watch_clocks(network));
     }

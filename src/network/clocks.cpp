@@ -240,8 +240,9 @@ Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Sla
     Clocks& clocks = network.clocks;
     const RingParts before = network.ring_parts();
     const std::int64_t of_line = std::int64_t{clocks.of(slave).delay_ns} - clocks.of(reference).delay_ns;
-    const bool parted = network.redundancy != nullptr && network.redundancy->are_parted(network, slave, reference);
-    if (!parted || before.whole) co_return of_line;
+    const RedundancyPart* const ring = network.redundancy;
+    const bool parted = ring != nullptr && ring->are_parted(network, slave, reference);
+    if (!parted || before.whole || ring->has_clocks_beside()) co_return of_line;
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     const Measuring measuring(clocks);
     for (ClockEntry& clock : clocks.entries.first(network.count)) clock.times.clear();
@@ -270,7 +271,9 @@ void Clocks::forget() {
     delays_at = Time::min();
     prepare = nullptr;
     watch = nullptr;
+    rests = 0;
     is_near = nullptr;
+    resume = nullptr;
 }
 
 // Before configdc() the features register has to be believed.
@@ -418,6 +421,7 @@ Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings set
     clocks.prepare = prepare_clock;
     clocks.watch = watch_clocks;
     clocks.is_near = is_near;
+    clocks.resume = resume_time;
     auto set = co_await set_clocks(network);
     if (set && network.redundancy != nullptr) set = co_await network.redundancy->begin_second_part(network);
     if (set) set = co_await send_burst(network);

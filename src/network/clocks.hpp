@@ -33,6 +33,8 @@ struct SyncRegisters {
 struct FollowedClock {
     std::uint16_t slave = 0;    // the reference, or the second reference of a ring with two NICs; 0: no time arrives
     std::int64_t ahead_ns = 0;  // how far that clock is ahead of the reference; 0 where this cannot be told from 0
+    std::int64_t moves_ns = 0;  // how far it may be from there until the next round
+    bool silent = false;        // its time has not been seen since the last round
 };
 
 struct ClockEntry : SlaveClock {
@@ -54,12 +56,19 @@ struct ClockEntry : SlaveClock {
     bool beside = false;         // while the ring is whole, only the copy that the head does not send reaches the slave
     std::int32_t away_ns = 0;    // of a ring slave: how long the frame is away behind the way to the next ring slave,
     std::int32_t return_ns = 0;  // and from the processing unit until it has left towards the head
-    // The clock whose time arrives, and how many frames have brought it since this is so; where no time arrives (0),
-    // the rounds of the watch without it.
+    // The clock whose time arrives, how many frames have brought it since this is so, and how many times
+    // ClockSettings::watch_interval has passed without one.
     std::uint16_t follows = 0;
     std::uint8_t times_seen = 0;
+    std::uint8_t rounds_alone = 0;
     // The register with the difference is a mean of 16 comparisons: with fewer, it shows what was before.
     [[nodiscard]] bool knows_difference() const { return follows != 0 && times_seen >= 32; }
+    // It is in sync again when it is compared.
+    void lose_sync() {
+        in_sync = false;
+        watch.reset();
+        times_seen = 0;
+    }
 };
 
 struct Clocks {
@@ -74,6 +83,7 @@ struct Clocks {
     bool measuring = false;         // receive times are latched, and not all of them are read
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
     std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
+    std::uint8_t rests = 0;         // rounds until a clock may be brought to the reference, after this has failed
     bool all_in_sync = false;
     bool is_driven = false;         // times are written to the reference, which follows them
     bool loss_reported = false;     // that the reference is lost
@@ -86,6 +96,8 @@ struct Clocks {
     Task<Result<>> (*watch)(Network& network) = nullptr;
     // Whether the clock of a slave that was away is so near that it follows by itself.
     Task<Result<bool>> (*is_near)(Network& network, Slave& slave) = nullptr;
+    // The supervision ends, perhaps while no time is carried: the cycles carry it again.
+    void (*resume)(Network& network) = nullptr;
 
     // The system time at `now`, from the last one that is known.
     [[nodiscard]] std::uint64_t system_at_ns(Time now) const {
@@ -98,6 +110,11 @@ struct Clocks {
         system_at = now;
     }
     [[nodiscard]] ClockEntry& of(const Slave& slave) { return entries[slave.number - 1U]; }
+    void lose_sync(const Slave& slave) {
+        if (entries.empty()) return;
+        of(slave).lose_sync();
+        all_in_sync = false;
+    }
     void forget();
 };
 
@@ -135,6 +152,9 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 
 // The cycles carry the time of this slave from now on; nullptr: no time. False: not now, a frame is on the wire.
 [[nodiscard]] bool carry_time_of(Network& network, const Slave* slave);
+// The slave, whose time the cycles carry, is the reference from now on, in place of the present one. The error is that
+// of a request to a second reference, which the supervision repeats.
+[[nodiscard]] Task<Result<>> set_reference(Network& network, const Slave& slave);
 // Sends the time of the reference clock to all slaves once, in a frame of its own.
 [[nodiscard]] Task<Result<>> send_time(Network& network);
 // An upper estimate of the differences of all clocks, by one broadcast.
@@ -162,13 +182,19 @@ void compute_clock_delays(Network& network);
 [[nodiscard]] Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns);
 // The clock whose time reaches the slave now.
 [[nodiscard]] FollowedClock followed_clock(Network& network, const Slave& slave);
-// Once in each round of the watch: who follows whom, and who is not in sync any more because it is lost, or because no
-// time has reached it for a second.
-void note_followed_clocks(Network& network);
+// Once in each round of the watch, `rounds` intervals after the last one: who follows whom, and who is not in sync any
+// more because it is lost, or because no time has reached it for a second.
+void note_followed_clocks(Network& network, std::int64_t rounds);
 // The first slave in the ring that has its clock and its state, where this slave is before the reference: it gets what
 // the master has sent. It becomes the reference. Its clock is moved to that of the reference before, in small steps, so
 // that no other clock sees a step; one that is too far away is set, and its SYNC signals start again.
 [[nodiscard]] Task<Result<>> return_to_first_clock(Network& network);
+// See Clocks::resume.
+void resume_time(Network& network);
+// The slave becomes a reference, with the rate that it has learned. One wrong comparison with the time of the lost one
+// disturbs this rate: if the mean of the differences has left the limit, no comparison would correct it any more, and
+// its control loop starts again. True: the clocks that follow it are not in sync with it now.
+[[nodiscard]] Task<Result<bool>> settle_rate(Network& network, Slave& slave);
 // See prepare_clock(): the slave gets the time of the reference, while no time is sent, and is the reference then.
 [[nodiscard]] Task<Result<>> become_reference(Network& network, Slave& slave);
 // Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.

@@ -93,9 +93,14 @@ class RedundancyPart {
     virtual void forget_opening() = 0;
     // Keeps the clocks behind a break in step with the reference clock.
     [[nodiscard]] virtual Task<Result<>> watch_clocks(Network& network) = 0;
+    // Clocks::reference is another slave: the part that it does not reach gets the second reference that belongs to it,
+    // from the next frame on.
+    [[nodiscard]] virtual Task<Result<>> follow_reference(Network& network) = 0;
     // The slave whose clock the slave follows: the reference clock, or that of the part behind the break.
     [[nodiscard]] virtual std::uint16_t reference_of(Network& network, const Slave& slave) const = 0;
     [[nodiscard]] virtual FollowedClock followed_clock(Network& network, const Slave& slave) const = 0;
+    // Some clocks are beside the ring: the ways of both copies are not measured then.
+    [[nodiscard]] virtual bool has_clocks_beside() const = 0;
     // A break of the ring is between both.
     [[nodiscard]] virtual bool are_parted(Network& network, const Slave& one, const Slave& other) const = 0;
 

@@ -114,7 +114,7 @@ Task<Result<>> RingWatch::begin_second_part(Network& network) {
     const RingParts now = parts();
     const bool broken = now.two_nics && !now.whole;
     // Another clock, or the same clock with another time.
-    ring_.set_second_reference({}, false);
+    ring_.set_second_reference({});
     second_ = 0;
     if (has_beside_ && now.whole) co_return co_await required(teach_beside(network));
     wanted_second_ = broken ? first_behind(network, false) : std::uint16_t{0};
@@ -164,9 +164,10 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
 
 Task<Result<>> RingWatch::teach(Network& network) {
     constexpr unsigned kMostLessons = 5;
-    for (unsigned n = 0; n < kMostLessons; ++n) {
+    taught_ = false;
+    for (unsigned n = 0; n < kMostLessons && !taught_; ++n) {
         const auto greatest = co_await required(teach_once(network));
-        if (greatest <= network.clocks.settings.limit_ns / 4) break;
+        taught_ = greatest <= network.clocks.settings.limit_ns / 4;
     }
     co_return Nothing{};
 }
@@ -223,33 +224,55 @@ std::uint16_t RingWatch::choose_second(Network& network) const {
 Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) {
     const Slave& reference = network.slave(network.clocks.reference);
     const bool is_first = second != 0 && (has_beside_ ? is_behind(network, reference) : second == reference.number);
+    const StationAddress address = second == 0 ? StationAddress{} : network.slave(second).station_address;
+    const StationAddress first = is_first ? reference.station_address : StationAddress{};
     if (second == second_ && is_first == second_is_first_) {
-        if (second != 0 && !ring_.has_second_reference())  // one answer was lost, or had the time that was sent
-            ring_.set_second_reference(network.slave(second).station_address, is_first);
+        // There is another reference; or one answer was lost, or had the time that was sent.
+        if (!ring_.has_second_reference(address, first)) ring_.set_second_reference(address, first);
         co_return Nothing{};
     }
     second_ = second;
     second_is_first_ = is_first;
     known_ = false;
     first_ = {};
-    if (const Constant* const constant = known_constant(); constant != nullptr && !is_in_step(network)) {
-        constant_ns_ = constant->ns;
-        begin_to_steer(network);
-    }
-    ring_.set_second_reference(second == 0 ? StationAddress{} : network.slave(second).station_address, is_first);
+    use_known_constant(network);
+    ring_.set_second_reference(address, first);
     if (second == 0 || is_first) co_return Nothing{};
     network.report({.kind = EventKind::second_reference, .slave = second, .other = network.clocks.reference});
-    // See replace_reference(): a clock keeps the rate that it has learned, unless its comparisons were wrong.
-    Slave& slave = network.slave(second);
-    co_await required(read_difference(network, slave));
-    if (std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= network.clocks.settings.limit_ns)
-        co_return Nothing{};
-    co_return co_await required(reset_control_loop(network.station(slave)));
+    const auto restarted = co_await required(settle_rate(network, network.slave(second)));
+    const ClockEntry& clock = network.clocks.entries[second - 1U];
+    const bool disturbed = std::abs(std::int64_t{clock.difference_ns}) > network.clocks.settings.limit_ns / 2;
+    if ((restarted || disturbed) && second == second_) distrust_second_part(network);
+    co_return Nothing{};
 }
 
-// Before the first comparison. Beside a whole ring, teach() has brought the second reference into step.
+// The clocks that the reference does not reach are not in step with it: a known constant, or the ways, tell how far.
+void RingWatch::distrust_second_part(Network& network) {
+    for (const Slave& slave : network.slaves())
+        if (is_behind(network, slave)) network.clocks.lose_sync(slave);
+    first_ = {};
+    known_ = taught_ = false;
+    use_known_constant(network);
+}
+
+void RingWatch::use_known_constant(Network& network) {
+    const Constant* const constant = known_constant();
+    if (constant == nullptr || is_in_step(network)) return;
+    constant_ns_ = constant->ns;
+    begin_to_steer(network);
+}
+
+// The reference is another one. Without this, the copies that the head does not send would carry no time for some
+// rounds where they have the only one. While the ring changes, the rounds decide.
+Task<Result<>> RingWatch::follow_reference(Network& network) {
+    if (has_beside_ && (!arranged_ || ring_.are_times_held())) co_return Nothing{};
+    wanted_second_ = choose_second(network);
+    co_return co_await required(change_second(network, wanted_second_));
+}
+
+// Before the first comparison.
 bool RingWatch::is_in_step(const Network& network) const {
-    return second_ != 0 && (network.clocks.entries[second_ - 1U].in_sync || parts().whole);
+    return second_ != 0 && (network.clocks.entries[second_ - 1U].in_sync || taught_);
 }
 
 const RingWatch::Constant* RingWatch::known_constant() const {
@@ -268,18 +291,21 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
     if (behind == is_behind(network, reference))
         return {.slave = passes < passes_at_ns(network, reference) ? std::uint16_t{0} : reference.number};
     // Before the break, no time arrives while the reference is behind it.
-    if (!behind || second_ == 0 || second_is_first_ || !known_ || rounds_deaf_ >= kDeaf) return {};
+    if (!behind || second_ == 0 || second_is_first_ || !known_ || unsure_ || rounds_deaf_ >= kDeaf) return {};
     if (slave.number != second_ && passes < passes_at_ns(network, network.slave(second_))) return {};
     // Between two corrections its own rate moves it by half of that to either side.
     const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
     const std::int64_t half_ns = std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000;
+    // Until the controller knows this rate, the difference changes from round to round.
     const std::int64_t known_ns = std::abs(ahead_ns_) <= jitter_ns_ / 2 ? 0 : ahead_ns_;
-    return {.slave = second_, .ahead_ns = known_ns + (ahead_ns_ < 0 ? -half_ns : half_ns)};
+    const std::int64_t change_ns = change_ns_ <= jitter_ns_ ? 0 : change_ns_;
+    return {.slave = second_, .ahead_ns = known_ns, .moves_ns = half_ns + change_ns, .silent = rounds_deaf_ > 1};
 }
 
 void RingWatch::begin_to_steer(Network& network) {
     known_ = true;
-    ahead_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
+    taught_ = unsure_ = false;
+    ahead_ns_ = change_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
     phase_.start(for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0}));
 }
 
@@ -290,6 +316,14 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
     const std::int64_t mean_ns = first_.sum_ns / first_.count;
     first_ = {};
     constant_ns_ = mean_ns + clocks.entries[second - 1U].delay_ns;
+    if (!is_in_step(network) && has_beside_) {
+        // The ways are not measured with clocks beside the ring. In the whole ring they are taught; behind a break the
+        // clocks stay where they are, and are not in sync.
+        begin_to_steer(network);
+        unsure_ = true;
+        rests_ = 0;
+        co_return Nothing{};
+    }
     if (!is_in_step(network)) {
         const Slave& reference = network.slave(clocks.reference);
         const auto way = co_await measure_way(network, network.slave(second), reference);
@@ -320,7 +354,8 @@ Task<Result<>> RingWatch::steer(Network& network) {
         co_return co_await required(find_constant(network));
     }
     const ClockEntry& clock = network.clocks.entries[second_ - 1U];
-    ahead_ns_ = seen.sum_ns / seen.count - (constant_ns_ - clock.delay_ns);
+    const std::int64_t before_ns = std::exchange(ahead_ns_, seen.sum_ns / seen.count - (constant_ns_ - clock.delay_ns));
+    change_ns_ = std::abs(ahead_ns_ - before_ns);
     jitter_ns_ = std::max<std::int64_t>(std::int64_t{seen.most_ns} - seen.least_ns - std::abs(moved_ns_), 0);
     const std::int64_t correction = phase_.update(ahead_ns_, network.engine.now());
     moved_ns_ = correction;
@@ -350,12 +385,19 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
             if (network.searching) co_return Nothing{};
             // Perhaps it comes from a loss of power. The present second reference is behind it, and would bring it
             // what the master has sent.
-            ring_.set_second_reference({}, false);
+            ring_.set_second_reference({});
             co_await completion(teach(network));
         }
         co_await required(change_second(network, wanted));
     }
     if (second_ == 0 || second_is_first_) co_return Nothing{};
+    if (known_ && unsure_ && now.whole && !network.searching && rests_-- == 0) {
+        co_await completion(teach(network));
+        known_ = !taught_;  // then the constant is measured
+        first_ = {};
+        rests_ = UINT8_MAX;
+        co_return Nothing{};
+    }
     co_return co_await required(steer(network));
 }
 

@@ -41,8 +41,10 @@ class RingWatch final : public RedundancyPart {
     void note_ways(Network& network) override;
     [[nodiscard]] bool delays_are_guessed() const override { return guessed_; }
     [[nodiscard]] Task<Result<>> watch_clocks(Network& network) override;
+    [[nodiscard]] Task<Result<>> follow_reference(Network& network) override;
     [[nodiscard]] std::uint16_t reference_of(Network& network, const Slave& slave) const override;
     [[nodiscard]] FollowedClock followed_clock(Network& network, const Slave& slave) const override;
+    [[nodiscard]] bool has_clocks_beside() const override { return has_beside_; }
     [[nodiscard]] bool are_parted(Network& network, const Slave& one, const Slave& other) const override {
         return is_behind(network, one) != is_behind(network, other);
     }
@@ -79,6 +81,8 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> steer(Network& network);
     [[nodiscard]] Task<Result<>> find_constant(Network& network);
     void begin_to_steer(Network& network);
+    void use_known_constant(Network& network);
+    void distrust_second_part(Network& network);
     [[nodiscard]] const Constant* known_constant() const;
     [[nodiscard]] bool is_in_step(const Network& network) const;
 
@@ -97,7 +101,11 @@ class RingWatch final : public RedundancyPart {
     std::uint16_t second_ = 0;
     bool second_is_first_ = false;
     bool known_ = false;
+    bool unsure_ = false;           // the constant is that of clocks that are perhaps not in step
+    bool taught_ = false;           // the clocks beside the ring are in step with the reference now, by teach()
+    std::uint8_t rests_ = 0;        // rounds until they are taught again
     std::int64_t ahead_ns_ = 0;     // mean of the differences of the last round, without the constant,
+    std::int64_t change_ns_ = 0;    // and how far it is from that of the round before,
     std::int64_t jitter_ns_ = 0;    // by how much they differ among each other,
     std::int64_t moved_ns_ = 0;     // and the correction of the round before, which they contain
     std::uint8_t rounds_deaf_ = 0;  // rounds without a difference

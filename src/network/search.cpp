@@ -249,6 +249,7 @@ void note_lost(Network& network, Slave& slave) {
     slave.al = {};
     slave.ring_position = 0;
     network.marks(slave).settled = AlState::none;
+    network.clocks.lose_sync(slave);
     leave_exchange(network, slave);
 }
 

@@ -396,6 +396,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         report_silent_segment(watch);
         if (turn && watch.network.silent) network.supervision_turn = false;
         if (roll.error().code == Errc::capacity) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+        if (network.silent && network.clocks.watch != nullptr) co_await completion(network.clocks.watch(network));
         co_return Nothing{};
     }
     doubt_after_silence(watch);
@@ -453,6 +454,16 @@ struct Rest {
     Engine::Sleep until_woken;
 };
 
+// The supervision may end at any time, also while the cycles carry no time for some rounds.
+struct TimeGuard {
+    explicit TimeGuard(Network& n) : network(n) {}
+    TimeGuard(const TimeGuard&) = delete;
+    ~TimeGuard() {
+        if (network.clocks.resume != nullptr) network.clocks.resume(network);
+    }
+    Network& network;
+};
+
 }  // namespace
 
 Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
@@ -470,6 +481,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         errors.primed = false;
         errors.other_ends = {};
     }
+    const TimeGuard guard(network);
     Crew crew(network.tasks);
     for (;;) {
         co_await required(round(watch, crew));

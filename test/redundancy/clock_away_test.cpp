@@ -130,11 +130,18 @@ TEST_F(ClockAway, BehindABreakOfALongRing) {
 // The application wakes up late, by up to 20 µs.
 struct LateBus : AwayBus {
     std::uint32_t random = 1;
+    void wake_late() {
+        random = random * 1'664'525 + 1'013'904'223;
+        osal.advance(std::chrono::nanoseconds((random >> 8) % 20'000));
+    }
+    void late_cycle() {
+        wake_late();
+        (void)cycle();
+    }
     unsigned run(unsigned count) {
         unsigned wrong = 0;
         for (unsigned n = 0; n < count; ++n) {
-            random = random * 1'664'525 + 1'013'904'223;
-            osal.advance(std::chrono::nanoseconds((random >> 8) % 20'000));
+            wake_late();
             wrong += wrong_cycles(1);
         }
         return wrong;
@@ -192,6 +199,52 @@ TEST(ClockAwayRing, TheFirstClockComesBackBeforeABreak) {
     EXPECT_EQ(bus.run(1000), 0U);
     EXPECT_TRUE(bus.all_in_sync()) << AwayBus::joined(bus.events());
     EXPECT_LE(bus.cycles(300), 100);
+}
+
+// The first slave is taken out by one cable after the other. The copies of the second NIC have the only time: without a
+// second reference that belongs to the new reference, all clocks would take what the master has sent.
+TEST(ClockAwayRing, TheFirstSlaveIsTakenOutByTwoCables) {
+    for (const unsigned wait : {1U, 5U, 50U, 500U}) {
+        SCOPED_TRACE(wait);
+        LateBus bus;
+        bus.prepare(5);
+        bus.cable(bus.ring_cables[0], false);
+        EXPECT_EQ(bus.run(wait), 0U);
+        bus.cable(bus.ring_cables[1], false);
+        std::int64_t most = 0;
+        for (unsigned n = 0; n < 1000; ++n) {
+            EXPECT_EQ(bus.run(1), 0U);
+            for (std::uint16_t s = 3; s <= 5; ++s) most = std::max(most, std::abs(bus.ahead_ns(s, 2)));
+        }
+        EXPECT_EQ(reference_clock(*bus.ctx), 2);
+        EXPECT_LE(most, 6'000) << "the rate of the new reference begins anew, no clock follows the jitter";
+        EXPECT_TRUE(slave_clock(*bus.ctx, 5).in_sync) << AwayBus::joined(bus.events());
+        bus.cable(bus.ring_cables[0], true);
+        EXPECT_EQ(bus.run(1000), 0U);
+        bus.cable(bus.ring_cables[1], true);
+        EXPECT_EQ(bus.run(3000), 0U);
+        EXPECT_EQ(reference_clock(*bus.ctx), 1);
+        EXPECT_TRUE(bus.all_in_sync()) << AwayBus::joined(bus.events());
+    }
+}
+
+// Its station address is 0 when it is back: no slave answers as the reference, and no frame was lost.
+TEST(ClockAwayRing, AShortLossOfPowerOfTheReference) {
+    for (const unsigned away : {1U, 2U, 3U, 5U}) {
+        SCOPED_TRACE(away);
+        LateBus bus;
+        bus.prepare(5);
+        bus.segment.set_power(bus.at[0], false, bus.osal.now());
+        for (unsigned n = 0; n < away; ++n) bus.late_cycle();
+        bus.segment.set_power(bus.at[0], true, bus.osal.now());
+        std::int64_t most = 0;
+        for (unsigned n = 0; n < 1500; ++n) {
+            bus.late_cycle();
+            for (std::uint16_t s = 3; s <= 5; ++s) most = std::max(most, std::abs(bus.ahead_ns(s, 2)));
+        }
+        EXPECT_LE(most, 100) << AwayBus::joined(bus.events());
+        EXPECT_EQ(reference_clock(*bus.ctx), 1);
+    }
 }
 
 }  // namespace

@@ -316,6 +316,30 @@ TEST_F(BesideTheRing, KeepsInStepThroughBreaks) {
         << joined(all);
 }
 
+// Slaves 6 and 7 are at branches behind slaves 2 and 4. A clock of a branch is not the reference meanwhile, and a
+// constant is not measured while the branches are not in step.
+TEST_F(BesideTheRing, AreInStepAfterALossOfPowerOfTheReference) {
+    for (unsigned n = 0; n < 5; ++n) {
+        const std::uint32_t here = add_to_ring(nth(n));
+        if (n == 1 || n == 3) (void)add_behind(here, 2, nth(60 + n));
+    }
+    close_ring();
+    at = {0, 1, 3, 4, 6, 2, 5};
+    bring_up();
+    (void)cycles(2000);
+    segment.set_power(at[0], false, osal.now());
+    for (unsigned n = 0; n < 1000; ++n) {
+        (void)cycle();
+        ASSERT_LE(reference_clock(*ctx), 5) << joined(events());
+    }
+    segment.set_power(at[0], true, osal.now());
+    ASSERT_TRUE(until_all_in_op(6000)) << joined(events());
+    (void)cycles(7000);
+    EXPECT_LE(cycles(300), 200) << joined(events());
+    EXPECT_EQ(reference_clock(*ctx), 1);
+    for (std::uint16_t n = 1; n <= 7; ++n) EXPECT_TRUE(slave_clock(*ctx, n).in_sync) << n;
+}
+
 // The other clocks would take what the master has sent.
 TEST_F(BesideTheRing, CannotHaveTheReference) {
     build_beside();

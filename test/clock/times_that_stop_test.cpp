@@ -1,0 +1,162 @@
+// "In sync" and the time that the cycles carry, when frames are lost, when no time arrives, and when the supervision
+// ends.
+#include "clock/clock_bus.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct TimesThatStop : testing::Test, ClockBus {
+    SlaveSetup every_ms{.dc = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms}};
+
+    void begin(unsigned slaves, Duration watch_interval = 10ms) {
+        add_line(slaves);
+        start();
+        const auto reference = configdc(*ctx, {.burst_frames = 2000, .watch_interval = watch_interval});
+        ASSERT_TRUE(reference.ok()) << words(reference.error());
+        for (std::uint16_t n = 1; n <= slaves; ++n) ctx->slave(n).config.setup = &every_ms;
+        run();
+        cycles(3000);
+        ASSERT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+    }
+    void lose(unsigned count) {
+        for (unsigned n = 0; n < count; ++n) {
+            segment.lose_next({0, 0});
+            cycles(1);
+        }
+    }
+    // Slave 1 hangs at no cable, and the master is connected to slave 2.
+    void bridge_first() {
+        segment.disconnect({0, 0});
+        segment.disconnect({0, 1});
+        ASSERT_TRUE(segment.connect_master({1, 0}));
+        segment.reconsider();
+    }
+    void restore_first() {
+        segment.disconnect({1, 0});
+        ASSERT_TRUE(segment.connect_master({0, 0}));
+        ASSERT_TRUE(segment.connect({0, 1}, {1, 0}, kCable));
+        segment.reconsider();
+    }
+};
+
+// A frame that only reads the reference is lost too: the readings before and after it tell no next time.
+TEST_F(TimesThatStop, OnlyTwoAnswersInSuccessionTellATime) {
+    begin(5);
+    lose(1);
+    cycles(1);
+    lose(10);
+    cycles(1);
+    bridge_first();
+    for (unsigned n = 0; n < 500; ++n) {
+        cycles(1);
+        for (std::uint16_t s = 3; s <= 5; ++s) ASSERT_LE(std::abs(ahead_ns(s, 2)), 200) << s << ", cycle " << n;
+    }
+}
+
+// The first frame after the pause has the time of the last cycle before it, and all clocks take it: nobody says that
+// they are in sync while they recover.
+TEST_F(TimesThatStop, AReferenceThatIsLostInAPause) {
+    constexpr unsigned kUntilItIsKnown = 60;
+    for (const auto pause : {20ms, 80ms, 2000ms}) {
+        SCOPED_TRACE(pause.count());
+        if (segment.size() == 0) begin(5);
+        osal.advance(pause);
+        segment.advance(osal.now());
+        bridge_first();
+        for (unsigned n = 0; n < 3000; ++n) {
+            cycles(1);
+            for (std::uint16_t s = 3; s <= 5 && n > kUntilItIsKnown; ++s)
+                ASSERT_TRUE(!clock(s).in_sync || std::abs(ahead_ns(s, 2)) <= 400) << s << ", cycle " << n;
+        }
+        restore_first();
+        cycles(5000);
+        ASSERT_TRUE(clock_status(*ctx, osal.now()).in_sync) << joined(events());
+    }
+}
+
+TEST_F(TimesThatStop, InSyncEndsInSilence) {
+    begin(4);
+    segment.set_cable({0, 0}, false);
+    cycles(500);
+    EXPECT_TRUE(clock(4).in_sync) << "it goes on at its rate";
+    cycles(800);
+    EXPECT_FALSE(clock_status(*ctx, osal.now()).in_sync);
+    for (std::uint16_t s = 2; s <= 4; ++s) EXPECT_FALSE(clock(s).in_sync) << s;
+    segment.set_cable({0, 0}, true);
+    cycles(2000);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+}
+
+TEST_F(TimesThatStop, InSyncEndsWithoutCycles) {
+    begin(4);
+    for (unsigned n = 0; n < 1500; ++n) {
+        osal.advance(1ms);
+        (void)poll(*ctx, osal.now());
+    }
+    EXPECT_FALSE(clock_status(*ctx, osal.now()).in_sync);
+    for (std::uint16_t s = 2; s <= 4; ++s) EXPECT_FALSE(clock(s).in_sync) << s;
+    cycles(1000);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+}
+
+// Slave 1 is brought to the reference in small steps; no time is carried meanwhile.
+TEST_F(TimesThatStop, TheTimeIsCarriedWhenTheSupervisionEnds) {
+    begin(5);
+    bridge_first();
+    segment.slave(0).set_drift(-100'000 + 20'000, osal.now());
+    cycles(3000);
+    ASSERT_EQ(reference_clock(*ctx), 2);
+    segment.slave(0).set_drift(-100'000, osal.now());
+    restore_first();
+    unsigned pause = 0;
+    for (unsigned n = 0; n < 3000 && pause < 30; ++n) {
+        cycles(1);
+        pause = ctx->group(0).dc_time.came && ctx->group(0).dc_time.slaves == 0 && all_in_op() ? pause + 1 : 0;
+    }
+    ASSERT_EQ(pause, 30U) << "the supervision ends in a pause";
+    supervision.cancel();
+    cycles(10);
+    EXPECT_NE(ctx->group(0).dc_time.slaves, 0);
+    cycles(1000);
+    for (std::uint16_t s = 3; s <= 5; ++s) EXPECT_LE(std::abs(ahead_ns(s, 2)), 100) << s;
+}
+
+// Also where the application ends the supervision while a frame is on the wire.
+TEST_F(TimesThatStop, TheTimeIsCarriedBehindAFrameOnTheWire) {
+    begin(5);
+    bridge_first();
+    segment.slave(0).set_drift(-100'000 + 20'000, osal.now());
+    cycles(3000);
+    segment.slave(0).set_drift(-100'000, osal.now());
+    restore_first();
+    unsigned pause = 0;
+    for (unsigned n = 0; n < 3000 && pause < 30; ++n) {
+        cycles(1);
+        pause = ctx->group(0).dc_time.came && ctx->group(0).dc_time.slaves == 0 && all_in_op() ? pause + 1 : 0;
+    }
+    ASSERT_EQ(pause, 30U);
+    (void)send_processdata(*ctx, osal.now());
+    supervision.cancel();
+    cycles(20);
+    EXPECT_NE(ctx->group(0).dc_time.slaves, 0);
+}
+
+// Nobody reads the differences: the clock of a slave that was away is compared when it is back, and is not in sync.
+TEST_F(TimesThatStop, WithoutAWatchASlaveThatWasAwayIsNotInSync) {
+    begin(3, 0ms);
+    segment.set_cable({2, 0}, false);
+    segment.slave(2).set_drift(0, osal.now());
+    cycles(5000);
+    EXPECT_FALSE(clock(3).in_sync);
+    EXPECT_GT(std::abs(ahead_ns(3)), 100'000);
+    segment.set_cable({2, 0}, true);
+    cycles(3000);
+    EXPECT_FALSE(clock(3).in_sync);
+    EXPECT_TRUE(all_in_op());
+    EXPECT_LE(std::abs(ahead_ns(3)), 10'000) << "it was started again with the time of the reference";
+}
+
+}  // namespace
+}  // namespace margay
