@@ -90,6 +90,8 @@ class MailboxChannel {
     // A reply to an earlier CoE or FoE request may still arrive, and it would be taken for the reply to a request of
     // this key. It lasts until the slave has answered a later request, because it answers them in their order.
     [[nodiscard]] bool is_doubtful(std::uint64_t key) const;
+    // Counts the first packets of files that no exchange has taken.
+    [[nodiscard]] std::uint8_t first_packets() const { return first_packets_; }
     // The slave has not yet taken the message that ends an earlier CoE operation.
     [[nodiscard]] bool is_fenced() const { return owed_[0].fences != 0; }
     // Whether one reply of this key is owed, and no other one of CoE. Mail of any kind may be something else.
@@ -278,6 +280,7 @@ class MailboxChannel {
     bool counts_ = true;  // false: the slave sends mail with counter 0
     Repeated repeat_ = Repeated::no;
     bool repeated_ = false;  // the next mail may repeat the one received before
+    std::uint8_t first_packets_ = 0;
     bool missed_ = false;    // a frame with mail may have been lost, and no mail has come since
     std::uint8_t activate_ = 0;
     std::uint16_t busy_types_ = 0;

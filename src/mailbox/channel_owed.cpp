@@ -172,7 +172,11 @@ bool is_spare_question(const wire::MailboxMessage& mail) {
 
 // Mail that nobody has taken: most likely the late reply, if it is of its protocol.
 void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
+    namespace foe = wire::foe;
     Owed& owed = owed_of(mail.header.type);
+    if (mail.header.type == wire::MailboxType::foe && mail.data.size() >= foe::kHeaderBytes &&
+        foe::Layout::opcode::load(mail.data) == foe::Opcode::data && foe::Layout::packet_number::load(mail.data) == 1)
+        ++first_packets_;
     if (mail.header.type == wire::MailboxType::coe) {
         bool of_question = is_spare_question(mail);
         for (const std::uint64_t key : kQuestions)

@@ -79,7 +79,13 @@ bool FoeTransfer::is_old(std::uint32_t number) const {
 
 // The first packet comes twice although it was asked for once: the one before was of an earlier file.
 bool FoeTransfer::is_first_again(std::uint32_t number) const {
-    return doubtful_ && !repeated_ && answer_ == Opcode::data && phase_ == Phase::packets && number == 1;
+    const bool begun = phase_ == Phase::packets || phase_ == Phase::farewell;
+    return doubtful_ && !repeated_ && answer_ == Opcode::data && begun && number == 1;
+}
+
+void FoeTransfer::first_came_again() {
+    if (!is_first_again(1)) return;
+    fail({.code = Errc::protocol, .expected = number_, .actual = 1}, foe::ErrorCode::wrong_packet_number);
 }
 
 MailClient::Taken FoeTransfer::accept(const wire::MailboxMessage& mail) {

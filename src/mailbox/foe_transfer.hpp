@@ -54,6 +54,8 @@ class FoeTransfer : public MailClient {
     [[nodiscard]] bool has_repeated() const { return repeated_; }
     // The first reply may be the late one to an earlier request.
     void doubt() { doubtful_ = true; }
+    // A first packet came while no message of the transfer was unanswered.
+    void first_came_again();
     // The reply to the next message looks like the first reply to another transfer.
     [[nodiscard]] bool is_like_first() const { return phase_ == Phase::request || (number_ & 0xFFFF) <= 1; }
     // The slave must be told that the transfer has ended early.

@@ -226,6 +226,48 @@ TEST(LostParts, AnObjectListIsComplete) {
 
 // ------------------------------------------------------------------ files
 
+// The slave stalls once, for longer than the library waits for a late packet. Both first packets come behind each
+// other, while the application has no room for more, or while another protocol is used.
+TEST_F(LateParts, TheFirstPacketOfAFileThatComesTwiceEndsIt) {
+    struct SlowSink final : ByteSink {
+        Taken push(Bytes octets) override { return {.bytes = std::min<std::size_t>(octets.size(), 20)}; }
+    };
+    for (const Duration stall : {250ms, 500ms, 1000ms})
+        for (const bool from_queue : {false, true}) {
+            SCOPED_TRACE(testing::Message() << stall.count() << from_queue);
+            LateBus one;
+            std::string content;
+            unsigned packet = 0;
+            bool stalled = false;
+            one.start(
+                [&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
+                    if (type != MailboxType::foe) return {};
+                    const FoeAsked asked(mail);
+                    Duration after = 1ms;
+                    if (asked.opcode == foe::Opcode::read) {
+                        content = std::string(200, text_of(asked.body)[0]);
+                        packet = 0;
+                        if (!std::exchange(stalled, true)) after = stall;
+                    } else if (asked.opcode != foe::Opcode::acknowledge || packet == 4 || asked.word != packet) {
+                        return {};
+                    }
+                    const auto part = content.substr(packet * 52, 52);
+                    return {after, {foe_message(foe::Opcode::data, ++packet, std::as_bytes(std::span(part)))}};
+                },
+                from_queue);
+            std::vector<std::byte> memory(4096);
+            VoeInbox inbox(memory);
+            inbox.look_every = 1ms;
+            ASSERT_TRUE(listen(*one.bus.ctx, inbox).ok());
+            one.times_out(ReadFile("a"), 50ms);
+            ReadFile b("b");
+            SlowSink sink;
+            b.sink = &sink;
+            const Error error = one.finish(b);
+            EXPECT_EQ(error.code, from_queue ? Errc::protocol : Errc::none) << one.bus.words(error);
+        }
+}
+
 // A write that was given up in its middle, and a read that was given up: both late packets come before the next file.
 TEST_F(LateParts, FilesThatWereGivenUpInTheirMiddle) {
     for (const std::size_t size : {40U, 150U}) {
