@@ -453,7 +453,7 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
                 out << " (the ring is broken: the delays of its clocks can be measured while it is whole)";
             else if (is_refused_call(e) && e.detail == Error::kNotSubmitted)
-                out << " (the request was not submitted: call submit())";
+                out << " (the request was not submitted to this context: call submit())";
             else if (is_refused_call(e))
                 out << (e.step == Step::open_nic ? " (init() was called before)"
                                                  : " (call init(), then config_init(), then submit or wait)");

@@ -85,6 +85,9 @@ Result<> wait(Context& ctx, Request& request) {
     const Step step = RequestAccess::operation(request).step;
     if (master == nullptr) return Error{.code = Errc::wrong_state, .step = step};
     if (const Error refused = check_may_wait(*master, step); refused.code != Errc::none) return refused;
+    // A request of another context would never end here.
+    if (request.busy() && RequestAccess::context(request) != &ctx)
+        return Error{.code = Errc::wrong_state, .step = step, .detail = Error::kNotSubmitted};
     if (master->owned_by_caller())
         poll_until_over(ctx, *master, request);
     else if (!sleep_until_over(*master, request))

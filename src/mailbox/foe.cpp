@@ -3,7 +3,7 @@
 #include "mailbox/arena_buffer.hpp"
 
 #include <algorithm>
-#include <utility>
+#include <optional>
 
 namespace margay {
 
@@ -81,11 +81,10 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
     BusySlave busy(transfer.request(), patience.give_up);
     unsigned again = 0;
     Time asked{};  // the message for the first time
-    std::uint8_t firsts = channel.first_packets();
+    std::optional<std::uint8_t> firsts;  // MailboxChannel::first_packets() behind the first answer
     while (!transfer.over()) {
         if (!session.holds()) co_return of_file({.code = channel.cut_by()}, channel, step);
-        if (const std::uint8_t before = std::exchange(firsts, channel.first_packets()); before != firsts)
-            transfer.first_came_again();
+        if (firsts && *firsts != channel.first_packets()) transfer.first_came_again();
         if (transfer.over()) break;
         const bool ready = transfer.prepare();
         if (transfer.over()) break;
@@ -110,7 +109,8 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
         if (reply) end.slowest = again == 0 ? Duration{0} : (again + 1) * (engine.now() - asked);
         again = 0;
         if (channel.is_doubtful(kKey)) transfer.doubt();
-        if (!reply && channel.first_packets() != firsts) transfer.first_came_again();
+        if (!firsts) firsts = channel.first_packets();
+        if (!reply && *firsts != channel.first_packets()) transfer.first_came_again();
         if (!reply && !transfer.over()) transfer.finish();
         if (!transfer.is_busy()) {
             busy.answers();

@@ -234,7 +234,8 @@ Task<Result<>> restart(Network& network, Slave& slave) {
     if (slave.al.state != AlState::boot) same = co_await prove(network, slave);
     if (same && !slave.seen) same = co_await read_missing_slave(network, slave);
     if (!same) co_return same;
-    if (slave.al.state == AlState::init) doubt_pdos(network, slave);
+    // In INIT, a device may take over other modules or settings than those of the mapping.
+    doubt_pdos(network, slave);
     co_await required(back_to_init(network, slave));
     const ChangeReport report(network, slave);
     co_await required(sii_assign(network.station(slave), true));

@@ -302,7 +302,22 @@ TEST_F(Mistakes, ARequestThatWasNotSubmittedCannotBeWaitedFor) {
     ASSERT_TRUE(config_init(*ctx).ok());
     SdoUpload request;
     EXPECT_EQ(words(wait(*ctx, request).error()),
-              "SDO upload: not possible in this state (the request was not submitted: call submit())");
+              "SDO upload: not possible in this state (the request was not submitted to this context: call submit())");
+}
+
+TEST_F(Mistakes, ARequestOfAnotherContextCannotBeWaitedFor) {
+    sim::Segment other_segment;
+    ASSERT_TRUE(
+        other_segment.connect_master({other_segment.add(std::move(*sim::make_device("coupler")).assemble()), 0}));
+    other_segment.power_up(osal.now());
+    SimulatedNic other_nic(other_segment, osal);
+    HostContext other;
+    ASSERT_TRUE(init(other, other_nic, osal).ok());
+    ScanRequest request;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    EXPECT_EQ(wait(other, request).error().code, Errc::wrong_state);
+    EXPECT_TRUE(request.busy());
+    EXPECT_TRUE(wait(*ctx, request).ok());
 }
 
 // The supervision leaves its scope at once: nothing watches the slaves, and the program looks right.

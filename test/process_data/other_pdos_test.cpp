@@ -1,6 +1,6 @@
 // A drive that comes back with other PDOs in its dictionary than those that the image was laid out for: all sizes are
 // the same, and the objects are others.
-#include "process_data/bus.hpp"
+#include "process_data/identities.hpp"
 #include "sim/library/library.hpp"
 
 #include <margay/hooked_slave.hpp>
@@ -142,6 +142,48 @@ TEST_F(OtherPdos, OfASparePartThatWaitsInPreop) {
     segment.reconsider();
     cycles(3000);
     expect_not_driven();
+}
+
+// A coupler with four slots keeps its power, and two of its modules of the same size change places.
+struct OtherModules : OtherPdos {
+    void begin_with_modules() {
+        begin("modular_io");
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+        ASSERT_TRUE(submit(*ctx, supervision).ok());
+        ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+        ctx->slave(2).image.outputs.bytes[0] = std::byte{0x5A};
+    }
+    void exchange_modules() {
+        constexpr std::array kOther{std::byte{4}, std::byte{2}, std::byte{3}, std::byte{1}};
+        std::ranges::copy(kOther, segment.slave(drive).process_data()->inputs().begin());
+        segment.slave(drive).process_data()->poke();
+        cycles(100);
+    }
+    // The counter is in slot 1 now. The octet of the lamps must not reach its preset value.
+    void expect_remapping() {
+        const auto again = reach(*ctx, AlState::op, 2s);
+        EXPECT_EQ(again.error().code, Errc::remapping_needed) << in_words(again.error());
+        EXPECT_FALSE(all_right(*ctx));
+        const auto preset = SDOread<std::uint32_t>(*ctx, 2, 0x7000, 1);
+        ASSERT_TRUE(preset.ok()) << in_words(preset.error());
+        EXPECT_EQ(*preset, 0U);
+    }
+};
+
+TEST_F(OtherModules, ChangedInPreop) {
+    begin_with_modules();
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::preop).ok());
+    cycles(500);
+    exchange_modules();
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::op).ok());
+    expect_remapping();
+}
+
+TEST_F(OtherModules, ChangedBeforeAStartUpIsRepeated) {
+    begin_with_modules();
+    exchange_modules();
+    (void)reconfigure_slave(*ctx, 2);
+    expect_remapping();
 }
 
 // Lists that name the PDOs only: their entries are those that the slave has.
