@@ -219,7 +219,7 @@ void unprepare(ProcessGroup& group, Link& link, Time now) {
     group.next_place = next_place;
 }
 
-Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
+static Result<> build_frames(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
     const auto planned = tables.scratch.first(count);
     GroupConfiguration wanted = group.config;
     wanted.dc_reference = group.dc_reference;
@@ -243,6 +243,13 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
                         f == 0 ? readings : ReadingPlans{}, link);
         }
     }
+    return Result<>();
+}
+
+Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
+    const auto built = build_frames(tables, group, count, link);
+    if (!built) return built;
+    const std::uint8_t sets = group.overlap.sets;
     if (sets > 1)
         link.allow_overlapping();
     else
@@ -251,6 +258,60 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     group.complete = true;
     group.special = group.extras || sets > 1;
     return Result<>();
+}
+
+// The datagram of the time as it is sent: the reference may have changed, or be lost, since the frames were built.
+struct SentTime {
+    static constexpr std::size_t kAddress = 2;  // in the header, behind command and index
+    wire::Command command{};
+    std::array<std::byte, 4> address{};
+    std::array<std::byte, 8> data{};
+    std::uint16_t standby = 0;
+    bool known = false;
+};
+
+// Calls `use` with the reading of the time and with the first octet of its datagram.
+template <class Use>
+static void with_time(ProcessGroup& group, Use use) {
+    for (PreparedReading& reading : group.readings)
+        if (reading.into == &group.dc_time && !group.prepared.empty())
+            use(reading, MutableBytes(group.prepared.front().bytes).subspan(reading.offset));
+}
+
+static SentTime sent_time(ProcessGroup& group) {
+    SentTime sent;
+    with_time(group, [&sent](const PreparedReading& reading, MutableBytes head) {
+        sent.command = wire::DatagramLayout::command::load(head);
+        std::ranges::copy(head.subspan(SentTime::kAddress, sent.address.size()), sent.address.begin());
+        std::ranges::copy(head.subspan(wire::kDatagramHeaderBytes, reading.bytes), sent.data.begin());
+        sent.standby = reading.standby;
+        sent.known = true;
+    });
+    return sent;
+}
+
+static void send_time_as(ProcessGroup& group, const SentTime& sent) {
+    if (!sent.known) return;
+    with_time(group, [&sent](PreparedReading& reading, MutableBytes head) {
+        wire::DatagramLayout::command::store(head, sent.command);
+        std::ranges::copy(sent.address, head.subspan(SentTime::kAddress).begin());
+        std::ranges::copy(std::span(sent.data).first(reading.bytes), head.subspan(wire::kDatagramHeaderBytes).begin());
+        reading.standby = sent.standby;
+    });
+}
+
+Result<> prepare_again(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link, Time now) {
+    for (PreparedFrame& frame : group.prepared) link.give_up_prepared(frame, now);
+    const SentTime time = sent_time(group);
+    group.prepared = {};
+    group.plans = {};
+    group.statuses = {};
+    group.datagrams = {};
+    group.expected_wkc = 0;
+    group.under_way = false;
+    const auto built = build_frames(tables, group, count, link);
+    if (built) send_time_as(group, time);
+    return built;
 }
 
 void set_time_standby(ProcessGroup& group, StationAddress standby) {

@@ -26,12 +26,17 @@ struct Copies::Makers {
         std::uint8_t* to = run->to;
         const std::uint8_t* from = run->from;
         std::uint32_t left = run->bytes;
-        for (; left >= 2 * kBlock; left -= 2 * kBlock) {
-            std::memcpy(to, from, kBlock);
-            std::memcpy(to + kBlock, from + kBlock, kBlock);
-            to += 2 * kBlock;
-            from += 2 * kBlock;
-        }
+        const auto copy = [&](auto... block) {
+            constexpr std::uint32_t kBytes = kBlock * sizeof...(block);
+            (std::memcpy(to + block * kBlock, from + block * kBlock, kBlock), ...);
+            to += kBytes;
+            from += kBytes;
+            left -= kBytes;
+        };
+        static_assert(kMostInBlocks <= 8 * kBlock);
+        if (left >= 4 * kBlock) copy(0U, 1U, 2U, 3U);
+        if (left >= 4 * kBlock) copy(0U, 1U, 2U, 3U);
+        if (left >= 2 * kBlock) copy(0U, 1U);
         if (left > kBlock) std::memcpy(to, from, kBlock);
         std::memcpy(to + left - kBlock, from + left - kBlock, kBlock);
         return next(run);

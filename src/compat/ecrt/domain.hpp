@@ -30,13 +30,19 @@ struct DomainPart {
     unsigned share = 0;  // of the working counter, see plan_counters()
 };
 
+// What has become of the last cycle of a group.
+enum class Answer : std::uint8_t {
+    complete,
+    incomplete,  // or not sent
+    on_wire,     // sent and not received yet
+};
+
 // The exchange of one group of the library, with the domains that it serves.
 struct Exchange {
     std::uint8_t group = 0;
     bool mapped = false;
-    bool on_wire = false;     // sent and not received yet
-    bool wanted = false;      // a domain was queued since the last send
-    Errc error = Errc::none;  // of the last answer; none: it was complete
+    bool wanted = false;  // a domain was queued since the last send
+    Answer answer = Answer::complete;
     std::uint32_t answers = 0;
     std::vector<ec_domain*> domains;
     std::vector<std::byte> image;
@@ -50,7 +56,9 @@ struct ec_domain {
     margay::compat::ecrt::Bus& bus;
     std::vector<margay::compat::ecrt::DomainPart> parts;
     std::uint32_t size = 0;
+    // Of a complete answer; side by side, as in the state that they are copied to.
     unsigned expected = 0;  // the working counter if all slaves take part
+    ec_wc_state_t complete = EC_WC_ZERO;
 
     // After activation.
     std::uint8_t* data = nullptr;
@@ -62,7 +70,6 @@ struct ec_domain {
     bool queued = false;
     std::uint32_t seen = 0;  // Exchange::answers at the last process
     ec_domain_state_t state{};
-    ec_wc_state_t complete = EC_WC_ZERO;  // the state of a complete answer
 };
 
 namespace margay::compat::ecrt {

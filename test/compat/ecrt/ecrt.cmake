@@ -84,6 +84,14 @@ margay_ecrt_test(ip_stack ecrt_ip_stack sim:eoe_gateway,drive)
 set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
 
+# The same with a segment in virtual time.
+set(without_segment ${facade})
+list(FILTER without_segment EXCLUDE REGEX "/segment\\.cpp$")
+add_executable(ecrt_flags ${folder}/flags.cpp ${without_segment})
+target_include_directories(ecrt_flags PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/src/compat/ecrt/include)
+target_link_libraries(ecrt_flags PRIVATE margay_source margay_flags)
+margay_ecrt_test(flags ecrt_flags "")
+
 # Each function with its signature; the table of the README.
 margay_ecrt_program(ecrt_signatures signatures.c)
 add_test(NAME compat/ecrt/readme COMMAND ${CMAKE_COMMAND} -DREADME=${PROJECT_SOURCE_DIR}/src/compat/ecrt/README.md
