@@ -28,26 +28,26 @@ inline bool be_owner(const ec_master_t& master) {
     return true;
 }
 
+[[gnu::noinline]] void note_incomplete(Exchange& exchange, Errc error) {
+    if (error == Errc::invalid_argument) return;  // still on the wire
+    exchange.answer = Answer::incomplete;
+    ++exchange.answers;
+}
+
 inline void receive_group(Context& ctx, Exchange& exchange, Duration timeout) {
     const auto counter = receive_processdata(ctx, timeout, exchange.group);
-    const Errc error = counter.error().code;
-    if (error == Errc::invalid_argument) [[unlikely]]
-        return;  // still on the wire
-    exchange.answer = error == Errc::none ? Answer::complete : Answer::incomplete;
+    if (!counter) [[unlikely]]
+        return note_incomplete(exchange, counter.error().code);
+    exchange.answer = Answer::complete;
     ++exchange.answers;
 }
 
 // The answer comes too late: it is given up.
 [[gnu::noinline]] void give_up(Context& ctx, Exchange& exchange) { receive_group(ctx, exchange, Duration{0}); }
 
-// Nothing comes back: the domains have no answer.
-[[gnu::noinline]] void note_not_sent(Exchange& exchange) {
-    exchange.answer = Answer::incomplete;
-    ++exchange.answers;
-}
 inline void send_frames(Context& ctx, Exchange& exchange, Time now) {
     if (!send_processdata(ctx, now, exchange.group)) [[unlikely]]
-        return note_not_sent(exchange);
+        return note_incomplete(exchange, Errc::nic);  // nothing comes back
     exchange.answer = Answer::on_wire;
 }
 
@@ -151,10 +151,10 @@ int ecrt_master_receive(ec_master_t* master) {
         return receive_all(*master);
     if (steady.exchange->answer == Answer::on_wire) [[likely]]
         receive_group(*steady.ctx, *steady.exchange, kDoNotWait);
-    const Time now = steady.osal->now();
-    poll(*steady.ctx, now);
-    if (now >= bus.refresh_at) [[unlikely]]
-        step_up(bus, now);
+    const Duration now = steady.osal->now().time_since_epoch();
+    poll(*steady.ctx, Time(now));
+    if (now >= bus.refresh_at.time_since_epoch()) [[unlikely]]
+        step_up(bus, Time(now));
     return 0;
 }
 
@@ -188,8 +188,7 @@ int ecrt_domain_process(ec_domain_t* domain) {
         return process_incomplete(*domain);
     if (domain->seen == exchange->answers) return 0;
     domain->seen = exchange->answers;
-    domain->state.working_counter = domain->expected;
-    domain->state.wc_state = domain->complete;
+    domain->state = domain->complete;
     return domain->inputs.execute();
 }
 
