@@ -85,6 +85,7 @@ if(TARGET virtual_segment)
   endforeach()
   margay_far_test(compat/soem1_tools_over_veth servodrives compat_soem1_tools ecat-m 2)
   margay_far_test(compat/soem1_firmware_over_veth bootloader compat_soem1_firmware ecat-m 2 0x4d47)
+  margay_far_test(compat/soem2_machine_over_veth drive,drive,pulse_axis,digital_in_8,digital_out_8 compat_soem2_machine ecat-m ecat-m)
   margay_far_test(compat/soem2_simple_over_veth drives compat_soem2_simple ecat-m 200 1)
 endif()
 

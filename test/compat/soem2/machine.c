@@ -1,9 +1,11 @@
 /* A machine as users of SOEM 2.0 write it: two groups of slaves with images of their own, a real-time thread that exchanges them and handles
    mailboxes, a check thread, hooks that set objects before SAFEOP, a network description with start-up commands, clocks, and services from the
-   main thread. The segment has drives with CoE and clocks, and terminals: machine SOURCE */
+   main thread. The segment has drives with CoE and clocks, and terminals. With the name of an interface, the interface is switched off and on
+   again: machine SOURCE [INTERFACE] */
 #include <soem/soem.h>
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define CYCLE_NS 1000000
@@ -153,10 +155,34 @@ static void fall(uint16 slave) {
     MUST(read_number(slave, 0x6081) == 77000U + slave);
 }
 
+/* The interface is switched off: no slave has a state, and no cycle comes back. Switched on again, the check thread brings the slaves to OP. */
+static void switch_off_and_on(const char *interface) {
+    char command[128];
+    int n, before;
+    snprintf(command, sizeof(command), "ip link set %s down", interface);
+    MUST(system(command) == 0);
+    wait_cycles(50);
+    before = right[0] + right[1];
+    wait_cycles(50);
+    MUST(right[0] + right[1] == before);
+    MUST(ecx_readstate(&ctx) == EC_STATE_NONE && ctx.slavelist[1].state == EC_STATE_NONE);
+    MUST(ecx_statecheck(&ctx, 0, EC_STATE_OPERATIONAL, EC_TIMEOUTRET) == EC_STATE_NONE);
+    MUST(ecx_BRD(&ctx.port, 0, ECT_REG_TYPE, 1, &n, EC_TIMEOUTRET) == EC_NOFRAME);
+    snprintf(command, sizeof(command), "ip link set %s up", interface);
+    MUST(system(command) == 0);
+    for (n = 0; n < 2000 && ecx_statecheck(&ctx, 0, EC_STATE_OPERATIONAL, 20000) != EC_STATE_OPERATIONAL; ++n) {
+    }
+    MUST(ctx.slavelist[0].state == EC_STATE_OPERATIONAL);
+    for (n = 1; n <= ctx.slavecount; ++n) MUST(read_number((uint16)(1 + n % 2), 0x1000) != 0xFFFFFFFF);
+    before = right[0];
+    wait_cycles(100);
+    MUST(right[0] - before >= 50);
+}
+
 int main(int argc, char **argv) {
     int n, used, drives = 0, cyclic = 0;
     char name[EC_MAXNAME + 1];
-    if (argc != 2) return 2;
+    if (argc < 2) return 2;
     ctx.userdata = &hooks;
     ctx.ENI = &eni;
     if (!ecx_init(&ctx, argv[1]) || ecx_config_init(&ctx) < 3) return 1;
@@ -237,11 +263,16 @@ int main(int argc, char **argv) {
            wrong_in_op[1], times, checks);
     MUST(right[0] * 10 >= cycles * 9 && right[1] * 10 >= cycles * 8);
     MUST(times * 10 >= cycles * 8 && back_in_time == 0);
-    MUST(handled == 2 * cycles && checks > 0);
+    if (argc > 2) {
+        in_op = 1;
+        switch_off_and_on(argv[2]);
+        in_op = 0;
+    }
     running = 0;
     osal_usleep(20000);
     pthread_join(*(pthread_t *)&rt_thread, NULL);
     pthread_join(*(pthread_t *)&check_thread, NULL);
+    MUST(handled == 2 * cycles && checks > 0);
     ctx.slavelist[0].state = EC_STATE_INIT;
     ecx_writestate(&ctx, 0);
     MUST(ecx_statecheck(&ctx, 0, EC_STATE_INIT, EC_TIMEOUTSTATE) == EC_STATE_INIT);
