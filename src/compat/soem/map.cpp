@@ -41,8 +41,8 @@ void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number
     if (changed) take_sync_managers(context, session, number);
 }
 
-// The clock whose time the cycle of the group carries: the first one of the segment, if the group has any clock. Another
-// one would write zeros into the clocks before it.
+// The clock whose time the cycle of the group carries: the first one of the segment, if the group has any clock.
+// Another one would write zeros into the clocks before it.
 std::uint16_t clock_of(ecx_contextt& context, std::uint8_t group) {
     std::uint16_t first = 0;
     for (int n = 1; n <= slave_count(context); ++n) {

@@ -1,7 +1,7 @@
 // Flags of configurations, and PDOs that may overlap. What they change is seen in the time of the start-up and in the
 // datagrams, so the test contains the sources of the facade, with a segment in virtual time in place of that of the
 // environment. Ends with 0 when everything is as expected.
-#include "check.h"
+#include <check.h>
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/segment.hpp"
 #include "osal/virtual/virtual_osal.hpp"

@@ -142,6 +142,40 @@ static void split_and_join(uint8 group) {
     printf("group %d: %d wrong cycles\n", group, wrong_in_op[group] - failed);
 }
 
+/* Mail of the program itself, in buffers of the pool: an SDO upload, octet by octet. Without a free buffer the answer waits. */
+static void own_mail(uint16 slave) {
+    static ec_mbxbuft *taken[EC_MBXPOOLSIZE];
+    ec_mbxbuft *mail = ecx_getmbx(&ctx), *answer = NULL;
+    ec_mbxheadert *header = (ec_mbxheadert *)mail;
+    uint8 *octets = (uint8 *)mail + sizeof(ec_mbxheadert);
+    uint32 type;
+    int n = 0;
+    if (mail == NULL) {
+        MUST(mail != NULL);
+        return;
+    }
+    ec_clearmbx(mail);
+    header->length = htoes(10);
+    header->mbxtype = ECT_MBXT_COE;
+    octets[1] = ECT_COES_SDOREQ << 4;
+    octets[2] = ECT_SDO_UP_REQ;
+    octets[4] = 0x10;
+    MUST(ecx_mbxsend(&ctx, slave, mail, EC_TIMEOUTTXM) > 0);
+    while (n < EC_MBXPOOLSIZE && (taken[n] = ecx_getmbx(&ctx)) != NULL) ++n;
+    MUST(n == EC_MBXPOOLSIZE && ecx_getmbx(&ctx) == NULL);
+    osal_usleep(20000);
+    MUST(ecx_mbxreceive(&ctx, slave, &answer, 1000) <= 0 && answer == NULL);
+    while (n > 0) MUST(ecx_dropmbx(&ctx, taken[--n]) == 1);
+    MUST(ecx_mbxreceive(&ctx, slave, &answer, EC_TIMEOUTRXM) > 0 && answer != NULL);
+    if (answer == NULL) return;
+    octets = (uint8 *)answer + sizeof(ec_mbxheadert);
+    memcpy(&type, octets + 6, sizeof(type));
+    MUST((((ec_mbxheadert *)answer)->mbxtype & 0x0F) == ECT_MBXT_COE && octets[1] >> 4 == ECT_COES_SDORES);
+    MUST(etohl(type) == read_number(slave, 0x1000));
+    MUST(ecx_dropmbx(&ctx, answer) == 1 && ecx_dropmbx(&ctx, (ec_mbxbuft *)&ctx) == 0);
+    MUST(ecx_mbxreceive(&ctx, slave, &answer, 1000) <= 0 && answer == NULL);
+}
+
 /* The slaves leave OP, as after a fault: the check thread brings them back. */
 static void fall(uint16 slave) {
     uint16 word = htoes(EC_STATE_PRE_OP);
@@ -256,6 +290,7 @@ int main(int argc, char **argv) {
     for (n = 0; n < 20; ++n) MUST(read_number((uint16)(1 + n % 2), 0x6081) == 77001U + (uint32)(n % 2));
     split_and_join(1);
     split_and_join(0);
+    own_mail(2);
     fall(2);
     while (cycles < CYCLES) osal_usleep(1000);
     in_op = 0;
@@ -270,8 +305,8 @@ int main(int argc, char **argv) {
     }
     running = 0;
     osal_usleep(20000);
-    pthread_join(*(pthread_t *)&rt_thread, NULL);
-    pthread_join(*(pthread_t *)&check_thread, NULL);
+    pthread_join((pthread_t)rt_thread, NULL);
+    pthread_join((pthread_t)check_thread, NULL);
     MUST(handled == 2 * cycles && checks > 0);
     ctx.slavelist[0].state = EC_STATE_INIT;
     ecx_writestate(&ctx, 0);
