@@ -1,6 +1,5 @@
 #include "network/process_data.hpp"
 
-#include "network/cycle_time.hpp"
 #include "network/entries.hpp"
 #include "util/bits.hpp"
 
@@ -220,7 +219,7 @@ void unprepare(ProcessGroup& group, Link& link, Time now) {
     group.next_place = next_place;
 }
 
-static Result<> build_frames(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
+Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
     const auto planned = tables.scratch.first(count);
     GroupConfiguration wanted = group.config;
     wanted.dc_reference = group.dc_reference;
@@ -244,13 +243,6 @@ static Result<> build_frames(ProcessTables& tables, ProcessGroup& group, std::si
                         f == 0 ? readings : ReadingPlans{}, link);
         }
     }
-    return Result<>();
-}
-
-Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
-    const auto built = build_frames(tables, group, count, link);
-    if (!built) return built;
-    const std::uint8_t sets = group.overlap.sets;
     if (sets > 1)
         link.allow_overlapping();
     else
@@ -261,18 +253,42 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     return Result<>();
 }
 
-Result<> prepare_again(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link, Time now) {
-    for (PreparedFrame& frame : group.prepared) link.give_up_prepared(frame, now);
-    const SentTime time = sent_time(group);
-    group.prepared = {};
-    group.plans = {};
-    group.statuses = {};
-    group.datagrams = {};
-    group.expected_wkc = 0;
-    group.under_way = false;
-    const auto built = build_frames(tables, group, count, link);
-    if (built) send_time_as(group, time);
-    return built;
+void set_time_standby(ProcessGroup& group, StationAddress standby) {
+    if (group.overlap.sets > 1) return;
+    for (PreparedReading& reading : group.readings)
+        if (reading.into == &group.dc_time) reading.standby = standby.value;
+}
+
+TimeSource time_source(const ProcessGroup& group) {
+    for (const PreparedFrame& frame : group.prepared) {
+        for (const PreparedReading& reading : frame.readings) {
+            if (reading.into != &group.dc_time) continue;
+            const Bytes head = Bytes(frame.bytes).subspan(reading.offset);
+            return {wire::DatagramLayout::command::load(head), load_le<std::uint16_t>(head, 2)};
+        }
+    }
+    return {};
+}
+
+bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns) {
+    if (group.overlap.sets > 1) return false;
+    for (const PreparedFrame& frame : group.prepared)
+        if (frame.slot != nullptr) return false;
+    const TimeSource source =
+        reference == nullptr ? TimeSource{} : time_source_of(group.slaves, *reference, group.by_position);
+    for (PreparedFrame& frame : group.prepared) {
+        for (const PreparedReading& reading : frame.readings) {
+            if (reading.into != &group.dc_time) continue;
+            const MutableBytes head = MutableBytes(frame.bytes).subspan(reading.offset);
+            wire::DatagramLayout::command::store(head, source.command);
+            if (reference != nullptr) store_le<std::uint16_t>(head, 2, source.address);
+            store_le<std::uint32_t>(head, wire::kDatagramHeaderBytes, static_cast<std::uint32_t>(about_ns));
+        }
+    }
+    if (reference != nullptr) group.dc_reference = reference->number;
+    group.dc_time.value = 0;  // the next time does not follow the last one
+    group.dc_time.slaves = 0;
+    return true;
 }
 
 Result<> send_cycle(ProcessGroup& group, Link& link, Time now) {

@@ -93,12 +93,6 @@ void unprepare(ProcessGroup& group, Link& link, Time now);
 // readings. Errors: too_many_frames.
 [[nodiscard]] Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link);
 
-// The same for a group that is mapped: gives up frames in flight and builds others, which carry the time as the old
-// ones did. The working counters are those of all slaves afterwards. Not where cycles overlap. After an error the group
-// has no frames.
-[[nodiscard]] Result<> prepare_again(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link,
-                                     Time now);
-
 // The error of a cycle of which frames were not sent; callable from the cycle. Their datagrams have not come: old
 // inputs are not fresh. Errors: nic (actual: the system's error number), unknown_group (not mapped).
 [[nodiscard]] Error not_sent(const ProcessGroup& group, Link& link);

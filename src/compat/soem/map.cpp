@@ -196,6 +196,7 @@ int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std:
         all.inputs = g.inputs;
         all.Obytes = g.Obytes;
         all.Ibytes = g.Ibytes + extra;
+        set_status(all, status != 0 ? g.inputs + g.Ibytes : nullptr);
     }
     return static_cast<int>(g.Obytes + g.Ibytes + extra);
 }

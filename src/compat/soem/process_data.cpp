@@ -59,7 +59,8 @@ int counted_twice(Session& session, std::uint8_t group, unsigned writing) {
     const bool block = facts.blocked != 0;
     if (block == config.block_lrw) return;
     config.block_lrw = block;
-    if (!replan_processdata(*facts.context, facts.group)) say_once("blockLRW: there are not enough frames for it");
+    const auto planned = replan_processdata(*facts.context, facts.group);
+    if (planned.error().code == Errc::too_many_frames) say_once("blockLRW: there are not enough frames for it");
     facts.writing_datagrams = writing_datagrams(*facts.session, facts.group).count;
 }
 

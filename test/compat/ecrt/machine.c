@@ -121,7 +121,7 @@ static int switch_off_and_on(const char* interface) {
     CHECK(fast_state.wc_state == EC_WC_ZERO && fast_state.working_counter == 0);
     CHECK(slow_state.wc_state == EC_WC_ZERO && slow_state.working_counter == 0);
     for (int n = 0; n < 5000 && (ms.link_up || ms.slaves_responding != 0); ++n) cyclic_task();
-    printf("%u slaves, link %u, states %u, operational %d\n", ms.slaves_responding, ms.link_up, ms.al_states, operational(drives[0]));
+    printf("%u slaves, link %u, states %u\n", ms.slaves_responding, ms.link_up, ms.al_states);
     CHECK(ms.link_up == 0 && ms.slaves_responding == 0 && !operational(drives[0]));
     snprintf(command, sizeof command, "ip link set %s up", interface);
     CHECK(system(command) == 0);

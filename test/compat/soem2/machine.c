@@ -245,6 +245,8 @@ int main(int argc, char **argv) {
     ecx_statecheck(&ctx, 0, EC_STATE_PRE_OP, EC_TIMEOUTSTATE);
     used = ecx_config_map_group(&ctx, map0, 0);
     MUST(used > 0 && used <= (int)sizeof(map0));
+    MUST(ctx.slavelist[0].Ibytes == ctx.grouplist[0].Ibytes + (uint32)ctx.grouplist[0].mbxstatuslength);
+    MUST(ctx.grouplist[0].mbxstatuslength == 0 || ctx.slavelist[0].mbxstatus == ctx.grouplist[0].mbxstatus);
     hooks = 0;
     used = ecx_config_map_group(&ctx, map1, 1);
     MUST(used == (int)(ctx.grouplist[1].Obytes + ctx.grouplist[1].Ibytes) + ctx.grouplist[1].mbxstatuslength);
