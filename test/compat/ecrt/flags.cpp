@@ -34,6 +34,14 @@ hosted::OpenedSource open_segment(const std::string& source) {
 
 namespace {
 
+// What the slaves have by themselves would be read by the thread that polls until activation, in a time of its own.
+constexpr ec_pdo_entry_info_t kEntries[] = {{0x6040, 0, 16}, {0x6060, 0, 8}, {0x607A, 0, 32},
+                                            {0x6041, 0, 16}, {0x6061, 0, 8}, {0x6064, 0, 32}};
+constexpr ec_pdo_info_t kPdos[] = {{0x1600, 3, kEntries}, {0x1A00, 3, kEntries + 3}};
+constexpr ec_sync_info_t kSyncs[] = {{2, EC_DIR_OUTPUT, 1, kPdos, EC_WD_ENABLE},
+                                     {3, EC_DIR_INPUT, 1, kPdos + 1, EC_WD_DISABLE},
+                                     {0xFF, EC_DIR_INVALID, 0, nullptr, EC_WD_DEFAULT}};
+
 struct Program {
     ec_master_t* master = ecrt_request_master(0);
     ec_domain_t* domain = nullptr;
@@ -48,7 +56,7 @@ struct Program {
         CHECK(domain != nullptr);
         for (unsigned n = 0; n < 2; ++n) {
             drives[n] = ecrt_master_slave_config(master, 0, static_cast<std::uint16_t>(n), kVendor, kDrive);
-            CHECK(drives[n] != nullptr);
+            CHECK(drives[n] != nullptr && ecrt_slave_config_pdos(drives[n], EC_END, kSyncs) == 0);
             outputs[n] = ecrt_slave_config_reg_pdo_entry(drives[n], 0x6060, 0, domain, nullptr);
             inputs[n] = ecrt_slave_config_reg_pdo_entry(drives[n], 0x6061, 0, domain, nullptr);
             CHECK(outputs[n] >= 0 && inputs[n] >= 0 && outputs[n] != inputs[n]);

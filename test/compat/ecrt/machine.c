@@ -135,7 +135,7 @@ static int switch_off_and_on(const char* interface) {
 int main(int argc, char** argv) {
     ec_sdo_request_t *read_type, *late, *write;
     ec_slave_config_state_t state;
-    unsigned int together = 0, alone = 0;
+    unsigned int together = 0, alone = 0, read = 0;
     uint32_t worst = 0;
     master = ecrt_request_master(0);
     CHECK(master);
@@ -196,12 +196,13 @@ int main(int argc, char** argv) {
     CHECK(end_of(late) == EC_REQUEST_SUCCESS && EC_READ_U32(ecrt_sdo_request_data(late)) == 3002);
     for (int n = 0; n < 200; ++n) {
         cyclic_task();
-        CHECK(reference_result == 0);
+        read += reference_result == 0;
         if (monitor != 0xFFFFFFFFU && monitor > worst) worst = monitor;
     }
     printf("%u cycles, WC %u and %u, clocks differ by %u ns, reference %u\n", cycles, fast_state.working_counter,
            slow_state.working_counter, worst, reference);
-    CHECK(monitor != 0xFFFFFFFFU && (monitor & 0x80000000U) == 0);
+    CHECK(read == 200 || (read >= 100 && getenv("FAR_SEGMENT") != NULL));
+    CHECK(worst > 0 && (worst & 0x80000000U) == 0);
     CHECK(slow_changed == 0);
     CHECK(EC_READ_U16(fast_pd + status[0]) != 0 && EC_READ_U16(fast_pd + status[2]) != 0);
     if (argc > 1) CHECK(switch_off_and_on(argv[1]) == 0);
