@@ -227,7 +227,7 @@ struct GroupConfiguration {
     LogicalAddress start;
     Packing packing = Packing::bytes;
     bool overlapped = false;  // inputs and outputs of a slave have the same logical address
-    bool block_lrw = false;   // use LRD and LWR instead of LRW
+    bool block_lrw = false;   // use LRD and LWR instead of LRW; of a mapped group: see replan_processdata()
     // Datagrams in the first frame of each cycle; their results are in Group::al_status and Group::dc_time. The working
     // counter of the cycle does not include them. A group with one of these datagrams may be without process data.
     bool al_status = false;  // read the AL status of all slaves with one datagram (BRD of ESC register 0x0130)

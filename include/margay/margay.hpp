@@ -150,6 +150,15 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // unsupported (cycles_in_flight is 2 or more in a context without that feature).
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
 
+// Plans the frames of a mapped group again, because group(n).config.block_lrw was changed: from the next
+// send_processdata() on they have LRW, or LRD and LWR. Slaves, image and logical addresses stay as they are, in any AL
+// state. A cycle on the wire is given up; group(n).datagrams and expected_wkc have other values. Callable from the
+// cycle, where it does not wait or allocate: its time grows with the number of slaves. After an error the group has the
+// frames that it had. Errors: wrong_state before init(), not_owner, unknown_group (also: the group is not mapped), busy
+// (config_map() executes for the group), unsupported (cycles overlap), too_many_frames (limits().process_frames),
+// remapping_needed (the configuration of a slave was changed: call config_map()).
+Result<> replan_processdata(Context& ctx, std::uint8_t group = 0);
+
 // AL states. The three functions update or use slave(n).al: the state that the slave reports, its error indication and
 // its AL status code. A slave that does not answer has state NONE. The functions wait; beside a running cycle submit
 // the requests of the same names.

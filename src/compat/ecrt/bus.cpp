@@ -45,6 +45,10 @@ void changed(const Event& event, void* user) {
     Bus& bus = *static_cast<Bus*>(user);
     bus.dirty.store(true, std::memory_order_relaxed);
     bus.refresh_at = Time{};
+    // Slave 0: the segment. The supervision keeps the last state of slaves that it cannot ask.
+    if (event.kind == EventKind::lost && event.slave == 0) bus.silent = true;
+    if ((event.kind == EventKind::found && event.slave == 0) || event.kind == EventKind::unsupervised)
+        bus.silent = false;
     switch (event.kind) {
         case EventKind::slave_count:
         case EventKind::lost:

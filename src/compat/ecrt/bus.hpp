@@ -128,6 +128,7 @@ class Bus {
     std::vector<Slave> facts;
     std::atomic<bool> dirty{true};  // the copies are old; for all threads
     Time refresh_at{};              // for the owner; in the past while the copies are old
+    bool silent = false;            // for the owner: no frame comes back, so no slave responds
     std::atomic<std::uint32_t> responding{0};
     std::atomic<std::uint32_t> al_states{0};
     // Of the two ends of a ring; one NIC: the first.

@@ -14,7 +14,11 @@ struct Copies::Makers {
     using Table = std::array<Make, kMostWithoutCall + 1>;
 
     static int nothing(const Run*) { return 0; }
-    static int next(const Run* run) { return run[1].make(run + 1); }
+    static int next(const Run* run) {
+        ++run;
+        asm("" : "+r"(run));  // one addition, and not an address for the call and another one for the argument
+        return run->make(run);
+    }
     static int whole(const Run* run) {
         std::memcpy(run->to, run->from, run->bytes);
         return next(run);
@@ -26,12 +30,17 @@ struct Copies::Makers {
         std::uint8_t* to = run->to;
         const std::uint8_t* from = run->from;
         std::uint32_t left = run->bytes;
-        for (; left >= 2 * kBlock; left -= 2 * kBlock) {
-            std::memcpy(to, from, kBlock);
-            std::memcpy(to + kBlock, from + kBlock, kBlock);
-            to += 2 * kBlock;
-            from += 2 * kBlock;
-        }
+        const auto copy = [&](auto... block) {
+            constexpr std::uint32_t kBytes = kBlock * sizeof...(block);
+            (std::memcpy(to + block * kBlock, from + block * kBlock, kBlock), ...);
+            to += kBytes;
+            from += kBytes;
+            left -= kBytes;
+        };
+        static_assert(kMostInBlocks <= 8 * kBlock);
+        if (left >= 4 * kBlock) copy(0U, 1U, 2U, 3U);
+        if (left >= 4 * kBlock) copy(0U, 1U, 2U, 3U);
+        if (left >= 2 * kBlock) copy(0U, 1U);
         if (left > kBlock) std::memcpy(to, from, kBlock);
         std::memcpy(to + left - kBlock, from + left - kBlock, kBlock);
         return next(run);
@@ -73,11 +82,12 @@ struct Copies::Makers {
                 from += copies * Bytes;
         };
         std::uint32_t left = run->count;
-        if ((left & 1U) != 0) {
+        // Likely: then the copies follow without a jump.
+        if ((left & 1U) != 0) [[likely]] {
             copy(0);
             advance_image(1);
         }
-        if ((left & 2U) != 0) {
+        if ((left & 2U) != 0) [[likely]] {
             copy(0);
             copy(1);
             advance_image(2);

@@ -28,18 +28,28 @@ inline bool be_owner(const ec_master_t& master) {
     return true;
 }
 
+[[gnu::noinline]] void note_incomplete(Exchange& exchange, Errc error) {
+    if (error == Errc::invalid_argument) return;  // still on the wire
+    exchange.answer = Answer::incomplete;
+    ++exchange.answers;
+}
+
 inline void receive_group(Context& ctx, Exchange& exchange, Duration timeout) {
     const auto counter = receive_processdata(ctx, timeout, exchange.group);
-    const Errc error = counter.error().code;
-    if (error == Errc::invalid_argument) [[unlikely]]
-        return;  // still on the wire
-    exchange.on_wire = false;
-    exchange.error = error;
+    if (!counter) [[unlikely]]
+        return note_incomplete(exchange, counter.error().code);
+    exchange.answer = Answer::complete;
     ++exchange.answers;
 }
 
 // The answer comes too late: it is given up.
 [[gnu::noinline]] void give_up(Context& ctx, Exchange& exchange) { receive_group(ctx, exchange, Duration{0}); }
+
+inline void send_frames(Context& ctx, Exchange& exchange, Time now) {
+    if (!send_processdata(ctx, now, exchange.group)) [[unlikely]]
+        return note_incomplete(exchange, Errc::nic);  // nothing comes back
+    exchange.answer = Answer::on_wire;
+}
 
 bool is_sent(const Exchange& exchange) { return exchange.mapped && (exchange.wanted || exchange.domains.empty()); }
 
@@ -54,7 +64,7 @@ inline void carry_time(Bus& bus) {
 }
 
 void send_group(Bus& bus, Exchange& exchange, Time now) {
-    if (exchange.on_wire) [[unlikely]]
+    if (exchange.answer == Answer::on_wire) [[unlikely]]
         give_up(*bus.ctx, exchange);
     for (ec_domain* domain : exchange.domains) {
         if (!domain->queued) continue;
@@ -62,7 +72,18 @@ void send_group(Bus& bus, Exchange& exchange, Time now) {
         domain->outputs.execute();
     }
     exchange.wanted = false;
-    exchange.on_wire = send_processdata(*bus.ctx, now, exchange.group).ok();
+    send_frames(*bus.ctx, exchange, now);
+}
+
+[[gnu::noinline]] int process_incomplete(ec_domain& domain) {
+    const Exchange& exchange = *domain.exchange;
+    if (exchange.answer == Answer::on_wire) {  // nothing has come back
+        domain.state = {};
+    } else if (domain.seen != exchange.answers) {
+        domain.seen = exchange.answers;
+        judge(domain);
+    }
+    return 0;
 }
 
 // The calls of this thread may take the short way.
@@ -92,7 +113,7 @@ void be_steady(Bus& bus) {
     if (!bus.active.load(std::memory_order_relaxed)) return 0;
     if (!be_owner(master)) return -EPERM;
     for (const auto& exchange : bus.exchanges)
-        if (exchange->on_wire) receive_group(*bus.ctx, *exchange, kDoNotWait);
+        if (exchange->answer == Answer::on_wire) receive_group(*bus.ctx, *exchange, kDoNotWait);
     const Time now = bus.source->osal().now();
     poll(*bus.ctx, now);
     if (!bus.operation->running() || now >= bus.refresh_at) step_up(bus, now);
@@ -128,12 +149,12 @@ int ecrt_master_receive(ec_master_t* master) {
     const Steady& steady = bus.steady;
     if (steady.thread != this_thread()) [[unlikely]]
         return receive_all(*master);
-    if (steady.exchange->on_wire) [[likely]]
+    if (steady.exchange->answer == Answer::on_wire) [[likely]]
         receive_group(*steady.ctx, *steady.exchange, kDoNotWait);
-    const Time now = steady.osal->now();
-    poll(*steady.ctx, now);
-    if (now >= bus.refresh_at) [[unlikely]]
-        step_up(bus, now);
+    const Duration now = steady.osal->now().time_since_epoch();
+    poll(*steady.ctx, Time(now));
+    if (now >= bus.refresh_at.time_since_epoch()) [[unlikely]]
+        step_up(bus, Time(now));
     return 0;
 }
 
@@ -147,11 +168,11 @@ int ecrt_master_send(ec_master_t* master) {
     Exchange& exchange = *steady.exchange;
     if (!exchange.wanted) [[unlikely]]
         return 0;
-    if (exchange.on_wire) [[unlikely]]
+    if (exchange.answer == Answer::on_wire) [[unlikely]]
         give_up(*steady.ctx, exchange);
     steady.domain->outputs.execute();
     exchange.wanted = false;
-    exchange.on_wire = send_processdata(*steady.ctx, steady.osal->now(), exchange.group).ok();
+    send_frames(*steady.ctx, exchange, steady.osal->now());
     return 0;
 }
 
@@ -163,18 +184,11 @@ int ecrt_domain_queue(ec_domain_t* domain) {
 
 int ecrt_domain_process(ec_domain_t* domain) {
     const Exchange* exchange = domain->exchange;
-    if (exchange->on_wire) [[unlikely]] {  // nothing has come back
-        domain->state = {};
-        return 0;
-    }
+    if (exchange->answer != Answer::complete) [[unlikely]]
+        return process_incomplete(*domain);
     if (domain->seen == exchange->answers) return 0;
     domain->seen = exchange->answers;
-    if (exchange->error != Errc::none) [[unlikely]] {
-        judge(*domain);
-        return 0;
-    }
-    domain->state.working_counter = domain->expected;
-    domain->state.wc_state = domain->complete;
+    domain->state = domain->complete;
     return domain->inputs.execute();
 }
 

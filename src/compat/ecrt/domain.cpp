@@ -69,16 +69,16 @@ void plan_counters(ec_domain& domain) {
         (part.output ? datagrams.back().outputs : datagrams.back().inputs) = true;
         datagram_of.push_back(datagrams.size() - 1);
     }
-    domain.expected = 0;
+    domain.complete.working_counter = 0;
     for (std::size_t n = 0; n < domain.parts.size(); ++n) {
         DomainPart& part = domain.parts[n];
         Datagram& datagram = datagrams[datagram_of[n]];
         const bool first = part.bytes != 0 && datagram.counted.insert({part.config, part.output}).second;
         const bool both = datagram.outputs && datagram.inputs;
         part.share = !first ? 0U : both && part.output ? 2U : 1U;
-        domain.expected += part.share;
+        domain.complete.working_counter += part.share;
     }
-    domain.complete = domain.expected != 0 ? EC_WC_COMPLETE : EC_WC_ZERO;
+    domain.complete.wc_state = domain.complete.working_counter != 0 ? EC_WC_COMPLETE : EC_WC_ZERO;
 }
 
 void judge(ec_domain& domain) {
@@ -94,10 +94,12 @@ void judge(ec_domain& domain) {
         if (bus.ctx->slave(number).takes_part && inputs_fresh(*bus.ctx, number)) counter += part.share;
     }
     // Some slave has answered, and which one is not known yet.
-    if (counter == 0 && came && domain.expected > 1) counter = 1;
+    if (counter == 0 && came && domain.complete.working_counter > 1) counter = 1;
     if (counter != 0) domain.inputs.execute();
     domain.state.working_counter = counter;
-    domain.state.wc_state = counter == 0 ? EC_WC_ZERO : counter >= domain.expected ? EC_WC_COMPLETE : EC_WC_INCOMPLETE;
+    domain.state.wc_state = counter == 0                                 ? EC_WC_ZERO
+                            : counter >= domain.complete.working_counter ? EC_WC_COMPLETE
+                                                                         : EC_WC_INCOMPLETE;
 }
 
 }  // namespace margay::compat::ecrt

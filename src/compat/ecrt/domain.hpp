@@ -30,13 +30,25 @@ struct DomainPart {
     unsigned share = 0;  // of the working counter, see plan_counters()
 };
 
+// Of an answer.
+struct Judgement {
+    unsigned working_counter = 0;
+    ec_wc_state_t wc_state = EC_WC_ZERO;
+};
+
+// What has become of the last cycle of a group.
+enum class Answer : std::uint8_t {
+    complete,
+    incomplete,  // or not sent
+    on_wire,     // sent and not received yet
+};
+
 // The exchange of one group of the library, with the domains that it serves.
 struct Exchange {
     std::uint8_t group = 0;
     bool mapped = false;
-    bool on_wire = false;     // sent and not received yet
-    bool wanted = false;      // a domain was queued since the last send
-    Errc error = Errc::none;  // of the last answer; none: it was complete
+    bool wanted = false;  // a domain was queued since the last send
+    Answer answer = Answer::complete;
     std::uint32_t answers = 0;
     std::vector<ec_domain*> domains;
     std::vector<std::byte> image;
@@ -50,7 +62,7 @@ struct ec_domain {
     margay::compat::ecrt::Bus& bus;
     std::vector<margay::compat::ecrt::DomainPart> parts;
     std::uint32_t size = 0;
-    unsigned expected = 0;  // the working counter if all slaves take part
+    margay::compat::ecrt::Judgement complete;  // if all slaves take part
 
     // After activation.
     std::uint8_t* data = nullptr;
@@ -61,15 +73,14 @@ struct ec_domain {
     margay::compat::ecrt::Copies inputs;
     bool queued = false;
     std::uint32_t seen = 0;  // Exchange::answers at the last process
-    ec_domain_state_t state{};
-    ec_wc_state_t complete = EC_WC_ZERO;  // the state of a complete answer
+    margay::compat::ecrt::Judgement state;
 };
 
 namespace margay::compat::ecrt {
 
 // Where the copies of a domain go, after the group was mapped. For the owner of the context.
 void plan_copies(Bus& bus, ec_domain& domain);
-// Counts `expected` and sets `complete` as the interface does: a domain is cut into datagrams between SyncManagers; in
+// Counts `complete` as the interface does: a domain is cut into datagrams between SyncManagers; in
 // a datagram with both directions a slave counts 2 for outputs and 1 for inputs, otherwise 1.
 void plan_counters(ec_domain& domain);
 // The state of a domain whose answer is not complete. For the owner of the context.

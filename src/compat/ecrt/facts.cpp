@@ -37,7 +37,7 @@ void Bus::refresh_facts(Time now) {
     std::uint32_t count = 0;
     std::uint32_t states = 0;
     for (const Slave& slave : slaves) {
-        if (!present(slave)) continue;
+        if (!present(slave) || silent) continue;
         ++count;
         states |= static_cast<std::uint32_t>(slave.al.state);
     }
@@ -48,7 +48,8 @@ void Bus::refresh_facts(Time now) {
     if (!active) return;  // a program may be adding configurations; ecrt_slave_config_state() looks them up
     for (const auto& config : configs) {
         const Slave& slave = ctx->slave(config->number.load(std::memory_order_relaxed));
-        const bool online = slave.number != 0 && present(slave) && !slave.held && same_device(*config, slave);
+        const bool online =
+            slave.number != 0 && present(slave) && !silent && !slave.held && same_device(*config, slave);
         config->state.store(state_of(slave, online, true), std::memory_order_relaxed);
     }
 }

@@ -2,6 +2,7 @@
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/slave_config.hpp"
+#include "compat/ecrt/start_up.hpp"
 
 #include <margay/hooked_slave.hpp>
 
@@ -10,15 +11,15 @@
 #include <cstring>
 
 namespace margay::compat::ecrt {
-namespace {
 
 // A refusal keeps no slave from its process data.
-Task<> set_parameters(HookedSlave slave, void* user) {
-    const auto& config = *static_cast<const ec_slave_config*>(user);
+Task<> set_ip(HookedSlave slave, const ec_slave_config& config) {
     const auto set = co_await slave.eoe_set_ip(config.ip);
     if (!set) say_error(config.bus.index, "the IP parameters of a slave were not set", set.error());
     co_return {};
 }
+
+namespace {
 
 Ipv4Address octets(struct in_addr address) {
     Ipv4Address to;
@@ -34,12 +35,6 @@ int set_address(ec_slave_config& config, std::optional<Ipv4Address> EoeIp::*whic
 }
 
 }  // namespace
-
-void set_ip_at_start_up(const Slave& slave, ec_slave_config& config) {
-    if (config.ip == EoeIp{}) return;
-    slave.hooks.preop_to_safeop = set_parameters;
-    slave.hooks.user = &config;
-}
 
 }  // namespace margay::compat::ecrt
 

@@ -1,12 +1,8 @@
 #include "compat/ecrt/log.hpp"
 
 #include <array>
-#include <cerrno>
 #include <cstdarg>
 #include <cstdio>
-#include <mutex>
-#include <set>
-#include <string>
 
 namespace margay::compat::ecrt {
 
@@ -23,14 +19,6 @@ void say_error(unsigned master, const char* what, const Error& error) {
     std::array<char, 256> text{};
     const auto words = describe(error, text);
     say("master %u: %s: %.*s", master, what, static_cast<int>(words.size()), words.data());
-}
-
-int not_there(const char* function, const char* reason) {
-    static std::mutex mutex;
-    static auto* const said = new std::set<std::string>;  // threads may use it while the process ends
-    const std::lock_guard lock(mutex);
-    if (said->insert(function).second) say("%s() is not there: %s", function, reason);
-    return -ENOSYS;
 }
 
 }  // namespace margay::compat::ecrt

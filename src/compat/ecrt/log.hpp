@@ -11,7 +11,4 @@ namespace margay::compat::ecrt {
 // "MASTER: WHAT: the error in words".
 void say_error(unsigned master, const char* what, const Error& error);
 
-// Says once that a function does not work here; returns -ENOSYS.
-int not_there(const char* function, const char* reason);
-
 }  // namespace margay::compat::ecrt

@@ -2,6 +2,7 @@
 
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
+#include "compat/ecrt/start_up.hpp"
 
 #include <chrono>
 
@@ -106,7 +107,7 @@ void Operation::end_scan(Time now) {
         for (const auto& config : bus_.configs) {
             if (slave.wanted != config->expected) continue;
             config->number = slave.number;
-            set_ip_at_start_up(slave, *config);
+            prepare_start_up(slave, *config);
         }
     }
     bus_.attach_mail();

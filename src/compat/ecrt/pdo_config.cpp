@@ -205,10 +205,8 @@ int ecrt_slave_config_pdos(ec_slave_config_t* sc, unsigned int n_syncs, const ec
     return 0;
 }
 
-void ecrt_slave_config_overlapping_pdos(ec_slave_config_t*, uint8_t allow_overlapping_pdos) {
-    if (allow_overlapping_pdos != 0)
-        (void)not_there("ecrt_slave_config_overlapping_pdos",
-                        "inputs and outputs have places of their own in a domain");
+void ecrt_slave_config_overlapping_pdos(ec_slave_config_t* sc, uint8_t allow_overlapping_pdos) {
+    if (!refuse_active(*sc)) sc->overlapping = allow_overlapping_pdos != 0;
 }
 
 int ecrt_slave_config_reg_pdo_entry(ec_slave_config_t* sc, uint16_t entry_index, uint8_t entry_subindex,

@@ -81,6 +81,12 @@ void Operation::plan_groups() {
         const auto known = first.find(config.get());
         config->group = known == first.end() ? std::uint8_t{0} : known->second->exchange->group;
     }
+    for (const auto& exchange : bus_.exchanges) {
+        const auto in_frames = [&](const auto& config) { return config->group == exchange->group; };
+        const auto refuses = [&](const auto& config) { return in_frames(config) && !config->overlapping; };
+        bus_.ctx->group(exchange->group).config.overlapped =
+            std::ranges::any_of(bus_.configs, in_frames) && std::ranges::none_of(bus_.configs, refuses);
+    }
 }
 
 void Operation::plan_slave(ec_slave_config& config) {

@@ -133,11 +133,6 @@ int ecrt_slave_config_state(const ec_slave_config_t* sc, ec_slave_config_state_t
     return 0;
 }
 
-int ecrt_slave_config_flag(ec_slave_config_t*, const char* key, int32_t) {
-    if (key == nullptr) return -EINVAL;
-    return not_there("ecrt_slave_config_flag", "no slave needs a flag here; the library finds out what a slave can do");
-}
-
 int ecrt_slave_config_state_timeout(ec_slave_config_t* sc, ec_al_state_t from_state, ec_al_state_t to_state,
                                     unsigned int timeout_ms) {
     if (refuse_active(*sc)) return -EBUSY;

@@ -75,6 +75,8 @@ struct ec_slave_config {
     margay::SlaveTimes times;
     std::uint16_t watchdog_intervals = 0;
     margay::EoeIp ip;
+    margay::Duration wait_before_safeop{0};
+    bool overlapping = false;  // its inputs may have the logical addresses of outputs
     std::size_t emergencies = 0;
     std::uint32_t emergencies_cleared = 0;  // dropped before the last clear
 
@@ -96,8 +98,5 @@ namespace margay::compat::ecrt {
 
 // True, and said: the master is active, so the configuration cannot be changed any more.
 [[nodiscard]] bool refuse_active(const ec_slave_config& config);
-// After a scan: each start-up of the slave sets its IP parameters, if the program has stated any. `config` outlives
-// the use of the slave.
-void set_ip_at_start_up(const Slave& slave, ec_slave_config& config);
 
 }  // namespace margay::compat::ecrt

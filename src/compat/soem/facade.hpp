@@ -73,6 +73,13 @@ int config_init(ecx_contextt& context);
 // Maps a group: the result of config_map_group(). `bytes`: each slave begins on an octet.
 int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes);
 
+// The datagrams of a group that only write, which are the first ones: their working counter counts twice.
+struct Writing {
+    unsigned count = 0;
+    unsigned wkc = 0;  // if all slaves take part
+};
+Writing writing_datagrams(Session& session, std::uint8_t group);
+
 // Copies what the library knows about the state of a slave.
 void copy_state(ecx_contextt& context, Session& session, std::uint16_t number);
 // The cycle of a group.

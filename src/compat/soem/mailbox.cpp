@@ -145,11 +145,15 @@ int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int ti
     *mbx = nullptr;
     const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_rl == 0) return 0;
+    ec_mbxbuft* const buffer = ecx_getmbx(context);
+    if (buffer == nullptr) return 0;  // mail waits until the program gives a buffer back
     const auto letter = await_letter(*context, *session, slave, margay::MailboxType::error, us(timeout));
-    if (!letter) return 0;
-    *mbx = ecx_getmbx(context);
-    if (*mbx == nullptr) return 0;
-    put_letter(*letter, slaves_of(*context)[slave].configadr, slaves_of(*context)[slave].mbx_cnt, **mbx);
+    if (!letter) {
+        ecx_dropmbx(context, buffer);
+        return 0;
+    }
+    put_letter(*letter, slaves_of(*context)[slave].configadr, slaves_of(*context)[slave].mbx_cnt, *buffer);
+    *mbx = buffer;
     return 1;
 }
 

@@ -41,9 +41,16 @@ void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number
     if (changed) take_sync_managers(context, session, number);
 }
 
-std::uint16_t first_clock(ecx_contextt& context) {
-    for (int n = 1; n <= slave_count(context); ++n)
-        if (slaves_of(context)[n].hasdc != 0) return static_cast<std::uint16_t>(n);
+// The clock whose time the cycle of the group carries: the first one of the segment, if the group has any clock.
+// Another one would write zeros into the clocks before it.
+std::uint16_t clock_of(ecx_contextt& context, std::uint8_t group) {
+    std::uint16_t first = 0;
+    for (int n = 1; n <= slave_count(context); ++n) {
+        const ec_slavet& s = slaves_of(context)[n];
+        if (s.hasdc == 0) continue;
+        if (first == 0) first = static_cast<std::uint16_t>(n);
+        if (takes_part(s, group)) return first;
+    }
     return 0;
 }
 
@@ -128,27 +135,20 @@ void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) 
     const Group& mapped = session.context().group(group);
     unsigned out = 0;
     unsigned in = 0;
-    unsigned really_out = 0;
     for (int n = 1; n <= slave_count(context); ++n) {
         const Slave& slave = session.slave(static_cast<std::size_t>(n));
         if (slave.image.group != group) continue;
         out += counts(context, slave.image.outputs) ? 1U : 0U;
         in += counts(context, slave.image.inputs) ? 1U : 0U;
-        really_out += slave.image.outputs.bits != 0 ? 1U : 0U;
     }
     Session::GroupFacts& facts = session.facts(group);
     facts.time = &mapped.dc_time;
     facts.shown_time = &dc_time(context);
-    facts.writing_datagrams = 0;
-    // Also a group without inputs, and slaves that refuse LRW: the first datagram is an LWR.
-    constexpr std::uint8_t kLwr = 11;
-    const bool split = process_datagram(session.context(), 0, group).command == kLwr;
-    unsigned written = 0;
-    for (const DatagramStatus& datagram : mapped.datagrams) {
-        if (!split || written >= really_out) break;
-        written += datagram.full;
-        ++facts.writing_datagrams;
-    }
+    facts.block_lrw = &g.blockLRW;
+    const Writing writing = writing_datagrams(session, group);
+    facts.writing_datagrams = writing.count;
+    const unsigned written = writing.wkc;
+    const bool split = written != 0;
     g.outputsWKC = static_cast<uint16>(out);
     g.inputsWKC = static_cast<uint16>(in);
     // Data of one slave in two frames counts in both.
@@ -196,11 +196,25 @@ int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std:
         all.inputs = g.inputs;
         all.Obytes = g.Obytes;
         all.Ibytes = g.Ibytes + extra;
+        set_status(all, status != 0 ? g.inputs + g.Ibytes : nullptr);
     }
     return static_cast<int>(g.Obytes + g.Ibytes + extra);
 }
 
 }  // namespace
+
+Writing writing_datagrams(Session& session, std::uint8_t group) {
+    const Group& mapped = session.context().group(group);
+    // Also a group without inputs, and slaves that refuse LRW: the first datagram is an LWR.
+    constexpr std::uint8_t kLwr = 11;
+    Writing writing;
+    for (const DatagramStatus& datagram : mapped.datagrams) {
+        if (process_datagram(session.context(), writing.count, group).command != kLwr) break;
+        writing.wkc += datagram.full;
+        ++writing.count;
+    }
+    return writing;
+}
 
 void take_sync_managers(ecx_contextt& context, Session& session, std::uint16_t number) {
     ec_slavet& s = slaves_of(context)[number];
@@ -267,6 +281,8 @@ int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool over
     for (int n = 1; n <= slave_count(context); ++n) {
         if (!takes_part(slaves_of(context)[n], group)) continue;
         const auto number = static_cast<std::uint16_t>(n);
+        // config_init() has counted the slaves in group 0.
+        if (group != 0 && slaves_of(context)[n].blockLRW != 0) ++groups_of(context)[group].blockLRW;
         prepare_slave(context, *session, number, group);
         hooks.attach(number);
     }
@@ -280,9 +296,10 @@ int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool over
         GroupConfiguration& config = session->context().group(group).config;
         config.packing = bytes ? Packing::bytes : Packing::bits;
         config.overlapped = overlapped;
+        session->facts(group).blocked = groups_of(context)[group].blockLRW;
         config.block_lrw = groups_of(context)[group].blockLRW != 0;
         if (group != 0) config.start = {static_cast<std::uint32_t>(group) << EC_LOGGROUPOFFSET};
-        config.dc_reference = group == 0 ? first_clock(context) : 0;
+        config.dc_reference = clock_of(context, group);
     }
     static_cast<void>(session->run(request, &hooks));
     const int used = show_group(context, *session, group, static_cast<std::uint8_t*>(image), overlapped);

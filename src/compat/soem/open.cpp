@@ -77,7 +77,10 @@ int ecx_init_redundant(ecx_contextt* context, ecx_redportt* redport, const char*
     return open_port(port_of(*context), both, most_slaves(*context), most_groups(*context), true);
 }
 
-void ecx_close(ecx_contextt* context) { ecx_closenic(&port_of(*context)); }
+void ecx_close(ecx_contextt* context) {
+    ecx_closenic(&port_of(*context));
+    end_context(*context);
+}
 
 ec_adaptert* ec_find_adapters(void) {
     struct if_nameindex* const names = if_nameindex();

@@ -51,9 +51,24 @@ int counted_twice(Session& session, std::uint8_t group, unsigned writing) {
     return wkc + counted_twice(session, facts.group, facts.writing_datagrams);
 }
 
+// The program has written blockLRW since the frames were planned.
+[[gnu::noinline]] void plan_again(Session::GroupFacts& facts) {
+    facts.session->be_owner();
+    facts.blocked = *facts.block_lrw;
+    GroupConfiguration& config = facts.context->group(facts.group).config;
+    const bool block = facts.blocked != 0;
+    if (block == config.block_lrw) return;
+    config.block_lrw = block;
+    const auto planned = replan_processdata(*facts.context, facts.group);
+    if (planned.error().code == Errc::too_many_frames) say_once("blockLRW: there are not enough frames for it");
+    facts.writing_datagrams = writing_datagrams(*facts.session, facts.group).count;
+}
+
 struct Send {
     static constexpr int kNone = 0;
-    static int run(const Session::GroupFacts& facts) {
+    static int run(Session::GroupFacts& facts) {
+        if (*facts.block_lrw != facts.blocked) [[unlikely]]
+            plan_again(facts);
         const auto sent = send_processdata(*facts.context, facts.group);
         if (!sent) [[unlikely]]
             return other_sending(facts, sent.error());

@@ -86,14 +86,17 @@ class Session {
     // What the facade remembers of a group, and of the SyncManagers that it has shown to the program. A cycle reads
     // everything here: after a call of the library it then needs one register of the processor, which it has to save.
     static constexpr RegisterReading kNoTime{};
+    static constexpr std::uint8_t kNotBlocked = 0;
     struct alignas(64) GroupFacts {
         Context* context = nullptr;
-        const RegisterReading* time = &kNoTime;  // of the reference clock; another one after the first mapping
-        std::int64_t* shown_time = nullptr;      // where the program reads it; set by the first mapping
+        const RegisterReading* time = &kNoTime;        // of the reference clock; another one after the first mapping
+        std::int64_t* shown_time = nullptr;            // where the program reads it; set by the first mapping
+        const std::uint8_t* block_lrw = &kNotBlocked;  // where the program writes it; set by the first mapping
         Session* session = nullptr;
         unsigned writing_datagrams = 0;  // the first ones of a cycle: their working counter counts twice
         int timeout_us = 0;              // of the call that receives
         std::uint8_t group = 0;
+        std::uint8_t blocked = 0;  // the value that the frames are planned for
     };
     using ShownSyncManagers = std::array<std::byte, 64>;
     // Of any group, also of a group that the library does not know.

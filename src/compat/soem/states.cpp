@@ -12,11 +12,17 @@ void copy_state(ecx_contextt& context, Session& session, std::uint16_t number) {
 
 namespace {
 
+// No frame has come back, or none could be sent.
+bool is_silent(const Error& error) {
+    return error.code == Errc::no_frame || error.code == Errc::nic || error.code == Errc::nic_busy ||
+           error.code == Errc::link_down;
+}
+
 // Reads the AL status of all slaves. False: no slave answers.
 bool read_all(Session& session) {
     ReadStateRequest request;
     const auto read = session.run(request);
-    return read.ok() || request.error().code != Errc::no_frame;
+    return read.ok() || !is_silent(read.error());
 }
 
 // The AL status of all slaves at once: combined by OR, as a broadcast reads it.
@@ -84,7 +90,7 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
     request.wanted = state;
     const auto written = session->run(request);
     if (written) return all;
-    if (written.error().code == margay::Errc::no_frame) return EC_NOFRAME;
+    if (is_silent(written.error())) return EC_NOFRAME;
     // The request was sent to all slaves that can be asked.
     if (slave == 0) return std::max(all - 1, 0);
     return 0;

@@ -54,6 +54,7 @@ inline void set_status(ec_slavet&, std::uint8_t*) {}
 inline void set_status(ec_groupt&, std::uint8_t*, int) {}
 inline void set_status_slave(ec_groupt&, int, std::uint16_t) {}
 inline void begin_context(ecx_contextt&) {}
+inline void end_context(ecx_contextt&) {}
 inline void before_hooks(ecx_contextt&, std::uint16_t) {}
 
 }  // namespace margay::soem

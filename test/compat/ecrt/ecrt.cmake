@@ -21,7 +21,7 @@ function(margay_ecrt_test name program segment)
   set_tests_properties(compat/ecrt/${name} PROPERTIES TIMEOUT 120 ENVIRONMENT MARGAY_MASTER0=${segment})
 endfunction()
 
-foreach(program user information dc two_domains requests later mail rules masters eoe request_rules)
+foreach(program user information dc two_domains requests later mail rules masters eoe request_rules machine)
   margay_ecrt_program(ecrt_${program} ${program}.c)
 endforeach()
 margay_ecrt_program(ecrt_mixed mixed.cpp)
@@ -45,6 +45,8 @@ set_property(TEST compat/ecrt/masters APPEND PROPERTY ENVIRONMENT MARGAY_MASTER1
 margay_ecrt_test(ring ecrt_rules sim:${folder}/../ring.toml 2)
 margay_ecrt_test(mixed ecrt_mixed sim:drive,digital_in_8,drive\#16,drive,drive\#99@3s)
 
+margay_ecrt_test(machine ecrt_machine sim:digital_in_8\#7,drive,pulse_axis\#16,drive,drive\#99@6s)
+
 # The same programs at a cable, with the segment in another process.
 include(${folder}/../over_veth.cmake)
 function(margay_ecrt_far_test name program segment)
@@ -56,6 +58,7 @@ if(TARGET virtual_segment)
   margay_ecrt_far_test(dc ecrt_dc pulse_axis,pulse_axis,drive)
   margay_ecrt_far_test(two_domains ecrt_two_domains drive,digital_in_8,digital_out_8)
   margay_ecrt_far_test(mixed ecrt_mixed drive,digital_in_8,drive\#16,drive,drive\#99@3s)
+  margay_ecrt_far_test(machine ecrt_machine digital_in_8\#7,drive,pulse_axis\#16,drive,drive\#99@6s ecat-m)
   margay_ecrt_far_test(eoe ecrt_eoe eoe)
   set_property(TEST compat/ecrt/eoe_over_veth APPEND PROPERTY ENVIRONMENT "FAR_OPTIONS=--ports gw" FAR_ADDRESS=192.168.77.2/24@gw1)
 endif()
@@ -83,6 +86,14 @@ target_link_libraries(ecrt_ip_stack PRIVATE margay_source margay_flags)
 margay_ecrt_test(ip_stack ecrt_ip_stack sim:eoe_gateway,drive)
 set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
+
+# The same with a segment in virtual time.
+set(without_segment ${facade})
+list(FILTER without_segment EXCLUDE REGEX "/segment\\.cpp$")
+add_executable(ecrt_flags ${folder}/flags.cpp ${without_segment})
+target_include_directories(ecrt_flags PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/src/compat/ecrt/include)
+target_link_libraries(ecrt_flags PRIVATE margay_source margay_flags)
+margay_ecrt_test(flags ecrt_flags "")
 
 # Each function with its signature; the table of the README.
 margay_ecrt_program(ecrt_signatures signatures.c)
