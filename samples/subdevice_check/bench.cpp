@@ -83,6 +83,25 @@ void Bench::write_octets(std::uint16_t address, Bytes data) {
     if (!try_write(address, data)) skip(fmt::format("the slave does not accept register 0x{:04x}", address));
 }
 
+void Bench::stuck(const std::string& why) {
+    if (!told_stuck_) fail(why);
+    told_stuck_ = true;
+    skip(why);
+}
+
+void Bench::request(unsigned al_control) {
+    std::array<std::byte, 2> octets{};
+    store_le<std::uint16_t>(octets, 0, static_cast<std::uint16_t>(al_control));
+    // AL control can be written again after the slave has read it.
+    const Time until = now() + 1s;
+    bool accepted = try_write(reg::kAlControl.address, octets);
+    while (!accepted && now() < until) {
+        wait(kLook);
+        accepted = try_write(reg::kAlControl.address, octets);
+    }
+    if (!accepted) stuck("the slave does not accept AL control 0x0120: it has not read the last request");
+}
+
 void Bench::write_sync_manager(unsigned n, const wire::SyncManager& setting) {
     std::array<std::byte, reg::kSyncManagerStride> octets{};
     wire::store_sync_manager(octets, setting);
@@ -151,14 +170,17 @@ AlStatus Bench::refused() {
     auto status = al_status();
     Time settled = now() + kSettled;
     const Time until = now() + 500ms;
-    while (now() < settled && now() < until && !status.error) {
-        if (status.state == AlState::op)
-            (void)run(kLook);  // so that the watchdog does not end OP
-        else
-            wait(kLook);
+    const auto look = [&] {
         const auto next = al_status();
         if (next != status) settled = now() + kSettled;
         status = next;
+        return status.error || now() >= settled || now() >= until;
+    };
+    // In OP with process data in each period, so that neither watchdog nor missed frames end OP.
+    if (status.state == AlState::op && !status.error) (void)run(until - now(), look);
+    while (now() < settled && now() < until && !status.error) {
+        wait(kLook);
+        (void)look();
     }
     return status;
 }
@@ -172,7 +194,7 @@ void Bench::reset() {
         status = al_status();
     }
     if (status.state != AlState::init || status.error)
-        skip(fmt::format("the slave does not go to INIT: it is in {}", status_text(status)));
+        stuck(fmt::format("the slave does not go to INIT: it is in {}", status_text(status)));
     const wire::SyncManager off{};
     const unsigned managers = std::min<unsigned>(slave().dl.sync_managers, 8);
     for (unsigned n = 0; n < managers; ++n) write_sync_manager(n, off);
@@ -196,7 +218,7 @@ bool Bench::try_to_enter(AlState state) {
         const auto status = go(to);
         if (status.state == to && !status.error) return true;
         if (wants_clock(status)) return false;
-        skip(fmt::format("the slave does not go to {}: it is in {}", state_text(to), status_text(status)));
+        stuck(fmt::format("the slave does not go to {}: it is in {}", state_text(to), status_text(status)));
     };
     configure_mailboxes(state == AlState::boot);
     give_eeprom(true);

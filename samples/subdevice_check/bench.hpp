@@ -85,7 +85,9 @@ class Bench {
 
     // --- States ---
     [[nodiscard]] AlStatus al_status();
-    void request(unsigned al_control) { write(reg::kAlControl.address, static_cast<std::uint16_t>(al_control)); }
+    void request(unsigned al_control);
+    // The slave does not do what each check needs: an error (the first time), and the check ends.
+    [[noreturn]] void stuck(const std::string& why);
     // Requests a state and waits until the slave is there, or reports an error. Exchanges process data meanwhile when
     // `with_process_data` is set. Returns the last AL status.
     AlStatus go(AlState state, bool with_process_data = true);
@@ -155,6 +157,7 @@ class Bench {
     Duration period_ = std::chrono::milliseconds(1);
     unsigned clock_attempts_ = 0;
     unsigned most_attempts_ = 0;
+    bool told_stuck_ = false;
     CheckResult* result_ = nullptr;
     std::string_view clause_;
 };

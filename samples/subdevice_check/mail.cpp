@@ -100,7 +100,7 @@ void MailBench::put(MailboxType type, Bytes data) {
         .length = static_cast<std::uint16_t>(data.size()), .type = type, .counter = next_counter()};
     const Time begun = bench_.now();
     while (!try_put(header, data)) {
-        if (bench_.now() - begun > kResponse) bench_.skip("the slave does not empty its receive mailbox");
+        if (bench_.now() - begun > kResponse) bench_.stuck("the slave does not empty its receive mailbox");
         bench_.wait(200us);
     }
 }
@@ -135,7 +135,11 @@ std::size_t MailBench::drain(Duration quiet) {
 
 Mail MailBench::ask(MailboxType type, Bytes data, const std::function<bool(const Mail&)>& is_reply) {
     auto mail = ask_if(type, data, is_reply, kResponse);
-    if (!mail) bench_.skip(fmt::format("no reply within {} s", kResponse / 1s));
+    if (!mail) {
+        bench_.fail(fmt::format("the request {} of protocol {} got no reply within {} s", hex(data),
+                                wire::to_text(type), kResponse / 1s));
+        bench_.skip("a request got no reply");
+    }
     return *std::move(mail);
 }
 

@@ -82,6 +82,17 @@ void check_same(Session& session) {
     }
 }
 
+// The status after an acknowledge, which the slave may need some time for.
+AlStatus settled(Bench& bench, const AlStatus& expected) {
+    const auto there = [&] { return bench.al_status() == expected; };
+    if (expected.state == AlState::op) {
+        (void)bench.run(500ms, there);
+    } else {
+        for (const Time until = bench.now() + 500ms; !there() && bench.now() < until;) bench.wait(1ms);
+    }
+    return bench.al_status();
+}
+
 // The slave must stay where it is, and say why.
 void expect_refusal(Bench& bench, AlState state, unsigned requested, const std::vector<AlStatusCode>& codes,
                     const std::string& what) {
@@ -99,7 +110,7 @@ void expect_refusal(Bench& bench, AlState state, unsigned requested, const std::
                    "ETG.1000.6, table AL Status Codes");
     }
     bench.request(word(status.state) | kAcknowledge);
-    (void)bench.refused();
+    (void)settled(bench, {status.state, false, 0});
 }
 
 void check_skipped(Session& session) {
@@ -171,12 +182,37 @@ void check_acknowledge(Session& session) {
     needs_state_machine(bench);
     (void)provoke(bench);
     bench.request(word(AlState::preop) | kAcknowledge);
-    const auto status = bench.refused();
+    const auto status = settled(bench, {AlState::preop, false, 0});
     if (status.error || status.state != AlState::preop)
         bench.fail(fmt::format("an acknowledge in PREOP + ERROR led to {}", status_text(status)));
     else if (status.code != 0)
         bench.fail(fmt::format("after the acknowledge the AL status code is still 0x{:04x}", status.code),
                    "ETG.1000.6, AL Status Code");
+    // In the other states, too: a state that does not exist, and the acknowledge.
+    for (const auto state : {AlState::init, AlState::safeop, AlState::op, AlState::boot}) {
+        if (state == AlState::boot && !bench.slave().boot_mailbox.present()) continue;
+        bench.enter(state);
+        bench.request(5);
+        if (const auto refused = bench.refused(); refused.state != state || !refused.error) continue;
+        bench.request(word(state) | kAcknowledge);
+        const auto cleared = settled(bench, {state, false, 0});
+        if (cleared != AlStatus{state, false, 0})
+            bench.fail(fmt::format("an acknowledge in {} + ERROR led to {}", state_text(state), status_text(cleared)));
+    }
+    // The acknowledge comes with a request for another state, which is executed.
+    constexpr std::pair<AlState, AlState> kWays[] = {
+        {AlState::preop, AlState::safeop}, {AlState::safeop, AlState::preop}, {AlState::safeop, AlState::op}};
+    for (const auto& [from, to] : kWays) {
+        bench.enter(from);
+        if (from == AlState::preop) bench.configure_process_data();
+        bench.request(5);
+        if (const auto refused = bench.refused(); refused.state != from || !refused.error) continue;
+        bench.request(word(to) | kAcknowledge);
+        const auto done = [&] { return bench.al_status() == AlStatus{to, false, 0}; };
+        if (!bench.run(Bench::patience(to), done) && !bench.wants_clock(bench.al_status()))
+            bench.fail(fmt::format("a request for {} with an acknowledge in {} + ERROR led to {}", state_text(to),
+                                   state_text(from), status_text(bench.al_status())));
+    }
     bench.enter(AlState::preop);
     bench.request(word(AlState::preop) | kAcknowledge);
     if (const auto none = bench.refused(); none != AlStatus{AlState::preop, false, 0})
@@ -259,6 +295,27 @@ void check_again(Session& session) {
     }
 }
 
+// SAFEOP and OP a second time, without INIT in between.
+void check_up_again(Session& session) {
+    auto& bench = session.bench;
+    needs_state_machine(bench);
+    for (const auto down : {AlState::safeop, AlState::preop}) {
+        bench.enter(AlState::op);
+        if (const auto status = bench.go(down, false); status.state != down || status.error) continue;  // states.down
+        std::vector<AlState> way{AlState::op};
+        if (down == AlState::preop) {
+            way.insert(way.begin(), AlState::safeop);
+            bench.configure_process_data();
+        }
+        for (const auto to : way) {
+            const auto status = bench.go(to);
+            if (status.state == to && !status.error) continue;
+            bench.fail(fmt::format("OP to {} and up again: the slave is in {}", state_text(down), status_text(status)));
+            break;
+        }
+    }
+}
+
 // A master that keeps the EEPROM is allowed; some devices need it in INIT to PREOP and say so by 0x0050.
 void check_eeprom_kept(Session& session) {
     auto& bench = session.bench;
@@ -280,6 +337,7 @@ constexpr Check kChecks[] = {
     {"states.down", "all transitions to lower states", kMachine, check_down},
     {"states.same", "a request for the present state changes nothing", kMachine, check_same},
     {"states.restart", "INIT and PREOP again and again", kMachine, check_again},
+    {"states.up_again", "SAFEOP and OP a second time without INIT", kMachine, check_up_again},
     {"states.skipped", "transitions over a state are refused with 0x0011", kMachine, check_skipped},
     {"states.unknown", "requests for states that do not exist are refused with 0x0012", kMachine, check_unknown},
     {"states.boot", "BOOT only from and to INIT, and only with a bootstrap mailbox", kMachine, check_boot},

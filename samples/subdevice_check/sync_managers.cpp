@@ -167,14 +167,15 @@ void check_mailbox_off(Session& session) {
     auto& bench = session.bench;
     needs_checks(bench);
     if (!bench.has_mailbox()) bench.skip("the SII describes no mailbox");
-    for (const unsigned n : {0U, 1U}) {
-        bench.enter(AlState::preop);
-        bench.write<std::uint8_t>(static_cast<std::uint16_t>(reg::sync_manager(n).address + 6), 0);
-        const auto status = after_change(bench, AlState::preop, false);
-        if (status.state != AlState::init || !status.error)
-            bench.fail(fmt::format("SyncManager {} was switched off in PREOP, and the slave is in {}", n,
-                                   status_text(status)));
-    }
+    for (const auto from : {AlState::preop, AlState::safeop, AlState::op})
+        for (const unsigned n : {0U, 1U}) {
+            bench.enter(from);
+            bench.write<std::uint8_t>(static_cast<std::uint16_t>(reg::sync_manager(n).address + 6), 0);
+            const auto status = after_change(bench, from, from == AlState::op);
+            if (status.state != AlState::init || !status.error)
+                bench.fail(fmt::format("SyncManager {} was switched off in {}, and the slave is in {}", n,
+                                       state_text(from), status_text(status)));
+        }
 }
 
 void check_process_data_off(Session& session) {
@@ -182,18 +183,18 @@ void check_process_data_off(Session& session) {
     needs_checks(bench);
     bench.enter(AlState::safeop);
     if (bench.area(true) == nullptr && bench.area(false) == nullptr) bench.skip("the slave has no process data");
-    for (std::size_t nth = 0; nth < bench.areas().size(); ++nth) {
-        bench.enter(AlState::op);
-        const auto area = bench.areas()[nth];
-        if (area.setting.length_bytes == 0) continue;
-        const bool outputs = area.outputs;
-        const auto n = area.sync_manager;
-        bench.write<std::uint8_t>(static_cast<std::uint16_t>(reg::sync_manager(n).address + 6), 0);
-        const auto status = after_change(bench, AlState::op, true);
-        if ((status.state != AlState::preop && status.state != AlState::init) || !status.error)
-            bench.fail(fmt::format("SyncManager {} ({}) was switched off in OP, and the slave is in {}", n,
-                                   outputs ? "outputs" : "inputs", status_text(status)));
-    }
+    for (const auto from : {AlState::safeop, AlState::op})
+        for (std::size_t nth = 0; nth < bench.areas().size(); ++nth) {
+            bench.enter(from);
+            const auto area = bench.areas()[nth];
+            if (area.setting.length_bytes == 0) continue;
+            const auto n = area.sync_manager;
+            bench.write<std::uint8_t>(static_cast<std::uint16_t>(reg::sync_manager(n).address + 6), 0);
+            const auto status = after_change(bench, from, from == AlState::op);
+            if ((status.state != AlState::preop && status.state != AlState::init) || !status.error)
+                bench.fail(fmt::format("SyncManager {} ({}) was switched off in {}, and the slave is in {}", n,
+                                       area.outputs ? "outputs" : "inputs", state_text(from), status_text(status)));
+        }
 }
 
 constexpr std::string_view kSettings = "ETG.1000.6, EtherCAT State Machine (check of the SyncManager settings)";

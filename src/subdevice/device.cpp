@@ -27,6 +27,7 @@ void Device::start(Time now) {
 Time Device::step(Time now) {
     const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
     const bool running = process_data_.running();
+    const bool op = esm_.state() == AlState::op;
     (void)esm_.step(now, events);
     Time next = kNever;
     if (mailbox_ != nullptr) {
@@ -42,7 +43,8 @@ Time Device::step(Time now) {
     }
     if (eeprom_ != nullptr) eeprom_->step(events);
     // Events from before the start of process data are old: those of outputs and SYNC signals of an earlier use.
-    if (const auto fault = serve_process_data(now, running ? events : 0); fault != AlStatusCode::none)
+    const bool old = !running || (op && esm_.state() != AlState::op);
+    if (const auto fault = serve_process_data(now, old ? 0 : events); fault != AlStatusCode::none)
         esm_.fall_back(AlState::safeop, fault, now);
     next = std::min(next, esm_.step(now, 0));
     if (const auto feed = application_.description().pdi_watchdog; feed != Duration::zero())

@@ -110,8 +110,8 @@ void ProcessData::start(Time now) {
     process(part::kApplication | part::kInputs, now);
 }
 
-// Outputs of an earlier use that the device has not read: they came together with the request for a lower state. Their
-// AL event, and the status of their SyncManager, would make them look new. A read clears both.
+// Outputs of an earlier use that the device has not read: they came together with the request for a lower state, SAFEOP
+// included. Their AL event, and the status of their SyncManager, would make them look new. A read clears both.
 void ProcessData::discard_old_outputs() {
     for_each_used(true, [this](const ProcessDataArea& area, std::size_t at, std::size_t bytes) {
         esc_.read(area.start, outputs_.subspan(at, bytes));
@@ -222,6 +222,7 @@ void ProcessData::stop_outputs(Time now) {
     arrived_ = 0;
     next_watch_ = kNever;
     dictionary_.block_downloads(nullptr);
+    discard_old_outputs();
     if (output_mapped_) output_map_.reset();
     application_.safe_outputs(now);
     forget_lost_sync(now);

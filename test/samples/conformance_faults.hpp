@@ -135,6 +135,16 @@ void read_request(std::uint16_t address, MutableBytes data) {
         data[0] = std::byte{Other};
 }
 
+// Whether SAFEOP or OP was reached and left for PREOP since INIT.
+inline bool was_up = false;
+inline bool note_up(std::uint16_t address, Octets& data) {
+    static std::byte before{};
+    if (address != reg::kAlStatus.address) return true;
+    was_up = data[0] != std::byte{1} && (was_up || (before > std::byte{3} && data[0] == std::byte{2}));
+    before = data[0];
+    return true;
+}
+
 // An SDO download of this subindex that was aborted looks like a success.
 template <std::uint16_t Index, std::uint8_t Subindex, std::uint16_t Mailbox = 0x1400>
 bool grant(std::uint16_t address, Octets& data) {

@@ -98,6 +98,11 @@ constexpr Fault kFaults[] = {
          if (std::exchange(leave_op, false)) set_al_status(esc, 0x14, 0x0001);
      }},
     {"sdo.read_only", "a read-only entry is written", grant<0x1018, 1>},
+    {"sdo.read_only", "a write to a read-only entry gets no reply",
+     [](std::uint16_t address, Octets& data) {
+         return !is_mail(address, data) || data.size() < 16 || data[8] != std::byte{0x80} ||
+                load_le<std::uint32_t>(data, 12) != 0x06010002;
+     }},
     {"sdo.rights", "the count is written in SAFEOP and OP", grant<0x1C13, 0>},
     {"sdo.complete_download", "complete access is for uploads only", nullptr,
      [](std::uint16_t address, MutableBytes data) {
@@ -275,6 +280,12 @@ constexpr Fault kFaults[] = {
          last = data[0];
          return true;
      }},
+    {"states.up_again", "SAFEOP is reached once between two INIT", note_up,
+     [](std::uint16_t address, MutableBytes data) {
+         if (address == reg::kAlControl.address && was_up && data[0] == std::byte{4}) data[0] = std::byte{2};
+     }},
+    {"states.acknowledge", "an acknowledge does not end an error in SAFEOP", note_status, read_request<0x14, 0x14, 0x04>},
+    {"states.acknowledge", "an acknowledge does not end an error in OP", note_status, read_request<0x18, 0x18, 0x08>},
     {"states.same", "a request for OP in OP leads to SAFEOP", note_status, read_request<8, 8, 4>},
     {"states.skipped", "another code", replace_code<0x0011, 0x0001>},
     {"states.skipped", "no error indication", no_error_bit},
@@ -303,6 +314,14 @@ constexpr Fault kFaults[] = {
          if (address == reg::sync_manager(2).address && data.size() >= 8) store_le<std::uint16_t>(data, 0, 0x1800);
      }},
     {"sm.mailbox_off", "SyncManager 0 always looks switched on", nullptr, read_bits<0x0806, 1>},
+    {"sm.mailbox_off", "SyncManager 0 always looks switched on in OP", note_status,
+     [](std::uint16_t address, MutableBytes data) {
+         if (al_status_now == std::byte{8}) read_bits<0x0806, 1>(address, data);
+     }},
+    {"sm.process_data_off", "SyncManager 2 always looks switched on in SAFEOP", note_status,
+     [](std::uint16_t address, MutableBytes data) {
+         if (al_status_now == std::byte{4}) read_bits<0x0816, 1>(address, data);
+     }},
     {"sm.process_data_off", "SyncManager 2 always looks switched on", nullptr, read_bits<0x0816, 1>},
     {"mailbox.duplicate", "each message looks new", nullptr,
      [](std::uint16_t address, MutableBytes data) {

@@ -112,31 +112,37 @@ TEST(OldOutputs, OutputsOfAnExpiredWatchdogDoNotLeadToOp) {
     EXPECT_EQ(bench.request(0x18), (AlStatus{AlState::op, false, 0}));
 }
 
-// The outputs and the request for PREOP come in one cycle of the master. The device executes the request first, and
-// nobody reads the outputs: their AL event stays.
-TEST(OldOutputs, OutputsThatCameWithTheRequestForPreopDoNotLeadToOp) {
-    for (const int control : {0x64, 0x44}) {  // with an AL event, and found by the status of the SyncManager
-        Bench bench;
-        bench.esc.configure(2, {0x1200, 4, static_cast<std::uint8_t>(control), 1});
-        ASSERT_EQ(bench.request(4).state, AlState::safeop);
-        put_outputs(bench);
-        (void)bench.step();
-        ASSERT_EQ(bench.request(8), (AlStatus{AlState::op, false, 0}));
-        ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({7, 7, 7, 7})));
-        ASSERT_EQ(bench.request(2), (AlStatus{AlState::preop, false, 0}));
-        bench.esc.time += 1s;
-        ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
-        bench.esc.time += 1ms;
-        bench.settle();
-        EXPECT_EQ(bench.request(8), (AlStatus{AlState::safeop, false, 0})) << "the device waits for new outputs";
-        bench.esc.time += 200ms;
-        (void)bench.step();
-        EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::no_valid_outputs));
-        EXPECT_EQ(Values::out_a::load(bench.image), 9) << "the old values were never applied";
-        put_outputs(bench);
-        EXPECT_EQ(bench.request(0x18), (AlStatus{AlState::op, false, 0}));
-        EXPECT_EQ(Values::out_a::load(bench.image), 1);
-    }
+// The outputs and the request for a lower state come in one cycle of the master. The device executes the request first,
+// and nobody reads the outputs: their AL event stays.
+void come_with_a_request(int control, AlState lower) {
+    SCOPED_TRACE(::testing::Message() << std::hex << control << " " << static_cast<int>(lower));
+    Bench bench;
+    bench.esc.configure(2, {0x1200, 4, static_cast<std::uint8_t>(control), 1});
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    put_outputs(bench);
+    (void)bench.step();
+    ASSERT_EQ(bench.request(8), (AlStatus{AlState::op, false, 0}));
+    ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({7, 7, 7, 7})));
+    ASSERT_EQ(bench.request(static_cast<std::uint16_t>(lower)), (AlStatus{lower, false, 0}));
+    bench.settle();
+    bench.esc.time += 1s;
+    ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
+    bench.esc.time += 1ms;
+    bench.settle();
+    EXPECT_EQ(bench.request(8), (AlStatus{AlState::safeop, false, 0})) << "the device waits for new outputs";
+    bench.esc.time += 200ms;
+    (void)bench.step();
+    EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::no_valid_outputs));
+    EXPECT_EQ(Values::out_a::load(bench.image), 9) << "the old values were never applied";
+    put_outputs(bench);
+    EXPECT_EQ(bench.request(0x18), (AlStatus{AlState::op, false, 0}));
+    EXPECT_EQ(Values::out_a::load(bench.image), 1);
+}
+
+TEST(OldOutputs, OutputsThatCameWithARequestForALowerStateDoNotLeadToOp) {
+    for (const auto lower : {AlState::preop, AlState::safeop})
+        for (const int control : {0x24, 0x04})  // with an AL event, and found by the status of the SyncManager
+            come_with_a_request(control, lower);
 }
 
 TEST(OldOutputs, TheEventOfTheWatchdogForgetsThemToo) {
