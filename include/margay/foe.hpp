@@ -18,8 +18,8 @@
 // keeps messages in a queue and answers a read more than 100 ms after its timeout; a slave that works on several
 // protocols at a time, whose mailbox error (which names no message) ends a read that the slave answers more than 100 ms
 // later; and any slave that answers more than 9 s after the timeout. Then the library uses the late packet as the first
-// packet of the next file that is read. A file of several packets ends with Errc::protocol when the first packet comes a
-// second time. A file of one packet is returned as the requested file. So set an `answer_timeout` that is longer than
+// packet of the next file that is read. A file of several packets ends with Errc::protocol when the first packet comes
+// a second time. A file of one packet is returned as the requested file. So set an `answer_timeout` that is longer than
 // such a slave needs.
 //
 // Most slaves accept firmware in BOOT only: bring the slave to BOOT before (StateRequest, or set_target() while a

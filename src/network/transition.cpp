@@ -150,7 +150,9 @@ void mark_unfinished(Network& network, Slave& slave, Transition which) {
 
 bool is_unfinished(const Network& network, const Slave& slave) {
     const Row* row = row_of(network.marks(slave).unfinished);
-    return row != nullptr && (row->to == AlState::boot ? slave.al.state == row->to : slave.al.state >= row->to);
+    if (row == nullptr) return false;
+    const bool boot = row->to == AlState::boot || slave.al.state == AlState::boot;  // it is above no other state
+    return boot ? slave.al.state == row->to : slave.al.state >= row->to;
 }
 
 bool doubt_after_hook(Network& network, Slave& slave, Time begun) {

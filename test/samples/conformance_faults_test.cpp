@@ -284,8 +284,8 @@ constexpr Fault kFaults[] = {
      [](std::uint16_t address, MutableBytes data) {
          if (address == reg::kAlControl.address && was_up && data[0] == std::byte{4}) data[0] = std::byte{2};
      }},
-    {"states.acknowledge", "an acknowledge does not end an error in SAFEOP", note_status, read_request<0x14, 0x14, 0x04>},
-    {"states.acknowledge", "an acknowledge does not end an error in OP", note_status, read_request<0x18, 0x18, 0x08>},
+    {"states.acknowledge", "an error stays in SAFEOP", note_status, read_request<0x14, 0x14, 0x04>},
+    {"states.acknowledge", "an error stays in OP", note_status, read_request<0x18, 0x18, 0x08>},
     {"states.same", "a request for OP in OP leads to SAFEOP", note_status, read_request<8, 8, 4>},
     {"states.skipped", "another code", replace_code<0x0011, 0x0001>},
     {"states.skipped", "no error indication", no_error_bit},
