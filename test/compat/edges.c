@@ -1,6 +1,8 @@
 /* Calls that programs make by mistake or seldom: before a master is open, after it was closed, with numbers of slaves and groups that do
    not exist, with memory that is too small, with an error list that is full, and the rarely used functions. Each call returns the error
    of the interface, and no call touches memory that is not its own: edges SOURCE. */
+#include "must.h"
+
 #ifdef SOEM2
 #include <soem/soem.h>
 #define SLAVES context.slavelist
@@ -25,13 +27,6 @@ typedef int bits_t;
 
 static char map[4096];
 static int wrong;
-#define MUST(what) \
-    do { \
-        if (!(what)) { \
-            printf("line %d: not %s\n", __LINE__, #what); \
-            ++wrong; \
-        } \
-    } while (0)
 
 /* Without an open master nothing works, and nothing breaks. */
 static void without_master(void) {

@@ -2,6 +2,8 @@
    mailboxes, a check thread, hooks that set objects before SAFEOP, a network description with start-up commands, clocks, and services from the
    main thread. The segment has drives with CoE and clocks, and terminals. With the name of an interface, the interface is switched off and on
    again: machine SOURCE [INTERFACE] */
+#include "../must.h"
+
 #include <soem/soem.h>
 
 #include <stdio.h>
@@ -17,14 +19,6 @@ static OSAL_THREAD_HANDLE rt_thread, check_thread;
 static volatile int running, in_op, cycles, right[2], wrong_in_op[2], handled, times, back_in_time, checks;
 static int expected[2];
 static int hooks, wrong;
-
-#define MUST(what) \
-    do { \
-        if (!(what)) { \
-            printf("line %d: not %s\n", __LINE__, #what); \
-            ++wrong; \
-        } \
-    } while (0)
 
 /* The acceleration of slave 1, by a network description; of another revision for slave 2, so that nothing is written there. */
 static uint8 acceleration[4] = {0xD2, 0x04, 0, 0};
