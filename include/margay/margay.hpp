@@ -184,7 +184,9 @@ Result<> replan_processdata(Context& ctx, std::uint8_t group = 0);
 // out the commands and hooks of a state between; request the states one by one. When a slave has made an earlier
 // transition and no function has read its new state yet, the commands and the hook after that transition are executed
 // first. While a supervision keeps another state, writestate() fails with
-// Errc::supervised: use set_target().
+// Errc::supervised: use set_target(). On the way from INIT to PREOP, the SyncManagers of a slave with a mailbox are
+// written anew: after INIT, set_target() or reconfigure_slave() bring the slave to SAFEOP and OP, and writestate() does
+// not, because the slave refuses SAFEOP.
 //
 // The commands and the hook after the transition begin when readstate(), statecheck() or the supervision reads the new
 // state, whichever is first. They continue during all later calls of poll(). As long as they execute, other
