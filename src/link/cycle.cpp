@@ -19,7 +19,8 @@ constexpr std::byte with_time(std::byte command) {
 }
 
 // The next frame only reads the reference, until two answers in succession tell the next time.
-void read_only(PreparedFrame& frame, const PreparedReading& reading) {
+void read_only(PreparedFrame& frame, PreparedReading& reading) {
+    ++reading.without;
     std::byte& command = frame.bytes[reading.offset];
     if (frame.overlapped || command == static_cast<std::byte>(Command::BRD)) return;
     if (command >= kFirstWithTime) command = without_time(command);
@@ -156,7 +157,7 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
 void Link::mark_not_received(PreparedFrame& frame) {
     frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
-    for (const PreparedReading& r : frame.readings) {
+    for (PreparedReading& r : frame.readings) {
         r.into->came = false;
         read_only(frame, r);
     }
@@ -214,8 +215,7 @@ namespace {
 // the ring now, so FRMW addresses it. Without a standby no time is sent any more, until the owner chooses another
 // reference. After a lost frame the reference is only read, until two answers in succession tell the next time; a frame
 // behind them is not compared with the number of slaves, because only one has answered.
-void take_time(PreparedFrame& sent, const PreparedReading& reading, const RegisterReading& before,
-               const std::byte* data) {
+void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterReading& before, const std::byte* data) {
     RegisterReading& into = *reading.into;
     std::byte* const head = &sent.bytes[reading.offset];
     if (*head == static_cast<std::byte>(Command::BRD)) return;
@@ -226,12 +226,14 @@ void take_time(PreparedFrame& sent, const PreparedReading& reading, const Regist
     std::array<std::byte, sizeof(std::uint64_t)> next{};
     store_le<std::uint64_t>(next, 0, (before.value == 0 ? into.value : 2 * into.value - before.value) + kBeside_ns);
     if (*head < kFirstWithTime) {
+        ++reading.without;
         if (before.slaves != 0) *head = with_time(*head);
     } else if ((before.slaves <= 1 || into.slaves < before.slaves) && std::memcmp(time, data, reading.bytes) == 0) {
         const MutableBytes address(head + 2, 2);
         const bool standby = reading.standby != 0 && load_le<std::uint16_t>(address) != reading.standby;
         *head = static_cast<std::byte>(standby ? Command::FRMW : Command::NOP);
         if (standby) store_le<std::uint16_t>(address, 0, reading.standby);
+        ++reading.without;
         into.slaves = 0;
         into.value = before.value;
     }
@@ -261,7 +263,7 @@ void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
         const std::byte* data = &frame[d.offset + wire::kDatagramHeaderBytes];
         if (sent.degraded || !commit(d, data)) commit_short(sent, d, data);
     }
-    for (const PreparedReading& r : sent.readings) {
+    for (PreparedReading& r : sent.readings) {
         const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];
         const RegisterReading before = *r.into;
         copy_reading(r, data);

@@ -30,6 +30,7 @@ struct PreparedReading {
     // Of the reference clock's time: the station address of the slave whose time is sent when the reference clock is
     // lost; 0: none.
     std::uint16_t standby = 0;
+    std::uint16_t without = 0;  // frames that brought no time of the reference clock to the others; wraps
     RegisterReading* into = nullptr;
 };
 
@@ -55,7 +56,7 @@ struct FrameOwner {
 
 struct PreparedFrame {
     std::span<PreparedDatagram> datagrams;
-    std::span<const PreparedReading> readings;
+    std::span<PreparedReading> readings;
     FrameSlot* slot = nullptr;  // while it is in flight (not used for overlapped cycles): `own`, or a slot of the link
                                 // when datagrams ride along
     CycleEnd end = CycleEnd::missing;

@@ -18,17 +18,18 @@ bool is_before_reference(Network& network, const Slave& slave) {
 
 // How many frames have brought the time of the reference since the last round.
 std::uint32_t times_since_last_round(Network& network) {
+    // A round may lie between the end of a cycle and the count of its lost frame: then the next round counts one less.
+    constexpr std::int16_t kUncounted = -1;
     Clocks& clocks = network.clocks;
     bool by_cycle = false;
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference == 0) continue;
         by_cycle = true;
         if (group.dc_reference != clocks.reference) continue;
-        const auto now = static_cast<std::uint16_t>(group.cycle_received);
-        const auto cycles = static_cast<std::uint16_t>(now - std::exchange(clocks.cycle_seen, now));
-        const wire::Command command = time_source(group).command;
-        const bool carried = command == wire::Command::FRMW || command == wire::Command::ARMW;
-        return carried && group.dc_time.came && group.dc_time.slaves != 0 ? cycles : 0;
+        const std::uint16_t now = cycles_with_time(group);
+        const auto times = static_cast<std::int16_t>(now - clocks.times_seen);
+        if (times != kUncounted) clocks.times_seen = now;
+        return times > 0 ? static_cast<std::uint32_t>(times) : 0U;
     }
     return by_cycle ? 0 : 1;
 }

@@ -266,7 +266,7 @@ void Clocks::forget() {
     reference = returning = 0;
     measuring = all_in_sync = paused = loss_reported = is_driven = false;
     without_time = 0;
-    cycle_seen = 0;
+    times_seen = 0;
     greatest_ns = 0;
     delays_at = Time::min();
     prepare = nullptr;

@@ -87,7 +87,7 @@ struct Clocks {
     bool all_in_sync = false;
     bool is_driven = false;         // times are written to the reference, which follows them
     bool loss_reported = false;     // that the reference is lost
-    std::uint16_t cycle_seen = 0;   // cycle_received of the group that carries the time, in the last round
+    std::uint16_t times_seen = 0;   // cycles_with_time() of the group that carries the time, in the last round
     std::uint32_t greatest_ns = 0;  // upper estimate of the differences, as read last
     Time watch_at = Time::min();
     Time delays_at = Time::min();  // when the delays are measured again

@@ -108,8 +108,8 @@ PreparedDatagram append_datagram(ProcessGroup& group, std::size_t n, wire::Frame
             .status = &group.statuses[n]};
 }
 
-std::span<const PreparedReading> append_readings(ProcessGroup& group, const ReadingPlans& plans,
-                                                 wire::FrameBuilder& builder) {
+std::span<PreparedReading> append_readings(ProcessGroup& group, const ReadingPlans& plans,
+                                           wire::FrameBuilder& builder) {
     for (std::size_t n = 0; n < plans.count; ++n) {
         const ReadingPlan& plan = plans.at[n];
         group.readings[n] = {
@@ -268,6 +268,12 @@ TimeSource time_source(const ProcessGroup& group) {
         }
     }
     return {};
+}
+
+std::uint16_t cycles_with_time(const ProcessGroup& group) {
+    const auto found = std::ranges::find(group.readings, &group.dc_time, &PreparedReading::into);
+    const auto without = found == group.readings.end() ? std::uint16_t{0} : found->without;
+    return static_cast<std::uint16_t>(group.cycle_received - without);
 }
 
 bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns) {

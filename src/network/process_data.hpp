@@ -137,6 +137,10 @@ void set_time_standby(ProcessGroup& group, StationAddress standby);
 // Command and address of the datagram with the time as it is sent now; command NOP: the cycle carries no time.
 [[nodiscard]] TimeSource time_source(const ProcessGroup& group);
 
+// How many cycles have brought the time of the reference clock to the other clocks: they came back, and did not only
+// read it. Wraps, and has another origin after config_map().
+[[nodiscard]] std::uint16_t cycles_with_time(const ProcessGroup& group);
+
 [[nodiscard]] Error nothing_sent(const ProcessGroup& group);
 
 // Whether the inputs of the slave (for a slave with outputs only: its outputs) were exchanged with the last cycle that

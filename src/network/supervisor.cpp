@@ -396,7 +396,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         report_silent_segment(watch);
         if (turn && watch.network.silent) network.supervision_turn = false;
         if (roll.error().code == Errc::capacity) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-        if (network.silent && network.clocks.watch != nullptr) co_await completion(network.clocks.watch(network));
+        if (network.clocks.watch != nullptr) co_await completion(network.clocks.watch(network));
         co_return Nothing{};
     }
     doubt_after_silence(watch);

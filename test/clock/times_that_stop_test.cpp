@@ -105,6 +105,27 @@ TEST_F(TimesThatStop, InSyncEndsInSilence) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
+// A frame carries the time after two answers in succession: where every second or third frame is lost, none does.
+TEST_F(TimesThatStop, InSyncEndsWhereOnlyFramesWithoutTimeComeBack) {
+    for (const unsigned period : {2U, 3U}) {
+        SCOPED_TRACE(period);
+        if (segment.size() == 0) begin(4);
+        for (unsigned n = 0; n < 1400; ++n) n % period == 0 ? lose(1) : cycles(1);
+        EXPECT_FALSE(clock_status(*ctx, osal.now()).in_sync);
+        for (std::uint16_t s = 2; s <= 4; ++s) EXPECT_FALSE(clock(s).in_sync) << s;
+        cycles(2000);
+        EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+    }
+}
+
+TEST_F(TimesThatStop, InSyncStaysWhereEveryFifthFrameIsLost) {
+    begin(4);
+    for (unsigned n = 0; n < 3000; ++n) {
+        n % 5 == 0 ? lose(1) : cycles(1);
+        for (std::uint16_t s = 2; s <= 4; ++s) ASSERT_TRUE(clock(s).in_sync && std::abs(ahead_ns(s)) <= 100) << s << n;
+    }
+}
+
 TEST_F(TimesThatStop, InSyncEndsWithoutCycles) {
     begin(4);
     for (unsigned n = 0; n < 1500; ++n) {
