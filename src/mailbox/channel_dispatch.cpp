@@ -10,9 +10,12 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     ++statistics_.received;
     const auto header = wire::load_mailbox_header(mailbox);
     counts_ = header.counter != 0;
-    // The mail in between is lost: the slave had new mail before the repeat request came.
-    const bool skips = std::exchange(missed_, false) && counts_ && in_counter_ != 0 && header.counter != in_counter_ &&
-                       header.counter != wire::next_mailbox_counter(in_counter_);
+    // The mail in between is lost: the slave had new mail before the repeat request came. Only two counters tell.
+    const bool missed = std::exchange(missed_, false);
+    const bool known = counts_ && in_counter_ != 0;
+    const bool follows = header.counter == in_counter_ || header.counter == wire::next_mailbox_counter(in_counter_);
+    const bool skips = missed && known && !follows;
+    const bool may_skip = missed && !(known && follows);
     const bool again = std::exchange(repeated_, false) && counts_ && header.counter == in_counter_;
     in_counter_ = header.counter;
     if (again) {
@@ -22,10 +25,10 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     const auto mail = wire::load_mailbox_message(mailbox);
     if (!mail || mail->data.empty()) return malformed(header);
     // What is lost may have been a part of an answer of several mails: they are asked for again.
-    for (MailTurn* turn = skips ? awaiting_.front() : nullptr; turn != nullptr;) {
+    for (MailTurn* turn = may_skip ? awaiting_.front() : nullptr; turn != nullptr;) {
         auto& exchange = static_cast<MailExchange&>(*turn);
         turn = awaiting_.after(*turn);
-        if (exchange.options_.mails != MailExchange::kManyMails || &exchange == unsure_) continue;
+        if (!exchange.options_.in_parts || &exchange == unsure_) continue;
         owe_answer_to(exchange);
         finish(exchange, {.code = Errc::reply_lost, .step = Step::mailbox_receive, .slave = number_});
     }
@@ -59,12 +62,15 @@ bool MailboxChannel::answers(const wire::MailboxMessage& mail, std::uint16_t to)
         if (exchange.type_ != mail.header.type || (to != 0 && exchange.options_.address != to)) continue;
         const MailClient::Taken taken = exchange.client_.accept(mail);
         if (taken == MailClient::Taken::no) continue;
-        if (taken == MailClient::Taken::more)
+        if (taken == MailClient::Taken::more) {
             prolong(exchange);
-        else {
-            note_answered(exchange);
-            finish(exchange, {});
+            return true;
         }
+        if (taken == MailClient::Taken::broken)
+            owe_answer_to(exchange);
+        else
+            note_answered(exchange);
+        finish(exchange, {});
         return true;
     }
     return false;

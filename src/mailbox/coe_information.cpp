@@ -45,7 +45,9 @@ std::size_t InfoQuery::compose(MutableBytes data) {
 
 MailClient::Taken InfoQuery::accept(const wire::MailboxMessage& mail) {
     if (!is_ours(mail.data)) return Taken::no;
-    return over_ ? Taken::all : Taken::more;
+    if (!over_) return Taken::more;
+    const bool last = mail.data.size() < kPayload || (InfoLayout::opcode::load(mail.data) & coe::kInfoIncomplete) == 0;
+    return last ? Taken::all : Taken::broken;
 }
 
 bool InfoQuery::is_ours(Bytes data) {
@@ -207,7 +209,8 @@ Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObj
         if (channel.is_doubtful(key))
             co_await required(settle_owed(channel, session, key, patience, Step::sdo_information));
         if (n != 0) query.restart();
-        MailExchange exchange(session, query, {.patience = patience, .key = key, .mails = MailExchange::kManyMails});
+        MailExchange exchange(session, query,
+                              {.patience = patience, .key = key, .mails = MailExchange::kManyMails, .in_parts = true});
         failed = co_await exchange;
     }
     if (failed.code != Errc::none) co_return complete(failed);

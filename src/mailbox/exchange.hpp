@@ -42,9 +42,10 @@ inline constexpr std::uint64_t kAny = UINT64_MAX;
 class MailClient {
   public:
     enum class Taken : std::uint8_t {
-        no,    // the mail is not for this client
-        more,  // it is for this client, and more mail will follow without a request
-        all,   // it is for this client, and the exchange has ended
+        no,      // the mail is not for this client
+        more,    // it is for this client, and more mail will follow without a request
+        all,     // it is for this client, and the exchange has ended
+        broken,  // it is for this client, which ends the exchange, although more mail will follow without a request
     };
 
     // Writes the message behind the mailbox header and returns its length; 0: the mailbox is too small. It is called
@@ -78,7 +79,7 @@ class MailSession;
 
 class MailExchange : public MailTurn {
   public:
-    // How many mails a reply to the exchange has at most, if this is not known.
+    // How many mails end a reply to the exchange, if this is not known.
     static constexpr std::uint8_t kManyMails = 255;
 
     struct Options {
@@ -88,7 +89,8 @@ class MailExchange : public MailTurn {
         std::uint64_t key = 0;
         std::uint16_t address = 0;  // station address in the mailbox header; 0: from the master
         bool reply = true;          // false: the exchange ends when the message has arrived
-        std::uint8_t mails = 1;     // of which the reply consists
+        std::uint8_t mails = 1;     // that end a reply
+        bool in_parts = false;      // the reply may consist of several mails: if one of them is lost, Errc::reply_lost
         // A late reply does not look like the reply to the first message of the next sequence, so that sequence need
         // not wait as long as this exchange would have waited.
         bool distinct = false;

@@ -94,7 +94,8 @@ Task<Result<>> transfer_raw(MailboxChannel& channel, RawMail& request, const Mai
                            .key = reply ? mail_key::kAny : 0,
                            .address = request.address,
                            .reply = reply,
-                           .mails = request.more_follows != nullptr ? MailExchange::kManyMails : std::uint8_t{1}});
+                           .mails = request.more_follows != nullptr ? MailExchange::kManyMails : std::uint8_t{1},
+                           .in_parts = request.more_follows != nullptr});
     const Error failed = co_await exchange;
     if (failed.code != Errc::none) {
         Error error = failed;

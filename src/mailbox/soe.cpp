@@ -32,7 +32,7 @@ Task<Result<>> send_fragments([[maybe_unused]] MailboxChannel& channel, MailSess
 
 Task<Result<>> ask([[maybe_unused]] MailboxChannel& channel, MailSession& session, SoeTransfer& transfer,
                    const MailPatience& patience) {
-    MailExchange exchange(session, transfer, {.patience = patience, .key = transfer.key()});
+    MailExchange exchange(session, transfer, {.patience = patience, .key = transfer.key(), .in_parts = true});
     const Error failed = co_await exchange;
     co_return failed.code != Errc::none ? failed : transfer.error();
 }

@@ -42,6 +42,11 @@ std::size_t SoeReadTransfer::compose(MutableBytes data) {
 }
 
 MailClient::Taken SoeReadTransfer::read_answer(const soe::Header& header, Bytes data) {
+    const Taken taken = take_fragment(header, data);
+    return taken == Taken::all && header.incomplete ? Taken::broken : taken;
+}
+
+MailClient::Taken SoeReadTransfer::take_fragment(const soe::Header& header, Bytes data) {
     const bool first = left_ == 0;
     if (!header.incomplete && header.number != target_.idn.value)
         return first ? Taken::no : fail(Errc::protocol, target_.idn.value, header.number);

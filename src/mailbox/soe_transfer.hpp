@@ -63,6 +63,7 @@ class SoeReadTransfer final : public SoeTransfer {
 
   private:
     Taken read_answer(const wire::soe::Header& header, Bytes data) override;
+    Taken take_fragment(const wire::soe::Header& header, Bytes data);
     [[nodiscard]] bool in_fragments() const override { return left_ != 0; }
 
     MutableBytes into_;
