@@ -13,6 +13,11 @@
 //     port.send(frame);                                // from one thread, never waits
 //     while (auto frame = port.receive(buffer)) use(buffer, frame->bytes);               // from one thread
 //
+// After a timeout or cancel() of a request for parameters the slave may still answer. The next request of the same kind
+// to this slave waits for the late answer for 100 ms; after cancel(), until the `timeout` of the cancelled request is
+// over (3 s if it is zero). An answer that comes later is taken for the answer to this request. So set a `timeout` that
+// is longer than the slave needs.
+//
 // A frame is an Ethernet II frame from its destination address to the last octet before the FCS.
 #pragma once
 

@@ -87,6 +87,11 @@ class MailboxChannel {
 
     // A reply of this protocol and key may still arrive, until then. Exchanges of the same key wait.
     void owe_reply(wire::MailboxType type, std::uint64_t key, Time until);
+    // A request of this key was sent more than once from `begun` on, and is answered now: a slave that got both
+    // messages answers a second time, and needs as long for that as for the first answer.
+    void owe_second_reply(wire::MailboxType type, std::uint64_t key, Time begun) {
+        owe_reply(type, key, now() + (now() - begun) + mail_timing::kOwedPatience);
+    }
     // A reply to an earlier CoE or FoE request may still arrive, and it would be taken for the reply to a request of
     // this key. It lasts until the slave has answered a later request, because it answers them in their order.
     [[nodiscard]] bool is_doubtful(std::uint64_t key) const;
@@ -205,6 +210,7 @@ class MailboxChannel {
     void note_answered(const MailExchange& exchange);
     // What the channel owes when the exchange, which was sent, ends without its reply.
     void owe_answer_to(const MailExchange& exchange);
+    void owe_in_doubt(const MailExchange& exchange);
     [[nodiscard]] static std::uint8_t question_bit(std::uint64_t key);
 
     void enqueue(MailExchange& exchange);
@@ -281,7 +287,7 @@ class MailboxChannel {
     Repeated repeat_ = Repeated::no;
     bool repeated_ = false;  // the next mail may repeat the one received before
     std::uint8_t first_packets_ = 0;
-    bool missed_ = false;    // a frame with mail may have been lost, and no mail has come since
+    bool missed_ = false;  // a frame with mail may have been lost, and no mail has come since
     std::uint8_t activate_ = 0;
     std::uint16_t busy_types_ = 0;
 

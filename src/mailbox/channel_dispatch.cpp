@@ -85,6 +85,7 @@ void MailboxChannel::malformed(const wire::MailboxHeader& header) {
         Error error{.code = Errc::protocol, .step = Step::mailbox_receive, .slave = number_};
         error.expected = static_cast<std::uint32_t>(receive_room());
         error.actual = header.length;
+        owe_in_doubt(exchange);  // the slave may answer it besides
         return finish(exchange, error);
     }
 }
@@ -130,11 +131,7 @@ void MailboxChannel::error_reply(Bytes data) {
     // A slave that works on several protocols at a time may mean another exchange, or one that was given up.
     const auto doubtful = [](const Owed& owed) { return owed.mails != 0 && owed.lasts; };
     if (owed_[0].silent || awaiting_.after(oldest) != nullptr || std::ranges::any_of(owed_, doubtful)) {
-        Owed& owed = owed_of(oldest.type_);
-        const bool alone = !is_current(owed, now()) || owed.guessed;
-        owe_reply(oldest.type_, oldest.options_.key, now() + mail_timing::kOwedPatience);
-        owed.guessed = alone;
-        owed.lasts |= is_in_order(oldest);
+        owe_in_doubt(oldest);
     }
     finish(oldest, error_of(number_, data));
 }

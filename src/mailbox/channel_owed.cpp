@@ -64,6 +64,15 @@ void MailboxChannel::owe_answer_to(const MailExchange& exchange) {
     owed.lasts |= is_in_order(exchange);
 }
 
+// The exchange ends by mail that may not be its reply.
+void MailboxChannel::owe_in_doubt(const MailExchange& exchange) {
+    Owed& owed = owed_of(exchange.type_);
+    const bool alone = !is_current(owed, now()) || owed.guessed;
+    owe_reply(exchange.type_, exchange.options_.key, now() + mail_timing::kOwedPatience);
+    owed.guessed = alone;
+    owed.lasts |= is_in_order(exchange);
+}
+
 bool MailboxChannel::must_wait(const MailExchange& exchange) const {
     const std::uint64_t key = exchange.options_.key;
     const Owed& owed = owed_[owed_place(exchange.type_)];

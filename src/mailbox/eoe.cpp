@@ -48,11 +48,14 @@ Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, MailPatience pati
     Error failed = co_await session;
     EoeClient client(call);
     const auto key = mail_key::of(mail_key::Kind::eoe, static_cast<std::uint32_t>(call.type));
+    const Time begun = channel.engine().now();
     if (failed.code == Errc::none) failed.code = Errc::reply_lost;
-    for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
+    unsigned times = 0;
+    for (; failed.code == Errc::reply_lost && times <= kMostAskedAgain; ++times) {
         MailExchange exchange(session, client, {.patience = patience, .key = key});
         failed = co_await exchange;
     }
+    if (times > 1) channel.owe_second_reply(wire::MailboxType::eoe, key, begun);
     if (failed.code == Errc::none) failed = client.error();
     if (failed.code == Errc::none) co_return Nothing{};
     failed.slave = channel.station().number;

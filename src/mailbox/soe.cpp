@@ -70,11 +70,14 @@ Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, Mu
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused, channel, target, kStep);
     SoeReadTransfer transfer(target, into);
+    const Time begun = channel.engine().now();
     Result<> asked = Error{.code = Errc::reply_lost};
-    for (unsigned n = 0; asked.error().code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
+    unsigned times = 0;
+    for (; asked.error().code == Errc::reply_lost && times <= kMostAskedAgain; ++times) {
         transfer.restart();
         asked = co_await ask(channel, session, transfer, patience);
     }
+    if (times > 1) channel.owe_second_reply(wire::MailboxType::soe, transfer.key(), begun);
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
     co_return transfer.bytes();
 }
@@ -87,13 +90,16 @@ Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value,
     if (channel.send_room() <= soe::kHeaderBytes)
         co_return complete({.code = Errc::unsupported}, channel, target, kStep);
     SoeWriteTransfer transfer(target, value, channel.send_room());
+    const Time begun = channel.engine().now();
     Result<> asked = Error{.code = Errc::reply_lost};
-    for (unsigned n = 0; asked.error().code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
+    unsigned times = 0;
+    for (; asked.error().code == Errc::reply_lost && times <= kMostAskedAgain; ++times) {
         transfer.restart();
         auto sent = co_await send_fragments(channel, session, transfer, patience);
         if (!sent) co_return complete(sent.error(), channel, target, kStep);
         asked = co_await ask(channel, session, transfer, patience);
     }
+    if (times > 1) channel.owe_second_reply(wire::MailboxType::soe, transfer.key(), begun);
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
     co_return Nothing{};
 }

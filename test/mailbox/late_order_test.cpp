@@ -11,7 +11,7 @@ namespace {
 class LateOrder : public testing::Test {
   protected:
     MailboxBus bus;
-    SlowSlave slave{bus};
+    SlowSlave slave{bus, 80};
     Duration slow = 300ms;
     Duration usual{0};
     unsigned asked = 0;
@@ -33,6 +33,9 @@ class LateOrder : public testing::Test {
                     {foe_message(foe::Opcode::data, 1, std::as_bytes(std::span(content)))}};
         }
         if (type == MailboxType::soe) return {slow, {mail_bytes({2, 0x40, 100, 0, ++asked, 0, 0, 0})}};
+        // The last octet of the address comes first.
+        if (type == MailboxType::eoe)
+            return {slow, {mail_bytes({3, 1, octet(8) == 99 ? 1U : 0U, octet(8) == 99 ? 2U : 0U})}};
         if (type == MailboxType::voe) return {slow, {mail_bytes({1, 0, 0, 0, 1, 0, ++asked})}};
         if (type != MailboxType::coe || octet(2) == 0x80) return {};
         if (octet(4) != 0x20) return {usual, {mail_bytes({0, 0x30, 0x43, octet(3), octet(4), octet(5), 1, 2, 3, 4})}};
@@ -259,6 +262,73 @@ TEST_F(LateOrder, OfRawCoe) {
         EXPECT_EQ(std::to_integer<unsigned>(octets[6]), asked);
         slave.idle(5s);
     }
+}
+
+struct ReadState : SoeRead {
+    explicit ReadState(MutableBytes into) {
+        slave = 1;
+        idn = Idn::standard(100);
+        data = into;
+    }
+};
+struct SetIp : EoeSetIp {
+    explicit SetIp(std::uint8_t last) {
+        slave = 1;
+        packed = true;
+        ip.address = Ipv4Address{10, 0, 0, last};
+    }
+};
+
+// The slave needs longer than the library waits for a reply that seems lost, and answers both messages.
+TEST_F(LateOrder, TheSecondAnswerToARequestThatWasRepeated) {
+    slow = 300ms;
+    slave.script().repeats = false;
+    const auto repeated = [&](Request& request) {
+        begin(request);
+        slave.idle(50ms);
+        lose_other_mail();
+        slave.run(request);
+        EXPECT_EQ(request.error().code, Errc::none) << bus.words(request.error());
+        slave.idle(120ms);
+    };
+    ReadState first(octets);
+    repeated(first);
+    ReadState second(octets);
+    EXPECT_EQ(finish(second).code, Errc::none);
+    EXPECT_EQ(std::to_integer<unsigned>(octets[0]), asked);
+    SetIp accepted(1);
+    repeated(accepted);
+    SetIp refused(99);
+    EXPECT_EQ(finish(refused).code, Errc::eoe_error);
+}
+
+// Mail without data ends the request that waits; its answer comes besides.
+TEST_F(LateOrder, TheAnswerBehindAMalformedMail) {
+    const auto disturbed = [&](Request&& request, MailboxType type, Duration behind) {
+        slow = 5ms + behind;
+        begin(request);
+        slave.idle(5ms);
+        slave.say({}, type);
+        slave.run(request);
+        EXPECT_EQ(request.error().code, Errc::protocol) << bus.words(request.error());
+    };
+    for (const bool queues : {false, true})
+        for (const Duration behind : {1ms, 30ms, 80ms}) {
+            SCOPED_TRACE(testing::Message() << queues << behind.count());
+            slave.queues = queues;
+            disturbed(Write(1), MailboxType::coe, behind);
+            refused();
+            asked = 0;
+            disturbed(ReadState(octets), MailboxType::soe, behind);
+            ReadState second(octets);
+            EXPECT_EQ(finish(second).code, Errc::none);
+            EXPECT_EQ(octets[0], std::byte{2});
+            disturbed(SetIp(1), MailboxType::eoe, behind);
+            SetIp refused_ip(99);
+            EXPECT_EQ(finish(refused_ip).code, Errc::eoe_error);
+            disturbed(Read("a", file), MailboxType::foe, behind);
+            reads_b();
+        }
 }
 
 }  // namespace

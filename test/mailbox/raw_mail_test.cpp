@@ -19,7 +19,7 @@ class RawMailTest : public testing::Test {
             for (const Mail& one : all) slave.reply(one, type);
         };
     }
-    Result<std::size_t> ask(MailboxType type, const Mail& message, Duration timeout = 100ms) {
+    Result<std::size_t> ask(MailboxType type, const Mail& message, Duration timeout = 300ms) {
         return raw_mail(*bus.ctx, 1, type, message, answer, timeout);
     }
 };

@@ -26,7 +26,8 @@ struct Write : SdoDownload {
 // otherwise it takes one when it has answered the message before.
 class SlowSlave {
   public:
-    explicit SlowSlave(MailboxBus& bus) : bus_(bus), slave_(bus.add_scripted(64)) {
+    explicit SlowSlave(MailboxBus& bus, std::uint16_t mailbox_bytes = 64)
+        : bus_(bus), slave_(bus.add_scripted(mailbox_bytes)) {
         slave_.on_mail = [this](const Mail& mail) {
             // A message with the counter of the message before is that message again.
             const auto counter = wire::load_mailbox_header(mail).counter;
