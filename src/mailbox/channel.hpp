@@ -283,7 +283,10 @@ class MailboxChannel {
     bool watched_by_mailboxes_ = false;  // Mailboxes looks for mail in place of this channel
     std::uint8_t silent_looks_ = 0;      // consecutive looks that the slave has not answered
     std::uint8_t in_counter_ = 0;
-    bool counts_ = true;  // false: the slave sends mail with counter 0
+    wire::MailboxType in_type_{};  // of the last mail, as in_counter_
+    std::uint16_t in_length_ = 0;  // the same
+    bool has_counted_ = false;     // the last mail had the counter that follows that of the mail before it
+    bool counts_ = true;           // false: the slave sends mail with counter 0
     Repeated repeat_ = Repeated::no;
     bool repeated_ = false;  // the next mail may repeat the one received before
     std::uint8_t first_packets_ = 0;

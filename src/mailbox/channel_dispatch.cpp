@@ -16,12 +16,17 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     const bool follows = header.counter == in_counter_ || header.counter == wire::next_mailbox_counter(in_counter_);
     const bool skips = missed && known && !follows;
     const bool may_skip = missed && !(known && follows);
-    const bool again = std::exchange(repeated_, false) && counts_ && header.counter == in_counter_;
-    in_counter_ = header.counter;
+    // Some slaves never change their counter: only a slave that has counted repeats by it.
+    const bool alike = has_counted_ && header.type == in_type_ && header.length == in_length_;
+    const bool again = (std::exchange(repeated_, false) || alike) && counts_ && header.counter == in_counter_;
     if (again) {
         ++statistics_.duplicates;
         return;
     }
+    has_counted_ = known && header.counter == wire::next_mailbox_counter(in_counter_);
+    in_counter_ = header.counter;
+    in_type_ = header.type;
+    in_length_ = header.length;
     const auto mail = wire::load_mailbox_message(mailbox);
     if (!mail || mail->data.empty()) return malformed(header);
     // What is lost may have been a part of an answer of several mails: they are asked for again.

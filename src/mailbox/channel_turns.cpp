@@ -169,6 +169,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     open_ = info.out_bytes > wire::kMailboxHeaderBytes && info.in_bytes > wire::kMailboxHeaderBytes;
     was_open_ |= open_;
     counts_ = true;
+    has_counted_ = false;
     in_counter_ = out_counter_ = 0;
     silent_looks_ = 0;
     // Mail from before, for example to another master, is fetched before the first message is sent.
