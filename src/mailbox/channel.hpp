@@ -84,6 +84,9 @@ class MailboxChannel {
     // sequence the message is lost.
     static constexpr std::size_t kFinalBytes = 16;
     void send_final_message(wire::MailboxType type, Bytes data);
+    // Ends an SoE write of several mails of this drive that was given up before its last mail. A slave that is away is
+    // told when it is there again. The slave answers, and later writes of the drive wait for the answer.
+    void end_soe_write(std::uint8_t drive);
 
     // A reply of this protocol and key may still arrive, until then. Exchanges of the same key wait.
     void owe_reply(wire::MailboxType type, std::uint64_t key, Time until);
@@ -169,6 +172,7 @@ class MailboxChannel {
     struct FinalMessage {
         wire::MailboxType type{};
         std::uint8_t bytes = 0;
+        std::uint8_t drives = 0;  // whose writes it ends: see unfinished_drives_
         std::array<std::byte, kFinalBytes> octets{};
     };
     // Replies that may still arrive, of one protocol or several: owed_of().
@@ -188,6 +192,8 @@ class MailboxChannel {
 
     // channel_owed.cpp: late replies, and the messages that end operations early
     Task<Result<>> deliver(FinalMessage message);
+    void send_final(const FinalMessage& message);
+    void end_soe_writes(unsigned drives);
     [[nodiscard]] Owed& owed_of(wire::MailboxType type) { return owed_[owed_place(type)]; }
     [[nodiscard]] static std::size_t owed_place(wire::MailboxType type);
     Owed& owe(wire::MailboxType type, std::uint64_t key, std::uint8_t mails, Time until);
@@ -283,6 +289,7 @@ class MailboxChannel {
     std::uint8_t first_packets_ = 0;
     bool missed_ = false;    // a frame with mail may have been lost, and no mail has come since
     std::uint8_t activate_ = 0;
+    std::uint8_t unfinished_drives_ = 0;  // a bit for each drive that has not been told that its SoE write has ended
     std::uint16_t busy_types_ = 0;
 
     StationAddress address_;
