@@ -31,8 +31,7 @@ MailboxChannel::Owed& MailboxChannel::owe(wire::MailboxType type, std::uint64_t 
                 .type = type,
                 .fences = owed.fences,
                 .questions = owed.questions,
-                .spare = owed.spare,
-                .silent = owed.silent};
+                .spare = owed.spare};
     if (type == wire::MailboxType::coe) owed.questions |= question_bit(key);
     if (owed.key != key) owed.key = mail_key::kAny;
     if (owed.type != type) owed.type = wire::MailboxType::error;
@@ -61,7 +60,13 @@ void MailboxChannel::owe_answer_to(const MailExchange& exchange) {
     late_until_ = now() + mail_timing::kOwedPatience;
     const Time most = options.distinct ? late_until_ : std::max(late_until_, exchange.wanted_until_);
     Owed& owed = owe(exchange.type_, options.key, options.mails, most);
-    owed.lasts |= is_in_order(exchange);
+    make_last(owed, exchange);
+}
+
+void MailboxChannel::make_last(Owed& owed, const MailExchange& exchange) {
+    if (!is_in_order(exchange)) return;
+    owed.lasts = true;
+    if (exchange.type_ == wire::MailboxType::foe && owed.files != UINT8_MAX) ++owed.files;
 }
 
 bool MailboxChannel::must_wait(const MailExchange& exchange) const {
@@ -78,11 +83,10 @@ bool MailboxChannel::is_owed() const {
 }
 
 bool MailboxChannel::is_doubtful(std::uint64_t key) const {
-    const bool foe = mail_key::kind_of(key) == mail_key::Kind::foe;
-    const Owed& owed = owed_[owed_place(foe ? wire::MailboxType::foe : wire::MailboxType::coe)];
+    const Owed& owed = owed_[0];
     const bool alike = owed.key == key || owed.key == mail_key::kAny || key == mail_key::kAny;
     const unsigned like = key == mail_key::kAny ? UINT8_MAX : question_bit(key);
-    const bool asked = !foe && (owed.questions & like) != 0;
+    const bool asked = (owed.questions & like) != 0;
     return key != 0 && ((owed.mails != 0 && owed.lasts && alike) || asked);
 }
 
@@ -168,15 +172,18 @@ bool is_spare_question(const wire::MailboxMessage& mail) {
            coe::SdoLayout::subindex::load(mail.data) > 1;
 }
 
+bool is_first_packet(const wire::MailboxMessage& mail) {
+    namespace foe = wire::foe;
+    return mail.header.type == wire::MailboxType::foe && mail.data.size() >= foe::kHeaderBytes &&
+           foe::Layout::opcode::load(mail.data) == foe::Opcode::data &&
+           foe::Layout::packet_number::load(mail.data) == 1;
+}
+
 }  // namespace
 
 // Mail that nobody has taken: most likely the late reply, if it is of its protocol.
 void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
-    namespace foe = wire::foe;
     Owed& owed = owed_of(mail.header.type);
-    if (mail.header.type == wire::MailboxType::foe && mail.data.size() >= foe::kHeaderBytes &&
-        foe::Layout::opcode::load(mail.data) == foe::Opcode::data && foe::Layout::packet_number::load(mail.data) == 1)
-        ++first_packets_;
     if (mail.header.type == wire::MailboxType::coe) {
         bool of_question = is_spare_question(mail);
         for (const std::uint64_t key : kQuestions)
@@ -190,6 +197,7 @@ void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
     if (owed.mails == 0 || owed.mails == MailExchange::kManyMails || owed.type != mail.header.type) return;
     if (!can_answer(owed.key, mail)) return;
     --owed.mails;
+    if (owed.files != 0 && is_first_packet(mail)) --owed.files;
     if (!is_owed()) late_until_ = Time::min();
 }
 
@@ -202,7 +210,7 @@ void MailboxChannel::note_answered(const MailExchange& exchange) {
     const bool foe = exchange.type_ == wire::MailboxType::foe;
     const bool pdo = mail_key::kind_of(exchange.options_.key) == mail_key::Kind::tx_pdo;
     if (!(coe && !pdo) && !(foe && exchange.options_.distinct)) return;
-    if (Owed& owed = owed_of(exchange.type_); owed.lasts) owed.mails = owed.questions = 0;
+    if (Owed& owed = owed_of(exchange.type_); owed.lasts) owed.mails = owed.questions = owed.files = 0;
 }
 
 // ------------------------------------------------------------------ messages that end operations

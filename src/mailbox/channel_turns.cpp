@@ -171,6 +171,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     counts_ = true;
     in_counter_ = out_counter_ = 0;
     silent_looks_ = 0;
+    silent_ = false;
     unfinished_drives_ = 0;
     // Mail from before, for example to another master, is fetched before the first message is sent.
     glance_ = true;
