@@ -172,6 +172,14 @@ bool is_spare_question(const wire::MailboxMessage& mail) {
            coe::SdoLayout::subindex::load(mail.data) > 1;
 }
 
+// See end_soe_writes(). The mail has been checked by can_answer().
+bool is_answer_to_end(const wire::MailboxMessage& mail) {
+    namespace soe = wire::soe;
+    if (mail.header.type != wire::MailboxType::soe) return false;
+    const auto header = soe::load_header(mail.data);
+    return header.opcode == soe::Opcode::write_response && header.number == 0;
+}
+
 bool is_first_packet(const wire::MailboxMessage& mail) {
     namespace foe = wire::foe;
     return mail.header.type == wire::MailboxType::foe && mail.data.size() >= foe::kHeaderBytes &&
@@ -196,7 +204,8 @@ void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
     }
     if (owed.mails == 0 || owed.mails == MailExchange::kManyMails || owed.type != mail.header.type) return;
     if (!can_answer(owed.key, mail)) return;
-    --owed.mails;
+    // The slave has answered all that came before the end of the write.
+    owed.mails = is_answer_to_end(mail) ? std::uint8_t{0} : static_cast<std::uint8_t>(owed.mails - 1);
     if (owed.files != 0 && is_first_packet(mail)) --owed.files;
     if (!is_owed()) late_until_ = Time::min();
 }
