@@ -1,4 +1,5 @@
 // describe() for an Error: writes it as a sentence.
+#include "argument_text.hpp"
 #include "util/text_writer.hpp"
 #include "wire/al_status_code.hpp"
 #include "wire/aoe.hpp"
@@ -13,6 +14,7 @@
 #include <margay/al_state.hpp>
 #include <margay/configuration.hpp>
 #include <margay/error.hpp>
+#include <margay/mailbox_type.hpp>
 
 #include <array>
 #include <iterator>
@@ -42,8 +44,27 @@ void write_parameter(TextWriter& out, const Error& e) {
     out << to_text(Idn{e.index}, idn) << ", drive " << e.subindex;
 }
 
+// The error of a command that is a message: it has no index, and the type in place of the subindex.
+bool is_message(const Error& e) {
+    const auto type = static_cast<MailboxType>(e.subindex);
+    if (e.index != 0 || (type != MailboxType::aoe && type != MailboxType::eoe)) return false;
+    switch (e.code) {
+        case Errc::sdo_abort: return false;
+        case Errc::aoe_error:
+        case Errc::aoe_result:
+        case Errc::eoe_error:
+        case Errc::mailbox_error: return true;
+        default: return e.detail == 0;
+    }
+}
+
 void write_command(TextWriter& out, const Error& e) {
     const bool by_soe = e.code == Errc::soe_error || e.code == Errc::command_failed;
+    if (!by_soe && is_message(e)) {
+        out << " (no. " << unsigned{e.place} << ", "
+            << (static_cast<MailboxType>(e.subindex) == MailboxType::aoe ? "AoE" : "EoE") << " message)";
+        return;
+    }
     if (by_soe || (e.code != Errc::sdo_abort && e.detail == Error::kParameterCommand)) {
         out << " (no. " << unsigned{e.place} << ", ";
         write_parameter(out, e);
@@ -175,80 +196,6 @@ std::string_view capacity_text(const Error& e) {
         case Step::configure_clocks: return "Limits::clocks is false";
         default: return "Limits::tasks";
     }
-}
-
-// The name of an argument in the API, and the values that it may have.
-std::string_view argument_text(Argument argument) {
-    switch (argument) {
-        case Argument::unknown: break;
-        case Argument::limit_slaves: return "Limits::slaves";
-        case Argument::limit_frames: return "Limits::frames";
-        case Argument::limit_groups: return "Limits::groups";
-        case Argument::limit_process_frames: return "Limits::process_frames";
-        case Argument::link_frame_timeout: return "LinkSettings::frame_timeout must be above zero";
-        case Argument::link_queue_timeout: return "LinkSettings::queue_timeout must be above zero";
-        case Argument::link_sendings: return "LinkSettings::sendings must be at least 1";
-        case Argument::priority: return "the priority must be 0 to 3";
-        case Argument::timeout: return "the timeout must not be negative";
-        case Argument::period: return "the period must be above zero";
-        case Argument::reply_timeout: return "the reply timeout must not be negative";
-        case Argument::interval: return "an interval must be above zero (line_interval: zero or more)";
-        case Argument::look_every: return "the interval of looks for mail must not be negative (zero: no looks)";
-        case Argument::state: return "the state must be INIT, PREOP, SAFEOP or OP";
-        case Argument::work: return "there is no work function";
-        case Argument::sii_words: return "beyond the end of the EEPROM";
-        case Argument::sii_size:
-            return "the SII is read and written in words, the data must have an even number of octets, at least 2";
-        case Argument::register_octets: return "1 to 1486 octets, and none beyond register 0xffff";
-        case Argument::complete_access: return "a complete access begins at subindex 0 or 1";
-        case Argument::soe_drive: return "a slave has drives 0 to 7";
-        case Argument::mail_type: return "the mailbox protocol must be 1 to 15";
-        case Argument::mail_size: return "the mailbox message";
-        case Argument::mail_listener: return "the object does not listen, call listen()";
-        case Argument::aoe_size: return "the length in the AoE command";
-        case Argument::eoe_filter: return "an address filter has at most 15 addresses and 3 masks";
-        case Argument::eoe_port_memory: return "the memory of the EoePort has no room for one frame in each direction";
-        case Argument::highest: return "SlaveConfiguration::highest must be PREOP, SAFEOP or OP";
-        case Argument::watchdog_time: return "process_data_watchdog must be at most 65535 units of the divider";
-        case Argument::sync_manager_count: return "SlaveConfiguration::sm_count must be at most 8";
-        case Argument::sync_manager_direction: return "ProcessSm::direction is no Direction";
-        case Argument::sync_manager_of_mailbox:
-            return "SlaveConfiguration::sms names a SyncManager of the slave's mailbox";
-        case Argument::configuration_source: return "SlaveConfiguration::source is no ConfigurationSource";
-        case Argument::sync_manager_twice: return "SlaveConfiguration::sms has this SyncManager twice";
-        case Argument::pdi_watchdog: return "SlaveTimes::pdi_watchdog must be zero to 65535 units of the divider";
-        case Argument::state_time: return "the times of SlaveTimes must not be negative";
-        case Argument::mailbox_time: return "SlaveTimes::mailbox must not be negative";
-        case Argument::command_transition: return "has no transition, or an unknown one";
-        case Argument::command_kind: return "the kind or the moment of a start-up command is no known one";
-        case Argument::command_time: return "the timeout of a start-up command must not be negative";
-        case Argument::command_value:
-            return "the value of the start-up command has a size that the command cannot have";
-        case Argument::image_start:
-            return "GroupConfiguration::start: the image overlaps another one, or ends above 0xffffffff";
-        case Argument::packing: return "GroupConfiguration::packing is no Packing";
-        case Argument::lost_inputs: return "GroupConfiguration::lost_inputs is no LostInputs";
-        case Argument::cycles_in_flight: return "GroupConfiguration::cycles_in_flight must be 1 to 4";
-        case Argument::reserve_bytes: return "GroupConfiguration::reserve_bytes leaves no space in the frame";
-        case Argument::dc_reference: return "GroupConfiguration::dc_reference is a slave without a DC clock";
-        case Argument::copy:
-            return "GroupConfiguration::copies: at least 1 bit, and only bits of the slave's data in this group";
-        case Argument::entry_handle: return "GroupConfiguration::entries has a null pointer";
-        case Argument::empty_group: return "no slave has this group in SlaveConfiguration::group";
-        case Argument::sync_cycle: return "a SYNC cycle must be 0 to 4.29 s";
-        case Argument::clock_settings:
-            return "ClockSettings: measurements and burst_bulk at least 1, times not negative, cycle above zero";
-        case Argument::file_name: return "the name of the file does not fit the mailbox of the slave";
-        case Argument::file_time: return "answer_timeout and busy_timeout must be above zero";
-        case Argument::sync_grid: return "ClockSettings::start_grid must be a whole multiple of the SYNC cycle";
-        case Argument::aoe_time: return "a time of a notification must be 0 to 429 s";
-        case Argument::image_place:
-            return "SlaveSetup::place overlaps the data of another slave, or begins within an octet";
-        case Argument::sdo_stream: return "there is no source or sink, or the size has more than 32 bits";
-        case Argument::second_nic: return "the second NIC is the first one: a ring needs two";
-        case Argument::sync_start: return "ClockSettings::start_time has returned a time that has passed";
-    }
-    return {};
 }
 
 void write_argument(TextWriter& out, const Error& e) {

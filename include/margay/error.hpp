@@ -241,7 +241,8 @@ struct Error {
     std::uint16_t slave = 0;    // the first slave is 1; 0: the segment as a whole
     std::uint16_t index = 0;    // register address, SII word address (bits 0 to 15), object index or IDN, depending on
                                 // the step
-    std::uint8_t subindex = 0;  // subindex, or number of the drive; of an SII word address: bits 16 to 23
+    std::uint8_t subindex = 0;  // subindex, or number of the drive; of an SII word address: bits 16 to 23; of a
+                                // start-up command without index: the MailboxType of its message
     std::uint8_t place = 0;    // number of a start-up command in its list, the first is 1; of an SII word address: bits
                                // 24 to 31
     std::uint32_t detail = 0;  // AL status code, abort code, mailbox error detail, SoE or FoE error code; k…Command
@@ -333,18 +334,19 @@ enum class Argument : std::uint8_t {
     dc_reference,
     copy,  // SlaveToSlave
     entry_handle,
-    empty_group,     // no slave belongs to the group
-    sync_cycle,      // members of SyncSettings
-    clock_settings,  // members of ClockSettings
-    file_name,       // the name of a file does not fit the mailbox
-    file_time,       // a time of a FoeRequest
-    sync_grid,       // ClockSettings::start_grid is no whole multiple of the cycle of the SYNC signals
-    sync_start,      // ClockSettings::start_time has returned a time that has passed
-    aoe_time,        // a time of an AoeAddNotification
-    second_nic,      // the second NIC of init_redundant() is the first one
-    image_place,     // SlaveSetup::place: it overlaps other data, or begins within an octet where that is not possible
-    sdo_stream,      // an SdoStream without source or sink, or a size that CoE cannot announce
-    look_every,      // MailListener::look_every, or the interval of watch_mailboxes()
+    empty_group,      // no slave belongs to the group
+    sync_cycle,       // members of SyncSettings
+    clock_settings,   // members of ClockSettings
+    file_name,        // the name of a file does not fit the mailbox
+    file_time,        // a time of a FoeRequest
+    sync_grid,        // ClockSettings::start_grid is no whole multiple of the cycle of the SYNC signals
+    sync_start,       // ClockSettings::start_time has returned a time that has passed
+    aoe_time,         // a time of an AoeAddNotification
+    second_nic,       // the second NIC of init_redundant() is the first one
+    image_place,      // SlaveSetup::place: it overlaps other data, or begins within an octet where that is not possible
+    sdo_stream,       // an SdoStream without source or sink, or a size that CoE cannot announce
+    look_every,       // MailListener::look_every, or the interval of watch_mailboxes()
+    command_message,  // the message of a StartupCommand
 };
 
 // Errc::cabling: what is wrong with the cables of two NICs.

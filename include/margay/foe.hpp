@@ -14,13 +14,15 @@
 // After a timeout, cancel() or a silence of the slave, the slave may still answer, and the answers of FoE do not name
 // their file. So the next transfer of this slave begins when the late answer has come, or when it cannot come any more:
 // the slave has taken the error message that ends the transfer, 100 ms have passed since, and after cancel() or a
-// silence before the first answer also the `answer_timeout` of that request. Three cases are not covered: a slave that
-// keeps messages in a queue and answers a read more than 100 ms after its timeout; a slave that works on several
+// silence before the first answer also the `answer_timeout` of that request. Three slaves may answer even later: one
+// that keeps messages in a queue and answers a read more than 100 ms after its timeout; one that works on several
 // protocols at a time, whose mailbox error (which names no message) ends a read that the slave answers more than 100 ms
-// later; and any slave that answers more than 9 s after the timeout. Then the library uses the late packet as the first
-// packet of the next file that is read. A file of several packets ends with Errc::protocol when the first packet comes
-// a second time. A file of one packet is returned as the requested file. So set an `answer_timeout` that is longer than
-// such a slave needs.
+// later; and any slave that answers more than 9 s after the timeout. As long as such an answer may come, the first
+// packet of a file may be that of the earlier file. So a file of one packet is then read again, as often as answers may
+// be late: the slave answers in order, so the last of these answers belongs to the file. A file of several packets ends
+// with Errc::protocol when the late packet was taken for its first one, and an error of the slave that comes late is
+// reported as that of the next transfer; both may be tried again. Set an `answer_timeout` that is longer than such a
+// slave needs.
 //
 // Most slaves accept firmware in BOOT only: bring the slave to BOOT before (StateRequest, or set_target() while a
 // supervision is busy), and to INIT afterwards.

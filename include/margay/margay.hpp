@@ -33,6 +33,7 @@
 #include <margay/shared_image.hpp>
 #include <margay/sii.hpp>
 #include <margay/soe.hpp>
+#include <margay/startup_mail.hpp>
 #include <margay/supervision.hpp>
 #include <margay/voe.hpp>
 

@@ -12,6 +12,8 @@
 //     static constexpr margay::SlaveSetup kSetup{.startup = kStartup};
 //     ctx.slave(1).config.setup = &kSetup;
 //
+// startup_mail.hpp: commands of AoE and EoE.
+//
 // Commands of IP that are set or changed after config_init() are executed by config_map(): it brings the slave to INIT
 // and starts it again. With the configuration set by expect() they are executed by config_init() already.
 #pragma once
@@ -60,6 +62,10 @@ enum class Transition : std::uint16_t {
 // When a command or hook is executed: before the library requests the state, or after the slave has reached it.
 enum class Moment : std::uint8_t { before, after };
 
+namespace detail {
+struct StartupMail;
+}
+
 struct StartupCommand {
     enum class Kind : std::uint8_t {
         write_register,  // ESC registers or memory, addressed by station address
@@ -69,6 +75,8 @@ struct StartupCommand {
         write_object,       // SDO download
         write_parameter,    // SoE write of a value: `index` is the IDN, `subindex` the number of the drive
         execute_parameter,  // SoE procedure command, until it has been executed; `timeout` is for the whole of it
+        send_aoe,           // AoE command that writes, and
+        send_eoe,           // EoE request that sets parameters: `data` is the message, see startup_mail.hpp
     };
 
     Kind kind = Kind::write_register;
@@ -87,7 +95,10 @@ struct StartupCommand {
     std::array<std::byte, 8> value{};  // in the order of the wire, little-endian
     std::array<std::byte, 8> mask{};   // of check_register: the bits of the value that are compared
     Borrowed<std::byte> data{};        // for longer values, instead of `value`. The caller's memory
-    Duration timeout{0};               // zero: SlaveTimes::mailbox for an object, one reading for a register
+    Duration timeout{0};               // zero: SlaveTimes::mailbox for mail, one reading for a register
+    // Of send_aoe and send_eoe, set by the functions of the same names: a program links only the protocols that it
+    // uses.
+    const detail::StartupMail* mail = nullptr;
 
     // Copies of the command: executed after the state is reached; allowed to fail; with another timeout.
     [[nodiscard]] constexpr StartupCommand afterwards() const {

@@ -1,6 +1,8 @@
 // The requests for AoE commands.
 #include "mailbox/aoe.hpp"
 
+#include <margay/aoe.hpp>
+
 #include "api/mail.hpp"
 
 namespace margay {
@@ -130,10 +132,15 @@ Task<Result<>> execute(Network& network, AoeRequest& r, AoeCall call, Outcome ou
     std::array<std::byte, wire::aoe::kDeviceInfoBytes> fixed{};
     if (outcome.store != nullptr) call.into = MutableBytes(fixed).first(outcome.fixed_bytes);
     r.error_code = r.result_code = 0;
+    call.target = r.target;
+    call.source = r.source;
     const MailPatience patience = patience_of(r);
-    auto done = co_await aoe_call(channel_of(network, r), call, r, RequestAccess::ticket(r), patience);
+    auto done = co_await aoe_call(channel_of(network, r), call, RequestAccess::ticket(r), patience);
+    const Error& error = done.error();
+    if (error.code == Errc::aoe_error) r.error_code = error.detail;
+    if (error.code == Errc::aoe_result) r.result_code = error.detail;
     if (outcome.bytes != nullptr) *outcome.bytes = done ? *done : std::size_t{0};
-    if (!done) co_return done.error();
+    if (!done) co_return error;
     if (outcome.store != nullptr) outcome.store(r, fixed);
     co_return Nothing{};
 }

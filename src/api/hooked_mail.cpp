@@ -1,8 +1,9 @@
 // The functions of HookedSlave for mailbox messages and AoE.
 #include "api/hooked.hpp"
 #include "api/mail.hpp"
-#include "mailbox/aoe.hpp"
 #include "mailbox/raw_mail.hpp"
+
+#include <margay/aoe.hpp>
 
 namespace margay {
 namespace {

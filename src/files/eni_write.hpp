@@ -28,9 +28,9 @@ struct SlaveRegisters {
 [[nodiscard]] std::vector<std::string> write_hot_connect(Node node, Context& ctx, const Slave& slave);
 // The start-up commands by mailbox, the modules, and the PDOs that are written. Reads the list of configured modules.
 void write_mail_commands(Node mailbox, Context& ctx, const Slave& slave);
-// The messages of an ENI that send_mail() sends.
-void write_eoe_commands(Node mailbox, const Slave& slave);
-void write_aoe_commands(Node mailbox, const Slave& slave);
+// The start-up commands of EoE or AoE in their element, `name`.
+void write_message_commands(Node mailbox, const char* name, StartupCommand::Kind kind,
+                            std::span<const StartupCommand> commands);
 void write_transitions(Node command, Transition transitions);
 // Reads the SII up to its end mark; returns an error in words.
 [[nodiscard]] std::string read_sii_image(Context& ctx, std::uint16_t slave, std::vector<std::byte>& image);

@@ -236,7 +236,7 @@ void write_mail_commands(Node mailbox, Context& ctx, const Slave& slave) {
     Node inits = add(coe, "InitCmds");
     module_commands(inits, ctx, slave);
     if (!slave.config.fixed_pdos) pdo_commands(inits, slave);
-    write_eoe_commands(mailbox, slave);
+    write_message_commands(mailbox, "EoE", StartupCommand::Kind::send_eoe, slave.config.startup());
     Node soe = add(mailbox, "SoE");
     Node parameters = add(soe, "InitCmds");
     for (const StartupCommand& one : slave.config.startup()) {
@@ -252,7 +252,7 @@ void write_mail_commands(Node mailbox, Context& ctx, const Slave& slave) {
         add(node, "IDN", std::uint64_t{one.index});
         add(node, "Data", hex_octets(one.octets()));
     }
-    write_aoe_commands(mailbox, slave);
+    write_message_commands(mailbox, "AoE", StartupCommand::Kind::send_aoe, slave.config.startup());
     if (!inits.first_child()) coe.remove_child(inits);
     if (!coe.first_child()) mailbox.remove_child(coe);
     if (!parameters.first_child()) mailbox.remove_child(soe);

@@ -2,10 +2,12 @@
 #include <margay/files/esi.hpp>
 #include <margay/host_configuration.hpp>
 
+#include "files/mail_commands.hpp"
 #include "files/modules.hpp"
 #include "files/xml.hpp"
 
 #include <algorithm>
+#include <deque>
 
 namespace margay::files {
 namespace {
@@ -176,8 +178,25 @@ class Configurator {
         commands_.push_back(write_object(kWhen, kConfiguredModules, 0, static_cast<std::uint8_t>(idents.size())));
     }
 
+    void add_message(const EsiCommand& one) {
+        if (const char* const why = not_sent(one); why != nullptr) {
+            result_.remarks.push_back(why);
+            return;
+        }
+        if (one.protocol == mailbox_protocol::kAoE) {
+            commands_.push_back(send_aoe(one.transitions, std::span<const std::byte>(one.data)));
+            return;
+        }
+        messages_.push_back(*eoe_message(one.data, one.index));
+        commands_.push_back(send_eoe(one.transitions, std::span<const std::byte>(messages_.back())));
+    }
+
     void add_commands(const std::vector<EsiCommand>& list, std::uint32_t slot) {
         for (const EsiCommand& one : list) {
+            if (one.protocol == mailbox_protocol::kAoE || one.protocol == mailbox_protocol::kEoE) {
+                add_message(one);
+                continue;
+            }
             const std::uint64_t by =
                 one.depends_on_slot && device_.slots ? slot * std::uint64_t{device_.slots->index_increment} : 0;
             const std::uint16_t index = moved(one.index, by);
@@ -228,6 +247,7 @@ class Configurator {
     const EsiChoice& choice_;
     EsiConfiguration result_;
     std::vector<StartupCommand> commands_;
+    std::deque<std::vector<std::byte>> messages_;  // of EoE
     std::vector<std::vector<PdoEntry>> entries_;
     std::vector<std::vector<Pdo>> pdos_;
     std::vector<SmPdos> lists_;

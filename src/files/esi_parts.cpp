@@ -1,6 +1,7 @@
 // The parts of a device in an ESI file: PDOs, mailbox, operation modes, EEPROM, slots and modules.
 #include "files/esi_read.hpp"
 
+#include "files/mail_commands.hpp"
 #include "files/transitions.hpp"
 
 #include <algorithm>
@@ -33,17 +34,31 @@ constexpr Flag kCoeFlags[] = {{"SdoInfo", coe_detail::kSdoInformation},
                               {"PdoUpload", coe_detail::kUploadAtStartup},
                               {"CompleteAccess", coe_detail::kCompleteAccess}};
 
+// What the command writes to.
+void read_place(Reader& r, Node node, EsiCommand& command) {
+    switch (command.protocol) {
+        case mailbox_protocol::kCoE:
+            command.index = r.required<std::uint16_t>(node, "Index");
+            command.subindex = r.number<std::uint8_t>(child(node, "SubIndex"));
+            command.complete_access = r.boolean(attribute(node, "CompleteAccess"));
+            command.depends_on_slot = depends_on_slot(r, node.child("Index"));
+            break;
+        case mailbox_protocol::kSoE:
+            command.index = r.required<std::uint16_t>(node, "IDN");
+            command.subindex = r.number<std::uint8_t>(attribute(node, "Chn"));
+            break;
+        case mailbox_protocol::kEoE: command.index = r.number<std::uint8_t>(child(node, "Type")); break;
+        default: break;
+    }
+}
+
 void read_commands(Reader& r, Node protocol, std::uint16_t kind, std::vector<EsiCommand>& into) {
     for (const Node node : protocol.children("InitCmd")) {
         EsiCommand command{.protocol = kind};
         command.transitions = read_transitions(r, node);
-        const bool soe = kind == mailbox_protocol::kSoE;
-        command.index = r.required<std::uint16_t>(node, soe ? "IDN" : "Index");
-        command.subindex =
-            soe ? r.number<std::uint8_t>(attribute(node, "Chn")) : r.number<std::uint8_t>(child(node, "SubIndex"));
-        command.complete_access = !soe && r.boolean(attribute(node, "CompleteAccess"));
-        command.depends_on_slot = depends_on_slot(r, node.child("Index"));
+        read_place(r, node, command);
         command.data = r.octets(child(node, "Data"));
+        if (const char* const why = not_sent(command); why != nullptr) r.remark(node, why);
         command.comment = english(node, "Comment");
         if (attribute(node.child("Data"), "AdaptAutomatically").there)
             r.remark(node, "AdaptAutomatically is not done: the value of the file is written");
@@ -157,7 +172,7 @@ EsiMailbox read_esi_mailbox(Reader& r, Node node) {
         const Node protocol = node.child(name);
         if (!protocol) continue;
         mailbox.protocols |= bit;
-        if (bit == mailbox_protocol::kCoE || bit == mailbox_protocol::kSoE)
+        if (bit != mailbox_protocol::kFoE && bit != mailbox_protocol::kVoE)
             read_commands(r, protocol, bit, mailbox.commands);
         else if (protocol.child("InitCmd"))
             r.remark(protocol.child("InitCmd"), std::string("start-up commands of ") + name + " are not supported");

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace margay::files {
 namespace {
@@ -166,7 +167,9 @@ void write_commands(Node protocol, const std::vector<EsiCommand>& commands, std:
             if (contains(command.transitions, one)) add(node, "Transition", std::string(initials(one)));
         if (soe) {
             add(node, "IDN", std::uint64_t{command.index});
-        } else {
+        } else if (kind == mailbox_protocol::kEoE) {
+            if (command.index != 0) add(node, "Type", std::uint64_t{command.index});
+        } else if (kind == mailbox_protocol::kCoE) {
             write_index(node, command.index, command.depends_on_slot);
             add(node, "SubIndex", std::uint64_t{command.subindex});
         }
@@ -175,12 +178,23 @@ void write_commands(Node protocol, const std::vector<EsiCommand>& commands, std:
     }
 }
 
+// In the order of the schema.
+void write_module_commands(Node mailbox, const std::vector<EsiCommand>& commands) {
+    static constexpr std::pair<const char*, std::uint16_t> kProtocols[] = {{"AoE", mailbox_protocol::kAoE},
+                                                                           {"EoE", mailbox_protocol::kEoE},
+                                                                           {"CoE", mailbox_protocol::kCoE},
+                                                                           {"SoE", mailbox_protocol::kSoE}};
+    for (const auto& [name, bit] : kProtocols)
+        if (std::ranges::find(commands, bit, &EsiCommand::protocol) != commands.end())
+            write_commands(add(mailbox, name), commands, bit);
+}
+
 void write_mailbox(Node device, const EsiMailbox& m) {
     Node mailbox = add(device, "Mailbox");
     if (m.data_link_layer) set(mailbox, "DataLinkLayer", true);
     const auto has = [&](std::uint16_t bit) { return (m.protocols & bit) != 0; };
-    if (has(mailbox_protocol::kAoE)) add(mailbox, "AoE");
-    if (has(mailbox_protocol::kEoE)) add(mailbox, "EoE");
+    if (has(mailbox_protocol::kAoE)) write_commands(add(mailbox, "AoE"), m.commands, mailbox_protocol::kAoE);
+    if (has(mailbox_protocol::kEoE)) write_commands(add(mailbox, "EoE"), m.commands, mailbox_protocol::kEoE);
     if (has(mailbox_protocol::kCoE)) {
         Node coe = add(mailbox, "CoE");
         set(coe, "SdoInfo", (m.coe_details & coe_detail::kSdoInformation) != 0);
@@ -318,8 +332,7 @@ Written write_esi(const EsiFile& esi) {
             if (!m.module_class.empty()) set(type, "ModuleClass", printable(m.module_class));
             named(module, "Name", m.name);
             write_pdos(module, m.pdos);
-            if (!m.commands.empty())
-                write_commands(add(add(module, "Mailbox"), "CoE"), m.commands, mailbox_protocol::kCoE);
+            if (!m.commands.empty()) write_module_commands(add(module, "Mailbox"), m.commands);
         }
     }
     return {.text = to_string(document)};

@@ -9,8 +9,8 @@ namespace aoe = wire::aoe;
 std::size_t AoeClient::compose(MutableBytes data) {
     const std::size_t bytes = call_.head_bytes + call_.data.size();
     if (data.size() < aoe::kHeaderBytes + bytes) return 0;
-    aoe::store_header(data, {.target = request_.target,
-                             .source = request_.source,
+    aoe::store_header(data, {.target = call_.target,
+                             .source = call_.source,
                              .command = call_.command,
                              .data_bytes = static_cast<std::uint32_t>(bytes),
                              .invoke_id = invoke_id_});
@@ -25,7 +25,6 @@ MailClient::Taken AoeClient::accept(const wire::MailboxMessage& mail) {
     const auto header = aoe::load_header(mail.data);
     const bool response = (header.flags & aoe::state_flag::kResponse) != 0;
     if (!response || header.command != call_.command || header.invoke_id != invoke_id_) return Taken::no;
-    request_.error_code = header.error_code;
     const auto data = mail.data.subspan(aoe::kHeaderBytes);
     if (header.error_code != 0)
         error_ = refusal(Errc::aoe_error, header.error_code);
@@ -49,8 +48,7 @@ Error AoeClient::refusal(Errc code, std::uint32_t detail) const {
 
 Error AoeClient::take(Bytes response) {
     if (response.size() < aoe::kResultBytes) return {.code = Errc::protocol};
-    request_.result_code = load_le<std::uint32_t>(response);
-    if (request_.result_code != 0) return refusal(Errc::aoe_result, request_.result_code);
+    if (const auto result = load_le<std::uint32_t>(response); result != 0) return refusal(Errc::aoe_result, result);
     Bytes octets = response.subspan(aoe::kResultBytes);
     if (call_.counted) {
         if (octets.size() < sizeof(std::uint32_t)) return {.code = Errc::protocol};
@@ -80,9 +78,9 @@ bool only_reads(aoe::Command command) {
 
 }  // namespace
 
-Task<Result<std::size_t>> aoe_call(MailboxChannel& channel, const AoeCall& call, AoeRequest& request,
-                                   std::uint32_t invoke_id, const MailPatience& patience) {
-    AoeClient client(call, request, invoke_id);
+Task<Result<std::size_t>> aoe_call(MailboxChannel& channel, const AoeCall& call, std::uint32_t invoke_id,
+                                   const MailPatience& patience) {
+    AoeClient client(call, invoke_id);
     Error failed;
     for (unsigned left = only_reads(call.command) ? kMostAskedAgain + 1 : 1; left > 0; --left) {
         MailExchange exchange(channel, wire::MailboxType::aoe, client, {.patience = patience});

@@ -4,17 +4,17 @@
 #include "mailbox/channel.hpp"
 #include "wire/aoe.hpp"
 
-#include <margay/aoe.hpp>
-
 namespace margay {
 
-// One command. The data of the request is `head`, then `data`. The data of the response is the result, then, if
-// `counted`, the number of octets, then the octets, which go to `into`.
+// One command. The device answers to `source`. The data of the request is `head`, then `data`. The data of the response
+// is the result, then, if `counted`, the number of octets, then the octets, which go to `into`.
 struct AoeCall {
     wire::aoe::Command command{};
     Step step = Step::none;
     std::uint8_t head_bytes = 0;
     bool counted = false;
+    AoeAddress target{};
+    AoeAddress source{};
     std::array<std::byte, wire::aoe::kNotificationBytes> head{};
     Bytes data{};
     MutableBytes into{};
@@ -23,9 +23,8 @@ struct AoeCall {
 // The part of a command in its exchange, without bus and time.
 class AoeClient final : public MailClient {
   public:
-    // All arguments outlive the client.
-    AoeClient(const AoeCall& call, AoeRequest& request, std::uint32_t invoke_id)
-        : call_(call), request_(request), invoke_id_(invoke_id) {}
+    // `call` outlives the client.
+    AoeClient(const AoeCall& call, std::uint32_t invoke_id) : call_(call), invoke_id_(invoke_id) {}
     std::size_t compose(MutableBytes data) override;
     Taken accept(const wire::MailboxMessage& mail) override;
     // After Taken::all: the error of the answer. Slave and step are not set.
@@ -38,14 +37,14 @@ class AoeClient final : public MailClient {
     [[nodiscard]] Error refusal(Errc code, std::uint32_t detail) const;
 
     const AoeCall& call_;
-    AoeRequest& request_;
     std::uint32_t invoke_id_;
     std::size_t bytes_ = 0;
     Error error_;
 };
 
-// Executes the command and returns the number of octets in `call.into`. All arguments outlive the task.
-[[nodiscard]] Task<Result<std::size_t>> aoe_call(MailboxChannel& channel, const AoeCall& call, AoeRequest& request,
-                                                 std::uint32_t invoke_id, const MailPatience& patience);
+// Executes the command and returns the number of octets in `call.into`. `call` outlives the task. Errors: aoe_error
+// (detail: the code in the AoE header), aoe_result (detail: the result), protocol, capacity, timeout …
+[[nodiscard]] Task<Result<std::size_t>> aoe_call(MailboxChannel& channel, const AoeCall& call, std::uint32_t invoke_id,
+                                                 const MailPatience& patience);
 
 }  // namespace margay

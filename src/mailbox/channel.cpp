@@ -252,7 +252,7 @@ void MailboxChannel::left(MailExchange& exchange) {
     const bool first = exchange.state_ == MailExchange::State::queued;
     if (!exchange.options_.reply) {
         unanswered_until_ = now() + mail_timing::kOwedPatience;
-        owed_[0].silent = true;
+        silent_ = true;
         return finish(exchange, {});
     }
     if (first) {
@@ -367,7 +367,7 @@ void MailboxChannel::reply_is_lost() {
         if (&exchange == unsure_) continue;  // this message may not have arrived, and is sent again
         late_until_ = now() + mail_timing::kOwedPatience;
         Owed& owed = owe(exchange.type_, exchange.options_.key, exchange.options_.mails, late_until_);
-        owed.lasts |= is_in_order(exchange);
+        make_last(owed, exchange);
         finish(exchange, lost);
     }
 }

@@ -84,6 +84,9 @@ class MailboxChannel {
     // sequence the message is lost.
     static constexpr std::size_t kFinalBytes = 16;
     void send_final_message(wire::MailboxType type, Bytes data);
+    // Ends an SoE write of several mails of this drive that was given up before its last mail. A slave that is away is
+    // told when it is there again. The slave answers, and later writes of the drive wait for the answer.
+    void end_soe_write(std::uint8_t drive);
 
     // A reply of this protocol and key may still arrive, until then. Exchanges of the same key wait.
     void owe_reply(wire::MailboxType type, std::uint64_t key, Time until);
@@ -92,11 +95,11 @@ class MailboxChannel {
     void owe_second_reply(wire::MailboxType type, std::uint64_t key, Time begun) {
         owe_reply(type, key, now() + (now() - begun) + mail_timing::kOwedPatience);
     }
-    // A reply to an earlier CoE or FoE request may still arrive, and it would be taken for the reply to a request of
+    // A reply to an earlier CoE request may still arrive, and it would be taken for the reply to a request of
     // this key. It lasts until the slave has answered a later request, because it answers them in their order.
     [[nodiscard]] bool is_doubtful(std::uint64_t key) const;
-    // Counts the first packets of files that no exchange has taken.
-    [[nodiscard]] std::uint8_t first_packets() const { return first_packets_; }
+    // The same for files: to so many earlier requests.
+    [[nodiscard]] std::uint8_t late_files() const { return owed_[1].mails != 0 ? owed_[1].files : std::uint8_t{0}; }
     // The slave has not yet taken the message that ends an earlier CoE operation.
     [[nodiscard]] bool is_fenced() const { return owed_[0].fences != 0; }
     // Whether one reply of this key is owed, and no other one of CoE. Mail of any kind may be something else.
@@ -174,6 +177,7 @@ class MailboxChannel {
     struct FinalMessage {
         wire::MailboxType type{};
         std::uint8_t bytes = 0;
+        std::uint8_t drives = 0;  // whose writes it ends: see unfinished_drives_
         std::array<std::byte, kFinalBytes> octets{};
     };
     // Replies that may still arrive, of one protocol or several: owed_of().
@@ -187,12 +191,14 @@ class MailboxChannel {
         bool guessed = false;        // the exchange has ended by an error reply that may be that of another one
         std::uint8_t questions = 0;  // CoE: a bit for each object of kQuestions that an answer may still come for
         std::uint8_t spare = 1;      // CoE: the subindex of 0x1000 in the last question that is none of kQuestions
-        bool silent = false;         // [0]: a message without reply was sent since open(): it may be refused late
+        std::uint8_t files = 0;      // FoE: so many of the mails may be first packets of files: see late_files()
     };
     class Fence;
 
     // channel_owed.cpp: late replies, and the messages that end operations early
     Task<Result<>> deliver(FinalMessage message);
+    void send_final(const FinalMessage& message);
+    void end_soe_writes(unsigned drives);
     [[nodiscard]] Owed& owed_of(wire::MailboxType type) { return owed_[owed_place(type)]; }
     [[nodiscard]] static std::size_t owed_place(wire::MailboxType type);
     Owed& owe(wire::MailboxType type, std::uint64_t key, std::uint8_t mails, Time until);
@@ -206,6 +212,7 @@ class MailboxChannel {
         const bool foe = exchange.type_ == wire::MailboxType::foe && !exchange.options_.distinct;
         return exchange.options_.key != 0 && (foe || exchange.type_ == wire::MailboxType::coe);
     }
+    static void make_last(Owed& owed, const MailExchange& exchange);
     void note_late(const wire::MailboxMessage& mail);
     void note_answered(const MailExchange& exchange);
     // What the channel owes when the exchange, which was sent, ends without its reply.
@@ -253,6 +260,7 @@ class MailboxChannel {
     void dispatch(const wire::MailboxMessage& mail);
     [[nodiscard]] bool answers(const wire::MailboxMessage& mail, std::uint16_t to);
     void malformed(const wire::MailboxHeader& header);
+    void lose_parts();
     [[nodiscard]] bool answers_by_error(const wire::MailboxMessage& mail, std::uint16_t to);
     void error_reply(Bytes data);
     [[nodiscard]] Time now() const { return engine_->now(); }
@@ -270,6 +278,7 @@ class MailboxChannel {
 
     // Sending.
     bool resend_ = false;
+    bool silent_ = false;           // a message without reply was sent since open(): see unanswered_until_
     std::uint8_t out_counter_ = 0;  // of the last message that was sent
     std::uint8_t trial_counter_ = 0;
     Errc cut_by_ = Errc::mailbox_closed;
@@ -289,9 +298,9 @@ class MailboxChannel {
     bool counts_ = true;           // false: the slave sends mail with counter 0
     Repeated repeat_ = Repeated::no;
     bool repeated_ = false;  // the next mail may repeat the one received before
-    std::uint8_t first_packets_ = 0;
     bool missed_ = false;  // a frame with mail may have been lost, and no mail has come since
     std::uint8_t activate_ = 0;
+    std::uint8_t unfinished_drives_ = 0;  // a bit for each drive that has not been told that its SoE write has ended
     std::uint16_t busy_types_ = 0;
 
     StationAddress address_;
@@ -323,7 +332,7 @@ class MailboxChannel {
     Time lost_at_ = kNever;
     std::array<Owed, kOwedPlaces> owed_;
     Time late_until_ = Time::min();  // until then, the channel looks for mail of exchanges that were given up
-    // A message without reply was sent: until then an error reply may belong to it.
+    // A message without reply was sent: until then an error reply most likely belongs to it, and later it may.
     Time unanswered_until_ = Time::min();
     Time fetched_at_ = Time::min();
     Time real_look_at_ = Time::min();

@@ -29,17 +29,21 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     in_length_ = header.length;
     const auto mail = wire::load_mailbox_message(mailbox);
     if (!mail || mail->data.empty()) return malformed(header);
-    // What is lost may have been a part of an answer of several mails: they are asked for again.
-    for (MailTurn* turn = may_skip ? awaiting_.front() : nullptr; turn != nullptr;) {
+    if (may_skip) lose_parts();
+    dispatch(*mail);
+    // What is lost may have been the reply that is still waited for.
+    if (skips && !awaiting_.empty() && lost_at_ == kNever) lost_at_ = now() + mail_timing::kResendAfter;
+}
+
+// Mail is lost, and may have been a part of an answer of several mails: they are asked for again.
+void MailboxChannel::lose_parts() {
+    for (MailTurn* turn = awaiting_.front(); turn != nullptr;) {
         auto& exchange = static_cast<MailExchange&>(*turn);
         turn = awaiting_.after(*turn);
         if (!exchange.options_.in_parts || &exchange == unsure_) continue;
         owe_answer_to(exchange);
         finish(exchange, {.code = Errc::reply_lost, .step = Step::mailbox_receive, .slave = number_});
     }
-    dispatch(*mail);
-    // What is lost may have been the reply that is still waited for.
-    if (skips && !awaiting_.empty() && lost_at_ == kNever) lost_at_ = now() + mail_timing::kResendAfter;
 }
 
 void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
@@ -135,7 +139,7 @@ void MailboxChannel::error_reply(Bytes data) {
     }
     // A slave that works on several protocols at a time may mean another exchange, or one that was given up.
     const auto doubtful = [](const Owed& owed) { return owed.mails != 0 && owed.lasts; };
-    if (owed_[0].silent || awaiting_.after(oldest) != nullptr || std::ranges::any_of(owed_, doubtful)) {
+    if (silent_ || awaiting_.after(oldest) != nullptr || std::ranges::any_of(owed_, doubtful)) {
         owe_in_doubt(oldest);
     }
     finish(oldest, error_of(number_, data));

@@ -31,8 +31,7 @@ MailboxChannel::Owed& MailboxChannel::owe(wire::MailboxType type, std::uint64_t 
                 .type = type,
                 .fences = owed.fences,
                 .questions = owed.questions,
-                .spare = owed.spare,
-                .silent = owed.silent};
+                .spare = owed.spare};
     if (type == wire::MailboxType::coe) owed.questions |= question_bit(key);
     if (owed.key != key) owed.key = mail_key::kAny;
     if (owed.type != type) owed.type = wire::MailboxType::error;
@@ -61,7 +60,13 @@ void MailboxChannel::owe_answer_to(const MailExchange& exchange) {
     late_until_ = now() + mail_timing::kOwedPatience;
     const Time most = options.distinct ? late_until_ : std::max(late_until_, exchange.wanted_until_);
     Owed& owed = owe(exchange.type_, options.key, options.mails, most);
-    owed.lasts |= is_in_order(exchange);
+    make_last(owed, exchange);
+}
+
+void MailboxChannel::make_last(Owed& owed, const MailExchange& exchange) {
+    if (!is_in_order(exchange)) return;
+    owed.lasts = true;
+    if (exchange.type_ == wire::MailboxType::foe && owed.files != UINT8_MAX) ++owed.files;
 }
 
 // The exchange ends by mail that may not be its reply.
@@ -70,7 +75,7 @@ void MailboxChannel::owe_in_doubt(const MailExchange& exchange) {
     const bool alone = !is_current(owed, now()) || owed.guessed;
     owe_reply(exchange.type_, exchange.options_.key, now() + mail_timing::kOwedPatience);
     owed.guessed = alone;
-    owed.lasts |= is_in_order(exchange);
+    make_last(owed, exchange);
 }
 
 bool MailboxChannel::must_wait(const MailExchange& exchange) const {
@@ -87,11 +92,10 @@ bool MailboxChannel::is_owed() const {
 }
 
 bool MailboxChannel::is_doubtful(std::uint64_t key) const {
-    const bool foe = mail_key::kind_of(key) == mail_key::Kind::foe;
-    const Owed& owed = owed_[owed_place(foe ? wire::MailboxType::foe : wire::MailboxType::coe)];
+    const Owed& owed = owed_[0];
     const bool alike = owed.key == key || owed.key == mail_key::kAny || key == mail_key::kAny;
     const unsigned like = key == mail_key::kAny ? UINT8_MAX : question_bit(key);
-    const bool asked = !foe && (owed.questions & like) != 0;
+    const bool asked = (owed.questions & like) != 0;
     return key != 0 && ((owed.mails != 0 && owed.lasts && alike) || asked);
 }
 
@@ -177,15 +181,26 @@ bool is_spare_question(const wire::MailboxMessage& mail) {
            coe::SdoLayout::subindex::load(mail.data) > 1;
 }
 
+// See end_soe_writes(). The mail has been checked by can_answer().
+bool is_answer_to_end(const wire::MailboxMessage& mail) {
+    namespace soe = wire::soe;
+    if (mail.header.type != wire::MailboxType::soe) return false;
+    const auto header = soe::load_header(mail.data);
+    return header.opcode == soe::Opcode::write_response && header.number == 0;
+}
+
+bool is_first_packet(const wire::MailboxMessage& mail) {
+    namespace foe = wire::foe;
+    return mail.header.type == wire::MailboxType::foe && mail.data.size() >= foe::kHeaderBytes &&
+           foe::Layout::opcode::load(mail.data) == foe::Opcode::data &&
+           foe::Layout::packet_number::load(mail.data) == 1;
+}
+
 }  // namespace
 
 // Mail that nobody has taken: most likely the late reply, if it is of its protocol.
 void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
-    namespace foe = wire::foe;
     Owed& owed = owed_of(mail.header.type);
-    if (mail.header.type == wire::MailboxType::foe && mail.data.size() >= foe::kHeaderBytes &&
-        foe::Layout::opcode::load(mail.data) == foe::Opcode::data && foe::Layout::packet_number::load(mail.data) == 1)
-        ++first_packets_;
     if (mail.header.type == wire::MailboxType::coe) {
         bool of_question = is_spare_question(mail);
         for (const std::uint64_t key : kQuestions)
@@ -198,7 +213,9 @@ void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
     }
     if (owed.mails == 0 || owed.mails == MailExchange::kManyMails || owed.type != mail.header.type) return;
     if (!can_answer(owed.key, mail)) return;
-    --owed.mails;
+    // The slave has answered all that came before the end of the write.
+    owed.mails = is_answer_to_end(mail) ? std::uint8_t{0} : static_cast<std::uint8_t>(owed.mails - 1);
+    if (owed.files != 0 && is_first_packet(mail)) --owed.files;
     if (!is_owed()) late_until_ = Time::min();
 }
 
@@ -211,7 +228,7 @@ void MailboxChannel::note_answered(const MailExchange& exchange) {
     const bool foe = exchange.type_ == wire::MailboxType::foe;
     const bool pdo = mail_key::kind_of(exchange.options_.key) == mail_key::Kind::tx_pdo;
     if (!(coe && !pdo) && !(foe && exchange.options_.distinct)) return;
-    if (Owed& owed = owed_of(exchange.type_); owed.lasts) owed.mails = owed.questions = 0;
+    if (Owed& owed = owed_of(exchange.type_); owed.lasts) owed.mails = owed.questions = owed.files = 0;
 }
 
 // ------------------------------------------------------------------ messages that end operations
@@ -281,16 +298,47 @@ Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
         if (full) co_await engine_->sleep_for(mail_timing::kLongestPause);
     }
     if (fence.stands()) fence.owed().until = std::max(fence.owed().until, now() + mail_timing::kOwedPatience);
+    if (failed.code == Errc::none) unfinished_drives_ &= static_cast<std::uint8_t>(~message.drives);
     if (failed.code != Errc::none && failed.code != cut_by_) co_return failed;
     co_return Nothing{};
 }
 
 void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data) {
     FinalMessage message{.type = type, .bytes = static_cast<std::uint8_t>(data.size())};
-    if (!is_reachable() || data.size() > message.octets.size()) return;
+    if (data.size() > message.octets.size()) return;
     std::ranges::copy(data, message.octets.begin());
+    send_final(message);
+}
+
+void MailboxChannel::send_final(const FinalMessage& message) {
+    if (!is_reachable()) return;
     const TaskReference task = deliver(message);
     if (task) (void)mailboxes_->tasks_.start(task);
+}
+
+void MailboxChannel::end_soe_write(std::uint8_t drive) {
+    const auto bit = static_cast<std::uint8_t>(1U << drive);
+    unfinished_drives_ |= bit;
+    end_soe_writes(bit);
+}
+
+// ETG.1000.6 has no service that ends a write early. Only the last mail of a write contains the IDN, so this one
+// completes the write, without an octet of the value, for an IDN that is never written: S-0-0000. A slave that has no
+// unfinished write refuses it as any other write to this IDN.
+void MailboxChannel::end_soe_writes(unsigned drives) {
+    namespace soe = wire::soe;
+    for (std::uint8_t drive = 0; drive < soe::kDrives && is_reachable(); ++drive) {
+        if ((drives >> drive & 1U) == 0) continue;
+        FinalMessage message{.type = wire::MailboxType::soe,
+                             .bytes = soe::kHeaderBytes,
+                             .drives = static_cast<std::uint8_t>(1U << drive)};
+        soe::store_header(message.octets,
+                          {.opcode = soe::Opcode::write_request, .drive = drive, .elements = soe_element::kValue});
+        owe_reply(message.type,
+                  mail_key::of(mail_key::Kind::soe, static_cast<std::uint16_t>(soe::Opcode::write_response), drive),
+                  now() + mail_timing::kOwedPatience);
+        send_final(message);
+    }
 }
 
 }  // namespace margay

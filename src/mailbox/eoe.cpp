@@ -1,5 +1,7 @@
 #include "mailbox/eoe.hpp"
 
+#include <algorithm>
+
 namespace margay {
 
 namespace eoe = wire::eoe;
@@ -7,12 +9,13 @@ namespace eoe = wire::eoe;
 std::size_t EoeClient::compose(MutableBytes data) {
     const std::size_t most = call_.set_ip != nullptr       ? eoe::kIpBytes
                              : call_.set_filter != nullptr ? eoe::kFilterBytes
-                                                           : 0;
+                                                           : call_.parameters.size();
     if (data.size() < eoe::kHeaderBytes + most) return 0;
     eoe::store_header(data, call_.type, EoeResult::success);
     const auto parameters = data.subspan(eoe::kHeaderBytes);
     if (call_.set_ip != nullptr) return eoe::kHeaderBytes + eoe::store_ip(parameters, *call_.set_ip, call_.compact);
     if (call_.set_filter != nullptr) eoe::store_filter(parameters, *call_.set_filter);
+    std::ranges::copy(call_.parameters, parameters.begin());
     return eoe::kHeaderBytes + most;
 }
 

@@ -15,6 +15,7 @@ struct EoeCall {
     const EoeIp* set_ip = nullptr;
     bool compact = false;
     const EoeFilter* set_filter = nullptr;
+    Bytes parameters{};  // in place of set_ip and set_filter: as they are on the wire
     EoeIp* got_ip = nullptr;
     EoeFilter* got_filter = nullptr;
 };

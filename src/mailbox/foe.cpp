@@ -1,9 +1,11 @@
 #include "mailbox/foe.hpp"
 
 #include "mailbox/arena_buffer.hpp"
+#include "mailbox/mailboxes.hpp"
+
+#include <margay/mail_listener.hpp>
 
 #include <algorithm>
-#include <optional>
 
 namespace margay {
 
@@ -23,6 +25,24 @@ Error of_file(Error error, const MailboxChannel& channel, Step step) {
     error.step = step;
     return error;
 }
+
+// Offers a transfer the mail that no exchange takes.
+class Overheard final : public MailListener {
+  public:
+    Overheard(MailboxChannel& channel, FoeTransfer& transfer)
+        : MailListener(wire::MailboxType::foe), transfer_(transfer) {
+        only_slave = channel.station().number;
+        channel.mailboxes().listen_last(*this);
+    }
+
+  private:
+    bool take(const UnaskedMail& mail) override {
+        transfer_.overhear(mail.data);
+        return false;
+    }
+
+    FoeTransfer& transfer_;
+};
 
 // Tells the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled request. Where
 // the slave may answer twice, the next transfer waits for the second answer.
@@ -77,15 +97,13 @@ class BusySlave {
 Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeTransfer& transfer,
                              const MailPatience& patience, Step step) {
     TransferEnd end(channel, session, transfer);
+    const Overheard overheard(channel, transfer);
     Engine& engine = channel.engine();
     BusySlave busy(transfer.request(), patience.give_up);
     unsigned again = 0;
     Time asked{};  // the message for the first time
-    std::optional<std::uint8_t> firsts;  // MailboxChannel::first_packets() behind the first answer
     while (!transfer.over()) {
         if (!session.holds()) co_return of_file({.code = channel.cut_by()}, channel, step);
-        if (firsts && *firsts != channel.first_packets()) transfer.first_came_again();
-        if (transfer.over()) break;
         const bool ready = transfer.prepare();
         if (transfer.over()) break;
         if (!ready) {  // the application has no octets, or no room for octets, at present
@@ -107,10 +125,8 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
         if (failed.code != Errc::none) co_return of_file(failed, channel, step);
         // The slave has answered the messages before, with their repetitions: it answers in order.
         if (reply) end.slowest = again == 0 ? Duration{0} : (again + 1) * (engine.now() - asked);
+        if (const unsigned late = channel.late_files(); late > again) transfer.doubt(late - again);
         again = 0;
-        if (channel.is_doubtful(kKey)) transfer.doubt();
-        if (!firsts) firsts = channel.first_packets();
-        if (!reply && *firsts != channel.first_packets()) transfer.first_came_again();
         if (!reply && !transfer.over()) transfer.finish();
         if (!transfer.is_busy()) {
             busy.answers();

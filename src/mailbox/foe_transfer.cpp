@@ -80,11 +80,13 @@ bool FoeTransfer::is_old(std::uint32_t number) const {
 // The first packet comes twice although it was asked for once: the one before was of an earlier file.
 bool FoeTransfer::is_first_again(std::uint32_t number) const {
     const bool begun = phase_ == Phase::packets || phase_ == Phase::farewell;
-    return doubtful_ && !repeated_ && answer_ == Opcode::data && begun && number == 1;
+    return doubtful_ && !repeated_ && !asked_again_ && answer_ == Opcode::data && begun && number == 1;
 }
 
-void FoeTransfer::first_came_again() {
-    if (!is_first_again(1)) return;
+// A first packet may come while no message of the transfer is unanswered.
+void FoeTransfer::overhear(Bytes data) {
+    const bool packet = data.size() >= foe::kHeaderBytes && Layout::opcode::load(data) == Opcode::data;
+    if (!packet || !is_first_again(Layout::packet_number::load(data))) return;
     fail({.code = Errc::protocol, .expected = number_, .actual = 1}, foe::ErrorCode::wrong_packet_number);
 }
 
@@ -143,8 +145,24 @@ void FoeReadTransfer::read_answer(Bytes body) {
     fresh_ = true;
 }
 
+// The only packet of a file may be that of an earlier one. The slave answers in order: behind as many replies as may be
+// late, each reply belongs to this file. If that one is not its only packet, the reply before belonged to another file,
+// and the slave has taken its acknowledgement for this one.
+bool FoeReadTransfer::asks_again() {
+    const bool only = filled_ < packet_.size();
+    if (!only && asked_again_)
+        fail({.code = Errc::protocol, .expected = number_, .actual = number_}, foe::ErrorCode::wrong_packet_number);
+    if (only && late_ != 0) {
+        --late_;
+        fresh_ = false;
+        asked_again_ = begins_again_ = true;
+        phase_ = Phase::farewell;
+    }
+    return !fresh_ || phase_ == Phase::over;
+}
+
 bool FoeReadTransfer::prepare() {
-    if (!fresh_) return true;
+    if (!fresh_ || (number_ == 1 && asks_again())) return true;
     while (pushed_ < filled_) {
         const auto rest = Bytes(packet_).subspan(pushed_, filled_ - pushed_);
         const ByteSink::Taken taken = sink_.push(rest);

@@ -10,6 +10,8 @@
 // ignored; only a reply that cannot be one ends the transfer. A second answer may also come behind the transfer: the
 // next one waits for it (foe.cpp).
 //
+// Late replies. While a reply to an earlier transfer may come, a file of one packet is read again: see asks_again().
+//
 // Hostile slaves. Nothing that a slave sends is stored beyond one packet of the size of its mailbox. Ignored mail does
 // not prolong the wait for an answer, and foe.cpp limits how long a slave may be busy.
 #pragma once
@@ -20,6 +22,7 @@
 #include <margay/foe.hpp>
 
 #include <array>
+#include <utility>
 
 namespace margay {
 
@@ -41,9 +44,9 @@ class FoeTransfer : public MailClient {
     Taken accept(const wire::MailboxMessage& mail) final;
 
     // False: the message that compose() writes now is the last one, and the slave does not reply to it. When it has
-    // been sent, call finish().
+    // been sent, call finish(). The transfer may then begin again.
     [[nodiscard]] bool awaits_reply() const { return phase_ != Phase::farewell; }
-    void finish() { phase_ = Phase::over; }
+    void finish() { phase_ = std::exchange(begins_again_, false) ? Phase::request : Phase::over; }
     // The last reply was "busy": send the message again after a while.
     [[nodiscard]] bool is_busy() const { return busy_; }
     [[nodiscard]] bool over() const { return phase_ == Phase::over; }
@@ -52,10 +55,12 @@ class FoeTransfer : public MailClient {
     // A message was sent again: the slave may answer it twice, and the second answer may come behind the transfer.
     void repeats() { repeated_ = true; }
     [[nodiscard]] bool has_repeated() const { return repeated_; }
-    // The first reply may be the late one to an earlier request.
-    void doubt() { doubtful_ = true; }
-    // A first packet came while no message of the transfer was unanswered.
-    void first_came_again();
+    // The first replies may be late ones to so many earlier requests.
+    void doubt(unsigned late) {
+        if (!std::exchange(doubtful_, true)) late_ = late;
+    }
+    // Mail of the slave that no exchange has taken.
+    void overhear(Bytes data);
     // The reply to the next message looks like the first reply to another transfer.
     [[nodiscard]] bool is_like_first() const { return phase_ == Phase::request || (number_ & 0xFFFF) <= 1; }
     // The slave must be told that the transfer has ended early.
@@ -86,6 +91,9 @@ class FoeTransfer : public MailClient {
     std::uint32_t heard_ = 0;   // the number in the last reply, as the slave counts
     Phase phase_ = Phase::request;
     bool slave_open_ = false;
+    unsigned late_ = 0;          // so many of the next first replies may be late ones
+    bool begins_again_ = false;  // behind the farewell
+    bool asked_again_ = false;   // more than one reply to the request may come
 
   private:
     [[nodiscard]] bool is_answered(std::uint32_t number) const;
@@ -112,6 +120,7 @@ class FoeReadTransfer final : public FoeTransfer {
   private:
     std::size_t compose_packet(MutableBytes data) override;
     void read_answer(Bytes body) override;
+    [[nodiscard]] bool asks_again();
     [[nodiscard]] std::size_t total() const override { return 0; }
 
     ByteSink& sink_;

@@ -17,6 +17,23 @@ Error complete(Error error, const MailboxChannel& channel, const SoeTarget& targ
     return error;
 }
 
+// A slave keeps the mails of a write until the last one comes. The destructor ends a write that was given up in
+// between, whatever the reason: otherwise the slave would add the next write to it.
+class WriteEnd {
+  public:
+    WriteEnd(MailboxChannel& channel, std::uint8_t drive) : channel_(channel), drive_(drive) {}
+    WriteEnd(const WriteEnd&) = delete;
+    WriteEnd& operator=(const WriteEnd&) = delete;
+    ~WriteEnd() {
+        if (unfinished) channel_.end_soe_write(drive_);
+    }
+    bool unfinished = false;  // the slave may have a mail of the write, and has not answered it
+
+  private:
+    MailboxChannel& channel_;
+    std::uint8_t drive_;
+};
+
 // Sends all messages except the last one. The slave does not reply to these. The channel has the memory of the
 // sequence.
 Task<Result<>> send_fragments([[maybe_unused]] MailboxChannel& channel, MailSession& session,
@@ -91,15 +108,18 @@ Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value,
         co_return complete({.code = Errc::unsupported}, channel, target, kStep);
     SoeWriteTransfer transfer(target, value, channel.send_room());
     const Time begun = channel.engine().now();
+    WriteEnd end(channel, target.drive);
     Result<> asked = Error{.code = Errc::reply_lost};
     unsigned times = 0;
     for (; asked.error().code == Errc::reply_lost && times <= kMostAskedAgain; ++times) {
         transfer.restart();
+        end.unfinished = end.unfinished || !transfer.at_last();
         auto sent = co_await send_fragments(channel, session, transfer, patience);
         if (!sent) co_return complete(sent.error(), channel, target, kStep);
         asked = co_await ask(channel, session, transfer, patience);
     }
     if (times > 1) channel.owe_second_reply(wire::MailboxType::soe, transfer.key(), begun);
+    if (transfer.over()) end.unfinished = false;
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
     co_return Nothing{};
 }

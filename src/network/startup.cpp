@@ -3,6 +3,7 @@
 #include "mailbox/coe_sdo.hpp"
 #include "mailbox/soe.hpp"
 #include "network/pdos.hpp"
+#include "network/startup_mail.hpp"
 #include "util/check_value.hpp"
 
 #include <algorithm>
@@ -32,6 +33,10 @@ bool by_soe(const StartupCommand& command) {
            command.kind == StartupCommand::Kind::execute_parameter;
 }
 
+bool is_message(const StartupCommand& command) {
+    return command.kind == StartupCommand::Kind::send_aoe || command.kind == StartupCommand::Kind::send_eoe;
+}
+
 // There is no mailbox in INIT: mailbox commands for the moment before INIT is left are sent right after the transition.
 Moment moment_of(const StartupCommand& command, Transition which) {
     const bool early = which == Transition::init_to_preop || which == Transition::init_to_boot;
@@ -46,7 +51,8 @@ bool is_due(const StartupCommand& command, Transition which, Moment moment) {
 Argument invalid_member(const StartupCommand& command) {
     const auto transitions = static_cast<unsigned>(command.transitions);
     if (transitions == 0 || transitions > kTransitions) return Argument::command_transition;
-    if (command.kind > StartupCommand::Kind::execute_parameter || command.moment > Moment::after)
+    if (command.kind > StartupCommand::Kind::send_eoe || command.moment > Moment::after ||
+        (is_message(command) && command.mail == nullptr))
         return Argument::command_kind;
     if (command.timeout < Duration{0}) return Argument::command_time;
     const std::size_t bytes = command.octets().size();
@@ -54,6 +60,7 @@ Argument invalid_member(const StartupCommand& command) {
     if (command.kind == StartupCommand::Kind::write_register) right &= bytes != 0 && bytes <= kMostRegisterBytes;
     if (command.kind == StartupCommand::Kind::check_register) right &= command.data.empty() && command.length != 0;
     if (!right) return Argument::command_value;
+    if (is_message(command) && !command.mail->valid(command.octets())) return Argument::command_message;
     if (!by_mailbox(command) && command.index + bytes > 0x10000) return Argument::register_octets;
     if (command.complete_access && command.kind == StartupCommand::Kind::write_object && command.subindex > 1)
         return Argument::complete_access;
@@ -75,6 +82,10 @@ void name_command(Error& error, const Slave& slave, const StartupCommand& comman
     if (!by_mailbox(command)) error.detail = Error::kRegisterCommand;
     if (by_soe(command) && error.detail == 0) error.detail = Error::kParameterCommand;
     if (error.subindex == 0) error.subindex = command.subindex;
+    if (is_message(command) && command.mail != nullptr) {
+        error.index = 0;
+        error.subindex = static_cast<std::uint8_t>(command.mail->type);
+    }
     error.place = static_cast<std::uint8_t>(std::min<std::size_t>(place, 255));
 }
 
@@ -138,14 +149,26 @@ MailPatience patience_of(Network& network, const Slave& slave, const StartupComm
     return {.give_up = later(network.engine.now(), command.timeout), .each = command.timeout};
 }
 
+// The protocol of the command, as far as the slave must announce it.
+unsigned protocol_of(const StartupCommand& command) {
+    if (is_message(command)) return command.mail->protocol;
+    return by_soe(command) ? mailbox_protocol::kSoE : 0U;
+}
+
 Task<Result<>> mail(Network& network, Slave& slave, const StartupCommand& command) {
-    if (!network.has_mailbox(slave) || !network.mailbox(slave).is_open())
+    const unsigned protocol = protocol_of(command);
+    if (!network.has_mailbox(slave) || !network.mailbox(slave).is_open() ||
+        (slave.mailbox.protocols & protocol) != protocol)
         co_return network.station(slave).error(Errc::unsupported, Step::none, command.index);
     MailboxChannel& channel = network.mailbox(slave);
     const MailPatience patience = patience_of(network, slave, command);
+    if (is_message(command)) {
+        if (command.octets().size() > channel.send_room())
+            co_return Error{.code = Errc::invalid_argument,
+                            .actual = static_cast<std::uint32_t>(Argument::command_message)};
+        co_return co_await required(command.mail->send(channel, command.octets(), patience));
+    }
     if (by_soe(command)) {
-        if ((slave.mailbox.protocols & mailbox_protocol::kSoE) == 0)
-            co_return network.station(slave).error(Errc::unsupported, Step::none, command.index);
         const SoeTarget target{.idn = Idn{command.index}, .drive = command.subindex};
         if (command.kind == StartupCommand::Kind::execute_parameter)
             co_return co_await required(soe_execute(channel, target, patience));
@@ -162,7 +185,9 @@ Task<Result<>> run_one(Network& network, Slave& slave, const StartupCommand& com
             co_return co_await required(access_register(network.station(slave), command));
         case StartupCommand::Kind::write_object:
         case StartupCommand::Kind::write_parameter:
-        case StartupCommand::Kind::execute_parameter: co_return co_await required(mail(network, slave, command));
+        case StartupCommand::Kind::execute_parameter:
+        case StartupCommand::Kind::send_aoe:
+        case StartupCommand::Kind::send_eoe: co_return co_await required(mail(network, slave, command));
     }
     co_return Nothing{};
 }

@@ -8,6 +8,13 @@ namespace soe = wire::soe;
 using soe::Opcode;
 using wire::MailboxErrorCode;
 
+namespace {
+
+// Fragments of one write follow each other as fast as the slave reads them.
+constexpr auto kSilence = std::chrono::milliseconds(200);
+
+}  // namespace
+
 void SoeServer::start(AlState state, const MailboxRoom& room) {
     (void)room;
     state_ = state;
@@ -210,13 +217,19 @@ bool SoeServer::add_number(std::uint64_t value) {
 // ------------------------------------------------------------------ write
 
 // Stores the fragments. Only the last fragment contains the IDN, and only the last fragment gets a response.
+//
+// No fragment says that it is the first one. A master that gives a write up and begins another one may go on with the
+// numbers of the first: a fragment that comes after a silence may be the first one of a new write.
 void SoeServer::write(const soe::Header& header, Bytes data, Outbox& out, Time now) {
     const bool goes_on = to_come_ != 0 && header.drive == header_.drive && header.elements == header_.elements &&
                          (header.incomplete ? header.number + 1 == to_come_ : to_come_ == 1);
     if (!goes_on) {
-        used_ = 0;
+        used_ = begins_ = 0;
         too_long_ = false;
+    } else if (now - heard_ > kSilence) {
+        begins_ = used_;
     }
+    heard_ = now;
     header_ = header;
     to_come_ = header.incomplete ? header.number : std::uint16_t{0};
     const bool whole = !goes_on && !header.incomplete;
@@ -224,8 +237,16 @@ void SoeServer::write(const soe::Header& header, Bytes data, Outbox& out, Time n
     if (header.incomplete) return;
     SoeError error = find(header);
     if (error == SoeError::none)
-        error = too_long_ ? SoeError::value_too_long : store(whole ? data : Bytes(staging_.first(used_)), now);
+        error = too_long_ ? SoeError::value_too_long : whole ? store(data, now) : store_fragments(now);
     answer(Opcode::write_response, error, out);
+}
+
+// The fragments before the silence are dropped if only those behind it are a value of the parameter.
+SoeError SoeServer::store_fragments(Time now) {
+    const Bytes all = staging_.first(used_);
+    const bool restarted =
+        begins_ != 0 && check(all) != SoeError::none && check(all.subspan(begins_)) == SoeError::none;
+    return store(restarted ? all.subspan(begins_) : all, now);
 }
 
 SoeError SoeServer::store(Bytes data, Time now) {

@@ -103,6 +103,7 @@ class SoeServer final : public MailboxServer {
     [[nodiscard]] bool add_text(std::string_view text);
     [[nodiscard]] bool add_number(std::uint64_t value);
     void write(const wire::soe::Header& header, Bytes data, Outbox& out, Time now);
+    [[nodiscard]] SoeError store_fragments(Time now);
     [[nodiscard]] SoeError store(Bytes data, Time now);
     [[nodiscard]] SoeError check(Bytes data) const;
     [[nodiscard]] SoeError command(std::uint16_t control, Time now);
@@ -125,6 +126,8 @@ class SoeServer final : public MailboxServer {
     bool sending_ = false;       // fragments remain to be sent
     std::uint16_t to_come_ = 0;  // fragments of a write that are still expected
     bool too_long_ = false;      // the fragments do not fit into staging_
+    std::size_t begins_ = 0;     // where in staging_ another write may have begun; 0: nowhere
+    Time heard_{};               // when the last fragment came
 
     std::array<Note, 4> notes_{};
     std::uint8_t first_note_ = 0;

@@ -8,6 +8,7 @@
 #include <margay/aoe.hpp>
 #include <margay/eoe.hpp>
 #include <margay/files/eni.hpp>
+#include <margay/startup_mail.hpp>
 #include <margay/supervision.hpp>
 
 #include <gtest/gtest.h>
@@ -71,19 +72,44 @@ std::vector<std::string> said(const Read<EniConfiguration>& eni) {
     return all;
 }
 
+// The start-up commands of EoE and AoE of a slave.
+std::vector<StartupCommand> mail_of(const EniConfiguration& eni, unsigned number) {
+    std::vector<StartupCommand> all;
+    for (const StartupCommand& one : eni.expected()[number - 1].config->startup())
+        if (one.kind == StartupCommand::Kind::send_aoe || one.kind == StartupCommand::Kind::send_eoe)
+            all.push_back(one);
+    return all;
+}
+std::optional<EoeIp> ip_in(const StartupCommand& command) {
+    EXPECT_EQ(command.kind, StartupCommand::Kind::send_eoe);
+    EXPECT_EQ(command.octets()[0], std::byte{2});
+    return wire::eoe::load_ip(command.octets().subspan(wire::eoe::kHeaderBytes));
+}
+std::optional<EoeFilter> filter_in(const StartupCommand& command) {
+    EXPECT_EQ(command.kind, StartupCommand::Kind::send_eoe);
+    EXPECT_EQ(command.octets()[0], std::byte{4});
+    return wire::eoe::load_filter(command.octets().subspan(wire::eoe::kHeaderBytes));
+}
+void expect_net_id(const StartupCommand& command, const AoeNetId& id) {
+    EXPECT_EQ(command.kind, StartupCommand::Kind::send_aoe);
+    EXPECT_EQ(command.transitions, Transition::init_to_preop);
+    EXPECT_TRUE(std::ranges::equal(command.octets(), aoe_net_id_command(id)));
+}
+
 TEST(EniMail, IpParametersAreReadWithAndWithoutTheirHeader) {
     for (const std::string& data : {kIpWithHeader, "02000000" + kIpFull, kIpFull, kIpWithHeader.substr(8)}) {
         const auto eni = read_eni(with_mail(eoe(command("PS", data))));
         ASSERT_TRUE(eni) << to_text(eni.problem);
         EXPECT_EQ(said(eni), std::vector<std::string>());
-        ASSERT_EQ(eni->slaves[0].mail.size(), 1U) << data;
-        const EniMail& mail = eni->slaves[0].mail[0];
-        EXPECT_EQ(mail.transitions, Transition::preop_to_safeop);
-        ASSERT_TRUE(mail.ip);
-        EXPECT_EQ(mail.ip->mac, (MacAddress{2, 0, 0, 0, 1, 2}));
-        EXPECT_EQ(mail.ip->address, (Ipv4Address{192, 168, 0, 102}));
-        EXPECT_EQ(mail.ip->subnet_mask, (Ipv4Address{255, 255, 255, 0}));
-        EXPECT_FALSE(mail.ip->default_gateway);
+        const auto mail = mail_of(*eni, 1);
+        ASSERT_EQ(mail.size(), 1U) << data;
+        EXPECT_EQ(mail[0].transitions, Transition::preop_to_safeop);
+        const auto ip = ip_in(mail[0]);
+        ASSERT_TRUE(ip);
+        EXPECT_EQ(ip->mac, (MacAddress{2, 0, 0, 0, 1, 2}));
+        EXPECT_EQ(ip->address, (Ipv4Address{192, 168, 0, 102}));
+        EXPECT_EQ(ip->subnet_mask, (Ipv4Address{255, 255, 255, 0}));
+        EXPECT_FALSE(ip->default_gateway);
     }
 }
 
@@ -92,9 +118,10 @@ TEST(EniMail, FlagsThatLookLikeAHeaderAreFlags) {
     const auto eni =
         read_eni(with_mail(eoe(command("IP", "02000000" + std::string(12, '0') + "0100a8c0" + std::string(88, '0')))));
     ASSERT_TRUE(eni);
-    ASSERT_EQ(eni->slaves[0].mail.size(), 1U);
-    EXPECT_EQ(eni->slaves[0].mail[0].ip->address, (Ipv4Address{192, 168, 0, 1}));
-    EXPECT_FALSE(eni->slaves[0].mail[0].ip->mac);
+    const auto mail = mail_of(*eni, 1);
+    ASSERT_EQ(mail.size(), 1U);
+    EXPECT_EQ(ip_in(mail[0])->address, (Ipv4Address{192, 168, 0, 1}));
+    EXPECT_FALSE(ip_in(mail[0])->mac);
 }
 
 TEST(EniMail, FiltersNetIdsAndCommandsAreRead) {
@@ -102,14 +129,22 @@ TEST(EniMail, FiltersNetIdsAndCommandsAreRead) {
                                         "</InitCmds><NetId>1.1.1.1.3.234</NetId></AoE>"));
     ASSERT_TRUE(eni) << to_text(eni.problem);
     EXPECT_EQ(said(eni), std::vector<std::string>());
-    const auto& mail = eni->slaves[0].mail;
+    const auto mail = mail_of(*eni, 1);
     ASSERT_EQ(mail.size(), 3U);
-    ASSERT_TRUE(mail[0].filter);
-    EXPECT_EQ(mail[0].filter->address_count, 1);
-    EXPECT_TRUE(mail[0].filter->no_broadcasts);
-    EXPECT_EQ(mail[1].net_id, (AoeNetId{{1, 1, 1, 1, 3, 234}}));
-    EXPECT_EQ(mail[1].transitions, Transition::init_to_preop);
-    EXPECT_EQ(mail[2].aoe_command.size(), 48U);
+    EXPECT_EQ(filter_in(mail[0])->address_count, 1);
+    EXPECT_TRUE(filter_in(mail[0])->no_broadcasts);
+    expect_net_id(mail[1], {{1, 1, 1, 1, 3, 234}});
+    EXPECT_EQ(mail[2].kind, StartupCommand::Kind::send_aoe);
+    EXPECT_EQ(mail[2].octets().size(), 48U);
+}
+
+TEST(EniMail, TheTimeoutOfACommandIsUsed) {
+    std::string timed = command("PS", kAoeWrite);
+    timed.replace(timed.find(">0<"), 3, ">250<");
+    const auto eni = read_eni(with_mail("<AoE><InitCmds>" + timed + "</InitCmds></AoE>"));
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    ASSERT_EQ(mail_of(*eni, 1).size(), 1U);
+    EXPECT_EQ(mail_of(*eni, 1)[0].timeout, 250ms);
 }
 
 TEST(EniMail, WhatIsNoMessageIsNamedOrRefused) {
@@ -124,7 +159,7 @@ TEST(EniMail, WhatIsNoMessageIsNamedOrRefused) {
                              no_eoe, no_eoe, no_eoe,
                              "the start-up command of AoE is not sent: its data is no AoE command that writes",
                              "the start-up command of FoE is not supported and not sent"}));
-    EXPECT_TRUE(eni->slaves[0].mail.empty());
+    EXPECT_TRUE(mail_of(*eni, 1).empty());
     for (const char* id : {"1.2.3.4.5", "1.2.3.4.5.256", "1.2.3.4.5.6.7", "a.b.c.d.e.f", "1,2,3,4,5,6"}) {
         eni = read_eni(with_mail(std::string("<AoE><NetId>") + id + "</NetId></AoE>"));
         ASSERT_FALSE(eni) << id;
@@ -241,7 +276,8 @@ TEST(EniMail, AnErrorOfASlaveIsTheErrorOfBringingItUp) {
         ASSERT_FALSE(up) << transition;
         EXPECT_EQ(up.error().code, Errc::unsupported) << words(up.error());
         EXPECT_EQ(up.error().slave, 2);
-        EXPECT_EQ(up.error().step, Step::eoe_set_ip);
+        EXPECT_EQ(words(up.error()), std::string("slave 2: command at ") + transition +
+                                         " (no. 1, EoE message): not supported by the slave");
     }
 }
 
@@ -255,10 +291,12 @@ TEST(EniMail, WhatIsSentIsWrittenAgain) {
     const auto again = read_eni(written.text);
     ASSERT_TRUE(again) << to_text(again.problem) << written.text;
     EXPECT_EQ(said(again), std::vector<std::string>());
-    ASSERT_EQ(again->slaves[1].mail.size(), 2U);
-    EXPECT_EQ(again->slaves[1].mail[0].ip, eni->slaves[1].mail[0].ip);
-    EXPECT_EQ(again->slaves[1].mail[0].transitions, Transition::init_to_preop);
-    EXPECT_EQ(again->slaves[1].mail[1].filter, eni->slaves[1].mail[1].filter);
+    const auto before = mail_of(*eni, 2);
+    const auto after = mail_of(*again, 2);
+    ASSERT_EQ(after.size(), 2U);
+    EXPECT_EQ(ip_in(after[0]), ip_in(before[0]));
+    EXPECT_EQ(after[0].transitions, Transition::init_to_preop);
+    EXPECT_EQ(filter_in(after[1]), filter_in(before[1]));
     EXPECT_EQ(again->eoe->macs, 20U);
     const auto named = read_eni(eni_of(kGateways, 3, "<AoE><NetId>5.1.2.3.2.1</NetId></AoE>"));
     ASSERT_TRUE(named);
@@ -266,8 +304,8 @@ TEST(EniMail, WhatIsSentIsWrittenAgain) {
     ASSERT_TRUE(bring_up(third.ctx, *named, third.image));
     const auto net_id = read_eni(write_eni(third.ctx).text);
     ASSERT_TRUE(net_id) << to_text(net_id.problem);
-    ASSERT_EQ(net_id->slaves[2].mail.size(), 1U);
-    EXPECT_EQ(net_id->slaves[2].mail[0].net_id, (AoeNetId{{5, 1, 2, 3, 2, 1}}));
+    ASSERT_EQ(mail_of(*net_id, 3).size(), 1U) << "once, though the file has the element and the command";
+    expect_net_id(mail_of(*net_id, 3)[0], {{5, 1, 2, 3, 2, 1}});
 }
 
 TEST(EniMail, AConfigurationMayBeMovedAfterwards) {

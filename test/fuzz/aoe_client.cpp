@@ -3,6 +3,8 @@
 #include "mailbox/aoe.hpp"
 #include "unasked_mail.hpp"
 
+#include <margay/aoe.hpp>
+
 using namespace margay;
 using fuzzing::Input;
 using fuzzing::require;
@@ -32,8 +34,7 @@ void answer(Input& input, std::size_t what) {
     call.counted = (what & 2) != 0;
     call.data = written;
     call.into = MutableBytes(into).first(size);
-    AoeRead request;
-    AoeClient client(call, request, kInvokeId);
+    AoeClient client(call, kInvokeId);
     std::vector<std::byte> room(64 + input.octet(), kMark);
     const std::size_t composed = client.compose(MutableBytes(room).first(room.size() - 16));
     require(composed <= room.size() - 16);

@@ -296,6 +296,68 @@ TEST_F(LateReply, OfASlowFileIsNotTaken) {
                 }
 }
 
+// A slave with a queue that answers long after the timeout: a file of one packet is read again.
+TEST_F(LateReply, OfAFileOfOnePacketIsNotTaken) {
+    slave.queues = true;
+    for (const Duration takes : {Duration(250ms), Duration(700ms), Duration(12s)})
+        for (const unsigned given_up : {1U, 2U}) {
+            SCOPED_TRACE(testing::Message() << takes.count() << " " << given_up);
+            slow = takes;
+            for (unsigned n = 0; n < given_up; ++n) {
+                Read first("a");
+                first.answer_timeout = 100ms;
+                begin(first);
+                slave.run(first);
+                EXPECT_EQ(first.error().code, Errc::timeout);
+            }
+            reads("b");
+            reads("c");
+            slave.idle(15s);
+            reads("d");
+        }
+}
+
+// Behind a late packet, the file has several packets: it is no success, and the next try is one.
+TEST_F(LateReply, OfAFileOfOnePacketBeforeALongerFile) {
+    slave.queues = true;
+    slow = 700ms;
+    Read first("a");
+    first.answer_timeout = 100ms;
+    begin(first);
+    slave.run(first);
+    slave.idle(200ms);
+    Read second("B");
+    begin(second);
+    slave.run(second);
+    EXPECT_EQ(second.error().code, Errc::protocol) << bus.words(second.error());
+    slave.idle(200ms);
+    reads("B");
+}
+
+// A slave that has dropped the request: a file of one packet is read twice, until one of several packets shows that
+// nothing is late. Without a timeout it is read once.
+TEST_F(LateReply, IsNotExpectedForEver) {
+    reads("b");
+    const auto mails = slave.received().size();
+    slave.answers = [&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
+        auto usual = answer(type, mail);
+        return open[0] == 'a' ? SlowSlave::Answer{} : usual;
+    };
+    Read first("a");
+    first.answer_timeout = 100ms;
+    begin(first);
+    slave.run(first);
+    const auto of = [&](const char* name) {
+        const auto before = slave.received().size();
+        reads(name);
+        return slave.received().size() - before;
+    };
+    slave.idle(200ms);
+    EXPECT_EQ(of("b"), 2 * mails);
+    (void)of("B");
+    EXPECT_EQ(of("b"), mails);
+}
+
 // A slave with a queue that answers long after the timeout: a file whose first packet comes twice is no success.
 TEST_F(LateReply, OfAFileIsFoundWhenTheFirstPacketComesTwice) {
     slave.queues = true;

@@ -297,6 +297,40 @@ TEST_F(SoeServerTest, FragmentsThatAreGivenUpOrTooMany) {
     EXPECT_EQ(write(Idn::product(1), {1, 0, 0, 0, 1}), SoeError::none);
 }
 
+// A master that gives a write up without a word may begin the next one with the number that the first would go on with.
+TEST_F(SoeServerTest, ANewWriteBehindASilenceIsNoPartOfTheOneBefore) {
+    Octets fragment(26, std::byte{7});
+    std::ranges::copy(octets({0x0B, 0x40, 1, 0}), fragment.begin());
+    silent(fragment);
+    bench.esc.time += std::chrono::milliseconds(250);
+    EXPECT_EQ(write(Idn::standard(91), {100, 0}), SoeError::none);
+    EXPECT_EQ(read(Idn::standard(91)), octets({100, 0}));
+
+    // A write of three fragments is given up behind the first one; the next one has two.
+    fragment[2] = std::byte{2};
+    silent(fragment);
+    bench.esc.time += std::chrono::milliseconds(250);
+    Octets list = octets({0x0B, 0x40, 1, 0, 20, 0, 20, 0});
+    list.resize(26, std::byte{0x41});
+    silent(list);
+    EXPECT_EQ(write(Idn::product(1), {0x42, 0x43}), SoeError::none);
+    EXPECT_EQ(read(Idn::product(1)).size(), 24U);
+
+    // A slow write is one write, although its last fragment alone is a value, too.
+    list = octets({0x0B, 0x40, 1, 0, 23, 0, 100, 0});
+    list.resize(26, std::byte{0x44});
+    silent(list);
+    bench.esc.time += std::chrono::seconds(5);
+    EXPECT_EQ(write(Idn::product(1), {1, 0, 100, 0, 0x45}), SoeError::none);
+    EXPECT_EQ(read(Idn::product(1)).size(), 27U);
+
+    // A value that is too long is refused, although its end alone is a value: no silence has divided it.
+    fragment[2] = std::byte{1};
+    silent(fragment);
+    EXPECT_EQ(write(Idn::standard(91), {200, 0}), SoeError::value_too_long);
+    EXPECT_EQ(read(Idn::standard(91)), octets({100, 0}));
+}
+
 TEST_F(SoeServerTest, CommandsRunUntilTheyAreFinished) {
     const Idn homing = Idn::standard(148);
     const auto state = [&] { return load_le<std::uint16_t>(read(homing, soe_element::kDataState)); };

@@ -18,14 +18,11 @@
 // a value become one command for each slave.
 #pragma once
 
-#include <margay/aoe_address.hpp>
 #include <margay/clocks.hpp>
 #include <margay/context.hpp>
-#include <margay/eoe_parameters.hpp>
 #include <margay/expected.hpp>
 #include <margay/files/text_place.hpp>
 #include <margay/group.hpp>
-#include <margay/hooked_slave.hpp>
 #include <margay/host_configuration.hpp>
 #include <margay/limits.hpp>
 
@@ -38,15 +35,6 @@
 
 namespace margay::files {
 
-// A message by EoE or AoE that the slave gets at transitions. What it says is in one of the members.
-struct EniMail {
-    Transition transitions = Transition::none;
-    std::optional<EoeIp> ip{};             // EoE: set the IP parameters
-    std::optional<EoeFilter> filter{};     // EoE: set the address filter
-    std::optional<AoeNetId> net_id{};      // AoE: the NetID of the slave
-    std::vector<std::byte> aoe_command{};  // AoE: a command that writes, with its header, as it is in the file
-};
-
 // A slave of the file. `number` is that of the slave in the context after config_init().
 struct EniSlave {
     std::uint16_t number = 0;
@@ -55,7 +43,6 @@ struct EniSlave {
     std::uint16_t station_address = 0;             // PhysAddr, which config_init() assigns; 0: not given
     std::optional<std::uint16_t> ring_position{};  // as in the file, the first is 0
     Identity identity{};
-    std::vector<EniMail> mail{};  // in the order in which it is sent
     // The modules that the file writes to the list of configured modules (object 0xF030), from slot 0 on, by their
     // idents; 0: an empty slot.
     std::vector<std::uint32_t> modules{};
@@ -115,19 +102,11 @@ struct EniConfiguration {
 // Errors: those of expect(), unknown_group (limits().groups).
 Result<> apply(Context& ctx, const EniConfiguration& eni);
 
-// What the start-up commands of the library cannot do; call it after each config_init() and before config_map(), in the
-// thread of the owner. Waits.
-// 1. Sends the EniMail of IP to the slaves that are in PREOP.
-// 2. Sets SlaveHooks::transition and SlaveHooks::user of each slave that has EniMail: the hook sends the mail at its
-//    transitions, also when the slave comes back. An application with a hook of its own there calls send_mail() in it.
-//    `eni` may be moved afterwards, and must live as long as the context uses the hook.
-// 3. Compares the modules that a slave has detected (0xF050) with those of the file, where the slave has this list.
-// Does this for all slaves; returns the first error: that of a message, or check_failed with index 0xF050 and the
-// subindex of the first slot with another module (expected and actual: the idents).
+// Compares the modules that a slave has detected (0xF050) with those of the file, where the slave is in PREOP and has
+// this list. Call it after each config_init() and before config_map(), in the thread of the owner. Waits. Does this for
+// all slaves; returns the first error: that of reading the list, or check_failed with index 0xF050 and the subindex of
+// the first slot with another module (expected and actual: the idents).
 Result<> after_scan(Context& ctx, const EniConfiguration& eni);
-
-// The hook that after_scan() sets; `user` is the EniSlave.
-Task<> send_mail(HookedSlave slave, Transition which, Moment moment, void* user);
 
 // Brings the segment to SAFEOP as the file says: apply(), config_init(), after_scan(), configdc() if the file uses
 // clocks, and config_map() of each group; `image` has at least eni.image_bytes octets and is divided between the

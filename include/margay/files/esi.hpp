@@ -73,7 +73,9 @@ struct EsiFmmu {
     std::string text{};
 };
 
-// A start-up command of the device. CoE: `index` and `subindex`; SoE: `index` is the IDN, `subindex` the drive.
+// A start-up command of the device. CoE: `index` and `subindex`; SoE: `index` is the IDN, `subindex` the drive; EoE:
+// `index` is the type of the request, 2 (IP parameters), 4 (address filter) or 0 (`data` shows it), and the EoE header
+// may be missing in `data`; AoE: `data` is a command that writes, from the AoE header on.
 struct EsiCommand {
     std::uint16_t protocol = mailbox_protocol::kCoE;
     Transition transitions = Transition::none;
