@@ -119,8 +119,9 @@ struct AoeDeleteNotification : AoeRequest {
     std::uint32_t handle = 0;
 };
 
-// Gives a slave its own NetID: an AoE write of the six octets, with the NetID as target. A hook at the transition to
-// PREOP does the same with HookedSlave::aoe_set_net_id(), also after each recovery of the slave.
+// Gives a slave its own NetID: an AoE write of the six octets, with the NetID as target. A start-up command does the
+// same at each start-up of the slave (aoe_net_id_command(), startup_mail.hpp), and so does a hook with
+// HookedSlave::aoe_set_net_id().
 struct AoeSetNetId : AoeRequest {
     AoeSetNetId();
     AoeNetId net_id;

@@ -36,8 +36,8 @@ namespace margay {
 
 // Sets the parameters of the IP stack of a slave, as far as `ip` has them. Errors: eoe_error (detail: the EoeResult;
 // describe() puts it in words), invalid_argument (the mailbox of the slave is smaller than the message of 68 octets),
-// unsupported (no EoE), timeout, mailbox_error … A slave may forget the parameters with its power: a hook that sets
-// them (HookedSlave::eoe_set_ip()) does so in each start-up.
+// unsupported (no EoE), timeout, mailbox_error … A slave may forget the parameters with its power: a start-up
+// command (eoe_ip_message(), startup_mail.hpp) or a hook (HookedSlave::eoe_set_ip()) sets them in each start-up.
 struct EoeSetIp : MailRequest {
     EoeSetIp();
     EoeIp ip;

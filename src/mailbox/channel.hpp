@@ -83,10 +83,12 @@ class MailboxChannel {
     // the slave that was given up. The channel keeps a copy of at most kFinalBytes octets. Without memory for the
     // sequence the message is lost.
     static constexpr std::size_t kFinalBytes = 16;
-    void send_final_message(wire::MailboxType type, Bytes data);
-    // Ends an SoE write of several mails of this drive that was given up before its last mail. A slave that is away is
-    // told when it is there again. The slave answers, and later writes of the drive wait for the answer.
-    void end_soe_write(std::uint8_t drive);
+    // `ends`: what of end_operations() it ends.
+    void send_final_message(wire::MailboxType type, Bytes data, std::uint8_t ends = 0);
+    // Ends operations of one protocol, a bit for each, that were given up in the slave: by `how`, which sends final
+    // messages. A slave that is away, or that does not take them, is told when it is there again.
+    using EndOperations = void (*)(MailboxChannel& channel, std::uint8_t which);
+    void end_operations(std::uint8_t which, EndOperations how);
 
     // A reply of this protocol and key may still arrive, until then. Exchanges of the same key wait.
     void owe_reply(wire::MailboxType type, std::uint64_t key, Time until);
@@ -177,7 +179,7 @@ class MailboxChannel {
     struct FinalMessage {
         wire::MailboxType type{};
         std::uint8_t bytes = 0;
-        std::uint8_t drives = 0;  // whose writes it ends: see unfinished_drives_
+        std::uint8_t ends = 0;  // of unfinished_
         std::array<std::byte, kFinalBytes> octets{};
     };
     // Replies that may still arrive, of one protocol or several: owed_of().
@@ -197,8 +199,6 @@ class MailboxChannel {
 
     // channel_owed.cpp: late replies, and the messages that end operations early
     Task<Result<>> deliver(FinalMessage message);
-    void send_final(const FinalMessage& message);
-    void end_soe_writes(unsigned drives);
     [[nodiscard]] Owed& owed_of(wire::MailboxType type) { return owed_[owed_place(type)]; }
     [[nodiscard]] static std::size_t owed_place(wire::MailboxType type);
     Owed& owe(wire::MailboxType type, std::uint64_t key, std::uint8_t mails, Time until);
@@ -300,7 +300,7 @@ class MailboxChannel {
     bool repeated_ = false;  // the next mail may repeat the one received before
     bool missed_ = false;  // a frame with mail may have been lost, and no mail has come since
     std::uint8_t activate_ = 0;
-    std::uint8_t unfinished_drives_ = 0;  // a bit for each drive that has not been told that its SoE write has ended
+    std::uint8_t unfinished_ = 0;  // a bit for each operation that the slave does not know to have ended
     std::uint16_t busy_types_ = 0;
 
     StationAddress address_;
@@ -312,6 +312,7 @@ class MailboxChannel {
     Mailboxes* mailboxes_ = nullptr;
     Slave* slave_ = nullptr;
     const std::byte* status_octet_ = nullptr;
+    EndOperations end_unfinished_ = nullptr;
 
     List<MailTurn> queue_;     // exchanges whose message is not sent yet
     List<MailTurn> awaiting_;  // exchanges whose message was sent, in the order of sending

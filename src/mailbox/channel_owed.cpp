@@ -181,7 +181,7 @@ bool is_spare_question(const wire::MailboxMessage& mail) {
            coe::SdoLayout::subindex::load(mail.data) > 1;
 }
 
-// See end_soe_writes(). The mail has been checked by can_answer().
+// To the message that ends a write (soe.cpp). The mail has been checked by can_answer().
 bool is_answer_to_end(const wire::MailboxMessage& mail) {
     namespace soe = wire::soe;
     if (mail.header.type != wire::MailboxType::soe) return false;
@@ -298,47 +298,23 @@ Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
         if (full) co_await engine_->sleep_for(mail_timing::kLongestPause);
     }
     if (fence.stands()) fence.owed().until = std::max(fence.owed().until, now() + mail_timing::kOwedPatience);
-    if (failed.code == Errc::none) unfinished_drives_ &= static_cast<std::uint8_t>(~message.drives);
+    if (failed.code == Errc::none) unfinished_ &= static_cast<std::uint8_t>(~message.ends);
     if (failed.code != Errc::none && failed.code != cut_by_) co_return failed;
     co_return Nothing{};
 }
 
-void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data) {
-    FinalMessage message{.type = type, .bytes = static_cast<std::uint8_t>(data.size())};
-    if (data.size() > message.octets.size()) return;
+void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data, std::uint8_t ends) {
+    FinalMessage message{.type = type, .bytes = static_cast<std::uint8_t>(data.size()), .ends = ends};
+    if (!is_reachable() || data.size() > message.octets.size()) return;
     std::ranges::copy(data, message.octets.begin());
-    send_final(message);
-}
-
-void MailboxChannel::send_final(const FinalMessage& message) {
-    if (!is_reachable()) return;
     const TaskReference task = deliver(message);
     if (task) (void)mailboxes_->tasks_.start(task);
 }
 
-void MailboxChannel::end_soe_write(std::uint8_t drive) {
-    const auto bit = static_cast<std::uint8_t>(1U << drive);
-    unfinished_drives_ |= bit;
-    end_soe_writes(bit);
-}
-
-// ETG.1000.6 has no service that ends a write early. Only the last mail of a write contains the IDN, so this one
-// completes the write, without an octet of the value, for an IDN that is never written: S-0-0000. A slave that has no
-// unfinished write refuses it as any other write to this IDN.
-void MailboxChannel::end_soe_writes(unsigned drives) {
-    namespace soe = wire::soe;
-    for (std::uint8_t drive = 0; drive < soe::kDrives && is_reachable(); ++drive) {
-        if ((drives >> drive & 1U) == 0) continue;
-        FinalMessage message{.type = wire::MailboxType::soe,
-                             .bytes = soe::kHeaderBytes,
-                             .drives = static_cast<std::uint8_t>(1U << drive)};
-        soe::store_header(message.octets,
-                          {.opcode = soe::Opcode::write_request, .drive = drive, .elements = soe_element::kValue});
-        owe_reply(message.type,
-                  mail_key::of(mail_key::Kind::soe, static_cast<std::uint16_t>(soe::Opcode::write_response), drive),
-                  now() + mail_timing::kOwedPatience);
-        send_final(message);
-    }
+void MailboxChannel::end_operations(std::uint8_t which, EndOperations how) {
+    unfinished_ |= which;
+    end_unfinished_ = how;
+    if (is_reachable()) how(*this, which);
 }
 
 }  // namespace margay

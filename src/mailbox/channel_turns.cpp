@@ -173,7 +173,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     in_counter_ = out_counter_ = 0;
     silent_looks_ = 0;
     silent_ = false;
-    unfinished_drives_ = 0;
+    unfinished_ = 0;
     // Mail from before, for example to another master, is fetched before the first message is sent.
     glance_ = true;
     stale_ = kMostStale;
@@ -223,7 +223,7 @@ void MailboxChannel::resume() {
     // Nobody has told the slave that its file transfer has ended. A slave that works on one message at a time takes
     // this one when it has answered.
     if (owed_[1].mails != 0) send_final_message(wire::MailboxType::foe, kEndOfTransfer);
-    end_soe_writes(unfinished_drives_);
+    if (unfinished_ != 0) end_unfinished_(*this, unfinished_);
 }
 
 void MailboxChannel::end_exchanges(Errc why) {

@@ -17,6 +17,21 @@ Error complete(Error error, const MailboxChannel& channel, const SoeTarget& targ
     return error;
 }
 
+// ETG.1000.6 has no service that ends a write early. Only the last mail of a write contains the IDN, so this message
+// completes the write, without an octet of the value, for an IDN that is never written: S-0-0000. A slave that has no
+// unfinished write refuses it as any other write to this IDN. Later writes of the drive wait for the answer.
+void end_writes(MailboxChannel& channel, std::uint8_t drives) {
+    for (std::uint8_t drive = 0; drive < soe::kDrives; ++drive) {
+        const auto bit = static_cast<std::uint8_t>(1U << drive);
+        if ((drives & bit) == 0) continue;
+        std::array<std::byte, soe::kHeaderBytes> end{};
+        soe::store_header(end, {.opcode = soe::Opcode::write_request, .drive = drive, .elements = soe_element::kValue});
+        channel.owe_reply(wire::MailboxType::soe, SoeTransfer::key(soe::Opcode::write_response, drive),
+                          channel.engine().now() + mail_timing::kOwedPatience);
+        channel.send_final_message(wire::MailboxType::soe, end, bit);
+    }
+}
+
 // A slave keeps the mails of a write until the last one comes. The destructor ends a write that was given up in
 // between, whatever the reason: otherwise the slave would add the next write to it.
 class WriteEnd {
@@ -25,7 +40,7 @@ class WriteEnd {
     WriteEnd(const WriteEnd&) = delete;
     WriteEnd& operator=(const WriteEnd&) = delete;
     ~WriteEnd() {
-        if (unfinished) channel_.end_soe_write(drive_);
+        if (unfinished) channel_.end_operations(static_cast<std::uint8_t>(1U << drive_), end_writes);
     }
     bool unfinished = false;  // the slave may have a mail of the write, and has not answered it
 

@@ -28,8 +28,9 @@ class SoeTransfer : public MailClient {
     [[nodiscard]] const SoeTarget& target() const { return target_; }
     // Distinguishes exchanges of different drives; see MailExchange::Options. A fragment contains no IDN, so the key
     // does not contain it either.
-    [[nodiscard]] std::uint64_t key() const {
-        return mail_key::of(mail_key::Kind::soe, static_cast<std::uint16_t>(answer_), target_.drive);
+    [[nodiscard]] std::uint64_t key() const { return key(answer_, target_.drive); }
+    [[nodiscard]] static constexpr std::uint64_t key(wire::soe::Opcode answer, std::uint8_t drive) {
+        return mail_key::of(mail_key::Kind::soe, static_cast<std::uint16_t>(answer), drive);
     }
 
   protected:

@@ -55,20 +55,27 @@ void answer(FoeTransfer& transfer, Input& input, std::uint32_t number) {
     const Bytes body = input.take(input.octet());
     data.insert(data.end(), body.begin(), body.end());
     if ((kind & 16) != 0) data.resize(std::min(data.size(), input.octet()));
+    if ((kind & 32) != 0) transfer.overhear(data);
     (void)transfer.accept(
         {{.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::foe}, Bytes(data)});
     require(transfer.request().slave_text().size() <= FoeRequest::kTextBytes);
     for (const char c : transfer.request().slave_text()) require(c >= 0x20 && c < 0x7F);
 }
 
-void converse(FoeTransfer& transfer, Input& input, std::size_t room, std::uint32_t first) {
+// `late`: so many answers to earlier transfers may come.
+void converse(FoeTransfer& transfer, Input& input, std::size_t room, std::uint32_t first, unsigned late = 0) {
     std::uint32_t number = first;
     while (!input.empty() && !transfer.over()) {
         if (!transfer.prepare() || transfer.over()) continue;
         compose(transfer, room);
-        if (!transfer.awaits_reply()) return transfer.finish();
+        if (!transfer.awaits_reply()) {  // the end, or the file is read again
+            transfer.finish();
+            number = first;
+            continue;
+        }
         const std::size_t before = transfer.request().bytes();
         answer(transfer, input, number);
+        if (late != 0) transfer.doubt(late);
         if (!transfer.is_busy()) ++number;
         require(transfer.request().bytes() >= before);
     }
@@ -83,7 +90,7 @@ void read(Input& input, std::size_t room) {
     FoeRead request;
     request.name = "f";
     FoeReadTransfer transfer(request, sink, MutableBytes(packet).first(room - 6));
-    converse(transfer, input, room, 1);
+    converse(transfer, input, room, 1, static_cast<unsigned>(input.octet() & 3));
     require(untouched(into, size));
     require(untouched(packet, room - 6));
     require(request.bytes() <= size);
