@@ -102,6 +102,8 @@ class MailboxChannel {
     [[nodiscard]] bool is_doubtful(std::uint64_t key) const;
     // The same for files: to so many earlier requests.
     [[nodiscard]] std::uint8_t late_files() const { return owed_[1].mails != 0 ? owed_[1].files : std::uint8_t{0}; }
+    // First packets of so many files may still arrive, in any time; the next file waits for them until then.
+    void owe_files(unsigned files, Time until);
     // The slave has not yet taken the message that ends an earlier CoE operation.
     [[nodiscard]] bool is_fenced() const { return owed_[0].fences != 0; }
     // Whether one reply of this key is owed, and no other one of CoE. Mail of any kind may be something else.
@@ -298,7 +300,7 @@ class MailboxChannel {
     bool counts_ = true;           // false: the slave sends mail with counter 0
     Repeated repeat_ = Repeated::no;
     bool repeated_ = false;  // the next mail may repeat the one received before
-    bool missed_ = false;  // a frame with mail may have been lost, and no mail has come since
+    bool missed_ = false;    // a frame with mail may have been lost, and no mail has come since
     std::uint8_t activate_ = 0;
     std::uint8_t unfinished_ = 0;  // a bit for each operation that the slave does not know to have ended
     std::uint16_t busy_types_ = 0;

@@ -49,6 +49,14 @@ void MailboxChannel::owe_reply(wire::MailboxType type, std::uint64_t key, Time u
     kick();
 }
 
+void MailboxChannel::owe_files(unsigned files, Time until) {
+    owe_reply(wire::MailboxType::foe, mail_key::of(mail_key::Kind::foe), until);
+    Owed& owed = owed_of(wire::MailboxType::foe);
+    owed.lasts = true;
+    owed.files = static_cast<std::uint8_t>(std::clamp<unsigned>(files, owed.files, UINT8_MAX - 1U));
+    owed.mails = std::max(owed.mails, owed.files);
+}
+
 // The reply is waited for as long as the exchange itself would have waited, unless the next exchanges can tell it from
 // theirs.
 void MailboxChannel::owe_answer_to(const MailExchange& exchange) {

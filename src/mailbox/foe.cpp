@@ -60,6 +60,9 @@ class TransferEnd {
             const Duration most = transfer_.has_repeated() ? again : kErrorTwice;
             channel_.owe_reply(wire::MailboxType::foe, kKey, channel_.engine().now() + most);
         }
+        const bool ended_well = transfer_.over() && transfer_.error().code == Errc::none;
+        if (!ended_well && transfer_.late() != 0)
+            channel_.owe_files(transfer_.late(), channel_.engine().now() + mail_timing::kOwedPatience);
         if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
     }
     Duration slowest{0};  // what the slave needs at most for all answers to the last message, if it was repeated

@@ -86,8 +86,13 @@ bool FoeTransfer::is_first_again(std::uint32_t number) const {
 // A first packet may come while no message of the transfer is unanswered.
 void FoeTransfer::overhear(Bytes data) {
     const bool packet = data.size() >= foe::kHeaderBytes && Layout::opcode::load(data) == Opcode::data;
-    if (!packet || !is_first_again(Layout::packet_number::load(data))) return;
-    fail({.code = Errc::protocol, .expected = number_, .actual = 1}, foe::ErrorCode::wrong_packet_number);
+    const auto number = packet ? Layout::packet_number::load(data) : 0;
+    if (packet && is_first_again(number)) end_out_of_order(number);
+}
+
+void FoeTransfer::end_out_of_order(std::uint32_t number) {
+    overtaken_ = late_ != 0 && is_first_again(number);
+    fail({.code = Errc::protocol, .expected = number_, .actual = number}, foe::ErrorCode::wrong_packet_number);
 }
 
 MailClient::Taken FoeTransfer::accept(const wire::MailboxMessage& mail) {
@@ -101,7 +106,7 @@ MailClient::Taken FoeTransfer::accept(const wire::MailboxMessage& mail) {
     busy_ = false;
     if (!is_answered(number)) {
         if (is_old(number) && !is_first_again(number)) return Taken::no;
-        fail({.code = Errc::protocol, .expected = number_, .actual = number}, foe::ErrorCode::wrong_packet_number);
+        end_out_of_order(number);
         return Taken::all;
     }
     heard_ = number;

@@ -59,6 +59,9 @@ class FoeTransfer : public MailClient {
     void doubt(unsigned late) {
         if (!std::exchange(doubtful_, true)) late_ = late;
     }
+    // When it has not ended well: so many first replies to earlier requests, or to that of this transfer, may still
+    // come.
+    [[nodiscard]] unsigned late() const { return late_ - (overtaken_ ? 1U : 0U); }
     // Mail of the slave that no exchange has taken.
     void overhear(Bytes data);
     // The reply to the next message looks like the first reply to another transfer.
@@ -99,6 +102,7 @@ class FoeTransfer : public MailClient {
     [[nodiscard]] bool is_answered(std::uint32_t number) const;
     [[nodiscard]] bool is_old(std::uint32_t number) const;
     [[nodiscard]] bool is_first_again(std::uint32_t number) const;
+    void end_out_of_order(std::uint32_t number);
     Taken end_by_slave(Bytes data);
     Taken wait_for_slave(Bytes data);
 
@@ -108,6 +112,7 @@ class FoeTransfer : public MailClient {
     bool busy_ = false;
     bool repeated_ = false;
     bool doubtful_ = false;
+    bool overtaken_ = false;  // two first replies have come: one was late, and the other one is this transfer's or late
     Error error_;
 };
 

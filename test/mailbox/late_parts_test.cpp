@@ -374,5 +374,44 @@ TEST_F(LateParts, FilesThatWereGivenUpInTheirMiddle) {
     }
 }
 
+// A slave with a queue answers reads that were given up. A later read of several packets fails or has its own content.
+TEST(LateFiles, OfSeveralPacketsAreNotMixed) {
+    constexpr std::size_t kPacket = 52;
+    constexpr std::size_t kOctets = 130;
+    for (const Duration work : {150ms, 300ms, 500ms})
+        for (unsigned given_up = 1; given_up <= 3; ++given_up) {
+            SCOPED_TRACE(testing::Message() << work.count() << ", " << given_up);
+            LateBus one;
+            std::string content;
+            std::size_t packet = 0;
+            const auto part = [&] {
+                const std::string text = content.substr(std::min(packet++ * kPacket, content.size()), kPacket);
+                return foe_message(foe::Opcode::data, static_cast<std::uint32_t>(packet),
+                                   std::as_bytes(std::span(text)));
+            };
+            one.start([&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
+                if (type != MailboxType::foe) return {};
+                const FoeAsked asked(mail);
+                if (asked.opcode == foe::Opcode::error) content.clear();
+                if (asked.opcode == foe::Opcode::acknowledge && asked.word == packet && packet * kPacket <= kOctets &&
+                    !content.empty())
+                    return {1ms, {part()}};
+                if (asked.opcode != foe::Opcode::read) return {};
+                content = std::string(kOctets, text_of(asked.body)[0]);
+                packet = 0;
+                return {work, {part()}};
+            });
+            for (unsigned n = 0; n < given_up; ++n) one.times_out(ReadFile("a"), 50ms);
+            bool read_well = false;
+            for (const std::string name : {"b", "c", "d", "e", "f", "g"}) {
+                ReadFile file(name);
+                read_well = one.finish(file).code == Errc::none;
+                if (!read_well) continue;
+                EXPECT_EQ(text_of(Bytes(file.octets).first(file.bytes())), std::string(kOctets, name[0]));
+            }
+            EXPECT_TRUE(read_well);
+        }
+}
+
 }  // namespace
 }  // namespace margay
