@@ -24,6 +24,20 @@ TEST_F(ServiceTest, ARescanDoesNotEndTheProcessData) {
     EXPECT_EQ(log.find("a: 5 slaves found", found + 1), std::string::npos) << log;
 }
 
+TEST_F(ServiceTest, ARescanNamesWhatIsMissing) {
+    const auto written = folder.run(std::string(MARGAY_BIN_DIR) +
+                                    "/slaveinfo sim:coupler,digital_in_8,digital_out_8 --write-eni etc/machine.xml");
+    ASSERT_EQ(written.status, 0) << written.err;
+    configure("a.toml", "source = \"sim:coupler,digital_in_8\"\neni = \"machine.xml\"\ntolerate = [\"missing\"]\n");
+    const auto ran = shell(
+        "start; says 'a: all is right: 2 slaves in OP'; e a rescan --json; e a rescan --quiet 2>quiet; e a rescan; "
+        "stop\n");
+    EXPECT_EQ(ran.status, 0) << ran.err << content_of(folder.path() / "log");
+    EXPECT_TRUE(contains(ran.out, "\"slaves\": 2,\n      \"scanned\": false,\n      \"missing\": 1,")) << ran.out;
+    EXPECT_TRUE(contains(ran.err, "1 expected slave does not answer\n")) << ran.err;
+    EXPECT_EQ(content_of(folder.path() / "quiet"), "");
+}
+
 TEST_F(ServiceTest, TheLevelOfMessagesChangesWhileItRuns) {
     configure("a.toml", "source = \"sim:demo\"\n");
     configure("b.toml", "source = \"sim:demo\"\ndebug = 0\n");

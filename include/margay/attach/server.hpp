@@ -37,8 +37,7 @@ enum class AttachScan : std::uint8_t {
     search,
     // While no group is mapped and no supervision is busy, what config_init() does: all slaves go through INIT to
     // PREOP, and the numbers, hooks and configurations of the slaves start again. Otherwise as `search`. For an
-    // application that only looks at its slaves, or that looks at scan_progress() and EventQueue before it uses a slave
-    // number.
+    // application that keeps no slave number and sets no hook between its calls of poll().
     whole,
 };
 
