@@ -11,7 +11,7 @@ class EthercatAttach : public EthercatTest {
 
     // Executes the commands while simple_io runs the segment. Its cycle goes on until the last command has ended.
     [[nodiscard]] Ran attached(const std::string& commands, const std::string& segment = "sim:demo") const {
-        return folder.run("unset MARGAY_MASTER0\n" + simple_io + " " + segment +
+        return folder.run("unset MARGAY_MASTER0\nrm -f io.txt\n" + simple_io + " " + segment +
                           " --cycles 100000000 --period 2000 --attach s.sock > io.txt 2>&1 &\nio=$!\n"
                           "n=0; until grep -qs 'all slaves in OP' io.txt; do sleep 0.05; n=$((n+1)); "
                           "[ $n -lt 1200 ] || { cat io.txt >&2; kill $io; exit 98; }; done\n"
