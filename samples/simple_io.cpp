@@ -54,7 +54,8 @@ class SimpleIo {
     int run() {
         if (const auto ready = source_.begin(ctx_); !ready) return report_failure(ready.error());
         if (!options_.attach.empty()) {
-            attach_.emplace(ctx_, options_.attach, AttachSettings{.name = options_.source.source});
+            attach_.emplace(ctx_, options_.attach,
+                            AttachSettings{.name = options_.source.source, .scan = AttachScan::search});
             if (!attach_->error().empty()) return samples::fail(attach_->error(), samples::exit_code::kSystem);
         }
         const auto found = samples::scan_by(ctx_, eni_);

@@ -26,6 +26,7 @@
 #include <margay/request.hpp>
 #include <margay/spsc_ring.hpp>
 
+#include <array>
 #include <atomic>
 #include <optional>
 #include <string_view>
@@ -132,6 +133,16 @@ class EoePort final : public MailRequest {
     // The Ethernet port of the slave in sent frames; 0: the slave decides.
     std::uint8_t port = 0;
 
+    // The network interface to which the application passes the frames: what programs that look at the application show
+    // (`ethercat eoe`), "eoe0s1" for example. The port keeps the first kNameBytes octets. Set the name before submit(),
+    // or between the calls of poll(). Empty: none.
+    static constexpr std::size_t kNameBytes = 15;
+    void set_interface_name(std::string_view name) {
+        for (name_bytes_ = 0; name_bytes_ < kNameBytes && name_bytes_ < name.size(); ++name_bytes_)
+            name_[name_bytes_] = name[name_bytes_];
+    }
+    [[nodiscard]] std::string_view interface_name() const { return {name_.data(), name_bytes_}; }
+
     // Queues a frame. False: the queue is full, or the frame has fewer than 14 or more than kEoeFrameBytes octets; it
     // is dropped and counted. `want_time`: asks the slave for the time at which it sends the frame.
     bool send(std::span<const std::byte> frame, bool want_time = false);
@@ -181,6 +192,8 @@ class EoePort final : public MailRequest {
     std::span<std::byte> parts_;
     SpscRingOf<std::uint32_t, 4> sending_times_;
     std::array<std::atomic<std::uint32_t>, kCounts> counts_{};
+    std::array<char, kNameBytes> name_{};
+    std::uint8_t name_bytes_ = 0;
 };
 
 // ------------------------------------------------------------------ functions that wait

@@ -39,6 +39,7 @@ EoeLines::Opened EoeLines::open(Context& ctx, const Slave& slave, const std::str
     auto line = std::make_unique<Line>();
     line->name = name;
     line->port.slave = slave.number;
+    line->port.set_interface_name(name);
     if (const auto begun = submit(ctx, line->port); !begun)
         return {fmt::format("no interface {}: {}", name, sentence(begun.error())), true};
     auto problem = line->tap.open(name);

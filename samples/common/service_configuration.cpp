@@ -141,6 +141,7 @@ class FileReader {
         note(reader_.optional_integer(table, "cpu", 0, 1023, m.cpu));
         note(reader_.optional_integer(table, "spin_us", 0, 1'000'000, m.spin_us));
         note(reader_.optional_integer(table, "in_sync_us", 1, 100'000, m.in_sync_us));
+        note(reader_.optional_integer(table, "debug", 0, 2, m.debug));
     }
 
     void read_source(const toml::table& table, MasterConfiguration& m) {

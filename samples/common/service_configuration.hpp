@@ -64,6 +64,7 @@ struct MasterConfiguration {
     int cpu = -1;
     unsigned spin_us = 0;
     unsigned in_sync_us = 4;
+    unsigned debug = 1;  // level of messages
     SocketConfiguration socket{};
     bool eoe = false;                       // an interface for each slave with EoE
     std::vector<EoeInterface> eoe_named{};  // or for these slaves only

@@ -34,12 +34,16 @@ constexpr ServiceKey kKeys[] = {
      "1 to 100000: with the clocks (DC) of an ENI, the log says that the cycle is in sync when it differs from the "
      "reference clock by no more than this for 1.5 s, in microseconds. A machine that is not made for real time needs "
      "more than 4"},
+    {"debug", "NUMBER", "1",
+     "messages about the segment: 0 none, 1 events and errors of slaves, 2 also every repetition, and once a second "
+     "the "
+     "counters of frames. `ethercat debug` changes it until the next start, or until this key changes"},
     {"socket", "{ ... }", "", "the socket for `ethercat` and other programs"},
     {"socket.path", "\"PATH\"", "/run/margay/NAME.sock", "where it is"},
     {"socket.owner", "\"USER\"", "the user of margayd", "the user that owns it"},
     {"socket.group", "\"GROUP\"", "the group of margayd", "its group"},
     {"socket.mode", "\"OCTAL\"", "\"0660\"", "its permissions. Who may write to it can do to slaves what a master can"},
-    {"socket.read_only", "true", "false", "refuse everything that changes a slave"},
+    {"socket.read_only", "true", "false", "refuse everything that changes a slave or the service"},
     {"socket.clients", "NUMBER", "8", "1 to 32: connections at the same time"},
     {"eoe", "true or [{ ... }]", "false",
      "true: a network interface for each slave with EoE, eoe0s1 for the second slave of master 0, eoe0a7 for a slave "

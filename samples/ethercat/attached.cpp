@@ -16,8 +16,18 @@ using attach::Operation;
 
 namespace reg = wire::reg;
 
-Problem not_attached(std::string_view what) {
-    return {fmt::format("{}: not while attached to an application", what), samples::exit_code::kUsage};
+// The name of an interface comes from another program: for a terminal and for JSON it has printable ASCII only.
+std::string printable(std::string name) {
+    std::ranges::replace_if(
+        name, [](char c) { return c < ' ' || c > '~'; }, '?');
+    return name;
+}
+
+// Octets per second. A counter that has become smaller has begun again, unless it is a counter modulo 2^32.
+std::uint64_t rate(std::uint32_t before, std::uint32_t now, std::chrono::nanoseconds between) {
+    const std::uint32_t moved = now - before;
+    const std::uint64_t octets = moved <= UINT32_MAX / 2 ? moved : now;
+    return octets * 1'000'000'000 / static_cast<std::uint64_t>(std::max<std::int64_t>(between.count(), 1));
 }
 
 }  // namespace
@@ -177,9 +187,27 @@ Answer<ClockFacts> AttachedSession::clock(std::uint16_t position) {
 
 // ------------------------------------------------------------------ states
 
-Answer<std::uint16_t> AttachedSession::rescan() { return not_attached("a scan would end the process data"); }
-Answer<> AttachedSession::set_debug_level(unsigned) {
-    return not_attached("the level of messages belongs to the program that opens the source");
+// The application says what it may be: its process data goes on in each case.
+Answer<RescanFacts> AttachedSession::rescan() {
+    const auto found = read<attach::RescanFacts>(ask(Operation::rescan, {}));
+    if (!found) return found.problem();
+    known_.clear();
+    sii_.clear();
+    if (found->missing != 0)
+        notes_.push_back(
+            fmt::format("{} expected slave{} not answer", found->missing, found->missing == 1 ? " does" : "s do"));
+    if (found->unused != 0)
+        notes_.push_back(
+            fmt::format("{} slave{} answer{} that the application does not use: it uses the slaves of its own scan",
+                        found->unused, found->unused == 1 ? "" : "s", found->unused == 1 ? "s" : ""));
+    return RescanFacts{
+        .slaves = found->slaves, .whole = found->whole, .missing = found->missing, .unused = found->unused};
+}
+
+Answer<> AttachedSession::set_debug_level(unsigned level) {
+    const auto done = ask(Operation::set_debug_level, {.from = level});
+    if (!done) return done.problem();
+    return {};
 }
 
 // Sets the target, and waits until the slave is in the state. A supervision of the application brings the slave there.
@@ -322,8 +350,53 @@ Answer<> AttachedSession::soe_write(std::uint16_t position, std::uint8_t drive, 
     return {};
 }
 
-Answer<std::vector<EoeFacts>> AttachedSession::eoe(std::chrono::milliseconds) {
-    return not_attached("the ports of EoE and their counters belong to the program that bridges them");
+Answer<std::vector<attach::EoePortFacts>> AttachedSession::ports() {
+    const auto answer = ask(Operation::eoe_ports, {});
+    if (!answer) return answer.problem();
+    attach::Reader from(*answer);
+    std::uint32_t count = 0;
+    std::uint16_t some = 0;
+    from(count, some);
+    std::vector<attach::EoePortFacts> all;
+    for (; some != 0 && from.ok(); --some) from(all.emplace_back());
+    if (!from.complete()) return Problem{path_ + ": the answer is not complete", samples::exit_code::kSystem};
+    if (count > all.size()) notes_.push_back(fmt::format("{} of {} EoE ports are shown", all.size(), count));
+    std::ranges::sort(all, {}, &attach::EoePortFacts::slave);
+    return all;
+}
+
+// The ports of the application: what they have counted since they began, and the rates between two looks at them.
+Answer<std::vector<EoeFacts>> AttachedSession::eoe(std::chrono::milliseconds during) {
+    const auto before = ports();
+    if (!before) return before.problem();
+    const auto begun = std::chrono::steady_clock::now();
+    if (!before->empty()) pause(during);
+    const auto now = before->empty() ? before : ports();
+    if (!now) return now.problem();
+    const auto between = std::chrono::steady_clock::now() - begun;
+    const auto slaves_now = table();
+    if (!slaves_now) return slaves_now.problem();
+    std::vector<EoeFacts> all;
+    for (const auto& port : *now) {
+        const auto& counted = port.counted;
+        EoeFacts facts{.interface = printable(port.name()),
+                       .open = port.open,
+                       .sent_octets = counted.sent_octets,
+                       .received_octets = counted.received_octets,
+                       .sent_frames = counted.sent,
+                       .received_frames = counted.received,
+                       .dropped_frames = dropped_frames(counted)};
+        const auto slave = std::ranges::find(*slaves_now, port.slave, &attach::SlaveFacts::number);
+        if (slave != slaves_now->end() && slave->ring_position != 0)
+            facts.position = static_cast<std::uint16_t>(slave->ring_position - 1);
+        const auto earlier = std::ranges::find(*before, port.slave, &attach::EoePortFacts::slave);
+        const EoeStatistics none;
+        const auto& was = earlier == before->end() ? none : earlier->counted;
+        facts.sent_rate = rate(was.sent_octets, counted.sent_octets, between);
+        facts.received_rate = rate(was.received_octets, counted.received_octets, between);
+        all.push_back(std::move(facts));
+    }
+    return all;
 }
 
 Answer<> AttachedSession::set_ip(std::uint16_t position, const EoeIp& ip) {

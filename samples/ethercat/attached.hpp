@@ -21,7 +21,7 @@ class AttachedSession final : public Session {
     Answer<std::vector<SlaveFacts>> slaves() override;
     Answer<SlaveTexts> texts(std::uint16_t position) override;
     Answer<ClockFacts> clock(std::uint16_t position) override;
-    Answer<std::uint16_t> rescan() override;
+    Answer<RescanFacts> rescan() override;
     Answer<> set_debug_level(unsigned level) override;
     Answer<> set_states(std::span<const std::uint16_t> positions, AlState state) override;
     Answer<std::vector<SyncManagerFacts>> sync_managers(std::uint16_t position) override;
@@ -63,6 +63,7 @@ class AttachedSession final : public Session {
     [[nodiscard]] Answer<Octets> ask_whole(std::uint16_t position, attach::Operation operation,
                                            attach::Arguments arguments);
     [[nodiscard]] Answer<std::vector<attach::SlaveFacts>> table();
+    [[nodiscard]] Answer<std::vector<attach::EoePortFacts>> ports();
     [[nodiscard]] Answer<attach::SlaveFacts> slave_at(std::uint16_t position);
     [[nodiscard]] Problem problem_of(const Error& error, std::string_view slave_text) const;
     [[nodiscard]] Answer<> reach(std::uint16_t position, AlState target, AlState wanted);

@@ -11,6 +11,7 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <cstring>
 
 namespace margay::ethercat {
@@ -95,24 +96,29 @@ int run_eoe(Call& call) {
     return call.each_master([&](Master& master, Output& output) -> Answer<> {
         const auto ports = master.session->eoe(std::chrono::milliseconds(*interval));
         if (!ports) return ports.problem();
-        output.text = "Interface  Slave  State  RxBytes  RxRate  TxBytes  TxRate  Dropped\n";
+        std::size_t width = std::string_view("Interface").size();
+        for (const EoeFacts& port : *ports) width = std::max(width, port.interface.size());
+        output.text =
+            fmt::format("{:<{}}  Slave  State  RxBytes  RxRate  TxBytes  TxRate  Dropped\n", "Interface", width);
         output.json["interfaces"] = nlohmann::ordered_json::array();
         for (const EoeFacts& port : *ports) {
-            const auto rate = [&](std::uint32_t octets) { return std::uint64_t{octets} * 1000 / *interval; };
-            output.text +=
-                fmt::format("{:<9}  {:>5}  {:<5}  {:>7}  {:>6}  {:>7}  {:>6}  {:>7}\n", port.interface, port.position,
-                            port.open ? "up" : "down", port.received_octets, rate(port.received_octets),
-                            port.sent_octets, rate(port.sent_octets), port.dropped_frames);
-            output.json["interfaces"].push_back({{"name", port.interface},
-                                                 {"position", port.position},
-                                                 {"up", port.open},
-                                                 {"received_octets", port.received_octets},
-                                                 {"received_rate", rate(port.received_octets)},
-                                                 {"received_frames", port.received_frames},
-                                                 {"sent_octets", port.sent_octets},
-                                                 {"sent_rate", rate(port.sent_octets)},
-                                                 {"sent_frames", port.sent_frames},
-                                                 {"dropped_frames", port.dropped_frames}});
+            output.text += fmt::format("{:<{}}  {:>5}  {:<5}  {:>7}  {:>6}  {:>7}  {:>6}  {:>7}\n",
+                                       port.interface.empty() ? "-" : port.interface, width,
+                                       port.position ? fmt::to_string(*port.position) : "-", port.open ? "up" : "down",
+                                       port.received_octets, port.received_rate, port.sent_octets, port.sent_rate,
+                                       port.dropped_frames);
+            using Json = nlohmann::ordered_json;
+            output.json["interfaces"].push_back(
+                {{"name", port.interface.empty() ? Json(nullptr) : Json(port.interface)},
+                 {"position", port.position ? Json(*port.position) : Json(nullptr)},
+                 {"up", port.open},
+                 {"received_octets", port.received_octets},
+                 {"received_rate", port.received_rate},
+                 {"received_frames", port.received_frames},
+                 {"sent_octets", port.sent_octets},
+                 {"sent_rate", port.sent_rate},
+                 {"sent_frames", port.sent_frames},
+                 {"dropped_frames", port.dropped_frames}});
         }
         return {};
     });

@@ -40,6 +40,11 @@ Answer<> Session::reset_error_counters(std::uint16_t position) {
     return {};
 }
 
+std::uint32_t dropped_frames(const EoeStatistics& counted) {
+    return counted.refused + counted.not_sent + counted.overrun + counted.incomplete + counted.malformed +
+           counted.too_long;
+}
+
 std::vector<FmmuFacts> mapped_fmmus(std::uint16_t position, std::span<const std::byte> fmmus,
                                     std::span<const std::byte> sync_managers) {
     std::vector<FmmuFacts> all;

@@ -6,7 +6,7 @@
 
 #include "common/program.hpp"
 
-#include <margay/eoe_parameters.hpp>
+#include <margay/eoe.hpp>
 #include <margay/files/esi.hpp>
 #include <margay/idn.hpp>
 #include <margay/slave.hpp>
@@ -215,16 +215,30 @@ struct DictionaryObjectFacts {
     std::vector<DictionaryEntryFacts> entries{};
 };
 
+// What a scan has found.
+struct RescanFacts {
+    std::uint16_t slaves = 0;   // that answer
+    bool whole = true;          // all slaves were scanned; or else compared with those that the application knows
+    std::uint16_t missing = 0;  // that are expected and do not answer
+    std::uint16_t unused = 0;   // that answer, and that the application does not use
+};
+
+// A port. Its counters count modulo 2^32, as those of EoeStatistics.
 struct EoeFacts {
-    std::uint16_t position = 0;
-    std::string interface {};  // as eoe_bridge names it
-    bool open = false;         // the port exchanged frames
+    std::optional<std::uint16_t> position{};  // of the slave; not set: it is missing
+    std::string interface {};                 // as eoe_bridge names it, or as the application does; empty: no name
+    bool open = false;                        // the port exchanged frames
     std::uint32_t sent_octets = 0;
     std::uint32_t received_octets = 0;
+    std::uint64_t sent_rate = 0;  // octets per second
+    std::uint64_t received_rate = 0;
     std::uint32_t sent_frames = 0;
     std::uint32_t received_frames = 0;
-    std::uint32_t dropped_frames = 0;
+    std::uint32_t dropped_frames = 0;  // of both directions
 };
+
+// Frames that were not passed on, of both directions.
+[[nodiscard]] std::uint32_t dropped_frames(const EoeStatistics& counted);
 
 // Called with the octets done and the octets in total (0: not known).
 using TransferProgress = std::function<void(std::size_t done, std::size_t total)>;
@@ -247,8 +261,8 @@ class Session {
     [[nodiscard]] Answer<ErrorCounters> error_counters(std::uint16_t position);
     [[nodiscard]] Answer<> reset_error_counters(std::uint16_t position);
 
-    // Scans again. Returns the number of slaves.
-    [[nodiscard]] virtual Answer<std::uint16_t> rescan() = 0;
+    // Scans again, or does what a running application allows.
+    [[nodiscard]] virtual Answer<RescanFacts> rescan() = 0;
     // 0: no messages, 1: errors and warnings of the master, 2: every datagram.
     [[nodiscard]] virtual Answer<> set_debug_level(unsigned level) = 0;
     // Brings these slaves to a state and waits for it.
@@ -286,7 +300,7 @@ class Session {
     [[nodiscard]] virtual Answer<> soe_write(std::uint16_t position, std::uint8_t drive, Idn idn,
                                              std::span<const std::byte> value) = 0;
 
-    // Counters of all slaves with EoE, over this time where nothing counts already.
+    // Counters of all ports, with the rates in this time. On a source of its own the ports count from 0 then.
     [[nodiscard]] virtual Answer<std::vector<EoeFacts>> eoe(std::chrono::milliseconds during) = 0;
     [[nodiscard]] virtual Answer<> set_ip(std::uint16_t position, const EoeIp& ip) = 0;
 

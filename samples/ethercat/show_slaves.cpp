@@ -277,8 +277,14 @@ int run_rescan(Call& call) {
     return call.each_master([&](Master& master, Output& output) -> Answer<> {
         const auto found = master.session->rescan();
         if (!found) return found.problem();
-        output.json["slaves"] = *found;
-        if (call.has("verbose")) output.text = fmt::format("{} slave{}\n", *found, *found == 1 ? "" : "s");
+        output.json["slaves"] = found->slaves;
+        output.json["scanned"] = found->whole;
+        output.json["missing"] = found->missing;
+        output.json["unused"] = found->unused;
+        if (!call.has("verbose")) return {};
+        output.text =
+            fmt::format("{} slave{}{}\n", found->slaves, found->slaves == 1 ? "" : "s",
+                        found->whole ? "" : "; compared with those of the application, whose process data goes on");
         return {};
     });
 }
@@ -289,10 +295,10 @@ int run_debug(Call& call) {
     return call.each_master([&](Master& master, Output& output) -> Answer<> {
         const auto set = master.session->set_debug_level(static_cast<unsigned>(*level));
         if (!set) return set;
-        const auto found = master.session->rescan();
+        const auto found = master.session->slaves();  // a source of its own is scanned at this level
         if (!found) return found.problem();
         output.json["level"] = *level;
-        output.json["slaves"] = *found;
+        output.json["slaves"] = found->size();
         return {};
     });
 }

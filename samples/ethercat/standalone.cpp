@@ -83,12 +83,14 @@ std::uint16_t StandaloneSession::position_of(std::uint16_t number) {
     return static_cast<std::uint16_t>(ctx_->slave(number).ring_position - 1U);
 }
 
-Answer<std::uint16_t> StandaloneSession::rescan() {
+Answer<RescanFacts> StandaloneSession::rescan() {
     const bool first = ctx_ == nullptr;
     const auto ready = open();
     if (!ready) return ready.problem();
-    if (!first) return scan();
-    return static_cast<std::uint16_t>(slaves()->size());
+    if (first) return RescanFacts{.slaves = static_cast<std::uint16_t>(slaves()->size())};
+    const auto found = scan();
+    if (!found) return found.problem();
+    return RescanFacts{.slaves = *found};
 }
 
 Answer<> StandaloneSession::set_debug_level(unsigned level) {

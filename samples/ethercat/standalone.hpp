@@ -37,7 +37,7 @@ class StandaloneSession final : public Session {
     Answer<std::vector<SlaveFacts>> slaves() override;
     Answer<SlaveTexts> texts(std::uint16_t position) override;
     Answer<ClockFacts> clock(std::uint16_t position) override;
-    Answer<std::uint16_t> rescan() override;
+    Answer<RescanFacts> rescan() override;
     Answer<> set_debug_level(unsigned level) override;
     Answer<> set_states(std::span<const std::uint16_t> positions, AlState state) override;
     Answer<std::vector<SyncManagerFacts>> sync_managers(std::uint16_t position) override;

@@ -242,7 +242,12 @@ Answer<std::vector<EoeFacts>> StandaloneSession::eoe(std::chrono::milliseconds d
         facts.received_octets = counted.received_octets;
         facts.sent_frames = counted.sent;
         facts.received_frames = counted.received;
-        facts.dropped_frames = counted.overrun + counted.incomplete + counted.malformed + counted.too_long;
+        const auto rate = [&](std::uint32_t octets) {
+            return std::uint64_t{octets} * 1000 / static_cast<std::uint64_t>(during.count());
+        };
+        facts.sent_rate = rate(counted.sent_octets);
+        facts.received_rate = rate(counted.received_octets);
+        facts.dropped_frames = dropped_frames(counted);
         out.push_back(std::move(facts));
     }
     return out;

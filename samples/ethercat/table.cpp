@@ -259,13 +259,22 @@ std::vector<Command> segment_commands() {
          .least = 1,
          .most = 1,
          .run = run_states},
-        {.name = "rescan", .summary = "Scans the segment again.", .run = run_rescan},
+        {.name = "rescan",
+         .summary = "Scans the segment again.",
+         .text =
+             {"A running application says what a rescan may do. While it exchanges process data, its slaves stay as "
+              "they are: the ring is compared with them, lost slaves are found, and slaves that it does not use are "
+              "counted. --verbose prints the number of slaves."},
+         .run = run_rescan},
         {.name = "master", .summary = "Shows the masters and their interfaces.", .run = run_master},
         {.name = "debug",
          .summary = "Sets the messages of the master.",
          .forms = {"LEVEL"},
-         .text = {"On a SOURCE of its own, the command scans at this level."},
-         .arguments = {{"LEVEL", "0 none, 1 errors and warnings, 2 also every datagram", "0 1 2"}},
+         .text = {"On a SOURCE of its own, the command scans at this level. Attached, it sets the level of the "
+                  "application; "
+                  "margayd has the key `debug` for it, and writes the counters of frames once a second at level 2."},
+         .arguments = {{"LEVEL", "0 none, 1 errors and warnings, 2 also every datagram (of margayd: every repetition)",
+                        "0 1 2"}},
          .least = 1,
          .most = 1,
          .run = run_debug},
@@ -294,8 +303,12 @@ std::vector<Command> segment_commands() {
          .run = run_graph},
         {.name = "eoe",
          .summary = "Shows the Ethernet over EtherCAT traffic of the slaves.",
-         .text = {"Rates are octets per second. On a SOURCE of its own, the command exchanges frames for --interval "
-                  "and counts them."},
+         .text =
+             {"One line for each port: the interface; position of the slave; up while its mailbox takes frames; octets "
+              "from the slave (Rx) and to the slave (Tx), and octets per second of both in the time of --interval; "
+              "frames that were dropped. Octets count modulo 2^32.",
+              "On a SOURCE of its own, the command exchanges frames for --interval and counts them. Attached, it "
+              "shows the ports of the application since they began."},
          .options = {"interval"},
          .run = run_eoe},
         {.name = "analyse",

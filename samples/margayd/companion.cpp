@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <utility>
 
 namespace margay::service {
 namespace {
@@ -52,7 +53,8 @@ std::string slaves_text(const Standing& s) {
 
 }  // namespace
 
-Companion::Companion(Context& ctx, std::string name) : ctx_(ctx), name_(std::move(name)), thread_([this] { run(); }) {}
+Companion::Companion(Context& ctx, std::string name, const std::atomic<unsigned>& level)
+    : ctx_(ctx), name_(std::move(name)), level_(level), thread_([this] { run(); }) {}
 
 Companion::~Companion() { end(); }
 
@@ -161,6 +163,9 @@ void Companion::report_errors() {
 }
 
 void Companion::say(Priority priority, const std::string& text, unsigned most) {
+    const unsigned level = level_;
+    if (level == debug_level::kNone) return;
+    if (level >= debug_level::kAll) return log(priority, text);
     Said& said = said_.try_emplace(text, Said{.since = Clock::now(), .priority = priority}).first->second;
     if (++said.times > most)
         ++said.silent;
@@ -178,19 +183,33 @@ void Companion::forget_repeated() {
     });
 }
 
+// Once for each time that the owner has told.
+void Companion::report_frames(const Standing& now) {
+    const auto before = std::exchange(frames_, now.link);
+    if (level_ < debug_level::kAll || now.link.frames_sent == before.frames_sent) return;
+    log(Priority::debug,
+        fmt::format("frames: {} sent, {} received, {} lost, {} datagrams; since the start: {} sent, {} lost",
+                    now.link.frames_sent - before.frames_sent, now.link.frames_received - before.frames_received,
+                    now.link.lost - before.lost, now.link.datagrams_sent - before.datagrams_sent, now.link.frames_sent,
+                    now.link.lost));
+}
+
 void Companion::report_standing(const Standing& now) {
+    report_frames(now);
     const bool right = now.wrong.code == Errc::none;
     if (!right && now.settles) return;
     const auto text = right ? slaves_text(now) : samples::sentence(now.wrong);
-    if (right && (!was_right_ || text != right_)) log(Priority::notice, "all is right: " + text);  // or after a scan
+    const bool silent = level_ == debug_level::kNone;
+    if (right && (!was_right_ || text != right_) && !silent)
+        log(Priority::notice, "all is right: " + text);  // or after a scan
     if (right) right_ = text;
-    if (!right && (was_right_ || last_wrong_.code != now.wrong.code || last_wrong_.slave != now.wrong.slave))
-        log(Priority::notice, "not all is right: " + text);
+    const bool differs = was_right_ || last_wrong_.code != now.wrong.code || last_wrong_.slave != now.wrong.slave;
+    if (!right && differs && !silent) log(Priority::notice, "not all is right: " + text);
     was_right_ = right;
     last_wrong_ = now.wrong;
     const auto at = Clock::now();
     if (now.overruns < overruns_) overruns_ = 0;  // a new cycle after a scan
-    if (now.overruns > overruns_ && at - overruns_reported_ > kOverrunsAgain) {
+    if (!silent && now.overruns > overruns_ && at - overruns_reported_ > kOverrunsAgain) {
         log(Priority::warning, fmt::format("{} cycles were left out, because a cycle came too late or lasted too long",
                                            now.overruns - overruns_));
         overruns_ = now.overruns;

@@ -17,6 +17,13 @@
 
 namespace margay::service {
 
+// The levels of messages about a segment: the key `debug` of the configuration, and `ethercat debug`.
+namespace debug_level {
+inline constexpr unsigned kNone = 0;  // only what the service itself does
+inline constexpr unsigned kUsual = 1;
+inline constexpr unsigned kAll = 2;  // also repetitions, and the counters of frames once a second
+}  // namespace debug_level
+
 // What the owner of the context says about its segment.
 struct Standing {
     Error wrong{.code = Errc::wrong_state};  // what_is_wrong(); code none: all is right
@@ -24,12 +31,14 @@ struct Standing {
     AlState target = AlState::op;
     std::uint64_t overruns = 0;  // cycles that were left out
     bool settles = false;        // the cycle has just begun: what is wrong is not worth a message yet
+    LinkStatistics link{};
 };
 
 class Companion {
   public:
-    // `name`: of the master, for messages. The context outlives the object.
-    Companion(Context& ctx, std::string name);
+    // `name`: of the master, for messages. `level`: which messages there are (debug_level); another thread may change
+    // it. Both references outlive the object.
+    Companion(Context& ctx, std::string name, const std::atomic<unsigned>& level);
     ~Companion();
     Companion(const Companion&) = delete;
     Companion& operator=(const Companion&) = delete;
@@ -62,10 +71,12 @@ class Companion {
     void say(Priority priority, const std::string& text, unsigned most);
     void forget_repeated();
     void report_standing(const Standing& now);
+    void report_frames(const Standing& now);
     bool pass_frames(std::vector<pollfd>& files);
 
     Context& ctx_;
     std::string name_;
+    const std::atomic<unsigned>& level_;
     std::atomic<bool> stopping_{false};
     std::atomic<std::chrono::steady_clock::time_point> strangers_{};
 
@@ -82,6 +93,7 @@ class Companion {
     bool was_right_ = false;
     std::uint64_t overruns_ = 0;
     std::chrono::steady_clock::time_point overruns_reported_{};
+    LinkStatistics frames_{};  // as reported last
     struct Said {
         std::chrono::steady_clock::time_point since{};
         Priority priority = Priority::info;

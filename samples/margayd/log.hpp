@@ -8,7 +8,7 @@
 namespace margay::service {
 
 // As in <syslog.h>.
-enum class Priority : int { error = 3, warning = 4, notice = 5, info = 6 };
+enum class Priority : int { error = 3, warning = 4, notice = 5, info = 6, debug = 7 };
 
 // Call it once, before the first message. The messages of samples::fail() and warn() go the same way from then on.
 void begin_log();

@@ -32,7 +32,7 @@ bool is_left_behind(const std::string& socket) {
 }  // namespace
 
 Master::Master(samples::MasterConfiguration configuration, std::string socket)
-    : configuration_(std::move(configuration)), socket_(std::move(socket)) {}
+    : configuration_(std::move(configuration)), socket_(std::move(socket)), debug_level_(configuration_.debug) {}
 
 Master::~Master() {
     stop();
@@ -56,6 +56,11 @@ void Master::stop() {
     stopping_ = true;
     begin();
     if (source_ != nullptr) source_->osal().wake();
+}
+
+void Master::set_debug_level(unsigned level) {
+    configuration_.debug = level;
+    debug_level_ = level;
 }
 
 std::string Master::status() const { return companion_ == nullptr ? std::string() : companion_->status(); }
@@ -97,7 +102,7 @@ std::string Master::open_here() {
     source_ = source.take();
     ctx_ = std::make_unique<HostContext>(source_->limits(samples::with_room(limits(), eni_ ? &*eni_ : nullptr)));
     if (const auto ready = source_->begin(*ctx_); !ready) return samples::sentence(ready.error());
-    companion_ = std::make_unique<Companion>(*ctx_, configuration_.name);
+    companion_ = std::make_unique<Companion>(*ctx_, configuration_.name, debug_level_);
     // A socket that no process serves: a margayd was killed, and the slaves may still be in the state that it left.
     const bool left_behind = is_left_behind(socket_);
     const auto& s = configuration_.socket;
@@ -107,6 +112,8 @@ std::string Master::open_here() {
                                                             .owner = s.owner,
                                                             .group = s.group,
                                                             .read_only = s.read_only,
+                                                            .scan = AttachScan::search,
+                                                            .debug_level = &debug_level_,
                                                             .clients = s.clients});
     if (!attach_->error().empty()) return attach_->error();
     is_ours_ = left_behind;

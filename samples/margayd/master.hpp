@@ -43,6 +43,8 @@ class Master {
 
     [[nodiscard]] const samples::MasterConfiguration& configuration() const { return configuration_; }
     [[nodiscard]] const std::string& socket() const { return socket_; }
+    // For the thread that has created the object: the level of the configuration has changed.
+    void set_debug_level(unsigned level);
     // One sentence. From any thread.
     [[nodiscard]] std::string status() const;
     // The thread has ended by itself.
@@ -76,6 +78,7 @@ class Master {
 
     samples::MasterConfiguration configuration_;
     std::string socket_;
+    std::atomic<unsigned> debug_level_;  // of the configuration, or what a client has set since
     std::optional<files::EniConfiguration> eni_{};
     samples::CyclePlan plan_{};
 

@@ -59,7 +59,8 @@ void Master::look_around(std::uint64_t overruns, bool settles) {
                       .slaves = static_cast<std::uint16_t>(present),
                       .target = configuration_.state,
                       .overruns = overruns,
-                      .settles = settles});
+                      .settles = settles,
+                      .link = ctx_->statistics()});
 }
 
 // Without an ENI, all slaves that are there belong to the segment. A slave in BOOT may be getting its firmware.

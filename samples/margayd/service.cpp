@@ -25,8 +25,9 @@ sigset_t service_signals() {
     return all;
 }
 
-// The number of a master is in the names of its EoE interfaces only.
-bool is_same(MasterConfiguration running, MasterConfiguration wanted) {
+// The number of a master is in the names of its EoE interfaces only. The level of its messages changes while it runs.
+bool is_same(MasterConfiguration running, const MasterConfiguration& wanted) {
+    running.debug = wanted.debug;
     const auto has_number = [](const MasterConfiguration& m) {
         return m.eoe &&
                (m.eoe_named.empty() || std::ranges::any_of(m.eoe_named, [](const auto& e) { return e.name.empty(); }));
@@ -125,10 +126,12 @@ void Service::reload() {
     for (auto& master : masters_) {
         const auto same = std::ranges::find_if(
             wanted, [&](const MasterConfiguration& m) { return is_same(master->configuration(), m); });
-        if (same != wanted.end())
-            wanted.erase(same);
-        else
+        if (same == wanted.end()) {
             ended.push_back(std::move(master));
+            continue;
+        }
+        if (same->debug != master->configuration().debug) master->set_debug_level(same->debug);
+        wanted.erase(same);
     }
     std::erase(masters_, nullptr);
     for (const auto& master : ended)

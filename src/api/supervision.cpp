@@ -1,5 +1,5 @@
 // The requests for supervision and recovery.
-#include "network/supervisor.hpp"
+#include "api/supervision.hpp"
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
@@ -7,6 +7,7 @@
 #include "network/recovery.hpp"
 #include "network/search.hpp"
 #include "network/states.hpp"
+#include "network/supervisor.hpp"
 #include "network/wanted.hpp"
 
 #include <margay/margay.hpp>
@@ -71,7 +72,7 @@ static Error absence(Network& network, std::uint16_t number) {
     return {.code = Errc::missing_slave, .step = Step::recover, .slave = number};
 }
 
-static Task<Result<>> run(Network& network, RecoverRequest& request) {
+Task<Result<>> recover(Network& network, RecoverRequest& request) {
     request.found = 0;
     Slave* const wanted = request.slave == 0 ? nullptr : &network.slave(request.slave);
     if (wanted != nullptr && wanted->error.code == Errc::other_slave) wanted->error = {};  // of an earlier search
@@ -100,7 +101,7 @@ static constexpr OperationDescription kSupervise = describe_operation<SuperviseR
 static constexpr OperationDescription kReconfigure =
     describe_operation<ReconfigRequest, check, run>(Operation::reconfigure, Step::recover, Needs::its_slave);
 static constexpr OperationDescription kRecover =
-    describe_operation<RecoverRequest, check, run>(Operation::recover, Step::recover, Needs::segment);
+    describe_operation<RecoverRequest, check, recover>(Operation::recover, Step::recover, Needs::segment);
 SuperviseRequest::SuperviseRequest() : Request(kSupervise) {}
 ReconfigRequest::ReconfigRequest() : SlaveRequest(kReconfigure) {}
 RecoverRequest::RecoverRequest() : SlaveRequest(kRecover) {}

@@ -4,7 +4,7 @@
 #include "attach/message.hpp"
 
 #include <margay/clocks.hpp>
-#include <margay/eoe_parameters.hpp>
+#include <margay/eoe.hpp>
 #include <margay/event.hpp>
 #include <margay/group.hpp>
 #include <margay/slave.hpp>
@@ -27,7 +27,8 @@ struct Arguments {
     bool complete_access = false;
     bool urgent = false;
     AlState state = AlState::none;
-    std::uint32_t from = 0;   // SII word, first slave, offset in the image, password of a file, number of an event
+    // SII word, first slave, offset in the image, password of a file, number of an event, level of messages
+    std::uint32_t from = 0;
     std::uint32_t bytes = 0;  // how many to read
     std::string name{};       // of a file
     std::vector<std::byte> data{};
@@ -140,6 +141,32 @@ void fields(A& a, EventFacts& v) {
     a(v.number, v.at_ns, v.kind, v.slave, v.text);
 }
 
+// What a rescan has found.
+struct RescanFacts {
+    bool whole = false;         // all slaves were scanned again; or else the ring was compared with the known slaves
+    std::uint16_t slaves = 0;   // that answer
+    std::uint16_t missing = 0;  // that are expected and do not answer
+    std::uint16_t unused = 0;   // that answer and are not in the table
+};
+template <class A>
+void fields(A& a, RescanFacts& v) {
+    a(v.whole, v.slaves, v.missing, v.unused);
+}
+
+// A port that is busy.
+struct EoePortFacts {
+    std::uint16_t slave = 0;  // number
+    bool open = false;        // the mailbox of the slave takes and gives frames now
+    EoeStatistics counted{};
+    std::array<char, EoePort::kNameBytes> name_text{};
+    std::uint8_t name_bytes = 0;
+    [[nodiscard]] std::string name() const {
+        return {name_text.data(), std::min<std::size_t>(name_bytes, name_text.size())};
+    }
+    static constexpr std::size_t kOctets = 2 + 1 + 10 * 4 + EoePort::kNameBytes + 1;  // in a message
+    static constexpr std::size_t kOnce = 512;                                         // ports in an answer
+};
+
 struct ObjectFacts {
     std::string name{};
     std::uint8_t code = 0;
@@ -177,6 +204,10 @@ void fields(A& a, GroupFacts& v) {
 template <class A>
 void fields(A& a, PortFacts& v) {
     a(v.type, v.link, v.open, v.neighbour);
+}
+template <class A>
+void fields(A& a, EoePortFacts& v) {
+    a(v.slave, v.open, v.counted, v.name_text, v.name_bytes);
 }
 template <class A>
 void fields(A& a, PartFacts& v) {
@@ -220,6 +251,11 @@ void fields(A& a, MailboxInfo& v) {
 template <class A>
 void fields(A& a, SmInfo& v) {
     a(v.start, v.length_bytes, v.control, v.enable, v.type);
+}
+template <class A>
+void fields(A& a, EoeStatistics& v) {
+    a(v.sent, v.sent_octets, v.refused, v.not_sent, v.received, v.received_octets, v.overrun, v.incomplete, v.malformed,
+      v.too_long);
 }
 template <class A>
 void fields(A& a, EoeIp& v) {

@@ -1,5 +1,6 @@
 #include "attach/job.hpp"
 
+#include "attach/rescan.hpp"
 #include "attach/visit_jobs.hpp"
 
 #include <margay/margay.hpp>
@@ -108,15 +109,6 @@ class ListObjects final : public With<ObjectListRequest> {
     std::vector<std::uint16_t> indices_;
 };
 
-template <class T>
-Octets octets_of(const T& facts) {
-    Octets out(256);
-    Writer into(out);
-    into(facts);
-    out.resize(into.written().size());
-    return out;
-}
-
 struct DescribeObject final : With<ObjectDescriptionRequest> {
     DescribeObject(Arguments a) : With(std::move(a)) { request_.index = arguments_.index; }
     [[nodiscard]] Octets answer() override {
@@ -185,6 +177,12 @@ std::unique_ptr<Job> make_set_ip(Arguments arguments, std::string& refusal) {
     return nullptr;
 }
 
+std::unique_ptr<Job> make_rescan(AttachScan allowed, std::string& refusal) {
+    if (allowed != AttachScan::refused) return std::make_unique<RescanJob>(allowed);
+    refusal = "the application does not let other programs scan its segment";
+    return nullptr;
+}
+
 }  // namespace
 
 bool writes(Operation operation) {
@@ -195,23 +193,27 @@ bool writes(Operation operation) {
         case Operation::sdo_download:
         case Operation::foe_write:
         case Operation::soe_write:
-        case Operation::eoe_set_ip: return true;
+        case Operation::eoe_set_ip:
+        case Operation::rescan:
+        case Operation::set_debug_level: return true;
         default: return false;
     }
 }
 
-std::unique_ptr<Job> make_job(Operation operation, Arguments a, std::size_t most, std::string& refusal) {
+std::unique_ptr<Job> make_job(Operation operation, Arguments a, const AttachSettings& settings, std::string& refusal) {
     const std::size_t bytes = a.bytes;
-    if (bytes > most) {
-        refusal =
-            std::to_string(bytes) + " octets are wanted, and the server transfers at most " + std::to_string(most);
+    if (bytes > settings.transfer_bytes) {
+        refusal = std::to_string(bytes) + " octets are wanted, and the server transfers at most " +
+                  std::to_string(settings.transfer_bytes);
         return nullptr;
     }
     switch (operation) {
         case Operation::master:
         case Operation::slaves:
         case Operation::group:
-        case Operation::startup: return make_visit(operation, std::move(a));
+        case Operation::startup:
+        case Operation::eoe_ports: return make_visit(operation, std::move(a));
+        case Operation::rescan: return make_rescan(settings.scan, refusal);
         case Operation::set_target: return std::make_unique<SetTarget>(std::move(a));
         case Operation::read_registers: return std::make_unique<ReadRegisters>(std::move(a), bytes);
         case Operation::write_registers: return std::make_unique<WriteRegisters>(std::move(a));

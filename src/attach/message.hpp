@@ -16,7 +16,9 @@
 namespace margay::attach {
 
 // Raise it with every change of the messages, and of enumerations whose values are in them (Errc, Step, EventKind …).
-inline constexpr std::uint32_t kProtocolVersion = 1;
+// What never changes, so that each version can refuse each other in words: Header, `hello` with its two numbers, and
+// Status::refused with a string.
+inline constexpr std::uint32_t kProtocolVersion = 2;
 inline constexpr std::uint32_t kMagic = 0x5947'524D;  // "MRGY"
 
 enum class Operation : std::uint16_t {
@@ -41,6 +43,9 @@ enum class Operation : std::uint16_t {
     soe_read,
     soe_write,
     eoe_set_ip,
+    eoe_ports,  // the ports of the application, and what they have counted
+    rescan,
+    set_debug_level,
     end,  // no operation: the number of operations
 };
 

@@ -29,6 +29,7 @@ using attach::Status;
 constexpr auto kStall = 10s;       // a message must go on within this time
 constexpr auto kOwnerSilent = 3s;  // as wait()
 constexpr auto kProgressEvery = 100ms;
+constexpr std::uint32_t kHighestLevel = 2;
 constexpr auto kIdle = 5s;  // a client without a request that long may lose its place to a new client
 
 Octets text_payload(std::string text) {
@@ -68,6 +69,7 @@ class AttachServer::Loop {
     void serve(Connection& client, short revents);
     void take_message(Connection& client);
     void hello(Connection& client);
+    [[nodiscard]] std::string set_debug_level(std::uint32_t level);
     void begin(Connection& client, attach::Operation operation, attach::Arguments arguments);
     void look_after(Connection& client);
     void end_job(Connection& client);
@@ -201,7 +203,9 @@ void AttachServer::Loop::hello(Connection& client) {
     std::uint32_t magic = 0;
     std::uint32_t version = 0;
     from(magic, version);
-    if (!from.complete() || magic != attach::kMagic) {
+    // Another version may say more than its two numbers.
+    const bool well = version == attach::kProtocolVersion ? from.complete() : from.ok();
+    if (!well || magic != attach::kMagic) {
         ++malformed_;
         return drop(client);
     }
@@ -235,12 +239,26 @@ void AttachServer::Loop::take_message(Connection& client) {
     if (operation == attach::Operation::events) return client.answer(Status::done, events_.after(arguments.from), now_);
     if (settings_.read_only && attach::writes(operation))
         return client.answer(Status::refused, text_payload("the application allows reading only"), now_);
+    if (operation == attach::Operation::set_debug_level) {
+        const auto refusal = set_debug_level(arguments.from);
+        if (!refusal.empty()) return client.answer(Status::refused, text_payload(refusal), now_);
+        return client.answer(Status::done, {}, now_);
+    }
     begin(client, operation, std::move(arguments));
+}
+
+// Returns why not; empty: the application sees the new level.
+std::string AttachServer::Loop::set_debug_level(std::uint32_t level) {
+    if (settings_.debug_level == nullptr) return "the application has no messages with a level";
+    if (level > kHighestLevel)
+        return "the level " + std::to_string(level) + " is wanted, and the levels are 0, 1 and 2";
+    settings_.debug_level->store(level, std::memory_order_relaxed);
+    return {};
 }
 
 void AttachServer::Loop::begin(Connection& client, attach::Operation operation, attach::Arguments arguments) {
     std::string refusal;
-    auto job = attach::make_job(operation, std::move(arguments), settings_.transfer_bytes, refusal);
+    auto job = attach::make_job(operation, std::move(arguments), settings_, refusal);
     if (job == nullptr) return client.answer(Status::refused, text_payload(refusal), now_);
     client.job = std::move(job);
     client.begun = client.reported = now_;
@@ -272,7 +290,11 @@ void AttachServer::Loop::look_after(Connection& client) {
 void AttachServer::Loop::end_job(Connection& client) {
     if (client.has_output()) return;  // a progress is being sent: the answer follows it
     const auto job = std::move(client.job);
-    if (job->request().state() == RequestState::success) return client.answer(Status::done, job->answer(), now_);
+    if (job->request().state() == RequestState::success) {
+        const auto refusal = job->refusal();
+        if (!refusal.empty()) return client.answer(Status::refused, text_payload(refusal), now_);
+        return client.answer(Status::done, job->answer(), now_);
+    }
     Error error = job->request().error();
     if (client.unpolled) error.code = Errc::not_polled;
     if (error.code == Errc::none) error.code = Errc::wrong_state;  // refused before it was a request: no init()

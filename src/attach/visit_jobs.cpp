@@ -1,5 +1,8 @@
 #include "attach/visit_jobs.hpp"
 
+#include "api/master.hpp"
+#include "api/operation.hpp"
+
 #include <margay/clocks.hpp>
 #include <margay/context.hpp>
 #include <margay/expected.hpp>
@@ -13,6 +16,7 @@ namespace {
 constexpr std::uint16_t kSlavesOnce = 8;
 constexpr std::size_t kFactsBytes = 8192;
 constexpr std::size_t kStartupBytes = 65536;
+constexpr std::size_t kPortsBytes = 6 + EoePortFacts::kOnce * EoePortFacts::kOctets;
 
 void copy_master(Context& ctx, const Arguments&, Writer& into) {
     MasterFacts facts{.slaves = static_cast<std::uint16_t>(ctx.slaves().size()),
@@ -113,6 +117,42 @@ void copy_startup(Context& ctx, const Arguments& arguments, Writer& into) {
     into(false);
 }
 
+// Calls `visit` for each EoePort that is busy. It may be one that has not begun.
+template <class Visit>
+void for_each_port(const RequestQueue& queue, Visit visit) {
+    for (Request* list : {queue.running, queue.waiting})
+        for (Request* r = list; r != nullptr; r = RequestAccess::next(*r))
+            if (RequestAccess::operation(*r).operation == margay::Operation::eoe_port)
+                visit(static_cast<const EoePort&>(*r));
+}
+
+// As the sequence of the port decides it.
+bool is_open(Network& network, std::uint16_t number) {
+    if (number < 1 || number > network.count) return false;
+    const Slave& slave = network.slave(number);
+    return network.has_mailbox(slave) && network.mailbox(slave).is_reachable() && slave.al.state != AlState::boot &&
+           (slave.mailbox.protocols & mailbox_protocol::kEoE) != 0;
+}
+
+// The number of all ports, then how many follow, and these.
+void copy_eoe_ports(Context& ctx, const Arguments&, Writer& into) {
+    Master& master = *master_of(ctx);
+    std::size_t all = 0;
+    for_each_port(master.queue, [&all](const EoePort&) { ++all; });
+    auto left = static_cast<std::uint16_t>(std::min(all, EoePortFacts::kOnce));
+    into(static_cast<std::uint32_t>(all), left);
+    for_each_port(master.queue, [&](const EoePort& port) {
+        if (left == 0) return;
+        --left;
+        EoePortFacts facts{
+            .slave = port.slave, .open = is_open(master.network, port.slave), .counted = port.statistics()};
+        const auto name = port.interface_name();
+        facts.name_bytes = static_cast<std::uint8_t>(std::min(name.size(), facts.name_text.size()));
+        std::ranges::copy_n(name.begin(), facts.name_bytes, facts.name_text.begin());
+        into(facts);
+    });
+}
+
 }  // namespace
 
 VisitJob::VisitJob(Copy copy, Arguments arguments, std::size_t bytes)
@@ -142,6 +182,7 @@ std::unique_ptr<Job> make_visit(Operation operation, Arguments arguments) {
         case Operation::slaves: return make(copy_slaves, kFactsBytes);
         case Operation::group: return make(copy_group, GroupFacts::kOnce + kFactsBytes);
         case Operation::startup: return make(copy_startup, kStartupBytes);
+        case Operation::eoe_ports: return make(copy_eoe_ports, kPortsBytes);
         default: return nullptr;
     }
 }

@@ -1,95 +1,13 @@
 // AttachServer: what clients see, what they can do, and that nothing they do reaches the cycle. In virtual time: the
 // owner's thread never waits for a client, and its cycles are counted.
-#include "attach/client.hpp"
-#include "attach/socket_address.hpp"
-#include "segment/bench.hpp"
+#include "attach/attach_fixture.hpp"
 
-#include <margay/attach/server.hpp>
-
-#include <sys/socket.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <functional>
 #include <random>
-#include <string>
-#include <thread>
-#include <vector>
 
-namespace margay {
+namespace margay::testing_attach {
 namespace {
-
-using namespace std::chrono_literals;
-using attach::Arguments;
-using attach::Client;
-using attach::Operation;
-using attach::Reader;
-using attach::Status;
-
-class Attach : public SegmentTest {
-  protected:
-    std::string folder = [] {
-        std::string name = "/tmp/margay-attach-XXXXXX";
-        return std::string(::mkdtemp(name.data()));
-    }();
-    std::string path = folder + "/line.sock";
-    std::array<std::byte, 1024> image{};
-    std::unique_ptr<AttachServer> server;
-
-    void SetUp() override {
-        plug_line({"coupler", "digital_in_8", "digital_out_8", "drive"});
-        switch_on();
-        ASSERT_TRUE(bring_up());
-        ASSERT_TRUE(config_map(ctx, image));
-        ASSERT_TRUE(reach(ctx, AlState::op, 5s));
-        serve({.name = "the line"});
-    }
-    void TearDown() override {
-        server.reset();
-        EXPECT_NE(::access(path.c_str(), F_OK), 0) << "the socket is still there";
-        ::rmdir(folder.c_str());
-    }
-    void serve(AttachSettings settings) {
-        server.reset();
-        server = std::make_unique<AttachServer>(ctx, path, std::move(settings));
-        ASSERT_EQ(server->error(), "");
-    }
-    // Runs the cycle in this thread until all `clients` have ended. Returns the cycles that were not right.
-    int run(const std::vector<std::function<void()>>& clients) {
-        std::atomic<std::size_t> left = clients.size();
-        std::vector<std::thread> threads;
-        for (const auto& client : clients)
-            threads.emplace_back([&left, &client] {
-                client();
-                --left;
-            });
-        int wrong = 0;
-        cycles = 0;
-        while (left != 0 || cycles < 100) {
-            wrong += cycle() ? 0 : 1;
-            ++cycles;
-        }
-        for (auto& thread : threads) thread.join();
-        return wrong;
-    }
-    bool cycle() {
-        const bool right = send_processdata(ctx) && receive_processdata(ctx, 500us);
-        const Time end = osal.now() + 1ms;
-        while (osal.now() < end) osal.wait(std::min(poll(ctx, osal.now()), end), wire.wait_handle());
-        return right;
-    }
-    int cycles = 0;
-};
-
-std::uint16_t slave_count(Client& client) {
-    const auto reply = client.call(Operation::master, {});
-    attach::MasterFacts facts;
-    Reader from(reply.payload);
-    from(facts);
-    return reply.ok() && from.complete() ? facts.slaves : 0;
-}
 
 TEST_F(Attach, ShowsWhatTheOwnerKnows) {
     EXPECT_EQ(run({[&] {
@@ -218,9 +136,9 @@ TEST_F(Attach, ReadOnlyRefusesWhatChangesASlave) {
                   Client client;
                   ASSERT_EQ(client.connect(path), "");
                   EXPECT_TRUE(client.read_only());
-                  for (const auto operation :
-                       {Operation::set_target, Operation::write_registers, Operation::write_sii,
-                        Operation::sdo_download, Operation::foe_write, Operation::soe_write, Operation::eoe_set_ip}) {
+                  for (const auto operation : {Operation::set_target, Operation::write_registers, Operation::write_sii,
+                                               Operation::sdo_download, Operation::foe_write, Operation::soe_write,
+                                               Operation::eoe_set_ip, Operation::rescan, Operation::set_debug_level}) {
                       const auto reply = client.call(operation, {.slave = 1, .state = AlState::init});
                       EXPECT_EQ(reply.status, Status::refused);
                       EXPECT_EQ(reply.text, "the application allows reading only");
@@ -286,48 +204,6 @@ TEST_F(Attach, AnOwnerThatDoesNotPollIsToldAndTheServerEnds) {
 }
 
 // ------------------------------------------------------------------ hostile clients
-
-class Raw {
-  public:
-    explicit Raw(const std::string& path) : fd_(::socket(AF_UNIX, SOCK_STREAM, 0)) {
-        attach::SocketAddress address;
-        connected_ = address.set(path) && ::connect(fd_, address.pointer(), address.bytes()) == 0;
-    }
-    ~Raw() { ::close(fd_); }
-    Raw(const Raw&) = delete;
-    Raw& operator=(const Raw&) = delete;
-    bool send(Bytes octets) {
-        // False: the server is gone, or takes no more in.
-        return ::send(fd_, octets.data(), octets.size(), MSG_NOSIGNAL | MSG_DONTWAIT) ==
-               static_cast<ssize_t>(octets.size());
-    }
-    // Waits for the end of the connection.
-    bool ended() {
-        std::array<std::byte, 512> some{};
-        for (;;) {
-            const auto got = ::recv(fd_, some.data(), some.size(), 0);
-            if (got <= 0) return true;
-        }
-    }
-    bool hello() {
-        std::array<std::byte, 20> octets{};
-        attach::Writer into(octets);
-        into(std::uint32_t{8}, std::uint32_t{1}, std::uint32_t{0}, attach::kMagic, attach::kProtocolVersion);
-        std::array<std::byte, 12> answer{};
-        if (!send(octets) || ::recv(fd_, answer.data(), answer.size(), MSG_WAITALL) != 12) return false;
-        std::vector<std::byte> rest(attach::Header::load(answer).bytes);
-        return ::recv(fd_, rest.data(), rest.size(), MSG_WAITALL) == static_cast<ssize_t>(rest.size());
-    }
-    bool message(Operation operation, std::uint32_t bytes, Bytes payload) {
-        std::array<std::byte, 12> header{};
-        attach::Header{bytes, 7, static_cast<std::uint16_t>(operation), 0}.store(header);
-        return send(header) && (payload.empty() || send(payload));
-    }
-
-  private:
-    int fd_;
-    bool connected_ = false;
-};
 
 TEST_F(Attach, WhatIsMalformedEndsItsOwnConnectionOnly) {
     EXPECT_EQ(run({[&] {
@@ -448,4 +324,4 @@ TEST_F(Attach, ATransferBeyondTheLimitIsRefused) {
 }
 
 }  // namespace
-}  // namespace margay
+}  // namespace margay::testing_attach

@@ -1,4 +1,5 @@
-// ethercat attached to a running application: the same output as on a segment of its own, and what it refuses.
+// ethercat attached to a running application: the same output as on a segment of its own, what the application allows,
+// and what it refuses.
 #include "ethercat/ethercat_fixture.hpp"
 
 namespace margay::process {
@@ -10,7 +11,7 @@ class EthercatAttach : public EthercatTest {
 
     // Executes the commands while simple_io runs the segment. Its cycle goes on until the last command has ended.
     [[nodiscard]] Ran attached(const std::string& commands, const std::string& segment = "sim:demo") const {
-        return folder.run("unset MARGAY_MASTER0\n" + simple_io + " " + segment +
+        return folder.run("unset MARGAY_MASTER0\nrm -f io.txt\n" + simple_io + " " + segment +
                           " --cycles 100000000 --period 2000 --attach s.sock > io.txt 2>&1 &\nio=$!\n"
                           "n=0; until grep -qs 'all slaves in OP' io.txt; do sleep 0.05; n=$((n+1)); "
                           "[ $n -lt 1200 ] || { cat io.txt >&2; kill $io; exit 98; }; done\n"
@@ -76,12 +77,37 @@ TEST_F(EthercatAttach, ShowsTheProcessDataAndChangesStates) {
     EXPECT_TRUE(contains(ran.out, "3  0:3  OP  +")) << ran.out;
 }
 
-TEST_F(EthercatAttach, WhatWouldDisturbTheApplicationIsRefused) {
-    for (const std::string command : {"rescan", "debug 1", "eoe"}) {
-        const auto ran = attached("e " + command);
-        EXPECT_EQ(ran.status, 2) << command;
-        EXPECT_TRUE(contains(ran.err, "not while attached to an application")) << ran.err;
-    }
+TEST_F(EthercatAttach, ARescanComparesTheSlavesAndTheProcessDataGoesOn) {
+    const auto ran = attached("e rescan && e rescan --verbose && e rescan --json && e slaves -p 3");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_TRUE(ran.out.starts_with("5 slaves; compared with those of the application, whose process data goes on\n"))
+        << "without --verbose nothing is printed\n"
+        << ran.out;
+    EXPECT_TRUE(contains(ran.out,
+                         "\"master\": 0,\n      \"slaves\": 5,\n      \"scanned\": false,\n      \"missing\": 0,\n"
+                         "      \"unused\": 0\n"))
+        << ran.out;
+    EXPECT_TRUE(ran.out.ends_with("3  0:3  OP  +  4-channel analogue input\n")) << ran.out;
+    EXPECT_EQ(ran.err, "");
+    const auto alone = own("e rescan --verbose && e rescan --json");
+    EXPECT_TRUE(alone.out.starts_with("5 slaves\n")) << alone.out;
+    EXPECT_TRUE(contains(alone.out, "\"scanned\": true")) << alone.out;
+}
+
+TEST_F(EthercatAttach, AnApplicationWithoutEoeHasNoPorts) {
+    const std::string head = "Interface  Slave  State  RxBytes  RxRate  TxBytes  TxRate  Dropped\n";
+    const auto ran = attached("e eoe && e eoe --json", "sim:eoe");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_TRUE(ran.out.starts_with(head + "{")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "\"interfaces\": []")) << ran.out;
+}
+
+TEST_F(EthercatAttach, WhatTheApplicationDoesNotAllowIsRefused) {
+    const auto ran = attached("e debug 1; [ $? = 1 ] && e debug 2 --json; [ $? = 1 ] && e debug 3; [ $? = 2 ]");
+    EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
+    EXPECT_TRUE(ran.err.starts_with("ethercat: the application has no messages with a level\n")) << ran.err;
+    EXPECT_TRUE(contains(ran.out, "\"error\": \"the application has no messages with a level\"")) << ran.out;
+    EXPECT_TRUE(contains(ran.err, "LEVEL: '3' is no whole number from 0 to 2")) << ran.err;
     const auto both = folder.run(program + " slaves --attach s.sock --source sim:demo");
     EXPECT_EQ(both.status, 2);
     EXPECT_TRUE(contains(both.err, "--source is not for a running application")) << both.err;

@@ -15,7 +15,7 @@ if(PROGRAM MATCHES "fuzz_(esi|eni)$")
 endif()
 # Each input is seconds of virtual time on a segment.
 set(runs 20000)
-if(PROGRAM MATCHES "fuzz_gateway$")
+if(PROGRAM MATCHES "fuzz_(attach|gateway)$")
   set(runs 2000)
 endif()
 execute_process(COMMAND ${PROGRAM} -runs=${runs} -seed=1 -max_len=${most} -timeout=10 -artifact_prefix=${PROGRAM}.failed-

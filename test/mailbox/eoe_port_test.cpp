@@ -204,6 +204,16 @@ TEST_F(EoePortTest, FullQueuesDropAndCount) {
     EXPECT_EQ(received(port), std::vector<Mail>(4, frame));
 }
 
+TEST_F(EoePortTest, TheNameOfItsInterfaceIsCut) {
+    EXPECT_EQ(port.interface_name(), "");
+    port.set_interface_name("eoe0s1");
+    EXPECT_EQ(port.interface_name(), "eoe0s1");
+    port.set_interface_name("a name of an interface");
+    EXPECT_EQ(port.interface_name(), "a name of an in");
+    port.set_interface_name("");
+    EXPECT_EQ(port.interface_name(), "");
+}
+
 TEST_F(EoePortTest, IsRefusedInWords) {
     const auto refused = [&](EoePort& one) { return bus.words(submit(*bus.ctx, one).error()); };
     EoePortMemory<1, 1, 1> room{};

@@ -21,7 +21,8 @@ TEST_F(ServiceConfigurationTest, EachErrorIsNamedByFileAndLine) {
         "gateway = { listen = \"[nowhere\" }\n"
         "number = 64\n"
         "take_over = \"yes\"\n"
-        "priority = 100\n");
+        "priority = 100\n"
+        "debug = 3\n");
     configure("b.toml", "[one]\nsource = \"sim:nosuch\"\n\n[two]\n\n[three]\nsource = \"pcap:x.pcap\"\n");
     configure("c.toml", "source = \"sim:demo\"\nstate = \"OP\n");
     configure("d.toml", "x = 1\n");
@@ -48,6 +49,7 @@ TEST_F(ServiceConfigurationTest, EachErrorIsNamedByFileAndLine) {
           "a.toml: line 11: 'number' is 64, it must be from 0 to 63",
           "a.toml: line 12: 'take_over' must be true or false",
           "a.toml: line 13: 'priority' is 100",
+          "a.toml: line 14: 'debug' is 3, it must be from 0 to 2",
           "b.toml: line 2: sim:nosuch: ",
           "b.toml: line 4: the master 'two' has no `source`",
           "b.toml: line 7: a recording cannot be run by a service",

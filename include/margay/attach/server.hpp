@@ -14,11 +14,13 @@
 //
 // Access. Every program that may write to the socket can do what the application could do by requests: change states,
 // write objects and registers. The file permissions of the socket select these programs. `read_only` refuses every
-// request that writes.
+// request that writes. `rescan` and `debug` are refused unless the application allows them (AttachSettings::scan,
+// debug_level).
 #pragma once
 
 #include <margay/context.hpp>
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -26,12 +28,29 @@
 
 namespace margay {
 
+// What the `rescan` of a client may do. Nothing of it ends the process data of a group that is mapped.
+enum class AttachScan : std::uint8_t {
+    refused,  // nothing: the client gets a sentence
+    // What recover_slave(ctx, 0) does: reads the states of all slaves and the ring, and finds lost slaves. The facts of
+    // the slaves that answer, their states and the process data stay. Slaves that are not in the table are counted and
+    // not used.
+    search,
+    // While no group is mapped and no supervision is busy, what config_init() does: all slaves go through INIT to
+    // PREOP, and the numbers, hooks and configurations of the slaves start again. Otherwise as `search`. For an
+    // application that keeps no slave number and sets no hook between its calls of poll().
+    whole,
+};
+
 struct AttachSettings {
-    std::string name{};       // what clients show as the source, for example the name of the interface
-    unsigned mode = 0600;     // permissions of the socket: 0660 lets the group in
-    std::string owner{};      // name of the user that owns the socket; empty: the user of the process
-    std::string group{};      // name of its group; empty: the group of the process
-    bool read_only = false;   // refuse everything that changes a slave
+    std::string name{};      // what clients show as the source, for example the name of the interface
+    unsigned mode = 0600;    // permissions of the socket: 0660 lets the group in
+    std::string owner{};     // name of the user that owns the socket; empty: the user of the process
+    std::string group{};     // name of its group; empty: the group of the process
+    bool read_only = false;  // refuse everything that changes a slave or the application
+    AttachScan scan = AttachScan::refused;
+    // The `debug` of a client stores a level here: 0 no messages, 1 errors and warnings, 2 more. The application looks
+    // at it; the server writes it in its own thread, and it must outlive the server. nullptr: `debug` is refused.
+    std::atomic<unsigned>* debug_level = nullptr;
     std::size_t clients = 8;  // connections at the same time, 1 to 32; others get an error and are closed
     std::size_t transfer_bytes = std::size_t{16} << 20;  // the largest file or object; at most twice as much memory for
                                                          // each client

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -98,13 +99,14 @@ int hammer(const char* path, Clients kind) {
     attach::Client client;
     if (!client.connect(path).empty()) return 1;
     for (;;) {
-        for (const auto operation : {Operation::master, Operation::slaves, Operation::group, Operation::events}) {
+        for (const auto operation : {Operation::master, Operation::slaves, Operation::group, Operation::events,
+                                     Operation::eoe_ports, Operation::set_debug_level}) {
             const auto reply = client.call(operation, {});
             if (reply.status == attach::Status::failed) return 1;
             if (!reply.ok()) return 0;  // the application has ended
         }
         if (kind == Clients::facts) continue;
-        for (const auto operation : {Operation::read_registers, Operation::read_sii}) {
+        for (const auto operation : {Operation::read_registers, Operation::read_sii, Operation::rescan}) {
             const auto reply = client.call(operation, {.slave = 1, .bytes = 64});
             if (reply.status == attach::Status::failed && reply.error.code != Errc::canceled) return 1;
             if (!reply.ok()) return 0;
@@ -156,7 +158,9 @@ int serve(const char* self, Clients kind, std::uint32_t slaves, std::uint32_t oc
     std::string folder = "/tmp/margay-bench-XXXXXX";
     if (::mkdtemp(folder.data()) == nullptr) return 1;
     const std::string path = folder + "/bench.sock";
-    auto server = std::make_unique<AttachServer>(ctx, path);
+    std::atomic<unsigned> debug_level{0};
+    auto server = std::make_unique<AttachServer>(
+        ctx, path, AttachSettings{.scan = AttachScan::search, .debug_level = &debug_level});
     ClientProcesses clients;
     if (!server->error().empty() || (kind != Clients::none && !clients.start(self, path, kind))) return 1;
 

@@ -10,10 +10,10 @@ namespace margay::bench {
 // What the clients ask for, and when their datagrams are sent.
 enum class Clients {
     none,
-    facts,     // slaves, process data, events, statistics: no datagrams
-    between,   // also registers and SII; the group has no acyclic budget, so these datagrams go in frames of their own,
-               // and a cycle receives those that come back during it
-    in_cycle,  // also registers and SII; their datagrams ride in the frames of the cycle
+    facts,     // slaves, process data, events, statistics, EoE ports, level of messages: no datagrams
+    between,   // also registers, SII and rescans; the group has no acyclic budget, so these datagrams go in frames of
+               // their own, and a cycle receives those that come back during it
+    in_cycle,  // as `between`, but the datagrams ride in the frames of the cycle
 };
 
 // What a child process executes: `attached CLIENTS SLAVES OCTETS CYCLES` (the application; callgrind counts in it) and

@@ -1,0 +1,74 @@
+#include "attach/rescan.hpp"
+
+#include "api/operation.hpp"
+#include "api/supervision.hpp"
+#include "network/scan.hpp"
+
+#include <algorithm>
+
+namespace margay::attach {
+namespace {
+
+// A hook or a slow EEPROM of one slave may keep the segment in use for seconds.
+constexpr Duration kPatience = std::chrono::seconds(60);
+
+bool exchanges_nothing(const Network& network) {
+    return !network.supervised && std::ranges::none_of(network.process.groups, [](const ProcessGroup& group) {
+        return group.mapped || group.mapping;
+    });
+}
+
+bool is_missing(const Slave& slave) {
+    const bool optional = slave.wanted != nullptr && slave.wanted->optional;
+    return slave.al.state == AlState::none && !optional && (slave.seen || slave.wanted != nullptr);
+}
+
+RescanFacts rescan_facts(Network& network, bool whole) {
+    const auto count = [](auto some, auto which) {
+        return static_cast<std::uint16_t>(std::ranges::count_if(some, which));
+    };
+    const auto answers = [](const Slave& slave) { return slave.al.state != AlState::none; };
+    const auto strange = [](const RingPlace& place) { return place.slave == 0; };
+    return {.whole = whole,
+            .slaves = count(network.slaves(), answers),
+            .missing = count(network.slaves(), is_missing),
+            .unused = count(network.seen_ring(), strange)};
+}
+
+Error check(Network&, const RescanRequest&) { return {}; }
+
+Task<Result<>> run(Network& network, RescanRequest& request) {
+    const bool whole = request.whole && exchanges_nothing(network);
+    request.too_early = !whole && network.count == 0;
+    if (request.too_early) co_return Nothing{};
+    if (whole) {
+        const auto count = co_await scan(network);
+        note_of_segment(network, count.error());
+        // The error of a slave is one of the facts: the table tells it.
+        if (!count && count.error().slave == 0) co_return count.error();
+    } else {
+        co_await required(recover(network, request.search));
+    }
+    request.facts = rescan_facts(network, whole);
+    co_return Nothing{};
+}
+
+constexpr OperationDescription kRescan =
+    describe_operation<RescanRequest, check, run>(margay::Operation::recover, Step::recover, Needs::segment);
+
+}  // namespace
+
+RescanRequest::RescanRequest() : Request(kRescan) {}
+
+RescanJob::RescanJob(AttachScan allowed) {
+    request_.whole = allowed == AttachScan::whole;
+    request_.timeout = kPatience;
+}
+
+Octets RescanJob::answer() { return octets_of(request_.facts); }
+
+std::string RescanJob::refusal() {
+    return request_.too_early ? "the application has not scanned its segment yet" : std::string();
+}
+
+}  // namespace margay::attach
