@@ -197,7 +197,7 @@ TEST_F(TimedSendTest, RequestsBesideTheCycleDoNotTimeOut) {
     std::uint64_t done = 0;
     const auto work = [&](const CycleInfo& cycle) {
         EXPECT_EQ(cycle.error.code, Errc::none);
-        if (!request.busy()) {
+        if (!request.busy() && cycle.number < 200) {
             EXPECT_TRUE(cycle.number == 1 || request.state() == RequestState::success);
             ++done;
             EXPECT_TRUE(submit(*ctx, request).ok());
