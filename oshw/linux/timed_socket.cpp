@@ -1,7 +1,5 @@
 #include "oshw/linux/timed_socket.hpp"
 
-#include "osal/linux/monotonic_clock.hpp"
-
 #include <linux/errqueue.h>
 #include <linux/if_packet.h>
 #include <linux/net_tstamp.h>
@@ -74,7 +72,10 @@ void TimedSocket::close() noexcept {
     socket_ = -1;
 }
 
-bool TimedSocket::is_late(Time at) const noexcept { return at - monotonic_now() < kHandover; }
+// The clock of LinuxOsal is CLOCK_MONOTONIC.
+bool TimedSocket::is_late(Time at) const noexcept {
+    return at.time_since_epoch() - Duration(clock_ns(CLOCK_MONOTONIC)) < kHandover;
+}
 
 bool TimedSocket::send(std::span<const std::byte> frame, Time at) noexcept {
     const std::uint64_t time_ns = in_clock(clock_, at + early_);
