@@ -54,7 +54,8 @@ class PacketNic final : public Nic, public SendClock, public ReceiveClock, publi
     // Notes when frames are sent and received (SO_TIMESTAMPING), for LinkLayerClock and cycle_stamps(). Each sent frame
     // then costs one more system call. Call it after open(); open() switches it off, and a failure leaves it off. On
     // failure, problem() has the cause: most often the driver of the interface has no time stamps of this kind
-    // (`ethtool -T` and `nic_check` list them). While time stamps are on, one thread calls receive(), send_time_ns()
+    // (`ethtool -T` and `nic_check` list them). The kernel switches the software times of received frames on a few ms
+    // later; frames until then have none. While time stamps are on, one thread calls receive(), send_time_ns()
     // and receive_time_ns(). Not callable from the cycle.
     [[nodiscard]] Result<> stamp_frames(Stamps stamps, Stamped which = Stamped::sent) noexcept;
     // Send times of the last frames; see SendClock. Reads those that the kernel has ready.

@@ -3,6 +3,7 @@
 
 #include <margay/cycle_stamps.hpp>
 #include <margay/master_clock.hpp>
+#include <margay/redundancy.hpp>
 #include <margay/timed_send.hpp>
 
 #include <cmath>
@@ -208,6 +209,38 @@ TEST_F(TimedSendTest, RequestsBesideTheCycleDoNotTimeOut) {
     EXPECT_GE(done, 100U);
     EXPECT_EQ(ctx->statistics().lost, 0U);
     EXPECT_TRUE(errors().empty());
+}
+
+// Both copies of a frame leave at the same time.
+TEST_F(TimedSendTest, BothNicsOfARingSendAtTheTime) {
+    add({.drift_ppb = -80'000, .start_ns = 99});
+    add({.drift_ppb = 40'000});
+    ASSERT_TRUE(segment.connect_master({1, 1}, 1));
+    segment.power_up(osal.now());
+    nic = std::make_unique<SimulatedNic>(segment, late, SimulatedNic::Options{.time_stamps = true, .timed_frames = 8});
+    SimulatedNic second(segment, late,
+                        {.master_port = 1, .mac = {0, 1, 2, 3, 4, 5}, .time_stamps = true, .timed_frames = 8});
+    nic->set_other_end(&second);
+    second.set_other_end(nic.get());
+    limits.redundancy = true;
+    ctx = std::make_unique<HostContext>(limits);
+    ASSERT_TRUE(init_redundant(*ctx, *nic, second, late).ok());
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    late.jitter = 50us;
+    TimedPair both(*nic, second);
+    const auto work = [&](const CycleInfo& cycle) {
+        EXPECT_EQ(cycle.error.code, Errc::none) << cycle.number;
+        EXPECT_EQ(sent() - cycle.due, kLead);
+        // The first copy has come back at the second NIC.
+        EXPECT_TRUE(cycle_stamps(*ctx, {.sent = nic.get(), .received = &second}).round_trip());
+        return cycle.number < 500;
+    };
+    ASSERT_TRUE(run_cycle(*ctx, {.period = 1ms, .send_at = &both, .send_lead = kLead}, work).ok());
+    EXPECT_EQ(both.missed(), 0U);
+    EXPECT_EQ(second.frames_sent(), nic->frames_sent());
+    ctx.reset();
+    nic.reset();
 }
 
 TEST_F(TimedSendTest, TheRoundTripIsThatOfTheWire) {
