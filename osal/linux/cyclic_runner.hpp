@@ -36,7 +36,7 @@ struct CyclicOptions {
     bool lock_memory = true;   // mlockall(), and touches the stack of the thread: prevents later page faults
     bool hold_latency = true;  // sets /dev/cpu_dma_latency to 0, so that processors do not enter deep sleep states
     // The network interface of the cycle: prepare() finds the threads of its interrupts (irq_threads()), and changes
-    // nothing of them. nullptr: they are not looked for.
+    // nothing of them. nullptr: they are not looked for. The text must outlive the runner.
     const char* interface = nullptr;
     // Priority of SCHED_FIFO for these threads, 1 to 99, until finish() or the end of the runner; 0: not changed. It
     // should be above `priority`, so that replies do not wait while the cycle uses the processor.

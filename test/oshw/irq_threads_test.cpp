@@ -165,6 +165,10 @@ TEST_F(IrqThreadsTest, TheirPriorityIsSetAndRestored) {
     first.set(SCHED_RR, 7);
     EXPECT_EQ(threads.restore(), 0);
     EXPECT_EQ(first.scheduling(), Scheduling(SCHED_RR, 7)) << "another program has changed it since";
+    EXPECT_EQ(threads.set_priority(81), 0);
+    first.set(SCHED_FIFO, 33);
+    EXPECT_EQ(threads.restore(), 0);
+    EXPECT_EQ(first.scheduling(), Scheduling(SCHED_FIFO, 33)) << "the same";
     EXPECT_EQ(threads.set_priority(100), EINVAL);
     EXPECT_EQ(second.scheduling(), Scheduling(SCHED_OTHER, 0));
     EXPECT_EQ(other.scheduling(), Scheduling(SCHED_OTHER, 0)) << "not of this interface";
