@@ -1,5 +1,5 @@
 // Base class of all filters: a NIC that contains another NIC and forwards all calls to it. A filter overrides the
-// functions that it changes.
+// functions that it changes. The times of frames are those of the inner NIC.
 #pragma once
 
 #include "oshw/nic.hpp"
@@ -21,6 +21,7 @@ class FilterNic : public Nic {
     [[nodiscard]] int wait_handle() const noexcept override { return inner_.wait_handle(); }
     [[nodiscard]] Time next_arrival() const noexcept override { return inner_.next_arrival(); }
     [[nodiscard]] int last_error() const noexcept override { return inner_.last_error(); }
+    [[nodiscard]] FrameTiming timing() noexcept override { return inner_.timing(); }
 
   protected:
     ~FilterNic() = default;

@@ -11,6 +11,7 @@
 // the reply to this frame can be received.
 #pragma once
 
+#include <margay/frame_timing.hpp>
 #include <margay/mac_address.hpp>
 #include <margay/time.hpp>
 #include <margay/wait_handles.hpp>
@@ -62,6 +63,10 @@ class Nic {
 
     // The error number of the system for the last failure (errno on Linux); 0 when there was none.
     [[nodiscard]] virtual int last_error() const noexcept { return 0; }
+
+    // What this NIC can do with the times of frames, as it is set now: "sent at", "received at", "send at". Nothing of
+    // it is required.
+    [[nodiscard]] virtual FrameTiming timing() noexcept { return {}; }
 
   protected:
     ~Nic() = default;

@@ -31,7 +31,7 @@ Error negative_timeout(std::uint8_t group) {
     Osal& osal = master.osal;
     Nic& nic = engine.link().nic();
     Time now = osal.now();
-    const Time give_up = later(now, timeout);
+    const Time give_up = later(std::max(now, engine.link().last_cycle()), timeout);  // the cycle may leave later
     while (now < give_up) {
         osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handles());
         now = osal.now();

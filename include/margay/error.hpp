@@ -298,6 +298,7 @@ enum class Argument : std::uint8_t {
     timeout,
     period,  // members of CycleSettings
     reply_timeout,
+    send_lead,
     interval,         // of a supervision, of latches or of an EoePort
     state,            // an AL state
     work,             // the function of run_cycle()

@@ -5,6 +5,7 @@
 
 #include <margay/context.hpp>
 #include <margay/expected.hpp>
+#include <margay/frame_timing.hpp>
 #include <margay/request.hpp>
 #include <margay/result.hpp>
 #include <margay/time.hpp>
@@ -79,6 +80,12 @@ struct CycleSettings {
     // Asked after each cycle when the next one is due. nullptr: once a period of the osal's clock. Without effect where
     // another thread sends.
     CycleClock* clock = nullptr;
+    // The frames of a cycle leave `send_lead` after the cycle was due, by a NIC that can hold them until then
+    // (timed_send.hpp), so that they leave without the jitter of the wake-up. send_lead must be longer than this jitter
+    // and shorter than the period. A cycle that begins later sends at once; TimedSend::missed() counts its frames.
+    // nullptr: the frames leave when the cycle begins. Without effect where another thread sends.
+    TimedSend* send_at = nullptr;
+    Duration send_lead{0};
 };
 
 // Brings all wanted slaves to `state` (a slave with a target of its own: to that target). Waits until each of them is
@@ -89,10 +96,10 @@ struct CycleSettings {
 // Returns the error of the first slave that has not reached its target: when `timeout` is over, or at once if all other
 // slaves have reached theirs and waiting cannot help (the slave is held, has no place in the image, needs a mapping, or
 // its group is not mapped). Waits; not for the cycle. Errors: wrong_state (no slaves yet), invalid_argument (`state` is
-// not INIT, PREOP, SAFEOP or OP; a period of 0, a negative time), scan_needed (expect() was called after
-// config_init()), in_callback (called by the work function of run_cycle()), and the errors of what_is_wrong(). reach()
-// reads the states of all slaves at least once, and for that may take up to ten periods longer than `timeout`. If no
-// frame comes back: no_frame, or nic (the interface is down).
+// not INIT, PREOP, SAFEOP or OP; a period of 0, a negative time, a send_lead outside of the period), scan_needed
+// (expect() was called after config_init()), in_callback (called by the work function of run_cycle()), and the errors
+// of what_is_wrong(). reach() reads the states of all slaves at least once, and for that may take up to ten periods
+// longer than `timeout`. If no frame comes back: no_frame, or nic (the interface is down).
 Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSettings& cycle = {});
 
 // Whether every wanted slave is in its target state without an error and with its process data configured, as the
@@ -137,7 +144,8 @@ using CycleWork = bool (*)(Context& ctx, const CycleInfo& cycle, void* user);
 // contains the error. CycleInfo::error is unknown_group (index: the group) while a group is not mapped any more,
 // because a scan or a mapping is executing or has failed. `work` must not throw: an exception ends the program. Returns
 // success when `work` has returned false. Waits. Errors: wrong_state before init(), unknown_group (no group is mapped),
-// invalid_argument (a period of 0, a negative time), in_callback (called by the work function of run_cycle()).
+// invalid_argument (a period of 0, a negative time, a send_lead outside of the period), in_callback (called by the work
+// function of run_cycle()).
 Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, void* user);
 
 // The same with any object that can be called as bool(const CycleInfo&). `work` must live until run_cycle() returns.

@@ -105,16 +105,19 @@ CyclicRunner::CyclicRunner(const CyclicOptions& options) noexcept
 }
 
 CyclicRunner::~CyclicRunner() {
+    (void)finish();
     if (latency_ >= 0) ::close(latency_);
 }
 
 std::span<const CyclicRefusal> CyclicRunner::prepare() noexcept {
+    (void)finish();
     refused_ = 0;
     if (options_.lock_memory && ::mlockall(MCL_CURRENT | MCL_FUTURE) != 0)
         refuse("memory is not locked (mlockall; needs CAP_IPC_LOCK or a larger RLIMIT_MEMLOCK)", errno);
     if (options_.lock_memory) touch_stack();
     if (options_.cpu >= 0) stay_on_cpu();
     if (options_.hold_latency) hold_latency();
+    if (options_.interface != nullptr) raise_interrupts();
     if (options_.runtime <= Duration::zero() || !take_runtime())
         if (options_.priority > 0) take_priority();
     return std::span(refusals_).first(refused_);
@@ -162,6 +165,27 @@ void CyclicRunner::hold_latency() noexcept {
     const std::int32_t none_us = 0;
     if (latency_ < 0 || ::write(latency_, &none_us, sizeof none_us) != sizeof none_us)
         refuse("processors may go into deep sleep (/dev/cpu_dma_latency cannot be written)", errno);
+}
+
+void CyclicRunner::raise_interrupts() noexcept {
+    const bool found = irq_threads_.find(options_.interface, options_.places);
+    if (options_.irq_priority == 0) return;
+    if (!found)
+        return refuse(
+            "no priority for the interrupts of the NIC (this kernel handles them without threads: it needs "
+            "PREEMPT_RT or the option threadirqs; or the interface has no interrupts)",
+            ENOENT);
+    if (const int error = irq_threads_.set_priority(options_.irq_priority); error != 0)
+        refuse(error == EINVAL ? "the interrupts of the NIC keep their priority (irq_priority is not 1 to 99)"
+                               : "the interrupts of the NIC keep their priority (needs CAP_SYS_NICE)",
+               error);
+}
+
+std::span<const CyclicRefusal> CyclicRunner::finish() noexcept {
+    const std::size_t before = refused_;
+    if (const int error = irq_threads_.restore(); error != 0)
+        refuse("the interrupts of the NIC do not have their priority back (needs CAP_SYS_NICE)", error);
+    return std::span(refusals_).subspan(before, refused_ - before);
 }
 
 void CyclicRunner::refuse(const char* what, int error) noexcept { refusals_[refused_++] = {what, error}; }

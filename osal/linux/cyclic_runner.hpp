@@ -12,6 +12,7 @@
 #pragma once
 
 #include "osal/cyclic_schedule.hpp"
+#include "osal/linux/irq_threads.hpp"
 
 #include <array>
 #include <cstddef>
@@ -34,6 +35,13 @@ struct CyclicOptions {
     int cpu = -1;              // the processor for the thread; -1: any
     bool lock_memory = true;   // mlockall(), and touches the stack of the thread: prevents later page faults
     bool hold_latency = true;  // sets /dev/cpu_dma_latency to 0, so that processors do not enter deep sleep states
+    // The network interface of the cycle: prepare() finds the threads of its interrupts (irq_threads()), and changes
+    // nothing of them. nullptr: they are not looked for. The text must outlive the runner.
+    const char* interface = nullptr;
+    // Priority of SCHED_FIFO for these threads, 1 to 99, until finish() or the end of the runner; 0: not changed. It
+    // should be above `priority`, so that replies do not wait while the cycle uses the processor.
+    int irq_priority = 0;
+    IrqThreads::Places places{};  // where these threads are looked for; tests give others
     OverrunPolicy overrun = OverrunPolicy::skip;
     std::uint64_t catch_up_limit = CyclicSchedule::kCatchUpLimit;  // of OverrunPolicy::catch_up
 };
@@ -54,6 +62,13 @@ class CyclicRunner {
     // Applies the settings to the calling thread, which must also call wait(). The returned span is valid as long as
     // the runner. The policy stays for the life of the thread, the latency setting until the runner is destroyed.
     std::span<const CyclicRefusal> prepare() noexcept;
+
+    // The threads of the interrupts of CyclicOptions::interface, as they were before prepare() has changed them; empty
+    // where the kernel has none. describe() says what their priority means for the cycle.
+    [[nodiscard]] std::span<const IrqThread> irq_threads() const noexcept { return irq_threads_.all(); }
+    // Gives these threads back the priority that they had, as the destructor does. Returns what the system has refused,
+    // as prepare(). Not callable from the cycle.
+    std::span<const CyclicRefusal> finish() noexcept;
 
     // Sets the first deadline, half a period to one and a half periods from now.
     void start() noexcept;
@@ -81,12 +96,14 @@ class CyclicRunner {
     void take_priority() noexcept;
     void stay_on_cpu() noexcept;
     void hold_latency() noexcept;
+    void raise_interrupts() noexcept;
 
     CyclicOptions options_;
     CyclicSchedule schedule_;
-    std::array<CyclicRefusal, 6> refusals_{};
+    std::array<CyclicRefusal, 8> refusals_{};
     std::size_t refused_ = 0;
     int latency_ = -1;
+    IrqThreads irq_threads_;
 };
 
 }  // namespace margay

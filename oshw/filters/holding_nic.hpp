@@ -17,6 +17,11 @@ class HoldingNic : public FilterNic {
     // lost and counted.
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept final;
     [[nodiscard]] Time next_arrival() const noexcept final;
+    // Without receive times: those of the inner NIC are not those of the delayed frames.
+    [[nodiscard]] FrameTiming timing() noexcept final {
+        const FrameTiming of_inner = inner().timing();
+        return {.sent = of_inner.sent, .send_at = of_inner.send_at};
+    }
 
     [[nodiscard]] std::uint64_t lost() const noexcept { return lost_; }
 

@@ -3,20 +3,14 @@
 #include "wire/ethernet.hpp"
 
 #include <arpa/inet.h>
-#include <linux/errqueue.h>
-#include <linux/ethtool.h>
 #include <linux/filter.h>
 #include <linux/if_ether.h>
 #include <linux/if_packet.h>
-#include <linux/net_tstamp.h>
-#include <linux/sockios.h>
 #include <net/if.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
-#include <cstring>
 
 namespace margay {
 namespace {
@@ -51,6 +45,7 @@ PacketNic::~PacketNic() { close(); }
 
 void PacketNic::close() noexcept {
     interface_.close();
+    timed_.close();
     if (socket_ >= 0) ::close(socket_);
     socket_ = -1;
 }
@@ -59,8 +54,9 @@ Result<> PacketNic::open(std::string_view interface, Side side) noexcept {
     close();
     last_error_ = 0;
     overruns_ = 0;
-    stamps_ = Stamps::off;
-    send_times_ = {};
+    forget_stamps();
+    send_time_ = kAtOnce;
+    too_late_ = 0;
     auto done = interface_.open(interface);
     if (!done) last_error_ = static_cast<int>(done.error().actual);
     if (!done) return done;
@@ -129,8 +125,12 @@ std::uint64_t PacketNic::overruns() noexcept {
 }
 
 SendStatus PacketNic::send(std::span<const std::byte> frame) noexcept {
+    if (send_time_ != kAtOnce) return send_timed(frame);
     if (::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT) >= 0) return SendStatus::sent;
-    const int error = errno;
+    return not_sent(errno);
+}
+
+SendStatus PacketNic::not_sent(int error) noexcept {
     last_error_ = error;
     if (error == EAGAIN || error == EINTR) return SendStatus::busy;
     // Without the queueing discipline the kernel returns ENOBUFS both for a full ring and for a missing carrier.
@@ -139,80 +139,13 @@ SendStatus PacketNic::send(std::span<const std::byte> frame) noexcept {
 }
 
 std::size_t PacketNic::receive(std::span<std::byte> into) noexcept {
-    const auto length = ::recv(socket_, into.data(), into.size(), MSG_DONTWAIT);
+    const auto length =
+        stamps_received_ ? receive_stamped(into) : ::recv(socket_, into.data(), into.size(), MSG_DONTWAIT);
     if (length >= 0) return static_cast<std::size_t>(length);
     if (errno != EAGAIN && errno != EINTR) last_error_ = errno;
     // Stamps that nobody reads make each wait for a frame end at once.
-    if (stamps_ != Stamps::off) read_stamps();
+    if (stamps_sent_) read_stamps();
     return 0;
-}
-
-// Whether the driver has these time stamps. The kernel accepts the socket option for every driver.
-bool PacketNic::has_stamps(Stamps stamps) noexcept {
-    ifreq request{};
-    ethtool_ts_info info{};
-    info.cmd = ETHTOOL_GET_TS_INFO;
-    request.ifr_data = reinterpret_cast<char*>(&info);
-    if (!interface_.request(SIOCETHTOOL, request)) return false;
-    constexpr unsigned kSoftware = SOF_TIMESTAMPING_TX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE;
-    constexpr unsigned kHardware = SOF_TIMESTAMPING_TX_HARDWARE | SOF_TIMESTAMPING_RAW_HARDWARE;
-    const unsigned wanted = stamps == Stamps::hardware ? kHardware : kSoftware;
-    return (info.so_timestamping & wanted) == wanted;
-}
-
-Result<> PacketNic::stamp_frames(Stamps stamps) noexcept {
-    interface_.forget_problem();
-    if (socket_ < 0) return fail(EBADF, "it is not open");
-    if (stamps != Stamps::off && !has_stamps(stamps))
-        return fail(EOPNOTSUPP, stamps == Stamps::hardware ? "its driver has no hardware time stamps of sent frames"
-                                                           : "its driver has no time stamps of sent frames");
-    if (stamps == Stamps::hardware) {
-        ifreq request{};
-        hwtstamp_config config{};
-        config.tx_type = HWTSTAMP_TX_ON;
-        request.ifr_data = reinterpret_cast<char*>(&config);
-        if (!interface_.request(SIOCSHWTSTAMP, request))
-            return fail(errno, "its time stamps cannot be switched on", "CAP_NET_ADMIN is needed");
-    }
-    int flags = 0;
-    if (stamps == Stamps::software) flags = SOF_TIMESTAMPING_TX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE;
-    if (stamps == Stamps::hardware) flags = SOF_TIMESTAMPING_TX_HARDWARE | SOF_TIMESTAMPING_RAW_HARDWARE;
-    if (!set_option(socket_, SOL_SOCKET, SO_TIMESTAMPING, flags)) return fail(errno, "time stamps were refused");
-    stamps_ = stamps;
-    send_times_ = {};
-    return {};
-}
-
-// The kernel returns each sent frame with its time by the error queue of the socket.
-void PacketNic::read_stamps() noexcept {
-    constexpr int kMost = 64;  // then the next call goes on
-    for (int n = 0; n < kMost; ++n) {
-        std::array<std::byte, kHeadBytes> head{};
-        alignas(cmsghdr) std::array<char, 256> control{};
-        iovec part{head.data(), head.size()};
-        msghdr message{};
-        message.msg_iov = &part;
-        message.msg_iovlen = 1;
-        message.msg_control = control.data();
-        message.msg_controllen = control.size();
-        const auto length = ::recvmsg(socket_, &message, MSG_ERRQUEUE | MSG_DONTWAIT);
-        if (length < 0) return;
-        for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
-            if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_TIMESTAMPING) continue;
-            scm_timestamping times{};
-            std::memcpy(&times, CMSG_DATA(c), sizeof times);
-            const timespec& time = times.ts[stamps_ == Stamps::hardware ? 2 : 0];
-            send_times_.add(
-                std::span<const std::byte>(head).first(static_cast<std::size_t>(length)),
-                static_cast<std::uint64_t>(time.tv_sec) * 1'000'000'000 + static_cast<std::uint64_t>(time.tv_nsec));
-        }
-    }
-}
-
-std::optional<std::uint64_t> PacketNic::send_time_ns(std::span<const std::byte> head) noexcept {
-    if (stamps_ == Stamps::off) return std::nullopt;
-    read_stamps();
-    return send_times_.find(head);
 }
 
 }  // namespace margay

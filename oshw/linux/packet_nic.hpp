@@ -3,17 +3,19 @@
 #pragma once
 
 #include "oshw/linux/interface.hpp"
+#include "oshw/linux/timed_socket.hpp"
 #include "oshw/nic.hpp"
 
+#include <margay/receive_clock.hpp>
 #include <margay/result.hpp>
-#include <margay/send_clock.hpp>
+#include <margay/timed_send.hpp>
 
 #include <atomic>
 #include <string_view>
 
 namespace margay {
 
-class PacketNic final : public Nic, public SendClock {
+class PacketNic final : public Nic, public SendClock, public ReceiveClock, public TimedSend {
   public:
     // The end of the cable that this NIC represents.
     enum class Side : std::uint8_t {
@@ -38,21 +40,42 @@ class PacketNic final : public Nic, public SendClock {
     // One sentence about the last failed open(); empty after success. Valid until the next open().
     [[nodiscard]] std::string_view problem() const noexcept { return interface_.problem(); }
 
-    // Where the time of a sent frame is taken.
+    // Where the time of a frame is taken.
     enum class Stamps : std::uint8_t {
         off,
-        software,  // by the driver, just before the frame goes to the hardware, in the time of CLOCK_REALTIME
+        // By the driver just before a frame goes to the hardware, and by the kernel when it gets a frame from the
+        // driver; in the time of CLOCK_REALTIME.
+        software,
         // By the hardware, in the time of its own clock (/dev/ptpN). The first program switches the hardware on, for
         // which it needs CAP_NET_ADMIN.
         hardware,
     };
-    // Notes when each frame is sent (SO_TIMESTAMPING), for LinkLayerClock. Each sent frame then costs one more system
-    // call. Call it after open(); open() switches it off. On failure, problem() has the cause: most often the driver
-    // of the interface has no time stamps of this kind (`ethtool -T` lists them). While time stamps are on, one thread
-    // calls receive() and send_time_ns(). Not callable from the cycle.
-    [[nodiscard]] Result<> stamp_frames(Stamps stamps) noexcept;
+    enum class Stamped : std::uint8_t { sent, received, both };  // the frames that get a time
+    // Notes when frames are sent and received (SO_TIMESTAMPING), for LinkLayerClock and cycle_stamps(). Each sent frame
+    // then costs one more system call. Call it after open(); open() switches it off, and a failure leaves it off. On
+    // failure, problem() has the cause: most often the driver of the interface has no time stamps of this kind
+    // (`ethtool -T` and `nic_check` list them). The kernel switches the software times of received frames on a few ms
+    // later; frames until then have none. While time stamps are on, one thread calls receive(), send_time_ns()
+    // and receive_time_ns(). Not callable from the cycle.
+    [[nodiscard]] Result<> stamp_frames(Stamps stamps, Stamped which = Stamped::sent) noexcept;
     // Send times of the last frames; see SendClock. Reads those that the kernel has ready.
     [[nodiscard]] std::optional<std::uint64_t> send_time_ns(std::span<const std::byte> head) noexcept override;
+    [[nodiscard]] std::optional<std::uint64_t> receive_time_ns(std::span<const std::byte> head) noexcept override;
+
+    // Lets frames leave at a time (SO_TXTIME, see TimedSend). The queueing discipline of the interface must hold them:
+    // etf, which hands them to a NIC that knows the time (offload) or sends them by a timer of the kernel; fq, by a
+    // timer; or mqprio or taprio with etf for the queue of the frames. Frames without a time bypass it as before. The
+    // clock of a NIC with offload must follow CLOCK_TAI (phc2sys). `priority`: of the frames with a time (SO_PRIORITY),
+    // from which mqprio and taprio select the queue; 1 to 6, more needs CAP_NET_ADMIN. Call it after open(), in its
+    // network namespace; open() and close() end it. etf needs CAP_NET_ADMIN. On failure, problem() says what the
+    // queueing discipline or the kernel has refused, and the command that mends it. Frames with a time cost two system
+    // calls; one thread sends then. Not callable from the cycle.
+    [[nodiscard]] Result<> allow_send_at(unsigned priority = 3) noexcept;
+    void set_send_time(Time at) noexcept override { send_time_ = at; }
+    // One system call while send times are allowed.
+    [[nodiscard]] std::uint64_t missed() noexcept override;
+
+    [[nodiscard]] FrameTiming timing() noexcept override;
 
     // Whether frames bypass the queueing discipline on the way to the driver; some kernels refuse this. Packet sniffers
     // on the same interface then see only received frames: use a PcapRecorder for recordings.
@@ -75,8 +98,15 @@ class PacketNic final : public Nic, public SendClock {
 
   private:
     [[nodiscard]] Result<> set_up(Side side) noexcept;
-    [[nodiscard]] bool has_stamps(Stamps stamps) noexcept;
+    [[nodiscard]] bool has_stamps(unsigned wanted) noexcept;
+    [[nodiscard]] Result<> switch_hardware_on(bool sent, bool received) noexcept;
+    void forget_stamps() noexcept;
     void read_stamps() noexcept;
+    void read_reports(int socket) noexcept;
+    [[nodiscard]] bool read_report(int socket) noexcept;
+    [[nodiscard]] std::ptrdiff_t receive_stamped(std::span<std::byte> into) noexcept;
+    [[nodiscard]] SendStatus send_timed(std::span<const std::byte> frame) noexcept;
+    [[nodiscard]] SendStatus not_sent(int error) noexcept;
     Result<> fail(int error, std::string_view what, std::string_view advice = {}) noexcept;
 
     Interface interface_;
@@ -86,7 +116,14 @@ class PacketNic final : public Nic, public SendClock {
     MacAddress source_mac_{};
     std::uint64_t overruns_ = 0;
     Stamps stamps_ = Stamps::off;
+    bool stamps_sent_ = false;
+    bool stamps_received_ = false;
     SendTimes send_times_;
+    ReceiveStamps receive_stamps_;
+    Time send_time_ = kAtOnce;
+    TimedSocket timed_;
+    std::uint64_t timed_frames_ = 0;
+    std::uint64_t too_late_ = 0;
 };
 
 }  // namespace margay

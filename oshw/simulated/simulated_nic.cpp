@@ -7,28 +7,61 @@
 namespace margay {
 
 SimulatedNic::SimulatedNic(sim::Segment& segment, Osal& osal, const Options& options)
-    : segment_(segment), osal_(osal), options_(options), slots_(std::max<std::size_t>(options.queue_frames, 1)) {}
+    : segment_(segment),
+      osal_(osal),
+      options_(options),
+      slots_(std::max<std::size_t>(options.queue_frames, 1)),
+      held_(options.timed_frames),
+      timed_(held_) {}
+
+FrameTiming SimulatedNic::timing() noexcept {
+    FrameTiming has;
+    if (options_.time_stamps) has.sent = this;
+    if (options_.time_stamps) has.received = this;
+    if (options_.timed_frames != 0) has.send_at = this;
+    return has;
+}
 
 SendStatus SimulatedNic::send(std::span<const std::byte> frame) noexcept {
     if (frame.size() < wire::kEthernetHeaderBytes || frame.size() > kMaxBytes) return SendStatus::failed;
+    const Time now = osal_.now();
+    transmit_due(now);
     if (full() || (other_ != nullptr && other_->full())) return SendStatus::busy;
     if (!segment_.master_link(options_.master_port)) return SendStatus::failed;
-    const Time now = osal_.now();
-    const Duration on_wire(options_.wire_time ? wire::bytes_on_the_wire(frame.size()) * 80 : 0);
-    const Time start = options_.wire_time ? std::max(now, wire_free_) : now;
-    wire_free_ = start + on_wire;
+    if (send_time_ > now && options_.timed_frames != 0)
+        return timed_.put(send_time_, frame) ? SendStatus::sent : SendStatus::busy;
+    if (send_time_ != now && send_time_ != kAtOnce) ++missed_;
     std::copy(frame.begin(), frame.end(), frame_.begin());
-    const auto bytes = MutableBytes(frame_).first(frame.size());
+    transmit(frame.size(), now);
+    return SendStatus::sent;
+}
+
+// Sends the frame in `frame_`.
+void SimulatedNic::transmit(std::size_t length, Time at) noexcept {
+    const auto bytes = MutableBytes(frame_).first(length);
+    const Duration on_wire(options_.wire_time ? wire::bytes_on_the_wire(length) * 80 : 0);
+    const Time start = options_.wire_time ? std::max(at, wire_free_) : at;
+    wire_free_ = start + on_wire;
     ++sent_;
     if (options_.time_stamps) send_times_.add(bytes, clock_ns(start));
     const auto passage = segment_.process(bytes, start, options_.master_port, on_wire);
     if (!passage.returned) {
         ++lost_;
-        return SendStatus::sent;
+        return;
     }
     auto* to = passage.master_port == options_.master_port ? this : other_;
-    if (to != nullptr) to->put(passage.at + on_wire + options_.round_trip, bytes);
-    return SendStatus::sent;
+    if (to != nullptr) to->put(passage.at, on_wire + options_.round_trip, bytes);
+}
+
+// Sends the frames whose time has come, of both ends in the order of their times.
+void SimulatedNic::transmit_due(Time now) noexcept {
+    for (;;) {
+        const bool by_other = other_ != nullptr && other_->timed_.next_due() < timed_.next_due();
+        SimulatedNic& nic = by_other ? *other_ : *this;
+        const Time due = nic.timed_.next_due();
+        if (due > now) return;
+        nic.transmit(nic.timed_.take(now, nic.frame_), due);
+    }
 }
 
 std::uint64_t SimulatedNic::clock_ns(Time at) const noexcept {
@@ -40,19 +73,23 @@ std::uint64_t SimulatedNic::clock_ns(Time at) const noexcept {
 }
 
 // The due time never decreases, because a cable does not reorder frames.
-void SimulatedNic::put(Time due, std::span<const std::byte> frame) noexcept {
+void SimulatedNic::put(Time arrived, Duration later, std::span<const std::byte> frame) noexcept {
     if (full()) return;
     auto& slot = slots_[(first_ + count_++) % slots_.size()];
-    last_due_ = slot.due = std::max(due, last_due_);
+    last_due_ = slot.due = std::max(arrived + later, last_due_);
+    slot.arrived_ns = clock_ns(arrived);
     slot.length = frame.size();
     std::copy(frame.begin(), frame.end(), slot.bytes.begin());
 }
 
 std::size_t SimulatedNic::receive(std::span<std::byte> into) noexcept {
-    if (count_ == 0 || slots_[first_].due > osal_.now()) return 0;
+    const Time now = osal_.now();
+    transmit_due(now);
+    if (count_ == 0 || slots_[first_].due > now) return 0;
     const auto& slot = slots_[first_];
     const auto length = std::min(slot.length, into.size());
     std::copy_n(slot.bytes.begin(), length, into.begin());
+    if (options_.time_stamps) receive_stamps_.add(into.first(length), slot.arrived_ns);
     first_ = (first_ + 1) % slots_.size();
     --count_;
     return length;
@@ -62,6 +99,8 @@ LinkState SimulatedNic::link_state() noexcept {
     return segment_.master_link(options_.master_port) ? LinkState::up : LinkState::down;
 }
 
-Time SimulatedNic::next_arrival() const noexcept { return count_ == 0 ? kNever : slots_[first_].due; }
+Time SimulatedNic::next_arrival() const noexcept {
+    return std::min(timed_.next_due(), count_ == 0 ? kNever : slots_[first_].due);
+}
 
 }  // namespace margay

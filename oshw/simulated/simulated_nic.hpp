@@ -2,16 +2,18 @@
 #pragma once
 
 #include "osal/osal.hpp"
+#include "oshw/frame_queue.hpp"
 #include "oshw/nic.hpp"
 #include "sim/segment.hpp"
 
-#include <margay/send_clock.hpp>
+#include <margay/receive_clock.hpp>
+#include <margay/timed_send.hpp>
 
 #include <vector>
 
 namespace margay {
 
-class SimulatedNic final : public Nic, public SendClock {
+class SimulatedNic final : public Nic, public SendClock, public ReceiveClock, public TimedSend {
   public:
     struct Options {
         // Delay of the host: both drivers and the system between them.
@@ -22,11 +24,14 @@ class SimulatedNic final : public Nic, public SendClock {
         // Maximum number of frames in transit; further frames are "busy".
         std::size_t queue_frames = 256;
         MacAddress mac{0x00, 0x4d, 0x41, 0x52, 0x47, 0x59};
-        // The clock of the NIC, and whether the NIC notes when a frame has left (SendClock): exactly when its first
-        // octet is on the wire.
+        // The clock of the NIC, and whether the NIC notes when a frame has left (SendClock) and arrived (ReceiveClock):
+        // exactly when its first octet leaves and reaches the NIC, without the delay of the host.
         bool time_stamps = false;
         std::int32_t clock_drift_ppb = 0;
         std::uint64_t clock_start_ns = 0;  // what it shows at time 0 of the osal
+        // The NIC holds frames until their time (TimedSend), at most this many; 0: it cannot. next_arrival() is never
+        // later than the time of such a frame, so that a program that waits until then sends it exactly in time.
+        std::size_t timed_frames = 0;
     };
 
     // Both arguments must outlive the NIC. The constructor allocates the queue; nothing is allocated later.
@@ -45,6 +50,12 @@ class SimulatedNic final : public Nic, public SendClock {
     [[nodiscard]] std::optional<std::uint64_t> send_time_ns(std::span<const std::byte> head) noexcept override {
         return send_times_.find(head);
     }
+    [[nodiscard]] std::optional<std::uint64_t> receive_time_ns(std::span<const std::byte> head) noexcept override {
+        return receive_stamps_.find(head);
+    }
+    void set_send_time(Time at) noexcept override { send_time_ = at; }
+    [[nodiscard]] std::uint64_t missed() noexcept override { return missed_; }
+    [[nodiscard]] FrameTiming timing() noexcept override;
     // What the clock of the NIC shows.
     [[nodiscard]] std::uint64_t clock_ns(Time at) const noexcept;
 
@@ -55,11 +66,14 @@ class SimulatedNic final : public Nic, public SendClock {
     static constexpr std::size_t kMaxBytes = 1518;
     struct Slot {
         Time due{};
+        std::uint64_t arrived_ns = 0;  // by the clock of the NIC
         std::size_t length = 0;
         std::array<std::byte, kMaxBytes> bytes;
     };
     [[nodiscard]] bool full() const noexcept { return count_ == slots_.size(); }
-    void put(Time due, std::span<const std::byte> frame) noexcept;
+    void put(Time arrived, Duration later, std::span<const std::byte> frame) noexcept;
+    void transmit(std::size_t length, Time at) noexcept;
+    void transmit_due(Time now) noexcept;
 
     sim::Segment& segment_;
     Osal& osal_;
@@ -74,6 +88,11 @@ class SimulatedNic final : public Nic, public SendClock {
     std::uint64_t sent_ = 0;
     std::uint64_t lost_ = 0;
     SendTimes send_times_;
+    ReceiveStamps receive_stamps_;
+    Time send_time_ = kAtOnce;
+    std::vector<HeldFrame> held_;
+    FrameQueue timed_;
+    std::uint64_t missed_ = 0;
 };
 
 }  // namespace margay

@@ -1,6 +1,8 @@
 // A network interface of Linux, accessed by an AF_XDP socket: one system call per sent frame, none to receive. A filter
 // program in the driver takes the EtherCAT frames of one receive queue; all other frames go on to the system.
 //
+// It has no times of frames (Nic::timing()), neither sent nor received nor to send at: PacketNic has them.
+//
 // One thread at a time calls receive(). Several threads may call send(), link_state() and last_error() at the same
 // time.
 #pragma once

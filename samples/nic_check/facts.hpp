@@ -3,6 +3,7 @@
 #pragma once
 
 #include "osal/duration_histogram.hpp"
+#include "osal/linux/irq_threads.hpp"
 
 #include <cstdint>
 #include <map>
@@ -26,13 +27,22 @@ struct TimeStamping {
     bool send_software = false;
     bool receive_hardware = false;
     bool send_hardware = false;
-    int clock = -1;  // number of /dev/ptpN; -1: none
+    bool all_received = false;  // the hardware stamps every received frame, not only those of PTP
+    int clock = -1;             // number of /dev/ptpN; -1: none
 };
 
 struct Interrupt {
     unsigned number = 0;
     std::string name{};
     std::string cpus{};  // as the kernel writes it: "0-3"
+};
+
+// Whether frames can leave at a time (SO_TXTIME), by the queueing disciplines of the interface.
+struct SendingAtATime {
+    enum class Holder : std::uint8_t { nobody, kernel, nic };
+    Holder holder = Holder::nobody;
+    std::string qdisc{};  // the queueing discipline that decides; empty: there is none
+    std::string why{};    // why nobody holds the frames
 };
 
 struct InterfaceFacts {
@@ -53,7 +63,9 @@ struct InterfaceFacts {
     std::optional<bool> pause{};  // flow control
     std::optional<Coalescing> coalescing{};
     std::optional<std::vector<Interrupt>> interrupts{};
+    std::optional<std::vector<IrqThread>> irq_threads{};  // of the interrupts; not only of this network namespace
     std::optional<std::string> qdisc{};
+    std::optional<SendingAtATime> send_at{};
     std::optional<TimeStamping> time_stamping{};
     std::vector<std::string> addresses{};         // IP addresses, as text
     std::optional<bool> ipv6{};                   // IPv6 is on

@@ -146,7 +146,7 @@ void judge_sockets(const InterfaceFacts& f, Findings& all) {
     else
         good(all, "queueing discipline", *f.qdisc + ": AF_PACKET and AF_XDP of Margay bypass it");
     if (f.xdp_mode && *f.xdp_mode == "zero copy")
-        good(all, "AF_XDP", "zero copy: use xdp:" + f.name);
+        good(all, "AF_XDP", "zero copy: use xdp:" + f.name + "; times of frames need AF_PACKET");
     else if (f.xdp_mode)
         good(all, "AF_XDP",
              fmt::format("{} mode; the driver has no zero copy. Compare xdp:{} with {}", *f.xdp_mode, f.name, f.name));
@@ -158,15 +158,67 @@ void judge_sockets(const InterfaceFacts& f, Findings& all) {
         all.push_back({Verdict::not_known, "AF_XDP",
                        "it was not tried, because a try disturbs a master on the interface",
                        fmt::format("nic_check {} --try-xdp", f.name)});
-    if (!f.time_stamping) return not_known(all, f, "time stamps", "time stamping");
-    const auto& t = *f.time_stamping;
-    if (t.receive_hardware && t.send_hardware)
-        good(all, "time stamps",
-             t.clock < 0 ? "of the hardware" : fmt::format("of the hardware, with the clock /dev/ptp{}", t.clock));
+}
+
+// What the interface can do of "sent at", "received at" and "send at".
+void judge_stamps(const InterfaceFacts& f, Findings& all, const char* subject, bool hardware, bool software,
+                  const char* restriction) {
+    const int clock = f.time_stamping->clock;
+    if (hardware)
+        good(all, subject,
+             clock < 0 ? "of the hardware" : fmt::format("of the hardware, with the clock /dev/ptp{}", clock));
+    else if (software)
+        better(all, subject, fmt::format("of the software only: they contain the delays of the kernel{}", restriction));
     else
-        better(all, "time stamps",
-               t.receive_software || t.send_software ? "of the software only: they contain the delays of the kernel"
-                                                     : "none");
+        better(all, subject, fmt::format("none{}", restriction));
+}
+
+void judge_timing(const InterfaceFacts& f, Findings& all) {
+    constexpr const char* kSent = "times of sent frames";
+    constexpr const char* kReceived = "times of received frames";
+    constexpr const char* kSendAt = "sending at a time";
+    if (f.time_stamping) {
+        const auto& t = *f.time_stamping;
+        judge_stamps(f, all, kSent, t.send_hardware, t.send_software, "");
+        const bool only_ptp = t.receive_hardware && !t.all_received;
+        judge_stamps(f, all, kReceived, t.receive_hardware && t.all_received, t.receive_software,
+                     only_ptp ? "; the hardware notes those of PTP frames only" : "");
+    } else {
+        not_known(all, f, kSent, "time stamping");
+        not_known(all, f, kReceived, "time stamping");
+    }
+    if (!f.send_at) return not_known(all, f, kSendAt, "send at");
+    const auto& s = *f.send_at;
+    if (s.holder == SendingAtATime::Holder::nic)
+        good(all, kSendAt, fmt::format("the NIC holds frames until their time ({} with offload)", s.qdisc));
+    else if (s.holder == SendingAtATime::Holder::kernel)
+        better(
+            all, kSendAt,
+            fmt::format("{} sends them by a timer of the kernel, with its jitter. A NIC that knows the time (igb, igc, "
+                        "stmmac) does better with etf and offload below mqprio or taprio",
+                        s.qdisc));
+    else
+        better(all, kSendAt,
+               s.qdisc.empty() ? fmt::format("not possible: {}", s.why)
+                               : fmt::format("not possible by its queueing discipline {}: {}", s.qdisc, s.why),
+               fmt::format("tc qdisc replace dev {} root etf clockid CLOCK_TAI delta 200000", f.name));
+}
+
+// Against a cycle of this priority of SCHED_FIFO, as in the samples.
+constexpr int kCyclePriority = 80;
+
+void judge_irq_threads(const InterfaceFacts& f, Findings& all) {
+    if (!f.irq_threads) return;  // a virtual interface, or another network namespace
+    for (const IrqThread& thread : *f.irq_threads) {
+        const std::string subject = fmt::format("priority of {}", thread.name.data());
+        if (is_above(thread, kCyclePriority))
+            good(all, subject, fmt::format("{}, above that of a cycle ({})", thread.priority, kCyclePriority));
+        else
+            better(all, subject,
+                   fmt::format("{}, not above that of a cycle ({}): replies wait while the cycle uses its processor",
+                               thread.priority, kCyclePriority),
+                   fmt::format("chrt -f -p {} {}", kCyclePriority + 1, thread.id));
+    }
 }
 
 void judge_others(const InterfaceFacts& f, Findings& all) {
@@ -217,7 +269,9 @@ std::vector<Finding> judge_interface(const InterfaceFacts& facts) {
     judge_link(facts, all);
     judge_delays(facts, all);
     judge_interrupts(facts, all);
+    judge_irq_threads(facts, all);
     judge_sockets(facts, all);
+    judge_timing(facts, all);
     judge_others(facts, all);
     return all;
 }

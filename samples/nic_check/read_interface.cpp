@@ -2,6 +2,7 @@
 #include "nic_check/link_query.hpp"
 #include "nic_check/read.hpp"
 #include "oshw/linux/interface.hpp"
+#include "oshw/linux/qdisc.hpp"
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
@@ -64,10 +65,34 @@ void read_offloads(const Interface& interface, InterfaceFacts& facts) {
                        c->tx_max_coalesced_frames, c->use_adaptive_rx_coalesce != 0, c->use_adaptive_tx_coalesce != 0};
     if (const auto stamps = ethtool<ethtool_ts_info>(interface, ETHTOOL_GET_TS_INFO, facts, "time stamping")) {
         const auto can = [&](unsigned bit) { return (stamps->so_timestamping & bit) != 0; };
-        facts.time_stamping =
-            TimeStamping{can(SOF_TIMESTAMPING_RX_SOFTWARE), can(SOF_TIMESTAMPING_TX_SOFTWARE),
-                         can(SOF_TIMESTAMPING_RX_HARDWARE), can(SOF_TIMESTAMPING_TX_HARDWARE), stamps->phc_index};
+        facts.time_stamping = TimeStamping{can(SOF_TIMESTAMPING_RX_SOFTWARE),
+                                           can(SOF_TIMESTAMPING_TX_SOFTWARE),
+                                           can(SOF_TIMESTAMPING_RX_HARDWARE),
+                                           can(SOF_TIMESTAMPING_TX_HARDWARE),
+                                           (stamps->rx_filters & (1U << HWTSTAMP_FILTER_ALL)) != 0,
+                                           stamps->phc_index};
     }
+}
+
+void read_send_at(InterfaceFacts& facts) {
+    using Holder = SendingAtATime::Holder;
+    constexpr unsigned kPriority = 3;  // that of PacketNic::allow_send_at()
+    Qdiscs qdiscs;
+    if (!qdiscs.read(facts.index)) {
+        facts.unread["send at"] = std::strerror(qdiscs.error());
+        return;
+    }
+    const TimedWay way = timed_way(qdiscs.all(), kPriority);
+    Holder holder = Holder::nobody;
+    if (way.holder == TimedWay::Holder::qdisc) holder = Holder::kernel;
+    if (way.holder == TimedWay::Holder::nic) holder = Holder::nic;
+    facts.send_at = SendingAtATime{holder, std::string(way.kind), std::string(way.why)};
+}
+
+void read_irq_threads(const Places& places, InterfaceFacts& facts) {
+    IrqThreads threads;
+    (void)threads.find(facts.name, {places.proc.c_str(), places.sys.c_str()});
+    facts.irq_threads.emplace(threads.all().begin(), threads.all().end());
 }
 
 void read_addresses(InterfaceFacts& facts) {
@@ -149,6 +174,7 @@ std::string read_interface(const std::string& name, const Places& places, Interf
     facts.index = interface.index();
     read_link(interface, facts);
     read_offloads(interface, facts);
+    read_send_at(facts);
     read_addresses(facts);
     read_managers(places, facts);
     const auto link = query_link(facts.index);
@@ -166,6 +192,7 @@ std::string read_interface(const std::string& name, const Places& places, Interf
     if (number_of(folder / "ifindex") == facts.index) {
         facts.wireless = fs::exists(folder / "wireless", ignored) || fs::exists(folder / "phy80211", ignored);
         if (facts.kind.empty()) facts.interrupts = read_interrupts(name, places);
+        if (facts.kind.empty()) read_irq_threads(places, facts);
     } else if (facts.kind.empty()) {
         facts.unread["interrupts"] = "/sys shows another network namespace";
     }

@@ -8,6 +8,7 @@
 #include "network/wanted.hpp"
 
 #include <margay/margay.hpp>
+#include <margay/timed_send.hpp>
 
 #include <algorithm>
 #include <utility>
@@ -115,19 +116,33 @@ Error not_mapped(std::uint8_t group) {
     return {.code = Errc::unknown_group, .step = Step::exchange_process_data, .index = group};
 }
 
+// What holds the frames of the cycle until they leave; nullptr: nothing does.
+TimedSend* sender(const CycleSettings& settings) { return settings.send ? settings.send_at : nullptr; }
+
+// When the frames of a cycle leave.
+struct Departure {
+    Time wanted;
+    Time at;  // later if the cycle has begun after `wanted`
+    Departure(const CycleSettings& settings, Time due, Time begun)
+        : wanted(sender(settings) != nullptr ? later(due, settings.send_lead) : due), at(std::max(wanted, begun)) {}
+};
+
 // Executes one cycle of all mapped groups. Returns its first error; an error that ends the cycle takes precedence. That
 // nothing is mapped, or a group not any more, is an error too: its data is not exchanged.
-Error exchange(Context& ctx, const CycleSettings& settings) {
+Error exchange(Context& ctx, const CycleSettings& settings, const Departure& departure) {
     const auto groups = master_of(ctx)->network.process.groups;
     const Duration timeout = settings.reply_timeout > Duration{0} ? settings.reply_timeout : settings.period / 2;
     Error first;
     const auto keep = [&first](const Error& error) {
         if (first.code == Errc::none || ends_the_cycle(error.code)) first = error;
     };
+    TimedSend* const timed = sender(settings);
+    if (timed != nullptr) timed->set_send_time(departure.wanted);
     for (const ProcessGroup& group : groups) {
         if (!group.mapped || !settings.send) continue;
-        if (const auto sent = send_processdata(ctx, group.number); !sent) keep(sent.error());
+        if (const auto sent = send_processdata(ctx, departure.at, group.number); !sent) keep(sent.error());
     }
+    if (timed != nullptr) timed->set_send_time(TimedSend::kAtOnce);
     for (const ProcessGroup& group : groups) {
         if (!group.mapped && group.was_mapped) keep(not_mapped(group.number));
         if (!group.mapped) continue;
@@ -157,9 +172,10 @@ class Schedule {
     Duration period_;
 };
 
-// The cycle was sent `lateness` after it was due: moves the next cycles as the clock of the settings requires.
-void keep_in_step(Context& ctx, const CycleSettings& settings, Schedule& schedule, Duration lateness) {
-    if (settings.clock != nullptr && settings.send) schedule.shift(-settings.clock->follow(ctx, lateness));
+// Moves the next cycles as the clock of the settings requires.
+void keep_in_step(Context& ctx, const CycleSettings& settings, Schedule& schedule, const Departure& departure) {
+    if (settings.clock == nullptr || !settings.send) return;
+    schedule.shift(-settings.clock->follow(ctx, departure.at - departure.wanted));
 }
 
 // Reports an overrun at once, and further overruns once a second at most.
@@ -196,6 +212,8 @@ Error check_cycling(Context& ctx, const CycleSettings& cycle, Step step) {
     if (master_of(ctx)->in_work) return {.code = Errc::in_callback, .step = step};
     if (cycle.period <= Duration{0}) return invalid(Argument::period, step);
     if (cycle.reply_timeout < Duration{0}) return invalid(Argument::reply_timeout, step);
+    if (sender(cycle) != nullptr && (cycle.send_lead <= Duration{0} || cycle.send_lead >= cycle.period))
+        return invalid(Argument::send_lead, step);
     return refused;  // run_cycle() is allowed where other waiting calls are forbidden
 }
 
@@ -354,10 +372,10 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
         if (!network.supervised && !supervision.busy()) {  // or the supervision of the application has ended meanwhile
             if (const auto supervised = submit(ctx, supervision); !supervised) return supervised;
         }
-        const Duration lateness = osal.now() - schedule.due();
-        const Error exchanged = exchange(ctx, cycle);
+        const Departure departure(cycle, schedule.due(), osal.now());
+        const Error exchanged = exchange(ctx, cycle, departure);
         if (ends_the_cycle(exchanged.code)) return exchanged;
-        keep_in_step(ctx, cycle, schedule, lateness);
+        keep_in_step(ctx, cycle, schedule, departure);
         (void)schedule.next(osal.now());
         poll_until(ctx, schedule.due());
         const bool in_time = osal.now() < give_up || periods < kPeriodsToLook;
@@ -389,10 +407,12 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
     for (;;) {
         ++cycle.number;
         cycle.due = schedule.due();
-        cycle.lateness = osal.now() - cycle.due;
-        cycle.error = exchange(ctx, settings);
+        const Time begun = osal.now();
+        const Departure departure(settings, cycle.due, begun);
+        cycle.lateness = begun - cycle.due;
+        cycle.error = exchange(ctx, settings, departure);
         if (ends_the_cycle(cycle.error.code)) return cycle.error;
-        keep_in_step(ctx, settings, schedule, cycle.lateness);
+        keep_in_step(ctx, settings, schedule, departure);
         if (!call_work(work, ctx, cycle, user)) return Result<>();
         const Time done = osal.now();
         const std::uint64_t late = schedule.next(done);

@@ -4,9 +4,14 @@
 #include "oshw/frame_queue.hpp"
 #include "port/host.hpp"
 
+#include <margay/receive_clock.hpp>
+#include <margay/timed_send.hpp>
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <optional>
+#include <utility>
 
 namespace margay::port {
 namespace {
@@ -355,6 +360,97 @@ TEST_F(FaultyNics, NothingIsConnected) {
     segment.set_cable({0, 0}, false);
     expect_found(wire, "link_state() is up with a cable");
     EXPECT_EQ(std::ranges::count(host.failed(), "a slave answers"), 1) << host.text();
+}
+
+// Times of a NIC that has them, with one fault.
+struct FaultyTimes : FaultyNics {
+    SimulatedNic timed{segment, osal, {.queue_frames = 16, .time_stamps = true, .timed_frames = 4}};
+
+    struct Changed : FilterNic, SendClock, ReceiveClock, TimedSend {
+        explicit Changed(SimulatedNic& inner) : FilterNic(inner), nic(inner) {}
+        SimulatedNic& nic;
+        FrameTiming timing() noexcept override { return {this, this, this}; }
+        std::optional<std::uint64_t> send_time_ns(Frame head) noexcept override { return nic.send_time_ns(head); }
+        std::optional<std::uint64_t> receive_time_ns(Frame head) noexcept override { return nic.receive_time_ns(head); }
+        void set_send_time(Time at) noexcept override { nic.set_send_time(at); }
+        std::uint64_t missed() noexcept override { return nic.missed(); }
+    };
+};
+
+TEST_F(FaultyTimes, TheSoundOneFailsNothing) {
+    Changed nic(timed);
+    EXPECT_EQ(failures(nic), Names{}) << host.text();
+}
+
+TEST_F(FaultyTimes, TheClockCountsTooFast) {
+    struct : Changed {
+        using Changed::Changed;
+        std::optional<std::uint64_t> send_time_ns(Frame head) noexcept override {
+            const auto time = nic.send_time_ns(head);
+            return time ? std::optional(*time + *time / 4) : time;
+        }
+    } nic{timed};
+    expect_found(nic, "the times of sent frames count as the clock does");
+}
+
+TEST_F(FaultyTimes, TheReceiveTimeIsThatOfTheFrameBefore) {
+    struct : Changed {
+        using Changed::Changed;
+        std::optional<std::uint64_t> last, now;
+        std::size_t receive(Memory into) noexcept override {
+            const auto length = inner().receive(into);
+            if (length >= SendClock::kHeadBytes)
+                last = std::exchange(now, nic.receive_time_ns(into.first(SendClock::kHeadBytes)));
+            return length;
+        }
+        std::optional<std::uint64_t> receive_time_ns(Frame) noexcept override { return last; }
+    } nic{timed};
+    expect_found(nic, "a frame is received after it was sent");
+}
+
+TEST_F(FaultyTimes, TheTimeOfAnyFrameIsReturned) {
+    struct : Changed {
+        using Changed::Changed;
+        std::optional<std::uint64_t> send_time_ns(Frame) noexcept override { return 1; }
+    } nic{timed};
+    expect_found(nic, "a frame that was not sent has no time");
+}
+
+TEST_F(FaultyTimes, TheClocksDiffer) {
+    struct : Changed {
+        using Changed::Changed;
+        std::optional<std::uint64_t> receive_time_ns(Frame head) noexcept override {
+            const auto time = nic.receive_time_ns(head);
+            return time ? std::optional(*time + 1'000'000'000) : time;
+        }
+    } nic{timed};
+    expect_found(nic, "a frame is received after it was sent");
+}
+
+TEST_F(FaultyTimes, TheTimeOfAFrameIsIgnored) {
+    struct : Changed {
+        using Changed::Changed;
+        void set_send_time(Time) noexcept override {}
+    } nic{timed};
+    expect_found(nic, "a frame leaves at its time");
+}
+
+TEST_F(FaultyTimes, AFrameThatIsTooLateIsNotCounted) {
+    struct : Changed {
+        using Changed::Changed;
+        std::uint64_t missed() noexcept override { return 0; }
+    } nic{timed};
+    expect_found(nic, "a frame whose time has passed leaves at once, and is counted");
+}
+
+TEST_F(FaultyTimes, TheTimeStaysForLaterFrames) {
+    struct : Changed {
+        using Changed::Changed;
+        void set_send_time(Time at) noexcept override {
+            if (at != kAtOnce) nic.set_send_time(at);
+        }
+    } nic{timed};
+    expect_found(nic, "a frame without a time leaves at once");
 }
 
 }  // namespace

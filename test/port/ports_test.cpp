@@ -92,6 +92,19 @@ TEST(Ports, VirtualOsalAndSimulatedNicPass) {
                      "wake_sleepers() ends a sleep", "threads have different numbers"}));
 }
 
+// A NIC that has them is checked for "sent at", "received at" and "send at" too.
+TEST(Ports, ASimulatedNicWithTimesPasses) {
+    Host host;
+    VirtualOsal osal;
+    sim::Segment segment;
+    put_slave_into(segment, osal.now());
+    SimulatedNic nic(segment, osal,
+                     {.wire_time = true, .time_stamps = true, .clock_drift_ppb = 100'000, .timed_frames = 4});
+    const auto verdict = check_port(host.without_threads(osal, &nic));
+    EXPECT_EQ(verdict.failed, 0u) << host.text();
+    EXPECT_EQ(verdict.passed, 17u + 7u) << host.text();
+}
+
 // The port of Linux with a real interface: a veth pair in namespaces of the test.
 struct PortsOnCable : testing::Test {
     Cable cable;
@@ -106,7 +119,7 @@ struct PortsOnCable : testing::Test {
         Cable::inside(cable.segment_namespace(),
                       [&] { ASSERT_TRUE(far.open(Cable::kSegment, PacketNic::Side::segment).ok()) << far.problem(); });
     }
-    void expect_pass(Osal& osal) {
+    void expect_pass(Osal& osal, unsigned checks = 25) {
         SlaveOnCable slave(far);
         struct Bench : Host {
             Cable* cable = nullptr;
@@ -121,13 +134,19 @@ struct PortsOnCable : testing::Test {
         const auto verdict = check_port(port);
         EXPECT_EQ(verdict.failed, 0u) << bench.text();
         EXPECT_EQ(verdict.skipped, 0u) << bench.text();
-        EXPECT_EQ(verdict.passed, 25u);
+        EXPECT_EQ(verdict.passed, checks);
     }
 };
 
 TEST_F(PortsOnCable, LinuxOsalAndPacketNicPass) {
     LinuxOsal osal;
     expect_pass(osal);
+}
+
+TEST_F(PortsOnCable, PacketNicWithTimeStampsPasses) {
+    LinuxOsal osal;
+    ASSERT_TRUE(master.stamp_frames(PacketNic::Stamps::software, PacketNic::Stamped::both).ok()) << master.problem();
+    expect_pass(osal, 25 + 4);
 }
 
 TEST_F(PortsOnCable, PosixOsalAndPacketNicPass) {

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 #include <linux/capability.h>
+#include <sched.h>
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
@@ -17,6 +18,10 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint64_t bit(unsigned capability) { return std::uint64_t{1} << capability; }
+
+IrqThread irq_thread(int priority) {
+    return {.id = 345, .irq = 34, .policy = SCHED_FIFO, .priority = priority, .name = {"irq/34-eth9-TxR"}};
+}
 
 // An interface and a machine with nothing to mend.
 Facts best() {
@@ -35,8 +40,10 @@ Facts best() {
                        .pause = false,
                        .coalescing = Coalescing{},
                        .interrupts = std::vector<Interrupt>{{34, "eth9-TxRx-0", "3"}},
+                       .irq_threads = std::vector{irq_thread(81)},
                        .qdisc = "mq",
-                       .time_stamping = TimeStamping{true, true, true, true, 0},
+                       .send_at = SendingAtATime{SendingAtATime::Holder::nic, "etf", ""},
+                       .time_stamping = TimeStamping{true, true, true, true, true, 0},
                        .addresses = {"fe80::1"},
                        .ipv6 = false,
                        .network_manager = false,
@@ -162,12 +169,30 @@ TEST(NicCheck, JudgesTheInterface) {
              f.interface.xdp_refusal = "its driver refused XDP";
          }},
         {"AF_XDP", not_known, "not tried", "nic_check eth9 --try-xdp", [](Facts& f) { f.interface.xdp_mode.reset(); }},
-        {"time stamps", better, "software only", "",
+        {"times of sent frames", good, "/dev/ptp0", "", [](Facts&) {}},
+        {"times of sent frames", better, "software only", "",
+         [](Facts& f) { f.interface.time_stamping = TimeStamping{.send_software = true}; }},
+        {"times of sent frames", better, "none", "", [](Facts& f) { f.interface.time_stamping = TimeStamping{}; }},
+        {"times of sent frames", not_known, "", "", [](Facts& f) { f.interface.time_stamping.reset(); }},
+        {"times of received frames", good, "/dev/ptp0", "", [](Facts&) {}},
+        {"times of received frames", better, "the hardware notes those of PTP frames only", "",
+         [](Facts& f) { f.interface.time_stamping->all_received = false; }},
+        {"times of received frames", better, "none", "", [](Facts& f) { f.interface.time_stamping = TimeStamping{}; }},
+        {"times of received frames", not_known, "", "", [](Facts& f) { f.interface.time_stamping.reset(); }},
+        {"sending at a time", good, "the NIC holds frames until their time", "", [](Facts&) {}},
+        {"sending at a time", better, "fq sends them by a timer of the kernel", "",
          [](Facts& f) {
-             f.interface.time_stamping = TimeStamping{true, true, false, false, -1};
+             f.interface.send_at = SendingAtATime{SendingAtATime::Holder::kernel, "fq", ""};
          }},
-        {"time stamps", better, "none", "", [](Facts& f) { f.interface.time_stamping = TimeStamping{}; }},
-        {"time stamps", not_known, "", "", [](Facts& f) { f.interface.time_stamping.reset(); }},
+        {"sending at a time", better, "not possible by its queueing discipline mq: it sends them at once",
+         "tc qdisc replace dev eth9 root etf clockid CLOCK_TAI delta 200000",
+         [](Facts& f) {
+             f.interface.send_at = SendingAtATime{SendingAtATime::Holder::nobody, "mq", "it sends them at once"};
+         }},
+        {"sending at a time", not_known, "", "", [](Facts& f) { f.interface.send_at.reset(); }},
+        {"priority of irq/34-eth9-TxR", good, "81, above that of a cycle (80)", "", [](Facts&) {}},
+        {"priority of irq/34-eth9-TxR", better, "50, not above that of a cycle (80)", "chrt -f -p 81 345",
+         [](Facts& f) { f.interface.irq_threads->front() = irq_thread(50); }},
         {"NetworkManager", better, "DHCP", "nmcli device set eth9 managed no",
          [](Facts& f) { f.interface.network_manager = true; }},
         {"NetworkManager", not_known, "", "", [](Facts& f) { f.interface.network_manager.reset(); }},

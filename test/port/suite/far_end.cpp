@@ -51,6 +51,9 @@ void FarEnd::fill(std::span<std::byte> frame, std::uint32_t number) const {
 SendStatus FarEnd::send(std::size_t size, std::size_t alignment) {
     const auto frame = std::span(sent_).subspan(alignment, size);
     fill(frame, next_sent_);
+    std::copy_n(frame.begin(), sent_head_.size(), sent_head_.begin());
+    reply_head_ = sent_head_;
+    reply_head_[kSource] |= kMark;
     const auto status = nic_.send(frame);
     // After send() the memory belongs to the caller again, so it may change.
     std::fill(frame.begin(), frame.end(), std::byte{0xEE});

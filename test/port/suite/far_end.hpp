@@ -7,6 +7,8 @@
 
 #include "run.hpp"
 
+#include <margay/receive_clock.hpp>
+
 namespace margay::port {
 
 class FarEnd {
@@ -39,6 +41,10 @@ class FarEnd {
             run_.fail(what_, number_, unit_);
     }
 
+    // The first octets of the frame that was sent last, and of its reply.
+    [[nodiscard]] std::span<const std::byte> sent_head() const { return sent_head_; }
+    [[nodiscard]] std::span<const std::byte> reply_head() const { return reply_head_; }
+
     // Memory for receive().
     [[nodiscard]] std::span<std::byte> memory() { return std::span(received_).subspan(kGuard, kMost); }
 
@@ -68,6 +74,8 @@ class FarEnd {
     std::uint64_t number_ = kNoNumber;
     std::string_view unit_;
     std::array<std::uint16_t, kRemembered> sizes_{};
+    std::array<std::byte, SendClock::kHeadBytes> sent_head_{};
+    std::array<std::byte, ReceiveClock::kHeadBytes> reply_head_{};
     alignas(8) std::array<std::byte, 2048> sent_{};
     alignas(8) std::array<std::byte, kMost + 2 * kGuard> received_{};
     std::array<std::byte, 1514> expected_{};

@@ -124,5 +124,6 @@ class Durations {
 
 void check_osal(Run& run);
 void check_nic(Run& run);
+void check_timing(Run& run);
 
 }  // namespace margay::port
