@@ -32,6 +32,7 @@ Task<Result<>> bring_one(Network& network, Slave& slave, FirstFault& faults) {
     auto seen = co_await read_anew(network, slave);  // nothing may have read the state for long
     if (!seen) faults.note(network, slave, seen.error());
     if (!seen) co_return Nothing{};
+    slave.error = {};  // of an earlier attempt
     auto done = co_await bring_back(network, slave);
     if (!done) faults.note(network, slave, done.error());
     co_return Nothing{};

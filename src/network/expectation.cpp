@@ -217,7 +217,7 @@ Result<bool> number_slaves(Network& network) {
     }
     for (std::size_t n = found; n < numbers; ++n) {
         network.table[n] = Slave{};
-        network.mark_table[n] = {};
+        network.mark_table[n] = SlaveMarks{};
     }
     network.count = static_cast<std::uint16_t>(numbers);
     bool moved = false;

@@ -2,6 +2,7 @@
 
 #include "network/configure.hpp"
 #include "network/entries.hpp"
+#include "network/group_layout.hpp"
 #include "network/hooks.hpp"
 #include "network/members.hpp"
 #include "network/newcomer.hpp"
@@ -14,135 +15,12 @@
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
-
-#include <margay/shared_image.hpp>
+#include "wire/al_status_code.hpp"
 
 #include <algorithm>
-#include <functional>
 
 namespace margay {
 namespace {
-
-Error fault(Errc code, std::uint8_t group) { return {.code = code, .step = Step::map_process_data, .index = group}; }
-
-// Where the application has not chosen another one.
-bool is_usual_start(const ProcessGroup& group) {
-    return group.config.start.value == group.number * GroupConfiguration::kSpacing;
-}
-
-// Two images at the same logical addresses would be exchanged with the slaves of both groups. `all`: also leaves out
-// what the application has chosen for groups that are not mapped yet.
-bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group, LogicalAddress start, bool all) {
-    const std::uint64_t begin = start.value;
-    const std::uint64_t end = begin + group.layout.logical_bytes();
-    if (end > 0x1'0000'0000) return false;
-    return std::ranges::none_of(tables.groups, [&](const ProcessGroup& other) {
-        if (&other == &group) return false;
-        const std::uint64_t first = other.layout.start.value;
-        if (other.mapped && begin < first + other.layout.logical_bytes() && first < end) return true;
-        const std::uint64_t chosen = other.config.start.value;
-        return all && !is_usual_start(other) && begin <= chosen && chosen < end;
-    });
-}
-
-// Checks the additional work of each cycle: the slaves of all copies exist, and the copied bits are part of their data.
-Result<> check_extras(ProcessGroup& group) {
-    group.extras = !group.config.copies.empty() || group.config.shared != nullptr;
-    for (const SlaveToSlave& copy : group.config.copies) {
-        const std::uint16_t number = invalid_end(group, copy);
-        if (number == 0 && copy.from_slave != 0 && copy.to_slave != 0) continue;
-        Error error{.code = Errc::unknown_slave, .step = Step::map_process_data, .slave = number};
-        error.expected = static_cast<std::uint32_t>(group.slaves.size());
-        if (number < 1 || number > group.slaves.size()) return error;
-        return invalid_mapping(Argument::copy, number);
-    }
-    if (group.config.shared == nullptr || group.config.shared->attach(group.output_bytes, group.input_bytes))
-        return Result<>();
-    Error error = fault(Errc::capacity, 0);
-    error.expected = static_cast<std::uint32_t>(SharedImage::memory_bytes(group.output_bytes, group.input_bytes));
-    error.actual = static_cast<std::uint32_t>(group.config.shared->memory_size());
-    return error;
-}
-
-bool share_octets(Bytes a, Bytes b) {
-    const std::less<> before;
-    return before(a.data(), b.data() + b.size()) && before(b.data(), a.data() + a.size());
-}
-
-bool is_lost(Network& network, std::uint16_t number) {
-    return number <= network.count && network.slave(number).al.state == AlState::none;
-}
-
-// The slave whose time the cycle of the group carries. The frame passes the slaves before it with zeros. A lost slave
-// has no place in the ring: the reference clock of configdc() is taken in its place, if there is one.
-Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& group) {
-    const Clocks& clocks = network.clocks;
-    const std::uint16_t wanted = group.config.dc_reference;
-    if (wanted == 0) return group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
-    if (wanted > network.count) return wanted;  // reported by plan_datagrams()
-    if (is_lost(network, wanted)) return clocks.reference != 0 ? clocks.reference : wanted;
-    Error error{.code = Errc::clock_before_reference, .step = Step::map_process_data, .slave = wanted};
-    error.expected = clock_before(network, wanted);
-    return error.expected == 0 ? Result<std::uint16_t>(wanted) : Result<std::uint16_t>(error);
-}
-
-// A slave that was away keeps its FMMUs. So that they match nothing when its cable is back, each mapping has other
-// logical addresses, unless the application has chosen them.
-LogicalAddress next_start(const ProcessTables& tables, ProcessGroup& group) {
-    constexpr std::uint32_t kStep = 0x0004'0000;
-    constexpr std::uint32_t kSteps = GroupConfiguration::kSpacing / kStep;
-    const LogicalAddress start = group.config.start;
-    if (!is_usual_start(group) || group.layout.logical_bytes() > kStep) return start;
-    for (std::uint32_t n = 0; n < kSteps; ++n) {
-        const LogicalAddress next{start.value + group.next_place++ % kSteps * kStep};
-        if (clear_of_others(tables, group, next, true)) return next;
-    }
-    return start;
-}
-
-Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
-    ProcessTables& tables = network.process;
-    ProcessGroup& group = tables.groups[number];
-    const Error wrong = invalid_setting(network, group);
-    if (wrong.code != Errc::none) return wrong;
-    const auto layout = lay_out(network.slaves(), number, group.config, image);
-    if (!layout) return layout.error();
-    if (group.config.cycles_in_flight > 1 && network.overlap == nullptr) return fault(Errc::unsupported, number);
-    group.layout = *layout;
-    group.layout.start = next_start(tables, group);
-    if (++group.mappings == 0) group.mappings = 1;
-    group.image = image.first(layout->image_bytes());
-    group.output_bytes = layout->output_bytes;
-    group.input_bytes = layout->input_bytes;
-    if (!clear_of_others(tables, group, group.layout.start, false)) return invalid_mapping(Argument::image_start);
-    for (const ProcessGroup& other : tables.groups) {
-        if (!other.mapped || other.number == number || !share_octets(other.image, group.image)) continue;
-        Error error = fault(Errc::image_overlaps, 0);
-        error.index = other.number;
-        return error;
-    }
-    group.slaves = network.slaves();
-    group.marks = network.mark_table;
-    const auto extras = check_extras(group);
-    if (!extras) return extras;
-    const auto reference = choose_time_source(network, group);
-    if (!reference) return reference.error();
-    for (Slave& slave : network.slaves())
-        if (slave.image.group == number) slave.takes_part = exchanges(slave);
-    GroupConfiguration wanted = group.config;
-    wanted.dc_reference = group.dc_reference = *reference;
-    group.by_position = network.clocks.settings.by_position;
-    const auto count = plan_datagrams(network.slaves(), number, wanted, group.layout, tables.scratch);
-    if (!count) return count.error();
-    const auto prepared = prepare(tables, group, *count, network.engine.link());
-    if (prepared) group.was_mapped = true;
-    if (group.overlap.sets > 1) network.overlapping.store(true, std::memory_order_release);
-    if (prepared) begin_counting(network, group);
-    // Until its configuration has ended: the mapping may be cut.
-    for (Slave& slave : network.slaves())
-        if (slave.image.group == number) set_takes_part(network, slave, false);
-    return prepared;
-}
 
 // Calls the hook of a slave. The slave is brought back to PREOP first, in case the group was mapped before.
 Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults) {
@@ -201,7 +79,10 @@ bool has_late_commands(const Network& network, const Slave& slave) {
 // The slave can be asked. In BOOT it has another program, whose mailbox knows no process data.
 bool is_there_to_map(const Slave& slave) { return slave.al.state != AlState::none && slave.al.state != AlState::boot; }
 
-// The start-up of a slave that was held, that is still in INIT, or whose commands were set after it has left INIT.
+constexpr auto kNeedsInit = static_cast<std::uint16_t>(wire::AlStatusCode::needs_init);
+
+// The start-up of a slave that was held, that is still in INIT or asks for INIT, or whose commands were set after it
+// has left INIT.
 Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     const bool ours = slave.config.group == number || slave.image.group == number;
     if (ours && (slave.al.state != AlState::none || slave.seen)) {
@@ -239,9 +120,10 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         if (!known) faults.note(network, slave, known.error());
         if (!known) co_return Nothing{};
     }
-    const bool due = unread || network.marks(slave).unproved || network.marks(slave).from_boot ||
-                     network.marks(slave).held_back || slave.al.state == AlState::init ||
-                     has_late_commands(network, slave) || is_unfinished(network, slave);
+    const bool due = unread || (slave.al.error && slave.al.code == kNeedsInit) || network.marks(slave).unproved ||
+                     network.marks(slave).from_boot || network.marks(slave).held_back ||
+                     slave.al.state == AlState::init || has_late_commands(network, slave) ||
+                     is_unfinished(network, slave);
     if (slave.config.group != number || slave.held || !due || !is_there_to_map(slave) ||
         wanted_state(network, slave) == AlState::init)
         co_return Nothing{};
@@ -339,6 +221,12 @@ Task<Result<>> compare_placed(Network& network, Slave& slave, Pass& pass, FirstF
     co_return Nothing{};
 }
 
+// Whether the slave has refused SAFEOP for a cause that INIT may end. What the application has written to the slave
+// since INIT may be lost there: INIT is the last resort, unless the slave itself asks for it.
+bool may_need_init(const Error& refused, const AlStatus& before) {
+    return refused.code == Errc::al_status && (before.error || refused.detail == kNeedsInit);
+}
+
 Task<Result<>> configure(Network& network, Slave& slave, Pass& pass, FirstFault& faults) {
     const std::uint8_t number = pass.number;
     if (slave.image.group != number) co_return Nothing{};
@@ -359,11 +247,11 @@ Task<Result<>> configure(Network& network, Slave& slave, Pass& pass, FirstFault&
         if (fell && wanted_state(network, slave) >= AlState::safeop) faults.note(network, slave, fallen(slave));
         co_return co_await required(leave_out(network, slave));
     }
+    const AlStatus before = slave.al;
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
-    if (done) {
-        set_takes_part(network, slave, exchanges(slave));
-        co_return Nothing{};
-    }
+    if (done) set_takes_part(network, slave, exchanges(slave));
+    if (!done && may_need_init(done.error(), before)) done = co_await reconfigure(network, slave);
+    if (done) co_return Nothing{};
     faults.note(network, slave, done.error());
     co_await completion(clear_fmmus(network, slave));  // a slave that does not answer does not take part
     set_takes_part(network, slave, false);
@@ -374,7 +262,7 @@ Task<Result<>> configure(Network& network, Slave& slave, Pass& pass, FirstFault&
 void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
     for (Slave& slave : network.slaves()) {
         if (slave.config.group >= network.process.groups.size()) {
-            Error error = fault(Errc::unknown_group, slave.config.group);
+            Error error = group_fault(Errc::unknown_group, slave.config.group);
             error.slave = slave.number;
             faults.note(network, slave, error);
             continue;
@@ -487,7 +375,7 @@ Task<Result<std::size_t>> map_once(Network& network, Pass& pass, const ImageMemo
 // process data is read again.
 Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, const ImageMemory& memory) {
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
-    if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
+    if (number >= network.process.groups.size()) co_return group_fault(Errc::unknown_group, number);
     for (unsigned left = kPasses;; --left) {
         Pass pass{.number = number, .last = left == 1};
         auto mapped = co_await map_once(network, pass, memory);

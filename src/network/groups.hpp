@@ -15,7 +15,6 @@ struct ImageMemory {
 // Discovers the process data, lays out the image and configures the slaves; returns the used octets of the image. See
 // config_map(). After an error of one slave the group may be mapped nevertheless, when its `mapped` is true: the other
 // slaves are then in SAFEOP.
-[[nodiscard]] Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number,
-                                                   const ImageMemory& memory);
+[[nodiscard]] Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, const ImageMemory& memory);
 
 }  // namespace margay

@@ -8,6 +8,11 @@ void Network::report(const Event& event) {
     events.add(now);
 }
 
+void Network::note(const Error& error) {
+    if (error.slave != 0 && error.slave <= count && marks(error.slave).repeating) return;
+    (void)(is_warning(error.code) ? warnings : errors).add(error);
+}
+
 Task<Result<>> for_each_slave(Network& network, SlaveTask make, const void* what, Error* first) {
     Crew crew(network.tasks);
     for (Slave& slave : network.slaves()) {

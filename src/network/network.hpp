@@ -226,8 +226,8 @@ struct Network {
         if (slave.error.code == Errc::none && !is_warning(error.code)) slave.error = error;
         note(error);
     }
-    // Keeps an error or a warning that does not belong to one slave.
-    void note(const Error& error) { (void)(is_warning(error.code) ? warnings : errors).add(error); }
+    // Keeps an error or a warning in its log, unless it belongs to a slave whose failure was reported before.
+    void note(const Error& error);
 };
 
 // Begins the task of one slave; `what` belongs to the caller of for_each_slave().

@@ -69,18 +69,25 @@ Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, b
     co_return known ? Result<>() : Result<>(known.error());
 }
 
+// Notes that the slave refuses to say its PDOs. When it comes back, that is the newest cause of its failure.
+void note_refusal(Network& network, Slave& slave, const Error& refusal) {
+    network.marks(slave).pdos_refused = true;
+    if (network.marks(slave).finding) slave.error = {};
+    network.note(slave, refusal);
+}
+
 // Reads the dictionary, otherwise the drives. A refusal is not an error, because the SII may contain the process data.
 // A missing or invalid answer is an error: it does not show that the slave has no process data.
 Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool compare, EntrySink* entries) {
     auto by_coe = co_await ask_dictionary(network, slave, found, compare, entries);
     if (!by_coe && !is_refusal(by_coe.error())) co_return by_coe;
-    if (!by_coe) network.note(slave, by_coe.error());
+    if (!by_coe) note_refusal(network, slave, by_coe.error());
     if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Nothing{};
     const SoeFeature* const soe = network.mailboxes.soe;
     if (soe == nullptr) co_return Nothing{};
     auto by_soe = co_await soe->find_sms(network.mailbox(slave), slave, found.counts, found.by_soe);
     if (!by_soe && !is_refusal(by_soe.error()) && by_soe.error().code != Errc::soe_error) co_return by_soe.error();
-    if (!by_soe) network.note(slave, by_soe.error());
+    if (!by_soe) note_refusal(network, slave, by_soe.error());
     if (by_soe && *by_soe) found.source = ConfigurationSource::soe;
     co_return Nothing{};
 }
@@ -260,6 +267,7 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     if (!written || known || (said && !compare && sink == nullptr)) co_return written;
     Findings found;
     PdoContent content(sink);
+    network.marks(slave).pdos_refused = false;
     auto asked = co_await ask_by_mail(network, slave, found, compare, &content);
     std::uint32_t& noted = network.marks(slave).pdo_content;
     noted = 0;

@@ -122,9 +122,8 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& find
     if (discovered && finding.is_kept()) error = compare_with_place(slave, finding.sms());
     if (error.code == Errc::none && finding.is_kept() && !finding.is_same_content()) {
         // It has refused to be read: that is the error. It may have the same PDOs.
-        const bool refused = network.marks(slave).pdo_content == 0 && slave.error.code != Errc::none;
         error = {.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number};
-        if (refused) error = slave.error;
+        if (network.marks(slave).pdo_content == 0 && network.marks(slave).pdos_refused) error = slave.error;
     }
     if (error.code == Errc::none) error = check_late_slave(network, slave);
     slave.pdos_failed = error.code != Errc::none && error.code != Errc::no_place;
@@ -210,7 +209,8 @@ ChangeReport::~ChangeReport() { note_change(network_, slave_, before_); }
 // NONE is not stored here: note_lost() does that.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now || now.state == AlState::none) return;
-    network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
+    if (!network.marks(slave).repeating)
+        network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
     if (now.state == AlState::boot) note_boot(network, slave);
     slave.al = now;
     update_mailbox(network, slave);

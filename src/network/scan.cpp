@@ -137,7 +137,7 @@ void begin_table(Network& network, std::uint16_t count, bool in_init) {
     for (std::uint16_t i = 1; i <= count; ++i) {
         Slave& slave = network.slave(i);
         slave = Slave{};
-        network.marks(i) = {};
+        network.marks(i) = SlaveMarks{};
         slave.number = i;
         slave.ring_position = i;
         if (in_init) slave.al.state = AlState::init;

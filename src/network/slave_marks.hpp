@@ -21,21 +21,26 @@ struct SlaveMarks {
     // The transition whose commands or hook after the new state have failed or were cut: the slave must be started
     // again.
     Transition unfinished = Transition::none;
+    // The check value of the cause of the failed `attempts` that was reported last; 0: none was.
+    std::uint16_t cause_reported = 0;
     // The state to which the supervision brought the slave last without an error.
-    AlState settled = AlState::none;
-    std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
-    bool failure_reported = false;   // the failure of these attempts
-    bool in_use : 1 = false;         // see SlaveToken
-    bool pdos_compared : 1 = false;  // differences between the sources of its PDOs have been reported
+    AlState settled : 4 = AlState::none;
+    // The failed attempts of the supervision since the slave was last in its target state, as far as they are counted.
+    std::uint8_t attempts : 4 = 0;
+    static constexpr std::uint8_t kMostAttempts = 15;
+    bool in_use : 1 = false;            // see SlaveToken
+    bool pdos_compared : 1 = false;     // differences between the sources of its PDOs have been reported
     bool missing_reported : 1 = false;  // reported as missing while its hot connect group is present
     bool awaited : 1 = false;    // member of a hot connect group whose start-up should have ended: see members.hpp
     bool counted : 1 = false;    // the expected working counters of its group include its share
     bool following : 1 = false;  // the commands or the hook after a transition are executing
     bool in_hook : 1 = false;    // a hook of the application is executing
+    bool repeating : 1 = false;  // the supervision repeats an attempt whose failure was reported
     // In BOOT: the application has set another target for this slave since. Without it the supervision leaves the slave
     // in BOOT.
     bool leave_boot : 1 = false;
     bool finding : 1 = false;       // the slave comes back, and its process data is being found
+    bool pdos_refused : 1 = false;  // it has refused to say its PDOs when it was asked last
     bool pdos_written : 1 = false;  // the application has written PDOs by SDO since the mapping
     // The slave did not answer for a while, or nobody has looked whether it does: another slave may have its station
     // address now. Its identity is compared before the next change of its state, and before the commands and hooks that

@@ -1,5 +1,6 @@
 #include "network/supervisor.hpp"
 
+#include "network/attempts.hpp"
 #include "network/boot.hpp"
 #include "network/configure.hpp"
 #include "network/doubt.hpp"
@@ -65,22 +66,19 @@ bool may_look_at(Network& network, const Slave& slave) {
 // A slave has left its state while it was started: by itself, or by its hook. The next attempt comes after a pause. If
 // that ends in the same way, the failure is reported.
 void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
+    SlaveMarks& marks = network.marks(slave);
+    if (marks.repeating) note_state(network, slave, now);
     drop_work(network, slave);
-    std::uint8_t& attempts = network.marks(slave).attempts;
-    bool& reported = network.marks(slave).failure_reported;
-    if (attempts == 0) {
-        reported = false;
-    } else if (!reported) {
-        Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = now};
-        event.error = {.code = Errc::other_state, .step = Step::request_state, .slave = slave.number};
-        event.error.expected = static_cast<std::uint32_t>(goal(network, slave));
-        event.error.actual = static_cast<std::uint32_t>(now.state);
-        event.error.detail = now.code;
-        network.report(event);
-        network.note(slave, event.error);
-        reported = true;
+    if (marks.attempts == 0) {
+        marks.cause_reported = 0;
+    } else {
+        Error cause{.code = Errc::other_state, .step = Step::request_state, .slave = slave.number};
+        cause.expected = static_cast<std::uint32_t>(goal(network, slave));
+        cause.actual = static_cast<std::uint32_t>(now.state);
+        cause.detail = now.code;
+        report_failure(network, slave, now, cause);
     }
-    attempts = std::max<std::uint8_t>(attempts, 1);
+    if (marks.attempts == 0) marks.attempts = 1;
 }
 
 // Reads the state of one slave.
@@ -167,7 +165,11 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     if (goal(network, slave) >= slave.al.state) work.upwards_to = goal(network, slave);
     network.works.push_back(work);
     const bool well = is_well(network, slave);
-    auto done = co_await bring_back(network, slave);
+    Result<> done;
+    {
+        const Attempt attempt(network, slave);
+        done = co_await bring_back(network, slave);
+    }
     if (done) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = slave.al.state;
@@ -180,16 +182,9 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         co_await completion(clear_fmmus(network, slave));  // it gets no outputs until it is compared
     }
     // That the slave is gone again is reported by the next look; another slave, by the search.
-    if (!does_not_answer(done.error()) && slave.al.state != AlState::none) {
-        Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = slave.al};
-        event.error = done.error();
-        if (network.marks(slave).attempts == 0 || !network.marks(slave).failure_reported) {
-            network.marks(slave).failure_reported = true;
-            network.report(event);
-            network.note(slave, done.error());
-        }
-    }
-    network.marks(slave).attempts = static_cast<std::uint8_t>(std::min(network.marks(slave).attempts + 1, 255));
+    if (!does_not_answer(done.error()) && slave.al.state != AlState::none)
+        report_failure(network, slave, slave.al, done.error());
+    if (network.marks(slave).attempts < SlaveMarks::kMostAttempts) ++network.marks(slave).attempts;
     if (slave.al.state != AlState::none) await_slave(network, slave);
     watch.look_at = network.engine.now();  // the last roll does not show a slave that has lost its state since
     watch.retry_at = later(network.engine.now(), watch.wanted.retry);

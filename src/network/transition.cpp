@@ -1,5 +1,6 @@
 #include "network/transition.hpp"
 
+#include "network/attempts.hpp"
 #include "network/boot.hpp"
 #include "network/hooks.hpp"
 #include "network/mailbox_setup.hpp"
@@ -287,20 +288,14 @@ SlaveWork* find_work(Network& network, const Slave& slave) {
 
 void end_work(Network& network, SlaveWork& work) {
     Slave& slave = network.slave(work.slave);
-    std::uint8_t& attempts = network.marks(slave).attempts;
-    const SlaveMarks& marks = network.marks(slave);
+    SlaveMarks& marks = network.marks(slave);
     Error error{.code = Errc::timeout, .step = Step::application_hook, .slave = slave.number};
     if (!marks.in_hook) error.step = Step::request_state;
     if (!marks.in_hook && marks.following) error = unfinished_error(network, slave);
     work.sequence.end();
-    network.note(slave, error);
-    if (network.supervised && attempts == 0) {
-        network.marks(slave).failure_reported = true;
-        Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = slave.al};
-        event.error = error;
-        network.report(event);
-    }
-    if (network.supervised) attempts = std::max<std::uint8_t>(attempts, 1);
+    if (!network.supervised) return network.note(slave, error);
+    report_failure(network, slave, slave.al, error);
+    if (marks.attempts == 0) marks.attempts = 1;
 }
 
 void drop_work(Network& network, const Slave& slave) {

@@ -68,13 +68,24 @@ struct OtherPdos : testing::Test, Bus {
         EXPECT_EQ(object(0x607A), 0x1111);
         EXPECT_EQ(object(0x60FF), 0x2222);
     }
-    bool reports(const char* words) {
-        bool found = false;
+    using Words = std::vector<std::string>;
+    Words taken_events() {
+        Words all;
         while (const auto event = ctx->events().take()) {
             std::array<char, 256> text{};
-            found |= std::string(describe(*event, text)).find(words) != std::string::npos;
+            all.emplace_back(describe(*event, text));
         }
-        return found;
+        return all;
+    }
+    static Words of_slave_2(const Words& all) {
+        Words some;
+        std::ranges::copy_if(all, std::back_inserter(some),
+                             [](const std::string& one) { return one.find("slave 2:") != std::string::npos; });
+        return some;
+    }
+    bool reports(const char* words) {
+        return std::ranges::any_of(taken_events(),
+                                   [&](const std::string& one) { return one.find(words) != std::string::npos; });
     }
     void power_off_and_on() {
         segment.set_power(drive, false, osal.now());
@@ -184,6 +195,93 @@ TEST_F(OtherModules, ChangedBeforeAStartUpIsRepeated) {
     exchange_modules();
     (void)reconfigure_slave(*ctx, 2);
     expect_remapping();
+}
+
+// Modules that are exchanged in OP: the slave refuses SAFEOP until it has been in INIT.
+TEST_F(OtherModules, AreFoundByTheMappingBehindInit) {
+    begin_with_modules();
+    supervision.cancel();
+    exchange_modules();
+    const auto refused = config_map(*ctx, image);
+    EXPECT_EQ(refused.error().code, Errc::remapping_needed) << in_words(refused.error());
+    EXPECT_EQ(ctx->slave(2).error, refused.error());
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_TRUE(mapped.ok()) << in_words(mapped.error());
+    EXPECT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    EXPECT_TRUE(all_right(*ctx)) << in_words(what_is_wrong(*ctx));
+}
+
+// The slave has refused SAFEOP already, with the AL status code "needs INIT".
+TEST_F(OtherModules, AreMappedWhereTheSlaveAsksForInit) {
+    begin_with_modules();
+    supervision.cancel();
+    exchange_modules();
+    for (const AlState state : {AlState::preop, AlState::safeop}) {
+        ASSERT_TRUE(writestate(*ctx, 2, state).ok());
+        (void)statecheck(*ctx, 2, state, 1s);
+    }
+    ASSERT_EQ(ctx->slave(2).al, (AlStatus{AlState::preop, true, 0x0021}));
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_TRUE(mapped.ok()) << in_words(mapped.error());
+    EXPECT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+}
+
+// The mapping has failed for one cause, and the supervision fails for another one.
+TEST_F(OtherModules, AreTheCauseInPlaceOfAnEarlierOne) {
+    begin_with_modules();
+    supervision.cancel();
+    ASSERT_TRUE(writestate(*ctx, 2, AlState::preop).ok());
+    ASSERT_EQ(statecheck(*ctx, 2, AlState::preop, 1s)->state, AlState::preop);
+    const auto list_modules = [this](std::uint8_t count) {
+        constexpr std::array<std::uint32_t, 4> kExchanged{0x401, 0x208, 0x302, 0x104};
+        EXPECT_TRUE(SDOwrite(*ctx, 2, 0xF030, 0, std::uint8_t{0}).ok());
+        for (std::uint8_t n = 0; n < count; ++n)
+            EXPECT_TRUE(SDOwrite(*ctx, 2, 0xF030, static_cast<std::uint8_t>(n + 1), kExchanged[n]).ok());
+        EXPECT_TRUE(SDOwrite(*ctx, 2, 0xF030, 0, count).ok());
+    };
+    list_modules(4);
+    EXPECT_EQ(config_map(*ctx, image).error().detail, 0x0070U);
+    exchange_modules();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(1'500);
+    EXPECT_EQ(what_is_wrong(*ctx).code, Errc::remapping_needed) << in_words(what_is_wrong(*ctx));
+    const auto again = config_map(*ctx, image);
+    EXPECT_TRUE(again.ok()) << in_words(again.error());
+    EXPECT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+}
+
+// What the supervision tries in vain is reported when it begins, when its cause changes, and when it ends.
+TEST_F(OtherModules, AreReportedOnceWhileTheSupervisionTriesAgain) {
+    begin_with_modules();
+    const auto change_to = [this](std::array<int, 4> modules) {
+        for (std::size_t slot = 0; slot < modules.size(); ++slot)
+            segment.slave(drive).process_data()->inputs()[slot] = static_cast<std::byte>(modules[slot]);
+        segment.slave(drive).process_data()->poke();
+    };
+    (void)taken_events();
+    (void)errors();
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::preop).ok());
+    cycles(500);
+    change_to({4, 2, 3, 1});
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::op).ok());
+    cycles(20'000);
+    const auto remap = std::string("slave 2: mapping process data: its revision, SyncManagers or PDOs have changed ") +
+                       "since config_map(): call config_map() again";
+    EXPECT_EQ(of_slave_2(taken_events()),
+              (Words{"slave 2: OP to PREOP", "slave 2: PREOP to PREOP+ERROR (0x0021: slave needs INIT)",
+                     "slave 2: PREOP+ERROR to INIT", "slave 2: INIT to PREOP", "recovery failed: " + remap}));
+    EXPECT_EQ(errors(), Words{remap});
+    EXPECT_EQ(what_is_wrong(*ctx).code, Errc::remapping_needed);
+    change_to({0, 2, 3, 1});
+    cycles(20'000);
+    EXPECT_EQ(what_is_wrong(*ctx).code, Errc::pdo_size) << in_words(what_is_wrong(*ctx));
+    EXPECT_EQ(of_slave_2(taken_events()), Words{"recovery failed: " + in_words(what_is_wrong(*ctx))});
+    EXPECT_EQ(errors(), Words{in_words(what_is_wrong(*ctx))});
+    change_to({1, 2, 3, 4});
+    cycles(2'000);
+    EXPECT_TRUE(all_right(*ctx)) << in_words(what_is_wrong(*ctx));
+    EXPECT_EQ(of_slave_2(taken_events()), (Words{"slave 2: PREOP to OP", "slave 2: recovered, in OP"}));
+    EXPECT_EQ(errors(), Words());
 }
 
 // Lists that name the PDOs only: their entries are those that the slave has.

@@ -118,6 +118,23 @@ TEST_F(FieldNotes, AnErrorThatOnlyInitClearsIsLeftByInit) {
     EXPECT_TRUE(exchanges(2));
 }
 
+// Without a supervision the application maps its group again.
+TEST_F(FieldNotes, AnErrorThatOnlyInitClearsIsLeftByAMapping) {
+    plug_odd({});
+    plug_odd({"ignores_acknowledge"});
+    start();
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
+    segment.set_cable({1, 0}, false);
+    cycles(300);
+    segment.set_cable({1, 0}, true);
+    cycles(10);
+    ASSERT_TRUE(recover_slave(ctx, 2));
+    ASSERT_TRUE(ctx.slave(2).al.error) << told(2);
+    EXPECT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(2);
+    cycles(5);
+    EXPECT_TRUE(exchanges(2));
+}
+
 TEST_F(FieldNotes, SlowAndReluctantSlavesReachOp) {
     plug_odd({"slow_state_changes"});
     plug_odd({"refuses_op_once"});

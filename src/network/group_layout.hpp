@@ -1,0 +1,16 @@
+// The image of a group: its layout, its place among the logical addresses of all groups, and its frames.
+#pragma once
+
+#include "network/network.hpp"
+
+namespace margay {
+
+[[nodiscard]] inline Error group_fault(Errc code, std::uint8_t group) {
+    return {.code = code, .step = Step::map_process_data, .index = group};
+}
+
+// Lays out the process data of the slaves of the group in `image`, and prepares its frames. No slave takes part yet.
+// Errors: those of the whole group, see config_map().
+[[nodiscard]] Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image);
+
+}  // namespace margay
