@@ -286,10 +286,10 @@ TEST_F(OtherModules, AreReportedOnceWhileTheSupervisionTriesAgain) {
 
 // Lists that name the PDOs only: their entries are those that the slave has.
 TEST_F(OtherPdos, OfListsWithoutEntries) {
-    static constexpr std::array<Pdo, 1> kOut{Pdo{.index = 0x1600}};
-    static constexpr std::array<Pdo, 1> kIn{Pdo{.index = 0x1A00}};
-    static constexpr std::array<SmPdos, 2> kLists{SmPdos{2, kOut}, SmPdos{3, kIn}};
-    static constexpr SlaveSetup kSetup{.pdos = kLists};
+    static constexpr std::array<Pdo, 1> kNamedOut{Pdo{.index = 0x1600}};
+    static constexpr std::array<Pdo, 1> kNamedIn{Pdo{.index = 0x1A00}};
+    static constexpr std::array<SmPdos, 2> kNamed{SmPdos{2, kNamedOut}, SmPdos{3, kNamedIn}};
+    static constexpr SlaveSetup kSetup{.pdos = kNamed};
     begin();
     ctx->slave(2).config.setup = &kSetup;
     ASSERT_TRUE(write_mapping());
