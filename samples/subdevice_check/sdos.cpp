@@ -201,8 +201,8 @@ void check_rights(Session& session) {
     if (entries.empty()) bench.skip("the dictionary has no entry with rights for PREOP only that may be written back");
     for (const auto state : {AlState::safeop, AlState::op}) {
         bench.enter(state);
+        const auto frames = bench.frames_in(state);
         for (const auto& entry : entries) {
-            (void)bench.exchange();
             const auto value = session.sdo.upload(entry.index, entry.subindex);
             if (!value.ok() || value.data.size() != entry.bits / 8U) continue;
             if (session.sdo.download(entry.index, entry.subindex, value.data) != Abort::none) continue;

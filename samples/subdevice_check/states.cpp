@@ -74,6 +74,7 @@ void check_same(Session& session) {
     auto& bench = session.bench;
     for (const auto state : {AlState::init, AlState::preop, AlState::safeop, AlState::op}) {
         bench.enter(state);
+        const auto frames = bench.frames_in(state);
         bench.request(word(state));
         const auto status = bench.refused();
         if (status != AlStatus{state, false, 0})
@@ -96,6 +97,7 @@ AlStatus settled(Bench& bench, const AlStatus& expected) {
 // The slave must stay where it is, and say why.
 void expect_refusal(Bench& bench, AlState state, unsigned requested, const std::vector<AlStatusCode>& codes,
                     const std::string& what) {
+    const auto frames = bench.frames_in(state);
     bench.request(requested);
     const auto status = bench.refused();
     if (status.state != state) {
@@ -172,6 +174,7 @@ void check_boot(Session& session) {
 // when the slave does not refuse it there.
 AlStatus provoke(Bench& bench, AlState state) {
     bench.enter(state);
+    const auto frames = bench.frames_in(state);
     bench.request(5);
     const auto status = bench.refused();
     if (status.state != state || !status.error)
@@ -194,6 +197,7 @@ void check_acknowledge(Session& session) {
     for (const auto state : {AlState::init, AlState::safeop, AlState::op, AlState::boot}) {
         if (state == AlState::boot && !bench.slave().boot_mailbox.present()) continue;
         (void)provoke(bench, state);
+        const auto frames = bench.frames_in(state);
         bench.request(word(state) | kAcknowledge);
         const auto cleared = settled(bench, {state, false, 0});
         if (cleared != AlStatus{state, false, 0})

@@ -54,6 +54,13 @@ constexpr DeviceDescription kVeryFastClock = changed(
     [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 100us, .max_cycle = 250us}; });
 constexpr DeviceDescription kVeryFastPll = changed(
     [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 250us, .pll = true}; });
+// 8000 and 16000 cycles a second, and nothing slower.
+constexpr DeviceDescription kControlLoop = changed([](DeviceDescription& d) {
+    d.dc = {.supported = true, .required = true, .min_cycle = 125us, .max_cycle = 125us, .pll = true};
+});
+constexpr DeviceDescription kFastControlLoop = changed([](DeviceDescription& d) {
+    d.dc = {.supported = true, .required = true, .min_cycle = 62'500ns, .max_cycle = 70us, .pll = true};
+});
 constexpr DeviceDescription kOwnTimeout = changed([](DeviceDescription& d) { d.output_timeout = 60ms; });
 constexpr DeviceDescription kShortClock =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .max_cycle = 1ms}; });
@@ -71,7 +78,9 @@ class SmallFirmware final : public sim::Firmware {
         all_->stack.device.start(now);
     }
     // A control loop compares frames with SYNC0.
-    static constexpr Duration kStep = Description.dc.pll && Description.dc.max_cycle == 250us ? 5us : 50us;
+    static constexpr bool kFast =
+        Description.dc.pll && Description.dc.max_cycle > 0us && Description.dc.max_cycle <= 250us;
+    static constexpr Duration kStep = kFast ? 5us : 50us;
     Time step(Time now) override { return std::min(all_->stack.device.step(now), now + kStep); }
 
   private:
@@ -129,6 +138,18 @@ TEST(SubdeviceCheckDevices, ADeviceForShortCyclesOnlyIsTriedWithThem) {
     expect_conforms<kVeryFastClock>({"states.up", "states.down", "sm.process_settings", "mailbox.states",
                                      "process_data.exchange", "watchdog.off", "clock.sync0", "clock.lost"});
     expect_conforms<kVeryFastPll>({"states.up", "process_data.exchange", "clock.sync0"});
+}
+
+// A cycle is one frame: with a frame for each SyncManager and one for the AL status, the frames would come late.
+TEST(SubdeviceCheckDevices, ADeviceWithAControlLoopOf125MicrosecondsOrLessIsNotBlamed) {
+    const auto checks = {"states.up",     "states.down",  "states.same",         "sm.process_settings",
+                         "watchdog.time", "clock.sync0",  "process_data.inputs", "mailbox.states",
+                         "clock.lost",    "watchdog.off", "clock.cycle1"};
+    for (const auto& report : {check_small<kControlLoop>().report, check_small<kFastControlLoop>().report}) {
+        EXPECT_TRUE(report.conforms()) << report_text(report, false);
+        for (const auto* const name : checks)
+            EXPECT_EQ(find(report, name)->outcome, Outcome::passed) << name << ": " << reason_of(report, name);
+    }
 }
 
 // Outputs that are older than the device allows are as good as an expired watchdog.
