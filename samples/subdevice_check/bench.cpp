@@ -17,7 +17,6 @@ using namespace std::chrono_literals;
 constexpr Duration kLook = 1ms;
 constexpr Duration kClockStarts = 70ms;  // SYNC0 begins within this time after its activation
 constexpr Duration kSettled = 20ms;      // a slave has answered a request that it refuses
-constexpr std::size_t kMostOctets = 1486;
 
 bool has_process_data(AlState state) { return state == AlState::safeop || state == AlState::op; }
 
@@ -34,7 +33,7 @@ std::string status_text(const AlStatus& status) {
 }
 
 Bench::Bench(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t number)
-    : ctx_(ctx), osal_(osal), nics_(nics), number_(number) {
+    : ctx_(ctx), osal_(osal), nics_(nics), number_(number), cycle_(ctx, number) {
     // A lost frame is an error of the line here, because a repeated access could have an effect twice.
     ctx_.link_settings().sendings = 1;
     find_areas();
@@ -63,16 +62,28 @@ void Bench::check_line(const Error& error) const {
     if (error.code != Errc::working_counter) throw LineFault{sentence(error)};
 }
 
+// Waits for the end of a request. False: working counter 0.
+bool Bench::finish(Request& request, const Result<>& submitted) {
+    if (!submitted) check_line(submitted.error());
+    while (request.busy()) progress(kNever);
+    if (request.state() == RequestState::error) check_line(request.error());
+    return request.state() == RequestState::success;
+}
+
 bool Bench::try_read(std::uint16_t address, MutableBytes into) {
-    const auto read = read_register(ctx_, number_, address, into);
-    if (!read) check_line(read.error());
-    return read.ok();
+    RegisterReadRequest request;
+    request.slave = number_;
+    request.address = address;
+    request.data = into;
+    return finish(request, submit(ctx_, request));
 }
 
 bool Bench::try_write(std::uint16_t address, Bytes data) {
-    const auto written = write_register(ctx_, number_, address, data);
-    if (!written) check_line(written.error());
-    return written.ok();
+    RegisterWriteRequest request;
+    request.slave = number_;
+    request.address = address;
+    request.data = data;
+    return finish(request, submit(ctx_, request));
 }
 
 void Bench::read_octets(std::uint16_t address, MutableBytes into) {
@@ -123,11 +134,16 @@ std::uint8_t Bench::sync_manager_status(unsigned n) {
 
 void Bench::wait(Duration time) {
     const Time until = osal_.now() + time;
-    while (osal_.now() < until) {
-        if (stop_asked()) throw NotJudged{"the program was stopped"};
-        const Time next = poll(ctx_, osal_.now());
-        osal_.wait(std::min(next, until), nics_);
-    }
+    while (osal_.now() < until) progress(until);
+}
+
+// Sends what is due, and waits for what comes next, at most until this time.
+void Bench::progress(Time until) {
+    if (stop_asked()) throw NotJudged{"the program was stopped"};
+    const Time frame = cycle_.step(osal_.now());
+    if (const auto fault = cycle_.line_fault()) throw LineFault{sentence(*fault)};
+    const Time next = poll(ctx_, osal_.now());
+    osal_.wait(std::min({next, until, frame}), nics_);
 }
 
 // ------------------------------------------------------------------ states
@@ -152,17 +168,16 @@ Duration Bench::patience(AlState to) {
 
 AlStatus Bench::go(AlState state, bool with_process_data) {
     const bool cyclic = with_process_data && has_process_data(state);
-    if (cyclic && state == AlState::op && uses_clock()) (void)run(kClockStarts);
+    std::optional<CycleRun> frames;
+    if (cyclic) frames.emplace(cycle_, areas_, now(), period_);
+    if (cyclic && state == AlState::op && uses_clock()) wait(kClockStarts);
     request(static_cast<unsigned>(state));
     const Time until = now() + patience(state);
     for (;;) {
-        if (cyclic) {
-            to_grid();
-            (void)exchange();
-        }
+        if (cyclic) wait(period_);
         const auto status = al_status();
         if (status.state == state || status.error || now() >= until) return status;
-        if (!cyclic || !uses_clock()) wait(kLook);
+        if (!cyclic) wait(kLook);
     }
 }
 
@@ -241,10 +256,6 @@ bool Bench::wants_clock(const AlStatus& status) {
     return true;
 }
 
-void Bench::to_grid() {
-    if (uses_clock()) wait(period_ - (now() - grid()) % period_);
-}
-
 void Bench::configure_mailboxes(bool boot) {
     const auto& s = slave();
     const auto& box = boot ? s.boot_mailbox : s.mailbox;
@@ -295,31 +306,18 @@ void Bench::set_area_length(std::uint8_t sync_manager, std::uint16_t bytes) {
     }
 }
 
-bool Bench::exchange() {
-    std::array<std::byte, kMostOctets> octets{};
-    bool whole = true;
-    for (const auto& area : areas_) {
-        const auto bytes = std::min<std::size_t>(area.setting.length_bytes, octets.size());
-        if (bytes == 0) continue;
-        const auto data = MutableBytes(octets).first(bytes);
-        if (area.outputs) std::fill(data.begin(), data.end(), std::byte{0});
-        const bool done =
-            area.outputs ? try_write(area.setting.physical_start, data) : try_read(area.setting.physical_start, data);
-        whole = whole && done;
-    }
-    return whole;
+std::optional<CycleRun> Bench::frames_in(AlState state) {
+    std::optional<CycleRun> frames;
+    if (state == AlState::op) frames.emplace(cycle_, areas_, now(), period_);
+    return frames;
 }
 
 bool Bench::run(Duration time, const std::function<bool()>& done, Duration period) {
-    to_grid();
+    const CycleRun frames(cycle_, areas_, now(), period);
     const Time until = now() + time;
-    Time next = now();
     while (now() < until) {
-        (void)exchange();
+        wait(period);
         if (done && done()) return true;
-        next += period;
-        if (next > now()) wait(next - now());
-        if (next + 10 * period < now()) next = now();  // the program was not executed for a while
     }
     return false;
 }

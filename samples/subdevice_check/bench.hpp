@@ -3,11 +3,9 @@
 #pragma once
 
 #include "osal/osal.hpp"
+#include "subdevice_check/cycle.hpp"
 #include "subdevice_check/report.hpp"
 #include "wire/esc.hpp"
-#include "wire/sync_manager.hpp"
-
-#include <margay/context.hpp>
 
 #include <fmt/format.h>
 
@@ -28,13 +26,6 @@ struct NotJudged {
 // A frame was lost. The check begins again once.
 struct LineFault {
     std::string reason{};
-};
-
-// A SyncManager of process data, as a master configures it in PREOP.
-struct ProcessArea {
-    std::uint8_t sync_manager = 0;
-    bool outputs = false;
-    wire::SyncManager setting{};
 };
 
 class Bench {
@@ -119,19 +110,19 @@ class Bench {
     // configure_process_data() activates the clock from now on, or chooses another cycle: try again.
     [[nodiscard]] bool wants_clock(const AlStatus& status);
     [[nodiscard]] bool uses_clock() const { return clock_attempts_ != 0; }
-    // With a clock, go() and run() exchange process data at multiples of the period of the frames after this time.
     [[nodiscard]] Duration period() const { return period_; }
-    [[nodiscard]] Time grid() const { return {}; }
 
     // --- Process data ---
     [[nodiscard]] const std::vector<ProcessArea>& areas() const { return areas_; }
     [[nodiscard]] const ProcessArea* area(bool outputs) const;
-    // Writes zeros to all outputs and reads all inputs, as one cycle does. Returns false when an access had working
-    // counter 0.
-    bool exchange();
-    // Exchanges process data each period() for `time`, or until `done` returns true. Returns whether it did.
+    // Writes zeros to all outputs and reads all inputs at the multiples of period() for `time`, or until `done` returns
+    // true. Returns whether it did. The frames go on while `done` executes, whatever it waits for.
     bool run(Duration time, const std::function<bool()>& done = {}) { return run(time, done, period_); }
     bool run(Duration time, const std::function<bool()>& done, Duration period);
+    // In OP, process data go on while the returned object exists: also between two run().
+    [[nodiscard]] std::optional<CycleRun> frames_in(AlState state);
+    // Of the last run().
+    [[nodiscard]] const Cycle& cycle() const { return cycle_; }
     // Replaces the length of an area when the objects of PDO assignment give another one than the SII.
     void set_area_length(std::uint8_t sync_manager, std::uint16_t bytes);
     // Called in PREOP before process data are configured: finds the lengths of the areas.
@@ -143,14 +134,16 @@ class Bench {
     void add(Severity severity, std::string text, std::string_view clause);
     void find_areas();
     [[nodiscard]] bool try_to_enter(AlState state);
-    void to_grid();
     void check_line(const Error& error) const;
+    bool finish(Request& request, const Result<>& submitted);
+    void progress(Time until);
 
     Context& ctx_;
     Osal& osal_;
     WaitHandles nics_;
     std::uint16_t number_;
     std::vector<ProcessArea> areas_;
+    Cycle cycle_;
     std::function<void()> find_lengths_;
     std::function<void()> mailbox_started_;
     std::function<Duration(unsigned)> activate_clock_;

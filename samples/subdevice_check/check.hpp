@@ -41,6 +41,7 @@ struct Check {
 [[nodiscard]] std::span<const Check> mailbox_checks();
 [[nodiscard]] std::span<const Check> information_checks();
 [[nodiscard]] std::span<const Check> sdo_checks();
+[[nodiscard]] std::span<const Check> complete_access_checks();
 [[nodiscard]] std::span<const Check> segment_checks();
 [[nodiscard]] std::span<const Check> pdo_checks();
 [[nodiscard]] std::span<const Check> module_checks();

@@ -17,7 +17,7 @@ namespace sii = wire::sii;
 // frames so often.
 constexpr Duration kBusCycles[] = {2ms, 1ms, 4ms, 500us, 250us, 125us, 100us, 62'500ns, 50us};
 constexpr Duration kShortestTried = 10us;  // of SYNC0
-constexpr Duration kStartIn = 50ms;        // SYNC0 begins this long after its activation
+constexpr Duration kStartIn = 50ms;        // SYNC0 begins this long after its activation, or up to a cycle later
 
 std::vector<sii::DcOpMode> modes_of(const Session& session) {
     std::vector<sii::DcOpMode> modes;
@@ -94,30 +94,30 @@ struct SyncSetting {
     std::uint8_t activation = 0;
 };
 
-// Writes the SYNC unit, in PREOP. SYNC0 is half a bus cycle away from `grid`, at which frames are sent.
-void activate(Bench& bench, const SyncSetting& setting, Time grid) {
+// Writes the SYNC unit, in PREOP. SYNC0 is half a bus cycle away from the frames, which are sent at the multiples of
+// the bus cycle (Bench::run()).
+void activate(Bench& bench, const SyncSetting& setting) {
     std::array<std::byte, 8> octets{};
     bench.write<std::uint8_t>(reg::kSyncActivation.address, 0);
     bench.write<std::uint8_t>(reg::kCyclicUnitControl.address, 0);
     bench.write<std::uint32_t>(reg::kSync0CycleTime.address, static_cast<std::uint32_t>(setting.cycle.count()));
     bench.write<std::uint32_t>(reg::kSync1CycleTime.address, static_cast<std::uint32_t>(setting.sync1.count()));
+    // A frame passes the slave soon after it was sent; its way back may be longer than a cycle.
+    const auto since = bench.now().time_since_epoch() % setting.bus;
     bench.read_octets(reg::kSystemTime.address, octets);
     const auto now = load_le<std::uint64_t>(octets, 0);
-    // The time from this reading to a point half a cycle behind a frame.
-    const auto since = (bench.now() - grid) % setting.bus;
-    const auto start = now + static_cast<std::uint64_t>((kStartIn - since + setting.bus / 2).count());
+    const auto cycles = kStartIn / setting.bus + 1;
+    const auto start = now + static_cast<std::uint64_t>((cycles * setting.bus - since + setting.bus / 2).count());
     store_le<std::uint64_t>(octets, 0, start);
     bench.write_octets(reg::kSyncStartTime.address, octets);
     bench.write<std::uint8_t>(reg::kSyncActivation.address, setting.activation);
 }
 
-// Frames on the grid until the state is reached, or an error is shown.
-AlStatus run_to(Bench& bench, AlState state, Time grid, Duration bus, Duration longest) {
+// Frames until the state is reached, or an error is shown.
+AlStatus run_to(Bench& bench, AlState state, Duration bus) {
     bench.request(static_cast<unsigned>(state));
-    const auto since = (bench.now() - grid) % bus;
-    bench.wait(bus - since);
     (void)bench.run(
-        longest,
+        Bench::patience(state),
         [&] {
             const auto status = bench.al_status();
             return status.state == state || status.error;
@@ -126,23 +126,16 @@ AlStatus run_to(Bench& bench, AlState state, Time grid, Duration bus, Duration l
     return bench.al_status();
 }
 
-void run_on_grid(Bench& bench, Time grid, Duration bus, Duration time, const std::function<bool()>& done = {}) {
-    const auto since = (bench.now() - grid) % bus;
-    bench.wait(bus - since);
-    (void)bench.run(time, done, bus);
-}
-
 // PREOP with SYNC signals, then SAFEOP and OP. Returns the last status.
-AlStatus start(Session& session, const SyncSetting& setting, Time& grid) {
+AlStatus start(Session& session, const SyncSetting& setting) {
     auto& bench = session.bench;
     bench.enter(AlState::preop);
     bench.configure_process_data();
-    grid = bench.grid() + (bench.now() - bench.grid()) / setting.bus * setting.bus;
-    activate(bench, setting, grid);
-    const auto status = run_to(bench, AlState::safeop, grid, setting.bus, Bench::patience(AlState::safeop));
+    activate(bench, setting);
+    const auto status = run_to(bench, AlState::safeop, setting.bus);
     if (status.state != AlState::safeop || status.error) return status;
-    run_on_grid(bench, grid, setting.bus, kStartIn + 20 * setting.bus);
-    return run_to(bench, AlState::op, grid, setting.bus, Bench::patience(AlState::op));
+    (void)bench.run(kStartIn + 20 * setting.bus, {}, setting.bus);
+    return run_to(bench, AlState::op, setting.bus);
 }
 
 SyncSetting setting_of(const sii::DcOpMode& mode, Duration bus = kBusCycles[0]) {
@@ -194,11 +187,11 @@ std::vector<Duration> bus_cycles(Session& session, const sii::DcOpMode& mode) {
 }
 
 // OP with the first cycle that the slave does not refuse. Returns the last status.
-AlStatus start(Session& session, const sii::DcOpMode& mode, SyncSetting& setting, Time& grid) {
+AlStatus start(Session& session, const sii::DcOpMode& mode, SyncSetting& setting) {
     AlStatus status{};
     for (const auto bus : bus_cycles(session, mode)) {
         setting = setting_of(mode, bus);
-        status = start(session, setting, grid);
+        status = start(session, setting);
         if (!refuses_cycle(status)) break;
     }
     return status;
@@ -215,9 +208,8 @@ std::string cycles_text(const sii::DcOpMode& mode) {
 void check_sync(Session& session) {
     auto& bench = session.bench;
     for (const auto& mode : needs_modes(session)) {
-        Time grid{};
         SyncSetting setting;
-        const auto status = start(session, mode, setting, grid);
+        const auto status = start(session, mode, setting);
         if (refuses_cycle(status) && mode.sync0_cycle_time_ns == 0)
             bench.skip(
                 fmt::format("AssignActivate 0x{:04x} could not be tried: the slave refuses SYNC0 each {} µs ({})",
@@ -227,7 +219,7 @@ void check_sync(Session& session) {
                                    setting.cycle / 1us, mode.assign_activate, status_text(status)));
             continue;
         }
-        run_on_grid(bench, grid, setting.bus, 200ms);
+        (void)bench.run(200ms, {}, setting.bus);
         if (const auto after = bench.al_status(); after.state != AlState::op || after.error)
             bench.fail(fmt::format("with SYNC0 each {} µs the slave did not stay in OP: {}", setting.cycle / 1us,
                                    status_text(after)));
@@ -242,11 +234,11 @@ bool says_no_sync(AlStatus status) {
 }
 
 // SYNC0 is off and the frames go on: the slave must not go to OP again.
-void check_op_again(Bench& bench, Time grid, Duration bus) {
+void check_op_again(Bench& bench, Duration bus) {
     bench.request(static_cast<unsigned>(AlState::safeop) | wire::al::kErrorAcknowledge);
-    run_on_grid(bench, grid, bus, 100ms);
+    (void)bench.run(100ms, {}, bus);
     if (const auto status = bench.al_status(); status.state != AlState::safeop || status.error) return;
-    const auto status = run_to(bench, AlState::op, grid, bus, Bench::patience(AlState::op));
+    const auto status = run_to(bench, AlState::op, bus);
     if (status.state == AlState::op)
         bench.fail("SYNC0 was switched off in OP, and after an acknowledge the slave went to OP again without it");
     else if (status.error && !says_no_sync(status))
@@ -257,12 +249,12 @@ void check_op_again(Bench& bench, Time grid, Duration bus) {
 void check_lost(Session& session) {
     auto& bench = session.bench;
     const auto modes = needs_modes(session);
-    Time grid{};
     SyncSetting setting;
-    if (const auto status = start(session, modes.front(), setting, grid); status.state != AlState::op)
+    if (const auto status = start(session, modes.front(), setting); status.state != AlState::op)
         bench.skip("the slave does not go to OP with SYNC0 (clock.sync0)");
     bench.write<std::uint8_t>(reg::kSyncActivation.address, 0);
-    run_on_grid(bench, grid, setting.bus, 1s, [&] { return bench.al_status().state != AlState::op; });
+    (void)bench.run(
+        1s, [&] { return bench.al_status().state != AlState::op; }, setting.bus);
     const auto status = bench.refused();
     if (status.state == AlState::op) {
         bench.remark("SYNC0 was switched off in OP, and the slave stays in OP");
@@ -272,7 +264,7 @@ void check_lost(Session& session) {
         bench.fail(
             fmt::format("SYNC0 was switched off in OP, and the slave went to {}, expected 0x002c", status_text(status)),
             "ETG.1020, AL Status Codes");
-    if (status.state == AlState::safeop) check_op_again(bench, grid, setting.bus);
+    if (status.state == AlState::safeop) check_op_again(bench, setting.bus);
 }
 
 // A mode with SYNC1: clock.sync0 has tried it. The same without SYNC1.
@@ -283,10 +275,9 @@ void check_sync1(Session& session) {
         auto setting = setting_of(mode);
         if ((setting.activation & wire::sync_activation::kSync1) == 0) continue;
         any = true;
-        Time grid{};
         setting.activation &= static_cast<std::uint8_t>(~unsigned{wire::sync_activation::kSync1});
         setting.sync1 = {};
-        const auto status = start(session, setting, grid);
+        const auto status = start(session, setting);
         if (status.state == AlState::op && !status.error)
             bench.remark(
                 fmt::format("the operation mode with AssignActivate 0x{:04x} has SYNC1, and the slave also "
@@ -304,8 +295,7 @@ void check_cycle_zero(Session& session) {
     auto& bench = session.bench;
     auto setting = setting_of(needs_modes(session).front());
     setting.cycle = {};
-    Time grid{};
-    const auto status = start(session, setting, grid);
+    const auto status = start(session, setting);
     if (status.state == AlState::op) {
         bench.fail("SYNC0 is active with a cycle time of 0, and the slave went to OP");
         return;
@@ -343,8 +333,7 @@ void check_cycle_short(Session& session) {
     setting.cycle = *shortest / 2;
     if (setting.cycle < kShortestTried) bench.skip("half of the shortest cycle is too short for a trial");
     setting.bus = setting.cycle * std::max<std::int64_t>(1, kBusCycles[0] / setting.cycle);
-    Time grid{};
-    const auto status = start(session, setting, grid);
+    const auto status = start(session, setting);
     // In SAFEOP, another error than that of the cycle time is the lack of frames for each SYNC0.
     if (status.state != AlState::preop && !refuses_cycle(status))
         bench.remark(
@@ -357,13 +346,12 @@ void check_cycle_short(Session& session) {
 void check_cycle1(Session& session) {
     auto& bench = session.bench;
     const auto mode = needs_modes(session).front();
-    Time grid{};
     SyncSetting setting;
     if ((setting_of(mode).activation & wire::sync_activation::kSync1) != 0) bench.skip("the operation mode uses SYNC1");
-    if (const auto status = start(session, mode, setting, grid); status.state != AlState::op)
+    if (const auto status = start(session, mode, setting); status.state != AlState::op)
         bench.skip("the slave does not go to OP with SYNC0 (clock.sync0)");
     setting.sync1 = setting.cycle;
-    const auto status = start(session, setting, grid);
+    const auto status = start(session, setting);
     if (status.state != AlState::op || status.error)
         bench.remark(fmt::format("with SYNC0 alone and a cycle time of SYNC1 that is not 0 the slave is in {}",
                                  status_text(status)));
@@ -403,7 +391,7 @@ Duration activate_clock(Session& session, unsigned attempt) {
     std::swap(cycles[0], cycles[1]);  // 1 ms, as without a clock
     const auto bus = mode.sync0_cycle_time_ns != 0 ? Duration{mode.sync0_cycle_time_ns}
                                                    : cycles[std::min<std::size_t>(attempt, cycles.size() - 1)];
-    activate(session.bench, setting_of(mode, bus), session.bench.grid());
+    activate(session.bench, setting_of(mode, bus));
     return bus;
 }
 

@@ -325,6 +325,7 @@ void check_states(Session& session) {
     auto& mail = session.mail;
     for (const auto state : {AlState::safeop, AlState::op}) {
         bench.enter(state);
+        const auto frames = bench.frames_in(state);
         (void)mail.drain(0ns);
         const auto message = mail.ping();
         mail.put(message.type, message.data);

@@ -242,7 +242,7 @@ void check_locked(Session& session) {
         const Kept kept(session, index);
         for (const auto state : {AlState::safeop, AlState::op}) {
             bench.enter(state);
-            (void)bench.exchange();
+            const auto frames = bench.frames_in(state);
             if (session.sdo.download<std::uint8_t>(index, 0, 0) != Abort::none) continue;
             bench.fail(fmt::format("{} was changed in {}", object_text(index, 0), state_text(state)));
             return;

@@ -83,9 +83,10 @@ void leave(Bench& bench) {
 
 std::vector<Check> all_checks() {
     std::vector<Check> all;
-    for (const auto& table : {eeprom_checks(), state_checks(), sync_manager_checks(), mailbox_checks(),
-                              information_checks(), sdo_checks(), segment_checks(), pdo_checks(), module_checks(),
-                              sync_type_checks(), watchdog_checks(), clock_checks(), message_checks()})
+    for (const auto& table :
+         {eeprom_checks(), state_checks(), sync_manager_checks(), mailbox_checks(), information_checks(), sdo_checks(),
+          complete_access_checks(), segment_checks(), pdo_checks(), module_checks(), sync_type_checks(),
+          watchdog_checks(), clock_checks(), message_checks()})
         all.insert(all.end(), table.begin(), table.end());
     return all;
 }

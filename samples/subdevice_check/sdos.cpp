@@ -1,4 +1,4 @@
-// SDO requests that fit one message: forms of the responses, abort codes, complete access, writing.
+// SDO requests that fit one message: forms of the responses, abort codes, writing.
 #include "subdevice_check/check.hpp"
 
 #include <algorithm>
@@ -11,7 +11,6 @@ namespace sdo = coe::sdo;
 
 constexpr std::string_view kAborts = "ETG.1000.6, table SDO Abort Codes";
 constexpr std::string_view kUpload = "ETG.1000.6, SDO Upload Expedited";
-constexpr std::string_view kComplete = "ETG.1000.6, SDO Upload (complete access)";
 
 void enter(Session& session) {
     session.sdo.needs_sdo();
@@ -143,51 +142,6 @@ void check_write(Session& session) {
         bench.fail(fmt::format("a download that was refused has changed {}", name));
 }
 
-// The value of an object by its subindices, as complete access must return it: subindex 0 has 16 bits.
-std::optional<std::vector<std::byte>> by_subindices(Session& session, std::uint16_t index) {
-    const auto count = session.sdo.number(index, 0);
-    if (!count) return std::nullopt;
-    std::vector<std::byte> whole{static_cast<std::byte>(*count), std::byte{0}};
-    for (unsigned n = 1; n <= *count; ++n) {
-        const auto up = session.sdo.upload(index, static_cast<std::uint8_t>(n));
-        if (!up.ok()) return std::nullopt;
-        whole.insert(whole.end(), up.data.begin(), up.data.end());
-    }
-    return whole;
-}
-
-void check_complete(Session& session) {
-    enter(session);
-    auto& bench = session.bench;
-    const bool announced = (bench.slave().coe_details & coe_detail::kCompleteAccess) != 0;
-    const auto up = session.sdo.upload(0x1018, 0, true);
-    if (!announced) {
-        if (up.abort != Abort::unsupported_access && up.abort != Abort::complete_access_unsupported)
-            bench.remark(fmt::format("the SII does not announce complete access, and the slave answers {}",
-                                     up.abort == Abort::none ? "with a value" : abort_text(up.abort)));
-        return;
-    }
-    if (!up.ok()) {
-        bench.fail(fmt::format("the SII announces complete access, and 0x1018 ended with {}",
-                               reason_text(up.fault, up.abort)));
-        return;
-    }
-    const auto expected = by_subindices(session, 0x1018);
-    if (!expected) bench.skip("0x1018 cannot be read by its subindices (information.identity)");
-    if (up.data != *expected)
-        bench.fail(
-            fmt::format("0x1018 by complete access has {} octets ({}), its subindices with 16 bits for "
-                        "subindex 0 have {} ({})",
-                        up.data.size(), hex(up.data), expected->size(), hex(*expected)));
-    const auto rest = session.sdo.upload(0x1018, 1, true);
-    if (!rest.ok() || !std::ranges::equal(rest.data, Bytes(*expected).subspan(2)))
-        bench.fail(fmt::format("0x1018 by complete access from subindex 1 on: {}",
-                               rest.ok() ? std::string("another value") : reason_text(rest.fault, rest.abort)));
-    if (session.sdo.upload(0x1018, 2, true).ok()) bench.fail("complete access from subindex 2 on is not refused");
-    if (session.sdo.upload(0x5FFE, 0, true).abort != Abort::no_object)
-        bench.fail("complete access to object 0x5FFE, which does not exist, is not refused with 0x06020000");
-}
-
 // Rights that end with PREOP: a download in SAFEOP and OP is refused.
 void check_rights(Session& session) {
     session.sdo.needs_sdo();
@@ -201,8 +155,8 @@ void check_rights(Session& session) {
     if (entries.empty()) bench.skip("the dictionary has no entry with rights for PREOP only that may be written back");
     for (const auto state : {AlState::safeop, AlState::op}) {
         bench.enter(state);
+        const auto frames = bench.frames_in(state);
         for (const auto& entry : entries) {
-            (void)bench.exchange();
             const auto value = session.sdo.upload(entry.index, entry.subindex);
             if (!value.ok() || value.data.size() != entry.bits / 8U) continue;
             if (session.sdo.download(entry.index, entry.subindex, value.data) != Abort::none) continue;
@@ -215,29 +169,6 @@ void check_rights(Session& session) {
 // The PDO assignments of SyncManagers 2 to 31.
 bool is_assignment(std::uint16_t index) { return index >= 0x1C12 && index <= 0x1C2F; }
 
-// Complete access writes what it has read: a PDO assignment.
-void check_complete_download(Session& session) {
-    enter(session);
-    auto& bench = session.bench;
-    if ((bench.slave().coe_details & coe_detail::kCompleteAccess) == 0)
-        bench.skip("the SII does not announce complete access");
-    const auto entries = harmless_entries(session);
-    const auto found = std::ranges::find_if(
-        entries, [](const DictionaryEntry& entry) { return is_assignment(entry.index) && entry.subindex == 0; });
-    if (found == entries.end()) bench.skip("the master cannot change the PDO assignment");
-    const auto before = session.sdo.upload(found->index, 0, true);
-    if (!before.ok()) bench.skip(object_text(found->index, 0) + " cannot be read by complete access");
-    const auto abort = session.sdo.download(found->index, 0, before.data, true);
-    if (abort != Abort::none)
-        bench.fail(
-            fmt::format("the SII announces complete access, and a download of its own value to 0x{:04x} ended "
-                        "with {}",
-                        found->index, abort_text(abort)));
-    if (const auto after = session.sdo.upload(found->index, 0, true); !after.ok() || after.data != before.data)
-        bench.fail(fmt::format("0x{:04x} has another value after a download of its own value by complete access",
-                               found->index));
-}
-
 constexpr Check kChecks[] = {
     {"sdo.upload", "the response to an upload has the form of the standard", kUpload, check_upload},
     {"sdo.aborts", "wrong requests end with the abort code of the standard", kAborts, check_aborts},
@@ -246,9 +177,6 @@ constexpr Check kChecks[] = {
     {"sdo.read_only", "read-only entries cannot be written", kAborts, check_read_only},
     {"sdo.rights", "an entry that is writable in PREOP only is not written in SAFEOP and OP",
      "ETG.1000.6, SDO Information (object access)", check_rights},
-    {"sdo.complete_download", "complete access writes a whole object", "ETG.1000.6, SDO Download (complete access)",
-     check_complete_download},
-    {"sdo.complete_access", "complete access returns the subindices one after the other", kComplete, check_complete},
 };
 
 }  // namespace

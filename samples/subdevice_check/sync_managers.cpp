@@ -170,6 +170,7 @@ void check_mailbox_off(Session& session) {
     for (const auto from : {AlState::preop, AlState::safeop, AlState::op})
         for (const unsigned n : {0U, 1U}) {
             bench.enter(from);
+            const auto frames = bench.frames_in(from);
             bench.write<std::uint8_t>(static_cast<std::uint16_t>(reg::sync_manager(n).address + 6), 0);
             const auto status = after_change(bench, from, from == AlState::op);
             if (status.state != AlState::init || !status.error)
@@ -186,6 +187,7 @@ void check_process_data_off(Session& session) {
     for (const auto from : {AlState::safeop, AlState::op})
         for (std::size_t nth = 0; nth < bench.areas().size(); ++nth) {
             bench.enter(from);
+            const auto frames = bench.frames_in(from);
             const auto area = bench.areas()[nth];
             if (area.setting.length_bytes == 0) continue;
             const auto n = area.sync_manager;

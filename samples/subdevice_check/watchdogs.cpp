@@ -65,13 +65,9 @@ void check_exchange(Session& session) {
     auto& bench = session.bench;
     bench.enter(AlState::op);
     if (bench.area(true) == nullptr && bench.area(false) == nullptr) bench.skip("the slave has no process data");
-    unsigned missed = 0;
-    unsigned cycles = 0;
-    (void)bench.run(100ms, [&] {
-        ++cycles;
-        missed += bench.exchange() ? 0U : 1U;
-        return false;
-    });
+    (void)bench.run(100ms);
+    const auto missed = bench.cycle().missed();
+    const auto cycles = bench.cycle().frames();
     const bool one_buffer = std::ranges::any_of(
         bench.areas(), [](const auto& area) { return area.setting.length_bytes != 0 && area.setting.mailbox(); });
     // One buffer takes new data only after the slave has handled the last ones.

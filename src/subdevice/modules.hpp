@@ -37,6 +37,7 @@
 
 #include "subdevice/application.hpp"
 #include "subdevice/pdo_mapping.hpp"
+#include "subdevice/stored_values.hpp"
 
 #include <algorithm>
 
@@ -208,6 +209,10 @@ struct ModuleTables {
     static constexpr std::size_t kValues = TxPdos::end;  // of the module in the first slot; the others follow
     static constexpr std::size_t kValueBytes = kSlots * kSlotBytes;
     static constexpr std::size_t end = kValues + kValueBytes;
+    // For the buffer of StoredValues, besides stored_bytes() of the table of the device.
+    static constexpr std::size_t kStoredBytes =
+        kSlots * (kStoredPartHeadBytes +
+                  module_rules::most(Device, [](const ModuleKind& kind) { return stored_value_bytes(kind.objects); }));
     static_assert(end <= 0x10000, "the values of modules lie in the first 64 KiB of the image");
 
     static constexpr auto kRxPdos = RxPdos::entries("Assigned PDO", od::kReadOnly);
@@ -262,7 +267,7 @@ class Modules final : public ModuleLayout {
     [[nodiscard]] MutableBytes values(unsigned slot) const;
 
     // Device calls it. Before the device starts, call it for write_sii() and StoredValues::load(). A module that takes
-    // the place of one of another kind has its initial values.
+    // the place of one of another kind, or of none, has its initial values (StoredValues::load_module()).
     void lay_out(ObjectDictionary& dictionary) override;
     [[nodiscard]] AlStatusCode check() const override;
 

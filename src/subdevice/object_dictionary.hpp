@@ -417,8 +417,7 @@ class ObjectDictionary {
     // False: the hook of the object says that the device does not have it.
     [[nodiscard]] bool exists(const Object& object);
 
-    // Sets all entries in the image to their initial values. With `access` not 0: only entries that have these access
-    // bits (for example od::kBackup).
+    // Sets entries in the image to their initial values: all, or those that have these access bits (od::kBackup).
     void restore_defaults(std::uint16_t access = 0);
     void restore_defaults(const Object& object, std::uint16_t access = 0);
 
@@ -430,15 +429,17 @@ class ObjectDictionary {
         module_distance_ = distance;
         module_idents_ = idents;
     }
+    // The objects of the device itself (slot 0), or those of all modules, and the number of slots.
+    [[nodiscard]] std::span<const Object> objects_of(unsigned slot) const { return slot == 0 ? objects_ : modules_; }
+    [[nodiscard]] unsigned slots() const { return static_cast<unsigned>(module_idents_.size()); }
     // Of the module that has the object; 0: the object belongs to the device.
     [[nodiscard]] std::uint32_t module_ident(const Object& object) const;
     // Memory of a value in the image; empty for another storage.
     [[nodiscard]] MutableBytes in_image(const Object& object, const Entry& entry, unsigned subindex) const;
-    // The constant or initial value of a number. In the PDO of a module, the objects of the module are those of its
-    // slot.
+    // The constant or initial value of a number; in the PDO of a module, the objects of the module have its slot.
     [[nodiscard]] std::uint64_t initial(const Object& object, const Entry& entry) const;
 
-    // A number of up to 8 octets; 0 if the entry does not exist. For the objects of the stack; applications use Field.
+    // A number of up to 8 octets; 0 if there is no such entry. For the objects of the stack; applications use Field.
     [[nodiscard]] std::uint64_t number(std::uint16_t index, unsigned subindex) const;
 
     // While the outputs of a mapping are applied, downloads to the mapped entries are refused. nullptr: no mapping is
@@ -464,8 +465,7 @@ class ObjectDictionary {
 
 // ------------------------------------------------------------------ objects generated from the description
 
-// Entries of 0x1018 and 0x1C00. Data types of the objects: DataType::identity for the record 0x1018, UNSIGNED8 for the
-// array 0x1C00.
+// Entries of 0x1018, a record with DataType::identity, and of 0x1C00, an array of UNSIGNED8.
 [[nodiscard]] constexpr std::array<Entry, 5> identity_entries(const DeviceDescription& d) {
     return {entry_count(4), constant(1, "Vendor ID", d.vendor_id), constant(2, "Product code", d.product_code),
             constant(3, "Revision", d.revision), constant(4, "Serial number", d.serial)};

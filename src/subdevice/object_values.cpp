@@ -21,6 +21,15 @@ constexpr bool is_signed(DataType type) {
            type == integer48 || type == integer56 || type == integer64;
 }
 
+// A number of one to seven bits has an octet of its own: the bits above it are not part of the value.
+constexpr bool is_small(const Entry& entry) { return entry.bits > 0 && entry.bits < 8; }
+constexpr std::byte bits_of(const Entry& entry) { return static_cast<std::byte>((1u << entry.bits) - 1u); }
+
+// BOOLEAN is 1 or 0xFF (ETG.1000.6, coding of a Boolean) when it is true.
+bool fits(const Entry& entry, std::byte octet) {
+    return (octet & ~bits_of(entry)) == std::byte{0} || (entry.bits == 1 && octet == std::byte{0xFF});
+}
+
 ObjectAccess at(const ObjectAccess& access, unsigned subindex) {
     ObjectAccess one = access;
     one.subindex = static_cast<std::uint8_t>(subindex);
@@ -74,6 +83,10 @@ Bytes view_value(const ObjectAccess& access, const Entry& entry, Scratch& scratc
         case Storage::image: break;
     }
     const Bytes memory = access.dictionary.in_image(access.object, entry, access.subindex);
+    if (is_small(entry)) {
+        scratch[0] = memory[0] & bits_of(entry);
+        return Bytes(scratch).first(1);
+    }
     if (entry.type != DataType::visible_string) return memory;
     const auto end = std::find(memory.begin(), memory.end(), std::byte{0});
     return memory.first(static_cast<std::size_t>(end - memory.begin()));
@@ -88,6 +101,7 @@ Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     }
     if (data.size() > room) return Abort::length_too_high;
     if (data.size() < room && !varies(entry.type)) return Abort::length_too_low;
+    if (is_small(entry) && !data.empty() && !fits(entry, data[0])) return Abort::value_too_high;
     if (!entry.limited || data.size() > 8) return Abort::none;
     std::uint64_t bits = 0;
     for (std::size_t i = 0; i < data.size(); ++i)
@@ -112,8 +126,7 @@ void store_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     // Data of a segmented transfer may already be in the memory.
     if (memory.data() != data.data()) std::copy_n(data.begin(), bytes, memory.begin());
     std::fill(memory.begin() + static_cast<std::ptrdiff_t>(bytes), memory.end(), std::byte{0});
-    if (entry.bits > 0 && entry.bits < 8 && !memory.empty())
-        memory[0] &= static_cast<std::byte>((1u << entry.bits) - 1u);
+    if (is_small(entry) && !memory.empty()) memory[0] &= bits_of(entry);
 }
 
 std::size_t complete_bytes(const Object& object, unsigned from, unsigned top) {

@@ -9,13 +9,22 @@
 namespace margay::subdevice {
 namespace {
 
-// The head of a block. `layout` is a CRC of the table and of the kinds of modules: values of others are not loaded. The
-// limits of the values are no part of it: a firmware with other limits loads the values that it allows.
+// The head of a block. `layout` is a CRC of the table of the device: values of another table are not loaded. The limits
+// of the values are no part of it: a firmware with other limits loads the values that it allows. The values of the
+// device itself follow, then a part for each module that has stored values.
 struct Head {
     using layout = Field<std::uint32_t, 0>;
     using size = Field<std::uint32_t, 4>;
-    using values = Field<std::uint32_t, 8>;
+    using values = Field<std::uint32_t, 8>;  // a CRC of all that follows
     static constexpr std::size_t bytes = kStoredHeadBytes;
+};
+
+// The head of the part of a module. `layout` is a CRC of the kind of module and of its table in this slot.
+struct PartHead {
+    using layout = Field<std::uint32_t, 0>;
+    using slot = Field<std::uint16_t, 4>;
+    using size = Field<std::uint16_t, 6>;
+    static constexpr std::size_t bytes = kStoredPartHeadBytes;
 };
 
 // CRC-32 (IEEE 802.3), bit by bit: no table in flash, and these blocks are small.
@@ -37,38 +46,47 @@ class Crc {
     std::uint32_t value_ = 0xFFFFFFFF;
 };
 
-// Visits the lines of the table that have stored values: visit(object, entry).
+// Visits the lines of the table that have stored values: visit(object, entry). Those of the module in a slot, or of the
+// device itself (slot 0).
 template <class Visit>
-void for_each_line(const ObjectDictionary& dictionary, Visit visit) {
-    for (const Object& object : dictionary.objects())
+void for_each_line(const ObjectDictionary& dictionary, unsigned slot, Visit visit) {
+    for (const Object& object : dictionary.objects_of(slot))
         for (const Entry& entry : object.entries)
-            if (is_stored(entry)) visit(object, entry);
+            if (object.slot == slot && is_stored(entry)) visit(object, entry);
 }
 
 // Visits each stored value: visit(object, entry, subindex, its memory).
 template <class Visit>
-void for_each_value(const ObjectDictionary& dictionary, Visit visit) {
-    for_each_line(dictionary, [&](const Object& object, const Entry& entry) {
+void for_each_value(const ObjectDictionary& dictionary, unsigned slot, Visit visit) {
+    for_each_line(dictionary, slot, [&](const Object& object, const Entry& entry) {
         for (unsigned n = entry.subindex; n <= entry.last(); ++n)
             visit(object, entry, static_cast<std::uint8_t>(n), dictionary.in_image(object, entry, n));
     });
 }
 
-std::size_t block_bytes(const ObjectDictionary& dictionary) {
-    std::size_t bytes = Head::bytes;
-    for_each_line(dictionary, [&](const Object&, const Entry& entry) { bytes += stored_bytes(entry); });
-    return bytes;
-}
-
-std::uint32_t layout_of(const ObjectDictionary& dictionary) {
+struct Part {
+    std::uint32_t layout = 0;
+    std::size_t bytes = 0;  // of the values
+};
+Part part_of(const ObjectDictionary& dictionary, unsigned slot) {
+    Part part;
     Crc crc;
-    for_each_line(dictionary, [&](const Object& object, const Entry& entry) {
+    for_each_line(dictionary, slot, [&](const Object& object, const Entry& entry) {
         // Two kinds of modules may have the same objects.
-        if (object.slot != 0) crc.add(dictionary.module_ident(object));
+        if (slot != 0) crc.add(dictionary.module_ident(object));
         crc.add(std::uint32_t{object.index} << 16 | std::uint32_t{entry.subindex} << 8 | entry.count);
         crc.add(std::uint32_t{static_cast<std::uint16_t>(entry.type)} << 16 | entry.bits);
+        part.bytes += stored_bytes(entry);
     });
-    return crc.value();
+    part.layout = crc.value();
+    return part;
+}
+
+std::size_t block_bytes(const ObjectDictionary& dictionary) {
+    std::size_t bytes = Head::bytes + part_of(dictionary, 0).bytes;
+    for (unsigned slot = 1; slot <= dictionary.slots(); ++slot)
+        if (const auto part = part_of(dictionary, slot); part.bytes != 0) bytes += PartHead::bytes + part.bytes;
+    return bytes;
 }
 
 std::uint32_t checksum_of(Bytes values) {
@@ -79,29 +97,65 @@ std::uint32_t checksum_of(Bytes values) {
 
 }  // namespace
 
-bool StoredValues::load() {
-    const std::size_t size = block_bytes(dictionary_);
-    if (buffer_.size() < size || store_.load(buffer_) != size) return false;
+// The values of a block for this table: those of the device itself, and the parts of modules. Empty: there are none.
+Bytes StoredValues::block(std::size_t own_bytes, std::uint32_t layout) {
+    if (saving_ || buffer_.size() < Head::bytes) return {};
+    const std::size_t size = store_.load(buffer_);
+    if (size < Head::bytes + own_bytes || size > buffer_.size() || Head::size::load(buffer_) != size) return {};
     const Bytes values = Bytes(buffer_).first(size).subspan(Head::bytes);
-    if (Head::size::load(buffer_) != size || Head::layout::load(buffer_) != layout_of(dictionary_) ||
-        Head::values::load(buffer_) != checksum_of(values))
-        return false;
-    std::size_t at = 0;
-    for_each_value(dictionary_,
+    if (Head::layout::load(buffer_) != layout || Head::values::load(buffer_) != checksum_of(values)) return {};
+    return Bytes(buffer_).first(size);
+}
+
+void StoredValues::load_part(unsigned slot, Bytes values) {
+    for_each_value(dictionary_, slot,
                    [&](const Object& object, const Entry& entry, std::uint8_t subindex, MutableBytes memory) {
-                       const auto value = values.subspan(at, memory.size());
-                       at += memory.size();
+                       const auto value = values.first(memory.size());
+                       values = values.subspan(memory.size());
                        const ObjectAccess access{.object = object, .subindex = subindex, .dictionary = dictionary_};
                        if (check_value(access, entry, value) == Abort::none) std::ranges::copy(value, memory.begin());
                    });
+}
+
+// The parts of modules, or that of one slot. False: the slot has none, or one of another kind of module.
+bool StoredValues::load_parts(Bytes parts, unsigned only) {
+    bool any = false;
+    while (parts.size() >= PartHead::bytes) {
+        const unsigned slot = PartHead::slot::load(parts);
+        const std::size_t bytes = PartHead::size::load(parts);
+        const auto layout = PartHead::layout::load(parts);
+        parts = parts.subspan(PartHead::bytes);
+        if (slot == 0 || bytes > parts.size()) return any;
+        const auto part = part_of(dictionary_, slot);
+        if ((only == 0 || slot == only) && part.bytes == bytes && part.layout == layout) {
+            load_part(slot, parts.first(bytes));
+            any = true;
+        }
+        parts = parts.subspan(bytes);
+    }
+    return any;
+}
+
+bool StoredValues::load() {
+    const auto own = part_of(dictionary_, 0);
+    const auto all = block(own.bytes, own.layout);
+    if (all.empty()) return false;
+    load_part(0, all.subspan(Head::bytes, own.bytes));
+    (void)load_parts(all.subspan(Head::bytes + own.bytes), 0);
     return true;
+}
+
+bool StoredValues::load_module(unsigned slot) {
+    const auto own = part_of(dictionary_, 0);
+    const auto all = block(own.bytes, own.layout);
+    return slot != 0 && !all.empty() && load_parts(all.subspan(Head::bytes + own.bytes), slot);
 }
 
 // Values are copied under the lock in pieces, and the CRC is computed without the lock.
 std::uint32_t StoredValues::checksum() {
     Crc crc;
     std::array<std::byte, 64> piece{};
-    for_each_value(dictionary_, [&](const Object&, const Entry&, std::uint8_t, Bytes memory) {
+    const auto add = [&](const Object&, const Entry&, std::uint8_t, Bytes memory) {
         while (!memory.empty()) {
             const auto bytes = std::min(memory.size(), piece.size());
             {
@@ -111,21 +165,31 @@ std::uint32_t StoredValues::checksum() {
             crc.add(Bytes(piece).first(bytes));
             memory = memory.subspan(bytes);
         }
-    });
+    };
+    for (unsigned slot = 0; slot <= dictionary_.slots(); ++slot) for_each_value(dictionary_, slot, add);
     return crc.value();
 }
 
 void StoredValues::collect() {
-    const std::size_t size = block_bytes(dictionary_);
     std::size_t at = Head::bytes;
-    for_each_value(dictionary_, [&](const Object&, const Entry&, std::uint8_t, Bytes memory) {
-        const Guard guard(dictionary_.lock());
-        std::ranges::copy(memory, buffer_.begin() + static_cast<std::ptrdiff_t>(at));
-        at += memory.size();
-    });
-    Head::layout::store(buffer_, layout_of(dictionary_));
-    Head::size::store(buffer_, static_cast<std::uint32_t>(size));
-    Head::values::store(buffer_, checksum_of(Bytes(buffer_).first(size).subspan(Head::bytes)));
+    for (unsigned slot = 0; slot <= dictionary_.slots(); ++slot) {
+        const auto part = part_of(dictionary_, slot);
+        if (slot == 0) Head::layout::store(buffer_, part.layout);
+        if (slot != 0 && part.bytes != 0) {
+            const auto head = buffer_.subspan(at, PartHead::bytes);
+            PartHead::layout::store(head, part.layout);
+            PartHead::slot::store(head, static_cast<std::uint16_t>(slot));
+            PartHead::size::store(head, static_cast<std::uint16_t>(part.bytes));
+            at += PartHead::bytes;
+        }
+        for_each_value(dictionary_, slot, [&](const Object&, const Entry&, std::uint8_t, Bytes memory) {
+            const Guard guard(dictionary_.lock());
+            std::ranges::copy(memory, buffer_.begin() + static_cast<std::ptrdiff_t>(at));
+            at += memory.size();
+        });
+    }
+    Head::size::store(buffer_, static_cast<std::uint32_t>(at));
+    Head::values::store(buffer_, checksum_of(Bytes(buffer_).first(at).subspan(Head::bytes)));
 }
 
 HookAnswer StoredValues::save(Time now, bool again) {

@@ -31,7 +31,8 @@ class ValueStore {
     ~ValueStore() = default;
 };
 
-// The size of a block: a head, and the values of all entries with od::kBackup.
+// The size of a block: a head, and the values of all entries with od::kBackup. In the block of a modular device follows
+// a part for each module that has such values: a head, and the values.
 [[nodiscard]] constexpr bool is_stored(const Entry& entry) {
     return (entry.access & od::kBackup) != 0 && entry.storage == Storage::image;
 }
@@ -39,25 +40,35 @@ class ValueStore {
     return is_stored(entry) ? std::size_t{entry.bytes()} * entry.count : 0;
 }
 inline constexpr std::size_t kStoredHeadBytes = 12;
-[[nodiscard]] constexpr std::size_t stored_bytes(std::span<const Object> table) {
-    std::size_t bytes = kStoredHeadBytes;
+inline constexpr std::size_t kStoredPartHeadBytes = 8;
+[[nodiscard]] constexpr std::size_t stored_value_bytes(std::span<const Object> table) {
+    std::size_t bytes = 0;
     for (const Object& object : table)
         for (const Entry& entry : object.entries) bytes += stored_bytes(entry);
     return bytes;
+}
+[[nodiscard]] constexpr std::size_t stored_bytes(std::span<const Object> table) {
+    return kStoredHeadBytes + stored_value_bytes(table);
 }
 
 class StoredValues {
   public:
     // All arguments must outlive the object. `buffer` has at least stored_bytes() of the table octets; of a modular
-    // device, ModuleTables::kValueBytes more.
+    // device, ModuleTables::kStoredBytes more.
     StoredValues(ObjectDictionary& dictionary, ValueStore& store, MutableBytes buffer)
         : dictionary_(dictionary), store_(store), buffer_(buffer) {}
 
-    // Copies the stored values into the dictionary. Call it before Device::start(). Returns false and changes nothing
-    // if there is no block, the block is damaged, or it belongs to another table of objects: one with other indices,
-    // subindices, data types or sizes, or with a module of another kind in a slot. A value outside the limits of this
-    // table (a firmware with other limits has stored it) keeps its initial value; the other values are loaded.
+    // Copies the stored values into the dictionary. Call it before Device::start(), and after Modules::lay_out().
+    // Returns false and changes nothing if there is no block, the block is damaged, or it belongs to another table of
+    // objects: one with other indices, subindices, data types or sizes. The values of a module are stored with its slot
+    // and its kind: they are loaded where a module of that kind is in that slot. A module of another kind, or in
+    // another slot, keeps its initial values. So does a value outside the limits of this table (a firmware with other
+    // limits has stored it); the other values are loaded.
     [[nodiscard]] bool load();
+    // The same for the module in one slot, from 1 on, that was plugged in after the start: call it in
+    // Application::after() of INIT→PREOP. False: nothing is stored for this kind of module in this slot, or a block is
+    // being stored now.
+    [[nodiscard]] bool load_module(unsigned slot);
 
     // The CRC of the present values: a master compares it with the value that it knows, to see whether it must write
     // the parameters again. A value is copied under the lock in pieces of 64 octets: while an interrupt handler changes
@@ -66,13 +77,17 @@ class StoredValues {
 
     // For the hooks of the objects: called until the answer is not later(), with `again` from the second call of a
     // command on. After a success the memory has values of the time of this command, each as a whole; restore() also
-    // sets the initial values in the dictionary.
+    // sets the initial values in the dictionary. A block has the modules that are there when it is stored: the values
+    // of a module that was pulled out before are not in it.
     [[nodiscard]] HookAnswer save(Time now, bool again = false);
     [[nodiscard]] HookAnswer restore(Time now);
     // Four octets with a number, which the master reads or overwrites.
     [[nodiscard]] MutableBytes show(std::uint32_t number);
 
   private:
+    [[nodiscard]] Bytes block(std::size_t own_bytes, std::uint32_t layout);
+    void load_part(unsigned slot, Bytes values);
+    [[nodiscard]] bool load_parts(Bytes parts, unsigned only);
     void collect();  // values and head into buffer_
 
     ObjectDictionary& dictionary_;

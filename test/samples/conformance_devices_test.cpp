@@ -54,24 +54,34 @@ constexpr DeviceDescription kVeryFastClock = changed(
     [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 100us, .max_cycle = 250us}; });
 constexpr DeviceDescription kVeryFastPll = changed(
     [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 250us, .pll = true}; });
+// 8000 and 16000 cycles a second, and nothing slower.
+constexpr DeviceDescription kControlLoop = changed([](DeviceDescription& d) {
+    d.dc = {.supported = true, .required = true, .min_cycle = 125us, .max_cycle = 125us, .pll = true};
+});
+constexpr DeviceDescription kFastControlLoop = changed([](DeviceDescription& d) {
+    d.dc = {.supported = true, .required = true, .min_cycle = 62'500ns, .max_cycle = 70us, .pll = true};
+});
 constexpr DeviceDescription kOwnTimeout = changed([](DeviceDescription& d) { d.output_timeout = 60ms; });
 constexpr DeviceDescription kShortClock =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .max_cycle = 1ms}; });
 constexpr DeviceDescription kNoCycle =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .min_cycle = 5ms, .max_cycle = 6ms}; });
 constexpr DeviceDescription kOneBuffer = changed([](DeviceDescription& d) { d.inputs.three_buffers = false; });
+constexpr DeviceDescription kOutputsOnly = changed([](DeviceDescription& d) { d.inputs = {}; });
 constexpr DeviceDescription kSwitch = changed([](DeviceDescription& d) { d.device_id_switch = true; });
 
-template <const DeviceDescription& Description>
+template <const DeviceDescription& Description, const auto& Objects = kSmallObjects, class Values = SmallValues>
 class SmallFirmware final : public sim::Firmware {
   public:
-    using Stack = subdevice::StandardDevice<Description, kSmallObjects, SmallValues>;
+    using Stack = subdevice::StandardDevice<Description, Objects, Values>;
     void start(subdevice::EscAccess& esc, Time now) override {
         all_ = std::make_unique<All>(esc);
         all_->stack.device.start(now);
     }
     // A control loop compares frames with SYNC0.
-    static constexpr Duration kStep = Description.dc.pll && Description.dc.max_cycle == 250us ? 5us : 50us;
+    static constexpr bool kFast =
+        Description.dc.pll && Description.dc.max_cycle > 0us && Description.dc.max_cycle <= 250us;
+    static constexpr Duration kStep = kFast ? 5us : 50us;
     Time step(Time now) override { return std::min(all_->stack.device.step(now), now + kStep); }
 
   private:
@@ -87,16 +97,16 @@ class SmallFirmware final : public sim::Firmware {
     std::unique_ptr<All> all_;
 };
 
-template <const DeviceDescription& Description>
+template <const DeviceDescription& Description, const auto& Objects = kSmallObjects, class Values = SmallValues>
 Checked check_small(const Options& options = {}) {
-    using Stack = typename SmallFirmware<Description>::Stack;
-    SmallValues values{};
+    using Stack = typename SmallFirmware<Description, Objects, Values>::Stack;
+    Values values{};
     const subdevice::ObjectDictionary dictionary(Stack::Objects::kObjects, subdevice::image_of(values));
     subdevice::SiiWorkspace<4, 16> workspace;
     sim::Device device{
         .chip = sim::chip_by_name("et1100").value(), .sii = std::vector<std::byte>(2048), .firmware = {}};
     EXPECT_TRUE(write_sii(Description, {}, dictionary, workspace, device.sii).ok());
-    device.firmware = std::make_unique<SmallFirmware<Description>>();
+    device.firmware = std::make_unique<SmallFirmware<Description, Objects, Values>>();
     return check_it(std::move(device), options);
 }
 
@@ -131,6 +141,18 @@ TEST(SubdeviceCheckDevices, ADeviceForShortCyclesOnlyIsTriedWithThem) {
     expect_conforms<kVeryFastPll>({"states.up", "process_data.exchange", "clock.sync0"});
 }
 
+// A cycle is one frame: with a frame for each SyncManager and one for the AL status, the frames would come late.
+TEST(SubdeviceCheckDevices, ADeviceWithAControlLoopOf125MicrosecondsOrLessIsNotBlamed) {
+    const auto checks = {"states.up",     "states.down",  "states.same",         "sm.process_settings",
+                         "watchdog.time", "clock.sync0",  "process_data.inputs", "mailbox.states",
+                         "clock.lost",    "watchdog.off", "clock.cycle1"};
+    for (const auto& report : {check_small<kControlLoop>().report, check_small<kFastControlLoop>().report}) {
+        EXPECT_TRUE(report.conforms()) << report_text(report, false);
+        for (const auto* const name : checks)
+            EXPECT_EQ(find(report, name)->outcome, Outcome::passed) << name << ": " << reason_of(report, name);
+    }
+}
+
 // Outputs that are older than the device allows are as good as an expired watchdog.
 TEST(SubdeviceCheckDevices, ATimeoutShorterThanTheWatchdogIsARemark) {
     const auto report = check_small<kOwnTimeout>().report;
@@ -154,6 +176,47 @@ TEST(SubdeviceCheckDevices, AnotherCycleIsTried) {
     EXPECT_TRUE(report.conforms()) << report_text(report, false);
     EXPECT_TRUE(reason_of(report, "clock.sync0").find("could not be tried") != std::string::npos)
         << report_text(report, true);
+}
+
+// A record with everything that complete access makes difficult: single bits, a number behind them, a gap, a value that
+// cannot be read, a text that is shorter than its place, and a value that is another one at each access.
+struct MixedRecordValues {
+    Le<std::uint16_t> lamps;
+    std::uint8_t on;
+    std::uint8_t mode;
+    Le<std::int16_t> offset;
+    Le<std::uint32_t> key;
+    std::array<char, 9> label;
+    Le<std::uint32_t> reads;
+    std::uint8_t last;
+};
+constexpr Entry kMixedRecord[] = {
+    subdevice::entry_count(9),
+    subdevice::flag<&MixedRecordValues::on>(1, "On", od::kReadWrite, 1, 1),
+    subdevice::flag<&MixedRecordValues::mode>(2, "Mode", od::kReadWrite, 4, 9),
+    subdevice::value<&MixedRecordValues::offset>(3, "Offset", od::kReadWrite, -2),
+    subdevice::value<&MixedRecordValues::key>(5, "Key", od::kWrite, 0x12345678),
+    subdevice::octets<&MixedRecordValues::label>(6, "Label", subdevice::DataType::visible_string, od::kReadWrite, "ab"),
+    subdevice::value<&MixedRecordValues::reads>(7, "Reads", od::kRead),
+    subdevice::padding(8, 3),
+    subdevice::value<&MixedRecordValues::last>(9, "Last", od::kReadWrite, 77)};
+constexpr subdevice::ObjectHooks kMixedHooks{.before_read = [](const subdevice::ObjectAccess& access) {
+    const auto reads = access.dictionary.in_image(access.object, *access.object.entry(7), 7);
+    store_le(reads, 0, load_le<std::uint32_t>(reads) + 1);
+    return subdevice::HookAnswer();
+}};
+constexpr Entry kMixedLamps[] = {
+    subdevice::value<&MixedRecordValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Object kMixedObjects[] = {subdevice::variable(0x7000, "Lamps", kMixedLamps),
+                                    subdevice::record(0x8000, "Mixed", kMixedRecord, &kMixedHooks)};
+
+TEST(SubdeviceCheckDevices, CompleteAccessOfARecordOfEveryKindIsNotBlamed) {
+    const auto report = check_small<kOutputsOnly, kMixedObjects, MixedRecordValues>().report;
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    for (const auto* const name : {"sdo.complete_objects", "sdo.complete_access"}) {
+        EXPECT_EQ(find(report, name)->outcome, Outcome::passed) << name << ": " << reason_of(report, name);
+        EXPECT_TRUE(find(report, name)->findings.empty()) << report_text(report, false);
+    }
 }
 
 TEST(SubdeviceCheckDevices, InputsInOneBufferAreRead) {

@@ -107,6 +107,28 @@ inline bool is_upload(std::uint16_t address, const Octets& data, std::uint16_t i
            (std::to_integer<unsigned>(data[8]) >> 5) == coe::response::kUpload &&
            load_le<std::uint16_t>(data, 9) == index && std::to_integer<unsigned>(data[11]) == subindex;
 }
+// The first response of an upload by complete access, from this subindex on.
+inline bool is_whole(std::uint16_t address, const Octets& data, std::uint16_t index, std::uint8_t from = 0) {
+    return is_upload(address, data, index, from) && (data[8] & std::byte{0x10}) != std::byte{0};
+}
+// Complete access to one object is refused.
+template <std::uint16_t Index, std::uint32_t Code>
+bool refuse_whole(std::uint16_t address, Octets& data) {
+    if (!is_whole(address, data, Index)) return true;
+    store_le(MutableBytes(data), 0, std::uint16_t{coe::kSdoBytes});
+    coe::store_header(MutableBytes(data).subspan(6), {0, coe::Service::sdo_request});
+    data[8] = std::byte{0x80};
+    store_le(MutableBytes(data), 12, Code);
+    return true;
+}
+// The SII does not announce complete access.
+inline void hide_complete_access(sim::Device& device) {
+    const auto general = wire::sii::find_category(device.sii, wire::sii::category::kGeneral);
+    ASSERT_TRUE(general);
+    const auto at = static_cast<std::size_t>(general->data() - device.sii.data()) + 5;
+    ASSERT_NE(device.sii[at] & std::byte{coe_detail::kCompleteAccess}, std::byte{0});
+    device.sii[at] &= ~std::byte{coe_detail::kCompleteAccess};
+}
 // What the firmware reads at one address.
 template <std::uint16_t Address, unsigned Set, unsigned Cleared = 0>
 void read_bits(std::uint16_t address, MutableBytes data) {

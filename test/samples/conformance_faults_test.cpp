@@ -108,6 +108,49 @@ constexpr Fault kFaults[] = {
      [](std::uint16_t address, MutableBytes data) {
          if (is_request(address, data, 0x33)) data[2] = std::byte{0xE0};
      }},
+    {"sdo.complete_download", "the last entry of a mapping is another one", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         if (is_request(address, data, 0x31) && load_le<std::uint16_t>(data, 3) == 0x1600 && data.size() > 25)
+             data[25] = std::byte{5};
+     }},
+    {"sdo.complete_objects", "another value in 0x1C00",
+     [](std::uint16_t address, Octets& data) {
+         if (is_whole(address, data, 0x1C00)) data[18] ^= std::byte{4};
+         return true;
+     }},
+    {"sdo.complete_objects", "another value in 0x1C00 from subindex 1 on",
+     [](std::uint16_t address, Octets& data) {
+         if (is_whole(address, data, 0x1C00, 1)) data[12] ^= std::byte{4};
+         return true;
+     }},
+    {"sdo.complete_objects", "subindex 0 of a mapping has 8 bits",
+     [](std::uint16_t address, Octets& data) {
+         if (!is_whole(address, data, 0x1600)) return true;
+         store_le(MutableBytes(data), 0, static_cast<std::uint16_t>(load_le<std::uint16_t>(data, 0) - 1));
+         store_le(MutableBytes(data), 12, load_le<std::uint32_t>(data, 12) - 1);
+         data.erase(data.begin() + 17);
+         data.push_back(std::byte{0});
+         return true;
+     }},
+    {"sdo.complete_objects", "an object is refused with an abort code that says nothing",
+     refuse_whole<0x1A00, 0x08000000>},
+    {.check = "sdo.complete_objects",
+     .what = "one of the objects is refused",
+     .write = refuse_whole<0x1A00, 0x06010004>,
+     .severity = kRemark},
+    {.check = "sdo.complete_objects",
+     .what = "the SII does not announce complete access, and one object refuses it",
+     .write = refuse_whole<0x1A00, 0x06010004>,
+     .prepare = hide_complete_access,
+     .severity = kRemark},
+    {.check = "sdo.complete_objects",
+     .what = "complete access that is not announced has another value",
+     .write =
+         [](std::uint16_t address, Octets& data) {
+             if (is_whole(address, data, 0x1C00)) data[18] ^= std::byte{4};
+             return true;
+         },
+     .prepare = hide_complete_access},
     {"segments.download", "the toggle bit of a download is read the wrong way", nullptr,
      [](std::uint16_t address, MutableBytes data) {
          const bool segment = address == 0x1006 && data.size() >= 10 &&

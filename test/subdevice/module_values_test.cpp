@@ -66,7 +66,7 @@ struct ScaleRack {
         store_values(application.slots.values(slot), values);
     }
     std::array<std::byte, ScaleTables::end> image{};
-    std::array<std::byte, kStoredHeadBytes + ScaleTables::kValueBytes> buffer{};
+    std::array<std::byte, kStoredHeadBytes + ScaleTables::kStoredBytes> buffer{};
     ScaleApplication application;
     ObjectDictionary dictionary;
     StoredValues stored;
@@ -89,21 +89,78 @@ TEST(ModuleValues, StoredValuesBelongToModulesOfTheSameKindInTheSameSlot) {
     struct Case {
         const char* what;
         std::initializer_list<std::uint32_t> idents;
+        std::initializer_list<int> gains;
     };
-    const Case cases[] = {{"exchanged", {0x52, 0x51}},
-                          {"another kind with the same objects", {0x51, 0x51}},
-                          {"moved to other slots", {0, 0x51, 0x52}},
-                          {"one is gone", {0x51}},
-                          {"one more", {0x51, 0x52, 0x51}}};
+    const Case cases[] = {{"exchanged", {0x52, 0x51}, {1000, 1000}},
+                          {"another kind with the same objects", {0x51, 0x51}, {11, 1000}},
+                          {"moved to other slots", {0, 0x51, 0x52}, {0, 1000, 1000}},
+                          {"one is gone", {0x51}, {11}},
+                          {"the first is gone", {0, 0x52}, {0, 22}},
+                          {"one more", {0x51, 0x52, 0x51}, {11, 22, 1000}}};
     for (const auto& one : cases) {
         SCOPED_TRACE(one.what);
         ScaleRack other(store, one.idents);
-        EXPECT_FALSE(other.loaded);
-        for (unsigned slot = 1; slot <= one.idents.size(); ++slot) {
-            const auto initial = std::data(one.idents)[slot - 1] != 0 ? 1000 : 0;
-            EXPECT_EQ(other.gain(slot), initial) << slot;
-        }
+        EXPECT_TRUE(other.loaded);
+        for (unsigned slot = 1; slot <= one.idents.size(); ++slot)
+            EXPECT_EQ(other.gain(slot), std::data(one.gains)[slot - 1]) << slot;
     }
+    // A damaged block, and one that was cut between two parts.
+    const auto whole = store.cells;
+    for (std::size_t n = 0; n < whole.size(); ++n) {
+        store.cells = whole;
+        store.cells[n] ^= std::byte{1};
+        ScaleRack damaged(store, {0x51, 0x52});
+        EXPECT_FALSE(damaged.loaded) << n;
+        EXPECT_EQ(damaged.gain(1), 1000) << n;
+        store.cells.assign(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(n));
+        EXPECT_FALSE(ScaleRack(store, {0x51, 0x52}).loaded) << n;
+    }
+}
+
+// Another firmware of the device, whose modules have not changed.
+TEST(ModuleValues, ABlockOfAnotherTableOfTheDeviceIsNotLoaded) {
+    MemoryStore store;
+    ScaleRack rack(store, {0x51});
+    rack.set_gain(1, 11);
+    ASSERT_EQ(rack.stored.save(Time{}).abort, Abort::none);
+    static constexpr Entry kOwnValue[] = {value<Field<std::uint8_t, 0>>(0, "Own", od::kReadWrite | od::kBackup)};
+    static constexpr std::array kOwnObject{variable(0x2000, "Own", kOwnValue)};
+    static constexpr auto kOtherObjects = joined(kOwnObject, kScaleObjects);
+    ScaleApplication application({0x51});
+    std::array<std::byte, ScaleTables::end> image{};
+    std::array<std::byte, kStoredHeadBytes + ScaleTables::kStoredBytes + 1> buffer{};
+    ObjectDictionary dictionary(kOtherObjects, image, &application);
+    StoredValues stored(dictionary, store, buffer);
+    application.slots.lay_out(dictionary);
+    EXPECT_FALSE(stored.load());
+    EXPECT_FALSE(stored.load_module(1));
+    EXPECT_EQ(values_in<ScaleValues>(application.slots.values(1)).gain, 1000);
+}
+
+TEST(ModuleValues, AModuleThatIsPluggedInLaterGetsWhatIsStoredForItsKindAndSlot) {
+    MemoryStore store;
+    {
+        ScaleRack rack(store, {0x51, 0x52});
+        rack.set_gain(1, 11);
+        rack.set_gain(2, 22);
+        ASSERT_EQ(rack.stored.save(Time{}).abort, Abort::none);
+    }
+    ScaleRack rack(store, {0x51});
+    rack.set_gain(1, 33);
+    const auto plug = [&](unsigned slot, std::uint32_t ident) {
+        rack.application.slots.detect(slot, ident);
+        rack.application.slots.lay_out(rack.dictionary);
+        return rack.stored.load_module(slot);
+    };
+    EXPECT_FALSE(plug(2, 0x51)) << "another kind";
+    EXPECT_EQ(rack.gain(2), 1000);
+    EXPECT_TRUE(plug(2, 0x52));
+    EXPECT_EQ(rack.gain(2), 22);
+    EXPECT_EQ(rack.gain(1), 33) << "the other slot keeps what it has";
+    EXPECT_FALSE(plug(3, 0x52)) << "another slot";
+    EXPECT_EQ(rack.gain(3), 1000);
+    EXPECT_FALSE(rack.stored.load_module(0));
+    EXPECT_FALSE(rack.stored.load_module(4));
 }
 
 // A module was exchanged, and the old layout is in use until INIT: the values are those of the old module.
@@ -116,7 +173,7 @@ TEST(ModuleValues, ASaveBeforeTheNewLayoutIsOneOfTheOldModules) {
         ASSERT_EQ(rack.stored.save(Time{}).abort, Abort::none);
     }
     ScaleRack fine(store, {0x52});
-    EXPECT_FALSE(fine.loaded);
+    EXPECT_TRUE(fine.loaded);
     EXPECT_EQ(fine.gain(1), 1000);
     ScaleRack coarse(store, {0x51});
     EXPECT_TRUE(coarse.loaded);

@@ -209,19 +209,21 @@ struct LittleSettings {
     std::uint8_t mode;
     std::uint8_t open;
     Le<std::int16_t> offset;
+    std::uint8_t on;
 };
 constexpr DeviceDescription kLittleSetter{.name = "Settings", .protocols = {.coe = true}, .mailbox = kLittleMailboxes};
-constexpr Entry kLittleSettings[] = {
-    entry_count(3), flag<&LittleSettings::mode>(1, "Mode", od::kReadWrite, 4, 1).within(kLimits<1, 9>),
-    flag<&LittleSettings::open>(2, "Open", od::kReadWrite, 4),
-    value<&LittleSettings::offset>(3, "Offset", od::kReadWrite).within(kLimits<-5, 5>)};
+constexpr Entry kLittleSettings[] = {entry_count(4),
+                                     flag<&LittleSettings::mode>(1, "Mode", od::kReadWrite, 4, 1).within(kLimits<1, 9>),
+                                     flag<&LittleSettings::open>(2, "Open", od::kReadWrite, 4),
+                                     value<&LittleSettings::offset>(3, "Offset", od::kReadWrite).within(kLimits<-5, 5>),
+                                     flag<&LittleSettings::on>(4, "On", od::kReadWrite)};
 constexpr Object kLittleSetterObjects[] = {record(0x8000, "Settings", kLittleSettings)};
 
 TEST(SmallNumbers, CompleteAccessKeepsTheirLimits) {
     LittleBench<kLittleSetter, kLittleSetterObjects, LittleSettings> bench;
     // Subindex 0 in 16 bits, two numbers of four bits, one of 16 bits.
     const auto write = [&](int small, int offset) {
-        return bench.abort_in(bench.exchange({0x31, 0x00, 0x80, 0, 5, 0, 0, 0, 3, 0, small, offset & 0xFF, 0}));
+        return bench.abort_in(bench.exchange({0x31, 0x00, 0x80, 0, 6, 0, 0, 0, 4, 0, small, offset & 0xFF, 0, 1}));
     };
     EXPECT_EQ(write(0xF3, 2), Abort::none);
     EXPECT_EQ(bench.memory.values.mode, 3);
@@ -234,6 +236,39 @@ TEST(SmallNumbers, CompleteAccessKeepsTheirLimits) {
     EXPECT_EQ(bench.memory.values.open, 15);
     EXPECT_EQ(bench.memory.values.offset, 2) << "nothing is written when one value is wrong";
     EXPECT_EQ(write(0x09, -5 & 0xFF), Abort::value_too_high) << "251: the high octet is 0";
+}
+
+TEST(SmallNumbers, ADownloadKeepsTheirLimitsAndTheirBits) {
+    LittleBench<kLittleSetter, kLittleSetterObjects, LittleSettings> bench;
+    auto& values = bench.memory.values;
+    const auto write = [&](int subindex, int octet) {
+        return bench.abort_in(bench.exchange({0x2F, 0x00, 0x80, subindex, octet, 0, 0, 0}));
+    };
+    EXPECT_EQ(write(1, 9), Abort::none);
+    EXPECT_EQ(write(1, 10), Abort::value_too_high);
+    EXPECT_EQ(write(1, 0), Abort::value_too_low);
+    EXPECT_EQ(write(1, 0x13), Abort::value_too_high) << "the lower four bits are within the limits";
+    EXPECT_EQ(values.mode, 9);
+    EXPECT_EQ(write(2, 15), Abort::none);
+    EXPECT_EQ(write(2, 16), Abort::value_too_high) << "four bits";
+    EXPECT_EQ(write(2, 0xF1), Abort::value_too_high);
+    EXPECT_EQ(values.open, 15);
+    for (const int octet : {1, 0xFF}) {
+        values.on = 0;
+        EXPECT_EQ(write(4, octet), Abort::none) << octet;
+        EXPECT_EQ(values.on, 1) << octet;
+    }
+    EXPECT_EQ(write(4, 2), Abort::value_too_high);
+    EXPECT_EQ(values.on, 1) << "a value that is refused does not switch off";
+}
+
+// The octet of a small number may have more bits than the number: an upload has those of the number.
+TEST(SmallNumbers, AnUploadHasTheirBitsOnly) {
+    LittleBench<kLittleSetter, kLittleSetterObjects, LittleSettings> bench;
+    bench.memory.values.open = 0xF3;
+    bench.memory.values.on = 0xFF;
+    EXPECT_EQ(bench.exchange({0x40, 0x00, 0x80, 2, 0, 0, 0, 0}).at(4), std::byte{3});
+    EXPECT_EQ(bench.exchange({0x40, 0x00, 0x80, 4, 0, 0, 0, 0}).at(4), std::byte{1});
 }
 
 }  // namespace
