@@ -5,7 +5,7 @@ namespace {
 
 constexpr Duration kFrame = std::chrono::microseconds(EC_TIMEOUTRET3);
 constexpr Duration kLook = std::chrono::microseconds(200);
-constexpr int kAttempts = EC_DEFAULTRETRIES;
+constexpr int kAttempts = EC_DEFAULTRETRIES;  // at least, whatever the timeout is
 
 }  // namespace
 
@@ -46,8 +46,11 @@ bool Eeprom::begin_read(std::uint16_t word, Duration timeout) {
     return command(EC_ECMD_READ, word);
 }
 
+// An EEPROM acknowledges no command while it stores the word before, for some milliseconds, and the ESC is not busy
+// meanwhile.
 std::optional<std::uint64_t> Eeprom::end_read(Duration timeout) {
-    for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    const Time until = later(session_.now(), timeout);
+    for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {
         std::uint16_t status = 0;
         if (!wait_ready(status, timeout)) return std::nullopt;
         if ((status & EC_ESTAT_NACK) != 0) {
@@ -71,7 +74,8 @@ std::optional<std::uint64_t> Eeprom::read(std::uint16_t word, Duration timeout) 
 }
 
 bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
-    for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    const Time until = later(session_.now(), timeout);
+    for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {
         std::uint16_t status = 0;
         if (!wait_ready(status, timeout)) return false;
         if ((status & EC_ESTAT_EMASK) != 0 && !command(EC_ECMD_NOP, 0)) return false;
@@ -110,6 +114,14 @@ int assign(ecx_contextt& context, std::uint16_t number, bool to_pdi) {
 }
 
 }  // namespace
+
+std::optional<std::uint64_t> read_sii(ecx_contextt& context, std::uint16_t slave, std::uint16_t word) {
+    const Pinned session = session_of(context);
+    if (session == nullptr || slave >= most_slaves(context)) return std::nullopt;
+    ecx_eeprom2master(&context, slave);
+    return eeprom_of(context, *session, slave).read(word, us(EC_TIMEOUTEEP));
+}
+
 }  // namespace margay::soem
 
 using namespace margay::soem;

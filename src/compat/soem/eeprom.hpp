@@ -33,4 +33,7 @@ class Eeprom {
     std::uint16_t word_ = 0;
 };
 
+// Takes the EEPROM from the processor of the slave, and reads at a word address. nullopt: it cannot be read.
+[[nodiscard]] std::optional<std::uint64_t> read_sii(ecx_contextt& context, std::uint16_t slave, std::uint16_t word);
+
 }  // namespace margay::soem

@@ -1,5 +1,5 @@
 // The contents of the SII, read as far as a program asks for them and kept for one slave.
-#include "compat/soem/facade.hpp"
+#include "compat/soem/eeprom.hpp"
 
 #include <cstring>
 
@@ -74,13 +74,9 @@ uint8 ecx_siigetbyte(ecx_contextt* context, uint16 slave, uint16 address) {
     const auto is_known = [&](unsigned n) { return (known[n / 32] >> (n % 32) & 1U) != 0; };
     if (is_known(address)) return octets[address];
     const unsigned first = address & ~3U;
-    std::uint32_t words = 0;
-    bool read = false;
-    for (int attempt = 0; attempt < EC_DEFAULTRETRIES && !read; ++attempt) {
-        words = ecx_readeeprom(context, slave, static_cast<uint16>(first / 2), EC_TIMEOUTEEP);
-        read = words != 0 || attempt + 1 == EC_DEFAULTRETRIES;
-        if (words == 0) break;  // zeros are also what the EEPROM may contain
-    }
+    const auto read = read_sii(*context, slave, static_cast<std::uint16_t>(first / 2));
+    if (!read) return 0xFF;
+    const auto words = static_cast<std::uint32_t>(*read);
     std::memcpy(octets + first, &words, sizeof(words));
     for (unsigned n = first; n < first + 4; ++n) known[n / 32] |= 1U << (n % 32);
     return octets[address];
