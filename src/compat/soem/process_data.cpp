@@ -45,6 +45,7 @@ int counted_twice(Session& session, std::uint8_t group, unsigned writing) {
         session.be_owner();
         received = receive_processdata(*facts.context, std::chrono::microseconds(facts.timeout_us), facts.group);
     }
+    if (!received) session.find_missing(received.error());
     const int wkc = received ? static_cast<int>(*received) : partial_counter(session, facts.group, received.error());
     if (wkc < 0) return wkc;
     show_time(facts);

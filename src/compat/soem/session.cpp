@@ -71,6 +71,16 @@ void Session::change_owner() {
     owner_ = calling_thread();
 }
 
+void Session::find_missing(const Error& of_cycle) {
+    constexpr Duration kPause = std::chrono::milliseconds(5);
+    if (of_cycle.code != Errc::working_counter || of_cycle.detail == Error::kOthersFresh) return;
+    const Time begin = now();
+    if (closing() || (!states_.busy() && begin < states_at_)) return;
+    if (!states_.busy()) (void)submit(context_, states_);  // without room for it, a later cycle tries again
+    states_at_ = later(begin, kPause);
+    (void)poll(context_, begin);
+}
+
 // One poll under the lock. Returns until when nothing is due.
 Time Session::poll_once(Request* request, Time until, bool& over) {
     const Guard guard(*this);

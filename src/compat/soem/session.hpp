@@ -78,6 +78,10 @@ class Session {
     void pause(Duration duration) { pause_until(now() + duration); }
     // Does at once what is due, and does not wait.
     void poll_now();
+    // After a cycle that has brought no inputs, because nobody knows which slave is missing: has the states of all
+    // slaves read, and does not wait: the reading goes on in the next of these cycles. Then the inputs of the others
+    // are fresh.
+    void find_missing(const Error& of_cycle);
 
     // One datagram. Returns the working counter, or -1 when no frame came back within `timeout`.
     int exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
@@ -127,6 +131,8 @@ class Session {
     std::atomic<bool> closing_{false};  // requests end, because a thread closes the session
     std::uintptr_t owner_ = 0;          // the thread that owns the context; 0: not known
     std::unique_ptr<hosted::Source> source_;
+    ReadStateRequest states_;  // of find_missing()
+    Time states_at_{};         // not before
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
     std::array<GroupFacts, 256> facts_;
