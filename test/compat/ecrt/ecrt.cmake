@@ -52,7 +52,7 @@ foreach(scene tool equal_branches other_branches)
   margay_ecrt_test(places_${scene} ecrt_places sim:${folder}/${scene}.toml ${scene})
 endforeach()
 margay_ecrt_test(places_newcomer ecrt_places sim:drive,drive@2500ms newcomer)
-margay_ecrt_test(settings ecrt_settings sim:drive,drive\#16,drive)
+margay_ecrt_test(settings ecrt_settings sim:${folder}/settings.toml)
 
 # The same programs at a cable, with the segment in another process.
 include(${folder}/../over_veth.cmake)

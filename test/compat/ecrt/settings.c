@@ -28,10 +28,9 @@ static unsigned int read_register(ec_reg_request_t* request, uint16_t address) {
     return EC_READ_U16(ecrt_reg_request_data(request));
 }
 
-/* Each write of this object makes the drive send an emergency. */
-static int cause_emergency(ec_sdo_request_t* fault, uint16_t value) {
-    EC_WRITE_U16(ecrt_sdo_request_data(fault), value);
-    ecrt_sdo_request_write(fault);
+/* The drive sends an emergency before each answer. */
+static int cause_emergency(ec_sdo_request_t* fault) {
+    ecrt_sdo_request_read(fault);
     for (unsigned int n = 0; n < 5000 && ecrt_sdo_request_state(fault) == EC_REQUEST_BUSY; ++n) cycle();
     for (unsigned int n = 0; n < 50; ++n) cycle();
     return ecrt_sdo_request_state(fault) == EC_REQUEST_SUCCESS;
@@ -56,7 +55,7 @@ int main(void) {
     }
     twice = ecrt_master_slave_config(master, 16, 0, DRIVE); /* the alias of the second drive */
     CHECK(twice != NULL && ecrt_slave_config_reg_pdo_entry(twice, 0x6041, 0, domain, NULL) >= 0);
-    CHECK((fault = ecrt_slave_config_create_sdo_request(configs[2], 0x2F00, 1, 2)) != NULL);
+    CHECK((fault = ecrt_slave_config_create_sdo_request(configs[2], 0x6041, 0, 2)) != NULL);
     CHECK(ecrt_slave_config_emerg_size(configs[2], 2) == 0);
     CHECK(ecrt_master_activate(master) == 0);
     for (int n = 0; n < 20000 && up < 3; ++n) {
@@ -80,8 +79,8 @@ int main(void) {
         CHECK(read_register(requests[n], 0x0420) == intervals[n]);
     }
     /* The ring keeps the oldest ones. */
-    CHECK(ecrt_slave_config_emerg_overruns(configs[2]) == 0);
-    for (int n = 0; n < 5; ++n) CHECK(cause_emergency(fault, (uint16_t)(1 - n % 2)));
+    CHECK(ecrt_slave_config_emerg_clear(configs[2]) == 0 && ecrt_slave_config_emerg_overruns(configs[2]) == 0);
+    for (int n = 0; n < 5; ++n) CHECK(cause_emergency(fault));
     CHECK(ecrt_slave_config_emerg_pop(configs[2], message) == 0);
     CHECK(ecrt_slave_config_emerg_pop(configs[2], message) == 0);
     CHECK(ecrt_slave_config_emerg_pop(configs[2], message) == -ENOENT);
