@@ -40,6 +40,15 @@ int lock_interface(const std::string& name) {
     return -1;
 }
 
+// Each configuration has a ring of the size that the program wants.
+void keep_emergencies(Bus& bus, std::uint16_t slave) {
+    EmergencyRing& ring = emergencies(*bus.ctx, slave);
+    for (const auto& config : bus.configs) {
+        if (config->number != slave || config->emergencies.capacity() == 0) continue;
+        while (const auto one = ring.take()) (void)config->emergencies.add(*one);
+    }
+}
+
 // Slaves have changed: the copies of them are old.
 void changed(const Event& event, void* user) {
     Bus& bus = *static_cast<Bus*>(user);
@@ -49,13 +58,23 @@ void changed(const Event& event, void* user) {
     if (event.kind == EventKind::lost && event.slave == 0) bus.silent = true;
     if ((event.kind == EventKind::found && event.slave == 0) || event.kind == EventKind::unsupervised)
         bus.silent = false;
+    // Until the cyclic thread has looked at all slaves, each domain is judged by its own.
+    if (event.kind == EventKind::lost && bus.active)
+        for (const auto& exchange : bus.exchanges) exchange->best = Answer::incomplete;
+    if (event.kind == EventKind::slave_count) bus.answering = event.actual;
+    if (bus.active && (event.kind == EventKind::stranger || event.kind == EventKind::other_slave))
+        bus.strangers.push_back({.vendor = event.detail, .product = event.actual});
+    if (event.kind == EventKind::emergency) keep_emergencies(bus, event.slave);
     switch (event.kind) {
         case EventKind::slave_count:
         case EventKind::lost:
         case EventKind::found:
         case EventKind::other_slave:
         case EventKind::stranger:
-        case EventKind::ambiguous: bus.search.again = true; break;
+        case EventKind::ambiguous:
+            bus.search.again = true;
+            if (bus.active) bus.operation->note_change();
+            break;
         default: break;
     }
 }
@@ -98,6 +117,7 @@ bool Bus::open() {
     }
     clocks = std::make_unique<ApplicationTime>(*ctx);
     facts.reserve(kLimits.slaves);
+    strangers.reserve(kLimits.slaves);
     reporter = std::thread([this] { report_loop(); });
     start_idle();
     std::unique_lock lock(facts_mutex);

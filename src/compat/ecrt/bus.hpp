@@ -47,7 +47,8 @@ struct Search {
 struct AppTime {
     std::atomic<std::uint64_t> now_ns{0};
     std::uint64_t first_ns = 0;
-    Time at{};  // when it was told, in the time of the osal; only kept until the start-up is over
+    std::uint64_t at_ns = 0;  // as told at `at`, in the time of the osal; not while the segment is running
+    Time at{};
     std::atomic<bool> known{false};
 };
 
@@ -158,6 +159,9 @@ class Bus {
     // Of the operation before: the slaves of the context point to them until a scan with another list has ended.
     std::vector<std::unique_ptr<ec_slave_config>> old_configs;
     std::vector<std::unique_ptr<Operation>> old_operations;
+    // Devices that came after the scan and are not in the list of expected slaves. For the owner.
+    std::vector<Identity> strangers;
+    std::uint32_t answering = 0;  // slaves, known or not; 0: not counted since the scan
     AppTime app_time;
     std::unique_ptr<ApplicationTime> clocks;
     // What the next send has to do for the clocks.

@@ -29,6 +29,7 @@ int ecrt_master_application_time(ec_master_t* master, uint64_t app_time) {
     if (bus.active && bus.operation->running()) [[likely]]
         return 0;
     bus.app_time.at = bus.source->osal().now();
+    bus.app_time.at_ns = app_time;
     if (!bus.app_time.known) {
         bus.app_time.first_ns = app_time;
         bus.app_time.known = true;

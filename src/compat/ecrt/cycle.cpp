@@ -38,7 +38,7 @@ inline void receive_group(Context& ctx, Exchange& exchange, Duration timeout) {
     const auto counter = receive_processdata(ctx, timeout, exchange.group);
     if (!counter) [[unlikely]]
         return note_incomplete(exchange, counter.error().code);
-    exchange.answer = Answer::complete;
+    exchange.answer = exchange.best;
     ++exchange.answers;
 }
 
@@ -105,6 +105,7 @@ void be_steady(Bus& bus) {
     else
         bus.operation->check(now);
     if (bus.dirty || now >= bus.refresh_at) bus.refresh_facts(now);
+    for (const auto& exchange : bus.exchanges) update_best(bus, *exchange);
     be_steady(bus);
 }
 

@@ -33,8 +33,9 @@ std::span<std::byte> place_of(Bus& bus, const DomainPart& part) {
 void plan_copies(Bus& bus, ec_domain& domain) {
     std::vector<Copy> outputs;
     std::vector<Copy> inputs;
-    for (const DomainPart& part : domain.parts) {
+    for (DomainPart& part : domain.parts) {
         const auto place = place_of(bus, part);
+        part.placed = !place.empty();
         if (place.empty()) {
             if (part.bytes != 0 && domain.exchange->mapped)
                 say("master %u: SyncManager %u of configuration %u:%u has no place in the process data", bus.index,
@@ -81,6 +82,15 @@ void plan_counters(ec_domain& domain) {
     domain.complete.wc_state = domain.complete.working_counter != 0 ? EC_WC_COMPLETE : EC_WC_ZERO;
 }
 
+void update_best(const Bus& bus, Exchange& exchange) {
+    const auto takes_part = [&bus](const DomainPart& part) {
+        const std::uint16_t number = part.config->number.load(std::memory_order_relaxed);
+        return part.bytes == 0 || (part.placed && bus.ctx->slave(number).takes_part);
+    };
+    const auto is_whole = [&](const ec_domain* domain) { return std::ranges::all_of(domain->parts, takes_part); };
+    exchange.best = std::ranges::all_of(exchange.domains, is_whole) ? Answer::complete : Answer::incomplete;
+}
+
 void judge(ec_domain& domain) {
     Bus& bus = domain.bus;
     const Exchange& exchange = *domain.exchange;
@@ -89,7 +99,7 @@ void judge(ec_domain& domain) {
     for (const DatagramStatus& datagram : group.datagrams) came |= datagram.came && datagram.got != 0;
     unsigned counter = 0;
     for (const DomainPart& part : domain.parts) {
-        if (!exchange.mapped || !came || part.share == 0) continue;
+        if (!exchange.mapped || !came || part.share == 0 || !part.placed) continue;
         const std::uint16_t number = part.config->number.load(std::memory_order_relaxed);
         if (bus.ctx->slave(number).takes_part && inputs_fresh(*bus.ctx, number)) counter += part.share;
     }

@@ -27,7 +27,8 @@ struct DomainPart {
     bool output = false;
     std::uint32_t offset = 0;
     std::uint32_t bytes = 0;
-    unsigned share = 0;  // of the working counter, see plan_counters()
+    unsigned share = 0;   // of the working counter, see plan_counters()
+    bool placed = false;  // its slave has a place for it in the image of the group
 };
 
 // Of an answer.
@@ -49,6 +50,7 @@ struct Exchange {
     bool mapped = false;
     bool wanted = false;  // a domain was queued since the last send
     Answer answer = Answer::complete;
+    Answer best = Answer::incomplete;  // of a right cycle: complete while all configurations of its domains take part
     std::uint32_t answers = 0;
     std::vector<ec_domain*> domains;
     std::vector<std::byte> image;
@@ -85,5 +87,8 @@ void plan_copies(Bus& bus, ec_domain& domain);
 void plan_counters(ec_domain& domain);
 // The state of a domain whose answer is not complete. For the owner of the context.
 void judge(ec_domain& domain);
+// Sets Exchange::best. The library leaves slaves that may be away out of the working counters that it expects, and a
+// domain is complete only with all its configurations. For the owner of the context.
+void update_best(const Bus& bus, Exchange& exchange);
 
 }  // namespace margay::compat::ecrt

@@ -41,6 +41,10 @@ void Bus::refresh_facts(Time now) {
         ++count;
         states |= static_cast<std::uint32_t>(slave.al.state);
     }
+    if (active && !silent && !strangers.empty() && answering > count) {
+        count = answering;
+        states |= static_cast<std::uint32_t>(AlState::init);  // nobody brings them to another state
+    }
     responding.store(count, std::memory_order_relaxed);
     al_states.store(states, std::memory_order_relaxed);
     refresh_links(count);

@@ -231,7 +231,7 @@ int ecrt_master_activate(ec_master_t* master) {
         plan_counters(*domain);
     }
     bool emergencies_wanted = false;
-    for (const auto& config : bus.configs) emergencies_wanted |= config->emergencies != 0;
+    for (const auto& config : bus.configs) emergencies_wanted |= config->emergencies.capacity() != 0;
     (void)watch_mailboxes(*bus.ctx, emergencies_wanted ? std::chrono::milliseconds(10) : std::chrono::milliseconds(0));
     // Nobody polls until the cycle begins: a transfer of this thread must not, because the cyclic thread may begin
     // meanwhile. The thread that calls receive or send becomes the owner.
@@ -257,7 +257,9 @@ int ecrt_master_deactivate(ec_master_t* master) {
 void ecrt_master_deactivate_slaves(ec_master_t* master) {
     Bus& bus = *master->bus;
     if (!master->reserved || !bus.active || !bus.operation->running()) return;
-    if (pthread_equal(bus.owner, pthread_self()) != 0) (void)set_target(*bus.ctx, 0, AlState::preop);
+    if (pthread_equal(bus.owner, pthread_self()) == 0) return;
+    bus.operation->lower();
+    (void)set_target(*bus.ctx, 0, AlState::preop);
 }
 
 }  // extern "C"

@@ -12,7 +12,6 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr Duration kRetry = 500ms;
 constexpr unsigned kMostWaited = 500;  // cycles for the first application time
 
 // SYNC0 starts where the time since the first application time is a multiple of both cycles together, plus the shift.
@@ -80,7 +79,7 @@ void Operation::step(Time now) {
             if (!map_.busy()) end_map(now);
             return;
         case Stage::supervise:
-            supervise_.target = AlState::op;
+            supervise_.target = target_;
             if (submit(*bus_.ctx, supervise_)) stage_ = Stage::running;
             return;
         case Stage::running: return;
@@ -97,6 +96,9 @@ void Operation::end_scan(Time now) {
         stage_ = Stage::scan;
         return;
     }
+    old_expected_ = {};
+    bus_.strangers.clear();
+    bus_.answering = 0;
     for (const auto& config : bus_.configs) config->number = 0;
     for (const Slave& slave : bus_.ctx->slaves()) {
         if (slave.wanted == nullptr || slave.wanted->config == nullptr) {
@@ -128,7 +130,7 @@ void Operation::begin_clock(Time now) {
         say("master %u: no application time: SYNC signals have an arbitrary phase", bus_.index);
         said_time_ = true;
     }
-    const auto time_ns = bus_.app_time.known ? bus_.app_time.now_ns.load() : std::uint64_t{0};
+    const std::uint64_t time_ns = bus_.app_time.known ? bus_.app_time.at_ns : 0;
     const Time at = bus_.app_time.known ? bus_.app_time.at : now;
     clock_.settings = {};
     clock_.settings.reference = bus_.reference != nullptr ? bus_.reference->number.load() : std::uint16_t{0};
@@ -153,16 +155,13 @@ void Operation::end_map(Time now) {
         say_error(bus_.index, "process data", map_.error());
         retry_ = now + kRetry;
     }
-    for (ec_domain* domain : exchange.domains) plan_copies(bus_, *domain);
+    for (ec_domain* domain : exchange.domains) {
+        plan_copies(bus_, *domain);
+        if (again_) domain->outputs.execute();  // also of domains that are not queued now
+    }
     bus_.dirty = true;
     ++map_next_;
     stage_ = map_next_ < bus_.exchanges.size() ? Stage::map : Stage::supervise;
-}
-
-void Operation::check(Time now) {
-    if (stage_ != Stage::running || supervise_.busy() || now < retry_) return;
-    retry_ = now + kRetry;
-    (void)submit(*bus_.ctx, supervise_);
 }
 
 void Operation::cancel() {

@@ -10,6 +10,7 @@
 #include <ecrt.h>
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <vector>
 
@@ -29,6 +30,10 @@ class Operation {
     [[nodiscard]] bool running() const { return stage_ == Stage::running; }
     // Called now and then while running.
     void check(Time now);
+    // Slaves have come or gone, or others than before are there.
+    void note_change() { restarts_left_ = kMostRestarts; }
+    // The target of the slaves is PREOP from now on.
+    void lower() { target_ = AlState::preop; }
     // The slaves have no numbers yet.
     [[nodiscard]] bool scanning() const { return stage_ <= Stage::scanning && !empty_; }
     [[nodiscard]] bool has_clock() const { return has_clock_; }
@@ -36,12 +41,22 @@ class Operation {
     void cancel();
 
   private:
+    static constexpr Duration kRetry = std::chrono::milliseconds(500);
     enum class Stage : std::uint8_t { scan, scanning, clock, clocking, map, mapping, supervise, running };
 
     void plan_groups();
     void plan_slave(ec_slave_config& config);
+    // The list of expected slaves (expected.cpp).
+    [[nodiscard]] int plan_expected();
+    [[nodiscard]] int first_with(std::uint16_t alias) const;
     void add_expected(ec_slave_config& config);
-    void add_by_alias(ec_slave_config& config);
+    void add_by_alias(const ec_slave_config& config);
+    void add_unconfigured();
+    void find_expected();
+    // Devices at other positions than planned (moves.cpp).
+    [[nodiscard]] bool is_moved(const ec_slave_config& config) const;
+    [[nodiscard]] bool may_attach(const ec_slave_config& config) const;
+    void start_again();
     void end_scan(Time now);
     void begin_clock(Time now);
     void end_map(Time now);
@@ -55,6 +70,13 @@ class Operation {
     unsigned waited_ = 0;  // cycles without an application time
     bool has_clock_ = false;
     bool said_time_ = false;
+    // The scan of a new start may find slaves with an alias whose place was not known before it.
+    static constexpr unsigned kMostRestarts = 2;
+    unsigned restarts_left_ = kMostRestarts;
+    bool again_ = false;  // the start-up is not the first one
+    Time misplaced_since_{};
+    AlState target_ = AlState::op;
+    std::vector<ExpectedSlave> old_expected_;  // the slaves point to it until the scan of a new start has ended
     std::vector<ExpectedSlave> expected_;
     ScanRequest scan_;
     ClockRequest clock_;

@@ -1,4 +1,4 @@
-// What the library is told at activation: the groups, the expected slaves and their configuration.
+// What the library is told at activation: the groups, and the configuration of each slave. expected.cpp: which slaves.
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/operation.hpp"
@@ -14,6 +14,7 @@ namespace {
 constexpr std::size_t kImageBytes = 65536;
 constexpr std::uint16_t kUsualDivider = 2498;  // 100 us
 constexpr std::uint16_t kUsualIntervals = 1000;
+constexpr std::uint16_t kWatchdogTime = 0x0420;  // of process data
 
 bool registered(const Bus& bus, const ec_slave_config& config, std::uint8_t sm) {
     for (const auto& domain : bus.domains)
@@ -35,8 +36,8 @@ std::optional<SlaveConfiguration::Watchdog> watchdog_of(const ec_slave_config& c
     if (!enable) return std::nullopt;
     const std::uint32_t unit_ns = (config.times.watchdog_divider.value_or(kUsualDivider) + 2U) * 40U;
     const std::uint32_t intervals = config.watchdog_intervals != 0 ? config.watchdog_intervals : kUsualIntervals;
-    const std::uint64_t time_ns = std::uint64_t{unit_ns} * intervals;
-    return SlaveConfiguration::Watchdog(static_cast<std::uint32_t>((time_ns + 500) / 1000));
+    const std::uint64_t time_us = std::uint64_t{unit_ns} * intervals / 1000;
+    return SlaveConfiguration::Watchdog(std::max<std::uint32_t>(static_cast<std::uint32_t>(time_us), 1));
 }
 
 StartupCommand command_of(const StartupWrite& write) {
@@ -101,6 +102,9 @@ void Operation::plan_slave(ec_slave_config& config) {
         plan.sms.push_back({sm, Borrowed<Pdo>(plan.pdos[sm])});
     }
     for (const StartupWrite& write : config.startup) plan.startup.push_back(command_of(write));
+    // The library knows the time of a watchdog in microseconds; the program has told the register.
+    if (config.watchdog_intervals != 0)
+        plan.startup.push_back(write_register(Transition::preop_to_safeop, kWatchdogTime, config.watchdog_intervals));
     if (!plan.sms.empty()) plan.setup.pdos = PdoLists(plan.sms);
     if (!plan.startup.empty()) plan.setup.startup = StartupCommands(plan.startup);
     plan.setup.times = config.times;
@@ -115,86 +119,14 @@ void Operation::plan_slave(ec_slave_config& config) {
     plan.configuration.setup = &plan.setup;
 }
 
-// A slave that is identified by its place.
-void Operation::add_expected(ec_slave_config& config) {
-    int number = config.position + 1;
-    if (config.alias != 0) {
-        const int head = bus_.first_with(config.alias);
-        if (head == 0) return;  // add_by_alias()
-        number += head - 1;
-    }
-    for (const ExpectedSlave& other : expected_)
-        if (other.number == number) {
-            say("configurations for the same slave at position %d: %u:%u is left out", number - 1, config.alias,
-                config.position);
-            return;
-        }
-    ExpectedSlave slave{.number = static_cast<std::uint16_t>(number),
-                        .vendor = config.vendor,
-                        .product = config.product,
-                        .config = &config.plan.configuration};
-    if (config.alias != 0 && config.position == 0) slave.alias = config.alias;
-    expected_.push_back(slave);
-    config.expected = &expected_.back();
-}
-
-// The slaves with and behind an alias that no slave has at present: they may appear anywhere.
-void Operation::add_by_alias(ec_slave_config& config) {
-    if (config.expected != nullptr || config.alias == 0) return;
-    std::map<std::uint16_t, ec_slave_config*> at;
-    for (const auto& other : bus_.configs)
-        if (other->alias == config.alias) at[other->position] = other.get();
-    const std::uint16_t last = at.rbegin()->first;
-    const bool alone = last == 0;
-    std::uint8_t group = 0;
-    for (const ExpectedSlave& other : expected_) group = std::max(group, other.hot_connect);
-    ++group;
-    for (std::uint16_t position = 0; position <= last; ++position) {
-        ExpectedSlave slave{.hot_connect = alone ? std::uint8_t{0} : group};
-        if (position == 0) slave.alias = config.alias;
-        const auto found = at.find(position);
-        if (found != at.end()) {
-            slave.vendor = found->second->vendor;
-            slave.product = found->second->product;
-            slave.config = &found->second->plan.configuration;
-        }
-        expected_.push_back(slave);
-        if (found != at.end()) found->second->expected = &expected_.back();
-    }
-}
-
 int Operation::plan() {
     plan_groups();
     if (bus_.exchanges.size() > bus_.ctx->limits().groups) {
         say("master %u: %zu domains, %u at most", bus_.index, bus_.domains.size(), bus_.ctx->limits().groups);
         return -ENOMEM;
     }
-    std::size_t most = bus_.configs.size();
-    for (const auto& config : bus_.configs)
-        if (config->alias != 0) most += config->position;
-    expected_.clear();
-    expected_.reserve(most);  // configurations point into it
-    for (const auto& config : bus_.configs) {
-        config->expected = nullptr;
-        plan_slave(*config);
-    }
-    for (const auto& config : bus_.configs) add_expected(*config);
-    for (const auto& config : bus_.configs) add_by_alias(*config);
-    std::ranges::stable_sort(expected_, {}, [](const ExpectedSlave& slave) {
-        return slave.number == 0 ? 0x10000 + (slave.hot_connect != 0 ? 1 : 0) : slave.number;
-    });
-    for (const auto& config : bus_.configs) {  // the order has changed
-        config->expected = nullptr;
-        for (const ExpectedSlave& slave : expected_)
-            if (slave.config == &config->plan.configuration) config->expected = &slave;
-    }
-    (void)tolerate(*bus_.ctx, {.unexpected_slaves = true});
-    const auto told = expect(*bus_.ctx, expected_);
-    if (!told) {
-        say_error(bus_.index, "the configured slaves", told.error());
-        return -EINVAL;
-    }
-    return 0;
+    for (const auto& config : bus_.configs) plan_slave(*config);
+    return plan_expected();
 }
 
 }  // namespace margay::compat::ecrt

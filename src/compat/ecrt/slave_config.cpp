@@ -89,15 +89,17 @@ int ecrt_slave_config_idn(ec_slave_config_t* sc, uint8_t drive_no, uint16_t idn,
 
 int ecrt_slave_config_emerg_size(ec_slave_config_t* sc, size_t elements) {
     if (refuse_active(*sc)) return -EBUSY;
-    sc->emergencies = elements;
-    const std::size_t kept = sc->bus.ctx->limits().emergencies;
-    if (elements > kept) say("emergencies of a slave: %zu of the %zu wanted ones are kept", kept, elements);
+    if (elements > EmergencyRing::kMost) {
+        say("emergencies of a slave: %zu are wanted, %u are possible", elements, EmergencyRing::kMost);
+        return -ENOMEM;
+    }
+    sc->emergency_memory.assign(elements, {});
+    sc->emergencies.use(sc->emergency_memory);
     return 0;
 }
 
 int ecrt_slave_config_emerg_pop(ec_slave_config_t* sc, uint8_t* target) {
-    if (sc->emergencies == 0) return -ENOENT;
-    const auto one = emergencies(*sc->bus.ctx, sc->number).take();
+    const auto one = sc->emergencies.take();
     if (!one) return -ENOENT;
     target[0] = static_cast<std::uint8_t>(one->code);
     target[1] = static_cast<std::uint8_t>(one->code >> 8);
@@ -107,17 +109,14 @@ int ecrt_slave_config_emerg_pop(ec_slave_config_t* sc, uint8_t* target) {
 }
 
 int ecrt_slave_config_emerg_clear(ec_slave_config_t* sc) {
-    EmergencyRing& ring = emergencies(*sc->bus.ctx, sc->number);
-    while (ring.take()) {
+    while (sc->emergencies.take()) {
     }
-    sc->emergencies_cleared = ring.dropped();
+    sc->emergencies_cleared = sc->emergencies.dropped();
     return 0;
 }
 
 int ecrt_slave_config_emerg_overruns(const ec_slave_config_t* sc) {
-    const std::uint32_t dropped = emergencies(*sc->bus.ctx, sc->number).dropped();
-    // A scan that finds the slave again starts from zero.
-    return static_cast<int>(dropped >= sc->emergencies_cleared ? dropped - sc->emergencies_cleared : dropped);
+    return static_cast<int>(sc->emergencies.dropped() - sc->emergencies_cleared);
 }
 
 int ecrt_slave_config_state(const ec_slave_config_t* sc, ec_slave_config_state_t* state) {

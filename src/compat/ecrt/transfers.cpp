@@ -14,7 +14,6 @@ int errno_of(const Error& error) {
     switch (error.code) {
         case Errc::unknown_slave: return -EINVAL;
         case Errc::capacity: return -EOVERFLOW;
-        case Errc::timeout: return -ETIMEDOUT;
         case Errc::canceled: return -EINTR;
         case Errc::unsupported: return -EPROTONOSUPPORT;
         default: return -EIO;

@@ -21,7 +21,7 @@ function(margay_ecrt_test name program segment)
   set_tests_properties(compat/ecrt/${name} PROPERTIES TIMEOUT 120 ENVIRONMENT MARGAY_MASTER0=${segment})
 endfunction()
 
-foreach(program user information dc two_domains requests later mail rules masters eoe request_rules machine)
+foreach(program user information dc two_domains requests later mail rules masters eoe request_rules machine places settings)
   margay_ecrt_program(ecrt_${program} ${program}.c)
 endforeach()
 margay_ecrt_program(ecrt_mixed mixed.cpp)
@@ -46,6 +46,13 @@ margay_ecrt_test(ring ecrt_rules sim:${folder}/../ring.toml 2)
 margay_ecrt_test(mixed ecrt_mixed sim:drive,digital_in_8,drive\#16,drive,drive\#99@3s)
 
 margay_ecrt_test(machine ecrt_machine sim:digital_in_8\#7,drive,pulse_axis\#16,drive,drive\#99@6s)
+
+# Devices that come later, and positions that change.
+foreach(scene tool equal_branches other_branches)
+  margay_ecrt_test(places_${scene} ecrt_places sim:${folder}/${scene}.toml ${scene})
+endforeach()
+margay_ecrt_test(places_newcomer ecrt_places sim:drive,drive@2500ms newcomer)
+margay_ecrt_test(settings ecrt_settings sim:${folder}/settings.toml)
 
 # The same programs at a cable, with the segment in another process.
 include(${folder}/../over_veth.cmake)

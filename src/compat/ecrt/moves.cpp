@@ -1,0 +1,98 @@
+// A device that is connected after activation may change the positions of others. Positions are those of the interface:
+// then the segment starts again, with each configuration at the device that has its position now. A slave that leaves
+// changes nothing: the others keep their configurations, and it gets its own when it returns.
+#include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/log.hpp"
+#include "compat/ecrt/operation.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+namespace margay::compat::ecrt {
+namespace {
+
+constexpr Duration kSettled = std::chrono::milliseconds(300);  // a ring that is being changed is read wrongly
+
+bool is_there(const Slave& slave) { return slave.ring_position != 0 && slave.al.state != AlState::none; }
+
+bool is_device_of(const ec_slave_config& config, const Identity& identity) {
+    return identity.vendor == config.vendor && identity.product == config.product;
+}
+
+bool is_online(const Bus& bus, const ec_slave_config& config) {
+    const std::uint16_t number = config.number.load(std::memory_order_relaxed);
+    const Slave& own = bus.ctx->slave(number);
+    return number != 0 && is_there(own) && !own.held && is_device_of(config, own.identity);
+}
+
+}  // namespace
+
+// A device was connected before its slave.
+bool Operation::is_moved(const ec_slave_config& config) const {
+    const std::uint16_t number = config.number.load(std::memory_order_relaxed);
+    return config.alias == 0 && number != 0 && bus_.ctx->slave(number).ring_position > config.position + 1;
+}
+
+// It waits for its first device, and a device that fits is at its position.
+bool Operation::may_attach(const ec_slave_config& config) const {
+    if (config.alias != 0 || is_online(bus_, config)) return false;
+    const std::uint16_t number = config.number.load(std::memory_order_relaxed);
+    const Slave& own = bus_.ctx->slave(number);
+    if (number != 0 && own.seen && is_device_of(config, own.identity)) return false;  // it comes back by itself
+    for (const Slave& slave : bus_.ctx->slaves()) {
+        if (!is_there(slave) || slave.ring_position != config.position + 1) continue;
+        const auto has = [&](const auto& other) { return other->number == slave.number && is_online(bus_, *other); };
+        return slave.number != number && is_device_of(config, slave.identity) &&
+               std::ranges::none_of(bus_.configs, has);
+    }
+    const auto fits = [&](const Identity& stranger) { return is_device_of(config, stranger); };
+    return bus_.answering > config.position && std::ranges::any_of(bus_.strangers, fits);
+}
+
+void Operation::check(Time now) {
+    if (stage_ != Stage::running) return;
+    const auto is_wrong = [this](const auto& config) { return is_moved(*config) || may_attach(*config); };
+    const bool wrong =
+        restarts_left_ != 0 && target_ == AlState::op && !bus_.silent && std::ranges::any_of(bus_.configs, is_wrong);
+    if (!wrong) {
+        misplaced_since_ = {};
+    } else if (misplaced_since_ == Time{}) {
+        misplaced_since_ = now;
+    } else if (now - misplaced_since_ >= kSettled) {
+        return start_again();
+    }
+    if (supervise_.busy() || now < retry_) return;
+    retry_ = now + kRetry;
+    (void)submit(*bus_.ctx, supervise_);
+}
+
+void Operation::start_again() {
+    say("master %u: positions have changed: the segment starts again", bus_.index);
+    --restarts_left_;
+    misplaced_since_ = {};
+    cancel();
+    old_expected_ = std::move(expected_);
+    stage_ = Stage::scan;
+    retry_ = {};
+    waited_ = 0;
+    again_ = true;
+    has_clock_ = false;
+    for (const auto& exchange : bus_.exchanges) {
+        exchange->mapped = false;
+        exchange->answer = exchange->best = Answer::incomplete;
+        ++exchange->answers;
+        std::ranges::fill(exchange->image, std::byte{0});
+    }
+    for (const auto& config : bus_.configs) {
+        config->number = 0;
+        config->state = 0;
+    }
+    bus_.dirty = true;
+    if (plan_expected() == 0) return;
+    restarts_left_ = 0;  // the reason was said; the scan goes by the list before
+    std::swap(expected_, old_expected_);
+    find_expected();
+}
+
+}  // namespace margay::compat::ecrt
