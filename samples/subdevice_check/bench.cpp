@@ -16,8 +16,13 @@ using namespace std::chrono_literals;
 
 constexpr Duration kLook = 1ms;
 constexpr Duration kClockStarts = 70ms;  // SYNC0 begins within this time after its activation
-constexpr Duration kSettled = 20ms;      // a slave has answered a request that it refuses
+constexpr Duration kSettled = 20ms;      // a status that does not change within this time stays
 
+bool refuses_cycle(const AlStatus& status) {
+    const auto code = static_cast<wire::AlStatusCode>(status.code);
+    return status.error && (code == wire::AlStatusCode::invalid_dc_sync_cycle_time ||
+                            code == wire::AlStatusCode::invalid_dc_sync0_cycle_time);
+}
 bool has_process_data(AlState state) { return state == AlState::safeop || state == AlState::op; }
 
 }  // namespace
@@ -183,6 +188,27 @@ AlStatus Bench::go(AlState state, bool with_process_data) {
 
 AlStatus Bench::refused() {
     auto status = al_status();
+    if (status.error) return status;
+    const auto state = status.state;
+    Time until = now() + patience(AlState::preop);
+    bool left = false;
+    const auto look = [&] {
+        status = al_status();
+        if (!left && status.state != state) until = now() + kSettled;
+        left = left || status.state != state;
+        return status.error || now() >= until;
+    };
+    // In OP with process data in each period, so that neither watchdog nor missed frames end OP.
+    if (state == AlState::op) {
+        (void)run(until - now(), look);
+    } else {
+        while (!look()) wait(kLook);
+    }
+    return status;
+}
+
+AlStatus Bench::unchanged() {
+    auto status = al_status();
     Time settled = now() + kSettled;
     const Time until = now() + 500ms;
     const auto look = [&] {
@@ -191,7 +217,6 @@ AlStatus Bench::refused() {
         status = next;
         return status.error || now() >= settled || now() >= until;
     };
-    // In OP with process data in each period, so that neither watchdog nor missed frames end OP.
     if (status.state == AlState::op && !status.error) (void)run(until - now(), look);
     while (now() < settled && now() < until && !status.error) {
         wait(kLook);
@@ -201,6 +226,7 @@ AlStatus Bench::refused() {
 }
 
 void Bench::reset() {
+    const auto frames = frames_in(al_status().state);  // the watchdog must not end OP before the slave does
     request(static_cast<unsigned>(AlState::init) | (emulation() ? 0U : wire::al::kErrorAcknowledge));
     const Time until = now() + patience(AlState::init);
     auto status = al_status();
@@ -233,6 +259,7 @@ bool Bench::try_to_enter(AlState state) {
         const auto status = go(to);
         if (status.state == to && !status.error) return true;
         if (wants_clock(status)) return false;
+        if (no_cycle_suits(status)) skip_without_cycle(status);
         stuck(fmt::format("the slave does not go to {}: it is in {}", state_text(to), status_text(status)));
     };
     configure_mailboxes(state == AlState::boot);
@@ -247,13 +274,20 @@ bool Bench::try_to_enter(AlState state) {
 bool Bench::wants_clock(const AlStatus& status) {
     if (!activate_clock_ || !status.error) return false;
     const auto code = static_cast<wire::AlStatusCode>(status.code);
-    const bool cycle = code == wire::AlStatusCode::invalid_dc_sync_cycle_time ||
-                       code == wire::AlStatusCode::invalid_dc_sync0_cycle_time;
+    const bool cycle = refuses_cycle(status);
     const bool off =
         code == wire::AlStatusCode::invalid_dc_sync_configuration || code == wire::AlStatusCode::no_sync_error;
     if (uses_clock() ? !cycle || clock_attempts_ == most_attempts_ : !cycle && !off) return false;
     ++clock_attempts_;
     return true;
+}
+
+bool Bench::no_cycle_suits(const AlStatus& status) const {
+    return uses_clock() && most_attempts_ > 1 && clock_attempts_ == most_attempts_ && refuses_cycle(status);
+}
+
+void Bench::skip_without_cycle(const AlStatus& status) {
+    skip(fmt::format("not judged: the slave refuses each cycle of SYNC0 that was tried ({})", status_text(status)));
 }
 
 void Bench::configure_mailboxes(bool boot) {

@@ -82,9 +82,11 @@ class Bench {
     // Requests a state and waits until the slave is there, or reports an error. Exchanges process data meanwhile when
     // `with_process_data` is set. Returns the last AL status.
     AlStatus go(AlState state, bool with_process_data = true);
-    // Waits until the status does not change any more: the end of the time in which a slave answers a request that it
-    // must refuse.
+    // Waits for the error indication, as long as a slave may take for a transition. It ends earlier when the slave has
+    // gone to another state without an error.
     AlStatus refused();
+    // Waits a short time for a change that must not come.
+    AlStatus unchanged();
     // From any state to `state`, with the configuration of the SII and of the PDO objects. Throws NotJudged when the
     // slave does not get there.
     void enter(AlState state);
@@ -109,6 +111,9 @@ class Bench {
     // Whether the transition was refused because the clock is off, or because of its cycle. Then
     // configure_process_data() activates the clock from now on, or chooses another cycle: try again.
     [[nodiscard]] bool wants_clock(const AlStatus& status);
+    // Whether the slave has refused every cycle that the master may choose: another one may be right.
+    [[nodiscard]] bool no_cycle_suits(const AlStatus& status) const;
+    [[noreturn]] void skip_without_cycle(const AlStatus& status);
     [[nodiscard]] bool uses_clock() const { return clock_attempts_ != 0; }
     [[nodiscard]] Duration period() const { return period_; }
 

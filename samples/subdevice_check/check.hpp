@@ -25,6 +25,8 @@ struct Session {
     std::vector<std::byte> sii{};  // the content of the EEPROM up to its end mark
     std::string sii_fault{};       // why it could not be read
     bool lengths_known = false;    // find_process_data_lengths() has found them
+    // Of SYNC0, as the slave tells it; 0: it does not. find_shortest_cycle() has found it.
+    std::optional<Duration> shortest_cycle{};
 };
 
 struct Check {
@@ -67,7 +69,8 @@ struct SiiPdo {
 // PREOP; with `attempt` from 1 on, where the SII leaves the cycle to the master, with another cycle (clocks.cpp).
 // Returns the period of the frames.
 [[nodiscard]] bool has_sync_mode(const Session& session);
-[[nodiscard]] unsigned clock_attempts();  // the number of cycles
+[[nodiscard]] unsigned clock_attempts(const Session& session);  // the largest number of cycles
+void find_shortest_cycle(Session& session);                     // in PREOP
 [[nodiscard]] Duration activate_clock(Session& session, unsigned attempt);
 
 // Entries that can be written in PREOP with the value that they have, without an effect: configuration of the

@@ -15,7 +15,7 @@ namespace sii = wire::sii;
 // The cycles that are tried, in this order, where the SII leaves the cycle to the master: the next one when the slave
 // refuses a cycle by AL status code 0x0035 or 0x0036. The short ones are the last, because not every master can send
 // frames so often.
-constexpr Duration kBusCycles[] = {2ms, 1ms, 4ms, 500us, 250us, 125us, 100us, 62'500ns, 50us};
+constexpr Duration kBusCycles[] = {2ms, 1ms, 4ms, 500us, 8ms, 10ms, 20ms, 250us, 125us, 100us, 62'500ns, 50us};
 constexpr Duration kShortestTried = 10us;  // of SYNC0
 constexpr Duration kStartIn = 50ms;        // SYNC0 begins this long after its activation, or up to a cycle later
 
@@ -173,17 +173,21 @@ std::optional<Duration> shortest_cycle(Session& session) {
     return Duration{shortest};
 }
 
+// The cycles in which the slave may follow, then its shortest one, then the others.
+std::vector<Duration> in_order(std::vector<Duration> cycles, const sii::DcOpMode& mode, Duration shortest) {
+    const auto possible = [&](Duration bus) { return sync0_cycle(mode, bus) >= shortest; };
+    const auto others = std::ranges::stable_partition(cycles, possible).begin();
+    if (shortest != Duration{} && std::ranges::find(cycles, shortest) == cycles.end()) cycles.insert(others, shortest);
+    return cycles;
+}
+
 // The cycles for a mode: that of the SII, or those of the master. The slave may tell its shortest cycle.
 std::vector<Duration> bus_cycles(Session& session, const sii::DcOpMode& mode) {
     if (mode.sync0_cycle_time_ns != 0) return {kBusCycles[0]};
     std::vector<Duration> cycles(std::begin(kBusCycles), std::end(kBusCycles));
     if (!session.bench.has(mailbox_protocol::kCoE) || session.mail.dead()) return cycles;
     session.bench.enter(AlState::preop);
-    const auto shortest = shortest_cycle(session).value_or(Duration{});
-    const auto possible = [&](Duration bus) { return sync0_cycle(mode, bus) >= shortest; };
-    if (std::ranges::none_of(cycles, possible)) cycles.insert(cycles.begin(), shortest);
-    std::ranges::stable_partition(cycles, possible);
-    return cycles;
+    return in_order(std::move(cycles), mode, shortest_cycle(session).value_or(Duration{}));
 }
 
 // OP with the first cycle that the slave does not refuse. Returns the last status.
@@ -197,9 +201,9 @@ AlStatus start(Session& session, const sii::DcOpMode& mode, SyncSetting& setting
     return status;
 }
 
-std::string cycles_text(const sii::DcOpMode& mode) {
+std::string cycles_text(Session& session, const sii::DcOpMode& mode) {
     std::string text;
-    for (const auto bus : kBusCycles)
+    for (const auto bus : bus_cycles(session, mode))
         text +=
             fmt::format("{}{}", text.empty() ? "" : ", ", static_cast<double>(sync0_cycle(mode, bus).count()) / 1e3);
     return text;
@@ -213,7 +217,7 @@ void check_sync(Session& session) {
         if (refuses_cycle(status) && mode.sync0_cycle_time_ns == 0)
             bench.skip(
                 fmt::format("AssignActivate 0x{:04x} could not be tried: the slave refuses SYNC0 each {} µs ({})",
-                            mode.assign_activate, cycles_text(mode), status_text(status)));
+                            mode.assign_activate, cycles_text(session, mode), status_text(status)));
         if (status.state != AlState::op || status.error) {
             bench.fail(fmt::format("with SYNC0 each {} µs (AssignActivate 0x{:04x}) the slave is in {}",
                                    setting.cycle / 1us, mode.assign_activate, status_text(status)));
@@ -255,11 +259,11 @@ void check_lost(Session& session) {
     bench.write<std::uint8_t>(reg::kSyncActivation.address, 0);
     (void)bench.run(
         1s, [&] { return bench.al_status().state != AlState::op; }, setting.bus);
-    const auto status = bench.refused();
-    if (status.state == AlState::op) {
+    if (bench.al_status().state == AlState::op) {
         bench.remark("SYNC0 was switched off in OP, and the slave stays in OP");
         return;
     }
+    const auto status = bench.refused();
     if (!says_no_sync(status))
         bench.fail(
             fmt::format("SYNC0 was switched off in OP, and the slave went to {}, expected 0x002c", status_text(status)),
@@ -275,6 +279,8 @@ void check_sync1(Session& session) {
         auto setting = setting_of(mode);
         if ((setting.activation & wire::sync_activation::kSync1) == 0) continue;
         any = true;
+        // With SYNC1, to find the cycle.
+        if (start(session, mode, setting).state != AlState::op) continue;  // clock.sync0 reports it
         setting.activation &= static_cast<std::uint8_t>(~unsigned{wire::sync_activation::kSync1});
         setting.sync1 = {};
         const auto status = start(session, setting);
@@ -375,7 +381,23 @@ constexpr Check kChecks[] = {
 
 std::span<const Check> clock_checks() { return kChecks; }
 
-unsigned clock_attempts() { return static_cast<unsigned>(std::size(kBusCycles)); }
+unsigned clock_attempts(const Session& session) {
+    const auto modes = modes_of(session);
+    const auto mode = std::ranges::find_if(modes, uses_sync);
+    const bool fixed = mode != modes.end() && mode->sync0_cycle_time_ns != 0;
+    return fixed ? 1U : static_cast<unsigned>(std::size(kBusCycles) + 1);  // and the shortest one of the slave
+}
+
+void find_shortest_cycle(Session& session) {
+    if (session.shortest_cycle || !has_sync_mode(session)) return;
+    std::optional<Duration> shortest;
+    try {
+        session.sdo.needs_sdo();
+        shortest = shortest_cycle(session);
+    } catch (const NotJudged&) {  // another check reports it
+    }
+    session.shortest_cycle = shortest.value_or(Duration{});
+}
 
 bool has_sync_mode(const Session& session) {
     const auto modes = modes_of(session);
@@ -387,8 +409,9 @@ bool has_sync_mode(const Session& session) {
 Duration activate_clock(Session& session, unsigned attempt) {
     const auto modes = modes_of(session);
     const auto& mode = *std::ranges::find_if(modes, uses_sync);
-    auto cycles = std::to_array(kBusCycles);
+    std::vector<Duration> cycles(std::begin(kBusCycles), std::end(kBusCycles));
     std::swap(cycles[0], cycles[1]);  // 1 ms, as without a clock
+    cycles = in_order(std::move(cycles), mode, session.shortest_cycle.value_or(Duration{}));
     const auto bus = mode.sync0_cycle_time_ns != 0 ? Duration{mode.sync0_cycle_time_ns}
                                                    : cycles[std::min<std::size_t>(attempt, cycles.size() - 1)];
     activate(session.bench, setting_of(mode, bus));

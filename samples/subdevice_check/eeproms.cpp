@@ -15,6 +15,7 @@ namespace control = wire::sii_control;
 constexpr std::string_view kContent = "ETG.2010, EtherCAT Slave Information Interface";
 constexpr std::string_view kInterface = "ETG.1000.4, SII EEPROM interface";
 constexpr Duration kSlowRead = 2ms;
+constexpr std::uint16_t kSiiVersion = 1;
 
 void needs_content(Session& session) {
     if (!session.sii_fault.empty() && session.sii.empty())
@@ -53,6 +54,44 @@ void check_loaded(Session& session) {
     const auto dl = bench.read<std::uint16_t>(reg::kDlStatus.address);
     if ((dl & wire::dl_status::kPdiOperational) == 0)
         bench.fail("the PDI is not operational (0x0110 bit 0): the EEPROM is not loaded");
+}
+
+// What the SII says twice, or without which a master cannot use the rest.
+void check_agrees(Session& session) {
+    needs_content(session);
+    auto& bench = session.bench;
+    if (session.sii.size() < sii::word::kCategories * sii::kWordBytes) bench.skip("the EEPROM has no categories");
+    const auto& slave = bench.slave();
+    const auto mailbox_agrees = [&](unsigned n, SmType type, std::uint16_t start, std::uint16_t bytes) {
+        if (n >= slave.sm_count || slave.sync_managers[n].type != type || !bench.has_mailbox()) return;
+        const auto& info = slave.sync_managers[n];
+        if (info.length_bytes == 0 || (info.start == start && info.length_bytes == bytes)) return;
+        bench.fail(fmt::format("SyncManager {}, a mailbox, is 0x{:04x} with {} octets in the category SyncM, and "
+                               "0x{:04x} with {} in words 0x18 to 0x1b",
+                               n, info.start, info.length_bytes, start, bytes),
+                   "ETG.2010, category SyncM");
+    };
+    mailbox_agrees(0, SmType::mailbox_out, slave.mailbox.out_start, slave.mailbox.out_bytes);
+    mailbox_agrees(1, SmType::mailbox_in, slave.mailbox.in_start, slave.mailbox.in_bytes);
+    for (const auto& area : bench.areas()) {
+        const auto& info = slave.sync_managers[area.sync_manager];
+        if (info.length_bytes != 0 && (info.enable & sii::sm_enable::kEnable) == 0)
+            bench.remark(fmt::format("SyncManager {} has {} octets of process data and is switched off",
+                                     area.sync_manager, info.length_bytes),
+                         "ETG.2010, category SyncM");
+        const auto uses = sii::find_category(session.sii, sii::category::kFmmu);
+        const auto wanted = static_cast<std::byte>(area.outputs ? FmmuUse::outputs : FmmuUse::inputs);
+        if (info.length_bytes != 0 && uses && std::ranges::find(*uses, wanted) == uses->end())
+            bench.fail(fmt::format("SyncManager {} has {}, and no FMMU is for {}", area.sync_manager,
+                                   area.outputs ? "outputs" : "inputs", area.outputs ? "outputs" : "inputs"),
+                       "ETG.2010, category FMMU");
+    }
+    if (bench.has(mailbox_protocol::kCoE) && sii::find_category(session.sii, sii::category::kGeneral) &&
+        (slave.coe_details & coe_detail::kSdo) == 0)
+        bench.fail("the SII announces CoE, and its CoE details do not announce SDO", "ETG.2010, category General");
+    const auto version = load_le<std::uint16_t>(session.sii, sii::word::kVersion * sii::kWordBytes);
+    if (version != kSiiVersion)
+        bench.remark(fmt::format("the version of the SII (word 0x3f) is {}, expected {}", version, kSiiVersion));
 }
 
 // Printable texts: a master shows them, and writes them into logs and file names.
@@ -255,6 +294,7 @@ void check_write(Session& session) {
 
 constexpr Check kChecks[] = {
     {"eeprom.content", "the content keeps the rules of its format", kContent, check_content},
+    {"eeprom.agrees", "what the SII says twice agrees", kContent, check_agrees},
     {"eeprom.loaded", "the ESC has loaded its configuration", kInterface, check_loaded},
     {"eeprom.strings", "the strings are texts", kContent, check_strings},
     {"eeprom.process_data", "SyncManagers and PDOs of the SII agree", kContent, check_process_data},

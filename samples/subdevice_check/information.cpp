@@ -122,6 +122,10 @@ void check_lists(Session& session) {
             bench.fail(fmt::format("list {} cannot be read: {}", type, reason_text(reply.fault, reply.abort)));
             continue;
         }
+        if (reply.data.size() >= 2 && load_le<std::uint16_t>(reply.data, 0) != type)
+            bench.fail(fmt::format("a request for list {} is answered with list {}", type,
+                                   load_le<std::uint16_t>(reply.data, 0)),
+                       "ETG.1000.6, Get OD List Response");
         const auto indices = indices_of(reply);
         if (indices.size() != announced)
             bench.fail(fmt::format("list {} has {} objects, and the list of lengths says {}", type, indices.size(),
@@ -136,6 +140,24 @@ void check_lists(Session& session) {
         if (all.count(index) == 0)
             bench.fail(fmt::format("the mandatory object 0x{:04x} is not in the list of all objects", index),
                        "ETG.1000.6, Object Dictionary");
+}
+
+// The size of a number; nullopt: the type has no size of its own, or devices do not agree about it (BOOLEAN).
+std::optional<unsigned> bits_of(coe::DataType type) {
+    using enum coe::DataType;
+    switch (type) {
+        case integer8:
+        case unsigned8: return 8;
+        case integer16:
+        case unsigned16: return 16;
+        case integer32:
+        case unsigned32:
+        case real32: return 32;
+        case integer64:
+        case unsigned64:
+        case real64: return 64;
+        default: return std::nullopt;
+    }
 }
 
 // One entry: what the service says and what an upload returns.
@@ -177,6 +199,9 @@ void EntryCheck::check(std::uint16_t index, std::uint8_t subindex, std::uint8_t 
     if (word(6) != index || std::to_integer<std::uint8_t>(reply.data[2]) != subindex)
         fail(fmt::format("{}: the response describes 0x{:04x}", object_text(index, subindex), word(6)));
     const DictionaryEntry described{index, subindex, static_cast<coe::DataType>(word(10)), word(12), word(14)};
+    if (const auto bits = bits_of(described.type); bits && *bits != described.bits)
+        fail(fmt::format("{} has {} bits by its description, and its data type {} has {}", object_text(index, subindex),
+                         described.bits, coe::to_text(described.type), *bits));
     session.sdo.entries.push_back(described);
     compare(described, code != static_cast<std::uint8_t>(coe::ObjectCode::variable));
 }
@@ -217,6 +242,8 @@ void check_entries(Session& session) {
                 fmt::format("0x{:04x}: no description, {}", index, reason_text(described.fault, described.abort)));
             continue;
         }
+        if (const auto other = load_le<std::uint16_t>(described.data, 0); other != index)
+            check.fail(fmt::format("0x{:04x}: the response describes 0x{:04x}", index, other));
         const auto top = std::to_integer<unsigned>(described.data[4]);
         const auto code = std::to_integer<std::uint8_t>(described.data[5]);
         if (code == static_cast<std::uint8_t>(coe::ObjectCode::variable) && top != 0)

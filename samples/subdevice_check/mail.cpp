@@ -13,6 +13,7 @@ using wire::MailboxType;
 namespace coe = wire::coe;
 
 constexpr std::size_t kMostMailbox = 1486;  // octets in one datagram
+constexpr std::size_t kCounterOctet = 5;    // of the mailbox header
 constexpr MailboxType kNoProtocol = static_cast<MailboxType>(0x0E);
 
 std::uint16_t protocol_bit(MailboxType type) {
@@ -83,7 +84,11 @@ void MailBench::needs_protocol(std::uint16_t protocol, std::string_view name) {
     needs_mailbox();
 }
 
-void MailBench::restarted() { last_received_.reset(); }
+// What was in the mailbox is forgotten, so that an emergency whose cause is still there comes again.
+void MailBench::restarted() {
+    last_received_.reset();
+    emergencies_.clear();
+}
 
 std::uint8_t MailBench::next_counter() { return counter_ = wire::next_mailbox_counter(counter_); }
 
@@ -136,8 +141,8 @@ std::size_t MailBench::drain(Duration quiet) {
 Mail MailBench::ask(MailboxType type, Bytes data, const std::function<bool(const Mail&)>& is_reply) {
     auto mail = ask_if(type, data, is_reply, kResponse);
     if (!mail) {
-        bench_.fail(fmt::format("the request {} of protocol {} got no reply within {} s", hex(data),
-                                wire::to_text(type), kResponse / 1s));
+        bench_.fail(
+            fmt::format("the request {} of protocol {} got {}", hex(data), wire::to_text(type), no_reply_text()));
         bench_.skip("a request got no reply");
     }
     return *std::move(mail);
@@ -146,6 +151,7 @@ Mail MailBench::ask(MailboxType type, Bytes data, const std::function<bool(const
 std::optional<Mail> MailBench::ask_if(MailboxType type, Bytes data, const std::function<bool(const Mail&)>& is_reply,
                                       Duration patience) {
     (void)drain(0ns);
+    other_.reset();
     put(type, data);
     const Time begun = bench_.now();
     for (int others = 0; others < 50; ++others) {
@@ -153,12 +159,22 @@ std::optional<Mail> MailBench::ask_if(MailboxType type, Bytes data, const std::f
         auto mail = take(left);
         if (!mail) return std::nullopt;
         if (mail->header.address == 0 && is_reply(*mail)) {
+            ++replies_;
             slowest_reply_ = std::max(slowest_reply_, bench_.now() - begun);
             return mail;
         }
         unasked(*mail);
+        if (!is_coe(*mail, coe::Service::emergency)) other_ = *std::move(mail);
     }
     return std::nullopt;
+}
+
+std::string MailBench::no_reply_text() const {
+    if (!other_) return fmt::format("no reply within {} s", kResponse / 1s);
+    const auto station =
+        other_->header.address != 0 ? fmt::format(" with the address 0x{:04x}", other_->header.address) : std::string();
+    return fmt::format("no valid reply, but a message of protocol {}{}, length {}: {}",
+                       wire::to_text(other_->header.type), station, other_->header.length, hex(other_->data));
 }
 
 // ------------------------------------------------------------------ a request for every slave
@@ -203,6 +219,7 @@ void MailBench::note(Oddity oddity, std::string example) {
 
 void MailBench::judge(const Mail& mail) {
     const auto& header = mail.header;
+    ++messages_;
     if (header.counter == 0) {
         note(Oddity::counter_zero, fmt::format("a message of protocol {}", wire::to_text(header.type)));
     } else {
@@ -220,6 +237,8 @@ void MailBench::judge(const Mail& mail) {
     if (header.channel != 0)
         note(Oddity::channel,
              fmt::format("a message of protocol {} on channel {}", wire::to_text(header.type), header.channel));
+    if (mail.raw.size() > kCounterOctet && (std::to_integer<unsigned>(mail.raw[kCounterOctet]) & 0x80) != 0)
+        note(Oddity::reserved_bit, fmt::format("a message of protocol {}", wire::to_text(header.type)));
     if (header.type == MailboxType::coe && mail.data.size() >= coe::kHeaderBytes) {
         using enum coe::Service;
         const auto [number, service] = coe::load_header(mail.data);
@@ -237,8 +256,10 @@ void MailBench::unasked(const Mail& mail) {
     if (mail.header.address != 0)
         note(Oddity::other_station, fmt::format("a message with the address 0x{:04x}", mail.header.address));
     if (is_coe(mail, coe::Service::emergency)) {
-        if (load_le<std::uint16_t>(mail.data, 2) != 0 && ++emergencies_[mail.data] > 1)
-            note(Oddity::repeated_emergency, "emergency " + hex(mail.data));
+        ++emergency_count_;
+        const bool reset = load_le<std::uint16_t>(mail.data, 2) == 0;  // all errors are gone, and may come again
+        if (reset) emergencies_.clear();
+        if (!reset && ++emergencies_[mail.data] > 1) note(Oddity::repeated_emergency, "emergency " + hex(mail.data));
     } else if (mail.header.type == MailboxType::error) {
         note(Oddity::unasked_reply, "a mailbox error, " + hex(mail.data));
     } else if (is_coe(mail, coe::Service::sdo_response) || is_coe(mail, coe::Service::sdo_request)) {

@@ -28,8 +28,11 @@ enum class Oddity : std::uint8_t {
     repeated_emergency,  // the same emergency again, without a new cause
     channel,             // the channel of a message is not 0
     coe_number,          // the number in a CoE header is not 0, and the message is no PDO
+    reserved_bit,        // bit 7 of the octet with type and counter is not 0
+    complete_bit,        // the bit Complete Access of an SDO response is not that of the request
+    abort_service,       // an abort of an SDO is no SDO request by its CoE header
 };
-inline constexpr std::size_t kOddities = 11;
+inline constexpr std::size_t kOddities = 14;
 
 class MailBench {
   public:
@@ -79,6 +82,7 @@ class MailBench {
 
     // A message that no check asked for.
     void unasked(const Mail& mail);
+    void note(Oddity oddity, std::string example);
 
     struct Record {
         std::size_t count = 0;
@@ -87,6 +91,12 @@ class MailBench {
     [[nodiscard]] const Record& record(Oddity oddity) const { return records_[static_cast<std::size_t>(oddity)]; }
     // The longest time from a message to its reply.
     [[nodiscard]] Duration slowest_reply() const { return slowest_reply_; }
+    [[nodiscard]] bool any_reply() const { return replies_ != 0; }
+    // Of the whole run.
+    [[nodiscard]] std::size_t messages() const { return messages_; }
+    [[nodiscard]] std::size_t emergencies() const { return emergency_count_; }
+    // Why the last ask_if() had no reply: the last message that it did not take as the reply, if there was one.
+    [[nodiscard]] std::string no_reply_text() const;
 
     // Time that a slave may take for a reply, and to take a message (ETG.2000, defaults of the ESI element
     // Mailbox/Timeout).
@@ -94,7 +104,6 @@ class MailBench {
     static constexpr Duration kRequest = std::chrono::milliseconds(100);
 
   private:
-    void note(Oddity oddity, std::string example);
     void judge(const Mail& mail);
 
     Bench& bench_;
@@ -102,7 +111,11 @@ class MailBench {
     std::uint8_t counter_ = 0;
     std::optional<std::uint8_t> last_received_;
     std::array<Record, kOddities> records_{};
-    std::map<std::vector<std::byte>, std::size_t> emergencies_;
+    std::map<std::vector<std::byte>, std::size_t> emergencies_;  // since the mailboxes are new, or an error reset
+    std::optional<Mail> other_;                                  // came in the place of a reply
+    std::size_t messages_ = 0;
+    std::size_t replies_ = 0;
+    std::size_t emergency_count_ = 0;
     Duration slowest_reply_{};
 };
 

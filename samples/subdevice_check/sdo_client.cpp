@@ -41,10 +41,27 @@ SdoReply SdoClient::ask(Bytes message) {
     auto mail = mail_.ask(wire::MailboxType::coe, message, is_reply);
     if (mail.header.type == wire::MailboxType::error)
         bench().skip("an SDO was answered by a mailbox error, " + hex(mail.data));
+    note_oddities(message, mail.data);
     SdoReply reply{.command = SdoLayout::command::load(mail.data), .message = std::move(mail.data)};
     if (sdo::specifier(reply.command) == coe::kAbortSpecifier)
         reply.abort = static_cast<Abort>(SdoLayout::complete_size::load(reply.message));
     return reply;
+}
+
+// What is wrong with the header of a response, and does no harm to its content.
+void SdoClient::note_oddities(Bytes request, Bytes response) {
+    const auto asked = SdoLayout::command::load(request);
+    const auto command = SdoLayout::command::load(response);
+    const auto kind = sdo::specifier(command);
+    if (kind == coe::kAbortSpecifier) {
+        if (coe::load_header(response).service != coe::Service::sdo_request)
+            mail_.note(Oddity::abort_service, hex(response));
+        return;
+    }
+    const auto initiate = sdo::specifier(asked);
+    const bool answers = (initiate == coe::request::kUpload && kind == coe::response::kUpload) ||
+                         (initiate == coe::request::kDownload && kind == coe::response::kDownload);
+    if (answers && ((command ^ asked) & sdo::kCompleteAccess) != 0) mail_.note(Oddity::complete_bit, hex(response));
 }
 
 std::vector<std::byte> SdoClient::initiate(std::uint8_t command, std::uint16_t index, std::uint8_t subindex,

@@ -76,6 +76,7 @@ class SdoClient {
 
   private:
     void read_segments(Upload& upload);
+    void note_oddities(Bytes request, Bytes response);
 
     MailBench& mail_;
     std::string dead_;

@@ -134,6 +134,7 @@ void check_process_settings(Session& session) {
 void check_control_bits(Session& session) {
     auto& bench = session.bench;
     needs_checks(bench);
+    bench.enter(AlState::safeop);  // also finds out whether the slave needs the clock
     bench.enter(AlState::preop);
     bench.configure_process_data();
     if (bench.area(true) == nullptr && bench.area(false) == nullptr) bench.skip("the slave has no process data");

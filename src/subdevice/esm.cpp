@@ -137,6 +137,7 @@ void Esm::carry_out(Time now) {
 }
 
 void Esm::fall_back(AlState to, AlStatusCode why, Time now) {
+    const auto wanted = pending_ ? transition_.to : to;
     drop_pending();
     if (rank(to) < rank(status_.state)) {
         const Transition transition{status_.state, to};
@@ -148,6 +149,8 @@ void Esm::fall_back(AlState to, AlStatusCode why, Time now) {
     } else {
         refuse(why);
     }
+    // The master waits for a state that is lower still, and does not ask again.
+    if (rank(wanted) < rank(to)) request(wanted, now);
 }
 
 void Esm::refuse(AlStatusCode why) {

@@ -81,8 +81,9 @@ class EsmClient {
     // device down.
     [[nodiscard]] virtual Verdict before(Transition transition, Time now) = 0;
 
-    // A waiting transition is cancelled because the master has requested something else, or has changed its
-    // configuration so that the checks fail.
+    // A waiting transition is cancelled because the master has requested something else, has changed its configuration
+    // so that the checks fail, or because an error forces the device down. A request for a state that is lower than the
+    // one after the error goes on: before() is called again with the transition from there.
     virtual void dropped(Transition transition) = 0;
 
     // Executes the transition: starts or stops the functions that belong to the states. Sync managers that the new

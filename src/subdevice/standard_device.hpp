@@ -19,6 +19,7 @@
 #include "subdevice/device.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace margay::subdevice {
 
@@ -62,18 +63,33 @@ constexpr Mapped count_mapped(std::span<const Object> objects, std::uint16_t acc
     return all;
 }
 
+// The octets of a value of the device (0x2000 on).
+struct Range {
+    std::size_t begin = 0;
+    std::size_t end = 0;
+};
+constexpr void for_each_value(std::span<const Object> objects, auto&& call) {
+    for (const Object& object : objects)
+        for (const Entry& entry : object.entries)
+            if (object.index >= 0x2000 && entry.storage == Storage::image && entry.bytes() != 0 && entry.count != 0)
+                call(Range{entry.offset, entry.offset + std::size_t{entry.bytes()} * entry.count});
+}
+constexpr std::size_t value_count(std::span<const Object> objects) {
+    std::size_t count = 0;
+    for_each_value(objects, [&](const Range&) { ++count; });
+    return count;
+}
 // Whether no two values of the device (0x2000 on) lie in the same octets: two members of different structs, or a member
 // of a base class, whose offset is that in the base class.
+template <std::size_t N>
 constexpr bool lie_apart(std::span<const Object> objects) {
-    const auto first = std::ranges::find_if(objects, [](const Object& object) { return object.index >= 0x2000; });
-    for (auto one = first; one != objects.end(); ++one)
-        for (const Entry& a : one->entries)
-            for (auto other = one; other != objects.end() && a.storage == Storage::image; ++other)
-                for (const Entry& b : other->entries) {
-                    if (&a == &b || b.storage != Storage::image) continue;
-                    const auto end_of = [](const Entry& e) { return e.offset + std::size_t{e.bytes()} * e.count; };
-                    if (a.offset < end_of(b) && b.offset < end_of(a)) return false;
-                }
+    // Sorted by their offsets, each value is compared with the one before: a device may have thousands.
+    std::array<Range, N> ranges{};
+    std::size_t n = 0;
+    for_each_value(objects, [&](const Range& range) { ranges[n++] = range; });
+    std::ranges::sort(ranges, {}, &Range::begin);
+    for (n = 1; n < N; ++n)
+        if (ranges[n].begin < ranges[n - 1].end) return false;
     return true;
 }
 
@@ -220,7 +236,7 @@ class StandardDevice {
 #ifndef __SANITIZE_ADDRESS__
     static_assert(well_formed(Objects::kObjects, sizeof(Values)),
                   "the table has values outside of `Values`, or another mistake that well_formed() finds");
-    static_assert(standard::lie_apart(Objects::kObjects),
+    static_assert(standard::lie_apart<standard::value_count(Objects::kObjects)>(Objects::kObjects),
                   "two values of the table lie in the same octets: name members of `Values` itself, not of a base");
 #endif
     static constexpr std::size_t kMailboxBytes =

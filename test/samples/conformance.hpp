@@ -112,6 +112,7 @@ inline constexpr QuirkRow kQuirks[] = {
 inline std::string only(std::string_view check) {
     std::string names(check);
     if (check.starts_with("messages.")) names += ",mailbox.answers,mailbox.one_reply,segments.upload";
+    if (check == "messages.headers") names += ",sdo.aborts,sdo.complete_access";
     return names;
 }
 

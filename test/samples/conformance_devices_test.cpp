@@ -2,6 +2,7 @@
 #include "samples/conformance.hpp"
 #include "subdevice/sii_image.hpp"
 #include "subdevice/standard_device.hpp"
+#include "subdevice/sync_objects.hpp"
 
 #include <memory>
 
@@ -18,6 +19,7 @@ using subdevice::Object;
 struct SmallValues {
     Le<std::uint16_t> lamps;
     Le<std::uint16_t> keys;
+    std::array<std::byte, subdevice::SyncValues<0>::bytes> sync;
 };
 constexpr Entry kSmallLamps[] = {subdevice::value<&SmallValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
 constexpr Entry kSmallKeys[] = {subdevice::value<&SmallValues::keys>(0, "Keys", od::kRead | od::kTxMappable)};
@@ -70,6 +72,28 @@ constexpr DeviceDescription kOneBuffer = changed([](DeviceDescription& d) { d.in
 constexpr DeviceDescription kOutputsOnly = changed([](DeviceDescription& d) { d.inputs = {}; });
 constexpr DeviceDescription kSwitch = changed([](DeviceDescription& d) { d.device_id_switch = true; });
 
+constexpr DeviceDescription kBothInOneBuffer =
+    changed([](DeviceDescription& d) { d.outputs.three_buffers = d.inputs.three_buffers = false; });
+constexpr DeviceDescription kLongCycle =
+    changed([](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 30ms}; });
+constexpr DeviceDescription kOddCycle = changed(
+    [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 3ms, .max_cycle = 3ms}; });
+template <const DeviceDescription& Description>
+constexpr auto kSmallSync = subdevice::sync_output_entries<subdevice::offset_of(&SmallValues::sync)>(Description);
+// Such a device tells its shortest cycle.
+template <const DeviceDescription& Description>
+constexpr Object kSyncObjects[] = {
+    subdevice::record(0x1C32, "Output sync", kSmallSync<Description>, &subdevice::kSyncParameterHooks),
+    subdevice::variable(0x6000, "Keys", kSmallKeys), subdevice::variable(0x7000, "Lamps", kSmallLamps)};
+
+// How the firmware is executed, and what the application does.
+struct Habits {
+    Duration poll{};         // 0: at once
+    Duration transition{};   // each takes so long
+    bool emergency = false;  // at each start of the mailbox, for a cause that stays
+};
+inline Habits habits{};
+
 template <const DeviceDescription& Description, const auto& Objects = kSmallObjects, class Values = SmallValues>
 class SmallFirmware final : public sim::Firmware {
   public:
@@ -82,11 +106,31 @@ class SmallFirmware final : public sim::Firmware {
     static constexpr bool kFast =
         Description.dc.pll && Description.dc.max_cycle > 0us && Description.dc.max_cycle <= 250us;
     static constexpr Duration kStep = kFast ? 5us : 50us;
-    Time step(Time now) override { return std::min(all_->stack.device.step(now), now + kStep); }
+    Time step(Time now) override {
+        if (now < next_poll_) return next_poll_;
+        const auto next = all_->stack.device.step(now);
+        if (habits.poll == 0us) return std::min(next, now + kStep);
+        return next_poll_ = now + habits.poll;
+    }
 
   private:
     struct SmallApplication final : subdevice::Application {
         [[nodiscard]] const DeviceDescription& description() const override { return Description; }
+        subdevice::Emergencies* emergencies() override { return &emergency; }
+        subdevice::Verdict before(subdevice::Transition, Time now) override {
+            if (until == kNever) until = now + habits.transition;
+            return now < until ? subdevice::Verdict::wait(until) : subdevice::Verdict::go();
+        }
+        void dropped(subdevice::Transition) override { until = kNever; }
+        void after(subdevice::Transition transition, Time) override {
+            until = kNever;
+            if (habits.emergency && transition == subdevice::Transition{AlState::init, AlState::preop})
+                (void)emergency.raise({.error_code = 0x3130, .error_register = 5});
+        }
+        Time until = kNever;
+        std::array<subdevice::EmergencyMessage, 4> queue{};
+        std::array<std::byte, 16> history{};
+        subdevice::Emergencies emergency{queue, history};
     };
     struct All {
         explicit All(subdevice::EscAccess& esc) : stack(esc, application, memory) {}
@@ -95,6 +139,7 @@ class SmallFirmware final : public sim::Firmware {
         Stack stack;
     };
     std::unique_ptr<All> all_;
+    Time next_poll_{};
 };
 
 template <const DeviceDescription& Description, const auto& Objects = kSmallObjects, class Values = SmallValues>
@@ -221,6 +266,61 @@ TEST(SubdeviceCheckDevices, CompleteAccessOfARecordOfEveryKindIsNotBlamed) {
 
 TEST(SubdeviceCheckDevices, InputsInOneBufferAreRead) {
     expect_conforms<kOneBuffer>({"process_data.inputs", "process_data.exchange"});
+}
+
+// A device with these habits keeps the rules.
+template <const DeviceDescription& Description>
+Report report_with(const Habits& wanted, const char* only) {
+    habits = wanted;
+    auto report = check_small<Description>({.only = only}).report;
+    habits = {};
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    return report;
+}
+
+TEST(SubdeviceCheckDevices, AFirmwareMayPollSlowly) {
+    for (const auto poll : {50ms, 90ms}) {
+        (void)report_with<kPlain>({.poll = poll}, "states.,sm.,process_data.inputs");
+        (void)report_with<kSwitch>({.poll = poll}, "states.device_id");
+    }
+    const auto slow = report_with<kPlain>({.poll = 300ms}, "states.skipped,mailbox.length,mailbox.type");
+    EXPECT_TRUE(has(slow, "states.skipped", Severity::remark));
+}
+
+TEST(SubdeviceCheckDevices, OneBufferMayBeTakenSlowly) {
+    for (const auto poll : {5ms, 20ms})
+        EXPECT_EQ(
+            find(report_with<kBothInOneBuffer>({.poll = poll}, "process_data."), "process_data.exchange")->outcome,
+            Outcome::passed);
+}
+
+TEST(SubdeviceCheckDevices, EachTransitionMayTakeItsTime) {
+    (void)report_with<kPlain>({.transition = 2500ms}, "states.init_clears,states.down");
+    // Longer than the watchdog of the outputs, which stop when the master has requested a lower state.
+    (void)report_with<kPlain>({.transition = 150ms}, "states.down");
+}
+
+TEST(SubdeviceCheckDevices, AnEmergencyComesAgainAfterEachStart) {
+    const auto report = report_with<kPlain>({.emergency = true}, "mailbox.,states.restart,messages.emergencies");
+    EXPECT_EQ(find(report, "messages.emergencies")->outcome, Outcome::passed);
+}
+
+TEST(SubdeviceCheckDevices, ALongCycleIsTriedWhenTheDeviceTellsIt) {
+    for (const auto& report : {check_small<kLongCycle, kSyncObjects<kLongCycle>>().report,
+                               check_small<kOddCycle, kSyncObjects<kOddCycle>>().report}) {
+        EXPECT_TRUE(report.conforms()) << report_text(report, false);
+        EXPECT_FALSE(has(report, "sm.control_bits", Severity::remark));
+        for (const auto* const name : {"states.up", "states.down", "sm.process_settings", "mailbox.states"})
+            EXPECT_EQ(find(report, name)->outcome, Outcome::passed) << name << ": " << reason_of(report, name);
+    }
+}
+
+TEST(SubdeviceCheckDevices, ADeviceThatRefusesEachCycleIsNotJudged) {
+    const auto report = check_small<kOddCycle>().report;
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    for (const auto* const name : {"states.up", "states.down", "clock.sync0"})
+        EXPECT_EQ(find(report, name)->outcome, Outcome::not_applicable) << name;
+    EXPECT_NE(reason_of(report, "states.up").find("refuses each cycle"), std::string::npos);
 }
 
 TEST(SubdeviceCheckDevices, AnIdSwitchMayBeAtZero) {

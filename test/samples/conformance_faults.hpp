@@ -215,6 +215,12 @@ inline bool note_any_error(std::uint16_t address, Octets& data) {
 inline void read_sync0_after_error(std::uint16_t address, MutableBytes data) {
     if (after_error) read_bits<0x0220, 0x04>(address, data);
 }
+// Where the content of a category of the SII begins.
+inline std::size_t category_at(const sim::Device& device, std::uint16_t type) {
+    const auto content = wire::sii::find_category(device.sii, type);
+    EXPECT_TRUE(content);
+    return content ? static_cast<std::size_t>(content->data() - device.sii.data()) : 0;
+}
 // The DC operation modes of the SII with SYNC0 get SYNC1.
 inline void announce_sync1(sim::Device& device) {
     const auto modes = wire::sii::find_category(device.sii, wire::sii::category::kDc);

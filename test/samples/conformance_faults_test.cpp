@@ -184,6 +184,94 @@ constexpr Fault kFaults[] = {
          if (is_mail(address, data) && (std::to_integer<unsigned>(data[5]) & 0x0F) == 3) data[6] |= std::byte{1};
          return true;
      }},
+    {"messages.headers", "bit 7 of the octet with the counter is 1",
+     [](std::uint16_t address, Octets& data) {
+         if (is_mail(address, data)) data[5] |= std::byte{0x80};
+         return true;
+     }},
+    {"messages.headers", "an abort is an SDO response",
+     [](std::uint16_t address, Octets& data) {
+         if (is_service(address, data, coe::Service::sdo_request)) data[7] = std::byte{0x30};
+         return true;
+     }},
+    {"messages.headers", "complete access is not confirmed",
+     [](std::uint16_t address, Octets& data) {
+         if (is_service(address, data, coe::Service::sdo_response) && (data[8] & std::byte{0xF0}) == std::byte{0x50})
+             data[8] &= std::byte{0xEF};
+         return true;
+     }},
+    {"messages.headers", "each upload is one of complete access",
+     [](std::uint16_t address, Octets& data) {
+         if (is_service(address, data, coe::Service::sdo_response) && (data[8] & std::byte{0xF0}) == std::byte{0x40})
+             data[8] |= std::byte{0x10};
+         return true;
+     }},
+    {"information.lists", "another list is named",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::list_response)) data[12] = std::byte{0};
+         return true;
+     }},
+    {"information.entries", "another object is described",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::object_response)) data[13] = std::byte{0x77};
+         return true;
+     }},
+    {"information.entries", "the data type has another size",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::entry_response) &&
+             load_le<std::uint16_t>(data, 12) == 0x1000)
+             data[16] = std::byte{3};
+         return true;
+     }},
+    {"pdos.mapping", "the count is acknowledged and not written", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         // An expedited download of 0x1600:00 reaches the firmware as one of its own value.
+         if (!is_request(address, data, 0x2F) || load_le<std::uint16_t>(data, 3) != 0x1600 || data[5] != std::byte{0})
+             return;
+         data[2] = std::byte{0x40};
+     }},
+    {.check = "sync.types",
+     .what = "a type is acknowledged and not written",
+     .write = [](std::uint16_t address, Octets& data) { return show_number<0x1C32, 1, 5>(address, data); },
+     .device = "split_io"},
+    {"states.up", "a reserved bit of the AL status is 1",
+     [](std::uint16_t address, Octets& data) {
+         if (address == reg::kAlStatus.address) data[0] |= std::byte{0x80};
+         return true;
+     }},
+    {.check = "mailbox.type",
+     .what = "the SII announces FoE",
+     .prepare = [](sim::Device& device) { device.sii[0x1C * 2] |= std::byte{mailbox_protocol::kFoE}; }},
+    {.check = "eeprom.agrees",
+     .what = "SyncManager 1 has another length",
+     .prepare =
+         [](sim::Device& device) {
+             device.sii[category_at(device, wire::sii::category::kSyncManager) + 10] ^= std::byte{4};
+         }},
+    {.check = "eeprom.agrees",
+     .what = "no FMMU is for inputs",
+     .prepare =
+         [](sim::Device& device) {
+             const auto at = category_at(device, wire::sii::category::kFmmu);
+             device.sii[at] = device.sii[at + 1] = std::byte{1};
+         }},
+    {.check = "eeprom.agrees",
+     .what = "SyncManager 2 is switched off",
+     .prepare =
+         [](sim::Device& device) {
+             device.sii[category_at(device, wire::sii::category::kSyncManager) + 22] = {};
+         },
+     .severity = kRemark},
+    {.check = "eeprom.agrees",
+     .what = "CoE without SDO",
+     .prepare =
+         [](sim::Device& device) {
+             device.sii[category_at(device, wire::sii::category::kGeneral) + 5] &= std::byte{0xFE};
+         }},
+    {.check = "eeprom.agrees",
+     .what = "another version",
+     .prepare = [](sim::Device& device) { device.sii[0x3F * 2] = std::byte{7}; },
+     .severity = kRemark},
     {"clock.cycle_zero", "another code", replace_code<0x0036, 0x0001>},
     {"states.restart", "only the first start works",
      [](std::uint16_t address, Octets& data) {
@@ -459,6 +547,43 @@ TEST(SubdeviceCheck, ADeviceThatNeedsSync1PassesTheChecksOfTheClock) {
     const auto* const sync1 = find(checked.report, "clock.sync1");
     ASSERT_NE(sync1, nullptr);
     EXPECT_EQ(sync1->outcome, Outcome::passed) << sync1->reason;
+}
+
+std::string text_of(std::string_view device_name, const Fault& fault, std::string_view only_checks) {
+    auto device = sim::make_device(device_name).value();
+    device.firmware = std::make_unique<FaultyFirmware>(std::move(device.firmware), fault);
+    return report_text(check_it(std::move(device), {.only = std::string(only_checks)}).report, true);
+}
+
+// A message that is no reply to the request is the cause, and not the lack of a reply.
+TEST(SubdeviceCheck, AReplyThatIsNotTakenIsNamed) {
+    static constexpr Fault kOtherSubindex{.check = "sdo",
+                                          .what = "downloads are answered with subindex 9",
+                                          .write = [](std::uint16_t address, Octets& data) {
+                                              if (is_service(address, data, coe::Service::sdo_response) &&
+                                                  data.size() >= 16 && data[8] == std::byte{0x60})
+                                                  data[11] = std::byte{9};
+                                              return true;
+                                          }};
+    const auto text = text_of("odd_device", kOtherSubindex, "sdo.write");
+    EXPECT_NE(text.find("got no valid reply, but a message of protocol CoE"), std::string::npos) << text;
+    static constexpr Fault kOtherStation{
+        .check = "sdo", .what = "the address is 0x1234", .write = [](std::uint16_t address, Octets& data) {
+            if (is_mail(address, data)) store_le<std::uint16_t>(data, 2, 0x1234);
+            return true;
+        }};
+    const auto other = text_of("odd_device", kOtherStation, "mailbox.answers");
+    EXPECT_NE(other.find("with the address 0x1234"), std::string::npos) << other;
+}
+
+// The SII announces VoE alone: the check has no message of a protocol that the slave has.
+TEST(SubdeviceCheck, ASlaveWithoutCoEMayRefuseTheProtocolBeforeTheLength) {
+    auto device = sim::make_device("odd_device").value();
+    constexpr std::size_t kProtocols = 0x1C * 2;
+    store_le<std::uint16_t>(device.sii, kProtocols, mailbox_protocol::kVoE);
+    const auto report = check_it(std::move(device), {.only = "mailbox.length"}).report;
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    EXPECT_EQ(find(report, "mailbox.length")->outcome, Outcome::passed);
 }
 
 // A check that nothing makes fail proves nothing.

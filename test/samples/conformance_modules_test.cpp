@@ -1,6 +1,7 @@
 // The checks of subdevice_check: a modular device whose maker uses the indices behind the last slot is not blamed. It
 // tells its shortest cycle.
 #include "samples/conformance.hpp"
+#include "sim/process_data.hpp"
 #include "subdevice/modules.hpp"
 #include "subdevice/sii_image.hpp"
 #include "subdevice/standard_device.hpp"
@@ -82,6 +83,15 @@ class ShelfFirmware final : public sim::Firmware {
     };
     std::unique_ptr<All> all_;
 };
+
+// The SII is that of the factory; the user has pulled out a module since.
+TEST(SubdeviceCheckModules, TheSiiNeedNotDescribeTheModulesThatAreThere) {
+    auto device = sim::make_device("modular_io").value();
+    device.firmware->process_data()->inputs()[1] = std::byte{0};
+    const auto report = check_it(std::move(device), {.only = "pdos.,eeprom."}).report;
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    EXPECT_EQ(find(report, "pdos.sii")->outcome, Outcome::not_applicable);
+}
 
 TEST(SubdeviceCheckModules, ObjectsBehindTheLastSlotBelongToTheDevice) {
     std::array<std::byte, ShelfTables::end> values{};

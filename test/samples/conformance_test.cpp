@@ -22,9 +22,9 @@ TEST(SubdeviceCheck, EveryDeviceOfTheLibraryKeepsTheRules) {
         std::set<std::string> left;
         for (const auto& check : checked.report.checks)
             if (check.outcome != Outcome::passed) left.insert(check.name);
-        EXPECT_EQ(left, (std::set<std::string>{"clock.cycle_short", "clock.sync1", "modules.lists", "modules.match",
-                                               "modules.mismatch", "sdo.write_only", "sm.boot_settings",
-                                               "states.device_id", "sync.types"}));
+        EXPECT_EQ(left, (std::set<std::string>{"clock.cycle_short", "clock.sync1", "messages.emergencies",
+                                               "modules.lists", "modules.match", "modules.mismatch", "sdo.write_only",
+                                               "sm.boot_settings", "states.device_id", "sync.types"}));
     }
     EXPECT_GT(judged, 700U);
 }
@@ -75,6 +75,23 @@ TEST(SubdeviceCheck, JsonHasEachCheckAndFindingWithItsClause) {
         EXPECT_EQ(check["findings"][0]["severity"], "error");
         EXPECT_EQ(check["findings"][0]["clause"], "ETG.1000.4, Mailbox (repeat of a lost message)");
     }
+}
+
+TEST(SubdeviceCheck, MessagesAreNotJudgedWhereNoneCame) {
+    const auto report = check_it(sim::make_device("odd_device").value(), {.only = "messages."}).report;
+    for (const auto& check : report.checks) EXPECT_EQ(check.outcome, Outcome::not_applicable) << check.name;
+}
+
+TEST(SubdeviceCheck, EachNameOfChecksMustExist) {
+    const auto chosen = [](std::string only) {
+        return check_it(sim::make_device("odd_device").value(), {.only = std::move(only)});
+    };
+    for (const auto* const wrong : {"states.same,mailbox.repaet", "mailbox.repaet,states.same", ",", " "}) {
+        EXPECT_TRUE(chosen(wrong).wrong_arguments) << wrong;
+        EXPECT_TRUE(chosen(wrong).report.checks.empty()) << wrong;
+    }
+    EXPECT_NE(chosen("states.same,mailbox.repaet").error.find("'mailbox.repaet'"), std::string::npos);
+    EXPECT_EQ(chosen(" states.same , mailbox.answers ").report.checks.size(), 2U);
 }
 
 TEST(SubdeviceCheck, NamesOfChecksAreUniqueAndHaveClauses) {

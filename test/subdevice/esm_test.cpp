@@ -375,6 +375,28 @@ TEST_F(EsmTest, MailboxesThatChangeWhilePreopWaitsAreCheckedAgain) {
     EXPECT_EQ(esc.al_status(), refused(AlState::init, AlStatusCode::invalid_mailbox_configuration));
 }
 
+// A master that has requested INIT waits for INIT: it stops its outputs, and the watchdog ends OP on the way.
+TEST_F(EsmTest, ARequestForALowerStateSurvivesAFault) {
+    for (const auto& [wanted, log] :
+         {std::pair{1U, "OI? OIx OS! OS. SI? SI? SI! SI. "}, std::pair{2U, "OP? OPx OS! OS. SP? SP? SP! SP. "},
+          std::pair{4U, "OS? OSx OS! OS. "}}) {
+        esc = PlainEsc{};
+        client = Client{};
+        start(kDevice);
+        bring_to(AlState::op);
+        client.answer = [](Transition, Time now) { return Verdict::wait(now + 10ms); };
+        (void)request(static_cast<std::uint16_t>(wanted));
+        esm->fall_back(AlState::safeop, AlStatusCode::sync_manager_watchdog, esc.time);
+        EXPECT_EQ(esc.al_status(), refused(AlState::safeop, AlStatusCode::sync_manager_watchdog));
+        client.answer = nullptr;
+        esc.time += 10ms;
+        EXPECT_EQ(step(), kNever);
+        EXPECT_EQ(esc.al_status(), wanted == 4 ? refused(AlState::safeop, AlStatusCode::sync_manager_watchdog)
+                                               : ok(static_cast<AlState>(wanted)));
+        EXPECT_EQ(client.log, log);
+    }
+}
+
 TEST_F(EsmTest, FaultsForceTheDeviceDown) {
     bring_to(AlState::op);
     client.answer = [](Transition, Time) { return Verdict::refuse(AlStatusCode::unspecified); };

@@ -129,8 +129,8 @@ TEST(StructOfValues, ValuesLieApart) {
     static constexpr Entry kAgain[] = {value<&StationValues::status>(0, "Status", kStationOut)};
     static constexpr Object kApart[] = {variable(0x2000, "Status", kA), variable(0x2001, "Relay", kB)};
     static constexpr Object kSame[] = {variable(0x2000, "Status", kA), variable(0x2001, "Status", kAgain)};
-    EXPECT_TRUE(standard::lie_apart(kApart));
-    EXPECT_FALSE(standard::lie_apart(kSame));
+    EXPECT_TRUE(standard::lie_apart<2>(kApart));
+    EXPECT_FALSE(standard::lie_apart<2>(kSame));
 }
 
 TEST(SyncObjects, ADeviceThatRequiresTheClockAnnouncesNothingElse) {

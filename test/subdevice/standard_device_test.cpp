@@ -303,6 +303,36 @@ TEST(StandardDevice, APdoHasLimits) {
     static_assert(standard::count_mapped(kLessOne, od::kTxMappable, 400).fits_mapping());
 }
 
+// The tables of a drive: the compiler must not compare each value with each other one.
+constexpr std::size_t kManyCount = 600;
+struct ManyValues {
+    std::array<Le<std::uint32_t>, kManyCount> parameters;
+    Le<std::uint16_t> lamps;
+};
+constexpr auto kManyEntries = [] {
+    std::array<Entry, kManyCount> entries{};
+    for (std::size_t n = 0; n < kManyCount; ++n) {
+        entries[n] = value<Field<std::uint32_t, 0>>(0, "Parameter", od::kReadWrite);
+        entries[n].offset = static_cast<std::uint32_t>(4 * n);
+    }
+    return entries;
+}();
+constexpr auto kManyObjects = [] {
+    std::array<Object, kManyCount> objects{};
+    for (std::size_t n = 0; n < kManyCount; ++n)
+        objects[n] =
+            variable(static_cast<std::uint16_t>(0x2000 + n), "Parameter", std::span(kManyEntries).subspan(n, 1));
+    return objects;
+}();
+constexpr DeviceDescription kManyDevice{
+    .protocols = {.coe = true},
+    .mailbox = {{.start = 0x1000, .size_bytes = 128}, {.start = 0x1080, .size_bytes = 128}}};
+
+TEST(StandardDevice, MayHaveHundredsOfObjects) {
+    EXPECT_GE((sizeof(StandardDevice<kManyDevice, kManyObjects, ManyValues>::Memory)), sizeof(ManyValues));
+    static_assert(standard::lie_apart<kManyCount>(kManyObjects));
+}
+
 // The master reads a word of the SII: the ESC asks the firmware.
 TEST(StandardDevice, AnEscWithoutEepromIsServed) {
     SizedBench<kOneOctet, kOctetObjects, 2> bench;
