@@ -74,7 +74,9 @@ Abort check_writable(const Entry& entry, AlState state) {
 
 Bytes view_value(const ObjectAccess& access, const Entry& entry, Scratch& scratch) {
     switch (entry.storage) {
-        case Storage::nothing: return Bytes(scratch).first(std::min<std::size_t>(entry.bytes(), scratch.size()));
+        case Storage::nothing:
+            scratch = {};
+            return Bytes(scratch).first(std::min<std::size_t>(entry.bytes(), scratch.size()));
         case Storage::constant:
             store_le(MutableBytes(scratch), 0, access.dictionary.initial(access.object, entry));
             return Bytes(scratch).first(entry.bytes());
