@@ -93,7 +93,8 @@ std::optional<std::vector<SubindexValue>> read_values(Session& session, std::uin
         });
         const bool known = described != session.sdo.entries.end();
         SubindexValue value{subindex, known ? described->bits : 0U};
-        if (known && (described->access & coe::access::kReadPreop) == 0) {
+        // The bits of padding have no value.
+        if (known && (described->type == coe::DataType::none || (described->access & coe::access::kReadPreop) == 0)) {
             values.push_back(std::move(value));
             continue;
         }

@@ -212,18 +212,19 @@ struct LittleSettings {
     std::uint8_t on;
 };
 constexpr DeviceDescription kLittleSetter{.name = "Settings", .protocols = {.coe = true}, .mailbox = kLittleMailboxes};
-constexpr Entry kLittleSettings[] = {entry_count(4),
+constexpr Entry kLittleSettings[] = {entry_count(5),
                                      flag<&LittleSettings::mode>(1, "Mode", od::kReadWrite, 4, 1).within(kLimits<1, 9>),
                                      flag<&LittleSettings::open>(2, "Open", od::kReadWrite, 4),
                                      value<&LittleSettings::offset>(3, "Offset", od::kReadWrite).within(kLimits<-5, 5>),
-                                     flag<&LittleSettings::on>(4, "On", od::kReadWrite)};
+                                     flag<&LittleSettings::on>(4, "On", od::kReadWrite),
+                                     padding(5, 7)};
 constexpr Object kLittleSetterObjects[] = {record(0x8000, "Settings", kLittleSettings)};
 
 TEST(SmallNumbers, CompleteAccessKeepsTheirLimits) {
     LittleBench<kLittleSetter, kLittleSetterObjects, LittleSettings> bench;
     // Subindex 0 in 16 bits, two numbers of four bits, one of 16 bits.
     const auto write = [&](int small, int offset) {
-        return bench.abort_in(bench.exchange({0x31, 0x00, 0x80, 0, 6, 0, 0, 0, 4, 0, small, offset & 0xFF, 0, 1}));
+        return bench.abort_in(bench.exchange({0x31, 0x00, 0x80, 0, 6, 0, 0, 0, 5, 0, small, offset & 0xFF, 0, 1}));
     };
     EXPECT_EQ(write(0xF3, 2), Abort::none);
     EXPECT_EQ(bench.memory.values.mode, 3);
@@ -260,6 +261,12 @@ TEST(SmallNumbers, ADownloadKeepsTheirLimitsAndTheirBits) {
     }
     EXPECT_EQ(write(4, 2), Abort::value_too_high);
     EXPECT_EQ(values.on, 1) << "a value that is refused does not switch off";
+}
+
+TEST(SmallNumbers, PaddingIsZeroAfterAnotherValue) {
+    LittleBench<kLittleSetter, kLittleSetterObjects, LittleSettings> bench;
+    EXPECT_EQ(bench.exchange({0x40, 0x00, 0x80, 0, 0, 0, 0, 0}).at(4), std::byte{5});
+    EXPECT_EQ(bench.exchange({0x40, 0x00, 0x80, 5, 0, 0, 0, 0}).at(4), std::byte{0});
 }
 
 // The octet of a small number may have more bits than the number: an upload has those of the number.
