@@ -177,7 +177,8 @@ constexpr Fault kFaults[] = {
          static unsigned segments = 0;
          if (is_request(address, data, 0x21)) segments = 0;
          if (!is_download_segment(address, data)) return;
-         if (segments > 0) data[2] = (data[2] & ~std::byte{0x10}) | (segments % 2 != 0 ? std::byte{0x10} : std::byte{0});
+         constexpr std::byte kToggle{0x10};
+         if (segments > 0) data[2] = (data[2] & ~kToggle) | (segments % 2 != 0 ? kToggle : std::byte{0});
          ++segments;
      }},
     {"segments.download_abort", "an abort in a download is taken as the next segment", nullptr,
