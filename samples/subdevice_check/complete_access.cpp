@@ -11,9 +11,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::string_view kComplete = "ETG.1000.6, SDO Upload (complete access)";
-constexpr std::size_t kMostFindings = 5;   // then they are counted
-constexpr Duration kLongest = 60s;         // for the comparison of all objects
-constexpr std::size_t kMostDownloads = 4;  // of one kind of objects
+constexpr std::size_t kMostFindings = 5;  // then they are counted
+constexpr Duration kLongest = 60s;        // for the comparison of all objects
 
 bool announced(Session& session) {
     session.sdo.needs_sdo();
@@ -160,27 +159,6 @@ void check_objects(Session& session) {
     comparison.conclude(left);
 }
 
-bool is_assignment(std::uint16_t index) { return index >= 0x1C12 && index <= 0x1C2F; }
-bool is_mapping(std::uint16_t index) {
-    return (index >= 0x1600 && index < 0x1800) || (index >= 0x1A00 && index < 0x1C00);
-}
-
-// Objects that may be written in PREOP with the value that they have: communication, expected modules, and parameters
-// that a master stores and writes back. All their entries are writable.
-std::vector<std::uint16_t> writable_objects(const Session& session) {
-    std::vector<std::uint16_t> found;
-    std::array<std::size_t, 3> count{};
-    for (const auto index : whole_objects(session)) {
-        const auto access = summary_of(session, index);
-        const bool modules = index == 0xF020 || index == 0xF030;
-        const std::size_t kind = is_assignment(index) ? 0 : is_mapping(index) ? 1 : 2;
-        if (!access.writable || access.varies || access.unreadable) continue;
-        if (kind == 2 && index != 0x10F1 && !modules && !access.parameters) continue;
-        if (++count[kind] <= kMostDownloads) found.push_back(index);
-    }
-    return found;
-}
-
 void check_download(Session& session) {
     auto& bench = session.bench;
     if (!announced(session)) bench.skip("the SII does not announce complete access");
@@ -190,7 +168,7 @@ void check_download(Session& session) {
         const auto before = session.sdo.upload(index, 0, true);
         if (!before.ok()) continue;  // sdo.complete_objects
         const auto abort = session.sdo.download(index, 0, before.data, true);
-        if (abort != Abort::none && !is_assignment(index) && (says_unsupported(abort) || says_too_large(abort)))
+        if (abort != Abort::none && !is_pdo_assignment(index) && (says_unsupported(abort) || says_too_large(abort)))
             bench.remark(
                 fmt::format("0x{:04x} can be read by complete access; a download of its own value ended with "
                             "{}",

@@ -225,7 +225,10 @@ void EntryCheck::compare(const DictionaryEntry& entry, bool list) {
     if (!text && up.size_indicated && up.data.size() != bytes)
         fail(fmt::format("{} has {} bits by its description, and an upload returned {} octets", name, entry.bits,
                          up.data.size()));
-    if (up.segments != 0 && (!session.sdo.large || up.announced > 64)) session.sdo.large = entry;
+    if (up.segments == 0) return;
+    auto& large = session.sdo.large;
+    const auto at = std::ranges::find_if(large, [&](const LargeValue& one) { return one.segments < up.segments; });
+    large.insert(at, {entry.index, entry.subindex, false, up.segments});
 }
 
 void check_entries(Session& session) {
@@ -234,6 +237,7 @@ void check_entries(Session& session) {
     if (!reply.ok()) session.bench.skip("the list of all objects cannot be read (information.lists)");
     EntryCheck check{session};
     session.sdo.entries.clear();
+    session.sdo.large.clear();
     session.sdo.entries_complete = false;
     for (const auto index : indices_of(reply)) {
         const auto described = object(session, index);

@@ -80,12 +80,14 @@ std::vector<std::byte> SdoClient::segment_request(bool toggle) {
     return message;
 }
 
-std::vector<std::byte> SdoClient::last_segment(bool toggle, Bytes data) {
-    const auto unused = static_cast<unsigned>(coe::kMinSegmentDataBytes - data.size());
-    auto message =
-        initiate(sdo::command(coe::request::kDownloadSegment,
-                              (toggle ? sdo::kToggle : 0U) | sdo::kLastSegment | unused << sdo::kSegmentUnusedShift),
-                 0, 0);
+std::vector<std::byte> SdoClient::segment(bool toggle, Bytes data, bool last) {
+    const auto padded = std::max(data.size(), coe::kMinSegmentDataBytes);
+    const auto unused = static_cast<unsigned>(padded - data.size());
+    auto message = initiate(
+        sdo::command(coe::request::kDownloadSegment, (toggle ? sdo::kToggle : 0U) | (last ? sdo::kLastSegment : 0U) |
+                                                         unused << sdo::kSegmentUnusedShift),
+        0, 0);
+    message.resize(coe::kSegmentHeaderBytes + padded);
     std::copy(data.begin(), data.end(), message.begin() + coe::kSegmentHeaderBytes);
     return message;
 }
@@ -165,6 +167,7 @@ std::optional<std::uint32_t> SdoClient::number(std::uint16_t index, std::uint8_t
 
 Abort SdoClient::download(std::uint16_t index, std::uint8_t subindex, Bytes data, bool complete) {
     auto message = initiate(0, index, subindex);
+    bool segments = false;
     const unsigned flag = complete ? sdo::kCompleteAccess : 0U;
     if (!data.empty() && data.size() <= coe::kExpeditedBytes) {
         const auto unused = static_cast<unsigned>(coe::kExpeditedBytes - data.size());
@@ -175,15 +178,34 @@ Abort SdoClient::download(std::uint16_t index, std::uint8_t subindex, Bytes data
     } else {
         SdoLayout::command::store(message, sdo::command(coe::request::kDownload, flag | sdo::kSizeIndicated));
         SdoLayout::complete_size::store(message, static_cast<std::uint32_t>(data.size()));
-        message.insert(message.end(), data.begin(), data.end());
-        if (message.size() > mail_.out_bytes() - wire::kMailboxHeaderBytes)
-            bench().skip("the value does not fit one message");
+        const auto room = mail_.out_bytes() - wire::kMailboxHeaderBytes - message.size();
+        const auto first = data.first(std::min(room, data.size()));
+        message.insert(message.end(), first.begin(), first.end());
+        data = data.subspan(first.size());
+        segments = !data.empty();
     }
     const auto reply = ask(message);
     if (reply.ok() && sdo::specifier(reply.command) != coe::response::kDownload)
         bench().fail(fmt::format("the response to a download has the command 0x{:02x}", reply.command),
                      "ETG.1000.6, SDO Download Expedited");
-    return reply.abort;
+    return reply.ok() && segments ? write_segments(data) : reply.abort;
+}
+
+Abort SdoClient::write_segments(Bytes data) {
+    const auto room = mail_.out_bytes() - wire::kMailboxHeaderBytes - coe::kSegmentHeaderBytes;
+    for (bool toggle = false; !data.empty(); toggle = !toggle) {
+        const auto part = data.first(std::min(room, data.size()));
+        data = data.subspan(part.size());
+        const auto reply = ask(segment(toggle, part, data.empty()));
+        if (!reply.ok()) return reply.abort;
+        if (sdo::specifier(reply.command) != coe::response::kDownloadSegment ||
+            ((reply.command & sdo::kToggle) != 0) != toggle)
+            bench().fail(fmt::format("the response to a segment of a download with toggle bit {} has the command "
+                                     "0x{:02x}",
+                                     toggle ? 1 : 0, reply.command),
+                         "ETG.1000.6, Download SDO Segment");
+    }
+    return Abort::none;
 }
 
 }  // namespace margay::samples::conformance

@@ -39,6 +39,14 @@ struct DictionaryEntry {
     std::uint16_t access = 0;
 };
 
+// A value that is read in segments.
+struct LargeValue {
+    std::uint16_t index = 0;
+    std::uint8_t subindex = 0;
+    bool complete = false;  // by complete access
+    std::size_t segments = 0;
+};
+
 class SdoClient {
   public:
     explicit SdoClient(MailBench& mail) : mail_(mail) {}
@@ -54,12 +62,12 @@ class SdoClient {
     [[nodiscard]] static std::vector<std::byte> initiate(std::uint8_t command, std::uint16_t index,
                                                          std::uint8_t subindex, std::uint32_t number = 0);
     [[nodiscard]] static std::vector<std::byte> segment_request(bool toggle);
-    // The last segment of a download, with at most seven octets.
-    [[nodiscard]] static std::vector<std::byte> last_segment(bool toggle, Bytes data);
+    // A segment of a download. One of fewer than seven octets is padded.
+    [[nodiscard]] static std::vector<std::byte> segment(bool toggle, Bytes data, bool last);
 
     [[nodiscard]] Upload upload(std::uint16_t index, std::uint8_t subindex, bool complete = false);
     [[nodiscard]] std::optional<std::uint32_t> number(std::uint16_t index, std::uint8_t subindex);
-    // Expedited up to four octets, otherwise normal in one message.
+    // Expedited up to four octets, otherwise normal, in segments where one message is too small.
     [[nodiscard]] Abort download(std::uint16_t index, std::uint8_t subindex, Bytes data, bool complete = false);
     template <std::integral T>
     [[nodiscard]] Abort download(std::uint16_t index, std::uint8_t subindex, T value) {
@@ -71,12 +79,13 @@ class SdoClient {
     // All entries that the information service describes, as the check of the information service has read them.
     std::vector<DictionaryEntry> entries{};
     bool entries_complete = false;
-    // A readable entry whose value does not fit one message; found by the same check.
-    std::optional<DictionaryEntry> large{};
+    // Readable values that do not fit one message; found by the same check, the one with the most segments first.
+    std::vector<LargeValue> large{};
 
   private:
     void read_segments(Upload& upload);
     void note_oddities(Bytes request, Bytes response);
+    [[nodiscard]] Abort write_segments(Bytes data);
 
     MailBench& mail_;
     std::string dead_;

@@ -1,5 +1,6 @@
 // SDO requests that fit one message: forms of the responses, abort codes, writing.
 #include "subdevice_check/check.hpp"
+#include "subdevice_check/whole_object.hpp"
 
 #include <algorithm>
 
@@ -166,9 +167,6 @@ void check_rights(Session& session) {
     }
 }
 
-// The PDO assignments of SyncManagers 2 to 31.
-bool is_assignment(std::uint16_t index) { return index >= 0x1C12 && index <= 0x1C2F; }
-
 constexpr Check kChecks[] = {
     {"sdo.upload", "the response to an upload has the form of the standard", kUpload, check_upload},
     {"sdo.aborts", "wrong requests end with the abort code of the standard", kAborts, check_aborts},
@@ -187,7 +185,7 @@ std::vector<DictionaryEntry> harmless_entries(const Session& session) {
     std::vector<DictionaryEntry> entries;
     for (const auto& entry : session.sdo.entries) {
         const bool harmless = entry.index == 0x10F1 || (entry.index == 0x10F3 && entry.subindex == 5) ||
-                              (entry.index >= 0x1C32 && entry.index <= 0x1C4F) || is_assignment(entry.index);
+                              (entry.index >= 0x1C32 && entry.index <= 0x1C4F) || is_pdo_assignment(entry.index);
         const bool number = entry.bits == 8 || entry.bits == 16 || entry.bits == 32;
         constexpr unsigned kBoth = coe::access::kReadPreop | coe::access::kWritePreop;
         if (harmless && number && (entry.access & kBoth) == kBoth) entries.push_back(entry);

@@ -1,5 +1,8 @@
 // SDO transfers of several messages: segments, toggle bits, and transfers that end early.
 #include "subdevice_check/check.hpp"
+#include "subdevice_check/whole_object.hpp"
+
+#include <algorithm>
 
 namespace margay::samples::conformance {
 namespace {
@@ -16,61 +19,107 @@ void enter(Session& session) {
     session.bench.enter(AlState::preop);
 }
 
-// An entry that does not fit one message.
-DictionaryEntry needs_large(Session& session) {
-    enter(session);
-    if (!session.sdo.large) session.bench.skip("no value of the dictionary needs segments");
-    return *session.sdo.large;
+std::string name_of(const LargeValue& value) {
+    return value.complete ? fmt::format("0x{:04x} by complete access", value.index)
+                          : object_text(value.index, value.subindex);
 }
 
-// Begins an upload. Returns false when the first response has the whole value.
-bool begin_upload(Session& session, const DictionaryEntry& entry) {
-    const auto reply =
-        session.sdo.ask(SdoClient::initiate(sdo::command(coe::request::kUpload), entry.index, entry.subindex));
-    if (!reply.ok()) session.bench.skip(object_text(entry.index, entry.subindex) + " cannot be read");
-    return (reply.command & sdo::kExpedited) == 0 &&
-           SdoLayout::complete_size::load(reply.message) > reply.message.size() - SdoLayout::normal_data;
-}
+constexpr std::size_t kMostTried = 16;
 
-// Tries the candidates again, because information.entries does not run on every slave.
-void check_upload(Session& session) {
-    enter(session);
-    auto& bench = session.bench;
-    std::optional<Upload> up;
-    std::string name;
-    if (session.sdo.large) {
-        name = object_text(session.sdo.large->index, session.sdo.large->subindex);
-        up = session.sdo.upload(session.sdo.large->index, session.sdo.large->subindex);
-    } else {
-        for (const auto& entry : session.sdo.entries) {
-            if (entry.bits / 8U + coe::kSdoBytes + wire::kMailboxHeaderBytes <= session.mail.in_bytes()) continue;
-            name = object_text(entry.index, entry.subindex);
-            up = session.sdo.upload(entry.index, entry.subindex);
-            break;
+// A value may be large that no description announces: texts, and objects by complete access.
+std::vector<LargeValue> found_by_trying(Session& session) {
+    std::vector<LargeValue> candidates{{0x1008, 0}, {0x1009, 0}, {0x100A, 0}};
+    if ((session.bench.slave().coe_details & coe_detail::kCompleteAccess) != 0)
+        for (const auto index : whole_objects(session)) {
+            const auto bits = summary_of(session, index).bits;
+            if (bits == 0 || bits / 8 + coe::kSdoBytes + wire::kMailboxHeaderBytes > session.mail.in_bytes())
+                candidates.push_back({index, 0, true});
         }
-    }
-    if (!up) bench.skip("no value of the dictionary needs segments");
-    if (!up->fault.empty()) bench.fail(fmt::format("{}: {}", name, up->fault));
-    if (up->abort != Abort::none)
-        bench.fail(fmt::format("{}: the transfer ended after {} of {} octets with {}", name, up->data.size(),
-                               up->announced, abort_text(up->abort)));
-    if (!up->ok() || up->segments == 0) return;
+    if (candidates.size() > kMostTried) candidates.resize(kMostTried);
+    std::erase_if(candidates, [&](LargeValue& value) {
+        value.segments = session.sdo.upload(value.index, value.subindex, value.complete).segments;
+        return value.segments == 0;
+    });
+    return candidates;
+}
+
+// The values that do not fit one message, that with the most segments first. The check of the information service,
+// which looks for them, does not run on every slave.
+std::vector<LargeValue> large_values(Session& session) {
+    enter(session);
+    return session.sdo.large.empty() ? found_by_trying(session) : session.sdo.large;
+}
+LargeValue needs_large(Session& session) {
+    const auto values = large_values(session);
+    if (values.empty()) session.bench.skip("no value of the device needs segments");
+    return values.front();
+}
+
+// Begins an upload, and reads the first segments of it. At least one more is left.
+void begin_upload(Session& session, const LargeValue& value, std::size_t segments = 0) {
+    const unsigned flags = value.complete ? sdo::kCompleteAccess : 0U;
+    const auto reply =
+        session.sdo.ask(SdoClient::initiate(sdo::command(coe::request::kUpload, flags), value.index, value.subindex));
+    if (!reply.ok()) session.bench.skip(name_of(value) + " cannot be read");
+    if ((reply.command & sdo::kExpedited) != 0 ||
+        SdoLayout::complete_size::load(reply.message) <= reply.message.size() - SdoLayout::normal_data)
+        session.bench.skip("no value of the device needs segments");
+    for (std::size_t n = 0; n < segments; ++n)
+        if (!session.sdo.ask(SdoClient::segment_request(n % 2 != 0)).ok())
+            session.bench.skip(name_of(value) + " cannot be read to its end (segments.upload)");
+}
+// A fault may begin only behind the first segment: the numbers of segments that come before what a check does.
+std::vector<std::size_t> places_in(const LargeValue& value) {
+    return value.segments > 1 ? std::vector<std::size_t>{0, 1} : std::vector<std::size_t>{0};
+}
+std::string place_text(std::size_t segments) { return segments == 0 ? "" : fmt::format(" after {} segment", segments); }
+
+void check_whole_upload(Session& session, const LargeValue& value) {
+    auto& bench = session.bench;
+    const auto name = name_of(value);
+    const auto up = session.sdo.upload(value.index, value.subindex, value.complete);
+    if (!up.fault.empty()) bench.fail(fmt::format("{}: {}", name, up.fault));
+    if (up.abort != Abort::none)
+        bench.fail(fmt::format("{}: the transfer ended after {} of {} octets with {}", name, up.data.size(),
+                               up.announced, abort_text(up.abort)));
+    if (!up.ok() || up.segments == 0) return;
     const auto room = session.mail.in_bytes() - wire::kMailboxHeaderBytes - coe::kSegmentHeaderBytes;
-    const auto needed = (up->announced - up->first_bytes + room - 1) / room;
-    if (up->segments > needed)
-        bench.remark(fmt::format("{} came in {} segments; the mailbox has room for {}", name, up->segments, needed));
+    const auto needed = (up.announced - up.first_bytes + room - 1) / room;
+    if (up.segments > needed)
+        bench.remark(fmt::format("{} came in {} segments; the mailbox has room for {}", name, up.segments, needed));
+}
+
+// Tries also the values that information.entries could not read to their end.
+void check_upload(Session& session) {
+    constexpr std::size_t kMost = 8;
+    auto values = large_values(session);
+    for (const auto& entry : session.sdo.entries) {
+        const bool large = entry.bits / 8U + coe::kSdoBytes + wire::kMailboxHeaderBytes > session.mail.in_bytes();
+        const auto same = [&](const LargeValue& one) {
+            return one.index == entry.index && one.subindex == entry.subindex;
+        };
+        if (large && (entry.access & coe::access::kReadPreop) != 0 && std::ranges::none_of(values, same))
+            values.insert(values.begin(), {entry.index, entry.subindex});
+    }
+    if (values.empty()) session.bench.skip("no value of the device needs segments");
+    if (values.size() > kMost) values.resize(kMost);
+    for (const auto& value : values) check_whole_upload(session, value);
 }
 
 void check_toggle(Session& session) {
-    const auto entry = needs_large(session);
-    if (!begin_upload(session, entry)) session.bench.skip("no value of the dictionary needs segments");
-    const auto reply = session.sdo.ask(SdoClient::segment_request(true));  // the first segment has toggle 0
-    if (reply.abort != Abort::toggle_not_changed)
-        session.bench.fail(fmt::format("a segment request with the wrong toggle bit: {}, expected {}",
-                                       abort_text(reply.abort), abort_text(Abort::toggle_not_changed)));
-    // The transfer is over now.
-    const auto next = session.sdo.ask(SdoClient::segment_request(false));
-    if (next.ok()) session.bench.fail("after the abort of a transfer a segment of it is still sent");
+    const auto value = needs_large(session);
+    for (const auto before : places_in(value)) {
+        begin_upload(session, value, before);
+        const bool right = before % 2 != 0;  // the first segment has toggle 0
+        const auto reply = session.sdo.ask(SdoClient::segment_request(!right));
+        if (reply.abort != Abort::toggle_not_changed)
+            session.bench.fail(fmt::format("a segment request with the wrong toggle bit{}: {}, expected {}",
+                                           place_text(before), abort_text(reply.abort),
+                                           abort_text(Abort::toggle_not_changed)));
+        // The transfer is over now.
+        if (session.sdo.ask(SdoClient::segment_request(right)).ok())
+            session.bench.fail("after the abort of a transfer a segment of it is still sent");
+    }
 }
 
 void check_without_begin(Session& session) {
@@ -85,87 +134,218 @@ void check_without_begin(Session& session) {
     }
 }
 
-// The master ends a transfer: no reply to the abort, and nothing is left of the transfer.
-void check_client_abort(Session& session) {
-    const auto entry = needs_large(session);
-    if (!begin_upload(session, entry)) session.bench.skip("no value of the dictionary needs segments");
-    session.mail.put(wire::MailboxType::coe,
-                     SdoClient::initiate(sdo::command(coe::kAbortSpecifier), entry.index, entry.subindex,
-                                         static_cast<std::uint32_t>(Abort::general)));
+// An abort of the master, to which there is no reply.
+void abort_transfer(Session& session, std::uint16_t index, std::uint8_t subindex) {
+    session.mail.put(wire::MailboxType::coe, SdoClient::initiate(sdo::command(coe::kAbortSpecifier), index, subindex,
+                                                                 static_cast<std::uint32_t>(Abort::general)));
     while (const auto mail = session.mail.take(150ms)) {
-        const bool sdo = mail->header.type == wire::MailboxType::coe && mail->data.size() >= coe::kSdoBytes &&
-                         coe::load_header(mail->data).service != coe::Service::emergency;
-        if (sdo) session.bench.fail("an abort of the master was answered: " + hex(mail->data));
-        if (sdo) break;
+        const bool answer = mail->header.type == wire::MailboxType::coe && mail->data.size() >= coe::kSdoBytes &&
+                            coe::load_header(mail->data).service != coe::Service::emergency;
+        if (answer) session.bench.fail("an abort of the master was answered: " + hex(mail->data));
+        if (answer) break;
     }
-    if (session.sdo.ask(SdoClient::segment_request(false)).ok())
-        session.bench.fail("after an abort of the master a segment of the transfer is still sent");
-    if (!session.sdo.upload(0x1000, 0).ok())
-        session.bench.fail("after an abort of the master object 0x1000 cannot be read");
+}
+
+// The master ends a transfer: nothing is left of it.
+void check_client_abort(Session& session) {
+    const auto value = needs_large(session);
+    for (const auto before : places_in(value)) {
+        begin_upload(session, value, before);
+        abort_transfer(session, value.index, value.subindex);
+        if (session.sdo.ask(SdoClient::segment_request(before % 2 != 0)).ok())
+            session.bench.fail(fmt::format("after an abort of the master{} a segment of the transfer is still sent",
+                                           place_text(before)));
+        if (!session.sdo.upload(0x1000, 0).ok())
+            session.bench.fail("after an abort of the master object 0x1000 cannot be read");
+    }
 }
 
 // A new request ends the transfer before it.
 void check_new_request(Session& session) {
-    const auto entry = needs_large(session);
-    if (!begin_upload(session, entry)) session.bench.skip("no value of the dictionary needs segments");
-    bool answered = false;
-    try {
-        answered = session.sdo.upload(0x1000, 0).ok();
-    } catch (const NotJudged&) {  // no reply at all
+    const auto value = needs_large(session);
+    for (const auto before : places_in(value)) {
+        begin_upload(session, value, before);
+        bool answered = false;
+        try {
+            answered = session.sdo.upload(0x1000, 0).ok();
+        } catch (const NotJudged&) {  // no reply at all
+        }
+        if (!answered) session.bench.fail("during a transfer in segments a new request is not answered");
     }
-    if (!answered) session.bench.fail("during a transfer in segments a new request is not answered");
 }
 
-// A download whose first message has no data: all octets come in one segment.
+// A value that is written back in segments: the first message has no data.
 struct Download {
     std::string name{};
+    LargeValue value{};
     std::vector<std::byte> data{};
-    bool begun = false;
+    std::vector<Bytes> pieces{};
+    bool must = false;  // it does not fit one message
+
+    void cut(std::size_t room) {
+        must = data.size() + coe::kSdoBytes > room;
+        // A smaller value comes in the smallest segments, so that there are several.
+        const auto piece = must ? room - coe::kSegmentHeaderBytes : coe::kMinSegmentDataBytes;
+        for (Bytes rest = data; !rest.empty(); rest = rest.subspan(std::min(piece, rest.size())))
+            pieces.push_back(rest.first(std::min(piece, rest.size())));
+    }
 };
-Download begin_download(Session& session) {
-    enter(session);
-    const auto entries = harmless_entries(session);
-    if (entries.empty()) session.bench.skip("the dictionary has no writable entry that the check may write back");
-    const auto& entry = entries.front();
-    Download download{.name = object_text(entry.index, entry.subindex)};
-    auto value = session.sdo.upload(entry.index, entry.subindex);
-    if (!value.ok()) session.bench.skip(download.name + " cannot be read");
-    value.data.resize(entry.bits / 8U);
-    download.data = std::move(value.data);
-    const auto reply =
-        session.sdo.ask(SdoClient::initiate(sdo::command(coe::request::kDownload, sdo::kSizeIndicated), entry.index,
-                                            entry.subindex, static_cast<std::uint32_t>(download.data.size())));
-    download.begun = reply.ok() && sdo::specifier(reply.command) == coe::response::kDownload;
+
+std::optional<Download> own_value(Session& session, const LargeValue& value, std::optional<std::size_t> bytes = {}) {
+    auto up = session.sdo.upload(value.index, value.subindex, value.complete);
+    if (!up.ok()) return std::nullopt;
+    if (bytes) up.data.resize(*bytes);  // without an indicated size there may be more octets
+    if (up.data.empty()) return std::nullopt;
+    Download download{.name = name_of(value), .value = value, .data = std::move(up.data)};
+    download.cut(session.mail.out_bytes() - wire::kMailboxHeaderBytes);
     return download;
 }
 
-void check_download(Session& session) {
-    auto& bench = session.bench;
-    const auto download = begin_download(session);
-    if (!download.begun) {
-        bench.remark(fmt::format("{}: a download of {} octets is refused when they come in a segment", download.name,
-                                 download.data.size()));
-        return;
+// A parameter that a master stores and writes back, and that does not fit one message.
+bool is_large_parameter(Session& session, const DictionaryEntry& entry) {
+    constexpr unsigned kBoth = coe::access::kReadPreop | coe::access::kWritePreop;
+    constexpr unsigned kParameter = coe::access::kBackup | coe::access::kSettings;
+    return (entry.access & kBoth) == kBoth && (entry.access & kParameter) != 0 &&
+           entry.bits / 8U + coe::kSdoBytes + wire::kMailboxHeaderBytes > session.mail.out_bytes();
+}
+
+// Values that may be written back: a small one, whose only segment is the last, and one of several segments.
+std::vector<Download> downloads(Session& session) {
+    enter(session);
+    std::vector<Download> found;
+    const auto add = [&](std::optional<Download> download) {
+        if (download) found.push_back(*std::move(download));
+        return download.has_value();
+    };
+    for (const auto& entry : harmless_entries(session))
+        if (add(own_value(session, {entry.index, entry.subindex}, entry.bits / 8U))) break;
+    const auto& entries = session.sdo.entries;
+    const auto large =
+        std::ranges::find_if(entries, [&](const auto& entry) { return is_large_parameter(session, entry); });
+    if (large != entries.end() && add(own_value(session, {large->index, large->subindex}))) return found;
+    if ((session.bench.slave().coe_details & coe_detail::kCompleteAccess) == 0) return found;
+    std::optional<Download> longest;
+    for (const auto index : writable_objects(session)) {
+        auto one = own_value(session, {index, 0, true});
+        if (one && (!longest || one->data.size() > longest->data.size())) longest = std::move(one);
     }
-    const auto reply = session.sdo.ask(SdoClient::last_segment(false, download.data));
-    if (!reply.ok())
-        bench.fail(
-            fmt::format("{}: the segment of a download was refused with {}", download.name, abort_text(reply.abort)));
-    else if (sdo::specifier(reply.command) != coe::response::kDownloadSegment || (reply.command & sdo::kToggle) != 0)
-        bench.fail(fmt::format("{}: the response to the first segment of a download has the command 0x{:02x}",
-                               download.name, reply.command));
+    if (longest && longest->pieces.size() > 1) found.push_back(*std::move(longest));
+    return found;
+}
+std::vector<Download> needs_downloads(Session& session) {
+    auto all = downloads(session);
+    if (all.empty()) session.bench.skip("the device has no value that the check may write back");
+    return all;
+}
+
+bool begin_download(Session& session, const Download& download, std::size_t announced) {
+    const unsigned flags = sdo::kSizeIndicated | (download.value.complete ? sdo::kCompleteAccess : 0U);
+    const auto reply =
+        session.sdo.ask(SdoClient::initiate(sdo::command(coe::request::kDownload, flags), download.value.index,
+                                            download.value.subindex, static_cast<std::uint32_t>(announced)));
+    return reply.ok() && sdo::specifier(reply.command) == coe::response::kDownload;
+}
+SdoReply send_piece(Session& session, const Download& download, std::size_t n, bool toggle) {
+    return session.sdo.ask(SdoClient::segment(toggle, download.pieces[n], n + 1 == download.pieces.size()));
+}
+// Begins a download and sends the first segments. False: the device refuses it, which segments.download reports.
+bool begin_download(Session& session, const Download& download, std::size_t announced, std::size_t segments) {
+    bool accepted = begin_download(session, download, announced);
+    for (std::size_t n = 0; accepted && n < segments; ++n) accepted = send_piece(session, download, n, n % 2 != 0).ok();
+    return accepted;
+}
+
+void expect_value(Session& session, const Download& download, std::string_view what) {
+    const auto after = session.sdo.upload(download.value.index, download.value.subindex, download.value.complete);
+    const auto bytes = std::min(after.data.size(), download.data.size());
+    if (!after.ok() || after.data.size() < download.data.size() ||
+        !std::ranges::equal(Bytes(after.data).first(bytes), Bytes(download.data)))
+        session.bench.fail(fmt::format("{} has another value after {}", download.name, what));
+}
+
+// Returns whether all segments were taken.
+bool write_all(Session& session, const Download& download) {
+    for (std::size_t n = 0; n < download.pieces.size(); ++n) {
+        const bool toggle = n % 2 != 0;
+        const auto reply = send_piece(session, download, n, toggle);
+        if (!reply.ok()) {
+            session.bench.fail(fmt::format("{}: segment {} of a download was refused with {}", download.name, n + 1,
+                                           abort_text(reply.abort)));
+            return false;
+        }
+        if (sdo::specifier(reply.command) != coe::response::kDownloadSegment ||
+            ((reply.command & sdo::kToggle) != 0) != toggle) {
+            session.bench.fail(fmt::format("{}: the response to segment {} of a download has the command 0x{:02x}",
+                                           download.name, n + 1, reply.command));
+            return false;
+        }
+    }
+    return true;
+}
+
+void check_download(Session& session) {
+    for (const auto& download : needs_downloads(session)) {
+        if (begin_download(session, download, download.data.size())) {
+            if (write_all(session, download))
+                expect_value(session, download, "a download of its own value in segments");
+            continue;
+        }
+        auto text = fmt::format("{}: a download of {} octets is refused when they come in segments", download.name,
+                                download.data.size());
+        if (download.must)
+            session.bench.fail(std::move(text));
+        else
+            session.bench.remark(std::move(text));
+    }
 }
 
 void check_download_toggle(Session& session) {
     auto& bench = session.bench;
-    const auto download = begin_download(session);
-    if (!download.begun) bench.skip("a small value is not taken in a segment (segments.download)");
-    const auto reply = session.sdo.ask(SdoClient::last_segment(true, download.data));  // the first one has toggle 0
-    if (reply.abort != Abort::toggle_not_changed)
-        bench.fail(fmt::format("{}: a segment of a download with the wrong toggle bit: {}, expected {}", download.name,
-                               abort_text(reply.abort), abort_text(Abort::toggle_not_changed)));
-    if (session.sdo.ask(SdoClient::last_segment(false, download.data)).ok())
-        bench.fail(fmt::format("{}: after the abort of a download a segment of it is still taken", download.name));
+    for (const auto& download : needs_downloads(session))
+        for (std::size_t before = 0; before < std::min<std::size_t>(2, download.pieces.size()); ++before) {
+            if (!begin_download(session, download, download.data.size(), before)) break;
+            const bool right = before % 2 != 0;  // the first one has toggle 0
+            const auto reply = send_piece(session, download, before, !right);
+            if (reply.abort != Abort::toggle_not_changed)
+                bench.fail(fmt::format("{}: a segment of a download with the wrong toggle bit{}: {}, expected {}",
+                                       download.name, place_text(before), abort_text(reply.abort),
+                                       abort_text(Abort::toggle_not_changed)));
+            if (send_piece(session, download, before, right).ok())
+                bench.fail(
+                    fmt::format("{}: after the abort of a download a segment of it is still taken", download.name));
+        }
+}
+
+void check_download_abort(Session& session) {
+    bool any = false;
+    for (const auto& download : needs_downloads(session)) {
+        if (download.pieces.size() < 2 || !begin_download(session, download, download.data.size(), 1)) continue;
+        any = true;
+        abort_transfer(session, download.value.index, download.value.subindex);
+        if (send_piece(session, download, 1, true).ok())
+            session.bench.fail(fmt::format("{}: after an abort of the master a segment of the download is still taken",
+                                           download.name));
+        expect_value(session, download, "a download that the master has aborted");
+    }
+    if (!any) session.bench.skip("no value that the check may write back has several segments");
+}
+
+// The announced length and the length that comes must be equal.
+void check_download_length(Session& session) {
+    auto& bench = session.bench;
+    for (const auto& download : needs_downloads(session)) {
+        const auto last = download.pieces.size() - 1;
+        if (!begin_download(session, download, download.data.size(), last)) continue;
+        const auto shorter = download.pieces[last].first(download.pieces[last].size() - 1);
+        if (session.sdo.ask(SdoClient::segment(last % 2 != 0, shorter, true)).ok())
+            bench.fail(fmt::format("{}: a download of {} octets was accepted, and {} were announced", download.name,
+                                   download.data.size() - 1, download.data.size()));
+        if (download.data.size() > 1 && begin_download(session, download, download.data.size() - 1, last) &&
+            send_piece(session, download, last, last % 2 != 0).ok())
+            bench.fail(fmt::format("{}: a download of {} octets was accepted, and {} were announced", download.name,
+                                   download.data.size(), download.data.size() - 1));
+        expect_value(session, download, "downloads of a wrong length");
+    }
 }
 
 constexpr Check kChecks[] = {
@@ -173,6 +353,9 @@ constexpr Check kChecks[] = {
     {"segments.toggle", "a wrong toggle bit of the master ends the transfer with 0x05030000", kAborts, check_toggle},
     {"segments.download", "a value can be written in segments", "ETG.1000.6, Download SDO Segment", check_download},
     {"segments.download_toggle", "a wrong toggle bit ends a download with 0x05030000", kAborts, check_download_toggle},
+    {"segments.download_abort", "an abort of the master ends a download", "ETG.1000.6, Abort SDO Transfer",
+     check_download_abort},
+    {"segments.download_length", "a download is as long as announced", kAborts, check_download_length},
     {"segments.without_begin", "a segment without a transfer is refused with 0x05040001", kAborts, check_without_begin},
     {"segments.client_abort", "an abort of the master ends the transfer without a reply",
      "ETG.1000.6, Abort SDO Transfer", check_client_abort},

@@ -53,7 +53,15 @@ bool is_text(coe::DataType type) {
     return type == visible_string || type == octet_string || type == unicode_string || type == domain;
 }
 
+constexpr std::size_t kMostWritable = 4;  // of one kind of objects
+
+bool is_mapping(std::uint16_t index) {
+    return (index >= 0x1600 && index < 0x1800) || (index >= 0x1A00 && index < 0x1C00);
+}
+
 }  // namespace
+
+bool is_pdo_assignment(std::uint16_t index) { return index >= 0x1C12 && index <= 0x1C2F; }
 
 std::vector<std::uint16_t> whole_objects(const Session& session) {
     std::vector<std::uint16_t> indices;
@@ -80,6 +88,20 @@ ObjectSummary summary_of(const Session& session, std::uint16_t index) {
     }
     if (!any) summary.writable = summary.parameters = false;
     return summary;
+}
+
+std::vector<std::uint16_t> writable_objects(const Session& session) {
+    std::vector<std::uint16_t> found;
+    std::array<std::size_t, 3> count{};
+    for (const auto index : whole_objects(session)) {
+        const auto access = summary_of(session, index);
+        const bool modules = index == 0xF020 || index == 0xF030;
+        const std::size_t kind = is_pdo_assignment(index) ? 0 : is_mapping(index) ? 1 : 2;
+        if (!access.writable || access.varies || access.unreadable) continue;
+        if (kind == 2 && index != 0x10F1 && !modules && !access.parameters) continue;
+        if (++count[kind] <= kMostWritable) found.push_back(index);
+    }
+    return found;
 }
 
 std::optional<std::vector<SubindexValue>> read_values(Session& session, std::uint16_t index) {

@@ -25,6 +25,11 @@ struct ObjectSummary {
 };
 [[nodiscard]] ObjectSummary summary_of(const Session& session, std::uint16_t index);
 
+[[nodiscard]] bool is_pdo_assignment(std::uint16_t index);  // of SyncManagers 2 to 31
+// Objects that may be written in PREOP with the value that they have: communication, expected modules, and parameters
+// that a master stores and writes back. All their entries are writable. A few of each kind.
+[[nodiscard]] std::vector<std::uint16_t> writable_objects(const Session& session);
+
 // The values of subindices 0 to the number in subindex 0. nullopt: they cannot be read.
 [[nodiscard]] std::optional<std::vector<SubindexValue>> read_values(Session& session, std::uint16_t index);
 // Values that differ in a second reading are not compared any more. False: other subindices exist now.

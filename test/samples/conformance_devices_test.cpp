@@ -3,6 +3,8 @@
 #include "subdevice/sii_image.hpp"
 #include "subdevice/standard_device.hpp"
 #include "subdevice/sync_objects.hpp"
+#include "wire/sii.hpp"
+#include "wire/sii_category.hpp"
 
 #include <memory>
 
@@ -70,6 +72,9 @@ constexpr DeviceDescription kNoCycle =
     changed([](DeviceDescription& d) { d.dc = {.supported = true, .min_cycle = 5ms, .max_cycle = 6ms}; });
 constexpr DeviceDescription kOneBuffer = changed([](DeviceDescription& d) { d.inputs.three_buffers = false; });
 constexpr DeviceDescription kOutputsOnly = changed([](DeviceDescription& d) { d.inputs = {}; });
+constexpr DeviceDescription kTightMailboxes = changed([](DeviceDescription& d) {
+    d.mailbox = {{.start = 0x1000, .size_bytes = 32}, {.start = 0x1080, .size_bytes = 32}};
+});
 constexpr DeviceDescription kSwitch = changed([](DeviceDescription& d) { d.device_id_switch = true; });
 
 constexpr DeviceDescription kBothInOneBuffer =
@@ -143,7 +148,7 @@ class SmallFirmware final : public sim::Firmware {
 };
 
 template <const DeviceDescription& Description, const auto& Objects = kSmallObjects, class Values = SmallValues>
-Checked check_small(const Options& options = {}) {
+Checked check_small(const Options& options = {}, const std::function<void(sim::Device&)>& change = {}) {
     using Stack = typename SmallFirmware<Description, Objects, Values>::Stack;
     Values values{};
     const subdevice::ObjectDictionary dictionary(Stack::Objects::kObjects, subdevice::image_of(values));
@@ -152,6 +157,7 @@ Checked check_small(const Options& options = {}) {
         .chip = sim::chip_by_name("et1100").value(), .sii = std::vector<std::byte>(2048), .firmware = {}};
     EXPECT_TRUE(write_sii(Description, {}, dictionary, workspace, device.sii).ok());
     device.firmware = std::make_unique<SmallFirmware<Description, Objects, Values>>();
+    if (change) change(device);
     return check_it(std::move(device), options);
 }
 
@@ -262,6 +268,20 @@ TEST(SubdeviceCheckDevices, CompleteAccessOfARecordOfEveryKindIsNotBlamed) {
         EXPECT_EQ(find(report, name)->outcome, Outcome::passed) << name << ": " << reason_of(report, name);
         EXPECT_TRUE(find(report, name)->findings.empty()) << report_text(report, false);
     }
+}
+
+// Nothing but the objects themselves shows that 0x1018 as a whole needs segments.
+TEST(SubdeviceCheckDevices, AValueOfManySegmentsIsFoundWithoutTheInformationService) {
+    const auto report = check_small<kTightMailboxes>({.only = "segments."}, [](sim::Device& device) {
+                            const auto general = wire::sii::find_category(device.sii, wire::sii::category::kGeneral);
+                            ASSERT_TRUE(general);
+                            const auto at = static_cast<std::size_t>(general->data() - device.sii.data()) + 5;
+                            device.sii[at] &= ~std::byte{coe_detail::kSdoInformation};
+                        }).report;
+    EXPECT_TRUE(report.conforms()) << report_text(report, false);
+    for (const auto* const name : {"segments.upload", "segments.toggle", "segments.client_abort"})
+        EXPECT_EQ(find(report, name)->outcome, Outcome::passed) << name << ": " << reason_of(report, name);
+    EXPECT_NE(find(report, "information.entries")->outcome, Outcome::passed);
 }
 
 TEST(SubdeviceCheckDevices, InputsInOneBufferAreRead) {

@@ -206,6 +206,25 @@ inline bool note_segments(std::uint16_t address, Octets& data) {
     return true;
 }
 
+// The segments that an upload has sent. From the second one on, each request looks as if its toggle bit were right.
+inline unsigned segments_sent = 0;
+inline bool count_segments(std::uint16_t address, Octets& data) {
+    if (!is_service(address, data, coe::Service::sdo_response) || data.size() < 10) return true;
+    const auto specifier = std::to_integer<unsigned>(data[8]) >> 5;
+    if (specifier == coe::response::kUpload) segments_sent = 0;
+    if (specifier == coe::response::kUploadSegment) ++segments_sent;
+    return true;
+}
+inline void read_right_toggle(std::uint16_t address, MutableBytes data) {
+    if (segments_sent == 0 || (!is_request(address, data, 0x60) && !is_request(address, data, 0x70))) return;
+    data[2] = segments_sent % 2 != 0 ? std::byte{0x70} : std::byte{0x60};
+}
+// A segment of a download that the firmware reads.
+inline bool is_download_segment(std::uint16_t address, Bytes data) {
+    return address == 0x1006 && data.size() >= 10 && coe::load_header(data).service == coe::Service::sdo_request &&
+           (std::to_integer<unsigned>(data[2]) >> 5) == coe::request::kDownloadSegment;
+}
+
 // SYNC0 always looks as if it had arrived, once the device has reported an error.
 inline bool after_error = false;
 inline bool note_any_error(std::uint16_t address, Octets& data) {

@@ -158,6 +158,38 @@ constexpr Fault kFaults[] = {
                               (std::to_integer<unsigned>(data[2]) & 0xE1) == 0x01;
          if (segment) data[2] ^= std::byte{0x10};
      }},
+    {"segments.toggle", "only the first toggle bit is compared", count_segments, read_right_toggle},
+    {"segments.download", "the toggle bit of a response is always 0",
+     [](std::uint16_t address, Octets& data) {
+         if (is_service(address, data, coe::Service::sdo_response) && data[8] == std::byte{0x30})
+             data[8] = std::byte{0x20};
+         return true;
+     }},
+    {"segments.download", "the last of many segments is stored wrongly", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         static bool many = false;
+         if (!is_download_segment(address, data)) return;
+         if (many && (data[2] & std::byte{1}) != std::byte{0}) data[3] ^= std::byte{1};
+         many = (data[2] & std::byte{1}) == std::byte{0};
+     }},
+    {"segments.download_toggle", "only the first toggle bit of a download is compared", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         static unsigned segments = 0;
+         if (is_request(address, data, 0x21)) segments = 0;
+         if (!is_download_segment(address, data)) return;
+         constexpr std::byte kToggle{0x10};
+         if (segments > 0) data[2] = (data[2] & ~kToggle) | (segments % 2 != 0 ? kToggle : std::byte{0});
+         ++segments;
+     }},
+    {"segments.download_abort", "an abort in a download is taken as the next segment", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         if (is_request(address, data, 0x80)) data[2] = std::byte{0x10};
+     }},
+    {"segments.download_length", "fewer octets are announced than come", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         if (is_request(address, data, 0x21) && load_le<std::uint32_t>(data, 6) == 1023)
+             store_le(data, 6, std::uint32_t{1024});
+     }},
     {"segments.download_toggle", "another abort code", replace_abort<0x05030000, 0x08000000>},
     {.check = "sm.boot_settings",
      .what = "another code",
