@@ -6,8 +6,8 @@
 // SendTimes does that.
 #pragma once
 
-#include <algorithm>
-#include <array>
+#include <margay/detail/frame_times.hpp>
+
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -17,9 +17,7 @@ namespace margay {
 
 class SendClock {
   public:
-    // These octets of a frame are enough to recognise it: the Ethernet header, the EtherCAT header, and of the first
-    // datagram command, index and address.
-    static constexpr std::size_t kHeadBytes = 22;
+    static constexpr std::size_t kHeadBytes = detail::kFrameHeadBytes;
 
     // When the first octet of the newest frame with these first octets has left, in ns of the NIC's clock, from an
     // origin of the NIC's choice; nothing when that is not known, or not known yet. `head` has kHeadBytes octets. Never
@@ -31,43 +29,6 @@ class SendClock {
 };
 
 // The send times of the last frames, for a NIC that implements SendClock. For one thread at a time.
-class SendTimes {
-  public:
-    static constexpr std::size_t kMost = 16;
-
-    // `head`: at least SendClock::kHeadBytes octets; a shorter frame is not kept.
-    void add(std::span<const std::byte> head, std::uint64_t time_ns) noexcept {
-        if (head.size() < SendClock::kHeadBytes) return;
-        Stamp& stamp = stamps_[newest_ = (newest_ + 1) % kMost];
-        std::copy_n(head.begin(), stamp.head.size(), stamp.head.begin());
-        stamp.time_ns = time_ns;
-        stamp.used = true;
-    }
-    [[nodiscard]] std::optional<std::uint64_t> find(std::span<const std::byte> head) const noexcept {
-        if (head.size() < SendClock::kHeadBytes) return std::nullopt;
-        for (std::size_t n = 0; n < kMost; ++n) {
-            const Stamp& stamp = stamps_[(newest_ + kMost - n) % kMost];
-            if (stamp.used && is_same(stamp.head, head)) return stamp.time_ns;
-        }
-        return std::nullopt;
-    }
-
-  private:
-    struct Stamp {
-        std::array<std::byte, SendClock::kHeadBytes> head{};
-        std::uint64_t time_ns = 0;
-        bool used = false;
-    };
-    // The length in the EtherCAT header is not compared: other datagrams may travel in the frame.
-    static bool is_same(std::span<const std::byte> a, std::span<const std::byte> b) noexcept {
-        constexpr std::size_t kLength = 14;
-        constexpr std::size_t kDatagram = 16;
-        return std::equal(a.begin(), a.begin() + kLength, b.begin()) &&
-               std::equal(a.begin() + kDatagram, a.begin() + SendClock::kHeadBytes, b.begin() + kDatagram);
-    }
-
-    std::array<Stamp, kMost> stamps_{};
-    std::size_t newest_ = 0;
-};
+using SendTimes = detail::FrameTimes<SendClock::kHeadBytes>;
 
 }  // namespace margay

@@ -119,7 +119,7 @@ class PacketNic final : public Nic, public SendClock, public ReceiveClock, publi
     bool stamps_sent_ = false;
     bool stamps_received_ = false;
     SendTimes send_times_;
-    ReceiveStamps receive_stamps_;
+    ArrivalTimes receive_times_;
     Time send_time_ = kAtOnce;
     TimedSocket timed_;
     std::uint64_t timed_frames_ = 0;

@@ -86,7 +86,7 @@ void PacketNic::forget_stamps() noexcept {
     stamps_ = Stamps::off;
     stamps_sent_ = stamps_received_ = false;
     send_times_ = {};
-    receive_stamps_ = {};
+    receive_times_ = {};
 }
 
 Result<> PacketNic::stamp_frames(Stamps stamps, Stamped which) noexcept {
@@ -127,7 +127,7 @@ std::ptrdiff_t PacketNic::receive_stamped(std::span<std::byte> into) noexcept {
     std::optional<std::uint64_t> time_ns;
     for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr && !time_ns; c = CMSG_NXTHDR(&message, c))
         time_ns = time_in(*c, stamps_);
-    receive_stamps_.add(into.first(static_cast<std::size_t>(length)), time_ns);
+    receive_times_.add(into.first(static_cast<std::size_t>(length)), time_ns);
     return length;
 }
 
@@ -174,7 +174,7 @@ std::optional<std::uint64_t> PacketNic::send_time_ns(std::span<const std::byte> 
 }
 
 std::optional<std::uint64_t> PacketNic::receive_time_ns(std::span<const std::byte> head) noexcept {
-    return receive_stamps_.find(head);
+    return receive_times_.find(head);
 }
 
 Result<> PacketNic::allow_send_at(unsigned priority) noexcept {

@@ -89,7 +89,7 @@ std::size_t SimulatedNic::receive(std::span<std::byte> into) noexcept {
     const auto& slot = slots_[first_];
     const auto length = std::min(slot.length, into.size());
     std::copy_n(slot.bytes.begin(), length, into.begin());
-    if (options_.time_stamps) receive_stamps_.add(into.first(length), slot.arrived_ns);
+    if (options_.time_stamps) receive_times_.add(into.first(length), slot.arrived_ns);
     first_ = (first_ + 1) % slots_.size();
     --count_;
     return length;

@@ -51,7 +51,7 @@ class SimulatedNic final : public Nic, public SendClock, public ReceiveClock, pu
         return send_times_.find(head);
     }
     [[nodiscard]] std::optional<std::uint64_t> receive_time_ns(std::span<const std::byte> head) noexcept override {
-        return receive_stamps_.find(head);
+        return receive_times_.find(head);
     }
     void set_send_time(Time at) noexcept override { send_time_ = at; }
     [[nodiscard]] std::uint64_t missed() noexcept override { return missed_; }
@@ -88,7 +88,7 @@ class SimulatedNic final : public Nic, public SendClock, public ReceiveClock, pu
     std::uint64_t sent_ = 0;
     std::uint64_t lost_ = 0;
     SendTimes send_times_;
-    ReceiveStamps receive_stamps_;
+    ArrivalTimes receive_times_;
     Time send_time_ = kAtOnce;
     std::vector<HeldFrame> held_;
     FrameQueue timed_;

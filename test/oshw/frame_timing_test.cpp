@@ -21,8 +21,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(ReceiveStampsTest, FindsTheNewestFrameByItsHead) {
-    ReceiveStamps stamps;
+TEST(ArrivalTimesTest, FindsTheNewestFrameByItsHead) {
+    ArrivalTimes stamps;
     std::array<std::byte, 64> frame{};
     const auto head = Bytes(frame).first(ReceiveClock::kHeadBytes);
     EXPECT_FALSE(stamps.find(head));
@@ -43,7 +43,7 @@ TEST(ReceiveStampsTest, FindsTheNewestFrameByItsHead) {
     stamps.add(Bytes(frame).first(10), 400);
     EXPECT_EQ(stamps.find(head), 300U) << "a short frame is not kept";
     EXPECT_FALSE(stamps.find(head.first(10)));
-    for (unsigned n = 0; n < ReceiveStamps::kMost; ++n) {
+    for (unsigned n = 0; n < ArrivalTimes::kMost; ++n) {
         frame[17] = static_cast<std::byte>(100 + n);
         stamps.add(frame, n);
     }

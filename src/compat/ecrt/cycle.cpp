@@ -104,8 +104,10 @@ void be_steady(Bus& bus) {
         bus.operation->step(now);
     else
         bus.operation->check(now);
-    if (bus.dirty || now >= bus.refresh_at) bus.refresh_facts(now);
-    for (const auto& exchange : bus.exchanges) update_best(bus, *exchange);
+    const bool changed = bus.dirty;
+    if (changed || now >= bus.refresh_at) bus.refresh_facts(now);
+    for (const auto& exchange : bus.exchanges)
+        if (changed || exchange->best != Answer::complete) update_best(bus, *exchange);
     be_steady(bus);
 }
 

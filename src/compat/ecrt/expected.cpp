@@ -14,7 +14,7 @@
 namespace margay::compat::ecrt {
 namespace {
 
-constexpr std::size_t kNewcomers = 16;  // devices behind the line that may come later
+constexpr std::size_t kNewcomers = 4;  // devices behind the line that may come later
 constexpr SlaveConfiguration kOnlyPreop{.highest = AlState::preop};
 
 }  // namespace

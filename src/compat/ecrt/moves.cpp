@@ -12,6 +12,7 @@
 namespace margay::compat::ecrt {
 namespace {
 
+constexpr Duration kLookEvery = std::chrono::milliseconds(50);
 constexpr Duration kSettled = std::chrono::milliseconds(300);  // a ring that is being changed is read wrongly
 
 bool is_there(const Slave& slave) { return slave.ring_position != 0 && slave.al.state != AlState::none; }
@@ -50,17 +51,21 @@ bool Operation::may_attach(const ec_slave_config& config) const {
     return bus_.answering > config.position && std::ranges::any_of(bus_.strangers, fits);
 }
 
+bool Operation::is_misplaced() const {
+    const auto is_wrong = [this](const auto& config) { return is_moved(*config) || may_attach(*config); };
+    return restarts_left_ != 0 && target_ == AlState::op && !bus_.silent && std::ranges::any_of(bus_.configs, is_wrong);
+}
+
 void Operation::check(Time now) {
     if (stage_ != Stage::running) return;
-    const auto is_wrong = [this](const auto& config) { return is_moved(*config) || may_attach(*config); };
-    const bool wrong =
-        restarts_left_ != 0 && target_ == AlState::op && !bus_.silent && std::ranges::any_of(bus_.configs, is_wrong);
-    if (!wrong) {
-        misplaced_since_ = {};
-    } else if (misplaced_since_ == Time{}) {
-        misplaced_since_ = now;
-    } else if (now - misplaced_since_ >= kSettled) {
-        return start_again();
+    if (now >= look_at_) {
+        look_at_ = now + kLookEvery;
+        if (!is_misplaced())
+            misplaced_since_ = {};
+        else if (misplaced_since_ == Time{})
+            misplaced_since_ = now;
+        else if (now - misplaced_since_ >= kSettled)
+            return start_again();
     }
     if (supervise_.busy() || now < retry_) return;
     retry_ = now + kRetry;

@@ -56,6 +56,7 @@ class Operation {
     // Devices at other positions than planned (moves.cpp).
     [[nodiscard]] bool is_moved(const ec_slave_config& config) const;
     [[nodiscard]] bool may_attach(const ec_slave_config& config) const;
+    [[nodiscard]] bool is_misplaced() const;
     void start_again();
     void end_scan(Time now);
     void begin_clock(Time now);
@@ -75,6 +76,7 @@ class Operation {
     unsigned restarts_left_ = kMostRestarts;
     bool again_ = false;  // the start-up is not the first one
     Time misplaced_since_{};
+    Time look_at_{};  // when the positions are compared again
     AlState target_ = AlState::op;
     std::vector<ExpectedSlave> old_expected_;  // the slaves point to it until the scan of a new start has ended
     std::vector<ExpectedSlave> expected_;

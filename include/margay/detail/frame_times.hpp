@@ -1,0 +1,60 @@
+// The times of the last frames of a NIC, found by the first octets of a frame.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+namespace margay::detail {
+
+// These octets of a frame are enough to recognise it: the Ethernet header, the EtherCAT header, and of the first
+// datagram command, index and address.
+inline constexpr std::size_t kFrameHeadBytes = 22;
+
+// Compares the Ethernet header, and the first datagram up to octet `Compared` of the frame. The length in the EtherCAT
+// header is not compared: other datagrams may travel in the frame. For one thread at a time.
+template <std::size_t Compared>
+class FrameTimes {
+  public:
+    static constexpr std::size_t kMost = 16;
+
+    // `head`: at least kFrameHeadBytes octets; a shorter frame is not kept. `time_ns`: nothing if the NIC has no time
+    // for this frame.
+    void add(std::span<const std::byte> head, std::optional<std::uint64_t> time_ns) noexcept {
+        if (head.size() < kFrameHeadBytes) return;
+        Entry& entry = entries_[newest_ = (newest_ + 1) % kMost];
+        std::copy_n(head.begin(), entry.head.size(), entry.head.begin());
+        entry.time_ns = time_ns;
+        entry.used = true;
+    }
+    // Of the newest frame with this head.
+    [[nodiscard]] std::optional<std::uint64_t> find(std::span<const std::byte> head) const noexcept {
+        if (head.size() < kFrameHeadBytes) return std::nullopt;
+        for (std::size_t n = 0; n < kMost; ++n) {
+            const Entry& entry = entries_[(newest_ + kMost - n) % kMost];
+            if (entry.used && is_same(entry.head, head)) return entry.time_ns;
+        }
+        return std::nullopt;
+    }
+
+  private:
+    struct Entry {
+        std::array<std::byte, kFrameHeadBytes> head{};
+        std::optional<std::uint64_t> time_ns;
+        bool used = false;
+    };
+    static bool is_same(std::span<const std::byte> a, std::span<const std::byte> b) noexcept {
+        constexpr std::size_t kLength = 14;
+        constexpr std::size_t kDatagram = 16;
+        return std::equal(a.begin(), a.begin() + kLength, b.begin()) &&
+               std::equal(a.begin() + kDatagram, a.begin() + Compared, b.begin() + kDatagram);
+    }
+
+    std::array<Entry, kMost> entries_{};
+    std::size_t newest_ = 0;
+};
+
+}  // namespace margay::detail
