@@ -252,7 +252,7 @@ void MailboxChannel::left(MailExchange& exchange) {
     const bool first = exchange.state_ == MailExchange::State::queued;
     if (!exchange.options_.reply) {
         unanswered_until_ = now() + mail_timing::kOwedPatience;
-        silent_ = true;
+        left_open_ = true;
         return finish(exchange, {});
     }
     if (first) {

@@ -280,7 +280,8 @@ class MailboxChannel {
 
     // Sending.
     bool resend_ = false;
-    bool silent_ = false;           // a message without reply was sent since open(): see unanswered_until_
+    bool left_open_ = false;  // since open(), a message was sent that the slave may still refuse by an error reply,
+                              // although no exchange waits for it
     std::uint8_t out_counter_ = 0;  // of the last message that was sent
     std::uint8_t trial_counter_ = 0;
     Errc cut_by_ = Errc::mailbox_closed;

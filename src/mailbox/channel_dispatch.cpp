@@ -138,10 +138,7 @@ void MailboxChannel::error_reply(Bytes data) {
         return;
     }
     // A slave that works on several protocols at a time may mean another exchange, or one that was given up.
-    const auto doubtful = [](const Owed& owed) { return owed.mails != 0 && owed.lasts; };
-    if (silent_ || awaiting_.after(oldest) != nullptr || std::ranges::any_of(owed_, doubtful)) {
-        owe_in_doubt(oldest);
-    }
+    if (left_open_ || awaiting_.after(oldest) != nullptr) owe_in_doubt(oldest);
     finish(oldest, error_of(number_, data));
 }
 

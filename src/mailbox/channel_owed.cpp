@@ -24,6 +24,7 @@ std::size_t MailboxChannel::owed_place(wire::MailboxType type) {
 
 MailboxChannel::Owed& MailboxChannel::owe(wire::MailboxType type, std::uint64_t key, std::uint8_t mails, Time until) {
     Owed& owed = owed_of(type);
+    left_open_ = true;
     if (key == 0) return owed;
     if (!is_current(owed, now()) && !(owed.mails != 0 && owed.lasts))
         owed = {.key = key,

@@ -172,7 +172,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     has_counted_ = false;
     in_counter_ = out_counter_ = 0;
     silent_looks_ = 0;
-    silent_ = false;
+    left_open_ = false;
     unfinished_ = 0;
     // Mail from before, for example to another master, is fetched before the first message is sent.
     glance_ = true;

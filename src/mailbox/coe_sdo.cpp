@@ -95,10 +95,10 @@ Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::u
         if (channel.is_fenced()) soon = later(engine.now(), kSoonLate);
     }
     Error failed{.code = Errc::reply_lost};
-    unsigned refused = 0;  // error replies; one of them may be that of another protocol
+    // An error reply may be that of another message, so no number of them is an answer to the questions.
     const auto go_on = [&] {
-        const bool again = failed.code == Errc::mailbox_error && refused == 1 && engine.now() < patience.give_up;
-        return failed.code == Errc::reply_lost || again;
+        const bool refused = failed.code == Errc::mailbox_error && engine.now() < patience.give_up;
+        return failed.code == Errc::reply_lost || refused;
     };
     for (unsigned n = 0; go_on() && n <= kMostAskedAgain && channel.is_doubtful(key);) {
         const std::uint64_t asked = channel.next_question();
@@ -110,7 +110,7 @@ Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::u
         channel.statistics().unexpected += question.late;
         if (question.settled)
             channel.forget_owed();
-        else if (failed.code == Errc::none || (failed.code == Errc::mailbox_error && ++refused == 2))
+        else if (failed.code == Errc::none)
             channel.end_doubt();
     }
     if (channel.is_doubtful(key)) co_return complete(failed, channel, about, step);

@@ -31,11 +31,14 @@ class MailboxErrors : public testing::Test {
     }
     void refuse_message(Duration after) { reply(after, mail_bytes({1, 0, 2, 0}), MailboxType::error); }
     // In order, one after the other. Objects of 0x20xx accept values below 10, other objects are read.
-    void answer_sdo(Bytes data, Duration time) {
+    void reply_in_order(Duration time, const Mail& mail, MailboxType type) {
         const Time now = bus.osal.now();
         free_ = std::max(free_, now) + time;
-        reply(free_ - now, sdo_answer(data), MailboxType::coe);
+        reply(free_ - now, mail, type);
     }
+    void answer_sdo(Bytes data, Duration time) { reply_in_order(time, sdo_answer(data), MailboxType::coe); }
+    void refuse_in_order(Duration time) { reply_in_order(time, mail_bytes({1, 0, 2, 0}), MailboxType::error); }
+    static bool is_good_write(Bytes data) { return octet(data, 4) == 0x20 && octet(data, 6) < 10; }
     void step() {
         for (std::size_t n = 0; n < replies_.size();) {
             if (bus.osal.now() < replies_[n].due) {
@@ -101,7 +104,7 @@ class MailboxErrors : public testing::Test {
 TEST_F(MailboxErrors, OfAFileWhileAWriteIsAtWork) {
     answers = [this](MailboxType type, Bytes data) {
         if (type == MailboxType::foe && octet(data, 0) == 1) refuse_message(1ms);
-        if (is_sdo(type, data)) answer_sdo(data, octet(data, 4) == 0x20 && octet(data, 6) < 10 ? 500ms : 1ms);
+        if (is_sdo(type, data)) answer_sdo(data, is_good_write(data) ? 500ms : 1ms);
     };
     Write write(1, 0x2000, 0ms);
     begin(write);
@@ -117,7 +120,7 @@ TEST_F(MailboxErrors, OfAFileWhileAWriteIsAtWork) {
 TEST_F(MailboxErrors, OfAFileWhileAQuestionWaits) {
     answers = [this](MailboxType type, Bytes data) {
         if (type == MailboxType::foe && octet(data, 0) == 1) refuse_message(1ms);
-        if (is_sdo(type, data)) answer_sdo(data, octet(data, 4) == 0x20 && octet(data, 6) < 10 ? 500ms : 1ms);
+        if (is_sdo(type, data)) answer_sdo(data, is_good_write(data) ? 500ms : 1ms);
     };
     Write write(1, 0x2000, 100ms);
     EXPECT_EQ(finish(write).code, Errc::timeout);
@@ -171,6 +174,68 @@ TEST_F(MailboxErrors, OfSeveralProtocolsAtOnce) {
     for (Request* request : {static_cast<Request*>(&mail), static_cast<Request*>(&soe), static_cast<Request*>(&sdo)})
         EXPECT_EQ(run(*request).code, Errc::mailbox_error) << bus.words(request->error());
     EXPECT_LT(bus.osal.now() - start, 20ms);
+}
+
+// The slave keeps messages in a queue. The errors of messages that were given up come before the confirmation of a
+// write that was given up, too.
+TEST_F(MailboxErrors, OfAQueueAreNoAnswersToQuestions) {
+    for (const unsigned errors : {2U, 3U, 7U}) {
+        SCOPED_TRACE(errors);
+        unsigned refused = 0;
+        answers = [&](MailboxType type, Bytes data) {
+            if (type == MailboxType::voe) refuse_in_order(refused++ == 0 ? 2s : 20ms);
+            if (is_sdo(type, data)) answer_sdo(data, is_good_write(data) ? 300ms : 1ms);
+        };
+        const Mail question = mail_bytes({1, 0, 0, 0, 1, 0, 1});
+        while (refused < errors) {
+            RawMail mail;
+            mail.slave = 1;
+            mail.type = MailboxType::voe;
+            mail.message = Bytes(question);
+            mail.answer = octets;
+            mail.timeout = 20ms;
+            EXPECT_EQ(finish(mail).code, Errc::timeout);
+            idle(120ms);
+        }
+        Write write(1, 0x2000, 50ms);
+        EXPECT_EQ(finish(write).code, Errc::timeout);
+        idle(200ms);
+        Error error{.code = Errc::mailbox_error};
+        for (unsigned n = 0; n < 3 && error.code == Errc::mailbox_error; ++n) {
+            Write second(99, 0x2000, 0ms);
+            error = finish(second);
+        }
+        EXPECT_EQ(error.code, Errc::sdo_abort) << bus.words(error);
+        idle(2s);
+    }
+}
+
+// Requests of protocols without a message that ends them: the slave refuses them when another request is at work.
+TEST_F(MailboxErrors, OfRequestsThatWereGivenUpLongAgo) {
+    std::array<std::byte, 4> value{};
+    SoeRead soe;
+    soe.idn = Idn{100};
+    soe.data = value;
+    AoeRead aoe;
+    aoe.target = {{{10, 0, 0, 1, 2, 1}}, 1001};
+    aoe.data = value;
+    for (MailRequest* first : {static_cast<MailRequest*>(&soe), static_cast<MailRequest*>(&aoe)}) {
+        answers = [&](MailboxType type, Bytes data) {
+            if (type != MailboxType::coe) refuse_in_order(1s);
+            if (is_sdo(type, data)) answer_sdo(data, is_good_write(data) ? 300ms : 1ms);
+        };
+        first->slave = 1;
+        first->timeout = 50ms;
+        EXPECT_EQ(finish(*first).code, Errc::timeout);
+        idle(500ms);
+        Write write(1, 0x2000, 0ms);
+        EXPECT_EQ(finish(write).code, Errc::mailbox_error);
+        expect_refused(0x2000);
+        // The mailbox is opened again: nothing is known of what was before.
+        ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::init).ok());
+        ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::preop).ok());
+        idle(2s);
+    }
 }
 
 // A slave drops all messages of 2 s: it is asked with another object each time.
