@@ -430,5 +430,41 @@ TEST(BootRegisters, SyncManagersAreSwitchedOffBeforeTheyAreMoved) {
     EXPECT_EQ(writes.moved_while_on, 0U);
 }
 
+// Each frame of the way to BOOT, of a file there, and of the way back is lost on its way out, lost on its way back, or
+// sent twice.
+TEST(BootLostFrames, EveryFrameOfTheWayThereAndBack) {
+    enum class Fault { none, lost_out, lost_in, twice };
+    const auto run = [](Fault fault, std::uint64_t at) {
+        MailboxBus bus;
+        bus.add_device(sim::make_device("bootloader_open").value());
+        bus.start();
+        bus.idle(20ms);
+        const auto before = bus.nic->sent;
+        if (fault == Fault::lost_out) bus.nic->lose_out.insert(before + at);
+        if (fault == Fault::lost_in) bus.nic->lose_in.insert(before + at);
+        if (fault == Fault::twice) bus.nic->twice.insert(before + at);
+        const Error there = bring(bus, AlState::boot);
+        EXPECT_EQ(there.code, Errc::none) << bus.words(there);
+        EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::boot);
+        std::array<std::byte, 8192> memory{};
+        const auto file = FOEread(*bus.ctx, 1, "firmware", 0, std::span(memory));
+        EXPECT_TRUE(file.ok()) << bus.words(file.error());
+        const Error back = bring(bus, AlState::preop);
+        EXPECT_EQ(back.code, Errc::none) << bus.words(back);
+        EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::preop);
+        const auto type = SDOread<std::uint32_t>(*bus.ctx, 1, 0x1000, 0);
+        EXPECT_TRUE(type.ok()) << bus.words(type.error());
+        return bus.nic->sent - before;
+    };
+    const auto frames = run(Fault::none, 0);
+    ASSERT_LT(frames, 400U);
+    for (const Fault fault : {Fault::lost_out, Fault::lost_in, Fault::twice})
+        for (std::uint64_t at = 0; at < frames; ++at) {
+            SCOPED_TRACE(testing::Message()
+                         << "fault " << static_cast<int>(fault) << " at frame " << at << " of " << frames);
+            (void)run(fault, at);
+        }
+}
+
 }  // namespace
 }  // namespace margay
