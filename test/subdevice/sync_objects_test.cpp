@@ -172,5 +172,38 @@ TEST_F(MeasuredTimes, StepsFeedThePdiWatchdog) {
     EXPECT_EQ(bench.step(), bench.esc.time + 20ms);
 }
 
+TEST(SyncObjects, TheMasterSetsTheLimitAndTheCycleTime) {
+    Bench bench;
+    bench.esc.ecat_set<std::uint32_t>(0x09A0, 200'000);
+    bench.esc.ecat_set<std::uint8_t>(0x0981, 3);
+    EXPECT_EQ(upload(bench, 0x10F1, 2).number(), 4u) << "the description's limit";
+    ASSERT_EQ(download(bench, 0x10F1, 2, number(1, 2)).abort, Abort::none);
+    ASSERT_EQ(download(bench, 0x1C32, 2, number(1'000'000, 4)).abort, Abort::none);
+    const auto sync = [&] {
+        bench.esc.time += 200us;
+        bench.esc.raise(wire::al_event::kDcSync0);
+        (void)bench.step();
+    };
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    EXPECT_EQ(bench.process_data.syncs_per_frame(), 5u);
+    EXPECT_EQ(download(bench, 0x10F1, 2, number(9, 2)).abort, Abort::device_state);
+    ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 0, 1})));
+    (void)bench.request(8);
+    sync();
+    ASSERT_EQ(bench.esc.al_status().state, AlState::op);
+    for (int n = 0; n < 20; ++n) {
+        ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 0, 1})));
+        (void)bench.step();
+        for (int k = 0; k < 5; ++k) sync();
+    }
+    EXPECT_EQ(bench.esc.al_status().state, AlState::op);
+    EXPECT_EQ(upload(bench, 0x1C32, 0x0B).number(), 0u);
+    for (int n = 0; n < 5; ++n) sync();
+    EXPECT_EQ(bench.esc.al_status().code, static_cast<std::uint16_t>(AlStatusCode::synchronization_error));
+    EXPECT_EQ(upload(bench, 0x1C32, 0x0B).number(), 1u);
+    EXPECT_EQ(upload(bench, 0x1C32, 0x20).number(), 1u);
+    EXPECT_EQ(upload(bench, 0x1C33, 4).number(), 6u) << "SM event, DC SYNC0";
+}
+
 }  // namespace
 }  // namespace margay::subdevice
