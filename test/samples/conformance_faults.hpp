@@ -28,6 +28,11 @@ struct Fault {
     std::string_view device = "odd_device";
 };
 
+// Tables of faults, one for each subject.
+[[nodiscard]] std::span<const Fault> machine_faults();
+[[nodiscard]] std::span<const Fault> mail_faults();
+[[nodiscard]] std::span<const Fault> object_faults();
+
 class FaultyPdi final : public subdevice::EscAccess {
   public:
     FaultyPdi(subdevice::EscAccess& esc, const Fault& fault) : esc_(esc), fault_(fault) {}
@@ -215,6 +220,7 @@ inline bool count_segments(std::uint16_t address, Octets& data) {
     if (specifier == coe::response::kUploadSegment) ++segments_sent;
     return true;
 }
+inline bool ignores_abort = false;  // the client has aborted behind the first segment
 inline void read_right_toggle(std::uint16_t address, MutableBytes data) {
     if (segments_sent == 0 || (!is_request(address, data, 0x60) && !is_request(address, data, 0x70))) return;
     data[2] = segments_sent % 2 != 0 ? std::byte{0x70} : std::byte{0x60};
