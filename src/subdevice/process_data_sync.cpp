@@ -188,7 +188,8 @@ void ProcessData::watch_lock() {
 
 // ------------------------------------------------------------------ SYNC signals
 
-// Reading the status ends the signal and its AL event.
+// Reading the status ends the signal and its AL event. Below SAFEOP the pulse length is not known: the read does no
+// harm.
 void ProcessData::acknowledge(wire::Register status) { (void)read_register<std::uint8_t>(esc_, status.address); }
 
 void ProcessData::serve_sync(Time now) {
@@ -200,7 +201,7 @@ void ProcessData::serve_sync(Time now) {
 
 void ProcessData::sync0(Time now) {
     sync_by_pin_ = true;
-    if (acknowledged_sync_) acknowledge(reg::kSync0Status);
+    if (acknowledged_sync_ || !running_) acknowledge(reg::kSync0Status);
     if (!running_ || mode_ != SyncMode::dc_sync0) return;
     // Outputs that have arrived belong to this SYNC0, although the handler of their event has not executed yet.
     const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
@@ -211,7 +212,7 @@ void ProcessData::sync0(Time now) {
 
 void ProcessData::sync1(Time now) {
     sync1_by_pin_ = true;
-    if (acknowledged_sync_) acknowledge(reg::kSync1Status);
+    if (acknowledged_sync_ || !running_) acknowledge(reg::kSync1Status);
     if (running_ && mode_ == SyncMode::dc_sync0) application_.sync1(now);
 }
 

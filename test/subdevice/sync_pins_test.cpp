@@ -64,6 +64,14 @@ TEST_P(SyncPins, Sync1CallsTheApplication) {
     EXPECT_EQ(bench.application.syncs1, 1u);
 }
 
+// The master switches the signals on in PREOP. Without an acknowledge, a handler of a level is called for ever.
+TEST_P(SyncPins, SignalsBeforeSafeopAreAcknowledged) {
+    bench.esc.raise(wire::al_event::kDcSync0 | wire::al_event::kDcSync1);
+    bench.device->sync0(bench.esc.time);
+    bench.device->sync1(bench.esc.time);
+    EXPECT_EQ(bench.esc.events() & (wire::al_event::kDcSync0 | wire::al_event::kDcSync1), 0u);
+}
+
 TEST_P(SyncPins, Sync1AsAnEventCallsTheApplication) {
     bench.application.description_value.dc.sync1 = true;
     bench.esc.ecat_set<std::uint8_t>(0x0981, 7);
