@@ -7,9 +7,13 @@
 //     constexpr Object kObjects[] = {variable(0x7000, "Lamps", kLamps)};
 //     using Stack = StandardDevice<kDevice, kObjects, Values>;
 //
-//     class Lamps final : public Application { … };
+//     struct Lamps final : Stack::App {
+//         using App::App;
+//         void cycle(Time, bool outputs_valid) override { … values.lamps … }
+//         void safe_outputs(Time) override { … }           // OP has ended: cycle() need not be called again
+//     };
 //     Stack::Memory memory;
-//     Lamps lamps(memory.values);
+//     Lamps lamps(memory);
 //     Stack stack(esc, lamps, memory);                     // esc: the EscAccess of the board
 //     stack.device.start(now);
 //     for (;;) (void)stack.device.step(esc.now());         // RunMode::polling; see device.hpp for the other modes
@@ -251,6 +255,17 @@ class StandardDevice {
         ProcessDataMemory<most_bytes(Description, true), most_bytes(Description, false), MostMapped> process_data;
     };
 
+    // The base class of the author's application, with the description and the values.
+    class App : public Application {
+      public:
+        explicit App(Memory& memory) : values(memory.values) {}
+        [[nodiscard]] const DeviceDescription& description() const override { return Description; }
+
+      protected:
+        ~App() = default;
+        Values& values;
+    };
+
     // All arguments must outlive the device. `eeprom`: for an ESC without an EEPROM.
     StandardDevice(EscAccess& esc, Application& application, Memory& memory,
                    const std::array<MailboxProtocol, More>& more = {}, RunMode mode = RunMode::polling,
@@ -280,7 +295,7 @@ class StandardDevice {
 
 // Hooks of objects that are functions of the author's application:
 //
-//     class Lamps final : public Application {
+//     struct Lamps final : Application {
 //         HookAnswer check_dimming(const ObjectAccess& access, Bytes data);
 //         void dimmed(const ObjectAccess& access);
 //     };
