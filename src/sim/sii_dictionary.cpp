@@ -91,7 +91,7 @@ void SiiDictionary::add_fixed(const SiiModel& model) {
         while (types.size() <= manager)
             types.push_back(
                 subdevice::constant<std::uint8_t>(static_cast<std::uint8_t>(types.size() + 1), "SyncManager type", 0));
-        types[manager].initial = static_cast<std::uint64_t>(type);
+        types[manager].low = static_cast<std::uint32_t>(type);
     };
     if (device.mailbox.present()) set(0, 1), set(1, 2);
     for (const auto& area : model.areas)
@@ -207,10 +207,9 @@ subdevice::Entry SiiDictionary::in_image(std::uint8_t subindex, const char* name
                       .access = access,
                       .bits = bits,
                       .offset = static_cast<std::uint32_t>(image_bytes_),
-                      .name = name,
-                      .initial = initial};
+                      .name = name};
     image_bytes_ += entry.bytes();
-    return entry;
+    return entry.beginning(initial);
 }
 
 const char* SiiDictionary::name(sii::StringNumber number, const char* otherwise) {

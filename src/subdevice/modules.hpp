@@ -121,7 +121,7 @@ struct Mapped {
         ++all.pdos;
         for (const auto& entry : object.entries.subspan(1)) {
             ++all.entries;
-            all.bits += MappingEntry::of(static_cast<std::uint32_t>(entry.initial)).bits;
+            all.bits += MappingEntry::of(static_cast<std::uint32_t>(entry.initial())).bits;
         }
     }
     return all;

@@ -7,7 +7,7 @@
 
 namespace margay::subdevice {
 
-static_assert(sizeof(void*) != 4 || sizeof(Entry) == 32, "the table of a device has an entry for each line");
+static_assert(sizeof(void*) != 4 || sizeof(Entry) == 28, "the table of a device has an entry for each line");
 
 const Object* ObjectDictionary::from(std::uint32_t index) const {
     const Object* first = nullptr;
@@ -63,9 +63,9 @@ MutableBytes ObjectDictionary::in_image(const Object& object, const Entry& entry
 
 std::uint64_t ObjectDictionary::initial(const Object& object, const Entry& entry) const {
     const bool pdo = object.index >= 0x1600 && object.index < 0x1C00;
-    const auto mapped = MappingEntry::of(static_cast<std::uint32_t>(entry.initial)).index;
-    if (object.slot <= 1 || !pdo || entry.subindex == 0 || !moves_with_slot(mapped)) return entry.initial;
-    return entry.initial + (std::uint32_t{module_distance_} << 16) * (object.slot - 1U);
+    const auto mapped = MappingEntry::of(static_cast<std::uint32_t>(entry.initial())).index;
+    if (object.slot <= 1 || !pdo || entry.subindex == 0 || !moves_with_slot(mapped)) return entry.initial();
+    return entry.initial() + (std::uint32_t{module_distance_} << 16) * (object.slot - 1U);
 }
 
 std::uint64_t ObjectDictionary::number(std::uint16_t index, unsigned subindex) const {

@@ -18,11 +18,9 @@
 
 #include "subdevice/description.hpp"
 #include "subdevice/esc_access.hpp"
+#include "subdevice/object.hpp"
 #include "subdevice/values.hpp"
 #include "util/bytes.hpp"
-#include "wire/coe.hpp"
-
-#include <margay/al_state.hpp>
 
 #include <algorithm>
 #include <array>
@@ -31,169 +29,6 @@
 #include <string_view>
 
 namespace margay::subdevice {
-
-using wire::coe::Abort;
-using wire::coe::DataType;
-using wire::coe::ObjectCode;
-
-// Access bits of entries. wire::coe::access has more.
-namespace od {
-using namespace wire::coe::access;
-inline constexpr std::uint16_t kReadOnly = kRead;
-inline constexpr std::uint16_t kReadWrite = kRead | kWrite;
-// For settings that must not change in SAFEOP and OP.
-inline constexpr std::uint16_t kReadWritePreop = kRead | kWritePreop;
-}  // namespace od
-
-enum class Storage : std::uint8_t {
-    nothing,   // padding; reads as zero
-    constant,  // the value is Entry::initial
-    text,      // the value is Entry::text
-    image,     // the value is in the image of the device
-    provided,  // ObjectHooks::memory returns the value
-};
-
-// The smallest and the largest value that a download may write.
-struct ValueLimits {
-    std::int64_t minimum = 0;
-    std::int64_t maximum = 0;
-};
-template <std::int64_t Minimum, std::int64_t Maximum>
-inline constexpr ValueLimits kLimits{Minimum, Maximum};
-
-// The text of a string, or the limits of a number.
-class TextOrLimits {
-  public:
-    constexpr TextOrLimits(const char* text = nullptr) : text_(text) {}
-    constexpr TextOrLimits(const ValueLimits* limits) : limits_(limits) {}
-    [[nodiscard]] constexpr const char* text() const { return text_; }
-    [[nodiscard]] constexpr const ValueLimits* limits() const { return limits_; }
-
-  private:
-    union {
-        const char* text_;
-        const ValueLimits* limits_;
-    };
-};
-
-// One subindex, or several consecutive subindices with equal properties. 32 octets on a processor of 32 bits: a table
-// has one for each line, so what few entries need is behind a pointer.
-struct Entry {
-    std::uint8_t subindex = 0;
-    std::uint8_t count = 1;  // number of subindices from `subindex` on; their values are adjacent in the image
-    Storage storage = Storage::nothing;
-    bool limited = false;  // `more` has limits
-    DataType type = DataType::none;
-    std::uint16_t access = 0;
-    std::uint32_t bits = 0;    // size of one value
-    std::uint32_t offset = 0;  // of the first value, in octets from the start of the image
-    const char* name = "";     // ends with a zero
-    // Constant, or initial value of a string; nullptr: `initial` is a number.
-    TextOrLimits more{};
-    std::uint64_t initial = 0;  // constant, or initial value of a number; with a text: the number of its octets
-
-    [[nodiscard]] constexpr std::uint32_t bytes() const { return (bits + 7) / 8; }
-    [[nodiscard]] constexpr unsigned last() const { return unsigned{subindex} + count - 1u; }
-    [[nodiscard]] constexpr bool is_padding() const { return storage == Storage::nothing; }
-    [[nodiscard]] constexpr bool is_text() const { return !limited && more.text() != nullptr; }
-    [[nodiscard]] constexpr const ValueLimits& limits() const { return *more.limits(); }  // valid if `limited`
-    // The constant or initial value of a string; empty for a number.
-    [[nodiscard]] constexpr std::string_view content() const {
-        return is_text() ? std::string_view(more.text(), static_cast<std::size_t>(initial)) : std::string_view();
-    }
-    // Octet `n` of the initial value.
-    [[nodiscard]] constexpr std::byte initial_octet(std::size_t n) const {
-        if (is_text()) return n < initial ? static_cast<std::byte>(more.text()[n]) : std::byte{0};
-        return n < 8 ? static_cast<std::byte>(initial >> (8 * n)) : std::byte{0};
-    }
-
-    // Return a copy of the entry: with limits for downloads (numbers only), with another data type, or for `n`
-    // subindices. The limits must exist as long as the table: kLimits<0, 100>, or a constant of the author.
-    [[nodiscard]] constexpr Entry within(const ValueLimits& allowed) const {
-        Entry e = *this;
-        e.limited = true;
-        e.more = &allowed;
-        return e;
-    }
-    Entry within(const ValueLimits&&) const = delete;
-    [[nodiscard]] constexpr Entry as(DataType other) const {
-        Entry e = *this;
-        e.type = other;
-        return e;
-    }
-    [[nodiscard]] constexpr Entry times(std::uint8_t n) const {
-        Entry e = *this;
-        e.count = n;
-        return e;
-    }
-};
-
-struct Object;
-class Application;
-class ObjectDictionary;
-class PdoMapping;
-
-// The arguments of a hook.
-struct ObjectAccess {
-    const Object& object;
-    std::uint8_t subindex = 0;
-    bool complete = false;  // complete access: all subindices from `subindex` on
-    bool write = false;
-    std::size_t bytes = 0;  // size of the data of a write
-    AlState state = AlState::none;
-    Time now{};
-    ObjectDictionary& dictionary;
-    Application* application = nullptr;
-    bool again = false;  // a hook has answered later() to this access before
-};
-
-// The answer of a hook. Abort::none continues the access, another code aborts it, later() calls the hook again at that
-// time.
-struct HookAnswer {
-    constexpr HookAnswer(Abort code = Abort::none) : abort(code) {}
-    [[nodiscard]] static constexpr HookAnswer later(Time when) {
-        HookAnswer answer;
-        answer.again = when;
-        return answer;
-    }
-    [[nodiscard]] constexpr bool waits() const { return again != kNever; }
-    Abort abort;
-    Time again = kNever;
-};
-
-// Hooks of an object. They are called from Device::step() in the order of the members. Each may be nullptr.
-struct ObjectHooks {
-    // False: the device does not have the object. SDO and SDO information answer Abort::no_object, lists leave the
-    // object out, and it cannot be mapped. Of the access, only object, dictionary and application are set.
-    bool (*exists)(const ObjectAccess&) = nullptr;
-    HookAnswer (*before_read)(const ObjectAccess&) = nullptr;  // may update the value
-    HookAnswer (*before_write)(const ObjectAccess&,
-                               Bytes data) = nullptr;    // `data`: one value, or the data of a complete access
-    void (*after_write)(const ObjectAccess&) = nullptr;  // the value is stored
-    // Storage::provided: returns the value with its current length; for a write it returns all available memory.
-    MutableBytes (*memory)(const ObjectAccess&) = nullptr;
-    // Values larger than the staging buffer are read from the memory of the object, and written into it, segment by
-    // segment; before_write is called after that. false: they are refused.
-    bool in_pieces = false;
-};
-
-struct Object {
-    std::uint16_t index = 0;
-    ObjectCode code = ObjectCode::null;
-    std::uint8_t slot = 0;  // the object belongs to the module in this slot, from 1 on; 0: to the device (modules.hpp)
-    DataType type = DataType::none;
-    std::uint16_t image_start = 0;  // added to the offsets of the entries: the values of the module
-    std::string_view name{};
-    std::span<const Entry> entries{};  // ascending by subindex
-    const ObjectHooks* hooks = nullptr;
-
-    [[nodiscard]] constexpr const Entry* entry(unsigned subindex) const {
-        for (const auto& e : entries)
-            if (subindex >= e.subindex && subindex <= e.last()) return &e;
-        return nullptr;
-    }
-    [[nodiscard]] constexpr unsigned max_subindex() const { return entries.empty() ? 0 : entries.back().last(); }
-};
 
 // ------------------------------------------------------------------ functions to build tables
 
@@ -213,14 +48,14 @@ inline constexpr DataType kTypeOf = [] {
 template <class F>
 [[nodiscard]] constexpr Entry value(std::uint8_t subindex, const char* name, std::uint16_t access,
                                     typename F::Type initial = 0) {
-    return {.subindex = subindex,
-            .storage = Storage::image,
-            .type = kTypeOf<typename F::Type>,
-            .access = access,
-            .bits = sizeof(typename F::Type) * 8,
-            .offset = F::offset,
-            .name = name,
-            .initial = static_cast<std::uint64_t>(initial)};
+    return Entry{.subindex = subindex,
+                 .storage = Storage::image,
+                 .type = kTypeOf<typename F::Type>,
+                 .access = access,
+                 .bits = sizeof(typename F::Type) * 8,
+                 .offset = F::offset,
+                 .name = name}
+        .beginning(static_cast<std::uint64_t>(initial));
 }
 
 // The same for a member of a struct of values. An array has a subindex for each element.
@@ -244,8 +79,8 @@ requires std::same_as<typename F::Type, std::uint8_t>
 }
 
 template <auto Member>
-[[nodiscard]] constexpr Entry flag(std::uint8_t subindex, const char* name, std::uint16_t access,
-                                   unsigned bits = 1, std::uint8_t initial = 0) {
+[[nodiscard]] constexpr Entry flag(std::uint8_t subindex, const char* name, std::uint16_t access, unsigned bits = 1,
+                                   std::uint8_t initial = 0) {
     constexpr auto kCount = members::Number<MemberType<Member>>::count;
     static_assert(kCount <= 255);
     return flag<MemberField<Member>>(subindex, name, access, bits, initial).times(static_cast<std::uint8_t>(kCount));
@@ -254,15 +89,14 @@ template <auto Member>
 // Octets in the image: strings (padded with zeros), domains and other types.
 [[nodiscard]] constexpr Entry octets(std::uint8_t subindex, const char* name, DataType type, std::uint16_t access,
                                      std::size_t offset, std::size_t bytes, std::string_view initial = {}) {
-    return {.subindex = subindex,
-            .storage = Storage::image,
-            .type = type,
-            .access = access,
-            .bits = static_cast<std::uint32_t>(bytes * 8),
-            .offset = static_cast<std::uint32_t>(offset),
-            .name = name,
-            .more = initial.empty() ? nullptr : initial.data(),
-            .initial = initial.size()};
+    const Entry e{.subindex = subindex,
+                  .storage = Storage::image,
+                  .type = type,
+                  .access = access,
+                  .bits = static_cast<std::uint32_t>(bytes * 8),
+                  .offset = static_cast<std::uint32_t>(offset),
+                  .name = name};
+    return initial.empty() ? e : e.beginning(initial);
 }
 
 template <auto Member>
@@ -274,25 +108,24 @@ template <auto Member>
 template <class T>
 [[nodiscard]] constexpr Entry constant(std::uint8_t subindex, const char* name, T initial,
                                        std::uint16_t access = od::kReadOnly) {
-    return {.subindex = subindex,
-            .storage = Storage::constant,
-            .type = kTypeOf<T>,
-            .access = access,
-            .bits = sizeof(T) * 8,
-            .name = name,
-            .initial = static_cast<std::uint64_t>(initial)};
+    return Entry{.subindex = subindex,
+                 .storage = Storage::constant,
+                 .type = kTypeOf<T>,
+                 .access = access,
+                 .bits = sizeof(T) * 8,
+                 .name = name}
+        .beginning(static_cast<std::uint64_t>(initial));
 }
 
 [[nodiscard]] constexpr Entry text(std::uint8_t subindex, const char* name, std::string_view content,
                                    std::uint16_t access = od::kReadOnly) {
-    return {.subindex = subindex,
-            .storage = Storage::text,
-            .type = DataType::visible_string,
-            .access = access,
-            .bits = static_cast<std::uint32_t>(content.size() * 8),
-            .name = name,
-            .more = content.data(),
-            .initial = content.size()};
+    return Entry{.subindex = subindex,
+                 .storage = Storage::text,
+                 .type = DataType::visible_string,
+                 .access = access,
+                 .bits = static_cast<std::uint32_t>(content.size() * 8),
+                 .name = name}
+        .beginning(content);
 }
 
 // A value that ObjectHooks::memory returns. `bits` is its usual size; 0 if the size varies.
@@ -351,7 +184,7 @@ template <std::size_t N, std::size_t M>
         for (const auto& e : o.entries) {
             if (e.count == 0 || e.subindex < next || e.last() > 255) return false;
             next = e.last() + 1;
-            if (e.limited && e.limits().minimum > e.limits().maximum) return false;
+            if (e.is_limited() && e.limits().minimum > e.limits().maximum) return false;
             if (e.storage == Storage::image && e.offset + std::size_t{e.bytes()} * e.count > image_bytes) return false;
             if (e.storage == Storage::provided && (o.hooks == nullptr || o.hooks->memory == nullptr)) return false;
         }
@@ -489,10 +322,10 @@ template <std::size_t Count = 4>
     entries[0] = entry_count(static_cast<std::uint8_t>(Count));
     for (std::size_t n = 1; n <= Count; ++n)
         entries[n] = constant<std::uint8_t>(static_cast<std::uint8_t>(n), "SyncManager type", 0);
-    if (d.mailbox.present()) entries[1].initial = 1, entries[2].initial = 2;
+    if (d.mailbox.present()) entries[1].low = 1, entries[2].low = 2;
     for (const bool outputs : {true, false})
         for_each_area(d, outputs, [&](const ProcessDataArea& area, std::size_t) {
-            if (area.sync_manager < Count) entries[area.sync_manager + 1u].initial = outputs ? 3 : 4;
+            if (area.sync_manager < Count) entries[area.sync_manager + 1u].low = outputs ? 3 : 4;
         });
     return entries;
 }

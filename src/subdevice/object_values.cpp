@@ -104,7 +104,7 @@ Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     if (data.size() > room) return Abort::length_too_high;
     if (data.size() < room && !varies(entry.type)) return Abort::length_too_low;
     if (is_small(entry) && !data.empty() && !fits(entry, data[0])) return Abort::value_too_high;
-    if (!entry.limited || data.size() > 8) return Abort::none;
+    if (!entry.is_limited() || data.size() > 8) return Abort::none;
     std::uint64_t bits = 0;
     for (std::size_t i = 0; i < data.size(); ++i)
         bits |= std::uint64_t{std::to_integer<std::uint8_t>(data[i])} << (8 * i);

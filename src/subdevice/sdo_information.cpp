@@ -40,8 +40,10 @@ bool SdoInformation::belongs(const Object& object, ListType type) const {
         }
         return std::uint16_t{0};
     }();
-    return wanted == 0 || std::any_of(object.entries.begin(), object.entries.end(),
-                                      [wanted](const Entry& e) { return (e.access & wanted) != 0; });
+    if (wanted == 0) return true;
+    for (const Entry& entry : object.entries)  // without std::any_of(), which GCC unrolls
+        if ((entry.access & wanted) != 0) return true;
+    return false;
 }
 
 std::size_t SdoInformation::count(ListType type) const {
@@ -87,7 +89,7 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     std::uint8_t contents = 0;
     if (number && (entry->storage == Storage::image || entry->storage == Storage::constant))
         contents |= coe::value_info::kDefault;
-    if (entry->limited) contents |= coe::value_info::kMinimum | coe::value_info::kMaximum;
+    if (entry->is_limited()) contents |= coe::value_info::kMinimum | coe::value_info::kMaximum;
     contents &= value_info;
 
     head_bytes_ = 0;

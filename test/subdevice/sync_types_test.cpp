@@ -41,11 +41,11 @@ TEST_F(SyncTypes, TheInitialTypesAreThoseOfTheDevice) {
     EXPECT_EQ(type(0x1C32), 1u) << "SM event";
     EXPECT_EQ(type(0x1C33), 0x22u) << "the event of SM2";
     constexpr DeviceDescription kInputsOnly{.inputs = {.sync_manager = 3, .start = 0x1300, .max_bytes = 4}};
-    EXPECT_EQ(sync_input_entries<0>(kInputsOnly)[1].initial, 1u);
+    EXPECT_EQ(sync_input_entries<0>(kInputsOnly)[1].initial(), 1u);
     constexpr DeviceDescription kNeedsDc{.outputs = {.sync_manager = 2, .start = 0x1200, .max_bytes = 4},
                                          .dc = {.supported = true, .required = true}};
-    EXPECT_EQ(sync_output_entries<0>(kNeedsDc)[1].initial, 2u);
-    EXPECT_EQ(sync_input_entries<0>(kNeedsDc)[1].initial, 2u);
+    EXPECT_EQ(sync_output_entries<0>(kNeedsDc)[1].initial(), 2u);
+    EXPECT_EQ(sync_input_entries<0>(kNeedsDc)[1].initial(), 2u);
 }
 
 TEST_F(SyncTypes, OnlyTypesOfTheDeviceAreAccepted) {

@@ -145,14 +145,14 @@ template <class T, std::size_t N>
                                                                 const std::array<T, N>& initial) {
     std::array<subdevice::Entry, N> entries{};
     for (std::size_t i = 0; i < N; ++i)
-        entries[i] = {.subindex = static_cast<std::uint8_t>(first + i),
-                      .storage = subdevice::Storage::image,
-                      .type = subdevice::kTypeOf<T>,
-                      .access = access,
-                      .bits = sizeof(T) * 8,
-                      .offset = static_cast<std::uint32_t>(offset + i * sizeof(T)),
-                      .name = name,
-                      .initial = static_cast<std::uint64_t>(initial[i])};
+        entries[i] = subdevice::Entry{.subindex = static_cast<std::uint8_t>(first + i),
+                                      .storage = subdevice::Storage::image,
+                                      .type = subdevice::kTypeOf<T>,
+                                      .access = access,
+                                      .bits = sizeof(T) * 8,
+                                      .offset = static_cast<std::uint32_t>(offset + i * sizeof(T)),
+                                      .name = name}
+                         .beginning(static_cast<std::uint64_t>(initial[i]));
     return entries;
 }
 
