@@ -34,7 +34,7 @@ enum class Storage : std::uint8_t {
     provided,  // ObjectHooks::memory returns the value
 };
 
-// The smallest and the largest value that a download may write.
+// The smallest and the largest value that a master may write.
 struct ValueLimits {
     std::int64_t minimum = 0;
     std::int64_t maximum = 0;
@@ -106,9 +106,11 @@ struct Entry {
         e.more.text = content.data();
         return e;
     }
-    // Return a copy of the entry: with limits for downloads (numbers only), with another data type, or for `n`
-    // subindices. The limits must exist as long as the table: kLimits<0, 100>, or a constant of the author. A number of
-    // 64 bits with limits begins with a signed one of 32 bits.
+    // Return a copy of the entry: with limits (numbers only), with another data type, or for `n` subindices. A download
+    // of a value outside of its limits is refused; one in the outputs of the process data is not applied, so that the
+    // value before stays (ProcessData::Counters::refused_values). The limits must exist as long as the table:
+    // kLimits<0, 100>, or a constant of the author. A number of 64 bits with limits begins with a signed one of 32
+    // bits.
     [[nodiscard]] constexpr Entry within(const ValueLimits& allowed) const {
         Entry e = *this;
         e.kind = InitialKind::limited_number;

@@ -104,6 +104,10 @@ Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     if (data.size() > room) return Abort::length_too_high;
     if (data.size() < room && !varies(entry.type)) return Abort::length_too_low;
     if (is_small(entry) && !data.empty() && !fits(entry, data[0])) return Abort::value_too_high;
+    return check_limits(entry, data);
+}
+
+Abort check_limits(const Entry& entry, Bytes data) {
     if (!entry.is_limited() || data.size() > 8) return Abort::none;
     std::uint64_t bits = 0;
     for (std::size_t i = 0; i < data.size(); ++i)

@@ -25,6 +25,9 @@ using Scratch = std::array<std::byte, 8>;
 // Checks length and limits of `data` for the entry.
 [[nodiscard]] Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data);
 
+// Checks the limits only. `data` has the octets of the entry.
+[[nodiscard]] Abort check_limits(const Entry& entry, Bytes data);
+
 // Stores a checked value. The unused rest of a string is filled with zeros.
 void store_value(const ObjectAccess& access, const Entry& entry, Bytes data);
 

@@ -2,6 +2,7 @@
 
 #include "subdevice/application.hpp"
 #include "subdevice/bits.hpp"
+#include "subdevice/object_values.hpp"
 
 #include <algorithm>
 #include <array>
@@ -123,6 +124,12 @@ namespace {
 MutableBytes octets_of(const MappedEntry& mapped) {
     return {mapped.octets, mapped.octets != nullptr ? (std::size_t{mapped.bits} + 7) / 8 : 0};
 }
+bool is_within_limits(const MappedEntry& mapped, Bytes from, std::size_t bit) {
+    Scratch scratch{};
+    if (!mapped.entry->is_limited() || mapped.bits > 8 * scratch.size()) return true;
+    copy_bits(scratch, 0, from, bit, mapped.bits);
+    return check_limits(*mapped.entry, Bytes(scratch).first(octets_of(mapped).size())) == Abort::none;
+}
 }  // namespace
 
 Abort PdoMapping::add(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes) {
@@ -151,17 +158,24 @@ Abort PdoMapping::add(ObjectDictionary& dictionary, std::uint16_t assignment, st
 }
 
 bool PdoMapping::maps(std::uint16_t index, unsigned subindex) const {
-    const auto mapped = memory_.first(count_);
-    return std::any_of(mapped.begin(), mapped.end(),
-                       [=](const MappedEntry& m) { return m.index == index && m.subindex == subindex; });
+    // Without std::any_of(), which GCC unrolls.
+    for (const auto& m : memory_.first(count_))
+        if (m.index == index && m.subindex == subindex) return true;
+    return false;
 }
 
-void PdoMapping::unpack(Bytes from) const {
+unsigned PdoMapping::unpack(Bytes from) const {
+    unsigned refused = 0;
     std::size_t bit = 0;
     for (const auto& m : memory_.first(count_)) {
-        if (m.octets != nullptr) copy_bits(octets_of(m), 0, from, bit, m.bits);
+        const auto octets = octets_of(m);
+        if (m.octets != nullptr && is_within_limits(m, from, bit))
+            copy_bits(octets, 0, from, bit, m.bits);
+        else if (m.octets != nullptr)
+            ++refused;
         bit += m.bits;
     }
+    return refused;
 }
 
 void PdoMapping::pack(MutableBytes to) const {

@@ -79,8 +79,9 @@ class PdoMapping {
     [[nodiscard]] std::uint16_t bytes() const { return static_cast<std::uint16_t>((bits_ + 7) / 8); }
     [[nodiscard]] bool maps(std::uint16_t index, unsigned subindex) const;
 
-    // Copy between the process image (bytes() octets) and the memory of the mapped values.
-    void unpack(Bytes from) const;
+    // Copy between the process image (bytes() octets) and the memory of the mapped values. unpack() leaves out values
+    // outside of the limits of their entries, and returns their number.
+    unsigned unpack(Bytes from) const;
     void pack(MutableBytes to) const;
     // Sets the mapped values to their initial values in the tables.
     void reset() const;

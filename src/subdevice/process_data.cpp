@@ -302,7 +302,7 @@ void ProcessData::take_outputs(std::uint32_t areas, Time now) {
 
 void ProcessData::apply_outputs() {
     const auto raw = outputs_.first(output_bytes_);
-    if (!application_.unpack_outputs(raw) && output_mapped_) output_map_.unpack(raw);
+    if (!application_.unpack_outputs(raw) && output_mapped_) counters_.refused_values += output_map_.unpack(raw);
 }
 
 void ProcessData::give_inputs(Time now) {

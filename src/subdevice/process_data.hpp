@@ -43,6 +43,8 @@ class ProcessData {
     struct Counters {
         std::uint32_t missed_syncs = 0;   // SYNC0 signals that were not seen, by the time between those that were
         std::uint32_t missed_frames = 0;  // frame periods (see syncs_per_frame()) in OP in which outputs did not arrive
+        // Outputs in OP that were outside of the limits of their entry (Entry::within()) and were not applied.
+        std::uint32_t refused_values = 0;
     };
 
     template <std::size_t O, std::size_t I, std::size_t E>
