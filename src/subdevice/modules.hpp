@@ -17,12 +17,12 @@
 //     constexpr auto kObjects = joined(kOwnObjects, Tables::kObjects);                   // 0x1C12, 0x1C13, 0xF000 …
 //     constexpr DeviceDescription kDevice{… .outputs = {… .max_bytes = Tables::most_bytes(true)}};
 //
-//     using Stack = StandardDevice<kDevice, kObjects, std::array<std::byte, Tables::end>, 0, 0x1389,
-//     Tables::kMostMapped>;
+//     using Stack = StandardDevice<kDevice, kObjects, ModularValues<Values, Tables>, 0, 0x1389, Tables::kMostMapped,
+//                                  Tables::kLargestValue>;                              // 1 more for each own entry
 //     // With the objects that StandardDevice adds: own values that may be mapped make a 0x1600 or 0x1A00.
 //     static_assert(well_formed(Stack::Objects::kObjects, Tables::end, kModular));
 //
-//     class Coupler final : public Application {                                         // the application has them
+//     class Coupler final : public Stack::App {                                          // the application has them
 //         ModuleLayout* modules() override { return &modules_; }
 //         ModuleMemory<Tables> memory_;
 //         Modules modules_{memory_};
@@ -174,6 +174,7 @@ template <const ModularDevice& Device, std::size_t Offset>
 struct ModuleTables {
     static constexpr const ModularDevice& kDevice = Device;
     static constexpr std::size_t kSlots = Device.slots;
+    static constexpr std::size_t kOffset = Offset;
     [[nodiscard]] static constexpr std::size_t most_pdos(bool outputs) {
         const auto own = (outputs ? Device.own_rx_pdos : Device.own_tx_pdos).size();
         return own + kSlots * module_rules::most(Device, [=](const ModuleKind& kind) {
@@ -232,6 +233,14 @@ struct ModuleTables {
         array(kConfiguredAddresses, "Configured address list", kAddresses),
         array(kConfiguredModules, "Configured module ident list", kConfigured),
         array(kDetectedModules, "Detected module ident list", kDetected)};
+};
+
+// The values of a modular device: its own, and behind them those of the lists and the modules (Modules::values()).
+template <class Own, class Tables>
+struct ModularValues {
+    static_assert(Tables::kOffset == sizeof(Own), "ModuleTables begin behind the values of the device itself");
+    Own own;
+    std::array<std::byte, Tables::end - sizeof(Own)> of_modules;
 };
 
 // The state of the modules of a device.

@@ -58,13 +58,13 @@ template <class F>
         .beginning(static_cast<std::uint64_t>(initial));
 }
 
-// The same for a member of a struct of values. An array has a subindex for each element.
-template <auto Member>
+// The same for a member of a struct of values (values.hpp). An array has a subindex for each element.
+template <auto... Path>
 [[nodiscard]] constexpr Entry value(std::uint8_t subindex, const char* name, std::uint16_t access,
-                                    typename MemberField<Member>::Type initial = 0) {
-    constexpr auto kCount = members::Number<MemberType<Member>>::count;
+                                    typename MemberField<Path...>::Type initial = 0) {
+    constexpr auto kCount = members::Number<MemberType<Path...>>::count;
     static_assert(kCount <= 255);
-    return value<MemberField<Member>>(subindex, name, access, initial).times(static_cast<std::uint8_t>(kCount));
+    return value<MemberField<Path...>>(subindex, name, access, initial).times(static_cast<std::uint8_t>(kCount));
 }
 
 // A number of `bits` bits (1 to 8) that uses one octet of the image: BOOLEAN, BIT2 and so on.
@@ -78,12 +78,12 @@ requires std::same_as<typename F::Type, std::uint8_t>
     return e;
 }
 
-template <auto Member>
+template <auto... Path>
 [[nodiscard]] constexpr Entry flag(std::uint8_t subindex, const char* name, std::uint16_t access, unsigned bits = 1,
                                    std::uint8_t initial = 0) {
-    constexpr auto kCount = members::Number<MemberType<Member>>::count;
+    constexpr auto kCount = members::Number<MemberType<Path...>>::count;
     static_assert(kCount <= 255);
-    return flag<MemberField<Member>>(subindex, name, access, bits, initial).times(static_cast<std::uint8_t>(kCount));
+    return flag<MemberField<Path...>>(subindex, name, access, bits, initial).times(static_cast<std::uint8_t>(kCount));
 }
 
 // Octets in the image: strings (padded with zeros), domains and other types.
@@ -99,10 +99,10 @@ template <auto Member>
     return initial.empty() ? e : e.beginning(initial);
 }
 
-template <auto Member>
+template <auto... Path>
 [[nodiscard]] constexpr Entry octets(std::uint8_t subindex, const char* name, DataType type, std::uint16_t access,
                                      std::string_view initial = {}) {
-    return octets(subindex, name, type, access, offset_of(Member), sizeof(MemberType<Member>), initial);
+    return octets(subindex, name, type, access, members::Place<Path...>::offset, sizeof(MemberType<Path...>), initial);
 }
 
 template <class T>

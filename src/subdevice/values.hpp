@@ -10,6 +10,13 @@
 //     value<&Values::lamps>(0, "Lamps", od::kReadWrite), value<&Values::currents>(1, "Current", od::kReadOnly) …
 //     values.lamps = 5;  if (values.currents[2] > values.limit) …
 //
+// A struct may be a member, also in an array. Then the name of a value has the members and the places in arrays that
+// lead to it:
+//
+//     struct Axis { Le<std::int32_t> target; Le<std::int32_t> actual; };
+//     struct Values { std::array<Axis, 2> axes; };
+//     value<&Values::axes, 1, &Axis::target>(0, "Target of the second axis", …)
+//
 // The octets of the struct are the image of the dictionary, image_of(values). The image has the octet order of the wire
 // on every processor, so a number of more than one octet is a Le.
 #pragma once
@@ -22,6 +29,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <tuple>
 #include <type_traits>
 
 namespace margay::subdevice {
@@ -78,6 +86,35 @@ struct Number<std::array<Element, N>> {
 
 template <class Struct, class Member>
 Member member_of(Member Struct::*);
+template <class Struct, class Member>
+Struct struct_of(Member Struct::*);
+
+// What the steps of a path lead to in a T: its type, and its offset in the T.
+template <class T, auto... Path>
+struct Inside {
+    using Type = T;
+    static constexpr std::size_t offset = 0;
+};
+template <class T, auto Step, auto... Path>
+struct Inside<T, Step, Path...> {  // an element of an array
+    static_assert(static_cast<std::size_t>(Step) < std::tuple_size_v<T>, "the array has no such element");
+    using Rest = Inside<typename T::value_type, Path...>;
+    using Type = typename Rest::Type;
+    static constexpr std::size_t offset = Step * sizeof(typename T::value_type) + Rest::offset;
+};
+template <class T, auto Step, auto... Path>
+requires std::is_member_object_pointer_v<decltype(Step)>
+struct Inside<T, Step, Path...> {
+    static_assert(std::is_same_v<T, decltype(struct_of(Step))>, "the member belongs to another struct");
+    using Rest = Inside<decltype(member_of(Step)), Path...>;
+    using Type = typename Rest::Type;
+    static constexpr std::size_t offset = offset_of(Step) + Rest::offset;
+};
+
+template <auto... Path>
+struct Place;
+template <auto Member, auto... Path>
+struct Place<Member, Path...> : Inside<decltype(struct_of(Member)), Member, Path...> {};
 }  // namespace members
 
 template <class Struct>
@@ -99,9 +136,9 @@ void store_values(MutableBytes octets, Struct values) {
 }
 
 // The type of a member, and the Field of the number in it, or of the first one.
-template <auto Member>
-using MemberType = decltype(members::member_of(Member));
-template <auto Member>
-using MemberField = Field<typename members::Number<MemberType<Member>>::Type, offset_of(Member)>;
+template <auto... Path>
+using MemberType = typename members::Place<Path...>::Type;
+template <auto... Path>
+using MemberField = Field<typename members::Number<MemberType<Path...>>::Type, members::Place<Path...>::offset>;
 
 }  // namespace margay::subdevice

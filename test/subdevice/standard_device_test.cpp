@@ -116,6 +116,25 @@ constexpr Entry kLabelOctets =
 static_assert(kLabelOctets.offset == 15 && kLabelOctets.bits == 2400);
 static_assert(flag<&MixedValues::octet>(0, "Flag", od::kReadOnly).type == DataType::boolean);
 
+// Structs in a struct, and in an array.
+struct AxisValues {
+    Le<std::int32_t> target;
+    std::array<Le<std::uint16_t>, 2> currents;
+    std::array<char, 8> label;
+};
+struct MachineValues {
+    std::uint8_t mode;
+    std::array<AxisValues, 3> axes;
+    AxisValues spare;
+};
+constexpr Entry kSecondCurrents = value<&MachineValues::axes, 2, &AxisValues::currents>(1, "Current", od::kReadOnly, 7);
+static_assert(kSecondCurrents.offset == 1 + 2 * 16 + 4 && kSecondCurrents.count == 2 && kSecondCurrents.bits == 16);
+static_assert(value<&MachineValues::spare, &AxisValues::target>(0, "Target", od::kReadOnly).offset == 49);
+static_assert(value<&MachineValues::axes, 1, &AxisValues::currents, 1>(0, "Current", od::kReadOnly).offset == 23);
+static_assert(subdevice::octets<&MachineValues::spare, &AxisValues::label>(0, "Label", DataType::visible_string,
+                                                                           od::kReadOnly)
+                  .offset == 57);
+
 TEST(StandardDevice, AStructOfValuesIsTheImage) {
     MixedValues values{};
     values.first = 0x1234;
