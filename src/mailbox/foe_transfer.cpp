@@ -70,11 +70,14 @@ std::size_t FoeTransfer::compose(MutableBytes data) {
     return foe::kHeaderBytes + name.size();
 }
 
-bool FoeTransfer::is_answered(std::uint32_t number) const { return distance(number, number_) == 0; }
+// A farewell has no answer.
+bool FoeTransfer::is_answered(std::uint32_t number) const {
+    return phase_ != Phase::farewell && distance(number, number_) == 0;
+}
 
 // A reply to the request of this transfer is the first one: another number belongs to an earlier transfer.
 bool FoeTransfer::is_old(std::uint32_t number) const {
-    return phase_ == Phase::request || distance(number, number_) <= kRemembered;
+    return phase_ == Phase::request || begins_again_ || distance(number, number_) <= kRemembered;
 }
 
 // The first packet comes twice although it was asked for once: the one before was of an earlier file.
@@ -214,8 +217,21 @@ void FoeWriteTransfer::read_answer(Bytes) {
     if (!first) report_progress({});
 }
 
+// The first acknowledgement may be that of an earlier request, and the next one that of the first packet behind it. So
+// the request is sent again, as often as acknowledgements may be late: the slave answers in order, and the last of
+// these acknowledgements belongs to this file, as all behind it do.
+bool FoeWriteTransfer::asks_again() {
+    if (phase_ != Phase::packets || pulled_ || late_ == 0) return false;
+    --late_;
+    number_ = 0;
+    begins_again_ = true;
+    phase_ = Phase::farewell;
+    return true;
+}
+
 bool FoeWriteTransfer::prepare() {
-    if (phase_ == Phase::request) return true;
+    if (phase_ == Phase::request || asks_again()) return true;
+    pulled_ = true;
     while (!at_end_ && filled_ < packet_.size()) {
         const MutableBytes rest = packet_.subspan(filled_);
         const ByteSource::Piece piece = source_.pull(rest);
@@ -231,6 +247,12 @@ bool FoeWriteTransfer::prepare() {
 }
 
 std::size_t FoeWriteTransfer::compose_packet(MutableBytes data) {
+    if (phase_ == Phase::farewell) {
+        const auto message = abort_message();
+        const std::size_t bytes = std::min(message.size(), data.size());
+        std::copy_n(message.begin(), bytes, data.begin());
+        return bytes;
+    }
     if (data.size() < foe::kHeaderBytes + filled_) return 0;
     store_message(data, Opcode::data, number_);
     std::ranges::copy(packet_.first(filled_), data.begin() + foe::kHeaderBytes);

@@ -10,7 +10,8 @@
 // ignored; only a reply that cannot be one ends the transfer. A second answer may also come behind the transfer: the
 // next one waits for it (foe.cpp).
 //
-// Late replies. While a reply to an earlier transfer may come, a file of one packet is read again: see asks_again().
+// Late replies. While a reply to an earlier transfer may come, a file of one packet is read again, and the request of a
+// write is sent again: see asks_again().
 //
 // Hostile slaves. Nothing that a slave sends is stored beyond one packet of the size of its mailbox. Ignored mail does
 // not prolong the wait for an answer, and foe.cpp limits how long a slave may be busy.
@@ -43,8 +44,8 @@ class FoeTransfer : public MailClient {
     std::size_t compose(MutableBytes data) final;
     Taken accept(const wire::MailboxMessage& mail) final;
 
-    // False: the message that compose() writes now is the last one, and the slave does not reply to it. When it has
-    // been sent, call finish(). The transfer may then begin again.
+    // False: the message that compose() writes now ends the transfer in the slave, which does not reply to it. When it
+    // has been sent, call finish(). The transfer may then begin again.
     [[nodiscard]] bool awaits_reply() const { return phase_ != Phase::farewell; }
     void finish() { phase_ = std::exchange(begins_again_, false) ? Phase::request : Phase::over; }
     // The last reply was "busy": send the message again after a while.
@@ -72,7 +73,7 @@ class FoeTransfer : public MailClient {
     [[nodiscard]] FoeRequest& request() const { return request_; }
 
   protected:
-    // request: the first message; packets: data is transferred; farewell: the last acknowledgement.
+    // request: the first message; packets: data is transferred; farewell: the message that ends it in the slave.
     enum class Phase : std::uint8_t { request, packets, farewell, over };
 
     // `packet`: memory for the data of one packet; both outlive the transfer.
@@ -145,8 +146,11 @@ class FoeWriteTransfer final : public FoeTransfer {
     void read_answer(Bytes body) override;
     [[nodiscard]] std::size_t total() const override { return total_; }
 
+    [[nodiscard]] bool asks_again();
+
     ByteSource& source_;
     std::size_t total_;
+    bool pulled_ = false;  // the source has been asked
     bool at_end_ = false;  // the source has given its last octet
 };
 

@@ -93,6 +93,30 @@ TEST(FoeTransferWrite, EveryOctetOfItsMessages) {
     EXPECT_EQ(w.request.bytes(), 13U);
 }
 
+// An earlier request may still be acknowledged: this one is sent again, behind a message that ends it. No reply is an
+// answer to that message.
+TEST(FoeTransferWrite, InDoubtTheRequestIsSentAgain) {
+    const auto content = pattern(3);
+    Writing w(content);
+    const Mail request = composed(w.transfer);
+    EXPECT_EQ(acknowledge(w.transfer, 0), Taken::all);
+    w.transfer.doubt(1);
+    const Mail end = composed(w.transfer);
+    EXPECT_EQ(end, foe_error(0x8000, "canceled"));
+    EXPECT_FALSE(w.transfer.awaits_reply());
+    for (const std::uint32_t late : {0U, 1U, 2U}) EXPECT_EQ(acknowledge(w.transfer, late), Taken::no) << late;
+    ASSERT_FALSE(w.transfer.over());
+    w.transfer.finish();
+    EXPECT_EQ(composed(w.transfer), request);
+    EXPECT_TRUE(w.transfer.awaits_reply());
+    EXPECT_EQ(acknowledge(w.transfer, 1), Taken::no);
+    EXPECT_EQ(acknowledge(w.transfer, 0), Taken::all);
+    EXPECT_EQ(composed(w.transfer), foe_message(Opcode::data, 1, Bytes(content)));
+    EXPECT_EQ(acknowledge(w.transfer, 1), Taken::all);
+    EXPECT_TRUE(w.transfer.over());
+    EXPECT_EQ(w.transfer.error().code, Errc::none);
+}
+
 TEST(FoeTransferWrite, AFileOfWholePacketsAndAnEmptyOneEndWithAnEmptyPacket) {
     for (const std::size_t bytes : {std::size_t{0}, kRoom, 3 * kRoom}) {
         const auto content = pattern(bytes);

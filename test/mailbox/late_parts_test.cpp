@@ -413,5 +413,32 @@ TEST(LateFiles, OfSeveralPacketsAreNotMixed) {
         }
 }
 
+// The slave keeps messages in a queue: when a file is written, the acknowledgements of an earlier one are on their way.
+TEST(LateFiles, AWriteIsNotConfirmedByAnEarlierOne) {
+    for (const char content : {'c', 'd'}) {
+        SCOPED_TRACE(content);
+        LateBus one;
+        std::string stored;
+        one.start([&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
+            if (type != MailboxType::foe) return {};
+            const FoeAsked asked(mail);
+            if (asked.opcode == foe::Opcode::write) return {400ms, {foe_message(foe::Opcode::acknowledge, 0)}};
+            if (asked.opcode != foe::Opcode::data) return {};
+            if (asked.body[0] == std::byte{'c'}) return {1ms, {foe_error(0x8003)}};  // the disk is full
+            stored = text_of(asked.body);
+            return {1ms, {foe_message(foe::Opcode::acknowledge, asked.word)}};
+        });
+        const std::string first(20, 'a');
+        one.times_out(WriteFile(std::as_bytes(std::span(first))), 50ms);
+        const std::string second(20, 'b');
+        one.times_out(WriteFile(std::as_bytes(std::span(second))), 400ms);
+        const std::string third(20, content);
+        WriteFile file(std::as_bytes(std::span(third)));
+        const Error error = one.finish(file);
+        EXPECT_EQ(error.code, content == 'c' ? Errc::foe_error : Errc::none) << one.bus.words(error);
+        EXPECT_EQ(stored == third, content == 'd') << stored;
+    }
+}
+
 }  // namespace
 }  // namespace margay
