@@ -15,9 +15,9 @@
 // slave an abort. Before the next request for the same object it waits for the late answer for 5 ms after the slave has
 // taken the abort; if none comes, it reads an object of its own choice (0x1000, 0x1001 or 0x1018), because a slave
 // answers in order: when it answers this, no late answer can follow. The timeout of the next request limits all of
-// this, and the request then ends with Errc::timeout and is not sent. Two cases are not covered: a slave that answers
-// its requests in another order than it gets them, and a late TxPDO of the mailbox (MailPdoFetch), which cannot be
-// distinguished from a TxPDO that the slave sends on its own.
+// this: the request ends with Errc::timeout, or with a mailbox_error of the slave, and is not sent. Not covered are: a
+// slave that answers out of order; a late TxPDO of the mailbox (MailPdoFetch), which looks like one that the slave
+// sends on its own; a reply that is sent twice before the slave has counted a mail (some slaves never count).
 #pragma once
 
 #include <margay/borrowed.hpp>
