@@ -109,7 +109,11 @@ bool guest_may_be(Network& network, const Slave& slave) {
 }
 
 bool is_guest_by_number(const Network& network, const Slave& slave) {
-    return agrees(slave.identity.serial, network.guest.identity.serial) || agrees(slave.alias, network.guest.alias);
+    const Slave& guest = network.guest;
+    if (agrees(slave.identity.serial, guest.identity.serial) || agrees(slave.alias, guest.alias)) return true;
+    const ExpectedSlave* wanted = slave.wanted;  // the slave was never there: the list has its numbers
+    return wanted != nullptr && (agrees(wanted->serial.value_or(0), guest.identity.serial) ||
+                                 agrees(wanted->alias.value_or(0), guest.alias));
 }
 
 Verdict identify_as_expected(Network& network, std::uint16_t n) {

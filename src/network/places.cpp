@@ -109,6 +109,7 @@ struct Lost {
     std::array<Slave*, 2> here{};  // they were at this neighbour: the first two
     std::array<Slave*, 2> any{};   // the first two
     bool none_was_there = true;    // since the scan
+    Slave* never = nullptr;        // the first of them that was never there
     Slave* replaced = nullptr;     // the slave that was here, or else the first one
     bool unsettled = false;        // a slave is absent that is in use, and not reported lost yet
 };
@@ -135,6 +136,7 @@ Lost find_lost_slaves(Network& network, const Gap& gap, const Neighbour& neighbo
         if (here) add_one(lost.here, slave);
         add_one(lost.any, slave);
         lost.none_was_there &= !is_known(slave);
+        if (lost.never == nullptr && !is_known(slave)) lost.never = &slave;
     }
     return lost;
 }
@@ -187,7 +189,10 @@ Verdict choose_by_place(Network& network, std::size_t n) {
         if (!one_was_here || lost.here[0] == lost.in_order || others_were_asked) return {.slave = lost.in_order};
         return undecided({lost.here[0], lost.in_order});
     }
-    if (one_was_here) return {.slave = lost.here[0]};
+    if (one_was_here) {
+        if (lost.never == nullptr || lost.never->number > lost.here[0]->number) return {.slave = lost.here[0]};
+        return undecided({lost.never, lost.here[0]});
+    }
     if (lost.here[0] != nullptr) return undecided(lost.here);
     const bool placed_otherwise = is_remembered(network, neighbour);
     if (lost.any[0] == nullptr || stranger || placed_otherwise) return {.instead_of = lost.replaced};

@@ -1,7 +1,7 @@
 // Which lost slave of the line a newcomer is. A newcomer that is taken for another slave is driven as the wrong
 // machine, which is worse than a machine that stands still. So the rules are, in this order:
 //
-// 1. The serial number or the alias of one lost slave is that of the newcomer: it is that slave.
+// 1. The serial number or the alias of one lost slave, known or expected, is that of the newcomer: it is that slave.
 // 2. Equal slaves are told apart by the neighbour in the direction of the NIC. Where frames come from the master, the
 //    newcomer is the slave that was seen last at this port of the slave above it. Between a break of the ring and the
 //    second NIC the neighbour is the slave below it: the newcomer is the slave that was above that slave, or that was
@@ -10,7 +10,8 @@
 //    numbers. Where rule 2 says something else, the other newcomers are asked first: not all of them may belong there.
 // 4. Several lost slaves were at this neighbour, because one of them was bridged while the others went on, and not all
 //    of them are there: it is not known which of them the newcomer is. The same holds where no slave was seen last at
-//    this neighbour.
+//    this neighbour, and where config_init() would take the newcomer for an equal slave with a lower number that was
+//    never there.
 // 5. A newcomer that one lost slave alone can be is that slave. Of equal slaves that were never there it is the first.
 //
 // A newcomer beside an unknown slave, in the direction of the NIC, is not identified before that slave is.

@@ -169,5 +169,108 @@ TEST_F(EqualSlaves, ThatComeWithTheBridgedOneAreInTheirOrder) {
     expect_everybody_is_itself();
 }
 
+// A line of four slaves, of which slave 2 is optional and was never there. Slave 4 is of the same kind.
+class NeverThere : public testing::Test, protected Plant {
+  protected:
+    std::uint32_t coupler = 0;
+    std::uint32_t third = 0;
+    std::uint32_t fourth = 0;
+    std::uint32_t other = 0;  // of the kind of the slaves 2 and 4, not connected
+    std::array<ExpectedSlave, 4> wanted{ExpectedSlave{.number = 1, .product = 0x100},
+                                        {.number = 2, .product = 0x101, .optional = true, .config = &kSizes},
+                                        {.number = 3, .product = 0x102},
+                                        {.number = 4, .product = 0x101}};
+    static SlaveConfiguration sizes() {
+        SlaveConfiguration config;
+        config.source = ConfigurationSource::application;
+        config.add({0, Direction::outputs, 0x64, 0x1100, 8});
+        config.add({1, Direction::inputs, 0x20, 0x2000, 8});
+        return config;
+    }
+    const SlaveConfiguration kSizes = sizes();
+
+    void build(std::uint16_t alias) {
+        coupler = make({.product = 0x100});
+        third = make({.product = 0x102});
+        fourth = make({.product = 0x101});
+        other = make({.product = 0x101, .alias = alias});
+        if (alias != 0) wanted[1].alias = alias;
+        ASSERT_TRUE(segment.connect_master({coupler, 0}));
+        plug({coupler, 1}, third);
+        plug({third, 1}, fourth);
+        EXPECT_EQ(bring_up(wanted), Words());
+        run();
+    }
+    // Slave 3 is repaired elsewhere, slave 4 goes on at the coupler.
+    void bridge_third() {
+        segment.disconnect({third, 0});
+        segment.disconnect({third, 1});
+        cycles(300);
+        plug({coupler, 1}, fourth);
+        segment.reconsider();
+        ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+        cycles(1500);
+        (void)events();
+    }
+    void replace_fourth_by(std::uint32_t device) {
+        segment.disconnect({fourth, 0});
+        power(fourth, false);
+        cycles(300);
+        power(device, true);
+        plug({coupler, 1}, device);
+        segment.reconsider();
+    }
+    // Outputs that name the slave. Returns whether the device had those of slave 4.
+    bool gets_outputs_of_slave_4(std::uint32_t device, int count) {
+        bool any = false;
+        for (int n = 0; n < count; ++n) {
+            for (const Slave& slave : ctx->slaves())
+                std::ranges::fill(slave.image.outputs.bytes, static_cast<std::byte>(0x80 + slave.number));
+            (void)cycle();
+            const auto outputs = program(device).outputs();
+            any |= !outputs.empty() && outputs[0] == std::byte{0x84};
+        }
+        return any;
+    }
+};
+
+// The device at the coupler may be slave 2, which comes for the first time, or slave 4: a scan would take it for
+// slave 2.
+TEST_F(NeverThere, AnOptionalSlaveIsARivalWhereItBelongs) {
+    build(0);
+    bridge_third();
+    replace_fourth_by(other);
+    EXPECT_FALSE(gets_outputs_of_slave_4(other, 3000));
+    EXPECT_EQ(ctx->slave(4).al.state, AlState::none);
+    const auto story = events();
+    EXPECT_EQ(told(story, "a device at slave 1 port 1 may be slave 2 or slave 4, which are equal and lost"), 1)
+        << joined(story);
+}
+
+// The list gives its alias, and that of slave 4 to nobody.
+TEST_F(NeverThere, AnOptionalSlaveIsKnownByTheNumberThatTheListGivesIt) {
+    build(5);
+    bridge_third();
+    replace_fourth_by(other);
+    EXPECT_FALSE(gets_outputs_of_slave_4(other, 1000));
+    EXPECT_TRUE(in_op(2)) << joined(events());
+    EXPECT_EQ(ctx->slave(4).al.state, AlState::none);
+    EXPECT_EQ(program(other).outputs()[0], std::byte{0x82});
+}
+
+// Slave 2 does not belong behind slave 3: slave 4 comes back as ever.
+TEST_F(NeverThere, AnOptionalSlaveIsNoRivalElsewhere) {
+    build(0);
+    for (const bool all : {false, true}) {
+        power(fourth, false);
+        if (all) power(third, false);
+        cycles(300);
+        power(fourth, true);
+        power(third, true);
+        ASSERT_TRUE(until([&] { return all_in_op() && all_right(*ctx); }, 6000)) << joined(events());
+        EXPECT_TRUE(in_op(4));
+    }
+}
+
 }  // namespace
 }  // namespace margay
