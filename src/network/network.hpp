@@ -168,8 +168,9 @@ struct Network {
     bool group_is_back = false;           // the head of a hot connect group: its members should come with it
     bool supervision_turn = false;        // such a request has ended: the supervision works before the next one begins
     std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave
-    bool silence_noted = false;           // doubt_after_silence() is due: in the next poll(), outside all sequences
-    List<SlaveWork> works;                // at most one for each slave
+    bool rested = false;  // before its last roll the supervision rested longer than kBelieved, as its request says
+    bool silence_noted = false;  // doubt_after_silence() is due: in the next poll(), outside all sequences
+    List<SlaveWork> works;       // at most one for each slave
     Engine::Sleep::Timer* supervision_sleep = nullptr;  // while the supervision rests between two rounds
     bool in_run_cycle = false;  // groups that were mapped before a scan are missing until they are mapped again
     bool reaching = false;      // reach() has started the supervision itself
@@ -186,6 +187,11 @@ struct Network {
     }
     // Nobody has looked for so long that a slave may have been exchanged for another one in the same state.
     [[nodiscard]] bool is_unobserved() const { return later(compared, kBelieved) < engine.now(); }
+    // The supervision compares this slave because of its own rest: until then the slave counts as it was, so that
+    // what_is_wrong() does not change with each roll.
+    [[nodiscard]] bool is_believed(const Slave& slave) const {
+        return rested && !marks(slave).was_away && engine.now() < later(states_read, kBelieved);
+    }
     // The slaves were compared with the list that expect() has set last.
     [[nodiscard]] bool is_expected_list() const { return !expected_is_new; }
     [[nodiscard]] std::span<Slave> slaves() const { return table.first(count); }

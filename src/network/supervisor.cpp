@@ -400,6 +400,8 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     }
     (void)count_lost_frames(watch);
     const Time now = network.engine.now();
+    network.rested =
+        network.is_unobserved() && now <= later(later(network.compared, watch.wanted.interval), Network::kBelieved);
     if (network.is_unobserved()) {  // perhaps another machine
         watch.last = {};
         doubt_all(network, false);

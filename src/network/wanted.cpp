@@ -149,7 +149,8 @@ Error state_error(Network& network, const Slave& slave) {
     if (slave.al.state == AlState::none) return missing_error(network, slave);
     if (wanted == AlState::init || wanted == AlState::boot) return state_trouble(network, slave, wanted);
     if (slave.held) return held_error(slave, Step::identify);
-    if (network.is_doubted(slave)) return start_up_error(slave, fault(slave, Errc::identity_unread, Step::identify));
+    if (network.is_doubted(slave) && !network.is_believed(slave))
+        return start_up_error(slave, fault(slave, Errc::identity_unread, Step::identify));
     const bool process = wanted >= AlState::safeop;
     if (process && !is_mapped(network, slave)) {
         Error error = fault(slave, Errc::unknown_group, Step::map_process_data);

@@ -151,6 +151,30 @@ TEST_F(Pause, IsNoticedWhereTheSupervisionLooksSeldom) {
     }
 }
 
+// It compares the slaves with each roll. What is right stays right meanwhile.
+TEST_F(Pause, NothingFlickersWhereTheSupervisionLooksSeldom) {
+    for (const auto interval : {1000ms, 1500ms, 3000ms}) {
+        Pause plant;
+        plant.build();
+        ASSERT_TRUE(writestate(*plant.ctx, 0, AlState::preop).ok());
+        plant.supervision.interval = interval;
+        plant.supervision.target = AlState::preop;
+        ASSERT_TRUE(submit(*plant.ctx, plant.supervision).ok());
+        plant.poll_when_due(5s);
+        unsigned wrong = 0;
+        for (const Time end = plant.osal.now() + 10s; plant.osal.now() < end;) {
+            const Time next = poll(*plant.ctx, plant.osal.now());
+            if (!all_right(*plant.ctx)) ++wrong;
+            plant.osal.wait(std::min(next, end), plant.nic->wait_handles());
+        }
+        EXPECT_EQ(wrong, 0U) << interval.count() << " ms: " << in_words(what_is_wrong(*plant.ctx));
+        // A device in the place of slave 2 is named with the next roll.
+        plant.exchange();
+        plant.poll_when_due(interval + 1s);
+        EXPECT_FALSE(all_right(*plant.ctx));
+    }
+}
+
 // The supervision compares the slaves after the pause, and the request waits for that.
 TEST_F(Pause, ARequestBeforeItIsExecutedBehindIt) {
     supervise();
