@@ -54,9 +54,9 @@ Error negative_timeout(std::uint8_t group) {
     bool none = false;
     for (;;) {
         const auto frames = oldest_cycle(group);
+        const bool was_none = std::exchange(none, !is_cycle_sent(group));  // a cycle may have no frames
         // The other thread has sent the cycle meanwhile. The time it was sent with may be old, so count from now.
-        if (none && !frames.empty()) from = now;
-        none = frames.empty();
+        if (was_none && !none) from = now;
         const bool all = !none && engine.receive_overlapped(frames, now);
         while (none && engine.receive_one(now)) {
         }

@@ -100,6 +100,10 @@ class Link {
     // The most frames that did not come back one after the other, without a frame that did, since the last call.
     [[nodiscard]] std::uint32_t take_longest_silence() { return std::exchange(longest_silence_, 0); }
     [[nodiscard]] std::uint32_t longest_silence() const { return longest_silence_; }
+    // Frames that did not come back since the last one that did.
+    [[nodiscard]] std::uint32_t silence() const {
+        return received_before_ == statistics_.frames_received ? silence_ : 0;
+    }
     // Whether no cycle was sent for longer than kPause, since the last call: now, or between two cycles.
     [[nodiscard]] bool take_pause(Time now) {
         note_cycle(last_cycle_, now);

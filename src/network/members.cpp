@@ -31,7 +31,8 @@ void settle(ProcessGroup& group) {
     group.complete = group.mapped && !group.mapping && (!group.statuses.empty() || group.expected_wkc == 0) &&
                      std::ranges::none_of(group.slaves, doubted);
     // Where cycles overlap, another thread reads `special` while it sends: there its value never changes.
-    const bool special = group.extras || group.overlap.sets > 1 || !group.complete;
+    const bool special =
+        group.extras || group.overlap.sets > 1 || !group.complete || (group.mapped && group.prepared.empty());
     if (group.special != special) group.special = special;
     const bool doubts = std::ranges::any_of(group.slaves, doubted);
     for (PreparedFrame& frame : group.prepared) {

@@ -1,5 +1,6 @@
 #include "network/process_data.hpp"
 
+#include "network/doubt.hpp"
 #include "network/entries.hpp"
 #include "util/bits.hpp"
 
@@ -249,7 +250,7 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
         link.add_pace(group.pace);
     group.mapped = true;
     group.complete = true;
-    group.special = group.extras || sets > 1;
+    group.special = group.extras || sets > 1 || frame_count == 0;
     return Result<>();
 }
 
@@ -390,6 +391,11 @@ Error not_sent(const ProcessGroup& group, Link& link) {
     return error;
 }
 
+bool is_silent(const ProcessGroup& group, Link& link) {
+    if (!group.prepared.empty()) return false;
+    return link.silence() >= kSilentFrames || link.nic().link_state() == LinkState::down;
+}
+
 Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link, Time now) {
     if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
     Error error = cycle_error(Errc::working_counter, group.number);
@@ -412,7 +418,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
         group.fell_short |= d.came && d.got != d.accepted;
     }
     settle_lost_inputs(group);
-    if (missing > 0) {
+    if (missing > 0 || is_silent(group, link)) {
         error.code = Errc::no_frame;
         error.actual = missing;
         if (group.cycles_lost < 0xFFFF) ++group.cycles_lost;
@@ -454,9 +460,8 @@ Result<> send_overlapped(ProcessGroup& group, Link& link, Time now) {
 }
 
 std::span<PreparedFrame> oldest_cycle(ProcessGroup& group) {
-    const Overlap& overlap = group.overlap;
-    if (overlap.sent.load(std::memory_order_acquire) == overlap.received.load(std::memory_order_relaxed)) return {};
-    return group.prepared.subspan(std::size_t{overlap.receive_set} * group.frames, group.frames);
+    if (!is_cycle_sent(group)) return {};
+    return group.prepared.subspan(std::size_t{group.overlap.receive_set} * group.frames, group.frames);
 }
 
 Result<std::uint32_t> end_overlapped(ProcessGroup& group, Link& link, Time now) {

@@ -47,7 +47,8 @@ struct ProcessGroup : Group {
     std::uint32_t settled_after = 0;  // see `settling`
     std::uint16_t dc_reference = 0;   // the slave whose time the cycle carries, as config_map() has found it
     std::uint8_t number = 0;
-    // Not mapped, not complete, with overlapping cycles or with extras: the fast path of the cycle cannot be used.
+    // Not mapped, not complete, without frames, with overlapping cycles or with extras: the fast path of the cycle
+    // cannot be used.
     bool special = true;
     bool under_way = false;           // a cycle was sent that is not received yet; unused where cycles overlap
     bool extras = false;              // copies from slave to slave, or a shared image
@@ -110,6 +111,10 @@ void set_outputs(ProcessGroup& group);
 // Sends all frames of a cycle; callable from the cycle. Errors: those of not_sent().
 [[nodiscard]] Result<> send_cycle(ProcessGroup& group, Link& link, Time now);
 
+// A group without frames, for example of a hot connect group that is away and whose sizes are not known: whether other
+// frames show that nothing answers.
+[[nodiscard]] bool is_silent(const ProcessGroup& group, Link& link);
+
 // Ends a cycle: frames that are not back are given up. Returns the sum of the working counters of all datagrams.
 // Errors: no_frame (actual: frames missing), working_counter (expected, actual; slave: the first slave that is known to
 // be lost and belongs to a datagram that fell short; detail: Error::kOthersFresh when all datagrams are fresh),
@@ -163,6 +168,9 @@ struct OverlapFeature {
 // For the owner's thread: the frames of the oldest cycle in flight (empty: there is none), when it was sent, and its
 // end.
 [[nodiscard]] std::span<PreparedFrame> oldest_cycle(ProcessGroup& group);
+[[nodiscard]] inline bool is_cycle_sent(const ProcessGroup& group) {
+    return group.overlap.sent.load(std::memory_order_acquire) != group.overlap.received.load(std::memory_order_relaxed);
+}
 [[nodiscard]] inline Time sent_at(const ProcessGroup& group) {
     return group.overlap.sent_at[group.overlap.receive_set];
 }

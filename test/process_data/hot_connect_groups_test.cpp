@@ -373,6 +373,46 @@ TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
     expect_exchanged(5, g.a2);
 }
 
+// A group of the image with nothing but a hot connect group that is away, whose sizes nobody knows: it has no frames.
+TEST_F(HotConnectGroups, AnImageOfAbsentSlavesAloneDoesNotSayThatAllIsWell) {
+    limits.groups = 2;
+    expected[3].config = expected[4].config = nullptr;
+    for (const std::uint8_t in_flight : {std::uint8_t{1}, std::uint8_t{2}}) {
+        EXPECT_EQ(bring_up(expected), Words());
+        for (const std::uint16_t tool : {std::uint16_t{4}, std::uint16_t{5}}) ctx->slave(tool).config.group = 1;
+        ctx->group(1).config.cycles_in_flight = in_flight;
+        std::vector<std::byte> second(64);
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+        ASSERT_TRUE(config_map(*ctx, second, 1).ok());
+        ASSERT_EQ(ctx->group(1).frames, 0U);
+        ASSERT_TRUE(submit(*ctx, supervision).ok());
+        ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+        const auto of_the_tool = [&] {
+            (void)send_processdata(*ctx, 1);
+            return receive_processdata(*ctx, reply_timeout, 1);
+        };
+        for (int n = 0; n < 5; ++n) EXPECT_EQ(*of_the_tool(), 0U) << n;
+        EXPECT_TRUE(all_right(*ctx));
+        segment.set_noise({.lost = 1.0});
+        cycles(20);
+        EXPECT_EQ(of_the_tool().error().code, Errc::no_frame);
+        EXPECT_FALSE(all_right(*ctx));
+        segment.set_noise({});
+        ASSERT_TRUE(until([&] { return all_in_op() && all_right(*ctx); })) << joined(events());
+        EXPECT_TRUE(of_the_tool().ok());
+        segment.disconnect({line[0], 0});
+        segment.reconsider();
+        EXPECT_EQ(of_the_tool().error().code, Errc::no_frame) << "the link is down";
+        EXPECT_EQ(what_is_wrong(*ctx).code, Errc::no_frame);
+        ASSERT_TRUE(segment.connect_master({line[0], 0}));
+        segment.reconsider();
+        ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+        EXPECT_TRUE(of_the_tool().ok());
+        supervision.cancel();
+        cycles(3);
+    }
+}
+
 // Any order of pulling and plugging, power kept or lost, any port, lost frames, and memory for all slaves at once or
 // for one. In the end every slave is in OP and exchanges its own process data.
 class HotConnectInAnyOrder : public HotConnectGroups, public testing::WithParamInterface<std::uint32_t> {};
