@@ -177,7 +177,8 @@ std::string_view pdo_list_text(PdoListFault why) {
 
 // Names the memory of the application that is too small, by its name in the API.
 std::string_view capacity_text(const Error& e) {
-    if (e.detail == Error::kTasks) return "Limits::tasks, or Limits::arena_bytes";
+    constexpr std::string_view kSequences = "Limits::tasks, or Limits::arena_bytes";
+    if (e.detail == Error::kTasks) return kSequences;
     if (e.detail == Error::kPlaces) return "places for requests of other threads";
     if (e.detail == Error::kRedundancy) return "Limits::redundancy is false";
     switch (e.step) {
@@ -194,7 +195,7 @@ std::string_view capacity_text(const Error& e) {
         case Step::mailbox_receive: return "the buffer of the call";
         case Step::map_process_data: return "SharedImage";
         case Step::configure_clocks: return "Limits::clocks is false";
-        default: return "Limits::tasks";
+        default: return kSequences;
     }
 }
 

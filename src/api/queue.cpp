@@ -407,7 +407,8 @@ Result<> submit(Context& ctx, Request& request) {
     Master* master = master_of(ctx);
     const OperationDescription& wanted = operation(request);
     if (master == nullptr) return Error{.code = Errc::wrong_state, .step = wanted.step};
-    if (!RequestAccess::claim(request, ctx)) return Error{.code = Errc::busy, .step = wanted.step};
+    if (!RequestAccess::claim(request, ctx))
+        return Error{.code = Errc::busy, .step = wanted.step, .detail = static_cast<std::uint32_t>(wanted.operation)};
     Error refused;
     if (request.priority > kHighestPriority)
         refused = invalid(Argument::priority, wanted.step);

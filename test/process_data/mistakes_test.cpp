@@ -305,6 +305,26 @@ TEST_F(Mistakes, ARequestThatWasNotSubmittedCannotBeWaitedFor) {
               "SDO upload: not possible in this state (the request was not submitted to this context: call submit())");
 }
 
+TEST_F(Mistakes, ARequestThatIsBusySaysSoWhenItIsSubmittedAgain) {
+    ScanRequest scan;
+    ASSERT_TRUE(submit(*ctx, scan).ok());
+    EXPECT_EQ(words(submit(*ctx, scan).error()), "counting slaves: already in progress (a scan is busy)");
+    EXPECT_TRUE(wait(*ctx, scan).ok());
+}
+
+// The memory that the application has set is too small for any sequence.
+TEST(SmallMemory, BothLimitsOfSequencesAreNamed) {
+    VirtualOsal osal;
+    sim::Segment segment;
+    ASSERT_TRUE(segment.connect_master({segment.add(std::move(*sim::make_device("coupler")).assemble()), 0}));
+    segment.power_up(osal.now());
+    SimulatedNic nic(segment, osal);
+    HostContext ctx({.slaves = 2, .arena_bytes = 300});
+    ASSERT_TRUE(init(ctx, nic, osal).ok());
+    std::array<char, 400> text{};
+    EXPECT_EQ(describe(config_init(ctx).error(), text), "not enough memory: Limits::tasks, or Limits::arena_bytes");
+}
+
 TEST_F(Mistakes, ARequestOfAnotherContextCannotBeWaitedFor) {
     sim::Segment other_segment;
     ASSERT_TRUE(
