@@ -16,7 +16,10 @@ constexpr Duration kLeastStep = std::chrono::microseconds(1);  // minimum time b
 }  // namespace
 
 Esc::Esc(const EscDescription& description, std::vector<std::byte> sii)
-    : ram_(std::size_t{description.ram_kib} * 1024), description_(description), sii_(std::move(sii)) {
+    : firmware_latency_(description.firmware_latency),
+      ram_(std::size_t{description.ram_kib} * 1024),
+      description_(description),
+      sii_(std::move(sii)) {
     description_.fmmus = std::min<std::uint8_t>(description_.fmmus, kMaxFmmus);
     description_.sync_managers = std::min<std::uint8_t>(description_.sync_managers, kMaxSyncManagers);
     registers_.lay_out(description_, false);
@@ -140,26 +143,39 @@ void Esc::count_lost_link(unsigned port) { count(reg::kLostLinkCounter.address +
 void Esc::count_processing_error() { count(reg::kProcessingUnitErrorCounter.address); }
 
 void Esc::schedule() {
-    next_event_ = std::min({firmware_due_, watchdogs_.next(), sync_.next(), loops_end_, pulse_ends_[0], pulse_ends_[1],
-                            reset_wanted_ ? now_ : kNever});
+    others_due_ = std::min(
+        {watchdogs_.next(), sync_.next(), loops_end_, pulse_ends_[0], pulse_ends_[1], reset_wanted_ ? now_ : kNever});
+    *next_event_ = std::min(firmware_due_, others_due_);
+}
+
+void Esc::keep_next_event_in(Time* place) {
+    auto* const to = place != nullptr ? place : &own_next_event_;
+    *to = *next_event_;
+    next_event_ = to;
+}
+
+// The units that work by themselves, at now_.
+void Esc::advance_units() {
+    end_temporary_loops();
+    const auto expired = watchdogs_.settle(now_);
+    if (expired.process_data) {
+        set_al_events(wire::al_event::kWatchdog, now_);
+        // Without a processor, the chip itself resets digital outputs.
+        if (registers_.get<std::uint8_t>(reg::kPdiControl.address) == kPdiDigitalIo)
+            registers_.set<std::uint32_t>(0x0F00, 0);
+    }
+    if (expired.pdi) update_dl_status();
+    end_sync_pulses();
+    if (const auto pulses = sync_.settle(now_); pulses != 0) set_sync_events(pulses, now_);
 }
 
 void Esc::advance(Time now) {
-    while (next_event_ <= now) {
+    while (*next_event_ <= now) {
         ++work_;
-        now_ = std::max(now_, next_event_);
+        now_ = std::max(now_, *next_event_);
         if (reset_wanted_) return power_up(now_);
-        end_temporary_loops();
-        const auto expired = watchdogs_.settle(now_);
-        if (expired.process_data) {
-            set_al_events(wire::al_event::kWatchdog, now_);
-            // Without a processor, the chip itself resets digital outputs.
-            if (registers_.get<std::uint8_t>(reg::kPdiControl.address) == kPdiDigitalIo)
-                registers_.set<std::uint32_t>(0x0F00, 0);
-        }
-        if (expired.pdi) update_dl_status();
-        end_sync_pulses();
-        if (const auto pulses = sync_.settle(now_); pulses != 0) set_sync_events(pulses, now_);
+        const bool units = others_due_ <= now_;
+        if (units) advance_units();
         if (firmware_due_ <= now_ && firmware_ && !halted_) {
             firmware_due_ = kNever;
             const auto wanted = firmware_->step(now_);
@@ -167,7 +183,10 @@ void Esc::advance(Time now) {
             if (!firmware_polls_ && interrupt_active()) wake_firmware(now_);  // the level of the line matters
             firmware_due_ = std::max(firmware_due_, now_ + kLeastStep);       // time must advance
         }
-        schedule();
+        if (units)
+            schedule();
+        else
+            *next_event_ = std::min(firmware_due_, others_due_);
     }
     now_ = std::max(now_, now);
 }
@@ -224,8 +243,8 @@ void Esc::end_sync_pulses() {
 
 void Esc::wake_firmware(Time at) {
     if (!firmware_ || halted_ || !pdi_operational_) return;
-    firmware_due_ = std::min(firmware_due_, at + description_.firmware_latency);
-    next_event_ = std::min(next_event_, firmware_due_);
+    firmware_due_ = std::min(firmware_due_, at + firmware_latency_);
+    *next_event_ = std::min(*next_event_, firmware_due_);
 }
 
 void Esc::clear_al_events(std::uint32_t bits) { al_events_ &= ~bits; }
@@ -243,7 +262,8 @@ void Esc::change_ecat_events(std::uint16_t set, std::uint16_t clear) {
 void Esc::carry_out(const SyncManagers::Events& events, Time at) {
     if (events.watchdog) {  // an event that is due too early does no harm: it finds nothing to do
         watchdogs_.feed_process_data(at);
-        next_event_ = std::min(next_event_, watchdogs_.next());
+        others_due_ = std::min(others_due_, watchdogs_.next());
+        *next_event_ = std::min(*next_event_, others_due_);
     }
     if (events.al_clear != 0) clear_al_events(events.al_clear);
     if (events.al_set != 0) set_al_events(events.al_set, at);
@@ -253,7 +273,10 @@ void Esc::carry_out(const SyncManagers::Events& events, Time at) {
     if ((events.ecat_set | events.ecat_clear) != 0) change_ecat_events(events.ecat_set, events.ecat_clear);
 }
 
+// The AL event request, which every step of a program reads, has no owner and no effect.
 void Esc::read(std::uint16_t address, MutableBytes into) noexcept {
+    if (address == reg::kAlEventRequest.address && into.size() == sizeof al_events_)
+        return store_le(into, 0, al_events_);
     (void)access(Side::pdi, false, address, into.data(), into.size(), now_);
 }
 

@@ -8,6 +8,7 @@
 
 #include "sim/dc_clock.hpp"
 #include "sim/esc_description.hpp"
+#include "sim/fetch.hpp"
 #include "sim/firmware.hpp"
 #include "sim/mii_unit.hpp"
 #include "sim/register_file.hpp"
@@ -20,6 +21,7 @@
 #include "wire/fmmu.hpp"
 
 #include <array>
+#include <cstddef>
 #include <memory>
 #include <vector>
 
@@ -76,16 +78,20 @@ class Esc final : public subdevice::EscAccess {
     // Prefetch the data that ecat_logical() needs into the processor's cache: fetch_state() the ESC itself,
     // fetch_buffers() the memory that it points to.
     void fetch_state() const {
-        for (std::size_t line = 0; line < 8; ++line)
-            __builtin_prefetch(reinterpret_cast<const std::byte*>(&now_) + 64 * line);
-        __builtin_prefetch(&read_mappings_.at[0]);
-        __builtin_prefetch(&write_mappings_.at[0]);
-        __builtin_prefetch(&watchdogs_);
+        fetch(&now_, 512);
+        fetch(&read_mappings_, kMappingBytes);
+        fetch(&write_mappings_, kMappingBytes);
+        fetch(&watchdogs_, 1);
+    }
+    // Prefetch the data that advance() needs, in this order: the ESC, its firmware, and what the firmware needs.
+    void fetch_events() const { fetch(&now_, 512); }
+    void fetch_firmware() const { fetch(firmware_.get(), 1); }
+    void fetch_step() const {
+        if (firmware_) firmware_->fetch();
+        fetch_buffers();
     }
     void fetch_buffers() const {
-        for (const auto* mappings : {&read_mappings_, &write_mappings_})
-            if (mappings->count != 0 && mappings->at[0].physical / 8 >= wire::reg::kProcessRam)
-                __builtin_prefetch(ram_.data() + (mappings->at[0].physical / 8 - wire::reg::kProcessRam));
+        for (const auto offset : mapped_ram_) fetch(ram_.data() + offset, 1);
     }
     [[nodiscard]] bool register_writes_pending() const { return writes_ != 0; }
     [[nodiscard]] bool frame_pending() const { return writes_ != 0 || effects_ != 0 || sync_managers_.frame_pending(); }
@@ -124,7 +130,10 @@ class Esc final : public subdevice::EscAccess {
 
     // --- Time ---
     // The next time at which advance() has work to do.
-    [[nodiscard]] Time next_event() const { return next_event_; }
+    [[nodiscard]] Time next_event() const { return *next_event_; }
+    // From now on next_event() is kept in `place`, so that a segment finds the ESCs that have work without access to
+    // all of them. nullptr: in the ESC. The place must outlive the ESC or the next call.
+    void keep_next_event_in(Time* place);
     void advance(Time now);
     // Number of events that advance() has processed since construction. Whatever a master writes, this number grows by
     // less than 1.3 million per second of simulated time, because pulses are processed in groups of 10 µs and a program
@@ -174,6 +183,7 @@ class Esc final : public subdevice::EscAccess {
         std::array<Mapping, 2 * kMaxFmmus> at{};
         void add(Mapping mapping);
     };
+    static constexpr std::size_t kMappingBytes = offsetof(Mappings, at) + sizeof(Mapping);  // up to the first one
 
     bool access(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length, Time at);
     bool access_plain(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length, Time at);
@@ -225,12 +235,18 @@ class Esc final : public subdevice::EscAccess {
     void update_dl_status();
     void lay_out();
     void schedule();
+    void advance_units();
 
     // Members that every frame accesses are first, because a thousand complete ESCs do not fit into a cache.
     Time now_{};
+    Time* next_event_ = &own_next_event_;
     Time firmware_due_ = kNever;
-    Time next_event_ = kNever;
+    Time others_due_ = kNever;  // everything but the firmware: not later than its next event
     std::unique_ptr<Firmware> firmware_;
+    Duration firmware_latency_;
+    std::uint64_t work_ = 0;
+    // Times of the last buffer events: change by the master, start and change by the PDI; kNever: none.
+    std::array<Time, 3> buffer_times_{kNever, kNever, kNever};
     std::uint32_t logical_first_ = 1;
     std::uint32_t logical_last_ = 0;
     std::uint32_t configuration_ = 0;
@@ -252,6 +268,8 @@ class Esc final : public subdevice::EscAccess {
     bool dc_on_ = false;
     bool end_expected_ = false;  // for the current frame
     bool exchanges_ = false;     // some logical octets are both read and written
+    bool reset_wanted_ = false;
+    std::array<std::uint32_t, 2> mapped_ram_{};  // where the first mapping of each direction begins, in ram_
     std::vector<std::byte> ram_;
     SyncManagers sync_managers_;
     Mappings read_mappings_;
@@ -269,16 +287,13 @@ class Esc final : public subdevice::EscAccess {
     std::array<Write, kMaxWrites> write_list_{};
     std::array<std::byte, 1536> write_bytes_{};
     std::array<std::uint8_t, 2> reset_step_{};  // progress in the reset sequence of 0x0040 and 0x0041
-    bool reset_wanted_ = false;
     std::uint8_t lasting_loops_ = 0;
     std::uint16_t link_bits_ = 0;
     std::uint32_t compare_with_ = 0;  // low 32 bits of the value written to the system time
-    std::uint64_t work_ = 0;
-    std::uint32_t activations_ = 0;  // SyncManagers whose activation has changed since the PDI read it
+    std::uint32_t activations_ = 0;   // SyncManagers whose activation has changed since the PDI read it
     // Ends of the pulses of SYNC0 and SYNC1 that are visible in the AL event request.
     std::array<Time, 2> pulse_ends_{kNever, kNever};
-    // Times of the last buffer events: change by the master, start and change by the PDI; kNever: none.
-    std::array<Time, 3> buffer_times_{kNever, kNever, kNever};
+    Time own_next_event_ = kNever;
     Time loops_end_ = kNever;  // end of temporary loop settings
 };
 

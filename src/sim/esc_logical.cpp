@@ -66,6 +66,12 @@ void Esc::reload_mappings() {
 
 // Detects the common case once: an FMMU that maps exactly the buffer of one SyncManager.
 void Esc::link_mappings() {
+    for (std::size_t n = 0; n < mapped_ram_.size(); ++n) {
+        const auto& first = (n == 0 ? read_mappings_ : write_mappings_).at[0];
+        const auto count = (n == 0 ? read_mappings_ : write_mappings_).count;
+        const auto offset = first.physical / 8 - reg::kProcessRam;
+        mapped_ram_[n] = count != 0 && offset < ram_.size() ? static_cast<std::uint32_t>(offset) : 0;
+    }
     for (auto* mappings : {&read_mappings_, &write_mappings_})
         for (unsigned n = 0; n < mappings->count; ++n) {
             auto& mapping = mappings->at[n];

@@ -26,6 +26,9 @@ class Firmware {
     // call; kNever when only events matter.
     virtual Time step(Time now) = 0;
 
+    // Prefetches the memory that the next step needs into the processor's cache. Without other effects.
+    virtual void fetch() const {}
+
     // True for a program that reads the ESC in a loop all the time. It is called as soon as such a loop would notice
     // something: a new bit in the AL event request, whatever the mask says, or a buffer that the master has handed over
     // without an event.

@@ -15,6 +15,9 @@ bool exists(const Esc& esc, unsigned port) {
 std::uint32_t Segment::add(std::unique_ptr<Esc> esc) {
     nodes_.emplace_back();
     nodes_.back().esc = std::move(esc);
+    for (auto& node : nodes_) node.esc->keep_next_event_in(nullptr);  // the places may move
+    due_.push_back(kNever);
+    keep_events();
     touched_.reserve(nodes_.size());
     topology_changed();
     return static_cast<std::uint32_t>(nodes_.size() - 1);
@@ -58,6 +61,7 @@ void Segment::power_up(Time now) {
         node.powered = true;
         node.esc->power_up(now);
     }
+    keep_events();
     update_all_ports();
     next_event_ = kNever;
     for (std::uint32_t n = 0; n < size(); ++n) schedule(n);
@@ -79,6 +83,7 @@ void Segment::set_power(std::uint32_t number, bool on, Time now) {
     node.powered = on;
     node.open = {};
     if (on) node.esc->power_up(now);
+    keep_events();
     update_all_ports();
     schedule(number);
 }
@@ -113,21 +118,30 @@ std::vector<std::uint32_t> Segment::order(unsigned master_port) {
     return slaves;
 }
 
-void Segment::schedule(std::uint32_t number) {
-    if (nodes_[number].powered) next_event_ = std::min(next_event_, slave(number).next_event());
+void Segment::schedule(std::uint32_t number) { next_event_ = std::min(next_event_, due_[number]); }
+
+void Segment::keep_events() {
+    for (std::size_t n = 0; n < nodes_.size(); ++n) {
+        nodes_[n].esc->keep_next_event_in(nodes_[n].powered ? &due_[n] : nullptr);
+        if (!nodes_[n].powered) due_[n] = kNever;
+    }
 }
 
 void Segment::advance(Time now) {
     if (next_event_ > now) return;
     next_event_ = kNever;
-    for (std::uint32_t n = 0; n < size(); ++n) {
-        auto& node = nodes_[n];
-        if (!node.powered) continue;
-        if (node.esc->next_event() <= now) {
+    constexpr std::uint32_t kAhead = 1;  // number of slaves whose memory is prefetched before it is needed
+    const auto count = static_cast<std::uint32_t>(size());
+    for (std::uint32_t n = 0; n < count; ++n) {
+        if (due_[n] <= now) {
+            if (n + 3 * kAhead < count) nodes_[n + 3 * kAhead].esc->fetch_events();
+            if (n + 2 * kAhead < count) nodes_[n + 2 * kAhead].esc->fetch_firmware();
+            if (n + kAhead < count && due_[n + kAhead] <= now) nodes_[n + kAhead].esc->fetch_step();
+            auto& node = nodes_[n];
             node.esc->advance(now);
             if (node.configuration != node.esc->configuration()) note_change(n);
         }
-        next_event_ = std::min(next_event_, node.esc->next_event());
+        next_event_ = std::min(next_event_, due_[n]);
     }
 }
 

@@ -180,8 +180,12 @@ class Segment {
     void pick_fault(Frame& frame);
     void count_errors(const Frame& frame);
     void schedule(std::uint32_t slave);
+    void keep_events();
 
     std::vector<Node> nodes_;
+    // Esc::next_event() of all slaves, kNever of those without power: close together, because it is searched each time
+    // that any slave has work to do.
+    std::vector<Time> due_;
     std::array<Cable, kMasterPorts> masters_{};
     std::array<Route, kMasterPorts> routes_;
     std::vector<std::uint32_t> touched_;

@@ -1,6 +1,8 @@
 // Measures the speed of the simulated segment: datagram·slaves per second (the number of datagrams times the slaves
-// that each passes), and allocations per frame. An allocation is a failure; the speed is only printed.
+// that each passes), cycles with the programs of slaves in OP, and allocations. An allocation is a failure; the speed
+// is only printed.
 #include "sim/segment.hpp"
+#include "bench/common/operating_segment.hpp"
 #include "sim/devices.hpp"
 #include "wire/datagram.hpp"
 #include "wire/fmmu.hpp"
@@ -126,6 +128,36 @@ class Bench {
     bool good_ = true;
 };
 
+// A cycle of a millisecond with the programs of 1000 slaves in OP: what virtual_segment has to do in this millisecond.
+bool run_in_op(const char* title, std::span<const std::string_view> devices) {
+    bench::OperatingSegment segment;
+    if (!segment.build(kSlaves, devices)) {
+        std::printf("%-58s cannot be brought to OP\n", title);
+        return false;
+    }
+    bool good = true;
+    const auto cycle = [&] { good &= segment.cycle() == segment.expected_wkc(); };
+    for (int n = 0; n < 20; ++n) cycle();
+    const auto allocated = allocations;
+    const auto worked = segment.work();
+    double best = 1;
+    constexpr int kCycles = 20;
+    for (int run = 0; run < 20; ++run) {
+        const double begin = cpu_seconds();
+        for (int n = 0; n < kCycles; ++n) cycle();
+        best = std::min(best, (cpu_seconds() - begin) / kCycles);
+    }
+    const auto made = allocations - allocated;
+    const double steps = static_cast<double>(segment.work() - worked) / (20.0 * kCycles * kSlaves);
+    good &= segment.all_in_op() && made == 0;
+    std::printf(
+        "%-58s %8.2f million/s %9.1f ns a slave %9.0f slaves fit into 1 ms %6zu allocations, %zu frames, %.2f "
+        "steps%s\n",
+        title, kSlaves / best / 1e6, best / kSlaves * 1e9, kSlaves * 1e-3 / best, made, segment.frames(), steps,
+        good ? "" : "  WRONG");
+    return good;
+}
+
 }  // namespace
 
 // The case with this number (from 1), or all cases.
@@ -152,5 +184,9 @@ int main(int argc, char** argv) {
         Bench bench(Image::shared, true, true);
         good &= bench.run("LRW, every slave reads and writes, with its program", Command::LRW, 1, 3 * kSlaves);
     }
+    constexpr std::array<std::string_view, 2> kTerminals{"analog_in_4", "analog_out_2"};
+    constexpr std::array<std::string_view, 1> kStack{"digital_io_16"};
+    if (wanted(5)) good &= run_in_op("cycle in OP, terminals with the program of their SII", kTerminals);
+    if (wanted(6)) good &= run_in_op("cycle in OP, devices with the whole slave stack", kStack);
     return good ? 0 : 1;
 }

@@ -69,6 +69,19 @@ Time StackFirmware::step(Time now) {
     return away_until_;
 }
 
+void StackFirmware::fetch() const {
+    constexpr std::size_t kMapped = 16;  // entries of a direction
+    sim::fetch(&model_, sizeof model_ + sizeof image_ + sizeof dictionary_ + sizeof staging_ + sizeof coe_);
+    sim::fetch(&odd_pdi_, sizeof odd_pdi_ + sizeof quirks_);
+    sim::fetch(&process_memory_.outputs, 1);
+    sim::fetch(&process_memory_.inputs, 1);
+    sim::fetch(&process_memory_.output_entries, kMapped * sizeof(subdevice::MappedEntry));
+    sim::fetch(&process_memory_.input_entries, kMapped * sizeof(subdevice::MappedEntry));
+    sim::fetch(&esc_, sizeof esc_ + sizeof process_data_ + sizeof mailbox_ + sizeof device_ + sizeof away_until_);
+    sim::fetch(model_.get(), sizeof(Model));
+    sim::fetch(image_.data(), 1);
+}
+
 bool StackFirmware::add_quirk(Quirk quirk, std::vector<std::byte>& sii) {
     quirks_.add(quirk);
     model_->set_quirks(quirks_);
