@@ -184,6 +184,43 @@ TEST(Ring, BranchesThatOnlyTheSecondNicReaches) {
     }
 }
 
+// A slave whose port 0 has no link marks the frames as circulating, and the next such slave destroys them (ETG.1000.4).
+// In a whole ring a branch that is connected by another port works. Behind a break its slaves and the first slave
+// behind the break are two such slaves: no frame comes back from that part, whatever the master does, until the ring is
+// whole.
+TEST(Ring, ABranchByAnotherPortThanZero) {
+    RingBus bus;
+    for (unsigned n = 0; n < 3; ++n) (void)bus.add_to_ring();
+    const auto branch = bus.add(RingBus::io_device());
+    ASSERT_TRUE(bus.segment.connect({2, 3}, {branch, 1}));
+    (void)bus.add_to_ring();
+    bus.close_ring();
+    bus.start();
+    EXPECT_EQ(bus.ctx->slave(4).parent, 3U);
+    EXPECT_EQ(bus.ctx->slave(4).parent_port, 3U);
+    EXPECT_EQ(bus.ctx->slave(4).entry_port, 1U);
+    bus.run();
+    for (const std::size_t behind : {4U, 3U}) {  // the branch is in the part of the first NIC
+        bus.cable(bus.ring_cables[behind], false);
+        EXPECT_LE(bus.stale_cycles(20), 1U);
+        bus.cable(bus.ring_cables[behind], true);
+        EXPECT_LE(bus.stale_cycles(20), 1U);
+    }
+    for (const std::size_t before : {2U, 1U}) {
+        SCOPED_TRACE("ring cable " + std::to_string(before));
+        (void)bus.events();
+        bus.cable(bus.ring_cables[before], false);
+        for (unsigned n = 0; n < 200; ++n) (void)bus.cycle();
+        EXPECT_FALSE(bus.wkc.ok()) << "a success without the slaves behind the break";
+        for (std::uint16_t n = 1; n <= 5; ++n)
+            EXPECT_EQ(bus.ctx->slave(n).al.state, n <= before ? AlState::op : AlState::none) << n;
+        EXPECT_NE(bus.joined(bus.events()).find("slave 5"), std::string::npos);
+        bus.cable(bus.ring_cables[before], true);
+        ASSERT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
+        EXPECT_EQ(bus.stale_cycles(20), 0U);
+    }
+}
+
 TEST(Ring, EitherNicMayBeUnplugged) {
     RingBus bus;
     bus.build_line(6);
