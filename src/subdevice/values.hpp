@@ -114,7 +114,11 @@ struct Inside<T, Step, Path...> {
 template <auto... Path>
 struct Place;
 template <auto Member, auto... Path>
-struct Place<Member, Path...> : Inside<decltype(struct_of(Member)), Member, Path...> {};
+struct Place<Member, Path...> {
+    using Reached = Inside<decltype(struct_of(Member)), Member, Path...>;
+    using Type = typename Reached::Type;
+    static constexpr std::size_t offset = Reached::offset;
+};
 }  // namespace members
 
 template <class Struct>

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 namespace readme_device {
+namespace {
 
 using Board = margay::subdevice::testing::PlainEsc;
 unsigned shown = 0xFFFF;
@@ -15,6 +16,9 @@ using namespace margay;
 using namespace margay::subdevice;
 #include <readme_device.inc>
 
+[[maybe_unused]] constexpr auto* kMain = &main;  // it has no end, so the test does not call it
+
+}  // namespace
 }  // namespace readme_device
 
 namespace margay::subdevice {
