@@ -172,8 +172,18 @@ template <std::size_t N, std::size_t M>
     return joined(std::to_array(a), b);
 }
 
-// Checks a table: indices ascending, values inside the image, each subindex unique, minimum not above maximum, a memory
-// hook for each provided value.
+// Whether an entry that has limits begins within them: a master may write what it has read.
+[[nodiscard]] constexpr bool begins_within_limits(const Entry& e) {
+    const auto [minimum, maximum] = e.limits();
+    const auto initial = static_cast<std::int64_t>(e.initial());
+    if (minimum < 0) return minimum <= initial && initial <= maximum;
+    const auto mask = e.bits < 64 ? (std::uint64_t{1} << e.bits) - 1 : ~std::uint64_t{0};
+    const auto number = e.initial() & mask;
+    return static_cast<std::uint64_t>(minimum) <= number && number <= static_cast<std::uint64_t>(maximum);
+}
+
+// Checks a table: indices ascending, values inside the image, each subindex unique, initial values within their limits,
+// a memory hook for each provided value.
 [[nodiscard]] constexpr bool well_formed(std::span<const Object> objects, std::size_t image_bytes) {
     for (std::size_t i = 0; i < objects.size(); ++i) {
         const auto& o = objects[i];
@@ -184,7 +194,7 @@ template <std::size_t N, std::size_t M>
         for (const auto& e : o.entries) {
             if (e.count == 0 || e.subindex < next || e.last() > 255) return false;
             next = e.last() + 1;
-            if (e.is_limited() && e.limits().minimum > e.limits().maximum) return false;
+            if (e.is_limited() && !begins_within_limits(e)) return false;
             if (e.storage == Storage::image && e.offset + std::size_t{e.bytes()} * e.count > image_bytes) return false;
             if (e.storage == Storage::provided && (o.hooks == nullptr || o.hooks->memory == nullptr)) return false;
         }

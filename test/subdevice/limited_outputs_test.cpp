@@ -33,6 +33,25 @@ constexpr Entry kLimitedEntries[] = {
 constexpr Object kLimitedObjects[] = {record(0x7000, "Outputs", kLimitedEntries)};
 using LimitedStack = StandardDevice<kLimitedDevice, kLimitedObjects, LimitedValues>;
 
+// A table is wrong whose values begin outside of their limits, or whose limits leave no value.
+template <class T>
+bool right_table(T initial, const ValueLimits& limits) {
+    const Entry entries[] = {value<Field<T, 0>>(0, "Value", kLimitedOut, initial).within(limits)};
+    const Object objects[] = {variable(0x2000, "Value", entries)};
+    return well_formed(objects, sizeof(T));
+}
+TEST(LimitedTable, BeginsWithinItsLimits) {
+    EXPECT_TRUE(right_table<std::uint8_t>(1, kLimits<1, 3>));
+    EXPECT_TRUE(right_table<std::uint8_t>(255, kLimits<0, 255>));
+    EXPECT_TRUE(right_table<std::uint32_t>(0xFFFF'FFFF, kLimits<0, 0xFFFF'FFFF>));
+    EXPECT_TRUE(right_table<std::int64_t>(-5, kLimits<-5, 0x1'0000'0000>));
+    EXPECT_TRUE(right_table<std::uint64_t>(5, kLimits<0, -1>)) << "all numbers of 64 bits";
+    EXPECT_FALSE(right_table<std::uint8_t>(0, kLimits<1, 3>));
+    EXPECT_FALSE(right_table<std::int16_t>(-1, kLimits<0, 100>));
+    EXPECT_FALSE(right_table<std::int16_t>(101, kLimits<-100, 100>));
+    EXPECT_FALSE(right_table<std::int16_t>(0, kLimits<2, 1>));
+}
+
 class LimitedOutputs : public ::testing::Test {
   protected:
     struct Nothing final : LimitedStack::App {
