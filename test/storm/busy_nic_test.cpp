@@ -56,12 +56,12 @@ TEST_F(BusyNic, DuringAnSdo) {
 // All requests of a bring-up, with a NIC that becomes busy at each frame of the bring-up in turn.
 TEST_F(BusyNic, FromEveryFrameOfTheBringUpOn) {
     ASSERT_EQ(scan().code, Errc::none);
-    const auto frames = nic.sent();
+    const auto frames = nic.sent().frames;
     for (std::uint64_t n = 0; n < frames; n += 7) {
-        const auto begin = nic.sent();
+        const auto begin = nic.sent().frames;
         ScanRequest request;
         ASSERT_TRUE(submit(*ctx, request).ok());
-        (void)until([&] { return nic.sent() >= begin + n || !request.busy(); }, kBound);
+        (void)until([&] { return nic.sent().frames >= begin + n || !request.busy(); }, kBound);
         stays_busy();
         EXPECT_TRUE(ends(request, kBound)) << "busy from frame " << n << " on";
         nic.settle();

@@ -6,6 +6,7 @@
 #include "oshw/filter_nic.hpp"
 #include "oshw/filters/chance.hpp"
 #include "oshw/frame_queue.hpp"
+#include "wire/datagram.hpp"
 
 #include <vector>
 
@@ -23,11 +24,20 @@ class ChaosNic final : public FilterNic {
         Duration busy_for{};
     };
     Rates rates;
+    // Slaves that do not set the mark of the first ESC, and a NIC that knows its own frames.
+    bool unmarked = false;
 
     ChaosNic(Nic& inner, Osal& clock, std::uint64_t seed) noexcept : FilterNic(inner), clock_(clock), chance_(seed) {}
 
     void settle() { rates = {}, busy_until_ = Time::min(); }
-    [[nodiscard]] std::uint64_t sent() const { return sent_; }
+    // What was sent: frames, datagrams, and octets of datagrams with their headers.
+    struct Sent {
+        std::uint64_t frames = 0;
+        std::uint64_t datagrams = 0;
+        std::uint64_t bytes = 0;
+    };
+    [[nodiscard]] const Sent& sent() const { return sent_; }
+    [[nodiscard]] bool hides_own_frames() const noexcept override { return unmarked || inner().hides_own_frames(); }
 
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (clock_.now() < busy_until_) return SendStatus::busy;
@@ -35,10 +45,10 @@ class ChaosNic final : public FilterNic {
             busy_until_ = clock_.now() + rates.busy_for;
             return SendStatus::busy;
         }
-        ++sent_;
-        if (chance_.happens(rates.drop_out)) return SendStatus::sent;
-        const auto status = inner().send(frame);
-        if (status == SendStatus::sent && chance_.happens(rates.twice_out)) (void)inner().send(frame);
+        const bool dropped = chance_.happens(rates.drop_out);
+        const auto status = dropped ? SendStatus::sent : inner().send(frame);
+        if (status == SendStatus::sent) note_sent(frame);
+        if (status == SendStatus::sent && !dropped && chance_.happens(rates.twice_out)) (void)inner().send(frame);
         return status;
     }
 
@@ -46,6 +56,7 @@ class ChaosNic final : public FilterNic {
         while (const auto length = inner().receive(buffer_)) {
             const std::span<std::byte> frame(buffer_.data(), length);
             if (chance_.happens(rates.drop_in)) continue;
+            if (unmarked) frame[wire::kSourceMacOffset] &= ~wire::kPassedEscBit;
             if (chance_.happens(rates.flip))
                 frame[14 + chance_.below(length - 14)] ^= static_cast<std::byte>(1U << chance_.below(8));
             keep(frame);
@@ -59,6 +70,20 @@ class ChaosNic final : public FilterNic {
     }
 
   private:
+    void note_sent(std::span<const std::byte> frame) noexcept {
+        constexpr unsigned kLength = 0x07FF;
+        constexpr unsigned kMore = 0x8000;
+        ++sent_.frames;
+        std::size_t at = wire::kFramePrefixBytes;
+        for (bool more = true; more && at + wire::kDatagramHeaderBytes <= frame.size();) {
+            const unsigned length = load_le<std::uint16_t>(frame, at + 6);
+            const std::size_t bytes = (length & kLength) + wire::kDatagramOverheadBytes;
+            ++sent_.datagrams;
+            sent_.bytes += bytes;
+            at += bytes;
+            more = (length & kMore) != 0;
+        }
+    }
     void keep(std::span<const std::byte> frame) noexcept {
         Time due = clock_.now();
         if (chance_.happens(rates.delay))
@@ -73,7 +98,7 @@ class ChaosNic final : public FilterNic {
     FrameQueue held_{memory_};
     std::array<std::byte, 1518> buffer_;
     Time busy_until_ = Time::min();
-    std::uint64_t sent_ = 0;
+    Sent sent_;
 };
 
 }  // namespace margay::storm

@@ -30,6 +30,7 @@ class Maker {
         more_settings();
         more_harm();
         more_mail();
+        more_mistakes();
         return std::move(plan_);
     }
 
@@ -101,6 +102,21 @@ class Maker {
                              other ? Op::submit_other : Op::submit,
                              {below(24), kind, below(plan_.devices.size() + 2), below(1 << 16), below(64)}}});
         }
+    }
+
+    // Replies without a mark, and sequences without memory. The plans of the seeds that README.md names stay as they
+    // were: none of them is divisible by 8.
+    void more_mistakes() {
+        constexpr std::uint64_t kOldSeeds = 400;
+        if (plan_.seed <= kOldSeeds && plan_.seed % 8 != 0) return;
+        Chance chance(plan_.seed * 3266489917ULL + 4);
+        if (chance.below(4) == 0) plan_.settings.unmarked = 1;
+        if (chance.below(2) == 0) return;
+        for (auto n = 1 + chance.below(3); n > 0; --n)
+            insert(chance, {{static_cast<std::uint32_t>(chance.below(20'000)),
+                             Op::hoard,
+                             {static_cast<std::uint32_t>(1 + chance.below(chance.below(2) == 0 ? 5 : 300)),
+                              static_cast<std::uint32_t>(chance.below(160))}}});
     }
 
     // Replies that are lost, some for good, of devices whose SII does not list their PDOs.

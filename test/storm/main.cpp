@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <ctime>
 #include <fstream>
@@ -45,6 +46,8 @@ int run_file(const Options& options) {
     return 1;
 }
 
+volatile std::sig_atomic_t interrupted = 0;
+
 class Storm {
   public:
     explicit Storm(const Options& options) : options_(options) {}
@@ -56,18 +59,18 @@ class Storm {
         };
         const double limit = options_.hours > 0 ? options_.hours * 3600 : options_.seconds;
         std::uint64_t seed = options_.first;
-        for (;; ++seed) {
+        double told = 0;
+        std::signal(SIGINT, [](int) { interrupted = 1; });  // the seed that is executing still ends
+        for (; interrupted == 0; ++seed) {
             if (options_.seeds != 0 && seed - options_.first >= options_.seeds) break;
             if (limit > 0 && elapsed() >= limit) break;
             one(seed);
             if (failed_ > 0 && !options_.keep_going) break;
+            if (elapsed() < told + kProgress) continue;
+            told = elapsed();
+            print_count(told);
         }
-        const double took = elapsed();
-        std::printf(
-            "%llu seeds from %llu on in %.1f s, %.0f simulated seconds (%.1f a second), %u broke a rule, %u of "
-            "them in a way that is known\n",
-            static_cast<unsigned long long>(run_), static_cast<unsigned long long>(options_.first), took, simulated_,
-            simulated_ / took, failed_ + known_, known_);
+        print_count(elapsed());
         for (const auto& [rule, all] : by_rule_) {
             std::printf("  %zu x %s:", all.size(), rule.c_str());
             for (std::size_t n = 0; n < all.size() && n < 12; ++n)
@@ -78,6 +81,17 @@ class Storm {
     }
 
   private:
+    static constexpr double kProgress = 60;  // s
+
+    void print_count(double took) const {
+        std::printf(
+            "%llu seeds from %llu on in %.1f s, %.0f simulated seconds (%.1f a second), %u broke a rule, %u of "
+            "them in a way that is known\n",
+            static_cast<unsigned long long>(run_), static_cast<unsigned long long>(options_.first), took, simulated_,
+            simulated_ / took, failed_ + known_, known_);
+        std::fflush(stdout);
+    }
+
     void one(std::uint64_t seed) {
         const Plan plan = make_plan(seed);
         const auto verdict = execute(plan);
@@ -122,7 +136,7 @@ int main(int argc, char** argv) {
     CLI::App app(
         "Random systems, random operations and random faults in virtual time, by seed; what must hold is checked "
         "at every step.");
-    app.add_option("--seed", options.first, "The first seed")->capture_default_str();
+    app.add_option("--seed", options.first, "The first seed")->capture_default_str()->check(CLI::NonNegativeNumber);
     constexpr double kLongest = 1e6;
     app.add_option("--seeds", options.seeds, "How many seeds")->check(CLI::PositiveNumber);
     app.add_option("--seconds", options.seconds, "For how long")->check(CLI::Range(0.0, kLongest));

@@ -25,7 +25,7 @@ constexpr OpInfo kOps[] = {
     {"late", 1, Actor::owner, false},       {"watch", 1, Actor::owner, false},
     {"configure", 3, Actor::owner, false},  {"write_state", 2, Actor::owner, false},
     {"hostile", 4, Actor::owner, true},     {"eeprom_update", 3, Actor::owner, true},
-    {"eeprom_deaf", 2, Actor::world, true},
+    {"eeprom_deaf", 2, Actor::world, true}, {"hoard", 2, Actor::world, false},
 };
 static_assert(std::size(kOps) == static_cast<std::size_t>(Op::count_of_ops));
 
@@ -110,6 +110,7 @@ const std::vector<SettingInfo>& setting_infos() {
         {"line_ms", &Settings::line_ms},
         {"bring_up_drop", &Settings::bring_up_drop},
         {"close_busy", &Settings::close_busy},
+        {"unmarked", &Settings::unmarked},
     };
     return kAll;
 }

@@ -59,6 +59,8 @@ enum class Op : std::uint8_t {
     eeprom_update,  // device, value, how: writes the configuration area of its EEPROM, see World::update_eeprom()
     // Steps of the segment, added later: their numbers do not change the numbers of the steps above.
     eeprom_deaf,  // device, milliseconds (at most 190): its EEPROM acknowledges nothing during this time
+    // Milliseconds, blocks: the arena has only so many free blocks of 64 octets during this time. 0 ms: ends it.
+    hoard,
     count_of_ops,
 };
 
@@ -111,6 +113,7 @@ struct Settings {
     // Incoming frames per million that are lost while the segment is scanned and mapped for the first time.
     std::uint32_t bring_up_drop = 0;
     std::uint32_t close_busy = 0;  // 1: the context is destroyed while requests are busy
+    std::uint32_t unmarked = 0;    // 1: replies come back without the mark of the first ESC
 };
 struct SettingInfo {
     std::string_view name;

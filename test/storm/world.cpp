@@ -69,6 +69,7 @@ void World::build() {
     images_.assign(s.groups, std::vector<std::byte>(kImageBytes));
     on_their_way_.resize(s.groups);
     mappings_.resize(s.groups);
+    paces_.resize(s.groups);
     choose_group();
     segment_.power_up(osal_.now());
     note_presence(true);
@@ -81,6 +82,8 @@ void World::build() {
                                                  .frames = static_cast<std::uint16_t>(s.frames),
                                                  .groups = static_cast<std::uint16_t>(s.groups),
                                                  .process_frames = static_cast<std::uint16_t>(s.process_frames)});
+    nic_->unmarked = s.unmarked != 0;
+    read_what_is_not_there();
     if (const auto ready = init(*ctx_, *nic_, osal_); !ready) fail("init", "refused");
     arena_level_ = master_of(*ctx_)->network.arena().used_bytes();
     shared_memory_.assign(s.groups, std::vector<std::byte>(SharedImage::memory_bytes(kImageBytes, 0)));
@@ -148,7 +151,9 @@ void World::poll_once() {
     if (now - polls_since_ > 1ms) polls_since_ = now, polls_ = 0;
     if (++polls_ > kMostPollsAMillisecond) fail("poll() asks for too many polls", "5000 in a millisecond");
     last_poll_ = now;
+    const auto frames = nic_->sent().frames;
     deadline_ = poll(*ctx_, now);
+    check_poll(frames);
     if (late_ > Duration{0} && deadline_ != kNever)
         deadline_ += Duration(static_cast<std::int64_t>(chance_.below(static_cast<std::uint64_t>(late_.count()))));
 }
@@ -195,7 +200,9 @@ std::string World::story() const {
 void World::drain_told() {
     most_slaves_ = std::max(most_slaves_, ctx_->slaves().size());
     std::array<char, 300> text{};
+    drain_emergencies();
     while (const auto error = ctx_->errors().take()) {
+        if (is_warning(error->code)) fail("a warning takes room of errors", std::string(describe(*error, text)));
         if (error->slave > most_slaves_) fail("an error names no slave", std::string(describe(*error, text)));
         if (describe(*error, text).empty()) fail("an error without words", "");
         keep(describe(*error, text));
@@ -236,11 +243,15 @@ void World::cycle_group(std::uint8_t group) {
         on_their_way_[group].clear();
     look_around();
     set_outputs(group);
+    const auto mailboxes = look_at_mailboxes(group);
+    const ChaosNic::Sent before = nic_->sent();
     const auto sent = send_processdata(*ctx_, group);
+    check_budget(group, before);
+    note_interval(group);
     note_outputs(group);
     check_copies(group);
     if (sent || sent.error().code != Errc::busy)
-        on_their_way_[group].push_back({osal_.now(), reachable_, station_, sent.error().code, mapping()});
+        on_their_way_[group].push_back({osal_.now(), reachable_, station_, sent.error().code, mailboxes, mapping()});
     if (on_their_way_[group].size() >= std::max<std::size_t>(ctx_->group(group).config.cycles_in_flight, 1))
         receive_group(group);
 }
@@ -261,6 +272,7 @@ void World::receive_group(std::uint8_t group) {
         fail("receive_processdata() waits too long", "");
     check_inputs(group, wkc.ok(), cycle);
     check_shared(group);
+    check_mailboxes(group, cycle);
 }
 
 // ------------------------------------------------------------------ the complete run

@@ -83,6 +83,8 @@ class World {
         Time at{};
         Step step;
     };
+    // Whether SyncManager 1 of a slave that is known to take part had a message before and after a cycle was sent.
+    enum class Mailbox : std::uint8_t { unknown, empty, full };
     // A cycle, and the slaves that were reachable when its frames passed. Frames pass the simulated segment at the
     // time of sending.
     struct Cycle {
@@ -90,7 +92,8 @@ class World {
         std::vector<bool> reachable;
         std::vector<std::uint16_t> station;
         Errc send_error = Errc::none;
-        bool mapping = false;  // a group was being mapped during the cycle
+        std::vector<Mailbox> mailboxes;  // by slave, from 1
+        bool mapping = false;            // a group was being mapped during the cycle
     };
     [[nodiscard]] bool mapping() const;
     static constexpr std::size_t kSlots = 24;
@@ -167,6 +170,17 @@ class World {
     void check_lost(std::uint16_t number, Time at, const char* how);
     void check_states();
     void check_bits(std::uint8_t group, Time since);
+
+    // world_traffic.cpp
+    void read_what_is_not_there();
+    void note_interval(std::uint8_t group);
+    void check_poll(std::uint64_t frames_before);
+    void check_budget(std::uint8_t group, const ChaosNic::Sent& before);
+    [[nodiscard]] std::vector<Mailbox> look_at_mailboxes(std::uint8_t group);
+    void check_mailboxes(std::uint8_t group, const Cycle& cycle);
+    void check_ownership();
+    void drain_emergencies();
+    void hoard(std::uint32_t milliseconds, std::size_t blocks_left);
 
     // checks.cpp
     void show_inputs();
@@ -281,6 +295,13 @@ class World {
     Time last_poll_ = Time::min();
     Time deadline_{};
     std::size_t arena_level_ = 0;
+    std::vector<void*> hoarded_;
+    // Of each group: when it was sent last, and after how many equal intervals.
+    struct Pace {
+        Time last = Time::min();
+        unsigned equal = 0;
+    };
+    std::vector<Pace> paces_;
 };
 
 }  // namespace margay::storm

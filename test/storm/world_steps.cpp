@@ -94,6 +94,7 @@ void World::world_step(const Step& step) {
             segment_.slave(device).sii().fail_next(a[1]);
             faulty_eeproms_.insert(device);
             break;
+        case Op::hoard: hoard(a[0], a[1]); break;
         case Op::eeprom_deaf: eeprom_deaf(device, a[1]); break;
         case Op::eeprom_word:
             if (a[1] >= wire::sii::word::kIdentity && a[1] < wire::sii::word::kIdentity + 8U) renamed_.insert(device);
@@ -161,6 +162,7 @@ void World::submit_slot(const Step& step, bool by_owner) {
         slot.checked = slot.cancelled = false;
     }
     if (!by_owner) osal_.thread = 2;
+    if (!by_owner) check_ownership();
     const auto submitted = slot.operation->submit(*ctx_);
     osal_.thread = 1;
     if (busy && submitted) fail("a busy request is taken again", std::string(of.name));
@@ -208,6 +210,7 @@ void World::heal() {
     world_steps_.clear();
     owner_steps_.clear();
     meddling_ = false;
+    hoard(0, 0);
     nic_->settle();
     segment_.set_noise({});
     late_ = Duration{0};
