@@ -187,10 +187,10 @@ struct Network {
     }
     // Nobody has looked for so long that a slave may have been exchanged for another one in the same state.
     [[nodiscard]] bool is_unobserved() const { return later(compared, kBelieved) < engine.now(); }
-    // The supervision compares this slave because of its own rest: until then the slave counts as it was, so that
-    // what_is_wrong() does not change with each roll.
+    // The supervision compares this slave because of its own rest: until an attempt fails the slave counts as it was,
+    // so that what_is_wrong() does not change with each roll.
     [[nodiscard]] bool is_believed(const Slave& slave) const {
-        return rested && !marks(slave).was_away && engine.now() < later(states_read, kBelieved);
+        return rested && !marks(slave).was_away && marks(slave).attempts == 0;
     }
     // The slaves were compared with the list that expect() has set last.
     [[nodiscard]] bool is_expected_list() const { return !expected_is_new; }

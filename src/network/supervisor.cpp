@@ -400,9 +400,9 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     }
     (void)count_lost_frames(watch);
     const Time now = network.engine.now();
-    network.rested =
-        network.is_unobserved() && now <= later(later(network.compared, watch.wanted.interval), Network::kBelieved);
-    if (network.is_unobserved()) {  // perhaps another machine
+    const Time due = later(network.compared, Network::kBelieved);
+    network.rested = due < now && now <= later(due, watch.wanted.interval);
+    if (due < now) {  // nobody has looked for so long: perhaps another machine
         watch.last = {};
         doubt_all(network, false);
     }
