@@ -1,10 +1,8 @@
 // Equal slaves of a line that come back in another order than they were lost: none of them is driven as another one.
-#include "process_data/plant.hpp"
+#include "process_data/hot_connect.hpp"
 
 namespace margay {
 namespace {
-
-using Words = std::vector<std::string>;
 
 // A line of five equal devices. In every cycle each slave gets outputs that name it.
 class EqualSlaves : public testing::Test, protected Plant {
@@ -29,18 +27,10 @@ class EqualSlaves : public testing::Test, protected Plant {
         put_second_in();
         ASSERT_TRUE(segment.connect({line[2], 1}, {line[3], 0}));
         ASSERT_TRUE(segment.connect({line[3], 1}, {line[4], 0}));
-        for (ExpectedSlave& slave : wanted) slave.config = &kSizes;
+        for (ExpectedSlave& slave : wanted) slave.config = &kIo;
         EXPECT_EQ(bring_up(wanted), Words());
         run();
     }
-    static SlaveConfiguration sizes() {
-        SlaveConfiguration config;
-        config.source = ConfigurationSource::application;
-        config.add({0, Direction::outputs, 0x64, 0x1100, 8});
-        config.add({1, Direction::inputs, 0x20, 0x2000, 8});
-        return config;
-    }
-    const SlaveConfiguration kSizes = sizes();
     void put_second_in() {
         ASSERT_TRUE(segment.connect({line[0], 1}, {line[1], 0}));
         ASSERT_TRUE(segment.connect({line[1], 1}, {line[2], 0}));
@@ -177,17 +167,9 @@ class NeverThere : public testing::Test, protected Plant {
     std::uint32_t fourth = 0;
     std::uint32_t other = 0;  // of the kind of the slaves 2 and 4, not connected
     std::array<ExpectedSlave, 4> wanted{ExpectedSlave{.number = 1, .product = 0x100},
-                                        {.number = 2, .product = 0x101, .optional = true, .config = &kSizes},
+                                        {.number = 2, .product = 0x101, .optional = true, .config = &kIo},
                                         {.number = 3, .product = 0x102},
                                         {.number = 4, .product = 0x101}};
-    static SlaveConfiguration sizes() {
-        SlaveConfiguration config;
-        config.source = ConfigurationSource::application;
-        config.add({0, Direction::outputs, 0x64, 0x1100, 8});
-        config.add({1, Direction::inputs, 0x20, 0x2000, 8});
-        return config;
-    }
-    const SlaveConfiguration kSizes = sizes();
 
     void build(std::uint16_t alias) {
         coupler = make({.product = 0x100});
