@@ -68,8 +68,10 @@ void converse(FoeTransfer& transfer, Input& input, std::size_t room, std::uint32
     while (!input.empty() && !transfer.over()) {
         if (!transfer.prepare() || transfer.over()) continue;
         compose(transfer, room);
-        if (!transfer.awaits_reply()) {  // the end, or the file is read again
-            transfer.finish();
+        if (!transfer.awaits_reply()) {  // the end, or the file is read or the request is sent again
+            // While the frame with this message is lost, replies are offered.
+            if (late != 0 && (input.octet() & 1) != 0) answer(transfer, input, number);
+            if (!transfer.over()) transfer.finish();
             number = first;
             continue;
         }
@@ -96,7 +98,7 @@ void read(Input& input, std::size_t room) {
     require(request.bytes() <= size);
 }
 
-void write(Input& input, std::size_t room) {
+void write(Input& input, std::size_t room, unsigned late) {
     const std::size_t bytes = input.octet();
     FuzzSource source(input, bytes);
     std::vector<std::byte> packet(room - 6 + kGuard, kMark);
@@ -104,7 +106,7 @@ void write(Input& input, std::size_t room) {
     request.name = "f";
     request.source = &source;
     FoeWriteTransfer transfer(request, source, MutableBytes(packet).first(room - 6));
-    converse(transfer, input, room, 0);
+    converse(transfer, input, room, 0, late);
     require(untouched(packet, room - 6));
     require(request.bytes() <= source.given);
     if (transfer.over() && transfer.error().code == Errc::none) require(request.bytes() == bytes);
@@ -119,6 +121,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if ((what & 1) == 0)
         read(input, room);
     else
-        write(input, room);
+        write(input, room, static_cast<unsigned>(what >> 1) & 3);
     return 0;
 }
