@@ -68,6 +68,7 @@ void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
 bool MailboxChannel::answers(const wire::MailboxMessage& mail, std::uint16_t to) {
     for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
         auto& exchange = static_cast<MailExchange&>(*turn);
+        if (!exchange.options_.reply) continue;  // it waits until its message has surely arrived
         if (exchange.type_ != mail.header.type || (to != 0 && exchange.options_.address != to)) continue;
         const MailClient::Taken taken = exchange.client_.accept(mail);
         if (taken == MailClient::Taken::no) continue;
@@ -90,7 +91,7 @@ void MailboxChannel::malformed(const wire::MailboxHeader& header) {
     ++statistics_.malformed;
     for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
         auto& exchange = static_cast<MailExchange&>(*turn);
-        if (exchange.type_ != header.type) continue;
+        if (exchange.type_ != header.type || !exchange.options_.reply) continue;
         Error error{.code = Errc::protocol, .step = Step::mailbox_receive, .slave = number_};
         error.expected = static_cast<std::uint32_t>(receive_room());
         error.actual = header.length;

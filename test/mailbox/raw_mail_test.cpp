@@ -49,6 +49,36 @@ TEST_F(RawMailTest, SendsAnyTypeAndReceivesWhatAnswers) {
     EXPECT_EQ(slave.received.at(1), mail_bytes({1, 0, 0x01, 0x20, 0x80, 0x29, 7}));
 }
 
+// The frame with a message is lost. What the slave sends on its own meanwhile is no answer to a message that has none.
+TEST_F(RawMailTest, ALostMessageWithoutAnAnswerTakesNoMail) {
+    std::array<std::byte, 256> memory{};
+    VoeInbox inbox(memory);
+    inbox.only_slave = 1;
+    inbox.look_every = 1ms;
+    ASSERT_TRUE(listen(*bus.ctx, inbox).ok());
+    bus.idle(5ms);
+    const Mail message = mail_bytes({1, 0, 0, 0, 1, 0, 9});
+    for (const bool malformed : {false, true}) {
+        SCOPED_TRACE(malformed);
+        slave.received.clear();
+        RawMail request;
+        request.slave = 1;
+        request.type = MailboxType::voe;
+        request.message = message;
+        const auto resent = mailbox_statistics(*bus.ctx, 1)->resent;
+        bus.nic->lose_out.insert(bus.nic->sent);
+        ASSERT_TRUE(submit(*bus.ctx, request).ok());
+        bus.step();
+        slave.reply(malformed ? Mail{} : mail_bytes({1, 0, 0, 0, 1, 0, 7}), MailboxType::voe);
+        bus.run(request);
+        EXPECT_EQ(request.error().code, Errc::none) << bus.words(request.error());
+        bus.idle(5ms);
+        EXPECT_EQ(slave.received.size(), 1U);
+        EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->resent, resent + 1);
+        EXPECT_EQ(inbox.count(), 1U);
+    }
+}
+
 TEST_F(RawMailTest, OtherTypesAndOtherMailAreNoAnswer) {
     slave.on_mail = [&](const Mail&) {
         slave.reply(mail_bytes({1}), MailboxType::foe);
