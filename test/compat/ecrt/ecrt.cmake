@@ -85,21 +85,18 @@ target_include_directories(ecrt_copies PRIVATE ${PROJECT_SOURCE_DIR}/src)
 target_link_libraries(ecrt_copies PRIVATE margay_flags)
 margay_ecrt_test(copies ecrt_copies "")
 
-# What the facade sets in slaves and has no function to read: with the sources of the facade.
-file(GLOB facade CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/compat/ecrt/*.cpp)
-add_executable(ecrt_ip_stack ${folder}/ip_stack.cpp ${facade})
-target_include_directories(ecrt_ip_stack PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR}/src/compat/ecrt/include)
-target_link_libraries(ecrt_ip_stack PRIVATE margay_source margay_flags)
+# What the facade sets in slaves and has no function to read: with the objects of the facade, which the library does not export.
+add_executable(ecrt_ip_stack ${folder}/ip_stack.cpp)
+target_include_directories(ecrt_ip_stack PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src)
+target_link_libraries(ecrt_ip_stack PRIVATE margay_ecrt_facade margay_flags)
 margay_ecrt_test(ip_stack ecrt_ip_stack sim:eoe_gateway,drive)
 set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
 
-# The same with a segment in virtual time.
-set(without_segment ${facade})
-list(FILTER without_segment EXCLUDE REGEX "/segment\\.cpp$")
-add_executable(ecrt_flags ${folder}/flags.cpp ${without_segment})
-target_include_directories(ecrt_flags PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/src/compat/ecrt/include)
-target_link_libraries(ecrt_flags PRIVATE margay_source margay_flags)
+# The same with a segment in virtual time, which this program opens.
+add_executable(ecrt_flags ${folder}/flags.cpp)
+target_include_directories(ecrt_flags PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
+target_link_libraries(ecrt_flags PRIVATE margay_ecrt_facade margay_flags)
 margay_ecrt_test(flags ecrt_flags "")
 
 # Each function with its signature; the table of the README.
