@@ -16,7 +16,7 @@ namespace {
 
 using Kind = DataType::Kind;
 
-constexpr DataType kTypes[] = {
+constexpr DataType kDataTypes[] = {
     {"bool", 0x0001, 1, Kind::boolean},        {"int8", 0x0002, 1, Kind::integer},
     {"int16", 0x0003, 2, Kind::integer},       {"int32", 0x0004, 4, Kind::integer},
     {"int64", 0x0015, 8, Kind::integer},       {"uint8", 0x0005, 1, Kind::cardinal},
@@ -194,23 +194,23 @@ std::string printable(std::span<const std::byte> value) {
 
 }  // namespace
 
-std::span<const DataType> data_types() { return kTypes; }
+std::span<const DataType> data_types() { return kDataTypes; }
 
 const DataType* type_by_name(std::string_view name) {
-    const auto* found = std::ranges::find(kTypes, name, &DataType::name);
-    return found == std::end(kTypes) ? nullptr : found;
+    const auto* found = std::ranges::find(kDataTypes, name, &DataType::name);
+    return found == std::end(kDataTypes) ? nullptr : found;
 }
 
 const DataType* type_by_code(std::uint16_t code) {
     const auto* synonym = std::ranges::find(kSynonyms, code, &Synonym::code);
     if (synonym != std::end(kSynonyms)) code = synonym->of;
-    const auto* found = std::ranges::find(kTypes, code, &DataType::code);
-    return code == 0 || found == std::end(kTypes) ? nullptr : found;
+    const auto* found = std::ranges::find(kDataTypes, code, &DataType::code);
+    return code == 0 || found == std::end(kDataTypes) ? nullptr : found;
 }
 
 std::string type_text(std::uint16_t code) {
-    const auto* found = std::ranges::find(kTypes, code, &DataType::code);
-    return code == 0 || found == std::end(kTypes) ? fmt::format("type {:#06x}", code) : std::string(found->name);
+    const auto* found = std::ranges::find(kDataTypes, code, &DataType::code);
+    return code == 0 || found == std::end(kDataTypes) ? fmt::format("type {:#06x}", code) : std::string(found->name);
 }
 
 Answer<Octets> parse_value(const DataType& type, std::string_view text) {

@@ -42,7 +42,7 @@ class Taken {
 
 constexpr std::uint16_t offset(std::uint16_t address, int by) { return static_cast<std::uint16_t>(address + by); }
 
-bool usable(ecx_contextt* context, std::uint16_t slave) {
+bool has_slave(ecx_contextt* context, std::uint16_t slave) {
     return session_of(context) != nullptr && is_slave(*context, slave);
 }
 
@@ -64,7 +64,7 @@ using namespace margay::soem;
 extern "C" {
 
 uint8 ecx_siigetbyte(ecx_contextt* context, uint16 slave, uint16 address) {
-    if (!usable(context, slave) || address >= EC_MAXEEPBUF) return 0xFF;
+    if (!has_slave(context, slave) || address >= EC_MAXEEPBUF) return 0xFF;
     std::uint8_t* const octets = sii_octets(*context);
     std::uint32_t* const known = sii_known(*context);
     if (context->esislave != slave) {
@@ -83,7 +83,7 @@ uint8 ecx_siigetbyte(ecx_contextt* context, uint16 slave, uint16 address) {
 }
 
 int16 ecx_siifind(ecx_contextt* context, uint16 slave, uint16 cat) {
-    if (!usable(context, slave)) return 0;
+    if (!has_slave(context, slave)) return 0;
     const Taken taken(*context, slave);
     Sii sii(*context, slave);
     for (unsigned at = kCategories; at + 4 <= EC_MAXEEPBUF;) {
@@ -96,7 +96,7 @@ int16 ecx_siifind(ecx_contextt* context, uint16 slave, uint16 cat) {
 }
 
 void ecx_siistring(ecx_contextt* context, char* str, uint16 slave, uint16 Sn) {
-    if (!usable(context, slave)) return;
+    if (!has_slave(context, slave)) return;
     const Taken taken(*context, slave);
     const int16 category = ecx_siifind(context, slave, ECT_SII_STRING);
     if (category <= 0) return;
@@ -119,7 +119,7 @@ void ecx_siistring(ecx_contextt* context, char* str, uint16 slave, uint16 Sn) {
 
 uint16 ecx_siiFMMU(ecx_contextt* context, uint16 slave, ec_eepromFMMUt* FMMU) {
     *FMMU = {};
-    if (!usable(context, slave)) return 0;
+    if (!has_slave(context, slave)) return 0;
     const Taken taken(*context, slave);
     const int16 category = ecx_siifind(context, slave, ECT_SII_FMMU);
     if (category <= 0) return 0;
@@ -136,7 +136,7 @@ uint16 ecx_siiFMMU(ecx_contextt* context, uint16 slave, ec_eepromFMMUt* FMMU) {
 
 uint16 ecx_siiSM(ecx_contextt* context, uint16 slave, ec_eepromSMt* SM) {
     *SM = {};
-    if (!usable(context, slave)) return 0;
+    if (!has_slave(context, slave)) return 0;
     const Taken taken(*context, slave);
     const int16 category = ecx_siifind(context, slave, ECT_SII_SM);
     if (category <= 0) return 0;
@@ -148,7 +148,7 @@ uint16 ecx_siiSM(ecx_contextt* context, uint16 slave, ec_eepromSMt* SM) {
 }
 
 uint16 ecx_siiSMnext(ecx_contextt* context, uint16 slave, ec_eepromSMt* SM, uint16 n) {
-    if (!usable(context, slave) || n >= SM->nSM) return 0;
+    if (!has_slave(context, slave) || n >= SM->nSM) return 0;
     const Taken taken(*context, slave);
     Sii sii(*context, slave);
     fill_sm(sii, offset(SM->Startpos, 2 + n * 8), *SM);
@@ -157,7 +157,7 @@ uint16 ecx_siiSMnext(ecx_contextt* context, uint16 slave, ec_eepromSMt* SM, uint
 
 PdoBits ecx_siiPDO(ecx_contextt* context, uint16 slave, ec_eepromPDOt* PDO, uint8 t) {
     *PDO = {};
-    if (!usable(context, slave) || t > 1) return 0;
+    if (!has_slave(context, slave) || t > 1) return 0;
     const Taken taken(*context, slave);
     const int16 category = ecx_siifind(context, slave, static_cast<uint16>(ECT_SII_PDO + t));
     if (category <= 0) return 0;
@@ -185,7 +185,7 @@ PdoBits ecx_siiPDO(ecx_contextt* context, uint16 slave, ec_eepromPDOt* PDO, uint
 }
 
 void ecx_esidump(ecx_contextt* context, uint16 slave, uint8* esibuf) {
-    if (!usable(context, slave)) return;
+    if (!has_slave(context, slave)) return;
     const Taken taken(*context, slave);
     Sii sii(*context, slave);
     unsigned header = kCategories;  // of the next category

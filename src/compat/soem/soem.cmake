@@ -4,6 +4,7 @@ add_library(margay_soem_session STATIC ${here}/session.cpp ${here}/inbox.cpp ${h
 target_link_libraries(margay_soem_session PUBLIC margay_source margay PRIVATE $<BUILD_INTERFACE:margay_flags>)
 set_target_properties(margay_soem_session PROPERTIES POSITION_INDEPENDENT_CODE ON)
 target_include_directories(margay_soem_session PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>)
+margay_unity(margay_soem_session hosted)
 
 # margay_soem(NAME FOLDER): the library of one version.
 function(margay_soem name folder)
@@ -23,6 +24,7 @@ function(margay_soem name folder)
   # Headers of C: anonymous structures, and casts of functions that C programs need.
   target_compile_options(${name} PRIVATE -Wno-pedantic -Wno-cast-function-type)
   set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  margay_unity(${name} hosted)
 endfunction()
 margay_soem(margay_soem1 soem1)
 margay_soem(margay_soem2 soem2)
