@@ -92,7 +92,7 @@ run() {
     fi
 }
 
-# In build/ each source of the library is compiled alone: its archives are what is installed.
+# In build/ each source of the core is compiled alone: its archives are what is installed.
 if [ $quick = yes ]; then
     run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=all -- -LE 'build_types|sanitized' "$@"
 else
@@ -104,7 +104,7 @@ else
     run build-sanitized -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=address -DCMAKE_BUILD_TYPE=Debug -DMARGAY_TEST_SHARDS=$shards \
         -- "$@"
     export TSAN_OPTIONS=halt_on_error=1
-    run build-threads -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=thread -DMARGAY_SAMPLES=OFF -DCMAKE_BUILD_TYPE=Debug \
+    run build-threads -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=thread -DMARGAY_SAMPLES=OFF -DMARGAY_COMPAT=OFF -DCMAKE_BUILD_TYPE=Debug \
         -DMARGAY_TEST_SHARDS=$shards -- -L threads "$@"
 fi
 
