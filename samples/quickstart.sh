@@ -1,6 +1,6 @@
 #!/bin/sh
-# First steps in a fresh checkout: installs the packages that the build needs (on Debian, as root), builds into build/,
-# and runs slaveinfo on a simulated segment.
+# First steps in a fresh checkout: installs the packages that the build needs (on Debian, as root), builds the programs
+# of the first steps into build/, and runs slaveinfo on a simulated segment. `cmake --build build` builds the rest.
 set -eu
 cd "$(dirname "$0")/.."
 . samples/packages.sh
@@ -12,7 +12,7 @@ need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann
 # again.
 [ -e build/Makefile ] || [ -e build/build.ninja ] || cmake -S . -B build -DMARGAY_TESTS=OFF -DMARGAY_UNITY=ON
 begin=$(date +%s)
-cmake --build build --parallel "$(compilers)"
+cmake --build build --parallel "$(compilers)" --target slaveinfo simple_io segment_monitor eepromtool
 echo "The build took $(($(date +%s) - begin)) s."
 
 echo
@@ -28,8 +28,9 @@ That was a simulated segment. What to try next:
   build/bin/slaveinfo                                 which interfaces and simulated segments there are
   build/bin/simple_io sim:demo                        to OP, exchanges process data (outputs stay 0)
   build/bin/segment_monitor sim:demo                  a live view; q ends it
-  build/bin/segment_report sim:tree -o /tmp/report.html  a page for a browser
   build/bin/eepromtool sim:demo 2 dump                what is in the EEPROM of the second slave
   sudo build/bin/slaveinfo eth0                       real slaves, on the interface that they are connected to
+  cmake --build build --parallel 2                    all other programs (samples/README.md), for example
+  build/bin/segment_report sim:tree -o /tmp/report.html  … a page for a browser
   sh test/run.sh --quick                              the tests, without sanitizers
 END

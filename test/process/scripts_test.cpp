@@ -131,5 +131,21 @@ TEST_F(Checkout, QuickstartSuggestsNothingThatLeavesFilesInTheCheckout) {
         EXPECT_EQ(text.substr(at + 9, 5), "/tmp/") << text.substr(at, 30);
 }
 
+// What is suggested before the line that builds the rest exists after the first build.
+TEST_F(Checkout, QuickstartBuildsTheProgramsThatItSuggests) {
+    const auto text = content_of(file("samples/quickstart.sh"));
+    const auto targets_at = text.find(" --target ");
+    ASSERT_NE(targets_at, std::string::npos);
+    const auto targets = text.substr(targets_at, text.find('\n', targets_at) - targets_at) + " ";
+    const auto rest = text.find("\n  cmake --build build ");
+    ASSERT_NE(rest, std::string::npos);
+    int programs = 0;
+    for (auto at = text.find("build/bin/"); at < rest; at = text.find("build/bin/", at + 1), ++programs) {
+        const auto name = text.substr(at + 10, text.find_first_of(" \n", at) - at - 10);
+        EXPECT_TRUE(contains(targets, " " + name + " ")) << name;
+    }
+    EXPECT_GT(programs, 4);
+}
+
 }  // namespace
 }  // namespace margay::process
