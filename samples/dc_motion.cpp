@@ -2,6 +2,8 @@
 // follows the reference clock (master shift), and SYNC0 of every drive occurs half a cycle after the frames. At the end
 // the program prints how far the drives were behind their targets, and how synchronous the clocks were.
 #include "common/arguments.hpp"
+#include "common/cycle_report.hpp"
+#include "common/frame_times.hpp"
 #include "common/gnuplot.hpp"
 #include "common/new_file.hpp"
 #include "common/program.hpp"
@@ -12,6 +14,7 @@
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 #include <margay/master_clock.hpp>
+#include <margay/timed_send.hpp>
 
 #include <fmt/format.h>
 
@@ -42,6 +45,7 @@ struct Options {
     bool move = false;
     std::string log;
     std::string svg;
+    samples::FrameTimeOptions times{};
 };
 
 // CiA 402 "State machine": the control word that brings the drive one step nearer to "operation enabled".
@@ -128,7 +132,10 @@ class Motion {
         ctx_.group(0).config.entries = handles_;
         if (const auto mapped = config_map(ctx_, image_); !mapped) return report(mapped.error());
         if (!submit(ctx_, supervise_)) return samples::fail("no supervision");
-        const CycleSettings settings{.period = period_, .clock = &*clock_};
+        const CycleSettings settings{.period = period_,
+                                     .clock = &*clock_,
+                                     .send_at = source_.timing().send_at,
+                                     .send_lead = std::chrono::microseconds(options_.times.send_at_us)};
         if (const auto up = reach(ctx_, AlState::op, std::chrono::seconds(20), settings); !up) {
             leave();
             return report(up.error());
@@ -206,6 +213,7 @@ class Motion {
         in_phase_ = 0;
         if (phase == Phase::moving) {
             clock_->reset_statistics();
+            missed_before_ = missed();
             for (const auto& axis : axes_) axis->start = axis->actual.read();
         }
     }
@@ -239,6 +247,10 @@ class Motion {
         if (phase_ == Phase::moving && in_phase_ > 0) {
             errors_.push_back(static_cast<double>(record.error_ns));
             differences_.push_back(static_cast<double>(record.difference_ns));
+            if (cycle.error.code == Errc::none || cycle.error.code == Errc::working_counter)
+                watch_.count(ctx_, source_.timing(), wire_);
+            else
+                watch_.forget();
         }
         while (const auto event = ctx_.events().take()) {
             std::array<char, 400> text{};
@@ -259,9 +271,17 @@ class Motion {
                   clock_->average_ns(), clock_->most_ns(), clock_->drift_ppb() / 1000.0, to_text(clock_->state()));
         print_out("clocks of the slaves: {:.0f} ns apart at most (upper estimate), {} cycles wrong\n",
                   greatest(differences_), wrong_cycles_);
+        if (wire_.any()) print_out("{}", samples::wire_text(wire_));
+        if (const auto frames = missed() - missed_before_; frames != 0) warn(samples::missed_text(frames));
         if (const int failed = write_files(); failed != 0) return failed;
         if (!fault_.empty()) return samples::fail(fault_);
         return stop_asked() ? samples::exit_code::kSegment : samples::exit_code::kWell;
+    }
+
+    // Frames that did not leave at their time.
+    [[nodiscard]] std::uint64_t missed() {
+        TimedSend* const timed = source_.timing().send_at;
+        return timed == nullptr ? 0 : timed->missed();
     }
 
     int write_files() {
@@ -305,6 +325,9 @@ class Motion {
     Phase phase_ = Phase::settling;
     unsigned in_phase_ = 0;
     unsigned wrong_cycles_ = 0;
+    samples::WireFigures wire_{};  // while the drives move
+    samples::WireWatch watch_{};
+    std::uint64_t missed_before_ = 0;
     std::vector<double> errors_;
     std::vector<double> differences_;
     std::string log_;
@@ -338,9 +361,13 @@ int main(int argc, char** argv) {
     arguments.option("--amplitude", options.amplitude, "way from end to end in increments",
                      samples::Bounds{0, 1'000'000'000});
     arguments.flag("--move", options.move, "needed on an interface. DANGER: all drives are switched on and move");
+    add_frame_time_options(arguments, options.times);
     arguments.option("--log", options.log, "file for the log of the master clock (CSV, see dc_plot)");
     arguments.option("--svg", options.svg, "file for a picture (SVG, by gnuplot)");
     return arguments.run(argc, argv, [&] {
+        if (const auto wrong = refusal(options.times, options.period_us); !wrong.empty())
+            return samples::fail(wrong, samples::exit_code::kUsage);
+        options.source.options.times = wanted_times(options.times);
         return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });
     });
 }

@@ -171,12 +171,7 @@ class Monitor {
 
   private:
     void cycle() {
-        samples::CycleTimes times{.start = source_.osal().now()};
-        const auto sent = send_processdata(ctx_);
-        times.sent = source_.osal().now();
-        model_.last = sent ? receive_processdata(ctx_, kReplyTimeout) : Result<std::uint32_t>(sent.error());
-        times.back = source_.osal().now();
-        pace_.count(times, model_.last);
+        model_.last = pace_.exchange(kReplyTimeout);
         if (!model_.last) ++bad_cycles_;
         pace_.wait();
         while (const auto event = ctx_.events().take()) {
@@ -263,6 +258,9 @@ int main(int argc, char** argv) {
         "terminal)");
     samples::add_pace_options(arguments, options.pace);
     return arguments.run(argc, argv, [&] {
+        if (const auto wrong = refusal(options.pace.times, options.pace.period_us); !wrong.empty())
+            return samples::fail(wrong, samples::exit_code::kUsage);
+        options.source.options.times = wanted_times(options.pace.times);
         return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });
     });
 }

@@ -124,16 +124,7 @@ class SimpleIo {
 
     // One cycle: sends, receives, and executes the other work of the master until the next cycle is due.
     Result<std::uint32_t> cycle() {
-        times_.start = source_.osal().now();
-        Result<std::uint32_t> got;
-        const auto sent = send_processdata(ctx_);
-        times_.sent = source_.osal().now();
-        if (sent)
-            got = receive_processdata(ctx_, kReplyTimeout);
-        else
-            got = sent.error();
-        times_.back = source_.osal().now();
-        if (counts_) pace_.count(times_, got);
+        const auto got = pace_.exchange(kReplyTimeout);
         pace_.wait();
         return got;
     }
@@ -157,7 +148,6 @@ class SimpleIo {
 
     void exchange() {
         pace_.clear();
-        counts_ = true;
         for (cycles_ = 0; cycles_ < options_.cycles && !ends(); ++cycles_) {
             for (const auto outputs : counting_) std::ranges::fill(outputs, static_cast<std::byte>(cycles_ >> 6));
             const auto got = cycle();
@@ -195,9 +185,7 @@ class SimpleIo {
     HostContext ctx_{source_.limits(samples::with_room({.slaves = 1024, .process_frames = 64}, eni_))};
     std::array<std::byte, 65536> image_{};
     samples::CyclePace pace_{source_, ctx_, options_.pace};
-    samples::CycleTimes times_{};
-    bool counts_ = false;  // the cycles in OP
-    unsigned cycles_ = 0;
+    unsigned cycles_ = 0;  // in OP
     std::vector<samples::Drive> drives_;
     std::vector<std::span<std::byte>> counting_;  // outputs that get the counter
     Error last_;
@@ -241,6 +229,9 @@ int main(int argc, char** argv) {
         "segment then runs in the time of the system");
     samples::add_pace_options(arguments, options.pace);
     return arguments.run(argc, argv, [&] {
+        if (const auto wrong = refusal(options.pace.times, options.pace.period_us); !wrong.empty())
+            return samples::fail(wrong, samples::exit_code::kUsage);
+        options.source.options.times = wanted_times(options.pace.times);
         options.source.options.real_time = !options.attach.empty();
         return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });
     });

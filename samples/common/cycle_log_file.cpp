@@ -30,6 +30,13 @@ class CycleLogReader {
              {std::pair{"lateness_ns", &f.lateness}, std::pair{"period_ns", &f.period}, std::pair{"sent_ns", &f.sent},
               std::pair{"received_ns", &f.received}, std::pair{"round_trip_ns", &f.round_trip}})
             histogram(key, *into);
+        // Programs with --stamps or --send-at write these.
+        for (const auto& [key, into] :
+             {std::pair{"not_sent_at_their_time", &f.missed}, std::pair{"without_stamps", &f.wire.unstamped}})
+            if (root_.contains(key)) *into = number(root_, key, "");
+        for (const auto& [key, into] :
+             {std::pair{"wire_period_ns", &f.wire.period}, std::pair{"wire_round_trip_ns", &f.wire.round_trip}})
+            if (root_.contains(key)) histogram(key, *into);
         return std::move(log_);
     }
 

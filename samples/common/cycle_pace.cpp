@@ -3,6 +3,7 @@
 #include "common/program.hpp"
 
 #include <margay/margay.hpp>
+#include <margay/timed_send.hpp>
 
 #include <fmt/format.h>
 
@@ -55,6 +56,7 @@ void add_pace_options(Arguments& arguments, PaceOptions& options) {
     arguments.option("--histogram", options.histogram,
                      "print lateness, period, sending, receiving and round trip of the cycles, and write them to this "
                      "file: as JSON if its name ends with .json, else as SVG");
+    add_frame_time_options(arguments, options.times);
 }
 
 CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
@@ -62,7 +64,8 @@ CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
       ctx_(ctx),
       options_(options),
       runner_(cyclic(options, !source.virtual_time())),
-      virtual_(std::chrono::microseconds(options.period_us), Duration::zero()) {
+      virtual_(std::chrono::microseconds(options.period_us), Duration::zero()),
+      timing_(source.timing()) {
     virtual_.set_policy(options.overrun.value_or(OverrunPolicy::skip));
 }
 
@@ -112,17 +115,44 @@ void CyclePace::shift(Duration by) {
     if (source_.virtual_time()) virtual_.shift(by);
 }
 
-void CyclePace::count(const CycleTimes& times, const Result<std::uint32_t>& received) {
+Result<std::uint32_t> CyclePace::exchange(Duration timeout) {
+    Times times{.start = source_.osal().now()};
+    const auto sent = send();
+    times.sent = source_.osal().now();
+    const auto received = sent ? receive_processdata(ctx_, timeout) : Result<std::uint32_t>(sent.error());
+    times.back = source_.osal().now();
+    count(times, received);
+    return received;
+}
+
+Result<> CyclePace::send() {
+    if (options_.times.send_at_us == 0 || timing_.send_at == nullptr) return send_processdata(ctx_);
+    const Time begun = ticked_ ? tick_.deadline : source_.osal().now();
+    return send_processdata_at(ctx_, *timing_.send_at, begun + std::chrono::microseconds(options_.times.send_at_us));
+}
+
+void CyclePace::clear() {
+    figures_ = {};
+    wire_.forget();
+    if (timing_.send_at != nullptr) missed_before_ = timing_.send_at->missed();
+}
+
+void CyclePace::count(const Times& times, const Result<std::uint32_t>& received) {
     ++figures_.cycles;
     if (ticked_) figures_.sent.record(times.sent - tick_.deadline);
     if (received || received.error().code == Errc::working_counter) {
         figures_.round_trip.record(times.back - times.start);
         if (ticked_) figures_.received.record(times.back - tick_.deadline);
+        wire_.count(ctx_, timing_, figures_.wire);
+    } else {
+        wire_.forget();
     }
     if (!received) ++(received.error().code == Errc::working_counter ? figures_.wrong_wkc : figures_.no_frame);
 }
 
-std::string CyclePace::report() const {
+std::string CyclePace::report() {
+    if (timing_.send_at != nullptr) figures_.missed = timing_.send_at->missed() - missed_before_;
+    if (figures_.missed != 0) warn(missed_text(figures_.missed));
     if (options_.histogram.empty()) return {};
     write_out(cycle_text(figures_));
     std::ofstream out(options_.histogram);

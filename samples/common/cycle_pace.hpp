@@ -4,10 +4,13 @@
 
 #include "common/arguments.hpp"
 #include "common/cycle_report.hpp"
+#include "common/frame_times.hpp"
 #include "common/source.hpp"
 #include "osal/linux/cyclic_runner.hpp"
 
 #include <margay/context.hpp>
+#include <margay/frame_timing.hpp>
+#include <margay/result.hpp>
 
 #include <optional>
 #include <string>
@@ -22,18 +25,12 @@ struct PaceOptions {
     int cpu = -1;
     std::optional<OverrunPolicy> overrun{};  // nothing: skip
     std::string histogram;                   // file for a picture (SVG) or the figures (JSON); empty: none
-};
-
-// When the frames of a cycle went and came.
-struct CycleTimes {
-    Time start{};  // before the call that sends
-    Time sent{};   // after the call that sends
-    Time back{};   // after the call that receives
+    FrameTimeOptions times{};                // the SOURCE must have them (wanted_times())
 };
 
 // --period, --spin, --priority, --runtime, --cpu.
 void add_period_options(Arguments& arguments, PaceOptions& options);
-// These, --overrun and --histogram.
+// These, --overrun, --histogram, --send-at and --stamps.
 void add_pace_options(Arguments& arguments, PaceOptions& options);
 
 class CyclePace {
@@ -46,8 +43,9 @@ class CyclePace {
     void start();
     // Executes poll() until the deadline, then counts how late the cycle is, and returns it.
     Duration wait();
-    // Counts a cycle. `received` is its result.
-    void count(const CycleTimes& times, const Result<std::uint32_t>& received);
+    // Exchanges process data and counts the cycle: sends at once, or at the time that --send-at asks for, and receives.
+    // Returns the error of sending, or the result of receive_processdata().
+    [[nodiscard]] Result<std::uint32_t> exchange(Duration timeout);
     // Why the program must end: an overrun, and the user wants to stop then. Empty: it continues.
     [[nodiscard]] const std::string& stopped() const { return stopped_; }
 
@@ -55,14 +53,21 @@ class CyclePace {
     void shift(Duration by);
 
     // Clears all figures.
-    void clear() { figures_ = {}; }
+    void clear();
 
     [[nodiscard]] const CycleFigures& figures() const { return figures_; }
-    // Prints the figures and writes the picture if --histogram asks for it. Returns an error text; empty when there is
-    // none.
-    [[nodiscard]] std::string report() const;
+    // Prints the figures and writes the picture if --histogram asks for it, and says how many frames did not leave at
+    // their time. Returns an error text; empty when there is none.
+    [[nodiscard]] std::string report();
 
   private:
+    struct Times {
+        Time start{};  // before the call that sends
+        Time sent{};   // after the call that sends
+        Time back{};   // after the call that receives
+    };
+    [[nodiscard]] Result<> send();
+    void count(const Times& times, const Result<std::uint32_t>& received);
     [[nodiscard]] Time deadline() const { return source_.virtual_time() ? virtual_.deadline() : runner_.deadline(); }
 
     Source& source_;
@@ -74,6 +79,9 @@ class CyclePace {
     CyclicTick tick_{};  // the deadline of the present cycle
     bool ticked_ = false;
     OverrunCounters counted_{};  // those that the figures contain, or had before clear()
+    FrameTiming timing_{};
+    std::uint64_t missed_before_ = 0;  // frames before clear()
+    WireWatch wire_;
     std::string stopped_;
 };
 

@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <string_view>
 #include <vector>
@@ -56,6 +55,8 @@ std::string counts(const CycleFigures& f) {
                             f.overruns, f.no_frame, f.wrong_wkc);
     if (f.overruns + f.skipped + f.caught_up != 0)
         text += fmt::format("; after overruns {} left out, {} made up for", f.skipped, f.caught_up);
+    if (f.missed != 0) text += fmt::format("; {} frames not sent at their time", f.missed);
+    if (f.wire.unstamped != 0) text += fmt::format("; {} without time stamps of the NIC", f.wire.unstamped);
     return text;
 }
 
@@ -65,12 +66,19 @@ struct Named {
     const DurationHistogram& times;
 };
 
-std::array<Named, 5> histograms_of(const CycleFigures& f) {
-    return {{{"lateness", "wake-up after the deadline", f.lateness},
-             {"period", "time between wake-ups", f.period},
-             {"sent", "frames sent after the deadline", f.sent},
-             {"received", "frames back after the deadline", f.received},
-             {"round_trip", "round trip", f.round_trip}}};
+constexpr std::string_view kWirePeriod = "time between cycles on the wire, by the NIC";
+constexpr std::string_view kWireRoundTrip = "round trip on the wire, by the NIC";
+
+std::vector<Named> histograms_of(const CycleFigures& f) {
+    std::vector<Named> all{{"lateness", "wake-up after the deadline", f.lateness},
+                           {"period", "time between wake-ups", f.period},
+                           {"sent", "frames sent after the deadline", f.sent},
+                           {"received", "frames back after the deadline", f.received},
+                           {"round_trip", "round trip", f.round_trip}};
+    if (!f.wire.any()) return all;
+    all.push_back({"wire_period", kWirePeriod, f.wire.period});
+    all.push_back({"wire_round_trip", kWireRoundTrip, f.wire.round_trip});
+    return all;
 }
 
 std::string histogram_text(std::string_view name, const DurationHistogram& histogram) {
@@ -139,6 +147,11 @@ std::string cycle_text(const CycleFigures& figures) {
     return text;
 }
 
+std::string wire_text(const WireFigures& wire) {
+    return fmt::format("{}: {}\n{}: {}\n", kWirePeriod, quantiles(wire.period), kWireRoundTrip,
+                       quantiles(wire.round_trip));
+}
+
 std::string cycle_svg(const CycleFigures& figures) {
     const auto all = histograms_of(figures);
     const double panels = static_cast<double>(all.size()) * kPanel;
@@ -166,6 +179,8 @@ std::string cycle_json(const CycleFigures& figures) {
                                 {"caught_up", figures.caught_up},
                                 {"without_all_frames", figures.no_frame},
                                 {"wrong_working_counter", figures.wrong_wkc}};
+    if (figures.missed != 0) json["not_sent_at_their_time"] = figures.missed;
+    if (figures.wire.unstamped != 0) json["without_stamps"] = figures.wire.unstamped;
     for (const Named& one : histograms_of(figures)) {
         const auto& times = one.times;
         auto& part = json[std::string(one.key) + "_ns"];

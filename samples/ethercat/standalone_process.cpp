@@ -234,16 +234,10 @@ Answer<StandaloneSession::CycleRun> StandaloneSession::run_cycles(unsigned cycle
     CycleRun run;
     const auto reached = reach(*ctx_, AlState::op, std::chrono::seconds(10));
     if (!reached) run.problem = problem_of(*ctx_, reached.error()).text;
-    Osal& osal = source_->osal();
     samples::CyclePace keeper(*source_, *ctx_, pace);
     keeper.start();
     for (unsigned n = 0; n < cycles && !samples::stop_asked(); ++n) {
-        samples::CycleTimes times{.start = osal.now()};
-        const auto sent = send_processdata(*ctx_);
-        times.sent = osal.now();
-        const auto got = sent ? receive_processdata(*ctx_, kReplyTimeout) : Result<std::uint32_t>(sent.error());
-        times.back = osal.now();
-        keeper.count(times, got);
+        (void)keeper.exchange(kReplyTimeout);
         keeper.wait();
     }
     run.figures = keeper.figures();

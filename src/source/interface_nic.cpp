@@ -9,18 +9,38 @@ namespace margay::hosted {
 namespace {
 
 template <class N>
-OpenedInterface open_as(const std::string& name) {
-    auto nic = std::make_shared<N>();
-    const auto opened = nic->open(name);
-    if (!opened) return {.error = std::string(nic->problem()), .error_number = static_cast<int>(opened.error().actual)};
+OpenedInterface failed(const N& nic, const Error& error) {
+    return {.error = std::string(nic.problem()), .error_number = static_cast<int>(error.actual)};
+}
+
+template <class N>
+OpenedInterface open_as(std::shared_ptr<N> nic, const std::string& name) {
+    if (const auto opened = nic->open(name); !opened) return failed(*nic, opened.error());
     return {.nic = std::move(nic)};
 }
 
-OpenedInterface open_packet(const std::string& name) { return open_as<PacketNic>(name); }
+OpenedInterface open_packet(const std::string& name, const WantedTimes& times) {
+    const auto nic = std::make_shared<PacketNic>();
+    auto opened = open_as(nic, name);
+    if (!opened.nic) return opened;
+    if (times.stamps != WantedTimes::Stamps::off) {
+        const bool hardware = times.stamps == WantedTimes::Stamps::hardware;
+        const auto done = nic->stamp_frames(hardware ? PacketNic::Stamps::hardware : PacketNic::Stamps::software,
+                                            PacketNic::Stamped::both);
+        if (!done) return failed(*nic, done.error());
+    }
+    if (times.send_at)
+        if (const auto done = nic->allow_send_at(); !done) return failed(*nic, done.error());
+    return opened;
+}
 
-OpenedInterface open_xdp(const std::string& name) {
+OpenedInterface open_xdp(const std::string& name, const WantedTimes& times) {
+    if (times.any())
+        return {.error = "interface " + name +
+                         ": AF_XDP has no times of frames, neither stamps nor sending at a time; AF_PACKET (" + name +
+                         " without xdp:) has them"};
 #ifdef MARGAY_WITH_XDP
-    return open_as<XdpNic>(name);
+    return open_as(std::make_shared<XdpNic>(), name);
 #else
     return {.error = "interface " + name +
                      ": this program was built without AF_XDP (build it where libxdp-dev and libbpf-dev are "
@@ -39,12 +59,12 @@ InterfaceText parse_interface(std::string_view text) {
     return {Socket::packet, std::string(text)};
 }
 
-OpenedInterface open_interface_nic(const InterfaceText& wanted) {
+OpenedInterface open_interface_nic(const InterfaceText& wanted, const WantedTimes& times) {
     using Socket = InterfaceText::Socket;
-    if (wanted.socket == Socket::packet) return open_packet(wanted.name);
-    auto first = open_xdp(wanted.name);
+    if (wanted.socket == Socket::packet) return open_packet(wanted.name, times);
+    auto first = open_xdp(wanted.name, times);
     if (first.nic || wanted.socket == Socket::xdp) return first;
-    auto second = open_packet(wanted.name);
+    auto second = open_packet(wanted.name, times);
     if (second.nic)
         second.remark = first.error + "; continuing with AF_PACKET";
     else if (second.error != first.error)

@@ -18,6 +18,14 @@ struct InterfaceText {
 
 [[nodiscard]] InterfaceText parse_interface(std::string_view text);
 
+// Which times of frames a NIC must have (Nic::timing()).
+struct WantedTimes {
+    enum class Stamps { off, software, hardware };
+    Stamps stamps = Stamps::off;  // when frames were sent and received
+    bool send_at = false;         // frames leave at a time
+    [[nodiscard]] bool any() const { return stamps != Stamps::off || send_at; }
+};
+
 struct OpenedInterface {
     std::shared_ptr<Nic> nic{};  // shared_ptr, because the destructor of Nic is not virtual
     std::string error{};         // why there is no NIC; empty: there is one
@@ -25,6 +33,8 @@ struct OpenedInterface {
     std::string remark{};        // why the NIC is not the first choice of the user; empty: it is
 };
 
-[[nodiscard]] OpenedInterface open_interface_nic(const InterfaceText& wanted);
+// An error where the interface does not have the times that are asked for. AF_XDP has none, so that "try-xdp" then
+// continues with AF_PACKET.
+[[nodiscard]] OpenedInterface open_interface_nic(const InterfaceText& wanted, const WantedTimes& times = {});
 
 }  // namespace margay::hosted

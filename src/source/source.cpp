@@ -69,6 +69,7 @@ std::string Source::look_for_interfaces() {
 class SourceOpener {
   public:
     OpenedSource open(const std::string& text, const SourceOptions& options) {
+        times_ = options.times;
         constexpr std::string_view kSimulated = "sim:";
         constexpr std::string_view kRecorded = "pcap:";
         std::string problem;
@@ -88,10 +89,18 @@ class SourceOpener {
         if (options.trace && source_->second_outermost_ != nullptr)
             source_->second_outermost_ =
                 &source_->second_trace_.emplace(*source_->second_outermost_, *source_->osal_, source_->standard_error_);
+        join_timed_ends();
         return OpenedSource(std::move(source_));
     }
 
   private:
+    void join_timed_ends() {
+        if (source_->second_outermost_ == nullptr) return;
+        TimedSend* const first = source_->outermost_->timing().send_at;
+        TimedSend* const second = source_->second_outermost_->timing().send_at;
+        if (first != nullptr && second != nullptr) source_->timed_pair_.emplace(*first, *second);
+    }
+
     // One interface, or two with '+' between their names.
     std::string open_interface(const std::string& names, bool wait) {
         const auto plus = names.find('+');
@@ -104,8 +113,11 @@ class SourceOpener {
         if (first.name.empty() && !names.empty()) return "'" + names + "': the name of the interface is missing";
         source_->osal_ = &source_->linux_osal_.emplace();
         if (wait) return await_ends(first, ring ? &other : nullptr);
-        auto problem = open_end(first, source_->interface_, source_->outermost_);
-        if (problem.empty() && ring) problem = open_end(other, source_->second_interface_, source_->second_outermost_);
+        auto problem = open_end(first, times_, source_->interface_, source_->outermost_);
+        // The stamps of the first NIC are enough, see Source::timing().
+        const WantedTimes of_second{.send_at = times_.send_at};
+        if (problem.empty() && ring)
+            problem = open_end(other, of_second, source_->second_interface_, source_->second_outermost_);
         return problem;
     }
 
@@ -125,8 +137,9 @@ class SourceOpener {
         return {};
     }
 
-    static std::string open_end(const InterfaceText& wanted, std::shared_ptr<Nic>& nic, Nic*& outermost) {
-        auto opened = open_interface_nic(wanted);
+    static std::string open_end(const InterfaceText& wanted, const WantedTimes& times, std::shared_ptr<Nic>& nic,
+                                Nic*& outermost) {
+        auto opened = open_interface_nic(wanted, times);
         remark(opened.remark);
         nic = std::move(opened.nic);
         outermost = nic.get();
@@ -134,6 +147,7 @@ class SourceOpener {
     }
 
     std::string open_recording(const std::string& file, const std::string& record) {
+        if (times_.any()) return "pcap:" + file + ": a recording has no times of frames";
         if (file.empty()) return "'pcap:': the name of the recording is missing";
         std::error_code ignored;
         if (!record.empty() && std::filesystem::equivalent(file, record, ignored))
@@ -171,19 +185,24 @@ class SourceOpener {
         auto loaded = load_segment(what, osal.now());
         if (!loaded) return loaded.error();
         source_->simulated_ = loaded.take();
-        source_->outermost_ = &source_->simulated_nic_.emplace(
-            source_->simulated_->segment, osal,
-            SimulatedNic::Options{.round_trip = source_->simulated_->round_trip, .wire_time = true});
+        source_->outermost_ = &source_->simulated_nic_.emplace(source_->simulated_->segment, osal, nic_options(0));
         switch_later(*source_->simulated_nic_, source_->switching_, source_->outermost_);
         if (!source_->simulated_->segment.master_link(1)) return {};
-        auto& second = source_->second_simulated_nic_.emplace(
-            source_->simulated_->segment, osal,
-            SimulatedNic::Options{.round_trip = source_->simulated_->round_trip, .wire_time = true, .master_port = 1});
+        auto& second = source_->second_simulated_nic_.emplace(source_->simulated_->segment, osal, nic_options(1));
         source_->simulated_nic_->set_other_end(&second);
         second.set_other_end(&*source_->simulated_nic_);
         source_->second_outermost_ = &second;
         switch_later(second, source_->second_switching_, source_->second_outermost_);
         return {};
+    }
+
+    [[nodiscard]] SimulatedNic::Options nic_options(unsigned end) const {
+        constexpr std::size_t kHeld = 256;
+        return {.round_trip = source_->simulated_->round_trip,
+                .wire_time = true,
+                .master_port = end,
+                .time_stamps = times_.stamps != WantedTimes::Stamps::off,
+                .timed_frames = times_.send_at ? kHeld : 0};
     }
 
     void switch_later(SimulatedNic& nic, std::unique_ptr<Source::SwitchingNic>& around, Nic*& outermost) {
@@ -213,6 +232,7 @@ class SourceOpener {
         return recorder.open(file, epoch()) ? std::string() : recorder.problem();
     }
 
+    WantedTimes times_{};
     std::unique_ptr<Source> source_ = std::make_unique<Source>();
 };
 

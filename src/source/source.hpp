@@ -27,10 +27,12 @@
 #include "oshw/pcap/ring_recorder.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "source/hotplug_nic.hpp"
+#include "source/interface_nic.hpp"
 #include "source/segment_file.hpp"
 
 #include <margay/margay.hpp>
 #include <margay/redundancy.hpp>
+#include <margay/timed_send.hpp>
 
 #include <algorithm>
 #include <memory>
@@ -48,6 +50,9 @@ struct SourceOptions {
     bool trace = false;      // prints a line for every datagram to standard error
     // An interface that is not there, or is switched off, is no error: see Source::look_for_interfaces().
     bool wait_for_interfaces = false;
+    // The times of frames that the NICs must have; without effect with wait_for_interfaces. A simulated segment has
+    // them exactly, hardware and software alike; a recording has none.
+    WantedTimes times{};
 };
 
 // A NIC and its operating system layer, with a recorder and a trace around the NIC if the options ask for them.
@@ -83,6 +88,14 @@ class Source {
     // In the thread that owns the context, a few system calls; for example once a second while no frame comes back.
     // Returns why an interface is not open; empty: all are.
     [[nodiscard]] std::string look_for_interfaces();
+
+    // The times of frames that the options ask for: to be given to cycle_stamps() and send_processdata_at(). In a ring
+    // the stamps are those of the first NIC, and frames leave by both NICs at the same time.
+    [[nodiscard]] FrameTiming timing() noexcept {
+        FrameTiming has = outermost_->timing();
+        if (timed_pair_) has.send_at = &*timed_pair_;
+        return has;
+    }
 
     // True when time moves only while the program waits.
     [[nodiscard]] bool virtual_time() const noexcept { return !linux_osal_; }
@@ -123,6 +136,7 @@ class Source {
     std::optional<SimulatedNic> second_simulated_nic_;
     std::optional<TraceNic> second_trace_;
     Nic* second_outermost_ = nullptr;
+    std::optional<TimedPair> timed_pair_;
     bool recording_lost_ = false;
 };
 

@@ -43,6 +43,20 @@ TEST(DcMotion, MovesTheDrivesOfASimulatedSegmentSynchronously) {
     EXPECT_EQ(pipe.out, "1\n") << pipe.err;
 }
 
+// The simulated NIC holds the frames: each leaves exactly a period after the last, and the phase of SYNC0 stays.
+TEST(DcMotion, SendsAtATimeAndMeasuresByTheNic) {
+    const ShellFolder folder;
+    const auto ran = folder.run(kBin + "dc_motion sim:drives --sines 1 --send-at 150 --stamps hardware");
+    EXPECT_EQ(ran.status, 0) << ran.err << ran.out;
+    EXPECT_LE(number_after(ran.out, "ns off on average, "), 1000) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "time between cycles on the wire, by the NIC: min 1 ms, median 1 ms")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "round trip on the wire, by the NIC: min ")) << ran.out;
+    EXPECT_FALSE(contains(ran.err, "did not leave at")) << ran.err;
+    const auto late = folder.run(kBin + "dc_motion sim:drives --send-at 1000");
+    EXPECT_EQ(late.status, 2);
+    EXPECT_TRUE(contains(late.err, "--send-at 1000: the frames must leave within the period of 1000 µs")) << late.err;
+}
+
 TEST(DcMotion, SaysWhenThereIsNoDrive) {
     const ShellFolder folder;
     const auto ran = folder.run(kBin + "dc_motion sim:demo");

@@ -4,6 +4,7 @@
 #include "shell.hpp"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <filesystem>
 #include <sstream>
@@ -54,6 +55,63 @@ TEST(SimpleIo, BringsASegmentToOpOverACableAndBackThereAfterALossOfPower) {
     EXPECT_EQ(master.wait(kLimit), 1) << "cycles were lost";
     EXPECT_NE(master.output().find("slave 2 (8-channel digital input): 00"), std::string::npos) << master.output();
     EXPECT_TRUE(segment->says("slave 5 (setting): INIT", kLimit)) << segment->output();
+}
+
+// On a simulated segment the NIC has all times, exactly.
+TEST(SimpleIo, FramesLeaveAtTheirTimeInTheCycle) {
+    const ShellFolder folder;
+    const auto ran =
+        folder.run(kSimpleIo + " sim:demo --cycles 200 --send-at 300 --stamps hardware --histogram times.json");
+    EXPECT_EQ(ran.status, 0) << ran.err << ran.out;
+    const auto json = nlohmann::json::parse(content_of(folder.path() / "times.json"));
+    EXPECT_EQ(json["wire_period_ns"]["count"], 199);
+    EXPECT_EQ(json["wire_period_ns"]["min"], 1'000'000);
+    EXPECT_EQ(json["wire_period_ns"]["max"], 1'000'000);
+    EXPECT_EQ(json["wire_round_trip_ns"]["count"], 200);
+    EXPECT_GE(json["received_ns"]["min"], 300'000) << "after the beginning of the cycle";
+    EXPECT_GT(json["wire_round_trip_ns"]["min"], 0);
+    EXPECT_LT(json["wire_round_trip_ns"]["max"], json["received_ns"]["min"].get<int>() - 300'000) << "without the host";
+    EXPECT_FALSE(json.contains("not_sent_at_their_time"));
+    EXPECT_FALSE(json.contains("without_stamps"));
+    const auto at_once = folder.run(kSimpleIo + " sim:demo --cycles 200 --histogram plain.json");
+    EXPECT_EQ(at_once.status, 0) << at_once.err;
+    const auto plain = nlohmann::json::parse(content_of(folder.path() / "plain.json"));
+    EXPECT_LT(plain["received_ns"]["max"], 300'000);
+    EXPECT_FALSE(plain.contains("wire_period_ns"));
+    EXPECT_EQ(folder.run(kSimpleIo + " sim:demo --send-at 2000").status, 2);
+    EXPECT_EQ(folder.run(kSimpleIo + " sim:demo --stamps exact").status, 2);
+}
+
+// What a veth pair has: time stamps of the kernel, and on this kernel maybe no queueing discipline that holds frames.
+TEST(SimpleIo, TimesOfFramesOverACable) {
+    const Cable cable;
+    if (!cable.missing().empty()) GTEST_SKIP() << cable.missing();
+    if (!std::filesystem::exists(kVirtualSegment)) GTEST_SKIP() << kVirtualSegment << " is not built";
+    Child segment(cable.segment_namespace(), {kVirtualSegment, Cable::kSegment, "demo"});
+    ASSERT_TRUE(segment.says("serv", kLimit)) << segment.output() << segment.errors();
+    const ShellFolder folder;
+    const auto run = [&](const std::string& arguments) {
+        return folder.run("ip netns exec " + cable.master_namespace() + " " + kSimpleIo + " " + Cable::kMaster +
+                          " --cycles 50 --period 5000 " + arguments);
+    };
+    const auto stamped = run("--stamps software --histogram times.json");
+    EXPECT_NE(stamped.status, 3) << stamped.err;
+    EXPECT_TRUE(contains(stamped.out, "round trip on the wire, by the NIC: min ")) << stamped.out << stamped.err;
+    const auto json = nlohmann::json::parse(content_of(folder.path() / "times.json"));
+    EXPECT_GE(json["wire_round_trip_ns"]["count"], 40);
+    EXPECT_LE(json["wire_round_trip_ns"]["min"], json["round_trip_ns"]["max"]);
+    const auto hardware = run("--stamps hardware");
+    EXPECT_EQ(hardware.status, 3);
+    EXPECT_TRUE(contains(hardware.err, "its driver has no hardware time stamps")) << hardware.err;
+    const auto timed = run("--send-at 1000");
+    if (timed.status == 3) {
+        EXPECT_TRUE(contains(timed.err, "no frame can leave at a time by its queueing discipline")) << timed.err;
+        EXPECT_TRUE(contains(timed.err, "mend it with: tc qdisc replace dev")) << timed.err;
+    }
+    const auto by_xdp = folder.run("ip netns exec " + cable.master_namespace() + " " + kSimpleIo +
+                                   " xdp:" + Cable::kMaster + " --stamps software");
+    EXPECT_EQ(by_xdp.status, 3);
+    EXPECT_TRUE(contains(by_xdp.err, "AF_XDP has no times of frames")) << by_xdp.err;
 }
 
 // A counter in the control word of a drive switches the drive on and moves it.

@@ -24,9 +24,19 @@ CycleFigures some_figures() {
     f.sent.record(0ns);
     return f;
 }
+CycleFigures with_frame_times() {
+    CycleFigures f = some_figures();
+    f.missed = 6;
+    f.wire.unstamped = 7;
+    for (int n = 0; n < 10; ++n) {
+        f.wire.period.record(1ms + Duration(n));
+        f.wire.round_trip.record(40us + Duration(n));
+    }
+    return f;
+}
 
 TEST(CycleLog, WhatIsReadIsWhatWasWritten) {
-    for (const CycleFigures& figures : {some_figures(), CycleFigures{}}) {
+    for (const CycleFigures& figures : {some_figures(), with_frame_times(), CycleFigures{}}) {
         const auto log = parse_cycle_log(cycle_json(figures));
         ASSERT_EQ(log.fault, "");
         EXPECT_EQ(cycle_json(log.figures), cycle_json(figures));

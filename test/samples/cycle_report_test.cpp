@@ -61,6 +61,26 @@ TEST(CycleReport, JsonHasEveryFigureAndEveryBucket) {
     for (const char* name : {"sent_ns", "received_ns", "round_trip_ns"}) EXPECT_TRUE(json.contains(name)) << name;
 }
 
+TEST(CycleReport, TheTimesOfTheNicAreShownWhereThereAreAny) {
+    auto figures = some();
+    EXPECT_EQ(cycle_text(figures).find("by the NIC"), std::string::npos);
+    EXPECT_FALSE(nlohmann::json::parse(cycle_json(figures)).contains("wire_period_ns"));
+    figures.missed = 3;
+    figures.wire.unstamped = 2;
+    figures.wire.period.record(1ms);
+    figures.wire.round_trip.record(30us);
+    const auto text = cycle_text(figures);
+    EXPECT_NE(text.find("; 3 frames not sent at their time; 2 without time stamps of the NIC\n"), std::string::npos)
+        << text;
+    EXPECT_NE(text.find("time between cycles on the wire, by the NIC: min 1 ms"), std::string::npos) << text;
+    EXPECT_NE(text.find("round trip on the wire, by the NIC: min 30 µs"), std::string::npos) << text;
+    const auto json = nlohmann::json::parse(cycle_json(figures));
+    EXPECT_EQ(json["not_sent_at_their_time"], 3);
+    EXPECT_EQ(json["without_stamps"], 2);
+    EXPECT_EQ(json["wire_period_ns"]["max"], 1'000'000);
+    EXPECT_EQ(json["wire_round_trip_ns"]["min"], 30'000);
+}
+
 TEST(CycleReport, NothingYetIsNoError) {
     EXPECT_NE(cycle_text({}).find("0 cycles"), std::string::npos);
     EXPECT_NE(cycle_svg({}).find("</svg>"), std::string::npos);

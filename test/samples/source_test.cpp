@@ -101,6 +101,53 @@ TEST_F(SourceTest, ARingOfASegmentFileHasTwoNics) {
     EXPECT_EQ(open_source("sim:demo")->second(), nullptr);
 }
 
+// The NICs have the times that are asked for, and no others; what cannot have them says so.
+TEST_F(SourceTest, TimesOfFrames) {
+    const WantedTimes both{.stamps = WantedTimes::Stamps::hardware, .send_at = true};
+    EXPECT_EQ(open_source("sim:demo")->timing().sent, nullptr);
+    EXPECT_EQ(open_source("sim:demo")->timing().send_at, nullptr);
+    for (const bool with_slaves_that_come_late : {false, true}) {
+        const auto source = open_source(with_slaves_that_come_late ? "sim:coupler,digital_in_8@1s" : "sim:demo",
+                                        {.record = folder / "times.pcap", .trace = true, .times = both})
+                                .take();
+        EXPECT_NE(source->timing().sent, nullptr);
+        EXPECT_NE(source->timing().received, nullptr);
+        EXPECT_NE(source->timing().send_at, nullptr);
+    }
+    const auto stamps = open_source("sim:demo", {.times = {.stamps = WantedTimes::Stamps::software}}).take();
+    EXPECT_NE(stamps->timing().sent, nullptr);
+    EXPECT_EQ(stamps->timing().send_at, nullptr);
+    EXPECT_EQ(error_of("pcap:" + recording(), {.times = both}),
+              "pcap:" + (folder / "one.pcap").string() + ": a recording has no times of frames");
+    EXPECT_NE(error_of("xdp:eth0", {.times = both}).find("AF_XDP has no times of frames"), std::string::npos);
+    EXPECT_NE(error_of("try-xdp:no-such-if", {.times = both}).find("and with AF_PACKET: there is no interface"),
+              std::string::npos);
+}
+
+// Frames leave by both NICs of a ring at the same time.
+TEST_F(SourceTest, TimesOfFramesInARing) {
+    const auto file = folder / "ring.toml";
+    std::ofstream(file) << "ring = { slave = \"last\", port = 1 }\n[[slave]]\ndevice = \"junction\"\n"
+                        << "[[slave]]\nname = \"last\"\ndevice = \"junction\"\n";
+    const auto source = open_source("sim:" + file.string(), {.times = {.send_at = true}}).take();
+    HostContext ctx(source->limits({.slaves = 8}));
+    ASSERT_TRUE(source->begin(ctx).ok());
+    ASSERT_TRUE(config_init(ctx).ok());
+    TimedSend* const timed = source->timing().send_at;
+    ASSERT_NE(timed, nullptr);
+    const auto frame = brd();
+    timed->set_send_time(source->osal().now() + 5ms);
+    for (Nic* nic : {&source->nic(), source->second()}) {
+        EXPECT_EQ(nic->send(frame), SendStatus::sent);
+        EXPECT_LE(nic->next_arrival(), source->osal().now() + 5ms);
+        EXPECT_GT(nic->next_arrival(), source->osal().now() + 4ms) << "at once";
+    }
+    EXPECT_EQ(timed->missed(), 0U);
+    timed->set_send_time(source->osal().now() - 1ms);
+    for (Nic* nic : {&source->nic(), source->second()}) EXPECT_EQ(nic->send(frame), SendStatus::sent);
+    EXPECT_EQ(timed->missed(), 2U);
+}
+
 TEST_F(SourceTest, ARecordingThatIsNoneIsNamed) {
     EXPECT_NE(error_of("pcap:/no/such/file").find("/no/such/file"), std::string::npos);
     EXPECT_NE(error_of("pcap:").find("the name of the recording is missing"), std::string::npos) << error_of("pcap:");
