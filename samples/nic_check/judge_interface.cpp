@@ -199,8 +199,11 @@ void judge_timing(const InterfaceFacts& f, Findings& all) {
                         s.qdisc));
     else
         better(all, kSendAt,
-               s.qdisc.empty() ? fmt::format("not possible: {}", s.why)
-                               : fmt::format("not possible by its queueing discipline {}: {}", s.qdisc, s.why),
+               s.qdisc.empty()
+                   ? fmt::format("not possible: {}", s.why)
+                   : fmt::format("not possible by its queueing discipline {}: {}. etf holds them, where the "
+                                 "kernel has it (CONFIG_NET_SCH_ETF)",
+                                 s.qdisc, s.why),
                fmt::format("tc qdisc replace dev {} root etf clockid CLOCK_TAI delta 200000", f.name));
 }
 
