@@ -75,6 +75,7 @@ class SimpleIo {
             return 1;
         }
         print_out("all slaves in OP\n");
+        if (const auto ring = samples::ring_remark(ctx_); !ring.empty()) warn("warning: " + ring);
         exchange();
         const auto& figures = pace_.figures();
         print_out("{} cycles, {} without all frames, {} with a wrong working counter\n", cycles_, figures.no_frame,

@@ -128,6 +128,7 @@ int scan_and_print(margay::samples::Source& source, const Options& options) {
         status = exit_code::kSegment;
     }
     while (const auto odd = ctx.warnings().take()) warn("warning: " + sentence(*odd));
+    if (const auto ring = ring_remark(ctx); !ring.empty()) warn("warning: " + ring);
     return status;
 }
 

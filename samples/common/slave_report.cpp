@@ -2,6 +2,8 @@
 
 #include "wire/al_status_code.hpp"
 
+#include <margay/redundancy.hpp>
+
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -243,6 +245,21 @@ nlohmann::ordered_json segment_json(Context& ctx) {
     auto slaves = nlohmann::ordered_json::array();
     for (const Slave& slave : ctx.slaves()) slaves.push_back(slave_json(slave));
     return {{"slaves", slaves}};
+}
+
+std::string ring_remark(Context& ctx) {
+    const RedundancyStatus ring = redundancy(ctx);
+    if (!ring.redundant) return {};
+    if (ring.ring == RingState::whole)
+        return ring.swapped
+                   ? "the cables of the two interfaces are interchanged: the first one is at the end of the ring"
+                   : "";
+    const auto& [first, second] = ring.cables;
+    if (first.slaves == 0 || second.slaves == 0)
+        return fmt::format("the ring is not closed: the {} interface reaches no slave",
+                           first.slaves == 0 ? "first" : "second");
+    return fmt::format("the ring is broken: the first interface reaches {} slave{}, the second one {}", first.slaves,
+                       first.slaves == 1 ? "" : "s", second.slaves);
 }
 
 }  // namespace margay::samples

@@ -29,6 +29,9 @@ namespace margay::samples {
 // The segment as a tree, one line per slave. Slaves in a line share a column; branches are indented.
 [[nodiscard]] std::string topology_text(Context& ctx);
 
+// What is not as it should be in a ring with two NICs, in one sentence; empty with one NIC, and when the ring is whole.
+[[nodiscard]] std::string ring_remark(Context& ctx);
+
 [[nodiscard]] nlohmann::ordered_json segment_json(Context& ctx);
 
 }  // namespace margay::samples

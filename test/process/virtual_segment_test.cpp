@@ -237,6 +237,55 @@ TEST_F(VirtualRingTest, AMasterWithTwoInterfacesFindsAllSlavesWithAnyCableOut) {
     EXPECT_EQ(segment.wait(10s), 0) << segment.errors();
 }
 
+// What a user may have done wrong with the two interfaces of a ring: an error or a warning in words.
+TEST_F(VirtualRingTest, WhatIsWrongWithTwoInterfacesIsTold) {
+    const auto& name_space = cable.master_namespace();
+    const auto told = [&](const std::string& interfaces, int status) {
+        Child child(name_space, {kSlaveinfo, interfaces, "--take-over"});
+        EXPECT_EQ(child.wait(60s), status) << child.output() << child.errors();
+        return child.output() + child.errors();
+    };
+    const auto says = [](const std::string& text, const std::string& part) {
+        EXPECT_NE(text.find(part), std::string::npos) << text;
+    };
+    const std::string swapped = "ecat-m2+" + std::string(Cable::kMaster);
+    says(told("ecat-m+nosuch", 3), "there is no interface \"nosuch\"");
+    says(told("ecat-m+ecat-m", 3), "both interfaces are the same, a ring needs two");
+    ASSERT_TRUE(cable.ip(name_space, "link set ecat-m2 down"));
+    says(told(both, 3), "interface ecat-m2: it is switched off; bring it up with: ip link set ecat-m2 up");
+    ASSERT_TRUE(cable.ip(name_space, "link set ecat-m2 up"));
+    {
+        Child segment(cable.segment_namespace(), serve(both_ends + file("ring.toml")));
+        ASSERT_TRUE(segment.says("serving 4 slaves on", 10s)) << segment.errors();
+        const auto whole = told(both, 0);
+        says(whole, "4 slaves found");
+        EXPECT_EQ(whole.find("warning: the"), std::string::npos) << whole;
+        says(told(swapped, 0), "warning: the cables of the two interfaces are interchanged");
+        command("break 1");  // before the first slave
+        ASSERT_TRUE(segment.says("1", 10s));
+        says(told(both, 0), "warning: the ring is not closed: the first interface reaches no slave");
+        command("heal all");
+        command("break 3");
+        says(told(both, 0), "warning: the ring is broken: the first interface reaches 2 slaves, the second one 2");
+        command("heal all");
+        ASSERT_TRUE(cable.ip(cable.segment_namespace(), "link set ecat-s2 down"));
+        ASSERT_TRUE(segment.says("ecat-s2: the cable is out", 10s));
+        const auto out = told(both, 0);
+        says(out, "4 slaves found");
+        says(out, "warning: the ring is not closed: the second interface reaches no slave");
+        says(run_master({kSimpleIo, both, "--take-over", "--cycles", "20"}),
+             "warning: the ring is not closed: the second interface reaches no slave");
+        ASSERT_TRUE(cable.ip(cable.segment_namespace(), "link set ecat-s2 up"));
+        command("quit");
+        EXPECT_EQ(segment.wait(10s), 0) << segment.errors();
+    }
+    Child one(cable.segment_namespace(), serve(std::string(Cable::kSegment) + " demo"));
+    ASSERT_TRUE(one.says("serving", 10s)) << one.errors();
+    Child other(cable.segment_namespace(), {kVirtualSegment, "ecat-s2", "drives"});
+    ASSERT_TRUE(other.says("serving", 10s)) << other.errors();
+    says(told(both, 1), "another segment is connected to the second one");
+}
+
 TEST_F(VirtualRingTest, OneInterfaceServesARingWithTheOtherCableOut) {
     Child segment(cable.segment_namespace(), serve(std::string(Cable::kSegment) + " " + file("ring.toml")));
     ASSERT_TRUE(segment.says("second end of the ring is out", 10s)) << segment.errors();
