@@ -208,11 +208,12 @@ TEST(Delays, OfNonsenseAreFinite) {
 struct Recorded {
     ReceiveTimes times;
     std::uint16_t dl_status = 0;
-    std::uint32_t written_delay_ns = 0;  // by ethercrab, where the slave has the register
+    std::uint32_t written_delay_ns = 0;  // by the recorded master, where the slave has the register
     bool has_clock = false;
 };
 
-std::array<Recorded, 3> recorded(const std::string& path) {
+// `first`: the station address of the first slave.
+std::array<Recorded, 3> recorded(const std::string& path, std::uint16_t first = 0x1000) {
     std::array<Recorded, 3> slaves;
     CaptureFile capture;
     EXPECT_TRUE(capture.load(path).ok()) << capture.problem();
@@ -221,13 +222,16 @@ std::array<Recorded, 3> recorded(const std::string& path) {
         wire::DatagramReader reader(capture.bytes(frame));
         while (const auto d = reader.next()) {
             const wire::DatagramAddress address = d->header.address;
-            const auto n = static_cast<std::size_t>(address.adp() - 0x1000);
+            const auto n = static_cast<std::size_t>(address.adp() - first);
             if (n >= slaves.size() || d->wkc != 1) continue;
             const bool read = d->header.command == wire::Command::FPRD;
             if (read && address.ado() == wire::reg::kDlStatus.address)
                 slaves[n].dl_status = load_le<std::uint16_t>(d->data);
-            if (read && address.ado() == wire::reg::kPortReceiveTime.address)
-                for (unsigned p = 0; p < 4; ++p) slaves[n].times.port_ns[p] = load_le<std::uint32_t>(d->data, 4 * p);
+            // Some masters read one port at a time.
+            const unsigned port = (address.ado() - wire::reg::kPortReceiveTime.address) / 4U;
+            if (read && port < 4)
+                for (unsigned p = port; p < 4 && 4 * (p - port) < d->data.size(); ++p)
+                    slaves[n].times.port_ns[p] = load_le<std::uint32_t>(d->data, 4 * (p - port));
             if (read && address.ado() == wire::reg::kProcessingUnitReceiveTime.address) {
                 slaves[n].times.processing_ns = load_le<std::uint32_t>(d->data);
                 slaves[n].times.has_processing = true;
@@ -239,6 +243,31 @@ std::array<Recorded, 3> recorded(const std::string& path) {
         }
     }
     return slaves;
+}
+
+// The delays from the first slave, if each chip needs `processing` ns longer through its processing unit.
+std::vector<std::int64_t> computed(std::span<const Recorded> slaves, std::uint16_t processing) {
+    std::vector<RingPlace> places(slaves.size());
+    for (std::size_t n = 0; n < places.size(); ++n)
+        places[n] = {.slave = static_cast<std::uint16_t>(n + 1), .dl_status = slaves[n].dl_status};
+    EXPECT_TRUE(find_topology(places).ok());
+    std::vector<PortTimes> times(slaves.size());
+    std::vector<DelayNode> nodes(slaves.size());
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        times[n].add(slaves[n].times, places[n].entry_port);
+        nodes[n] = {.parent = places[n].parent,
+                    .parent_port = places[n].parent_port,
+                    .entry_port = places[n].entry_port,
+                    .processing_ns = processing,
+                    .times = &times[n]};
+        for (unsigned p = 0; p < 4; ++p)
+            if (p != places[n].entry_port && places[n].ports[p].neighbour != 0)
+                nodes[n].neighbours = static_cast<std::uint8_t>(nodes[n].neighbours | 1U << p);
+    }
+    compute_delays(nodes);
+    std::vector<std::int64_t> delays;
+    for (const DelayNode& node : nodes) delays.push_back(delay_between_ns(nodes[0], node));
+    return delays;
 }
 
 // EK1100, EL2828 (receive times, and no clock), EL2889. By hand: the frame was away from the EK1100 for 0x3C6211AA -
@@ -255,28 +284,34 @@ TEST(DelaysRecorded, OfRealSlaves) {
     EXPECT_FALSE(slaves[1].has_clock);
     EXPECT_EQ(slaves[2].written_delay_ns, 300U);
 
-    std::array<RingPlace, 3> places;
-    for (std::size_t n = 0; n < 3; ++n)
-        places[n] = {.slave = static_cast<std::uint16_t>(n + 1), .dl_status = slaves[n].dl_status};
-    ASSERT_TRUE(find_topology(places).ok());
     for (const std::uint16_t processing : {std::uint16_t{0}, std::uint16_t{40}}) {
-        std::array<PortTimes, 3> times;
-        std::array<DelayNode, 3> nodes;
-        for (std::size_t n = 0; n < 3; ++n) {
-            times[n].add(slaves[n].times, places[n].entry_port);
-            nodes[n] = {.parent = places[n].parent,
-                        .parent_port = places[n].parent_port,
-                        .entry_port = places[n].entry_port,
-                        .processing_ns = processing,
-                        .times = &times[n]};
-            for (unsigned p = 0; p < 4; ++p)
-                if (p != places[n].entry_port && places[n].ports[p].neighbour != 0)
-                    nodes[n].neighbours = static_cast<std::uint8_t>(nodes[n].neighbours | 1U << p);
-        }
-        compute_delays(nodes);
-        EXPECT_EQ(delay_between_ns(nodes[0], nodes[1]), 145 + processing / 2);
-        EXPECT_EQ(delay_between_ns(nodes[0], nodes[2]), 300 + processing / 2);
+        const auto delays = computed(slaves, processing);
+        EXPECT_EQ(delays[1], 145 + processing / 2);
+        EXPECT_EQ(delays[2], 300 + processing / 2);
     }
+}
+
+// Two boards with a LAN9252, read by SOEM port by port. By hand: the frame was away from the first board for 0x1553D5C2
+// - 0x1553D022 = 1440 ns, half of it one way, because either way has one processing unit: SOEM has written 720. Port 1
+// of the second board is closed, and keeps an old time.
+TEST(DelaysRecorded, OfBoardsWithMiiPorts) {
+    const std::string path = std::string(MARGAY_CAPTURES_DIR) + "/soem-dual-lan9252.pcapng";
+    if (!std::filesystem::exists(path)) GTEST_SKIP() << "no captures of real segments";
+    const auto slaves = recorded(path, 0x1001);
+    EXPECT_EQ(slaves[0].times.port_ns[1] - slaves[0].times.port_ns[0], 1440U);
+    EXPECT_NE(slaves[1].times.port_ns[1], 0U);
+    EXPECT_EQ(slaves[1].written_delay_ns, 720U);
+    for (const std::uint16_t processing : {std::uint16_t{0}, std::uint16_t{40}})
+        EXPECT_EQ(computed(std::span(slaves).first(2), processing)[1], 720);
+}
+
+// EK1100 and EL1004 (receive times at port 0, and no clock). By hand: 0xE5516266 - 0xE551613A = 300 ns, 150 one way.
+TEST(DelaysRecorded, OfACouplerAndATerminal) {
+    const std::string path = std::string(MARGAY_CAPTURES_DIR) + "/soem-sdinfo-ek1100-el1004.pcapng";
+    if (!std::filesystem::exists(path)) GTEST_SKIP() << "no captures of real segments";
+    const auto slaves = recorded(path, 0x1001);
+    EXPECT_FALSE(slaves[1].has_clock);
+    EXPECT_EQ(computed(std::span(slaves).first(2), 0)[1], 150);
 }
 
 // How much longer a frame needs through the processing unit than without it: in both recordings, the EL2889 turns the
