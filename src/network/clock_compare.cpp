@@ -34,6 +34,11 @@ std::uint32_t times_since_last_round(Network& network) {
     return by_cycle ? 0 : 1;
 }
 
+// The second reference, and all clocks that follow it, are out of the limit.
+bool is_led_away(const Clocks& clocks, const FollowedClock& followed) {
+    return followed.slave != 0 && std::abs(followed.ahead_ns) + followed.moves_ns > clocks.settings.limit_ns;
+}
+
 }  // namespace
 
 FollowedClock followed_clock(Network& network, const Slave& slave) {
@@ -49,11 +54,16 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
     constexpr Duration kLongestAlone = std::chrono::seconds(1);
     Clocks& clocks = network.clocks;
     const std::uint32_t times = times_since_last_round(network);
+    const bool old = find_old_delays(network);
+    clocks.rounds_old = old ? static_cast<std::uint8_t>(std::min(clocks.rounds_old + 1, UINT8_MAX)) : std::uint8_t{0};
     for (const Slave& slave : network.slaves()) {
         ClockEntry& clock = clocks.of(slave);
         if (!clock.synchronised) continue;
         const FollowedClock followed = is_there(slave) ? followed_clock(network, slave) : FollowedClock{};
-        if (std::exchange(clock.follows, followed.slave) != followed.slave) clock.times_seen = 0;
+        const std::uint16_t before = std::exchange(clock.follows, followed.slave);
+        // Another event, before the clock was compared after the last one: it may be disturbed.
+        const bool unknown = before != 0 && before != followed.slave && clock.times_seen < ClockEntry::kTimesOfMean;
+        if (before != followed.slave) clock.times_seen = 0;
         const bool fed = followed.slave != 0 && !followed.silent && (times != 0 || slave.number == clocks.reference);
         clock.rounds_alone =
             fed ? std::uint8_t{0}
@@ -63,7 +73,8 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
         // What the register shows is older.
         const bool alone =
             clock.rounds_alone == UINT8_MAX || clock.rounds_alone * clocks.settings.watch_interval >= kLongestAlone;
-        if (!is_there(slave) || alone) clocks.lose_sync(slave);
+        if (!is_there(slave) || alone || clock.delay_old || unknown || is_led_away(clocks, followed))
+            clocks.lose_sync(slave);
     }
 }
 
@@ -87,6 +98,7 @@ Task<Result<bool>> settle_rate(Network& network, Slave& slave) {
     co_await required(read_difference(network, slave));
     if (std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= network.clocks.settings.limit_ns)
         co_return false;
+    network.clocks.of(slave).knows_rate = false;
     co_await required(reset_control_loop(network.station(slave)));
     co_return true;
 }

@@ -117,8 +117,12 @@ void compute_clock_delays(Network& network) {
     const bool parted = reference <= second && second < nodes.size();
     const DelayNode* const behind = parted ? first_timed(nodes, second) : nullptr;
     std::int64_t farthest = 0;  // before the break
+    std::uint16_t way = 0;
     for (std::size_t n = 0; n < nodes.size(); ++n) {
-        if (ring[n].slave == 0 || !nodes[n].timed()) continue;
+        if (ring[n].slave == 0) continue;
+        const std::uint16_t before = way;
+        way = static_cast<std::uint16_t>(way + way_part(network.slave(ring[n].slave)));
+        if (!nodes[n].timed()) continue;
         const std::int64_t passed = delay_between_ns(nodes[reference - 1], nodes[n]);
         if (n < second) farthest = std::max(farthest, passed);
         const std::int64_t delay = behind != nullptr && n >= second
@@ -128,7 +132,42 @@ void compute_clock_delays(Network& network) {
         clock.delay_ns = static_cast<std::uint32_t>(std::max<std::int64_t>(delay, 0));
         clock.passed_ns = static_cast<std::int32_t>(passed);
         clock.measured = true;
+        clock.way = before;
     }
+}
+
+bool find_old_delays(Network& network) {
+    Clocks& clocks = network.clocks;
+    const auto ring = network.seen_ring();
+    const bool any_followed = network.slave(clocks.reference).al.state != AlState::none;
+    // By how much the sum before a slave has changed.
+    const auto change = [&](std::uint16_t slave) {
+        std::uint16_t way = 0;
+        for (const RingPlace& place : ring) {
+            if (place.slave == slave) break;
+            if (place.slave != 0) way = static_cast<std::uint16_t>(way + way_part(network.slave(place.slave)));
+        }
+        return static_cast<std::uint16_t>(way - clocks.entries[slave - 1U].way);
+    };
+    const std::uint16_t of_reference = change(clocks.reference);
+    std::uint16_t second = 0;
+    std::uint16_t of_second = 0;
+    std::uint16_t way = 0;
+    bool any = false;
+    for (const RingPlace& place : ring) {
+        if (place.slave == 0) continue;
+        const Slave& slave = network.slave(place.slave);
+        ClockEntry& clock = clocks.of(slave);
+        const auto moved = static_cast<std::uint16_t>(way - clock.way);
+        way = static_cast<std::uint16_t>(way + way_part(slave));
+        const std::uint16_t followed =
+            network.redundancy == nullptr ? clocks.reference : network.redundancy->reference_of(network, slave);
+        if (followed != clocks.reference && followed != second) of_second = change(second = followed);
+        const bool there = any_followed && clock.measured && clock.synchronised && slave.al.state != AlState::none;
+        clock.delay_old = there && moved != (followed == clocks.reference ? of_reference : of_second);
+        any |= clock.delay_old;
+    }
+    return any;
 }
 
 }  // namespace margay

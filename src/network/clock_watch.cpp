@@ -91,6 +91,7 @@ void note_difference(Network& network, const Slave& slave) {
     const bool own_time = slave.number == clocks.reference && !clocks.is_driven;
     const auto change = clock.watch.update(own_time ? 0 : clock.difference_ns, limit, network.engine.now());
     clock.in_sync = clock.watch.in_sync();
+    clock.knows_rate |= clock.in_sync;
     if (change == SyncWatch::Change::none) return;
     const bool in = change == SyncWatch::Change::in_sync;
     network.report({.kind = in ? EventKind::clock_in_sync : EventKind::clock_out_of_sync,
@@ -232,12 +233,15 @@ Task<Result<>> watch_clocks(Network& network) {
     co_await required(return_to_first_clock(network));
     note_time_of_cycle(network);
     choose_standby(network);
-    const bool guessed = network.redundancy != nullptr && network.redundancy->delays_are_guessed() &&
+    constexpr std::uint8_t kEnoughOld = 5;  // then all slaves of a branch are lost, or back
+    const bool old = clocks.rounds_old >= kEnoughOld;
+    const bool guessed = network.redundancy != nullptr && (old || network.redundancy->delays_are_guessed()) &&
                          network.ring_parts().whole && !network.redundancy->are_ports_old() &&
                          network.redundancy->may_restore();
+    const bool changed = network.redundancy == nullptr && old;
     const bool measure_again = clocks.settings.delay_interval > Duration{0} && now >= clocks.delays_at;
     // The measurement opens a ring for a moment, and a search reads its ports.
-    if ((guessed || measure_again) && !network.searching) {
+    if ((guessed || changed || measure_again) && !network.searching) {
         clocks.delays_at = later(now, clocks.settings.delay_interval);
         auto improved = co_await improve_delays(network);
         if (!improved && improved.error().code == Errc::capacity) co_return improved;

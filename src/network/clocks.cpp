@@ -212,7 +212,8 @@ Task<Result<>> wait_until_in_sync(Network& network) {
     co_await required(for_each_slave(network, read));
     const Error worst = worst_clock(network);
     if (worst.code != Errc::none) co_return worst;
-    for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.in_sync = clock.synchronised;
+    for (ClockEntry& clock : network.clocks.entries.first(network.count))
+        clock.in_sync = clock.knows_rate = clock.synchronised;
     network.clocks.all_in_sync = true;
     co_return Nothing{};
 }
@@ -271,7 +272,7 @@ void Clocks::forget() {
     delays_at = Time::min();
     prepare = nullptr;
     watch = nullptr;
-    rests = 0;
+    rests = rounds_old = 0;
     is_near = nullptr;
     resume = nullptr;
 }
@@ -393,7 +394,8 @@ Task<Result<>> read_receive_times(Network& network, Slave& slave, Keep keep) {
 
 Task<Result<>> write_clock(Network& network, Slave& slave) {
     const Station station = network.station(slave);
-    const ClockEntry& clock = network.clocks.of(slave);
+    ClockEntry& clock = network.clocks.of(slave);
+    clock.knows_rate = false;
     wire::Register offset = reg::kSystemTimeOffset;
     if (clock.kind == ClockKind::bits32) offset.length = 4;
     auto written = co_await write_clock_register(station, offset, clock.offset_ns);

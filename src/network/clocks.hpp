@@ -42,8 +42,13 @@ struct ClockEntry : SlaveClock {
     SyncWatch watch;
     std::uint64_t local_ns = 0;  // register 0x0918 of the last measurement
     SyncRegisters sync;          // by dcsync0(), where `sync_set` is true
-    bool sync_set = false;
-    bool measured = false;  // its delay is known
+    bool sync_set : 1 = false;
+    bool measured : 1 = false;     // its delay is known
+    bool delay_waits : 1 = false;  // the register of the slave may have another delay (network/ring_ways.cpp)
+    bool delay_old : 1 = false;    // the frames go another way than when it was measured, see find_old_delays()
+    bool knows_rate : 1 = false;   // it was in sync since its control loop was started
+    bool in_ring : 1 = false;      // these two: see `ring_slave`
+    bool beside : 1 = false;  // while the ring is whole, only the copy that the head does not send reaches the slave
     // While delays are measured: the port at which the frame arrives first, and the port at which it arrives before the
     // processing unit. They differ behind a break of a ring with two NICs.
     std::uint8_t arrival_port = 0;
@@ -52,17 +57,17 @@ struct ClockEntry : SlaveClock {
     // In a ring with two NICs, as measured while it was whole (network/ring_ways.cpp). Ring slaves are those between
     // both NICs, counted from 1 at the head.
     std::uint16_t ring_slave = 0;  // this slave, or the ring slave behind which this slave is; 0: not known
-    bool in_ring = false;
-    bool beside = false;         // while the ring is whole, only the copy that the head does not send reaches the slave
-    std::int32_t away_ns = 0;    // of a ring slave: how long the frame is away behind the way to the next ring slave,
-    std::int32_t return_ns = 0;  // and from the processing unit until it has left towards the head
+    std::uint16_t way = 0;         // sum over the slaves before it when its delay was measured, see way_part()
+    std::int32_t away_ns = 0;      // of a ring slave: how long the frame is away behind the way to the next ring slave,
+    std::int32_t return_ns = 0;    // and from the processing unit until it has left towards the head
     // The clock whose time arrives, how many frames have brought it since this is so, and how many times
     // ClockSettings::watch_interval has passed without one.
     std::uint16_t follows = 0;
     std::uint8_t times_seen = 0;
     std::uint8_t rounds_alone = 0;
     // The register with the difference is a mean of 16 comparisons: with fewer, it shows what was before.
-    [[nodiscard]] bool knows_difference() const { return follows != 0 && times_seen >= 32; }
+    static constexpr std::uint8_t kTimesOfMean = 32;
+    [[nodiscard]] bool knows_difference() const { return follows != 0 && times_seen >= kTimesOfMean; }
     // It is in sync again when it is compared.
     void lose_sync() {
         in_sync = false;
@@ -83,6 +88,7 @@ struct Clocks {
     bool measuring = false;         // receive times are latched, and not all of them are read
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
     std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
+    std::uint8_t rounds_old = 0;    // rounds in which the delay of some clock was old
     std::uint8_t rests = 0;         // rounds until a clock may be brought to the reference, after this has failed
     bool all_in_sync = false;
     bool is_driven = false;         // times are written to the reference, which follows them
@@ -170,6 +176,15 @@ enum class Keep : bool { no, yes };
 // Fills Clocks::nodes with the ways of the frames as they are now, and the ports of the entries. Returns the number of
 // nodes (network/clock_delays.cpp).
 std::size_t find_frame_ways(Network& network);
+// What a slave that answers adds to the sums ClockEntry::way of all slaves behind it. The sums of two slaves differ as
+// long as before if the same slaves are between them.
+[[nodiscard]] constexpr std::uint16_t way_part(const Slave& slave) {
+    constexpr std::uint32_t kSpread = 0x9E37;
+    return slave.al.state == AlState::none ? std::uint16_t{0} : static_cast<std::uint16_t>(slave.number * kSpread);
+}
+// Sets ClockEntry::delay_old. A slave that is lost, or that is back, changes the delays of all slaves behind it, unless
+// the clock that they follow is behind it too. Returns whether some delay is old.
+bool find_old_delays(Network& network);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);
 // How much later a frame passes `slave` than `reference`, or its other copy where a break of the ring is between both:

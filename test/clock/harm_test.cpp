@@ -43,6 +43,42 @@ TEST_F(ClockHarm, DelaysAreRightWhileASlaveIsLost) {
     EXPECT_LE(greatest_error_ns(4), 100);
 }
 
+// The frames pass the branch with slaves 2 and 3 on their way to slave 4. When the branch is lost, its delay is
+// measured anew, and again when it is back.
+TEST_F(ClockHarm, TheDelaysFollowABranchThatIsLost) {
+    const auto junction = [this](std::int32_t drift) {
+        auto made = clocked({.drift_ppb = drift, .start_ns = segment.size() * 12345});
+        made.chip.ports = sim::junction().ports;
+        return segment.add(std::move(made).assemble());
+    };
+    ASSERT_TRUE(segment.connect_master({junction(0), 0}));
+    ASSERT_TRUE(segment.connect({0, 3}, {junction(30'000), 0}, kCable));  // slave 2
+    ASSERT_TRUE(segment.connect({1, 1}, {junction(-70'000), 0}, kCable));
+    ASSERT_TRUE(segment.connect({0, 1}, {junction(90'000), 0}, kCable));  // slave 4
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    run();
+    cycles(3000);
+    const auto delay = clock(4).delay_ns;
+    const auto until_measured = [this](unsigned most) {
+        unsigned wrong = 0;  // in succession: until the loss is known, and while the clock swings through zero
+        for (unsigned n = 0; n < most; ++n) {
+            cycles(1);
+            wrong = clock(4).in_sync && std::abs(ahead_ns(4)) > 400 ? wrong + 1 : 0;
+            ASSERT_LE(wrong, 60U) << ahead_ns(4) << " ns ahead, cycle " << n;
+        }
+    };
+    segment.set_cable({1, 0}, false);
+    until_measured(2000);
+    EXPECT_LT(clock(4).delay_ns + 500, delay);
+    EXPECT_TRUE(clock(4).in_sync);
+    EXPECT_LE(std::abs(ahead_ns(4)), 100);
+    segment.set_cable({1, 0}, true);
+    until_measured(3000);
+    EXPECT_NEAR(static_cast<double>(clock(4).delay_ns), static_cast<double>(delay), 3);
+    for (std::uint16_t s = 1; s <= 4; ++s) EXPECT_TRUE(clock(s).in_sync && std::abs(ahead_ns(s)) <= 100) << s;
+}
+
 // A slave that is found after configdc(): its neighbour had no receive time for its port.
 TEST_F(ClockHarm, TheDelayOfALateSlaveIsMeasured) {
     add_line(4);
