@@ -60,6 +60,7 @@ Task<Result<>> RingWatch::open_ring(Network& network) {
         co_return Nothing{};
     }
     constants_ = {};
+    if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;  // perhaps with other delays
     if (last == nullptr) co_return ring_error(Errc::wrong_state);
     const Slave& reference = network.slave(network.clocks.reference);
     if (reference.ring_position > now.front && has_clock(network, now, false))
@@ -121,6 +122,7 @@ Task<Result<>> RingWatch::begin_second_part(Network& network) {
     if (wanted_second_ != 0 && wanted_second_ != network.clocks.reference) {
         Slave& second = network.slave(wanted_second_);
         co_await required(teach_rate(network, second));
+        network.clocks.of(second).knows_rate = true;
         co_await required(set_second_part(network, second));
     }
     co_return co_await required(change_second(network, wanted_second_));
@@ -148,10 +150,14 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
     constexpr Duration kLesson = std::chrono::milliseconds(400);
     co_await required(open_ring(network));
     const Time give_up = network.engine.now() + kLesson;
-    for (std::uint16_t n = 0; n < network.clocks.settings.burst_frames && network.engine.now() < give_up; ++n) {
+    bool same = true;
+    for (std::uint16_t n = 0; n < network.clocks.settings.burst_frames && network.engine.now() < give_up && same; ++n) {
         co_await required(send_time(network));
+        same = !find_old_delays(network);
     }
     co_await required(close_ring(network));
+    // A slave is lost, or back: the times were those of another way.
+    if (!same) co_return ring_error(Errc::unstable);
     std::int64_t greatest = 0;
     for (Slave& slave : network.slaves()) {
         const ClockEntry& clock = network.clocks.of(slave);
@@ -162,13 +168,19 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
     co_return static_cast<std::uint32_t>(greatest);
 }
 
+// A search reads the ports, and teach() closes one. The delays are those of the open ring, with the slaves that it has.
+bool RingWatch::may_teach(const Network& network) { return !network.searching && network.clocks.rounds_old == 0; }
+
 Task<Result<>> RingWatch::teach(Network& network) {
     constexpr unsigned kMostLessons = 5;
-    taught_ = false;
-    for (unsigned n = 0; n < kMostLessons && !taught_; ++n) {
+    if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;
+    taught_ways_ = ring_.ways();
+    bool done = false;
+    for (unsigned n = 0; n < kMostLessons && !done; ++n) {
         const auto greatest = co_await required(teach_once(network));
-        taught_ = greatest <= network.clocks.settings.limit_ns / 4;
+        done = greatest <= network.clocks.settings.limit_ns / 4;
     }
+    if (done) comparison_ = Comparison::taught;
     co_return Nothing{};
 }
 
@@ -233,16 +245,23 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     }
     second_ = second;
     second_is_first_ = is_first;
-    known_ = false;
+    // The clocks beside the ring have followed others since a lesson, unless the ring is whole.
+    if (comparison_ != Comparison::taught || !parts().whole) comparison_ = Comparison::unknown;
     first_ = {};
+    compared_behind_ = ring_.reached_by(1 - ring_.head());
     use_known_constant(network);
     ring_.set_second_reference(address, first);
     if (second == 0 || is_first) co_return Nothing{};
     network.report({.kind = EventKind::second_reference, .slave = second, .other = network.clocks.reference});
+    ClockEntry& clock = network.clocks.entries[second - 1U];
+    // After a loss of power it may run as fast as it can, though its difference is small at this moment.
+    const bool runs_away = !clock.knows_rate && comparison_ != Comparison::taught;
     const auto restarted = co_await required(settle_rate(network, network.slave(second)));
-    const ClockEntry& clock = network.clocks.entries[second - 1U];
+    if (runs_away && !restarted) {
+        co_await required(reset_control_loop(network.station(network.slave(second))));
+    }
     const bool disturbed = std::abs(std::int64_t{clock.difference_ns}) > network.clocks.settings.limit_ns / 2;
-    if ((restarted || disturbed) && second == second_) distrust_second_part(network);
+    if ((restarted || runs_away || disturbed) && second == second_) distrust_second_part(network);
     co_return Nothing{};
 }
 
@@ -251,7 +270,7 @@ void RingWatch::distrust_second_part(Network& network) {
     for (const Slave& slave : network.slaves())
         if (is_behind(network, slave)) network.clocks.lose_sync(slave);
     first_ = {};
-    known_ = taught_ = false;
+    comparison_ = Comparison::unknown;
     use_known_constant(network);
 }
 
@@ -260,6 +279,7 @@ void RingWatch::use_known_constant(Network& network) {
     if (constant == nullptr || is_in_step(network)) return;
     constant_ns_ = constant->ns;
     begin_to_steer(network);
+    rounds_deaf_ = kDeaf;  // how far it is ahead is known after the first comparison
 }
 
 // The reference is another one. Without this, the copies that the head does not send would carry no time for some
@@ -272,18 +292,19 @@ Task<Result<>> RingWatch::follow_reference(Network& network) {
 
 // Before the first comparison.
 bool RingWatch::is_in_step(const Network& network) const {
-    return second_ != 0 && (network.clocks.entries[second_ - 1U].in_sync || taught_);
+    return second_ != 0 && (network.clocks.entries[second_ - 1U].in_sync || comparison_ == Comparison::taught);
 }
 
 const RingWatch::Constant* RingWatch::known_constant() const {
     const auto front = static_cast<std::uint16_t>(parts().front);
-    const auto found = std::ranges::find_if(
-        constants_, [&](const Constant& known) { return known.slave == second_ && known.front == front; });
+    const std::uint16_t behind = ring_.reached_by(1 - ring_.head());
+    const auto found = std::ranges::find_if(constants_, [&](const Constant& known) {
+        return known.slave == second_ && known.front == front && known.behind == behind;
+    });
     return second_ == 0 || found == constants_.end() ? nullptr : &*found;
 }
 
 FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) const {
-    constexpr std::uint8_t kDeaf = 100;
     const Slave& reference = network.slave(network.clocks.reference);
     const std::int64_t passes = passes_at_ns(network, slave);
     const bool behind = is_behind(network, slave);
@@ -291,7 +312,8 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
     if (behind == is_behind(network, reference))
         return {.slave = passes < passes_at_ns(network, reference) ? std::uint16_t{0} : reference.number};
     // Before the break, no time arrives while the reference is behind it.
-    if (!behind || second_ == 0 || second_is_first_ || !known_ || unsure_ || rounds_deaf_ >= kDeaf) return {};
+    if (!behind || second_ == 0 || second_is_first_ || comparison_ != Comparison::known || rounds_deaf_ >= kDeaf)
+        return {};
     if (slave.number != second_ && passes < passes_at_ns(network, network.slave(second_))) return {};
     // Between two corrections its own rate moves it by half of that to either side.
     const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
@@ -303,15 +325,19 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
 }
 
 void RingWatch::begin_to_steer(Network& network) {
-    known_ = true;
-    taught_ = unsure_ = false;
+    comparison_ = Comparison::known;
     ahead_ns_ = change_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
-    phase_.start(for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0}));
+    PhaseSettings phase =
+        for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0});
+    phase.cycles_late = 0;  // steer() leaves out the differences that a correction is not in
+    phase_.start(phase);
 }
 
 // The constant contains the delay of the reference, and not that of the second reference.
 Task<Result<>> RingWatch::find_constant(Network& network) {
     const Clocks& clocks = network.clocks;
+    // A slave has appeared during the lesson, which is seen when both copies come back again.
+    if (comparison_ == Comparison::taught && ring_.ways() != taught_ways_) comparison_ = Comparison::unknown;
     const std::uint16_t second = second_;
     const std::int64_t mean_ns = first_.sum_ns / first_.count;
     first_ = {};
@@ -320,7 +346,7 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
         // The ways are not measured with clocks beside the ring. In the whole ring they are taught; behind a break the
         // clocks stay where they are, and are not in sync.
         begin_to_steer(network);
-        unsure_ = true;
+        comparison_ = Comparison::unsure;
         rests_ = 0;
         co_return Nothing{};
     }
@@ -330,14 +356,21 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
         // The ring changes now, or there is another second reference: the next differences tell.
         if (!way && way.error().code == Errc::unstable) co_return Nothing{};
         if (!way) co_return way.error();
-        if (second != second_ || known_ || reference.number != clocks.reference) co_return Nothing{};
+        if (second != second_ || is_steered() || reference.number != clocks.reference) co_return Nothing{};
         constant_ns_ = *way + clocks.entries[reference.number - 1U].delay_ns;
     }
     (void)ring_.take_difference();
     constants_[next_constant_++ % constants_.size()] = {second_, static_cast<std::uint16_t>(parts().front),
-                                                        constant_ns_};
+                                                        ring_.reached_by(1 - ring_.head()), constant_ns_};
     begin_to_steer(network);
+    ahead_ns_ = mean_ns - (constant_ns_ - clocks.entries[second - 1U].delay_ns);
     co_return Nothing{};
+}
+
+// A branch behind the break is lost, or back: the way of the second copy is another one, and the constant too.
+bool RingWatch::behind_has_changed() {
+    const std::uint16_t behind = ring_.reached_by(1 - ring_.head());
+    return ring_.counts_are_new() && behind != 0 && std::exchange(compared_behind_, behind) != behind;
 }
 
 // One step of the controller of the second reference.
@@ -345,9 +378,15 @@ Task<Result<>> RingWatch::steer(Network& network) {
     constexpr std::uint32_t kEnough = 16;
     const PartDifference seen = ring_.take_difference();
     if (rounds_deaf_ < UINT8_MAX) ++rounds_deaf_;
+    if (behind_has_changed()) {
+        if (comparison_ == Comparison::known) comparison_ = Comparison::unknown;
+        first_ = {};
+        use_known_constant(network);
+        co_return Nothing{};
+    }
     if (seen.count == 0) co_return Nothing{};
     rounds_deaf_ = 0;
-    if (!known_) {
+    if (!is_steered()) {
         first_.sum_ns += seen.sum_ns;
         first_.count += seen.count;
         if (first_.count < kEnough) co_return Nothing{};
@@ -360,7 +399,9 @@ Task<Result<>> RingWatch::steer(Network& network) {
     const std::int64_t correction = phase_.update(ahead_ns_, network.engine.now());
     moved_ns_ = correction;
     if (correction == 0) co_return Nothing{};
-    co_return co_await required(move_clock(network, network.slave(second_), -correction));
+    const auto moved = co_await move_clock(network, network.slave(second_), -correction);
+    (void)ring_.take_difference();
+    co_return moved;
 }
 
 Task<Result<>> RingWatch::watch_clocks(Network& network) {
@@ -371,7 +412,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
     if (has_beside_ && (!arranged_ || ring_.are_times_held())) {
         // Measured for the first time in the whole ring: the clocks have followed other delays before.
         const bool taught = !now.whole || second_ != 0 || ring_.are_times_held();
-        if (!taught && network.searching) co_return Nothing{};  // it reads the ports, and teach() closes one
+        if (!taught && !may_teach(network)) co_return Nothing{};
         if (!taught) co_await completion(teach(network));
         co_return co_await required(arrange(network));
     }
@@ -382,7 +423,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         ++rounds_seen_;
     if (wanted == 0 || wanted == second_ || rounds_seen_ >= kEnough) {
         if (has_beside_ && now.whole && wanted != 0 && wanted != second_) {
-            if (network.searching) co_return Nothing{};
+            if (!may_teach(network)) co_return Nothing{};
             // Perhaps it comes from a loss of power. The present second reference is behind it, and would bring it
             // what the master has sent.
             ring_.set_second_reference({});
@@ -391,10 +432,11 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         co_await required(change_second(network, wanted));
     }
     if (second_ == 0 || second_is_first_) co_return Nothing{};
-    if (known_ && unsure_ && now.whole && !network.searching && rests_-- == 0) {
+    if (comparison_ == Comparison::unsure && now.whole && may_teach(network) && rests_-- == 0) {
         co_await completion(teach(network));
-        known_ = !taught_;  // then the constant is measured
+        // If the clocks have learned the time, the constant is measured anew, from what comes after the lesson.
         first_ = {};
+        (void)ring_.take_difference();
         rests_ = UINT8_MAX;
         co_return Nothing{};
     }

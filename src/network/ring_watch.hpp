@@ -50,7 +50,7 @@ class RingWatch final : public RedundancyPart {
     }
     // The second reference clock, 0: none; and how far it is ahead of the first one.
     [[nodiscard]] std::uint16_t second_reference() const { return second_; }
-    [[nodiscard]] std::int64_t apart_ns() const { return second_ == 0 || !known_ ? 0 : ahead_ns_; }
+    [[nodiscard]] std::int64_t apart_ns() const { return second_ == 0 || !is_steered() ? 0 : ahead_ns_; }
 
   private:
     // The constants of the last breaks, by the slave that was the first clock behind each: a slave that comes back
@@ -58,8 +58,20 @@ class RingWatch final : public RedundancyPart {
     // with the ways.
     struct Constant {
         std::uint16_t slave = 0;
-        std::uint16_t front = 0;  // and by the slaves before the break: other slaves without a clock may be behind it
+        // And by the slaves before and behind the break: other slaves without a clock may be behind it, and a branch
+        // that is lost makes the way of its copy shorter.
+        std::uint16_t front = 0;
+        std::uint16_t behind = 0;
         std::int64_t ns = 0;
+    };
+
+    // What is known of the constant.
+    enum class Comparison : std::uint8_t {
+        unknown,  // nothing yet: the next differences show it, or the ways
+        taught,   // nothing yet, but teach() has brought all clocks beside the ring in step: the next differences show
+                  // it
+        unsure,   // the second reference is steered by a constant of clocks that were perhaps not in step
+        known,
     };
 
     void report_break(Network& network, const RedundancyStatus& now);
@@ -70,6 +82,7 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> set_second_part(Network& network, Slave& second);
     [[nodiscard]] Task<Result<>> change_second(Network& network, std::uint16_t second);
     [[nodiscard]] Task<Result<std::uint32_t>> teach_once(Network& network);
+    [[nodiscard]] static bool may_teach(const Network& network);
     [[nodiscard]] Task<Result<>> teach(Network& network);
     [[nodiscard]] Task<Result<>> teach_beside(Network& network);
     [[nodiscard]] bool find_sides(Network& network);
@@ -81,10 +94,12 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> steer(Network& network);
     [[nodiscard]] Task<Result<>> find_constant(Network& network);
     void begin_to_steer(Network& network);
+    [[nodiscard]] bool behind_has_changed();
     void use_known_constant(Network& network);
     void distrust_second_part(Network& network);
     [[nodiscard]] const Constant* known_constant() const;
     [[nodiscard]] bool is_in_step(const Network& network) const;
+    [[nodiscard]] bool is_steered() const { return comparison_ >= Comparison::unsure; }
 
     Redundancy& ring_;
     RingState reported_ = RingState::unknown;
@@ -100,17 +115,18 @@ class RingWatch final : public RedundancyPart {
     // show what the ways of both copies differ by (`constant_ns_`). If it was away before, its ways are measured.
     std::uint16_t second_ = 0;
     bool second_is_first_ = false;
-    bool known_ = false;
-    bool unsure_ = false;           // the constant is that of clocks that are perhaps not in step
-    bool taught_ = false;           // the clocks beside the ring are in step with the reference now, by teach()
-    std::uint8_t rests_ = 0;        // rounds until they are taught again
-    std::int64_t ahead_ns_ = 0;     // mean of the differences of the last round, without the constant,
-    std::int64_t change_ns_ = 0;    // and how far it is from that of the round before,
-    std::int64_t jitter_ns_ = 0;    // by how much they differ among each other,
-    std::int64_t moved_ns_ = 0;     // and the correction of the round before, which they contain
-    std::uint8_t rounds_deaf_ = 0;  // rounds without a difference
-    bool guessed_ = false;          // the delays behind a break, see delays_are_guessed()
+    Comparison comparison_ = Comparison::unknown;
+    std::uint16_t compared_behind_ = 0;  // the slaves behind the break, for which the constant is
+    std::uint32_t taught_ways_ = 0;      // Redundancy::ways() before the lesson
+    std::uint8_t rests_ = 0;             // rounds until they are taught again
+    std::int64_t ahead_ns_ = 0;          // mean of the differences of the last round, without the constant,
+    std::int64_t change_ns_ = 0;         // and how far it is from that of the round before,
+    std::int64_t jitter_ns_ = 0;         // by how much they differ among each other,
+    std::int64_t moved_ns_ = 0;          // and the correction of the round before, which they contain
+    std::uint8_t rounds_deaf_ = 0;       // rounds without a difference
+    bool guessed_ = false;               // the delays behind a break, see delays_are_guessed()
     std::int64_t constant_ns_ = 0;
+    static constexpr std::uint8_t kDeaf = 100;
     std::array<Constant, 4> constants_{};
     std::size_t next_constant_ = 0;
     std::uint16_t wanted_second_ = 0;  // seen in `rounds_seen_` rounds

@@ -149,11 +149,14 @@ Task<Result<>> RingWatch::write_delay(Network& network, Slave& slave, std::int64
     // A register of the chip cannot be negative.
     const std::int64_t later = is_behind(network, slave) ? std::max<std::int64_t>(-earliest_ns, 0) : 0;
     const auto delay = static_cast<std::uint32_t>(std::max<std::int64_t>(passes_at_ns(network, slave) + later, 0));
-    const bool same = clock.delay_ns == delay && !clock.beside;
+    const bool same = clock.delay_ns == delay && !clock.beside && !clock.delay_waits;
     clock.delay_ns = delay;
-    if (same || slave.al.state == AlState::none) co_return Nothing{};
-    co_return co_await required(
-        write_clock_register(network.station(slave), wire::reg::kSystemTimeDelay, clock.delay_ns));
+    if (same) co_return Nothing{};
+    clock.delay_waits = true;  // of a slave that is lost, until it is back
+    if (slave.al.state == AlState::none) co_return Nothing{};
+    co_await required(write_clock_register(network.station(slave), wire::reg::kSystemTimeDelay, delay));
+    clock.delay_waits = clock.delay_ns != delay;
+    co_return Nothing{};
 }
 
 // Gives all clocks the delays of the ways as they are now, and the part that the head does not reach its reference.
@@ -170,7 +173,11 @@ Task<Result<>> RingWatch::arrange(Network& network) {
     co_await required(for_each_slave(network, write));
     if (ring_.ways() != ways) co_return Nothing{};  // the next round
     rounds_unclear_ = 0;
-    co_await required(change_second(network, first_behind(network, false)));
+    // In the whole ring, a clock that was away is taught first: until then there is no second reference.
+    const std::uint16_t wanted = first_behind(network, false);
+    const bool ready = !parts().whole || wanted == second_ || comparison_ == Comparison::taught || wanted == 0 ||
+                       network.clocks.entries[wanted - 1U].in_sync;
+    co_await required(change_second(network, ready ? wanted : std::uint16_t{0}));
     if (ring_.ways() != ways) co_return Nothing{};
     arranged_ = true;
     ring_.release_times();

@@ -1,0 +1,155 @@
+// "In sync" in a ring with branches, against the simulation's true time: cables and slaves that fail and come back, in
+// sequences that random faults have found.
+#include "redundancy/clock_ring.hpp"
+
+namespace margay {
+namespace {
+
+struct ClockBranch : testing::Test, ClockRingBus {
+    // The limit of ClockSettings, what the register rounds, and what a clock runs until it is read.
+    static constexpr std::int64_t kMost_ns = 400;
+    // Until the library knows of an event.
+    static constexpr unsigned kUntilItIsKnown = 60;
+
+    std::vector<std::uint32_t> ring;
+    std::uint32_t late_us = 0;
+    std::uint32_t random = 1;
+    std::vector<unsigned> wrong;  // cycles in succession, by slave number
+
+    void add_ring(unsigned slaves) {
+        for (unsigned n = 0; n < slaves; ++n) ring.push_back(add_to_ring(nth(n)));
+    }
+    // Behind a slave of the ring (the first is 1). Port 2 comes after the way to the next ring slave, port 3 before it.
+    void add_branch(unsigned behind, std::uint8_t port, unsigned slaves = 1) {
+        std::uint32_t at_slave = add_behind(ring[behind - 1U], port, nth(50 + behind));
+        for (unsigned n = 1; n < slaves; ++n) at_slave = add_behind(at_slave, 1, nth(60 + n));
+    }
+    void bring_up_ring() {
+        close_ring();
+        start();
+        at.assign(segment.size(), 0);  // by the station addresses that the scan has written
+        for (std::uint32_t n = 0; n < segment.size(); ++n) {
+            std::array<std::byte, 2> address{};
+            segment.slave(n).read(wire::reg::kStationAddress.address, address);
+            for (const Slave& slave : ctx->slaves())
+                if (slave.station_address.value == load_le<std::uint16_t>(address, 0)) at[slave.number - 1U] = n;
+        }
+        wrong.assign(segment.size() + 1, 0);
+        bring_up();
+        go(3000);
+    }
+    // The application wakes up late. No clock is wrong for longer than until an event is known.
+    void go(unsigned count) {
+        for (unsigned n = 0; n < count; ++n) {
+            random = random * 1'664'525 + 1'013'904'223;
+            if (late_us != 0) osal.advance(std::chrono::nanoseconds((random >> 8) % (late_us * 1000)));
+            (void)cycle();
+            const std::uint16_t reference = reference_clock(*ctx);
+            for (std::uint16_t s = 1; s <= at.size(); ++s) {
+                const bool powered = segment.powered(at[s - 1U]) && segment.powered(at[reference - 1U]);
+                const bool is_wrong =
+                    powered && slave_clock(*ctx, s).in_sync && std::abs(ahead_ns(s, reference)) > kMost_ns;
+                wrong[s] = is_wrong ? wrong[s] + 1 : 0;
+                ASSERT_LE(wrong[s], kUntilItIsKnown) << "slave " << s << " is in sync and " << ahead_ns(s, reference)
+                                                     << " ns ahead of slave " << reference << ", cycle " << n;
+            }
+        }
+    }
+    void cut(std::size_t ring_cable, unsigned then) {
+        cable(ring_cables[ring_cable], false);
+        go(then);
+    }
+    void mend(std::size_t ring_cable, unsigned then) {
+        cable(ring_cables[ring_cable], true);
+        go(then);
+    }
+    void power(std::uint16_t slave, bool on, unsigned then) {
+        segment.set_power(at[slave - 1U], on, osal.now());
+        go(then);
+    }
+    void expect_all_in_step() {
+        for (std::uint16_t s = 1; s <= at.size(); ++s) {
+            EXPECT_TRUE(slave_clock(*ctx, s).in_sync) << s;
+            EXPECT_LE(std::abs(ahead_ns(s)), 200) << s;
+        }
+        EXPECT_EQ(reference_clock(*ctx), 1);
+    }
+};
+
+// The clock beside the ring has followed what the master has sent for a moment, and is taught when the ring is whole.
+// Comparisons of the time before belong to no constant.
+TEST_F(ClockBranch, ABreakOfAMoment) {
+    add_ring(6);
+    add_branch(2, 2);
+    late_us = 100;
+    bring_up_ring();
+    for (const std::size_t n : {3U, 1U, 4U, 3U}) {
+        cut(n, 30);
+        mend(n, 2500);
+        expect_all_in_step();
+    }
+}
+
+// Slaves 3 and 4 are lost when the delays for the broken ring were written, and are back in the whole ring.
+TEST_F(ClockBranch, ASlaveThatWasAwayHasTheDelayOfTheWholeRing) {
+    add_ring(4);
+    add_branch(4, 2, 2);
+    bring_up_ring();
+    cut(2, 10);
+    cut(1, 3);
+    power(4, false, 1);
+    mend(1, 450);
+    mend(2, 728);
+    power(4, true, 6000);
+    expect_all_in_step();
+}
+
+// Slave 7 at a branch of slave 6 comes back while slave 8, beside the ring, is taught the time by the frames of the
+// head: the delays of the lesson are not those of its way any more.
+TEST_F(ClockBranch, ASlaveThatComesBackDuringALesson) {
+    add_ring(6);
+    add_branch(3, 2, 2);
+    add_branch(6, 3);
+    bring_up_ring();
+    cut(6, 10);
+    power(2, false, 1);
+    power(7, false, 3);
+    mend(6, 133);
+    power(2, true, 199);
+    power(7, true, 8000);
+    expect_all_in_step();
+}
+
+// The frames to slaves 2 and 3 pass the branch of slave 1, until it is lost: their delays are measured anew.
+TEST_F(ClockBranch, ABranchThatIsLost) {
+    add_ring(3);
+    add_branch(1, 3, 2);
+    bring_up_ring();
+    cable(branch_cables[0], false);
+    go(2000);
+    for (const std::uint16_t s : std::initializer_list<std::uint16_t>{1, 4, 5}) {
+        EXPECT_TRUE(slave_clock(*ctx, s).in_sync) << s;
+        EXPECT_LE(std::abs(ahead_ns(s)), 100) << s;
+    }
+    cable(branch_cables[0], true);
+    go(3000);
+    expect_all_in_step();
+}
+
+// Faults in a ring without branches, some ten milliseconds apart.
+TEST_F(ClockBranch, FaultsBeforeTheClocksAreCompared) {
+    add_ring(5);
+    bring_up_ring();
+    cut(1, 3);
+    power(4, false, 30);
+    cut(0, 1);
+    cut(2, 30);
+    mend(0, 1077);
+    mend(1, 507);
+    mend(2, 379);
+    power(4, true, 5000);
+    expect_all_in_step();
+}
+
+}  // namespace
+}  // namespace margay
