@@ -3,16 +3,14 @@
 
 #include "attach/client.hpp"
 #include "attach/socket_address.hpp"
-#include "segment/bench.hpp"
+#include "segment/clients_bench.hpp"
 
 #include <margay/attach/server.hpp>
 
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cstdlib>
-#include <functional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -26,7 +24,7 @@ using attach::Operation;
 using attach::Reader;
 using attach::Status;
 
-class Attach : public SegmentTest {
+class Attach : public ClientsTest {
   protected:
     std::string folder = [] {
         std::string name = "/tmp/margay-attach-XXXXXX";
@@ -54,31 +52,6 @@ class Attach : public SegmentTest {
         server = std::make_unique<AttachServer>(ctx, path, std::move(settings));
         ASSERT_EQ(server->error(), "");
     }
-    // Runs the cycle in this thread until all `clients` have ended. Returns the cycles that were not right.
-    int run(const std::vector<std::function<void()>>& clients) {
-        std::atomic<std::size_t> left = clients.size();
-        std::vector<std::thread> threads;
-        for (const auto& client : clients)
-            threads.emplace_back([&left, &client] {
-                client();
-                --left;
-            });
-        int wrong = 0;
-        cycles = 0;
-        while (left != 0 || cycles < 100) {
-            wrong += cycle() ? 0 : 1;
-            ++cycles;
-        }
-        for (auto& thread : threads) thread.join();
-        return wrong;
-    }
-    bool cycle() {
-        const bool right = send_processdata(ctx) && receive_processdata(ctx, 500us);
-        const Time end = osal.now() + 1ms;
-        while (osal.now() < end) osal.wait(std::min(poll(ctx, osal.now()), end), wire.wait_handle());
-        return right;
-    }
-    int cycles = 0;
 };
 
 inline std::uint16_t slave_count(Client& client) {

@@ -3,23 +3,19 @@
 #pragma once
 
 #include "gateway/gateway_client.hpp"
-#include "segment/bench.hpp"
+#include "segment/clients_bench.hpp"
 #include "util/bytes.hpp"
 
 #include <margay/gateway/mailbox_gateway.hpp>
 
-#include <atomic>
-#include <functional>
 #include <memory>
-#include <thread>
-#include <vector>
 
 namespace margay {
 
 using namespace std::chrono_literals;
 using namespace testing_gateway;
 
-class GatewayTest : public SegmentTest {
+class GatewayTest : public ClientsTest {
   protected:
     static constexpr std::uint16_t kOdd = 0x1001;    // 64 KiB of objects; outputs come back as inputs
     static constexpr std::uint16_t kPlain = 0x1002;  // no mailbox
@@ -51,36 +47,15 @@ class GatewayTest : public SegmentTest {
         ASSERT_EQ(gateway->error(), "");
     }
 
-    // Runs the cycle in this thread until all `clients` have ended. Returns the cycles that were not right.
-    int run(const std::vector<std::function<void()>>& clients) {
-        std::atomic<std::size_t> left = clients.size();
-        std::vector<std::thread> threads;
-        for (const auto& client : clients)
-            threads.emplace_back([&left, &client] {
-                client();
-                --left;
-            });
-        int wrong = 0;
-        cycles = 0;
-        while (left != 0 || cycles < 100) {
-            wrong += cycle() ? 0 : 1;
-            ++cycles;
-        }
-        for (auto& thread : threads) thread.join();
-        return wrong;
-    }
     // The first word of the outputs counts; the inputs are an output of the last cycles.
-    bool cycle() {
+    bool cycle() override {
         const Slave& odd = ctx.slave(1);
         ++counter_;
         store_le(odd.image.outputs.bytes.span(), 0, counter_);
-        const bool right = send_processdata(ctx) && receive_processdata(ctx, 500us);
+        const bool right = ClientsTest::cycle();
         const auto age = static_cast<std::uint16_t>(counter_ - load_le<std::uint16_t>(odd.image.inputs.bytes.span()));
-        const Time end = osal.now() + 1ms;
-        while (osal.now() < end) osal.wait(std::min(poll(ctx, osal.now()), end), wire.wait_handle());
         return right && (age <= 4 || counter_ < 10);
     }
-    int cycles = 0;
 
   private:
     std::uint16_t counter_ = 0;
