@@ -296,8 +296,7 @@ std::vector<Command> segment_commands() {
          .text = {"A picture of it: ethercat graph | dot -Tsvg > bus.svg",
                   "The colour of a link follows the counters of its two ports: green without errors, orange up to 9 "
                   "errors or after a lost link, "
-                  "red from 10 errors on.",
-                  kSelect},
+                  "red from 10 errors on."},
          .arguments = {{"INFO", "DC: times of the clocks; CRC: error counters", "DC CRC"}},
          .most = 1,
          .run = run_graph},

@@ -5,6 +5,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
+#include <cctype>
+
 namespace margay::process {
 namespace {
 
@@ -77,6 +80,23 @@ EXPECT_TRUE(ran.err.starts_with("ethercat: " + text + "\n")) << ran.err;
     EXPECT_TRUE(contains(error_of("slaves --master 5", 2), "no master is selected"));
     EXPECT_TRUE(contains(error_of("slaves --wrong", 2), "--wrong"));
     EXPECT_TRUE(contains(error_of("analyse missing.pcap", 3), "missing.pcap"));
+}
+
+// A command whose help speaks of a selection has the options for it.
+TEST_F(EthercatTexts, HelpNamesOnlyOptionsThatTheCommandHas) {
+    for (const auto& command : ethercat::commands())
+        for (const auto& option : ethercat::options()) {
+            const auto named = "--" + std::string(option.name);
+            const bool has = option.common || std::ranges::find(command.options, option.name) != command.options.end();
+            for (const auto& paragraph : command.text) {
+                auto at = paragraph.find(named);
+                while (at != std::string_view::npos && at + named.size() < paragraph.size() &&
+                       (std::isalpha(static_cast<unsigned char>(paragraph[at + named.size()])) ||
+                        paragraph[at + named.size()] == '-'))
+                    at = paragraph.find(named, at + 1);  // a longer name
+                EXPECT_TRUE(has || at == std::string_view::npos) << command.name << ": " << named;
+            }
+        }
 }
 
 TEST_F(EthercatTexts, TheManualPageHasNoWarnings) {
