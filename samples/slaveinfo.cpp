@@ -1,5 +1,6 @@
 // slaveinfo: prints the slaves of a segment, their process image and their object dictionaries.
 #include "common/dictionary_report.hpp"
+#include "common/json_text.hpp"
 #include "common/new_file.hpp"
 #include "common/process_map.hpp"
 #include "common/process_struct.hpp"
@@ -11,8 +12,6 @@
 #include <margay/files/esi.hpp>
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
-
-#include <nlohmann/json.hpp>
 
 #include <string>
 #include <vector>
@@ -48,7 +47,7 @@ void print_segment(margay::Context& ctx, const Options& options, const margay::s
             if (options.sdo && has_coe(slave))
                 segment["slaves"][slave.number - 1U]["dictionary"] =
                     dictionary_json(read_dictionary(ctx, slave.number));
-        write_out(segment.dump(2) + "\n");
+        write_out(json_text(segment));
         return;
     }
     print_out("{} slave{} found\n\n", ctx.slaves().size(), ctx.slaves().size() == 1 ? "" : "s");

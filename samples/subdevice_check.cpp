@@ -1,4 +1,5 @@
 // subdevice_check: checks whether a slave keeps the rules of the EtherCAT standard, in the spirit of ETG.7000.
+#include "common/json_text.hpp"
 #include "common/program.hpp"
 #include "common/progress_line.hpp"
 #include "common/slave_report.hpp"
@@ -7,8 +8,6 @@
 
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
-
-#include <nlohmann/json.hpp>
 
 namespace {
 
@@ -33,7 +32,7 @@ int check(Source& source, const Options& options) {
     line.clear();
     if (checked.report.checks.empty())
         return fail(checked.error, checked.wrong_arguments ? exit_code::kUsage : exit_code::kSegment);
-    write_out(options.json ? conformance::report_json(checked.report).dump(2) + "\n"
+    write_out(options.json ? json_text(conformance::report_json(checked.report))
                            : conformance::report_text(checked.report, options.all));
     if (!checked.error.empty()) return fail(checked.error);
     return checked.report.conforms() ? exit_code::kWell : exit_code::kSegment;

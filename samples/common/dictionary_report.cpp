@@ -210,12 +210,12 @@ std::string dictionary_text(const Dictionary& dictionary) {
     std::string text = fmt::format("  Dictionary        {} objects\n", dictionary.objects.size());
     for (const DictionaryObject& object : dictionary.objects) {
         const auto& d = object.description;
-        text += fmt::format("    {:#06x}     {:<9} {}\n", d.index, code_text(d.object_code), d.name());
+        text += fmt::format("    {:#06x}     {:<9} {}\n", d.index, code_text(d.object_code), words_of_slave(d.name()));
         for (const DictionaryEntry& entry : object.entries) {
             const auto& e = entry.description;
             text += fmt::format(
                 "      :{:<3}     {:<16} {:>4} bit  {:<8} {} = {}\n", e.subindex, type_text(e.data_type), e.bit_length,
-                access_text(e.access), e.name(),
+                access_text(e.access), words_of_slave(e.name()),
                 entry.problem.empty() ? value_text(e.data_type, entry.value) : fmt::format("({})", entry.problem));
         }
         if (!object.problem.empty()) text += fmt::format("      ({})\n", object.problem);
@@ -230,7 +230,7 @@ nlohmann::ordered_json dictionary_json(const Dictionary& dictionary) {
         for (const DictionaryEntry& entry : object.entries) {
             const auto& e = entry.description;
             entries.push_back({{"subindex", e.subindex},
-                               {"name", std::string(e.name())},
+                               {"name", words_of_slave(e.name())},
                                {"data_type", e.data_type},
                                {"data_type_text", type_text(e.data_type)},
                                {"bit_length", e.bit_length},
@@ -243,7 +243,7 @@ nlohmann::ordered_json dictionary_json(const Dictionary& dictionary) {
                                                                  : nlohmann::ordered_json(entry.problem)}});
         }
         objects.push_back({{"index", object.description.index},
-                           {"name", std::string(object.description.name())},
+                           {"name", words_of_slave(object.description.name())},
                            {"object_code", code_text(object.description.object_code)},
                            {"data_type", object.description.data_type},
                            {"max_subindex", object.description.max_subindex},

@@ -3,6 +3,7 @@
 #include "common/eeprom.hpp"
 #include "common/process_entries.hpp"
 #include "common/slave_eeprom.hpp"
+#include "common/slave_report.hpp"
 #include "network/image_layout.hpp"
 #include "wire/sii_category.hpp"
 
@@ -70,7 +71,7 @@ void name_entry(Context& ctx, const Slave& slave, const std::vector<NamedEntry>&
     const bool informs = (slave.coe_details & coe_detail::kSdoInformation) != 0;
     if (!informs || e.entry.index == 0 || !e.name.empty()) return;
     const auto description = read_entry_description(ctx, slave.number, e.entry.index, e.entry.subindex);
-    if (description) e.name = std::string(description->name());
+    if (description) e.name = words_of_slave(description->name());
     if (description && e.entry.data_type == 0 && description->data_type <= 0xFF)
         e.entry.data_type = static_cast<std::uint8_t>(description->data_type);
 }

@@ -1,6 +1,7 @@
 #include "common/slave_report.hpp"
 
 #include "wire/al_status_code.hpp"
+#include "wire/sii_category.hpp"
 
 #include <margay/redundancy.hpp>
 
@@ -9,6 +10,7 @@
 
 #include <array>
 #include <iterator>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -197,6 +199,12 @@ std::vector<std::string> take_errors(Context& ctx, const std::string& printed) {
     while (const auto error = ctx.errors().take())
         if (std::string text = sentence(*error); text != printed) sentences.push_back(std::move(text));
     return sentences;
+}
+
+std::string words_of_slave(std::string_view octets) {
+    std::string text(2 * octets.size(), '\0');  // a character of ISO 8859-1 becomes two octets
+    text.resize(wire::sii::to_utf8(std::as_bytes(std::span(octets)), text).size());
+    return text;
 }
 
 std::string al_text(const AlStatus& al) { return fmt::format("{}{}", to_text(al.state), al.error ? " + ERROR" : ""); }

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace margay::samples {
@@ -22,6 +23,10 @@ namespace margay::samples {
 // The names of the bits of MailboxInfo::protocols ("CoE") and of Slave::coe_details ("SDO information").
 [[nodiscard]] std::vector<std::string> protocol_names(unsigned bits);
 [[nodiscard]] std::vector<std::string> coe_detail_names(unsigned bits);
+
+// A text that a slave has sent, for a terminal, JSON and XML: in UTF-8 (other octets are taken for ISO 8859-1), with ?
+// in the place of control characters.
+[[nodiscard]] std::string words_of_slave(std::string_view octets);
 
 // Describes one slave in several lines.
 [[nodiscard]] std::string slave_text(const Slave& slave);

@@ -46,7 +46,7 @@ Problem AttachedSession::problem_of(const Error& error, std::string_view slave_t
     Error without = error;
     without.slave = 0;
     auto words = samples::sentence(without);
-    if (!slave_text.empty()) words += fmt::format(" (the slave: \"{}\")", slave_text);
+    if (!slave_text.empty()) words += fmt::format(" (the slave: \"{}\")", samples::words_of_slave(slave_text));
     if (error.slave == 0) return {words};
     const auto found = std::ranges::find(known_, error.slave, &attach::SlaveFacts::number);
     if (found == known_.end() || found->ring_position == 0)
@@ -268,7 +268,7 @@ Answer<DictionaryEntryFacts> AttachedSession::dictionary_entry(std::uint16_t pos
                                 .access = entry->access,
                                 .data_type = entry->data_type,
                                 .bits = entry->bits,
-                                .name = entry->name};
+                                .name = samples::words_of_slave(entry->name)};
 }
 
 Answer<std::vector<DictionaryObjectFacts>> AttachedSession::dictionary(std::uint16_t position, bool entries) {
@@ -280,8 +280,10 @@ Answer<std::vector<DictionaryObjectFacts>> AttachedSession::dictionary(std::uint
         const auto described =
             read<attach::ObjectFacts>(ask_slave(position, Operation::object_description, {.index = index}));
         if (!described) return described.problem();
-        auto& object = objects.emplace_back(
-            DictionaryObjectFacts{.index = index, .name = described->name, .code = described->code});
+        auto& object = objects.emplace_back(DictionaryObjectFacts{.index = index,
+                                                                  .name = samples::words_of_slave(described->name),
+                                                                  .code = described->code,
+                                                                  .max_subindex = described->max_subindex});
         for (unsigned n = 0; entries && n <= described->max_subindex; ++n) {
             const auto entry = dictionary_entry(position, index, static_cast<std::uint8_t>(n));
             if (!entry && last_error_ == Errc::sdo_abort) continue;  // the object has no such subindex

@@ -79,7 +79,7 @@ Answer<PdoFacts> AttachedSession::mapped_pdo(std::uint16_t position, std::uint16
     if (pdo.name.empty())
         if (const auto object =
                 read<attach::ObjectFacts>(ask_slave(position, Operation::object_description, {.index = index})))
-            pdo.name = object->name;
+            pdo.name = samples::words_of_slave(object->name);
     const auto count = number_in<std::uint8_t>(upload(position, index, 0, false), position, index);
     if (!count) return count.problem();
     for (unsigned e = 1; e <= *count; ++e) {

@@ -1,6 +1,7 @@
 #include "ethercat/call.hpp"
 
 #include "common/eeprom.hpp"
+#include "common/json_text.hpp"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -25,7 +26,7 @@ Output::Output() : json_(std::make_unique<nlohmann::ordered_json>(nlohmann::orde
 Output::~Output() = default;
 
 int fail(const Arguments& arguments, const Problem& problem) {
-    if (arguments.has("json")) samples::write_out(nlohmann::ordered_json{{"error", problem.text}}.dump(2) + "\n");
+    if (arguments.has("json")) samples::write_out(samples::json_text({{"error", problem.text}}));
     return samples::fail(problem.text, problem.code);
 }
 
@@ -51,13 +52,13 @@ int Call::each_master(const std::function<Answer<>(Master& master, Output& outpu
         else if (!output.text.empty())
             samples::write_out((masters_.size() > 1 ? fmt::format("Master{}\n", master.index) : "") + output.text);
     }
-    if (json()) samples::write_out(nlohmann::ordered_json{{"masters", all}}.dump(2) + "\n");
+    if (json()) samples::write_out(samples::json_text({{"masters", all}}));
     printed_ = true;
     return code;
 }
 
 int Call::print(const Output& output) const {
-    samples::write_out(json() ? output.json.dump(2) + "\n" : output.text);
+    samples::write_out(json() ? samples::json_text(output.json) : output.text);
     printed_ = true;
     return samples::exit_code::kWell;
 }

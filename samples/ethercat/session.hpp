@@ -212,6 +212,7 @@ struct DictionaryObjectFacts {
     std::uint16_t index = 0;
     std::string name{};
     std::uint8_t code = 0;
+    std::uint8_t max_subindex = 0;
     std::vector<DictionaryEntryFacts> entries{};
 };
 

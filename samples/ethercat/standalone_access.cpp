@@ -42,7 +42,7 @@ DictionaryEntryFacts facts_of(const EntryDescription& entry) {
             .access = entry.access,
             .data_type = entry.data_type,
             .bits = entry.bit_length,
-            .name = std::string(entry.name())};
+            .name = samples::words_of_slave(entry.name())};
 }
 
 struct Sink final : ByteSink {
@@ -66,7 +66,7 @@ void set_up(FoeRequest& request, std::uint16_t number, const Session::FileTransf
 
 Problem with_slave_text(const FoeRequest& request, Problem problem) {
     if (request.state() == RequestState::error && !request.slave_text().empty())
-        problem.text += fmt::format(" (the slave: \"{}\")", request.slave_text());
+        problem.text += fmt::format(" (the slave: \"{}\")", samples::words_of_slave(request.slave_text()));
     return problem;
 }
 
@@ -90,8 +90,10 @@ Answer<std::vector<DictionaryObjectFacts>> StandaloneSession::dictionary(std::ui
     for (const auto index : indices) {
         const auto described = read_object_description(*ctx_, *number, index);
         if (!described) return problem_of(*ctx_, described.error());
-        auto& object = objects.emplace_back(DictionaryObjectFacts{
-            .index = index, .name = std::string(described->name()), .code = described->object_code});
+        auto& object = objects.emplace_back(DictionaryObjectFacts{.index = index,
+                                                                  .name = samples::words_of_slave(described->name()),
+                                                                  .code = described->object_code,
+                                                                  .max_subindex = described->max_subindex});
         for (unsigned n = 0; entries && n <= described->max_subindex; ++n) {
             const auto entry = read_entry_description(*ctx_, *number, index, static_cast<std::uint8_t>(n));
             if (!entry && entry.error().code == Errc::sdo_abort) continue;  // the object has no such subindex

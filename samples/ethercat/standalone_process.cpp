@@ -54,7 +54,8 @@ void add_startup(ConfigFacts& config, const SlaveConfiguration& wanted) {
 Result<PdoFacts> StandaloneSession::mapped_pdo(std::uint16_t number, std::uint16_t index, const files::EsiPdo* named) {
     PdoFacts pdo{.index = index, .name = named == nullptr ? std::string() : named->name};
     if (pdo.name.empty())
-        if (const auto object = read_object_description(*ctx_, number, index)) pdo.name = object->name();
+        if (const auto object = read_object_description(*ctx_, number, index))
+            pdo.name = samples::words_of_slave(object->name());
     const auto entries = SDOread<std::uint8_t>(*ctx_, number, index, 0);
     if (!entries) return entries.error();
     for (unsigned e = 1; e <= *entries; ++e) {
@@ -71,7 +72,7 @@ Result<PdoFacts> StandaloneSession::mapped_pdo(std::uint16_t number, std::uint16
                 }
         if (entry.index != 0 && (entry.name.empty() || entry.data_type == 0)) {
             const auto described = read_entry_description(*ctx_, number, entry.index, entry.subindex);
-            if (described && entry.name.empty()) entry.name = described->name();
+            if (described && entry.name.empty()) entry.name = samples::words_of_slave(described->name());
             if (described) entry.data_type = described->data_type;
         }
         pdo.entries.push_back(std::move(entry));

@@ -1,5 +1,7 @@
 #include "nic_check/findings.hpp"
 
+#include "common/json_text.hpp"
+
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -121,7 +123,7 @@ std::string findings_json(const Facts& facts, const std::vector<Finding>& findin
             {"sent", p.sent}, {"returned", p.returned}, {"slaves", p.slaves}, {"histogram", std::move(histogram)}};
     }
     // Names of interrupts and kernels are octets of any kind.
-    return all.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+    return samples::json_text(all);
 }
 
 }  // namespace margay::nic_check

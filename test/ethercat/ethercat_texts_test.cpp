@@ -80,6 +80,13 @@ EXPECT_TRUE(ran.err.starts_with("ethercat: " + text + "\n")) << ran.err;
     EXPECT_TRUE(contains(error_of("slaves --master 5", 2), "no master is selected"));
     EXPECT_TRUE(contains(error_of("slaves --wrong", 2), "--wrong"));
     EXPECT_TRUE(contains(error_of("analyse missing.pcap", 3), "missing.pcap"));
+    // A file name has octets of any kind, and JSON is UTF-8.
+    folder.write("call", program + " --json analyse \"$(printf 'gro\\337.pcap')\"\n");
+    const auto odd = folder.run("sh call");
+    EXPECT_EQ(odd.status, 3) << odd.err;
+    const auto json = nlohmann::json::parse(odd.out, nullptr, false);
+    ASSERT_FALSE(json.is_discarded()) << odd.out;
+    EXPECT_TRUE(contains(json.value("error", ""), "gro\xEF\xBF\xBD.pcap")) << odd.out;
 }
 
 // A command whose help speaks of a selection has the options for it.

@@ -1,5 +1,6 @@
 // The output of slaveinfo --sdo for a slave's dictionary.
 #include "common/dictionary_report.hpp"
+#include "common/json_text.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
 #include <nlohmann/json.hpp>
@@ -30,6 +31,34 @@ TEST(DictionaryReport, PrintsObjectsEntriesAndValues) {
     EXPECT_EQ((*object)["entries"][0]["value"], 100);
     EXPECT_EQ((*object)["entries"][0]["octets"], "6400");
     EXPECT_EQ((*object)["entries"][0]["data_type_text"], "INTEGER16");
+}
+
+// Many devices have names in ISO 8859-1. JSON and a terminal get UTF-8 without control characters.
+TEST(DictionaryReport, NamesOfOtherEncodingsAreText) {
+    const auto named = [](auto description, std::string_view name) {
+        std::ranges::copy(name, description.name_text.begin());
+        description.name_bytes = static_cast<std::uint8_t>(name.size());
+        return description;
+    };
+    Dictionary dictionary;
+    auto& object = dictionary.objects.emplace_back();
+    object.description = named(ObjectDescription{}, "Ger\xE4t \x1B[31m");
+    object.entries.emplace_back().description = named(EntryDescription{},
+                                                      "Temperature in \xB0"
+                                                      "C");
+    const std::string text = dictionary_text(dictionary);
+    EXPECT_NE(text.find("Ger\xC3\xA4t ?[31m\n"), std::string::npos) << text;
+    EXPECT_NE(text.find("Temperature in \xC2\xB0"
+                        "C"),
+              std::string::npos)
+        << text;
+    const auto json = dictionary_json(dictionary);
+    EXPECT_EQ(json["objects"][0]["name"], "Ger\xC3\xA4t ?[31m");
+    EXPECT_EQ(json["objects"][0]["entries"][0]["name"],
+              "Temperature in \xC2\xB0"
+              "C");
+    EXPECT_NE(json_text(json).find("Ger\xC3\xA4t"), std::string::npos);
+    EXPECT_EQ(json_text({{"file", "a\xE4"}}), "{\n  \"file\": \"a\xEF\xBF\xBD\"\n}\n");
 }
 
 TEST(DictionaryReport, SaysWhyThereIsNone) {
