@@ -71,6 +71,15 @@ nlohmann::ordered_json config_json(const ConfigFacts& config) {
         for (const auto& pdo : sm.pdos) pdos.push_back(pdo.index);
         sms.push_back({{"number", sm.number}, {"direction", sm.outputs() ? "outputs" : "inputs"}, {"pdos", pdos}});
     }
+    auto parameters = nlohmann::ordered_json::array();
+    for (const auto& parameter : config.parameters)
+        parameters.push_back({{"drive", parameter.drive}, {"idn", parameter.idn}, {"octets", hex(parameter.data)}});
+    nlohmann::ordered_json dc = nullptr;
+    if (config.assign_activate)
+        dc = {{"assign_activate", *config.assign_activate},
+              {"sync0_cycle_ns", config.sync0_cycle_ns},
+              {"sync0_shift_ns", config.sync0_shift_ns},
+              {"sync1_cycle_ns", config.sync1_cycle_ns}};
     return {
         {"alias", config.alias},
         {"position", config.relative},
@@ -79,7 +88,9 @@ nlohmann::ordered_json config_json(const ConfigFacts& config) {
         {"attached", config.position ? nlohmann::ordered_json(*config.position) : nlohmann::ordered_json(nullptr)},
         {"state", config.position ? nlohmann::ordered_json(to_text(config.state)) : nlohmann::ordered_json(nullptr)},
         {"sync_managers", sms},
-        {"sdos", sdos}};
+        {"sdos", sdos},
+        {"parameters", parameters},
+        {"dc", dc}};
 }
 
 // ------------------------------------------------------------------ domains

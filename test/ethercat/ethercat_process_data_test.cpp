@@ -116,6 +116,16 @@ TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
     EXPECT_TRUE(contains(details.out, "SDO configuration:\n  0x6060:00, 1 byte: 0x08\n")) << details.out << details.err;
     const auto missing = ethercat("sim:one.toml", "config --eni two.xml");
     EXPECT_TRUE(contains(missing.out, "0:1  0x00004d47/0x00005402  -  -\n")) << missing.out << missing.err;
+    const auto json = ethercat("sim:two.toml", "config --json -p 1 --eni two.xml");
+    EXPECT_TRUE(contains(json.out, "\"parameters\": [],\n          \"dc\": null\n")) << json.out;
+    const auto clocks =
+        "sed 's|</InitCmds>|<InitCmd><Transition>PS</Transition><Cmd>8</Cmd><Adp>0</Adp><Ado>2464</Ado>"
+        "<Data>40420f0000000000</Data></InitCmd><InitCmd><Transition>PS</Transition><Cmd>8</Cmd><Adp>0</Adp>"
+        "<Ado>2432</Ado><Data>0003</Data></InitCmd></InitCmds>|' one.xml > dc.xml";
+    ASSERT_EQ(folder.run(slaveinfo + " sim:one.toml --write-eni one.xml && " + clocks).status, 0);
+    const auto timed = ethercat("sim:one.toml", "config --json --eni dc.xml");
+    EXPECT_TRUE(contains(timed.out, "\"assign_activate\": 768,\n            \"sync0_cycle_ns\": 1000000,"))
+        << timed.out << timed.err;
     EXPECT_TRUE(contains(missing.err, "configured slave 2: ")) << missing.err;
     fails("sim:two.toml", "config --eni nothing.xml", 3, "nothing.xml");
 }
