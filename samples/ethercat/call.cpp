@@ -63,6 +63,13 @@ int Call::print(const Output& output) const {
     return samples::exit_code::kWell;
 }
 
+int Call::print(const Output& output, std::span<const std::byte> content) const {
+    const auto path = has("output-file") ? value("output-file") : std::string("-");
+    if (!json() || path != "-")
+        if (const auto written = write_octets(path, content); !written) return fail(written.problem());
+    return json() ? print(output) : samples::exit_code::kWell;
+}
+
 Answer<std::optional<Numbers>> Call::option_numbers(std::string_view option) const {
     if (!has(option)) return std::optional<Numbers>();
     const auto text = value(option);

@@ -63,6 +63,9 @@ class Call {
     int each_master(const std::function<Answer<>(Master& master, Output& output)>& work);
     // Prints the result of a command for one slave.
     int print(const Output& output) const;
+    // Of a command that has --output-file: `content` goes there, or to standard output. With --json the document is on
+    // standard output, and `content` in the file only.
+    int print(const Output& output, std::span<const std::byte> content) const;
 
     // The selected slaves of a master. A problem if no slave is selected, unless nothing was asked for.
     [[nodiscard]] Answer<std::vector<SlaveFacts>> selected(Master& master) const;

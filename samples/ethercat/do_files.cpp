@@ -40,16 +40,11 @@ int run_foe_read(Call& call) {
     if (!slave) return call.fail(slave.problem());
     const auto content = slave->session().foe_read(slave->position(), *transfer);
     if (!content) return call.fail(content.problem());
-    const auto path = call.has("output-file") ? call.value("output-file") : std::string("-");
-    if (call.json() && path == "-") {
-        Output output;
-        output.json = place_json(*slave);
-        output.json["name"] = transfer->name;
-        output.json["octets"] = hex(*content);
-        return call.print(output);
-    }
-    const auto written = write_octets(path, *content);
-    return written ? samples::exit_code::kWell : call.fail(written.problem());
+    Output output;
+    output.json = place_json(*slave);
+    output.json["name"] = transfer->name;
+    output.json["octets"] = hex(*content);
+    return call.print(output, *content);
 }
 
 int run_foe_write(Call& call) {
@@ -81,20 +76,11 @@ int run_sii_read(Call& call) {
     SessionEeprom eeprom(slave->session(), slave->position());
     const auto content = samples::read_used_part(eeprom, samples::no_progress());
     if (!content.error.empty()) return call.fail({content.error});
-    const auto path = call.has("output-file") ? call.value("output-file") : std::string("-");
-    Octets octets = content.octets;
-    if (call.json() || call.has("verbose")) {
-        Output output;
-        output.json = place_json(*slave);
-        output.json["octets"] = hex(octets);
-        output.text = samples::sii_text(octets);
-        if (path == "-") return call.print(output);
-        const auto text = call.json() ? output.json.dump(2) + "\n" : output.text;
-        const auto bytes = std::as_bytes(std::span(text));
-        octets.assign(bytes.begin(), bytes.end());
-    }
-    const auto written = write_octets(path, octets);
-    return written ? samples::exit_code::kWell : call.fail(written.problem());
+    Output output;
+    output.json = place_json(*slave);
+    output.json["octets"] = hex(content.octets);
+    output.text = samples::sii_text(content.octets);
+    return call.print(output, call.has("verbose") ? std::as_bytes(std::span(output.text)) : std::span(content.octets));
 }
 
 int run_sii_write(Call& call) {

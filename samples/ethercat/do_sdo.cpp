@@ -131,10 +131,6 @@ int run_upload(Call& call) {
     if (!type) return call.fail(type.problem());
     const auto value = slave->session().upload(slave->position(), place->index, place->subindex, place->complete);
     if (!value) return call.fail(value.problem());
-    if (call.has("output-file")) {
-        const auto written = write_octets(call.value("output-file"), *value);
-        return written ? samples::exit_code::kWell : call.fail(written.problem());
-    }
     Output output;
     output.json = place_json(*slave);
     output.json["index"] = place->index;
@@ -143,6 +139,7 @@ int run_upload(Call& call) {
     output.json["type"] = (*type)->name;
     output.json["value"] = value_json(**type, *value);
     output.json["octets"] = hex(*value);
+    if (call.has("output-file")) return call.print(output, *value);
     const auto text = value_text(**type, *value);
     if (!text) return call.fail(text.problem());
     output.text = *text + "\n";

@@ -140,7 +140,8 @@ Answer<std::vector<DomainFacts>> selected_domains(const Call& call, Master& mast
     return all;
 }
 
-int print_data_lines(Call& call) {
+// The lines, or with --json the document. The octets of all domains are appended to `octets`.
+int print_data_lines(Call& call, Octets& octets) {
     return call.each_master([&](Master& master, Output& output) -> Answer<> {
         const auto domains = selected_domains(call, master);
         if (!domains) return domains.problem();
@@ -148,6 +149,7 @@ int print_data_lines(Call& call) {
         for (const DomainFacts& domain : *domains) {
             output.text += fmt::format("Domain{}: {}\n", domain.index, octets_line(domain.data));
             output.json["domains"].push_back(domain_json(domain));
+            octets.insert(octets.end(), domain.data.begin(), domain.data.end());
         }
         return {};
     });
@@ -195,8 +197,18 @@ int run_domains(Call& call) {
 }
 
 int run_data(Call& call) {
-    if (call.has("watch") || call.json()) return call.repeat([&] { return print_data_lines(call); });
+    const bool again = call.has("watch") || call.has("count");
+    if (again && call.has("output-file"))
+        return call.fail(
+            {"--output-file takes the octets of one cycle: leave out --watch and --count", samples::exit_code::kUsage});
     Octets all;
+    if (again || call.json()) {
+        const int code = call.repeat([&] { return print_data_lines(call, all); });
+        if (code != samples::exit_code::kWell || !call.has("output-file") || call.value("output-file") == "-")
+            return code;
+        const auto written = write_octets(call.value("output-file"), all);
+        return written ? samples::exit_code::kWell : call.fail(written.problem());
+    }
     for (Master& master : call.masters()) {
         const auto domains = selected_domains(call, master);
         if (!domains) return call.fail(domains.problem());

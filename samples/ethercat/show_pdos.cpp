@@ -236,15 +236,10 @@ int run_xml(Call& call) {
     const auto written = files::write_esi(esi);
     if (!written) return call.fail({written.error});
     for (const auto& remark : written.remarks) samples::warn("warning: " + remark);
-    if (call.json()) {
-        Output output;
-        output.json = {
-            {"master", master.index}, {"vendor", esi.vendor}, {"devices", esi.devices.size()}, {"xml", written.text}};
-        return call.print(output);
-    }
-    const auto path = call.has("output-file") ? call.value("output-file") : std::string("-");
-    const auto saved = write_octets(path, std::as_bytes(std::span(written.text)));
-    return saved ? samples::exit_code::kWell : call.fail(saved.problem());
+    Output output;
+    output.json = {
+        {"master", master.index}, {"vendor", esi.vendor}, {"devices", esi.devices.size()}, {"xml", written.text}};
+    return call.print(output, std::as_bytes(std::span(written.text)));
 }
 
 }  // namespace margay::ethercat

@@ -348,8 +348,8 @@ std::vector<Command> process_data_commands() {
          .run = run_domains},
         {.name = "data",
          .summary = "Prints the process data of domains as octets.",
-         .text = {"The data of several domains follow each other. With --watch a line in hexadecimal is printed for "
-                  "each domain again and "
+         .text = {"The data of several domains follow each other. With --watch or --count a line in hexadecimal is "
+                  "printed for each domain again and "
                   "again.",
                   kStandaloneMap},
          .options = {"domain", "output-file", "watch", "interval", "count"},

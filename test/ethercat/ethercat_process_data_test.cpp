@@ -81,6 +81,8 @@ TEST_F(EthercatProcessData, WritesAnEsiThatTheReaderAccepts) {
     EXPECT_EQ(esi->devices.size(), 5U);
     EXPECT_EQ(out("sim:demo", "xml"), content_of(folder.path() / "all.xml"));
     EXPECT_TRUE(contains(out("sim:demo", "xml -p 1 --json"), "\"devices\": 1"));
+    EXPECT_TRUE(contains(out("sim:demo", "xml --json -o both.xml"), "\"xml\": \"<?xml"));
+    EXPECT_EQ(content_of(folder.path() / "both.xml"), content_of(folder.path() / "all.xml"));
     fails("sim:demo", "xml -p 1 -o no/such/folder", 3, "no/such/folder: cannot be written");
 }
 
@@ -114,8 +116,6 @@ TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
     ASSERT_EQ(folder.run(command).status, 0);
     const auto details = ethercat("sim:two.toml", "config -v -p 1 --eni two.xml");
     EXPECT_TRUE(contains(details.out, "SDO configuration:\n  0x6060:00, 1 byte: 0x08\n")) << details.out << details.err;
-    const auto missing = ethercat("sim:one.toml", "config --eni two.xml");
-    EXPECT_TRUE(contains(missing.out, "0:1  0x00004d47/0x00005402  -  -\n")) << missing.out << missing.err;
     const auto json = ethercat("sim:two.toml", "config --json -p 1 --eni two.xml");
     EXPECT_TRUE(contains(json.out, "\"parameters\": [],\n          \"dc\": null\n")) << json.out;
     const auto clocks =
@@ -126,6 +126,8 @@ TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
     const auto timed = ethercat("sim:one.toml", "config --json --eni dc.xml");
     EXPECT_TRUE(contains(timed.out, "\"assign_activate\": 768,\n            \"sync0_cycle_ns\": 1000000,"))
         << timed.out << timed.err;
+    const auto missing = ethercat("sim:one.toml", "config --eni two.xml");
+    EXPECT_TRUE(contains(missing.out, "0:1  0x00004d47/0x00005402  -  -\n")) << missing.out << missing.err;
     EXPECT_TRUE(contains(missing.err, "configured slave 2: ")) << missing.err;
     fails("sim:two.toml", "config --eni nothing.xml", 3, "nothing.xml");
 }
@@ -158,7 +160,13 @@ TEST_F(EthercatProcessData, PrintsProcessData) {
     EXPECT_EQ(out("sim:demo", "data --watch --count 2 --interval 3"),
               "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n"
               "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n");
+    EXPECT_EQ(out("sim:demo", "data --count 2 --interval 3"),
+              "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n"
+              "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n");
     EXPECT_TRUE(contains(out("sim:demo", "data --json"), "\"data\": \"0000000000000000000000000000\""));
+    EXPECT_TRUE(contains(out("sim:demo", "data --json -o octets"), "\"data\": \"0000000000000000000000000000\""));
+    EXPECT_EQ(content_of(folder.path() / "octets"), std::string(14, '\0')) << "the file is not forgotten";
+    fails("sim:demo", "data --watch -o image", 2, "--output-file takes the octets of one cycle");
     fails("sim:demo", "data -d 2", 1, "there is no domain 2");
     fails("sim:demo", "data -o no/such/folder", 3, "cannot be written");
     const auto full = ethercat("sim:demo", "data >/dev/full");
