@@ -204,6 +204,9 @@ bool Reader::open(std::string_view octets) {
     if (octets.starts_with("\xEF\xBB\xBF")) octets.remove_prefix(3);
     if (octets.starts_with("\xFF\xFE") || octets.starts_with("\xFE\xFF"))
         return refuse(0, "the file is UTF-16, which is not supported: convert it to UTF-8");
+    // Projects of configuration tools are such archives.
+    if (octets.starts_with("\x1F\x8B")) return refuse(0, "the file is compressed by gzip, and is no XML");
+    if (octets.starts_with("PK\x03\x04")) return refuse(0, "the file is a ZIP archive, and is no XML");
     if (const auto zero = octets.find('\0'); zero != std::string_view::npos) {
         for (std::size_t n = 0; n < zero; ++n)
             if (octets[n] == '\n') lines_.push_back(n + 1);

@@ -131,6 +131,9 @@ TEST(EsiReader, AFileThatGrowsWithoutBoundIsRefused) {
     text += "</DataType></DataTypes><Objects>";
     for (int n = 0; n < 5000; ++n) text += "<Object><Index>1</Index><Type>T</Type></Object>";
     text += "</Objects></Dictionary></Profile></Device></Devices></Descriptions></EtherCATInfo>";
+    EXPECT_EQ(to_text(read_esi("\x1F\x8B\b").problem),
+              "line 1, column 1: the file is compressed by gzip, and is no XML");
+    EXPECT_EQ(to_text(read_esi("PK\x03\x04").problem), "line 1, column 1: the file is a ZIP archive, and is no XML");
     EXPECT_NE(to_text(read_esi(text).problem).find("the file stands for more than 1000000 commands"),
               std::string::npos);
 }
