@@ -32,8 +32,10 @@ EsiSyncManager read_sm(Reader& r, Node node) {
     sm.default_bytes = r.number<std::uint16_t>(attribute(node, "DefaultSize"));
     sm.least_bytes = r.number<std::uint16_t>(attribute(node, "MinSize"));
     sm.most_bytes = r.number<std::uint16_t>(attribute(node, "MaxSize"));
-    // Some files write #x1, so that it is a number and no boolean.
-    sm.enabled = r.number<std::uint8_t>(attribute(node, "Enable")) != 0;
+    // A number by the schema (#x1); some files have a boolean.
+    const Value enable = attribute(node, "Enable");
+    const bool word = enable.there && (same_word(enable.text, "true") || same_word(enable.text, "false"));
+    sm.enabled = word ? r.boolean(enable) : r.number<std::uint8_t>(enable) != 0;
     sm.op_only = r.boolean(attribute(node, "OpOnly"));
     sm.is_virtual = r.boolean(attribute(node, "Virtual"));
     if (sm.type == SmType::unused)

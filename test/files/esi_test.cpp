@@ -95,6 +95,19 @@ TEST(EsiReader, AWrongValueIsNamedByLineAndCause) {
               "line 3, column 12: Id is '99999999999999999999', which is no number of 64 bits");
 }
 
+// A number by the schema; files from the field also have a boolean.
+TEST(EsiReader, ASyncManagerIsEnabledByANumberOrAWord) {
+    for (const auto& [text, enabled] : {std::pair{"#x1", true}, std::pair{"true", true}, std::pair{"FALSE", false}}) {
+        std::string esi(kExampleEsi);
+        for (std::size_t at = 0; (at = esi.find(" Enable=\"", at)) != std::string::npos; ++at)
+            esi.replace(at + 9, esi.find('"', at + 9) - at - 9, text);
+        const auto read = read_esi(esi);
+        ASSERT_TRUE(read) << to_text(read.problem);
+        EXPECT_EQ(read->devices[0].sync_managers[2].enabled, enabled) << text;
+    }
+    EXPECT_NE(problem(" Enable=\"1\"", " Enable=\"yes\"").find("attribute Enable of Sm is 'yes'"), std::string::npos);
+}
+
 TEST(EsiReader, WhatIsNoEsiIsRefused) {
     EXPECT_EQ(problem("EtherCATInfo Version", "Other Version").substr(0, 30), "line 81, column 3: no well-for");
     EXPECT_EQ(to_text(read_esi("<EtherCATConfig/>").problem),
@@ -118,6 +131,9 @@ TEST(EsiReader, HostileXmlIsRefused) {
               "line 2, column 1: a zero octet is no XML");
     EXPECT_EQ(to_text(read_esi("\xFF\xFE<\0").problem),
               "line 1, column 1: the file is UTF-16, which is not supported: convert it to UTF-8");
+    EXPECT_EQ(to_text(read_esi("\x1F\x8B\b").problem),
+              "line 1, column 1: the file is compressed by gzip, and is no XML");
+    EXPECT_EQ(to_text(read_esi("PK\x03\x04").problem), "line 1, column 1: the file is a ZIP archive, and is no XML");
     EXPECT_EQ(to_text(read_esi("<?xml version='1.0' encoding='EBCDIC'?><a/>").problem),
               "line 1, column 1: the encoding 'ebcdic' is not supported: convert the file to UTF-8");
 }
@@ -131,9 +147,6 @@ TEST(EsiReader, AFileThatGrowsWithoutBoundIsRefused) {
     text += "</DataType></DataTypes><Objects>";
     for (int n = 0; n < 5000; ++n) text += "<Object><Index>1</Index><Type>T</Type></Object>";
     text += "</Objects></Dictionary></Profile></Device></Devices></Descriptions></EtherCATInfo>";
-    EXPECT_EQ(to_text(read_esi("\x1F\x8B\b").problem),
-              "line 1, column 1: the file is compressed by gzip, and is no XML");
-    EXPECT_EQ(to_text(read_esi("PK\x03\x04").problem), "line 1, column 1: the file is a ZIP archive, and is no XML");
     EXPECT_NE(to_text(read_esi(text).problem).find("the file stands for more than 1000000 commands"),
               std::string::npos);
 }
