@@ -4,6 +4,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <string_view>
+
 namespace margay::hosted {
 namespace {
 
@@ -21,6 +24,14 @@ std::pair<std::string, std::string> split(const std::string& path) {
     return {path.substr(0, at + 4), path.substr(at + 5)};
 }
 
+// The first remark about a device that the reader has left out because of a fault; empty: there is none.
+std::string left_out(const std::vector<std::string>& remarks, std::string_view device) {
+    const auto found = std::ranges::find_if(remarks, [&](const std::string& remark) {
+        return remark.find(device) != std::string::npos && remark.find(" is left out: ") != std::string::npos;
+    });
+    return found == remarks.end() ? std::string() : *found;
+}
+
 }  // namespace
 
 bool names_esi(const std::string& path) { return split(path).first.ends_with(".xml"); }
@@ -34,7 +45,8 @@ EsiImage esi_image(const std::string& file, const std::string& type) {
     for (const files::Remark& remark : esi.remarks)
         result.remarks.push_back(fmt::format("{}: {}", file, to_text(remark)));
     if (esi->devices.empty()) {
-        result.error = fmt::format("{}: describes modules only, and no device", file);
+        result.error = left_out(result.remarks, "Device '");
+        if (result.error.empty()) result.error = fmt::format("{}: describes modules only, and no device", file);
         return result;
     }
     if (type.empty() && esi->devices.size() > 1) {
@@ -44,6 +56,8 @@ EsiImage esi_image(const std::string& file, const std::string& type) {
     }
     const files::EsiDevice* device = type.empty() ? &esi->devices.front() : files::find_device(*esi, type);
     if (device == nullptr) {
+        result.error = left_out(result.remarks, fmt::format("Device '{}' is", type));
+        if (!result.error.empty()) return result;
         result.error = fmt::format("{}: describes no device '{}'; it describes:{}", file, type, device_list(*esi));
         return result;
     }

@@ -41,6 +41,28 @@ TEST_F(XmlFiles, ADeviceIsChosenByItsType) {
     EXPECT_NE(esi_image(path("wrong.xml")).error.find("wrong.xml: line 1"), std::string::npos);
 }
 
+TEST_F(XmlFiles, ADeviceThatWasLeftOutIsNamedWithItsFault) {
+    const std::string good(files::kExampleEsi);
+    std::string faulty = good;
+    faulty.insert(faulty.find("StartAddress=\"") + 14, "nowhere");
+    // A file that goes on in other files, and one with another device.
+    auto further = faulty;
+    further.insert(further.find("<Vendor"), "<InfoReference>modules.xml</InfoReference>");
+    std::ofstream(folder_ / "further.xml") << further;
+    auto other = good.substr(good.find("<Device "));
+    other.resize(other.find("</Device>") + 9);
+    other.replace(other.find("EX100"), 5, "EX200");
+    auto several = faulty;
+    several.insert(several.find("<Device "), other);
+    std::ofstream(folder_ / "several.xml") << several;
+    EXPECT_EQ(esi_image(path("several.xml")).type, "EX200");
+    for (const char* wanted : {"further.xml", "further.xml#EX100", "several.xml#EX100"}) {
+        const auto error = esi_image(path(wanted)).error;
+        EXPECT_NE(error.find("Device 'EX100' is left out: line "), std::string::npos) << error;
+        EXPECT_NE(error.find("StartAddress of Sm is 'nowhere"), std::string::npos) << error;
+    }
+}
+
 TEST_F(XmlFiles, ASegmentOfEsiFiles) {
     const auto segment = load_segment(path("drive.xml") + "," + path("drive.xml#EX100"));
     ASSERT_TRUE(segment) << segment.error();
