@@ -63,18 +63,6 @@ bool is_recording(const std::string& source) {
            !source.starts_with("sim:");
 }
 
-// The interfaces in a SOURCE.
-std::vector<std::string> interfaces_of(const std::string& source) {
-    if (source.starts_with("sim:") || source.starts_with("pcap:")) return {};
-    std::vector<std::string> names;
-    for (std::string_view rest = source; !rest.empty();) {
-        const auto plus = rest.find('+');
-        names.push_back(samples::parse_interface(rest.substr(0, plus)).name);
-        rest = plus == std::string_view::npos ? std::string_view() : rest.substr(plus + 1);
-    }
-    return names;
-}
-
 // What contradicts itself on the command line; empty: nothing.
 std::string contradiction(const Options& options) {
     const bool attached = !options.attach.empty();
@@ -183,7 +171,7 @@ class Program {
     void read_interfaces_of_application() {
         if (!report_.failure.empty()) return;
         const auto& source = report_.master.source;
-        auto names = interfaces_of(source);
+        auto names = hosted::interfaces_of(source);
         // An application can give its source any name, and may run in another network namespace.
         const auto is_here = [](const std::string& name) { return ::if_nametoindex(name.c_str()) != 0; };
         if (!names.empty() && std::ranges::all_of(names, is_here))
@@ -204,7 +192,7 @@ class Program {
     }
 
     int read_segment() {
-        report_.machine = read_machine(interfaces_of(options_.source.source));
+        report_.machine = read_machine(hosted::interfaces_of(options_.source.source));
         ethercat::StandaloneSettings wanted{.source = options_.source.source,
                                             .options = options_.source.options,
                                             .take_over = options_.source.take_over,

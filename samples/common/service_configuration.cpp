@@ -54,17 +54,6 @@ bool is_interface_name(std::string_view text) {
     return !text.empty() && text.size() < IFNAMSIZ && text.find_first_of("/ \t") == std::string_view::npos;
 }
 
-std::vector<std::string> interfaces_of(const std::string& source) {
-    std::vector<std::string> names;
-    if (source.starts_with("sim:")) return names;
-    for (std::size_t at = 0; at <= source.size();) {
-        const auto end = std::min(source.find('+', at), source.size());
-        names.push_back(hosted::parse_interface(std::string_view(source).substr(at, end - at)).name);
-        at = end + 1;
-    }
-    return names;
-}
-
 // Reads the masters of one file.
 class FileReader {
   public:
@@ -155,7 +144,7 @@ class FileReader {
                 note(reader_.at(*node, fmt::format("{}: {}", m.source, loaded.error())));
             return;
         }
-        const auto names = interfaces_of(m.source);
+        const auto names = hosted::interfaces_of(m.source);
         if (names.size() > 2) note(reader_.at(*node, "a ring has two interfaces"));
         if (names.size() == 2 && names[0] == names[1])
             note(reader_.at(*node, fmt::format("'{}': both interfaces are the same, a ring needs two", m.source)));
@@ -357,7 +346,7 @@ void check_together(const std::vector<PlacedMaster>& masters, std::vector<std::s
         shared.use("the name", m.name, at);
         shared.use("the socket", socket_path(m), at);
         if (has_number) shared.use("the number", std::to_string(m.number), at);
-        for (const auto& name : interfaces_of(m.source)) shared.use("the interface", name, source);
+        for (const auto& name : hosted::interfaces_of(m.source)) shared.use("the interface", name, source);
         for (const auto& eoe : m.eoe_named)
             if (!eoe.name.empty()) shared.use("the interface", eoe.name, at);
     }

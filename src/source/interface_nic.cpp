@@ -5,6 +5,8 @@
 #include "oshw/xdp/xdp_nic.hpp"
 #endif
 
+#include <algorithm>
+
 namespace margay::hosted {
 namespace {
 
@@ -57,6 +59,17 @@ InterfaceText parse_interface(std::string_view text) {
     if (text.starts_with(kXdp)) return {Socket::xdp, std::string(text.substr(kXdp.size()))};
     if (text.starts_with(kXdpOrPacket)) return {Socket::xdp_or_packet, std::string(text.substr(kXdpOrPacket.size()))};
     return {Socket::packet, std::string(text)};
+}
+
+std::vector<std::string> interfaces_of(std::string_view source) {
+    std::vector<std::string> names;
+    if (source.starts_with("sim:") || source.starts_with("pcap:")) return names;
+    for (std::size_t at = 0; at <= source.size();) {
+        const auto end = std::min(source.find('+', at), source.size());
+        names.push_back(parse_interface(source.substr(at, end - at)).name);
+        at = end + 1;
+    }
+    return names;
 }
 
 OpenedInterface open_interface_nic(const InterfaceText& wanted, const WantedTimes& times) {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace margay::hosted {
 
@@ -17,6 +18,9 @@ struct InterfaceText {
 };
 
 [[nodiscard]] InterfaceText parse_interface(std::string_view text);
+// The names of the interfaces in a SOURCE: those at the ends of a ring are two. None of a simulated segment or of a
+// recording.
+[[nodiscard]] std::vector<std::string> interfaces_of(std::string_view source);
 
 // Which times of frames a NIC must have (Nic::timing()).
 struct WantedTimes {
