@@ -2,6 +2,8 @@
 
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
+#include "oshw/linux/interface.hpp"
+#include "source/interface_nic.hpp"
 #include "wire/esc.hpp"
 
 #include <fmt/format.h>
@@ -28,6 +30,21 @@ std::uint64_t rate(std::uint32_t before, std::uint32_t now, std::chrono::nanosec
     const std::uint32_t moved = now - before;
     const std::uint64_t octets = moved <= UINT32_MAX / 2 ? moved : now;
     return octets * 1'000'000'000 / static_cast<std::uint64_t>(std::max<std::int64_t>(between.count(), 1));
+}
+
+// The interfaces of the application: its socket is on this machine. They are asked here and not by the application,
+// whose cycle would wait for the driver. An application can give its source any name, and may run in another network
+// namespace: then there is nothing to show.
+std::vector<DeviceFacts> devices_of(const std::string& source) {
+    std::vector<DeviceFacts> devices;
+    for (const auto& name : hosted::interfaces_of(source)) {
+        Interface interface;
+        if (!interface.open(name)) return {};
+        const auto up = interface.check();
+        devices.push_back(
+            {.name = name, .mac = interface.address(), .link = up && interface.link_state() != LinkState::down});
+    }
+    return devices;
 }
 
 }  // namespace
@@ -119,9 +136,11 @@ Answer<MasterFacts> AttachedSession::master() {
     if (!all) return all.problem();
     const auto facts = read<attach::MasterFacts>(ask(Operation::master, {}));
     if (!facts) return facts.problem();
-    return MasterFacts{.source = client_.name().empty() ? path_ : client_.name(),
+    const auto source = client_.name().empty() ? path_ : client_.name();
+    return MasterFacts{.source = source,
                        .active = true,
                        .slaves = static_cast<std::uint16_t>(all->size()),
+                       .devices = devices_of(source),
                        .frames_sent = facts->link.frames_sent,
                        .frames_received = facts->link.frames_received,
                        .bytes_on_wire = facts->link.bytes_on_wire,

@@ -3,6 +3,7 @@
 #include "ethercat/attached.hpp"
 #include "ethercat/selection.hpp"
 #include "ethercat/session_eeprom.hpp"
+#include "files/esi_object.hpp"
 #include "wire/esc.hpp"
 #include "wire/fmmu.hpp"
 #include "wire/sync_manager.hpp"
@@ -63,12 +64,26 @@ Answer<SlaveTexts> AttachedSession::texts(std::uint16_t position) {
                       .no_lrw = device.no_lrw};
 }
 
-// The description by the SII. The dictionary is not read: a remark says so.
+// By the SII and the dictionary, as files::describe_slave().
 Answer<Session::Description> AttachedSession::describe(std::uint16_t position) {
     const auto sii = sii_of(position);
     if (!sii) return sii.problem();
     Description out{.device = **sii};
-    out.remarks.push_back("attached to an application: the object dictionary is left out");
+    const auto& mailbox = out.device.mailbox;
+    if (!mailbox || (mailbox->protocols & mailbox_protocol::kCoE) == 0 ||
+        (mailbox->coe_details & coe_detail::kSdoInformation) == 0)
+        return out;
+    const auto objects = dictionary(position, true);
+    if (!objects) {
+        out.remarks.push_back("the dictionary is left out: " + objects.problem().text);
+        return out;
+    }
+    for (const auto& object : *objects) {
+        std::vector<files::SaidEntry> entries;
+        for (const auto& entry : object.entries)
+            entries.push_back({entry.subindex, entry.access, entry.data_type, entry.bits, entry.name});
+        out.device.dictionary.push_back(files::esi_object(object.index, object.name, object.max_subindex, entries));
+    }
     return out;
 }
 

@@ -3,6 +3,7 @@
 #include <margay/margay.hpp>
 
 #include "files/eni_write.hpp"
+#include "files/esi_object.hpp"
 #include "files/esi_types.hpp"
 #include "files/said.hpp"
 #include "files/xml.hpp"
@@ -24,12 +25,14 @@ char mapping_of(std::uint16_t access) {
     return out && in ? 'B' : out ? 'R' : in ? 'T' : '\0';
 }
 
-EsiObject::Item item_of(const EntryDescription& entry) {
+EsiObject::Item item_of(const SaidEntry& entry) {
+    const bool readable = (entry.access & 0x0007) != 0;
+    const bool writable = (entry.access & 0x0038) != 0;
     return {.subindex = entry.subindex,
-            .name = text_of(std::as_bytes(std::span(entry.name()))),
-            .data_type = std::string(data_type_name(entry.data_type, entry.bit_length)),
-            .bits = entry.bit_length,
-            .access = entry.readable() ? (entry.writable() ? "rw" : "ro") : "wo",
+            .name = entry.name,
+            .data_type = std::string(data_type_name(entry.data_type, entry.bits)),
+            .bits = entry.bits,
+            .access = readable ? (writable ? "rw" : "ro") : "wo",
             .pdo_mapping = mapping_of(entry.access)};
 }
 
@@ -45,25 +48,34 @@ std::string read_dictionary(Context& ctx, std::uint16_t slave, std::vector<EsiOb
     for (const std::uint16_t index : indices) {
         const auto object = read_object_description(ctx, slave, index);
         if (!object) return said(object.error());
-        EsiObject& one = into.emplace_back();
-        one.index = index;
-        one.name = text_of(std::as_bytes(std::span(object->name())));
+        std::vector<SaidEntry> entries;
         for (unsigned subindex = 0; subindex <= object->max_subindex; ++subindex) {
             const auto entry = read_entry_description(ctx, slave, index, static_cast<std::uint8_t>(subindex));
-            if (!entry) continue;
-            const EsiObject::Item item = item_of(*entry);
-            if (object->max_subindex != 0) one.items.push_back(item);
-            if (subindex != 0 || object->max_subindex != 0) continue;
-            one.data_type = item.data_type;
-            one.bits = item.bits;
-            one.access = item.access;
-            one.pdo_mapping = item.pdo_mapping;
+            if (entry)
+                entries.push_back({entry->subindex, entry->access, entry->data_type, entry->bit_length,
+                                   text_of(std::as_bytes(std::span(entry->name())))});
         }
+        into.push_back(
+            esi_object(index, text_of(std::as_bytes(std::span(object->name()))), object->max_subindex, entries));
     }
     return {};
 }
 
 }  // namespace
+
+EsiObject esi_object(std::uint16_t index, std::string name, unsigned max_subindex, std::span<const SaidEntry> entries) {
+    EsiObject object{.index = index, .name = std::move(name)};
+    for (const SaidEntry& entry : entries) {
+        const EsiObject::Item item = item_of(entry);
+        if (max_subindex != 0) object.items.push_back(item);
+        if (entry.subindex != 0 || max_subindex != 0) continue;
+        object.data_type = item.data_type;
+        object.bits = item.bits;
+        object.access = item.access;
+        object.pdo_mapping = item.pdo_mapping;
+    }
+    return object;
+}
 
 std::string read_sii_image(Context& ctx, std::uint16_t slave, std::vector<std::byte>& image) {
     constexpr std::size_t kBlock = 128;

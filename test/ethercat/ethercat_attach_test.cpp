@@ -55,12 +55,14 @@ TEST_F(EthercatAttach, ObjectsOfADriveAreTheSame) {
         "e pdos -p 0\n"
         "e upload -p 0 0x1018 1\n"
         "e upload -p 0 0x1008 0\n"
-        "e sdos -p 0\n";
+        "e sdos -p 0\n"
+        "e xml -p 0 2>&1\n";
     const auto alone = own(commands, "sim:drives");
     const auto there = attached(commands, "sim:drives");
     EXPECT_EQ(there.err, alone.err);
     EXPECT_EQ(there.out, alone.out);
     EXPECT_TRUE(contains(there.out, "0x1018")) << there.out;
+    EXPECT_TRUE(contains(there.out, "<Index>#x6081</Index>")) << "the ESI has the dictionary";
     const auto written = attached("e download -p 0 0x6081 0 1234 && e upload -p 0 0x6081 0", "sim:drives");
     EXPECT_EQ(written.status, 0) << written.err;
     EXPECT_EQ(written.out, "0x000004d2 1234\n");

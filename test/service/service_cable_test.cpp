@@ -77,6 +77,14 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
     expect_says(*margayd, "a: 5 slaves found");
     expect_says(*margayd, "a: all is right: 5 slaves in OP");
 
+    // Where the interface of the service is, `master` shows it.
+    Child there(cable.master_namespace(), {bin + "ethercat", "master", "--attach", file("run/a.sock")});
+    EXPECT_EQ(there.wait(kServicePatience), 0) << there.errors();
+    EXPECT_TRUE(contains(there.output(), "    Main: ") && contains(there.output(), "      Link: UP\n"))
+        << there.output();
+    const auto elsewhere = folder.run(bin + "ethercat master --attach run/a.sock");
+    EXPECT_TRUE(contains(elsewhere.out, "  Ethernet devices:\n  Frames: ")) << elsewhere.out;
+
     command("power off 3");
     expect_says(*margayd, "a: not all is right: slave 3");
     EXPECT_TRUE(contains(slaves(), "1  0:1  OP  +")) << "the other slaves go on";
