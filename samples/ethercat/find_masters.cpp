@@ -108,6 +108,7 @@ std::unique_ptr<Session> open_session(unsigned index, const Place& place, const 
     StandaloneSettings settings{.index = index, .source = place.source};
     settings.options.record = arguments.value("record");
     settings.options.trace = arguments.has("trace");
+    settings.options.real_time = arguments.has("watch");  // in virtual time the lines would come at once
     settings.take_over = arguments.has("take-over");
     settings.eni = arguments.value("eni");
     return std::make_unique<StandaloneSession>(std::move(settings));

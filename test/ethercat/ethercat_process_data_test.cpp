@@ -3,6 +3,8 @@
 
 #include <margay/files/esi.hpp>
 
+#include <chrono>
+
 namespace margay::process {
 namespace {
 
@@ -160,6 +162,10 @@ TEST_F(EthercatProcessData, PrintsProcessData) {
     EXPECT_EQ(out("sim:demo", "data --watch --count 2 --interval 3"),
               "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n"
               "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n");
+    const auto begin = std::chrono::steady_clock::now();
+    EXPECT_EQ(out("sim:demo", "crc --watch --count 4 --interval 100 -p 0 | wc -l"), "12\n");
+    EXPECT_GE(std::chrono::steady_clock::now() - begin, std::chrono::milliseconds(300))
+        << "a simulated segment, too, is watched live";
     EXPECT_EQ(out("sim:demo", "data --count 2 --interval 3"),
               "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n"
               "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n");
