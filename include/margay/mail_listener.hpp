@@ -12,7 +12,7 @@
 //
 // The protocols have listeners of their own: MailPdoListener (coe.hpp), SoeListener (soe.hpp), VoeInbox (voe.hpp),
 // AoeListener (aoe.hpp). Emergencies go to emergencies() and no listener receives them. Mail that no listener takes is
-// counted as unexpected (mailbox_statistics()).
+// counted as unexpected (mailbox_statistics()). A listener of type `error` gets mailbox errors that end no request.
 #pragma once
 
 #include <margay/detail/list.hpp>

@@ -19,7 +19,7 @@ Result<> listen(Context& ctx, MailListener& listener) {
                      .actual = static_cast<std::uint32_t>(mailboxes.count())};
     if (listener.look_every < Duration{0}) return invalid(Argument::look_every, kListenStep, listener.only_slave);
     const auto type = static_cast<unsigned>(listener.type());
-    if (type == 0 || type > 15) return invalid(Argument::mail_type, kListenStep, listener.only_slave);
+    if (type > 15) return invalid(Argument::mail_type, kListenStep, listener.only_slave);
     mailboxes.listen(listener);
     if (listener.look_every == Duration{0} || mailboxes.watch_for_listeners()) return Result<>();
     mailboxes.unlisten(listener);

@@ -132,6 +132,9 @@ void MailboxChannel::error_reply(Bytes data) {
     const auto given_up = [&](const Owed& owed) { return is_current(owed, now()) && !owed.guessed; };
     const bool of_another =
         now() < std::exchange(unanswered_until_, Time::min()) || std::ranges::any_of(owed_, given_up);
+    // Listeners get the error of a message without reply.
+    if (of_another || awaiting_.empty())
+        (void)mailboxes_->offer({.slave = number_, .type = MailboxType::error, .data = data, .at = now()});
     if (awaiting_.empty()) return;
     auto& oldest = static_cast<MailExchange&>(*awaiting_.front());
     if (of_another) {

@@ -91,9 +91,40 @@ TEST_F(ListenerTest, IsRefusedInWords) {
     keeper.only_slave = 1;
     keeper.look_every = -1ms;
     EXPECT_EQ(listen(*bus.ctx, keeper).error().code, Errc::invalid_argument);
-    Keeper errors(MailboxType::error);
-    EXPECT_EQ(bus.words(listen(*bus.ctx, errors).error()),
+    Keeper unknown(static_cast<MailboxType>(16));
+    EXPECT_EQ(bus.words(listen(*bus.ctx, unknown).error()),
               "receiving from the mailbox: argument out of range: the mailbox protocol must be 1 to 15");
+}
+
+// A mailbox error that answers a message without reply. One that ends a request is the request's.
+TEST_F(ListenerTest, HearsErrorsThatEndNoRequest) {
+    start(1);
+    (void)watch_mailboxes(*bus.ctx, 1ms);
+    Keeper errors(MailboxType::error);
+    ASSERT_TRUE(listen(*bus.ctx, errors).ok());
+    const Mail refusal = mail_bytes({1, 0, 2, 0});
+    slaves[0]->on_mail = [&](const Mail&) { slaves[0]->reply(refusal, MailboxType::error); };
+    const Mail message = mail_bytes({1, 2, 3, 4});
+    RawMail sent;
+    sent.slave = 1;
+    sent.message = message;
+    ASSERT_TRUE(submit(*bus.ctx, sent).ok());
+    bus.idle(30ms);
+    EXPECT_EQ(sent.state(), RequestState::success);
+    using Heard = std::vector<std::pair<std::uint16_t, Mail>>;
+    EXPECT_EQ(errors.all, (Heard{{1, refusal}}));
+    EXPECT_EQ(unexpected(1), 0U);
+    // After the time in which an error most likely belongs to that message.
+    bus.idle(5s);
+    std::array<std::byte, 32> answer{};
+    RawMail asked;
+    asked.slave = 1;
+    asked.message = message;
+    asked.answer = answer;
+    ASSERT_TRUE(submit(*bus.ctx, asked).ok());
+    bus.idle(30ms);
+    EXPECT_EQ(asked.error().code, Errc::mailbox_error);
+    EXPECT_EQ(errors.all.size(), 1U);
 }
 
 // A listener may be removed, destroyed and added while one is asked.
