@@ -64,7 +64,7 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
         static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
     auto written =
         co_await write<std::uint16_t>(network.station(slave), wire::reg::kAlControl, request, Step::request_state);
-    if (does_not_answer(written.error()))
+    if (does_not_answer(written.error()) && slave.al.state != AlState::none)  // it was there a moment ago
         written = co_await request_again(network.station(slave), request, Step::request_state, kControlStaysFull);
     if (!written) network.note(slave, written.error());
     co_return written;

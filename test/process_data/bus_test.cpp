@@ -361,6 +361,23 @@ TEST_F(BusTest, WrongCallsAreRefused) {
     EXPECT_EQ(send_processdata(ctx()).error().code, Errc::unknown_group);
 }
 
+// A state that a slave does not take is requested again for a while: it may still be at the request before. A slave
+// that is away takes none.
+TEST_F(BusTest, AStateIsRequestedOnceOfASlaveThatIsAway) {
+    for (int i = 0; i < 3; ++i) bus.add(16, 16);
+    bus.start();
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    EXPECT_EQ(bus.to_op().state, AlState::op);
+    bus.segment.set_power(2, false, bus.osal.now());
+    const Time begin = bus.osal.now();
+    EXPECT_EQ(words(writestate(ctx(), 0, AlState::safeop).error()),
+              "slave 3: requesting a state at register 0x0120: wrong working counter (expected 1, got 0)");
+    EXPECT_LT(bus.osal.now() - begin, 2ms);
+    EXPECT_EQ(statecheck(ctx(), 2, AlState::safeop, 100ms)->state, AlState::safeop);
+    EXPECT_FALSE(writestate(ctx(), 3, AlState::safeop).ok());
+    EXPECT_LT(bus.osal.now() - begin, 4ms);
+}
+
 TEST_F(BusTest, TooManyFramesIsNamed) {
     bus.add(8, 12000);
     bus.start({.slaves = 4, .process_frames = 1});
