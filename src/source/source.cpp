@@ -25,6 +25,11 @@ class Source::SwitchingNic final : public FilterNic {
         if (!simulated_.late.empty()) simulated_.switch_on_late(osal_.now());
         return inner().send(frame);
     }
+    // A program may wait for the link and send nothing meanwhile.
+    LinkState link_state() noexcept override {
+        if (!simulated_.late.empty()) simulated_.switch_on_late(osal_.now());
+        return inner().link_state();
+    }
 
   private:
     SimulatedSegment& simulated_;
