@@ -1,0 +1,22 @@
+// Where the mailboxes of a slave are, for a slave whose SII does not tell it, or tells it wrongly. A program that
+// writes firmware may know the mailboxes of BOOT from somewhere else.
+//
+//     const margay::MailboxInfo boot{.out_start = 0x1000, .out_bytes = 256, .in_start = 0x1400, .in_bytes = 256};
+//     margay::place_mailboxes(ctx, 2, margay::AlState::boot, boot);
+//     // then request BOOT: Errc::unsupported if neither the SII nor the program tells the mailboxes
+#pragma once
+
+#include <margay/slave.hpp>
+
+namespace margay {
+
+class Context;
+
+// Sets Slave::mailbox, or, for `state` BOOT, Slave::boot_mailbox; `protocols` of `places` is not used. They count from
+// the next transition from INIT on, until the next scan. For the owner, before and beside the cycle; does not wait.
+// Errors: not_owner, wrong_state before init(), unknown_slave, invalid_argument (`state` is neither PREOP nor BOOT),
+// sii_format (both mailboxes must exist, have room for a header, fit into a datagram, lie in the memory of the slave
+// and not overlap).
+[[nodiscard]] Result<> place_mailboxes(Context& ctx, std::uint16_t slave, AlState state, const MailboxInfo& places);
+
+}  // namespace margay
