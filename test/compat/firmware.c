@@ -1,4 +1,5 @@
-/* A program for SOEM 1.4 that writes a firmware: firmware SOURCE SLAVE PASSWORD. It sets the mailboxes of BOOT itself. */
+/* A program for SOEM 1.4 that writes a firmware: firmware SOURCE SLAVE PASSWORD. It sets the mailboxes of BOOT itself, and
+   nobody else knows them: it has taken them out of the EEPROM before. */
 #include <ethercat.h>
 
 #include <stdio.h>
@@ -15,24 +16,34 @@ static int progress(uint16 slave, int packet, int size) {
     return 1;
 }
 
+/* Reads the mailboxes of BOOT, and takes them out of the EEPROM. */
+static int take_mailboxes_out(uint16 slave, uint32 *written, uint32 *read) {
+    uint16 word;
+    *written = ec_readeeprom(slave, ECT_SII_BOOTRXMBX, EC_TIMEOUTEEP);
+    *read = ec_readeeprom(slave, ECT_SII_BOOTTXMBX, EC_TIMEOUTEEP);
+    for (word = ECT_SII_BOOTRXMBX; word < ECT_SII_BOOTTXMBX + 2; ++word)
+        if (ec_writeeeprom(slave, word, 0, EC_TIMEOUTEEP) <= 0) return 0;
+    return *written != 0 && *read != 0 && ec_readeeprom(slave, ECT_SII_BOOTRXMBX, EC_TIMEOUTEEP) == 0;
+}
+
 int main(int argc, char **argv) {
     int result, n, size;
     uint16 slave;
-    uint32 password, data;
+    uint32 password, data, other;
     if (argc != 4) return 2;
     slave = (uint16)atoi(argv[2]);
     password = (uint32)strtoul(argv[3], NULL, 0);
     if (!ec_init(argv[1]) || ec_config_init(FALSE) < slave) return 1;
+    if (!take_mailboxes_out(slave, &data, &other) || ec_config_init(FALSE) < slave) return 1;
     ec_statecheck(0, EC_STATE_PRE_OP, EC_TIMEOUTSTATE * 4);
     ec_slave[slave].state = EC_STATE_INIT;
     ec_writestate(slave);
     if (ec_statecheck(slave, EC_STATE_INIT, EC_TIMEOUTSTATE * 4) != EC_STATE_INIT) return 1;
-    data = ec_readeeprom(slave, ECT_SII_BOOTRXMBX, EC_TIMEOUTEEP);
     ec_slave[slave].SM[0].StartAddr = (uint16)LO_WORD(data);
     ec_slave[slave].SM[0].SMlength = (uint16)HI_WORD(data);
     ec_slave[slave].mbx_wo = (uint16)LO_WORD(data);
     ec_slave[slave].mbx_l = (uint16)HI_WORD(data);
-    data = ec_readeeprom(slave, ECT_SII_BOOTTXMBX, EC_TIMEOUTEEP);
+    data = other;
     ec_slave[slave].SM[1].StartAddr = (uint16)LO_WORD(data);
     ec_slave[slave].SM[1].SMlength = (uint16)HI_WORD(data);
     ec_slave[slave].mbx_ro = (uint16)LO_WORD(data);

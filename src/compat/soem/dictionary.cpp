@@ -17,7 +17,7 @@ void copy_name(std::string_view name, char* to) {
 // An error of the service, with the kind of entry that the interface has for it.
 int result(ecx_contextt& context, std::uint16_t slave, const Error& error, std::uint16_t index, std::uint8_t subindex) {
     if (error.code != Errc::sdo_abort) return mail_result(context, slave, error, index, subindex);
-    push_emergencies(context, slave);
+    push_unasked(context, slave);
     ec_errort entry{};
     entry.Slave = slave;
     entry.Index = index;

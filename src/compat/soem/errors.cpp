@@ -1,5 +1,5 @@
 // The list of errors, and the texts of errors.
-#include "compat/soem/facade.hpp"
+#include "compat/soem/mail.hpp"
 
 #include "wire/al_status_code.hpp"
 #include "wire/mailbox.hpp"
@@ -103,7 +103,7 @@ void push(ecx_contextt& context, ec_errort& entry) {
 
 int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, std::uint16_t index,
                 std::uint8_t subindex) {
-    push_emergencies(context, slave);
+    push_unasked(context, slave);
     if (error.code == Errc::none) return 1;
     ec_errort entry{};
     entry.Slave = slave;
@@ -137,25 +137,49 @@ int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, 
     return 0;
 }
 
-void push_emergencies(ecx_contextt& context, std::uint16_t slave) {
+namespace {
+
+// The code of a mailbox error.
+std::uint16_t code_of(const Letter& letter) {
+    constexpr std::size_t kCode = 2;  // behind the kind of the answer
+    return letter.data.size() < kCode + 2 ? std::uint16_t{0} : word_at(&letter.data[kCode]);
+}
+
+// What the slave has sent by itself, or as an answer to a message of the program.
+struct Unasked {
+    std::optional<Letter> error;
+    std::optional<Emergency> emergency;
+};
+Unasked take_unasked(Session& session, std::uint16_t slave) {
+    const Session::Guard guard(session);
+    Unasked one{.error = session.inbox().take(slave, MailboxType::error), .emergency = {}};
+    if (!one.error) one.emergency = emergencies(session.context(), slave).take();
+    return one;
+}
+
+}  // namespace
+
+void push_unasked(ecx_contextt& context, std::uint16_t slave) {
     const Pinned session = session_of(context);
     if (session == nullptr) return;
     for (;;) {
-        std::optional<Emergency> emergency;
-        {
-            const Session::Guard guard(*session);
-            emergency = emergencies(session->context(), slave).take();
-        }
-        if (!emergency) return;
-        const auto octet = [&](std::size_t n) { return std::to_integer<unsigned>(emergency->data[n]); };
+        const Unasked one = take_unasked(*session, slave);
         ec_errort entry{};
         entry.Slave = slave;
-        entry.Etype = EC_ERR_TYPE_EMERGENCY;
-        entry.ErrorCode = emergency->code;
-        entry.ErrorReg = emergency->error_register;
-        entry.b1 = static_cast<uint8>(octet(0));
-        entry.w1 = static_cast<uint16>(octet(1) | octet(2) << 8);
-        entry.w2 = static_cast<uint16>(octet(3) | octet(4) << 8);
+        if (one.error) {
+            entry.Etype = EC_ERR_TYPE_MBX_ERROR;
+            entry.ErrorCode = code_of(*one.error);
+        } else if (one.emergency) {
+            const auto octet = [&](std::size_t n) { return std::to_integer<unsigned>(one.emergency->data[n]); };
+            entry.Etype = EC_ERR_TYPE_EMERGENCY;
+            entry.ErrorCode = one.emergency->code;
+            entry.ErrorReg = one.emergency->error_register;
+            entry.b1 = static_cast<uint8>(octet(0));
+            entry.w1 = static_cast<uint16>(octet(1) | octet(2) << 8);
+            entry.w2 = static_cast<uint16>(octet(3) | octet(4) << 8);
+        } else {
+            return;
+        }
         push(context, entry);
     }
 }

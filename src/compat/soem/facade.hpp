@@ -60,11 +60,12 @@ int read_registers(Session& session, std::uint16_t station, std::uint16_t addres
 int write_registers(Session& session, std::uint16_t station, std::uint16_t address, std::span<const std::byte> data,
                     Duration timeout);
 
-// Adds the error of a mailbox service to the list of the program, and the emergencies that the slave has sent. Returns
-// what the service returns.
+// Adds the error of a mailbox service to the list of the program, and what push_unasked() adds. Returns what the
+// service returns.
 int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, std::uint16_t index,
                 std::uint8_t subindex);
-void push_emergencies(ecx_contextt& context, std::uint16_t slave);
+// The emergencies that the slave has sent, and its mailbox errors that answer no request of the library.
+void push_unasked(ecx_contextt& context, std::uint16_t slave);
 // Adds an entry whose time is now.
 void push(ecx_contextt& context, ec_errort& entry);
 
@@ -89,6 +90,8 @@ int receive_group(ecx_contextt& context, std::uint8_t group, int timeout);
 int send_first(ecx_contextt& context);
 int receive_first(ecx_contextt& context, int timeout);
 
+// Takes the mailboxes that the program has written as those of this state, PREOP or BOOT.
+void take_mailboxes(ecx_contextt& context, Session& session, std::uint16_t number, AlState state);
 // Takes the SyncManagers that the program has changed as its configuration of the slave.
 void take_sync_managers(ecx_contextt& context, Session& session, std::uint16_t number);
 // Fills the slave from its process data: sizes, pointers, SyncManagers, FMMUs.

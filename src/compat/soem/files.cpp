@@ -47,7 +47,7 @@ int foe_result(ecx_contextt& context, std::uint16_t slave, const Error& error) {
     if (error.code == Errc::capacity) return -EC_ERR_TYPE_FOE_BUF2SMALL;
     if (error.code == Errc::protocol) return -EC_ERR_TYPE_PACKET_ERROR;
     if (error.code != Errc::foe_error) return mail_result(context, slave, error, 0, 0);
-    push_emergencies(context, slave);
+    push_unasked(context, slave);
     if (error.detail == kFileNotFound) return -EC_ERR_TYPE_FOE_FILE_NOTFOUND;
     return error.detail == kPacketNumber ? -EC_ERR_TYPE_FOE_PACKETNUMBER : -EC_ERR_TYPE_FOE_ERROR;
 }

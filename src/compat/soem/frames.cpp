@@ -1,4 +1,4 @@
-// Frames that the program builds itself. The datagrams of such a frame are sent when the program waits for it.
+// Frames that the program builds itself. The datagrams of such a frame are sent together, in a frame of the library.
 #include "compat/soem/facade.hpp"
 
 #include <cstring>
@@ -33,32 +33,48 @@ void put_datagram(std::uint8_t* at, std::uint8_t command, std::uint8_t index, st
     put_word(octets + kDatagramHeader + length, 0);
 }
 
-// Sends the datagrams of a frame of the program one after the other, and builds the answer. Returns the working counter
-// of the last datagram.
-int exchange_frame(ecx_portt& port, int index, Duration timeout) {
+// The datagrams of a frame, as requests.
+void load(Session::Flight& flight, std::span<const std::uint8_t> frame) {
+    const auto* const begin = reinterpret_cast<const std::byte*>(frame.data());
+    flight.octets.assign(begin, begin + frame.size());
+    const auto octets = std::span(flight.octets);
+    for (std::size_t at = EC_ELENGTHSIZE; at + kDatagramHeader + EC_WKCSIZE <= octets.size();) {
+        const auto header = octets.subspan(at);
+        const std::size_t size = word_at(&header[6]) & 0x7FFU;
+        if (size == 0 || kDatagramHeader + size + EC_WKCSIZE > header.size()) return;
+        DatagramRequest& one = flight.datagrams.emplace_back();
+        one.command = static_cast<DatagramCommand>(std::to_integer<unsigned>(header[0]));
+        one.adp = word_at(&header[2]);
+        one.ado = word_at(&header[4]);
+        one.logical = {address_of(one.adp, one.ado)};
+        one.data = header.subspan(kDatagramHeader, size);
+        one.repeat = false;
+        at += kDatagramHeader + size + EC_WKCSIZE;
+        if ((word_at(&header[6]) & EC_DATAGRAMFOLLOWS) == 0) return;
+    }
+}
+
+// The frame as it has come back. Returns the working counter of the last datagram.
+int unload(ecx_portt& port, int index, Session::Flight& flight) {
+    for (const DatagramRequest& one : flight.datagrams) {
+        if (one.state() != RequestState::success) return EC_NOFRAME;
+        put_word(one.data.data() + one.data.size(), one.wkc);  // behind the data, in the octets of the flight
+    }
+    std::memcpy(port.rxbuf[index], flight.octets.data(), flight.octets.size());
+    port.rxbufstat[index] = EC_BUF_COMPLETE;
+    return flight.datagrams.back().wkc;
+}
+
+// `timeout` zero: looks once. A frame that has not come back yet may be waited for again.
+int take_frame(ecx_portt& port, int index, Duration timeout) {
+    if (!is_index(index) || port.rxbufstat[index] != EC_BUF_TX) return EC_NOFRAME;
     const Pinned session = session_of(port);
     if (session == nullptr) return EC_NOFRAME;
-    const int length = port.txbuflength[index];
-    if (length <= kHeaderOctets || length > EC_BUFSIZE) return EC_NOFRAME;
-    std::memcpy(port.rxbuf[index], port.txbuf[index] + ETH_HEADERSIZE,
-                static_cast<std::size_t>(length) - ETH_HEADERSIZE);
-    auto* const frame = reinterpret_cast<std::byte*>(port.rxbuf[index]);
-    int wkc = EC_NOFRAME;
-    for (int at = EC_ELENGTHSIZE; at + kDatagramHeader + EC_WKCSIZE <= length - ETH_HEADERSIZE;) {
-        std::byte* const header = frame + at;
-        const unsigned size = word_at(header + 6) & 0x7FFU;
-        const bool more = (word_at(header + 6) & EC_DATAGRAMFOLLOWS) != 0;
-        if (size == 0 || at + kDatagramHeader + static_cast<int>(size) + EC_WKCSIZE > length - ETH_HEADERSIZE) break;
-        wkc = session->exchange(static_cast<DatagramCommand>(std::to_integer<unsigned>(header[0])),
-                                address_of(word_at(header + 2), word_at(header + 4)), {header + kDatagramHeader, size},
-                                timeout, false);
-        if (wkc < 0) return EC_NOFRAME;
-        put_word(header + kDatagramHeader + size, static_cast<unsigned>(wkc));
-        at += kDatagramHeader + static_cast<int>(size) + EC_WKCSIZE;
-        if (!more) break;
-    }
-    port.rxbufstat[index] = EC_BUF_COMPLETE;
-    return wkc;
+    Session::Flight& flight = session->flight_of(static_cast<std::size_t>(index));
+    session->poll_now();
+    session->await(flight, later(session->now(), timeout));
+    if (flight.datagrams.empty() || !flight.over()) return EC_NOFRAME;
+    return unload(port, index, flight);
 }
 
 }  // namespace
@@ -126,29 +142,37 @@ FrameIndex ecx_getindex(ecx_portt* port) {
 }
 
 int ecx_outframe(ecx_portt* port, FrameIndex idx, int) {
-    if (!is_index(idx) || session_of(*port) == nullptr) return -1;
+    const Pinned session = session_of(*port);
+    if (!is_index(idx) || session == nullptr) return -1;
+    const int length = port->txbuflength[idx];
+    if (length <= kHeaderOctets || length > EC_BUFSIZE) return -1;
+    Session::Flight& flight = session->flight_of(static_cast<std::size_t>(idx));
+    session->land(flight);
+    flight.datagrams.clear();
+    load(flight,
+         std::span(port->txbuf[idx]).subspan(ETH_HEADERSIZE, static_cast<std::size_t>(length) - ETH_HEADERSIZE));
     port->rxbufstat[idx] = EC_BUF_TX;
-    return port->txbuflength[idx];
+    return session->launch(flight) ? length : -1;
 }
 
 int ecx_outframe_red(ecx_portt* port, FrameIndex idx) { return ecx_outframe(port, idx, 0); }
 
-int ecx_waitinframe(ecx_portt* port, FrameIndex idx, int timeout) {
-    if (!is_index(idx) || port->rxbufstat[idx] != EC_BUF_TX) return EC_NOFRAME;
-    return exchange_frame(*port, idx, us(timeout));
-}
+int ecx_waitinframe(ecx_portt* port, FrameIndex idx, int timeout) { return take_frame(*port, idx, us(timeout)); }
 
 int ecx_srconfirm(ecx_portt* port, FrameIndex idx, int timeout) {
-    if (ecx_outframe(port, idx, 0) < 0) return EC_NOFRAME;
-    const int wkc = ecx_waitinframe(port, idx, timeout);
-    return wkc < 0 ? EC_NOFRAME : wkc;
+    const Pinned session = session_of(*port);
+    if (session == nullptr) return EC_NOFRAME;
+    const margay::Time until = margay::later(session->now(), us(timeout));
+    do {
+        if (ecx_outframe(port, idx, 0) < 0) return EC_NOFRAME;
+        const int wkc = take_frame(*port, idx, us(std::min(timeout, EC_TIMEOUTRET)));
+        if (wkc >= 0) return wkc;
+    } while (session->now() < until);
+    return EC_NOFRAME;
 }
 
 #ifdef EC_VER1
-int ecx_inframe(ecx_portt* port, int idx, int) {
-    return is_index(idx) && port->rxbufstat[idx] == EC_BUF_TX ? exchange_frame(*port, idx, us(EC_TIMEOUTRET))
-                                                              : EC_NOFRAME;
-}
+int ecx_inframe(ecx_portt* port, int idx, int) { return take_frame(*port, idx, margay::Duration{0}); }
 #endif
 
 }  // extern "C"

@@ -5,8 +5,8 @@
 namespace margay::soem {
 
 Inbox::Inbox(Context& context) {
-    for (const MailboxType type :
-         {MailboxType::aoe, MailboxType::eoe, MailboxType::coe, MailboxType::foe, MailboxType::soe, MailboxType::voe})
+    for (const MailboxType type : {MailboxType::error, MailboxType::aoe, MailboxType::eoe, MailboxType::coe,
+                                   MailboxType::foe, MailboxType::soe, MailboxType::voe})
         static_cast<void>(listen(context, ears_.emplace_back(*this, type)));
 }
 
@@ -17,9 +17,9 @@ bool Inbox::Ear::take(const UnaskedMail& mail) {
     return true;
 }
 
-std::optional<Letter> Inbox::take(std::uint16_t slave, MailboxType type) {
+std::optional<Letter> Inbox::take(std::uint16_t slave, std::optional<MailboxType> type) {
     const auto found = std::ranges::find_if(letters_, [&](const Letter& letter) {
-        return letter.slave == slave && (type == MailboxType::error || letter.type == type);
+        return letter.slave == slave && (type ? letter.type == *type : letter.type != MailboxType::error);
     });
     if (found == letters_.end()) return std::nullopt;
     Letter letter = std::move(*found);

@@ -23,8 +23,8 @@ class Inbox {
     static constexpr std::size_t kMost = 256;  // older letters are dropped
 
     explicit Inbox(Context& context);
-    // The oldest letter of the slave and, unless it is `error`, of the type.
-    std::optional<Letter> take(std::uint16_t slave, MailboxType type = MailboxType::error);
+    // The oldest letter of the slave and of the type; without a type: of any type but mailbox errors.
+    std::optional<Letter> take(std::uint16_t slave, std::optional<MailboxType> type = std::nullopt);
     // The oldest of all.
     std::optional<Letter> take_any(MailboxType type);
     void clear() { letters_.clear(); }

@@ -1,6 +1,8 @@
 // Mailbox messages of the program itself.
 #include "compat/soem/mail.hpp"
 
+#include <margay/mailbox_places.hpp>
+
 #include <cstring>
 
 namespace margay::soem {
@@ -31,7 +33,24 @@ bool eaten(ecx_contextt& context, Session& session, const Letter& letter) {
     return context.EOEhook(&context, letter.slave, &buffer) > 0;
 }
 
+bool are_same(const MailboxInfo& one, const MailboxInfo& other) {
+    return one.out_start == other.out_start && one.out_bytes == other.out_bytes && one.in_start == other.in_start &&
+           one.in_bytes == other.in_bytes;
+}
+
 }  // namespace
+
+// A program that has set the mailboxes of one state alone leaves the other ones as the SII tells them.
+void take_mailboxes(ecx_contextt& context, Session& session, std::uint16_t number, AlState state) {
+    const ec_slavet& s = slaves_of(context)[number];
+    const MailboxInfo written{.out_start = s.mbx_wo, .out_bytes = s.mbx_l, .in_start = s.mbx_ro, .in_bytes = s.mbx_rl};
+    if (!written.present()) return;
+    const Session::Guard guard(session);
+    const Slave& slave = session.slave(number);
+    if (are_same(written, slave.mailbox) || are_same(written, slave.boot_mailbox)) return;
+    const auto placed = place_mailboxes(session.context(), number, state, written);
+    if (placed.error().code != Errc::none) say_once("a slave cannot have the mailboxes that the program has written");
+}
 
 void put_letter(const Letter& letter, std::uint16_t station, std::uint8_t counter, ec_mbxbuft& into) {
     auto* const octets = reinterpret_cast<std::byte*>(into);
@@ -43,8 +62,8 @@ void put_letter(const Letter& letter, std::uint16_t station, std::uint8_t counte
     std::memcpy(octets + kMailHeader, letter.data.data(), size);
 }
 
-std::optional<Letter> await_letter(ecx_contextt& context, Session& session, std::uint16_t slave, MailboxType type,
-                                   Duration timeout) {
+std::optional<Letter> await_letter(ecx_contextt& context, Session& session, std::uint16_t slave,
+                                   std::optional<MailboxType> type, Duration timeout) {
     const Watch watch(session);
     const Time until = later(session.now(), timeout);
     for (bool last = false;;) {
@@ -57,7 +76,7 @@ std::optional<Letter> await_letter(ecx_contextt& context, Session& session, std:
             if (!letter) break;
             if (!eaten(context, session, *letter)) return letter;
         }
-        push_emergencies(context, slave);
+        push_unasked(context, slave);
         if (last) return std::nullopt;
         last = session.now() >= until;
         session.pause(std::chrono::milliseconds(1));
@@ -125,7 +144,7 @@ int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeou
 int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
     const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_rl == 0) return 0;
-    const auto letter = await_letter(*context, *session, slave, margay::MailboxType::error, us(timeout));
+    const auto letter = await_letter(*context, *session, slave, std::nullopt, us(timeout));
     if (!letter) return 0;
     put_letter(*letter, slaves_of(*context)[slave].configadr, slaves_of(*context)[slave].mbx_cnt, *mbx);
     return 1;
@@ -147,7 +166,7 @@ int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int ti
     if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_rl == 0) return 0;
     ec_mbxbuft* const buffer = ecx_getmbx(context);
     if (buffer == nullptr) return 0;  // mail waits until the program gives a buffer back
-    const auto letter = await_letter(*context, *session, slave, margay::MailboxType::error, us(timeout));
+    const auto letter = await_letter(*context, *session, slave, std::nullopt, us(timeout));
     if (!letter) {
         ecx_dropmbx(context, buffer);
         return 0;
@@ -167,8 +186,7 @@ int ecx_mbxhandler(ecx_contextt* context, uint8, int) {
     session->poll_now();
     serve_eoe_hook(*context, *session);
     for (int n = 1; n <= slave_count(*context); ++n)
-        if (slaves_of(*context)[n].mbxhandlerstate == ECT_MBXH_CYCLIC)
-            push_emergencies(*context, static_cast<uint16>(n));
+        if (slaves_of(*context)[n].mbxhandlerstate == ECT_MBXH_CYCLIC) push_unasked(*context, static_cast<uint16>(n));
     return 0;
 }
 

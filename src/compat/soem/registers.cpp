@@ -98,12 +98,28 @@ int ecx_LWR(ecx_portt* port, uint32 LogAdr, uint16 length, void* data, int timeo
     return exchange(port, DatagramCommand::lwr, LogAdr, length, data, timeout, false);
 }
 int ecx_LRWDC(ecx_portt* port, uint32 LogAdr, uint16 length, void* data, uint16 DCrs, int64* DCtime, int timeout) {
-    const int wkc = ecx_LRW(port, LogAdr, length, data, timeout);
-    if (wkc <= 0) return wkc;
+    const Pinned session = session_of(*port);
+    if (session == nullptr || length == 0 || length > EC_MAXLRWDATA - EC_FIRSTDCDATAGRAM) return EC_NOFRAME;
+    margay::soem::Session::Flight frame;
+    const auto octets = octets_at(static_cast<const void*>(data), length);
+    frame.octets.assign(octets.begin(), octets.end());
     int64 time = htoell(*DCtime);
-    if (ecx_FRMW(port, DCrs, ECT_REG_DCSYSTIME, sizeof(time), &time, timeout) > 0)
+    margay::DatagramRequest& exchanged = frame.datagrams.emplace_back();
+    exchanged.command = DatagramCommand::lrw;
+    exchanged.logical = {LogAdr};
+    exchanged.data = frame.octets;
+    margay::DatagramRequest& told = frame.datagrams.emplace_back();
+    told.command = DatagramCommand::frmw;
+    told.adp = DCrs;
+    told.ado = ECT_REG_DCSYSTIME;
+    told.data = octets_at(static_cast<void*>(&time), sizeof(time));
+    if (session->launch(frame)) session->await(frame, margay::later(session->now(), us(timeout)));
+    session->land(frame);
+    if (exchanged.state() != margay::RequestState::success) return EC_NOFRAME;
+    if (exchanged.wkc > 0) std::memcpy(data, frame.octets.data(), length);
+    if (told.state() == margay::RequestState::success && told.wkc > 0)
         *DCtime = static_cast<int64>(etohll(static_cast<uint64>(time)));
-    return wkc;
+    return exchanged.wkc;
 }
 
 }  // extern "C"

@@ -114,6 +114,11 @@ int config_init(ecx_contextt& context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return EC_NOFRAME;
     clear(context);
+    // As long as the interface waits for the first frame. The library would wait longer for a link.
+    for (const Time until = later(session->now(), us(EC_TIMEOUTSAFE)); session->link_is_down();) {
+        if (session->now() >= until) return EC_NOFRAME;
+        session->pause(std::chrono::milliseconds(1));
+    }
     ScanRequest request;
     const auto scanned = session->run(request);
     if (!scanned && no_slaves(scanned.error())) return scanned.error().code == Errc::no_slaves ? 0 : EC_NOFRAME;
@@ -157,6 +162,7 @@ int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
     if (session == nullptr || !is_slave(*context, slave)) return 0;
     HookCaller hooks(*context, *session, kVersionCallsContextHooks);
     hooks.attach(slave);
+    take_mailboxes(*context, *session, slave, margay::AlState::preop);
     margay::ReconfigRequest request;
     request.slave = slave;
     static_cast<void>(session->run(request, &hooks));

@@ -119,9 +119,9 @@ Result<> Session::run(Request& request, Between* between, Duration limit) {
     return request.state() == RequestState::error ? Result<>(request.error()) : Result<>();
 }
 
-void Session::pause_until(Time until) {
+void Session::pause_until(Time until, const Flight* flight) {
     constexpr Duration kLook = std::chrono::milliseconds(1);
-    while (now() < until && !closing()) {
+    while (now() < until && !closing() && (flight == nullptr || !flight->over())) {
         bool over = false;
         const Time next = poll_once(nullptr, kNever, over);
         wait_for_work(std::min({next, until, now() + kLook}));
@@ -131,6 +131,25 @@ void Session::pause_until(Time until) {
 void Session::poll_now() {
     const Guard guard(*this);
     static_cast<void>(poll(context_, now()));
+}
+
+bool Session::launch(Flight& flight) {
+    const Guard guard(*this);
+    const bool sent = !closing() && std::ranges::all_of(flight.datagrams, [this](DatagramRequest& one) {
+        return submit(context_, one).ok();
+    });
+    static_cast<void>(poll(context_, now()));
+    return sent;
+}
+
+void Session::land(Flight& flight) {
+    const Guard guard(*this);
+    for (DatagramRequest& one : flight.datagrams) one.cancel();
+}
+
+bool Session::link_is_down() {
+    const auto is_down = [](Nic* nic) { return nic == nullptr || nic->link_state() == LinkState::down; };
+    return is_down(&source_->nic()) && is_down(source_->second());
 }
 
 int Session::exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,

@@ -9,9 +9,11 @@
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstddef>
+#include <deque>
 #include <memory>
 #include <span>
 #include <string>
@@ -73,8 +75,16 @@ class Session {
     // Submits a request and polls until it is over. Other threads continue meanwhile. The request is cancelled when it
     // is not over after `limit`; what has arrived until then counts, however late this thread runs. Zero: no limit.
     Result<> run(Request& request, Between* between = nullptr, Duration limit = Duration{0});
-    // Waits for a point of time. All requests go on meanwhile.
-    void pause_until(Time until);
+    // A frame that the program has built: its datagrams, on the wire together.
+    struct Flight {
+        std::vector<std::byte> octets;  // the datagrams with their headers
+        std::deque<DatagramRequest> datagrams;
+        [[nodiscard]] bool over() const {
+            return std::ranges::none_of(datagrams, [](const DatagramRequest& one) { return one.busy(); });
+        }
+    };
+    // Waits for a point of time, or until the flight is over. All requests go on meanwhile.
+    void pause_until(Time until, const Flight* flight = nullptr);
     void pause(Duration duration) { pause_until(now() + duration); }
     // Does at once what is due, and does not wait.
     void poll_now();
@@ -86,6 +96,19 @@ class Session {
     // One datagram. Returns the working counter, or -1 when no frame came back within `timeout`.
     int exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
                  bool again = true);
+
+    static constexpr std::size_t kFlights = 16;
+    // Of a frame index of the program.
+    [[nodiscard]] Flight& flight_of(std::size_t index) { return flights_[index % kFlights]; }
+    // Sends the datagrams at once, and does not wait. False: there is no room for them.
+    bool launch(Flight& flight);
+    // Ends what is on the wire still.
+    void land(Flight& flight);
+    // Waits until all of them have come back or are lost, or until `until`.
+    void await(const Flight& flight, Time until) { pause_until(until, &flight); }
+
+    // No frame can be sent.
+    [[nodiscard]] bool link_is_down();
 
     // What the facade remembers of a group, and of the SyncManagers that it has shown to the program. A cycle reads
     // everything here: after a call of the library it then needs one register of the processor, which it has to save.
@@ -131,6 +154,7 @@ class Session {
     std::atomic<bool> closing_{false};  // requests end, because a thread closes the session
     std::uintptr_t owner_ = 0;          // the thread that owns the context; 0: not known
     std::unique_ptr<hosted::Source> source_;
+    std::array<Flight, kFlights> flights_;
     ReadStateRequest states_;  // of find_missing()
     Time states_at_{};         // not before
     HostContext context_;

@@ -75,9 +75,13 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
         return session->exchange(command, address_of(station, ECT_REG_ALCTL), octets, us(EC_TIMEOUTRET3));
     }
     const int all = slave == 0 ? slave_count(*context) : 1;
+    const int first = slave == 0 ? 1 : slave;
+    const int last = slave == 0 ? slave_count(*context) : slave;
+    if (state == margay::AlState::boot || state == margay::AlState::preop)
+        for (int n = first; n <= last; ++n) take_mailboxes(*context, *session, static_cast<std::uint16_t>(n), state);
     if (state == margay::AlState::boot) {
         int changed = 0;
-        for (int n = slave == 0 ? 1 : slave; n <= (slave == 0 ? slave_count(*context) : slave); ++n) {
+        for (int n = first; n <= last; ++n) {
             margay::StateRequest request;
             request.slave = static_cast<std::uint16_t>(n);
             request.wanted = state;
