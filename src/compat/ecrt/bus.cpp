@@ -53,7 +53,7 @@ void keep_emergencies(Bus& bus, std::uint16_t slave) {
 void changed(const Event& event, void* user) {
     Bus& bus = *static_cast<Bus*>(user);
     bus.dirty.store(true, std::memory_order_relaxed);
-    bus.refresh_at = Time{};
+    bus.facts_at = bus.refresh_at = Time{};
     // Slave 0: the segment. The supervision keeps the last state of slaves that it cannot ask.
     if (event.kind == EventKind::lost && event.slave == 0) bus.silent = true;
     if ((event.kind == EventKind::found && event.slave == 0) || event.kind == EventKind::unsupervised)

@@ -128,7 +128,8 @@ class Bus {
     std::mutex facts_mutex;
     std::vector<Slave> facts;
     std::atomic<bool> dirty{true};  // the copies are old; for all threads
-    Time refresh_at{};              // for the owner; in the past while the copies are old
+    Time facts_at{};                // for the owner: when they are copied again; in the past while they are old
+    Time refresh_at{};              // for the owner: when a cycle does more than to exchange data
     bool silent = false;            // for the owner: no frame comes back, so no slave responds
     std::atomic<std::uint32_t> responding{0};
     std::atomic<std::uint32_t> al_states{0};

@@ -1,6 +1,7 @@
 // The cyclic calls. None of them waits, and in the running state none allocates.
 #include "compat/ecrt/bus.hpp"
 
+#include <algorithm>
 #include <cerrno>
 
 using namespace margay;
@@ -51,7 +52,9 @@ inline void send_frames(Context& ctx, Exchange& exchange, Time now) {
     exchange.answer = Answer::on_wire;
 }
 
-bool is_sent(const Exchange& exchange) { return exchange.mapped && (exchange.wanted || exchange.domains.empty()); }
+bool is_sent(const Exchange& exchange) {
+    return exchange.mapped && !exchange.held && (exchange.wanted || exchange.domains.empty());
+}
 
 // The frames of the first group carry the time of the reference clock. In a cycle without them a datagram does.
 inline void carry_time(Bus& bus) {
@@ -86,12 +89,19 @@ void send_group(Bus& bus, Exchange& exchange, Time now) {
     return 0;
 }
 
+// No cycle is sent any more: the domains are ZERO.
+void rest(Context& ctx, Exchange& exchange) {
+    if (exchange.answer == Answer::on_wire) give_up(ctx, exchange);
+    exchange.answer = Answer::incomplete;
+    ++exchange.answers;
+}
+
 // The calls of this thread may take the short way.
 void be_steady(Bus& bus) {
     bus.steady.thread = 0;
     if (!bus.operation->running() || bus.exchanges.size() != 1) return;
     Exchange& exchange = *bus.exchanges.front();
-    if (!exchange.mapped || exchange.domains.size() != 1) return;
+    if (!exchange.mapped || exchange.held || exchange.domains.size() != 1) return;
     bus.steady = {.thread = this_thread(),
                   .ctx = bus.ctx.get(),
                   .osal = &bus.source->osal(),
@@ -104,8 +114,11 @@ void be_steady(Bus& bus) {
         bus.operation->step(now);
     else
         bus.operation->check(now);
+    for (const auto& exchange : bus.exchanges)
+        if (exchange->held) rest(*bus.ctx, *exchange);
     const bool changed = bus.dirty;
-    if (changed || now >= bus.refresh_at) bus.refresh_facts(now);
+    if (changed || now >= bus.facts_at) bus.refresh_facts(now);
+    bus.refresh_at = std::min(bus.facts_at, bus.operation->look_at());
     for (const auto& exchange : bus.exchanges)
         if (changed || exchange->best != Answer::complete) update_best(bus, *exchange);
     be_steady(bus);

@@ -95,11 +95,12 @@ void judge(ec_domain& domain) {
     Bus& bus = domain.bus;
     const Exchange& exchange = *domain.exchange;
     const Group& group = bus.ctx->group(exchange.group);
+    const bool exchanged = exchange.mapped && !exchange.held;
     bool came = false;
-    for (const DatagramStatus& datagram : group.datagrams) came |= datagram.came && datagram.got != 0;
+    for (const DatagramStatus& datagram : group.datagrams) came |= exchanged && datagram.came && datagram.got != 0;
     unsigned counter = 0;
     for (const DomainPart& part : domain.parts) {
-        if (!exchange.mapped || !came || part.share == 0 || !part.placed) continue;
+        if (!came || part.share == 0 || !part.placed) continue;
         const std::uint16_t number = part.config->number.load(std::memory_order_relaxed);
         if (bus.ctx->slave(number).takes_part && inputs_fresh(*bus.ctx, number)) counter += part.share;
     }

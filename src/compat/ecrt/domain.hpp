@@ -48,6 +48,7 @@ enum class Answer : std::uint8_t {
 struct Exchange {
     std::uint8_t group = 0;
     bool mapped = false;
+    bool held = false;    // a device has moved to another position, so nothing is sent: see moves.cpp
     bool wanted = false;  // a domain was queued since the last send
     Answer answer = Answer::complete;
     Answer best = Answer::incomplete;  // of a right cycle: complete while all configurations of its domains take part

@@ -31,7 +31,7 @@ void Bus::refresh_facts(Time now) {
     if (!lock.owns_lock()) return;  // the next call does it
     dirty = false;
     // Later only for the link: all other changes have events.
-    refresh_at = now + (active && operation != nullptr && operation->running() ? 500ms : 10ms);
+    facts_at = refresh_at = now + (active && operation != nullptr && operation->running() ? 500ms : 10ms);
     const auto slaves = ctx->slaves();
     facts.assign(slaves.begin(), slaves.end());
     std::uint32_t count = 0;

@@ -1,6 +1,7 @@
 // A device that is connected after activation may change the positions of others. Positions are those of the interface:
-// then the segment starts again, with each configuration at the device that has its position now. A slave that leaves
-// changes nothing: the others keep their configurations, and it gets its own when it returns.
+// then the segment starts again, with each configuration at the device that has its position now. Until then nothing is
+// sent to a device that has moved, because the outputs are those of another position. A slave that leaves changes
+// nothing: the others keep their configurations, and it gets its own when it returns.
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/operation.hpp"
@@ -13,6 +14,7 @@ namespace margay::compat::ecrt {
 namespace {
 
 constexpr Duration kLookEvery = std::chrono::milliseconds(50);
+constexpr Duration kWatched = std::chrono::seconds(2);         // the supervision has read the ring after some cycles
 constexpr Duration kSettled = std::chrono::milliseconds(300);  // a ring that is being changed is read wrongly
 
 bool is_there(const Slave& slave) { return slave.ring_position != 0 && slave.al.state != AlState::none; }
@@ -56,8 +58,25 @@ bool Operation::is_misplaced() const {
     return restarts_left_ != 0 && target_ == AlState::op && !bus_.silent && std::ranges::any_of(bus_.configs, is_wrong);
 }
 
+// After slaves have come or gone each cycle compares the positions.
+void Operation::watch_places(Time now) {
+    if (std::exchange(changed_, false)) watched_until_ = now + kWatched;
+    if (now >= watched_until_) watched_until_ = {};
+    hold_moved();
+}
+
+void Operation::hold_moved() {
+    for (const auto& exchange : bus_.exchanges) {
+        const auto has_moved = [&](const auto& config) {
+            return config->group == exchange->group && is_moved(*config);
+        };
+        exchange->held = target_ == AlState::op && std::ranges::any_of(bus_.configs, has_moved);
+    }
+}
+
 void Operation::check(Time now) {
     if (stage_ != Stage::running) return;
+    watch_places(now);
     if (now >= look_at_) {
         look_at_ = now + kLookEvery;
         if (!is_misplaced())
@@ -73,7 +92,7 @@ void Operation::check(Time now) {
 }
 
 void Operation::start_again() {
-    say("master %u: positions have changed: the segment starts again", bus_.index);
+    say("master %u: other slaves are there: the segment starts again", bus_.index);
     --restarts_left_;
     misplaced_since_ = {};
     cancel();
@@ -84,7 +103,7 @@ void Operation::start_again() {
     again_ = true;
     has_clock_ = false;
     for (const auto& exchange : bus_.exchanges) {
-        exchange->mapped = false;
+        exchange->mapped = exchange->held = false;
         exchange->answer = exchange->best = Answer::incomplete;
         ++exchange->answers;
         std::ranges::fill(exchange->image, std::byte{0});

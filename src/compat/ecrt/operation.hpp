@@ -31,7 +31,12 @@ class Operation {
     // Called now and then while running.
     void check(Time now);
     // Slaves have come or gone, or others than before are there.
-    void note_change() { restarts_left_ = kMostRestarts; }
+    void note_change() {
+        restarts_left_ = kMostRestarts;
+        changed_ = true;
+    }
+    // When check() wants to be called next; kNever: now and then.
+    [[nodiscard]] Time look_at() const { return running() && (changed_ || watched_until_ != Time{}) ? Time{} : kNever; }
     // The target of the slaves is PREOP from now on.
     void lower() { target_ = AlState::preop; }
     // The slaves have no numbers yet.
@@ -57,6 +62,8 @@ class Operation {
     [[nodiscard]] bool is_moved(const ec_slave_config& config) const;
     [[nodiscard]] bool may_attach(const ec_slave_config& config) const;
     [[nodiscard]] bool is_misplaced() const;
+    void watch_places(Time now);
+    void hold_moved();
     void start_again();
     void end_scan(Time now);
     void begin_clock(Time now);
@@ -75,8 +82,10 @@ class Operation {
     static constexpr unsigned kMostRestarts = 2;
     unsigned restarts_left_ = kMostRestarts;
     bool again_ = false;  // the start-up is not the first one
+    bool changed_ = false;  // slaves have come or gone since the last check()
+    Time watched_until_{};  // until then each cycle compares the positions; Time{}: no longer
     Time misplaced_since_{};
-    Time look_at_{};  // when the positions are compared again
+    Time look_at_{};  // when it is decided again whether the segment starts again
     AlState target_ = AlState::op;
     std::vector<ExpectedSlave> old_expected_;  // the slaves point to it until the scan of a new start has ended
     std::vector<ExpectedSlave> expected_;

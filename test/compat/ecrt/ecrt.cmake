@@ -93,11 +93,14 @@ margay_ecrt_test(ip_stack ecrt_ip_stack sim:eoe_gateway,drive)
 set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
 
-# The same with a segment in virtual time, which this program opens.
-add_executable(ecrt_flags ${folder}/flags.cpp)
-target_include_directories(ecrt_flags PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
-target_link_libraries(ecrt_flags PRIVATE margay_ecrt_facade margay_flags)
+# The same with a segment in virtual time, which these programs open.
+foreach(program flags moved)
+  add_executable(ecrt_${program} ${folder}/${program}.cpp)
+  target_include_directories(ecrt_${program} PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
+  target_link_libraries(ecrt_${program} PRIVATE margay_ecrt_facade margay_flags)
+endforeach()
 margay_ecrt_test(flags ecrt_flags "")
+margay_ecrt_test(moved ecrt_moved "" sim:${folder}/moved.toml)
 
 # Each function with its signature; the table of the README.
 margay_ecrt_program(ecrt_signatures signatures.c)

@@ -1,36 +1,14 @@
 // Flags of configurations, and PDOs that may overlap. What they change is seen in the time of the start-up and in the
 // datagrams, so the test contains the sources of the facade, with a segment in virtual time in place of that of the
 // environment. Ends with 0 when everything is as expected.
-#include <check.h>
-#include "compat/ecrt/bus.hpp"
-#include "compat/ecrt/segment.hpp"
-#include "osal/virtual/virtual_osal.hpp"
-
-#include <ecrt.h>
-#include <cerrno>
-#include <cstdio>
-
-using namespace margay;
+#include "virtual_time.hpp"
 
 namespace {
 
 constexpr std::uint32_t kVendor = 0x00004D47;
 constexpr std::uint32_t kDrive = 0x5402;
-VirtualOsal* osal = nullptr;
 
 }  // namespace
-
-namespace margay::compat::ecrt {
-
-std::string bound_source(unsigned) { return "sim:drive,drive"; }
-
-hosted::OpenedSource open_segment(const std::string& source) {
-    auto opened = hosted::open_source(source);
-    if (opened) osal = static_cast<VirtualOsal*>(&opened->osal());
-    return opened;
-}
-
-}  // namespace margay::compat::ecrt
 
 namespace {
 
@@ -158,4 +136,7 @@ int run() {
 
 }  // namespace
 
-int main() { return run(); }
+int main() {
+    segment = "sim:drive,drive";
+    return run();
+}
