@@ -61,6 +61,7 @@ class Operation {
     // Devices at other positions than planned (moves.cpp).
     [[nodiscard]] bool is_moved(const ec_slave_config& config) const;
     [[nodiscard]] bool may_attach(const ec_slave_config& config) const;
+    [[nodiscard]] bool lacks_place(const ec_slave_config& config) const;
     [[nodiscard]] bool is_misplaced() const;
     void watch_places(Time now);
     void hold_moved();

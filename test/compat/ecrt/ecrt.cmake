@@ -21,7 +21,7 @@ function(margay_ecrt_test name program segment)
   set_tests_properties(compat/ecrt/${name} PROPERTIES TIMEOUT 120 ENVIRONMENT MARGAY_MASTER0=${segment})
 endfunction()
 
-foreach(program user information dc two_domains requests later mail rules masters eoe request_rules machine places settings)
+foreach(program user information dc two_domains requests later mail rules masters eoe request_rules machine places settings silent)
   margay_ecrt_program(ecrt_${program} ${program}.c)
 endforeach()
 margay_ecrt_program(ecrt_mixed mixed.cpp)
@@ -53,6 +53,7 @@ foreach(scene tool equal_branches other_branches)
 endforeach()
 margay_ecrt_test(places_newcomer ecrt_places sim:drive,drive@2500ms newcomer)
 margay_ecrt_test(settings ecrt_settings sim:${folder}/settings.toml)
+margay_ecrt_test(silent ecrt_silent sim:${folder}/silent.toml)
 
 # The same programs at a cable, with the segment in another process.
 include(${folder}/../over_veth.cmake)
@@ -94,13 +95,14 @@ set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
 
 # The same with a segment in virtual time, which these programs open.
-foreach(program flags moved)
+foreach(program flags moved late_outputs)
   add_executable(ecrt_${program} ${folder}/${program}.cpp)
   target_include_directories(ecrt_${program} PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
   target_link_libraries(ecrt_${program} PRIVATE margay_ecrt_facade margay_flags)
 endforeach()
 margay_ecrt_test(flags ecrt_flags "")
 margay_ecrt_test(moved ecrt_moved "" sim:${folder}/moved.toml)
+margay_ecrt_test(late_outputs ecrt_late_outputs "")
 
 # Each function with its signature; the table of the README.
 margay_ecrt_program(ecrt_signatures signatures.c)

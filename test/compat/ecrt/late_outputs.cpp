@@ -1,0 +1,58 @@
+// A configuration names only the outputs of its slave, which has inputs too and comes after activation: it attaches. Ends
+// with 0 when everything is as expected.
+#include "virtual_time.hpp"
+
+namespace {
+
+constexpr ec_pdo_entry_info_t kEntries[] = {{0x6040, 0, 16}, {0x6060, 0, 8}, {0x607A, 0, 32}};
+constexpr ec_pdo_info_t kPdos[] = {{0x1600, 3, kEntries}};
+constexpr ec_sync_info_t kSyncs[] = {{2, EC_DIR_OUTPUT, 1, kPdos, EC_WD_ENABLE},
+                                     {0xFF, EC_DIR_INVALID, 0, nullptr, EC_WD_DEFAULT}};
+
+struct Program {
+    ec_master_t* master = ecrt_request_master(0);
+    ~Program() { ecrt_release_master(master); }
+};
+
+int run() {
+    const Program program;
+    ec_master_t* const master = program.master;
+    CHECK(master != nullptr);
+    go_to(*master, std::chrono::minutes(60) - std::chrono::seconds(3));
+    ec_domain_t* const domain = ecrt_master_create_domain(master);
+    ec_slave_config_t* const drive = ecrt_master_slave_config(master, 0, 1, 0x00004D47, 0x5402);
+    CHECK(domain != nullptr && drive != nullptr && ecrt_slave_config_pdos(drive, EC_END, kSyncs) == 0);
+    const int mode = ecrt_slave_config_reg_pdo_entry(drive, 0x6060, 0, domain, nullptr);
+    CHECK(mode == 2);
+    ec_sdo_request_t* const shown = ecrt_slave_config_create_sdo_request(drive, 0x6061, 0, 1);
+    CHECK(shown != nullptr && ecrt_master_activate(master) == 0);
+    EC_WRITE_S8(ecrt_domain_data(domain) + mode, 8);
+
+    ec_domain_state_t state{};
+    ec_slave_config_state_t of_slave{};
+    const auto cycle = [&] {
+        osal->advance(std::chrono::milliseconds(1));
+        ecrt_master_receive(master);
+        ecrt_domain_process(domain);
+        ecrt_domain_state(domain, &state);
+        ecrt_slave_config_state(drive, &of_slave);
+        ecrt_domain_queue(domain);
+        ecrt_master_send(master);
+    };
+    for (int n = 0; n < 1000; ++n) cycle();
+    CHECK(!of_slave.online && state.wc_state == EC_WC_ZERO);
+    for (int n = 0; n < 20000 && !of_slave.operational; ++n) cycle();
+    for (int n = 0; n < 50; ++n) cycle();
+    CHECK(of_slave.operational && state.wc_state == EC_WC_COMPLETE && state.working_counter == 1);
+    ecrt_sdo_request_read(shown);
+    for (int n = 0; n < 1000 && ecrt_sdo_request_state(shown) == EC_REQUEST_BUSY; ++n) cycle();
+    CHECK(ecrt_sdo_request_state(shown) == EC_REQUEST_SUCCESS && EC_READ_S8(ecrt_sdo_request_data(shown)) == 8);
+    return 0;
+}
+
+}  // namespace
+
+int main() {
+    segment = "sim:digital_in_8,drive@3600s";
+    return run();
+}
