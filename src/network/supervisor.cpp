@@ -314,6 +314,8 @@ void start_helpers(Watch& watch, Crew& crew) {
     const auto slaves = watch.network.slaves();
     const std::size_t first = watch.next_helped;
     for (Slave& slave : slaves) {
+        // A free place: nobody is there, and the cycle has nothing of it.
+        if (slave.al.state == AlState::none && !exchanges(slave) && !slave.unplaced) continue;
         // The slave is there, and its data is missing in the image.
         const bool asked = watch.network.marks(slave).attempts > 0 || !is_to_be_asked(watch.network, slave);
         const bool missed = (slave.unplaced && asked) || !is_highest(slave.config.highest);
@@ -325,9 +327,10 @@ void start_helpers(Watch& watch, Crew& crew) {
     if (watch.network.is_reserved()) return;
     if (again) watch.retry_at = later(now, watch.wanted.retry);
     for (std::size_t n = 0; n < slaves.size(); ++n) {
-        const std::size_t at = (first + n) % slaves.size();
+        const std::size_t at = first + n < slaves.size() ? first + n : first + n - slaves.size();
         Slave& slave = slaves[at];
-        if (crew.full() || !needs_help(watch.network, slave) || (watch.network.marks(slave).attempts > 0 && !again))
+        if (slave.al.state == AlState::none || crew.full() || !needs_help(watch.network, slave) ||
+            (watch.network.marks(slave).attempts > 0 && !again))
             continue;
         const TaskReference task = help(watch, slave);
         if (!crew.start(task)) return;
