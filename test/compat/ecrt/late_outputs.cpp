@@ -1,5 +1,5 @@
-// A configuration names only the outputs of its slave, which has inputs too and comes after activation: it attaches. Ends
-// with 0 when everything is as expected.
+// A configuration names only the outputs of its slave, which has inputs too and comes after activation: it attaches.
+// Ends with 0 when everything is as expected.
 #include "virtual_time.hpp"
 
 namespace {
