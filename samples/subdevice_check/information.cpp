@@ -2,6 +2,7 @@
 #include "subdevice_check/check.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <set>
 
 namespace margay::samples::conformance {
@@ -261,6 +262,42 @@ void check_entries(Session& session) {
             fmt::format("{} more entries do not agree with their descriptions", check.findings - kMostFindings));
 }
 
+// The lists of objects that can be mapped, stored and set, against the access bits of the entries.
+void check_uses(Session& session) {
+    enter(session);
+    if (!session.sdo.entries_complete) session.bench.skip("the entries were not read (information.entries)");
+    constexpr std::pair<ListType, std::uint16_t> kLists[] = {{ListType::rx_mappable, coe::access::kRxMappable},
+                                                             {ListType::tx_mappable, coe::access::kTxMappable},
+                                                             {ListType::backup, coe::access::kBackup},
+                                                             {ListType::settings, coe::access::kSettings}};
+    for (const auto& [type, access] : kLists) {
+        const auto reply = list(session, type);
+        if (!reply.ok()) continue;  // information.lists reports it
+        std::set<std::uint16_t> listed;
+        for (const auto index : indices_of(reply))
+            if (index >= 0x1000) listed.insert(index);
+        std::set<std::uint16_t> described;
+        for (const auto& entry : session.sdo.entries)
+            if ((entry.access & access) != 0) described.insert(entry.index);
+        const auto number = static_cast<unsigned>(type);
+        if (listed.empty() && !described.empty()) {
+            session.bench.remark(
+                fmt::format("list {} is empty, and {} objects have the access bit 0x{:04x} of it by their descriptions",
+                            number, described.size(), access));
+            continue;
+        }
+        std::vector<std::uint16_t> wrong;
+        std::ranges::set_symmetric_difference(listed, described, std::back_inserter(wrong));
+        if (wrong.size() > kMostFindings) wrong.resize(kMostFindings);
+        for (const auto index : wrong)
+            session.bench.fail(
+                fmt::format("object 0x{:04x} is {}in list {}, and by its description it has the access "
+                            "bit 0x{:04x} {}",
+                            index, listed.contains(index) ? "" : "not ", number, access,
+                            described.contains(index) ? "in an entry" : "in no entry"));
+    }
+}
+
 // Subindex 0 of records and arrays is the highest subindex that exists now; the description has the highest possible.
 void check_subindices(Session& session) {
     enter(session);
@@ -338,6 +375,8 @@ constexpr Check kChecks[] = {
      check_identity},
     {"information.lists", "the lists of objects agree with their lengths", kInformation, check_lists},
     {"information.entries", "each entry is what its description says", kInformation, check_entries},
+    {"information.uses", "the lists of mappable and stored objects agree with the descriptions", kInformation,
+     check_uses},
     {"information.subindices", "subindex 0 agrees with the description of its object", kInformation, check_subindices},
     {"information.errors", "what does not exist is refused with its abort code", kInformation, check_errors},
 };

@@ -71,6 +71,23 @@ constexpr Fault kMailFaults[] = {
          if (is_information(address, data, coe::InfoOpcode::list_response)) data[12] = std::byte{0};
          return true;
      }},
+    {"information.uses", "a list of mappable objects has one that cannot be mapped",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::list_response) && data[12] == std::byte{2})
+             store_le<std::uint16_t>(MutableBytes(data), data.size() - 2, 0x1018);
+         return true;
+     }},
+    {.check = "information.uses",
+     .what = "the list of mappable objects is empty",
+     .write =
+         [](std::uint16_t address, Octets& data) {
+             if (!is_information(address, data, coe::InfoOpcode::list_response) || data[12] != std::byte{3})
+                 return true;
+             data.resize(14);
+             store_le<std::uint16_t>(MutableBytes(data), 0, 8);
+             return true;
+         },
+     .severity = kRemark},
     {"information.entries", "another object is described",
      [](std::uint16_t address, Octets& data) {
          if (is_information(address, data, coe::InfoOpcode::object_response)) data[13] = std::byte{0x77};
