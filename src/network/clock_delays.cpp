@@ -111,8 +111,12 @@ void compute_clock_delays(Network& network) {
     const auto ring = network.seen_ring();
     const auto nodes = clocks.nodes.first(find_frame_ways(network));
     compute_delays(nodes);
-    const std::size_t reference = network.slave(clocks.reference).ring_position;
+    std::size_t reference = network.slave(clocks.reference).ring_position;
     if (reference == 0 || reference > nodes.size()) return;
+    // A delay cannot be negative: all are from the first clock, which is the reference again when it is settled.
+    for (std::size_t n = reference; n-- > 0;)
+        if (ring[n].slave != 0 && nodes[n].timed() && is_clock(clocks.entries[ring[n].slave - 1U].kind))
+            reference = n + 1;
     const std::size_t second = second_part(network, nodes.size());
     const bool parted = reference <= second && second < nodes.size();
     const DelayNode* const behind = parted ? first_timed(nodes, second) : nullptr;
