@@ -113,7 +113,17 @@ Time Indicators::step(Time now, const AlStatus& status) {
         overrides_at_ = now;
     }
     if (now >= overrides_at_) read_overrides(now);
-    return std::min({run_.update(now), error_.update(now), overrides_at_});
+    const Time next = std::min({run_.update(now), error_.update(now), overrides_at_});
+    show();
+    return next;
+}
+
+void Indicators::show() {
+    if (pins_ == nullptr || (has_shown_ && run_shown_ == run_.lit && error_shown_ == error_.lit)) return;
+    has_shown_ = true;
+    run_shown_ = run_.lit;
+    error_shown_ = error_.lit;
+    pins_->show(run_.lit, error_.lit);
 }
 
 }  // namespace margay::subdevice

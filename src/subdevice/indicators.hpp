@@ -1,12 +1,13 @@
 // The RUN and ERR indicators of a device whose processor switches the lamps (ETG.1300 "EtherCAT Indicator and
 // Labeling"). A device whose ESC has outputs for the lamps does not need this file.
 //
-//     Indicators indicators(esc);
-//     for (;;) {
-//         const Time next = std::min(device.step(now), indicators.step(now, device.al_status()));
-//         set_pins(indicators.run_lit(), indicators.error_lit());
-//         sleep_until(next);
-//     }
+//     struct Pins final : IndicatorPins {
+//         void show(bool run, bool error) override { … }
+//     } pins;
+//     Indicators indicators(esc, &pins);
+//     for (;;) sleep_until(std::min(device.step(now), indicators.step(now, device.al_status())));
+//
+// A program without IndicatorPins asks run_lit() and error_lit() after each step.
 #pragma once
 
 #include "subdevice/esc_access.hpp"
@@ -34,10 +35,20 @@ struct Lamp {
 // state; flickering for an error while the device starts.
 [[nodiscard]] Flashing error_flashing(const AlStatus& before, const AlStatus& now);
 
+// The lamps of the board. The author of a device implements this class.
+class IndicatorPins {
+  public:
+    // Switches both lamps. Called from Indicators::step(): at its first call, and when a lamp changes.
+    virtual void show(bool run_lit, bool error_lit) = 0;
+
+  protected:
+    ~IndicatorPins() = default;
+};
+
 class Indicators {
   public:
-    // `esc` must outlive the object.
-    explicit Indicators(EscAccess& esc) : esc_(esc) {}
+    // `esc`, and `pins` if it is given, must outlive the object.
+    explicit Indicators(EscAccess& esc, IndicatorPins* pins = nullptr) : esc_(esc), pins_(pins) {}
 
     // Call it after Device::step(), with the AL status of the device. Returns the latest time for the next call. Reads
     // the override registers at most once in 50 ms: the master can set a lamp by these registers, until the AL status
@@ -62,7 +73,13 @@ class Indicators {
     };
     void read_overrides(Time now);
 
+    void show();
+
     EscAccess& esc_;
+    IndicatorPins* pins_;
+    bool has_shown_ = false;  // what `pins_` shows is known
+    bool run_shown_ = false;
+    bool error_shown_ = false;
     AlStatus status_{};
     Light run_;
     Light error_;

@@ -75,6 +75,40 @@ class IndicatorsOfADevice : public ::testing::Test {
     }
 };
 
+struct CountedPins final : IndicatorPins {
+    void show(bool run_lit, bool error_lit) override {
+        ++calls;
+        run = run_lit;
+        error = error_lit;
+    }
+    unsigned calls = 0;
+    bool run = false;
+    bool error = false;
+};
+
+// The pins are what the functions say after each step, and are called for changes only.
+TEST_F(IndicatorsOfADevice, SwitchThePinsWhenALampChanges) {
+    CountedPins pins;
+    Indicators with_pins(bench.esc, &pins);
+    (void)with_pins.step(at, {.state = AlState::init});
+    EXPECT_EQ(pins.calls, 1u);  // both lamps are off: the pins of a board may be in another state after a reset
+    unsigned changes = 1;
+    bool run = false;
+    bool error = false;
+    for (unsigned n = 0; n < 60; ++n, at += 50ms) {
+        const bool refused = n >= 30;
+        (void)with_pins.step(at,
+                             {.state = AlState::preop, .error = refused, .code = std::uint16_t(refused ? 0x1D : 0)});
+        changes += run != with_pins.run_lit() || error != with_pins.error_lit() ? 1 : 0;
+        run = with_pins.run_lit();
+        error = with_pins.error_lit();
+        ASSERT_EQ(pins.run, run) << n;
+        ASSERT_EQ(pins.error, error) << n;
+        ASSERT_EQ(pins.calls, changes) << n;
+    }
+    EXPECT_GE(changes, 15u);  // both lamps blink with 2.5 Hz, RUN for 3 s
+}
+
 TEST_F(IndicatorsOfADevice, ShowTheState) {
     EXPECT_EQ(look(800ms), std::pair(std::string("####....####...."), std::string("................")));
     bench.request(4);
