@@ -30,6 +30,8 @@ Result<std::uint16_t> scan_by(Context& ctx, const files::EniConfiguration* eni) 
     if (const auto applied = files::apply(ctx, *eni); !applied) return applied.error();
     const auto found = config_init(ctx);
     if (!found) return found;
+    for (const files::Remark& remark : files::remarks_after_scan(ctx, *eni))
+        warn(fmt::format("warning: ENI file: {}", to_text(remark)));
     if (const auto told = files::after_scan(ctx, *eni); !told) return told.error();
     if (!eni->clocks) return found;
     if (const auto reference = configdc(ctx, *eni->clocks); !reference) return reference.error();

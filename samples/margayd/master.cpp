@@ -203,9 +203,12 @@ bool Master::bring_up() {
     log(Priority::notice, fmt::format("{} slave{} found", present, present == 1 ? "" : "s"));
     // The errors of these calls are in errors() too, and the companion writes them: what fails for one slave does not
     // keep the others from work.
-    if (eni_)
+    if (eni_) {
+        for (const files::Remark& remark : files::remarks_after_scan(*ctx_, *eni_))
+            log(Priority::warning, fmt::format("{}: {}", configuration_.eni.string(), to_text(remark)));
         if (const auto told = files::after_scan(*ctx_, *eni_); !told)
             log(Priority::error, samples::sentence(told.error()));
+    }
     if (eni_ && eni_->clocks) (void)configdc(*ctx_, *eni_->clocks);
     if (configuration_.state < AlState::safeop) (void)set_target(*ctx_, 0, configuration_.state);
     map_groups();

@@ -39,7 +39,7 @@ void give_numbers(Reader& r, Node config, std::deque<EniSlaveData>& slaves) {
         if (s.expected.hot_connect != 0) s.slave.number = ++number;
 }
 
-void read_slaves(Reader& r, Node config, std::deque<EniSlaveData>& slaves) {
+void read_slaves(Reader& r, Node config, const std::vector<EniInit>& master, std::deque<EniSlaveData>& slaves) {
     for (const Node node : config.children("Slave")) {
         if (slaves.size() == 65535) return r.fail(node, "there are more than 65535 slaves");
         slaves.push_back(read_eni_slave(r, node, static_cast<std::uint16_t>(slaves.size())));
@@ -52,7 +52,7 @@ void read_slaves(Reader& r, Node config, std::deque<EniSlaveData>& slaves) {
             return r.fail(s.node.child("Info"),
                           "the slave has the PhysAddr of the slave in line " + std::to_string(first->second));
     }
-    for (const EniInit& init : read_eni_inits(r, config.child("Master"))) {
+    for (const EniInit& init : master) {
         if (!r.expand(init.node, slaves.size())) return;
         add_master_command(r, init, slaves);
     }
@@ -95,13 +95,15 @@ void read_config(Reader& r, EniConfiguration& eni) {
     if (const Node eoe = config.child("Master").child("EoE"))
         eni.eoe = {r.number<std::uint32_t>(child(eoe, "MaxPorts")), r.number<std::uint32_t>(child(eoe, "MaxFrames")),
                    r.number<std::uint32_t>(child(eoe, "MaxMACs"))};
+    const std::vector<EniInit> master = read_eni_inits(r, config.child("Master"));
     std::deque<EniSlaveData> slaves;
-    read_slaves(r, config, slaves);
+    read_slaves(r, config, master, slaves);
     if (r.failed()) return;
     give_numbers(r, config, slaves);
     if (r.failed()) return;
     read_eni_cycles(r, config, slaves, eni);
     if (r.failed()) return;
+    name_unused(r, master, slaves, eni.clocks.has_value());
     for (EniSlaveData& slave : slaves) {
         if (slave.group < 0 && slave.config.sm_count != 0)
             r.fail(slave.node, "no Cyclic element exchanges the process data of the slave");

@@ -68,6 +68,7 @@ struct EniSlaveData {
     ExpectedSlave expected{};
     SlaveConfiguration config{};
     SlaveSetup setup{};
+    std::vector<EniInit> inits{};  // those that address this slave
     bool has_inits = false;               // without init commands the file describes only mailbox commands
     std::map<unsigned, EniFmmu> fmmus{};  // by number
     std::map<unsigned, EniSm> sms{};
@@ -94,6 +95,8 @@ void add_register_command(Reader& reader, const EniInit& init, EniSlaveData& sla
 void make_process_data(Reader& reader, EniSlaveData& slave);
 // The Cyclic elements: groups, places in the images, clocks.
 void read_eni_cycles(Reader& reader, Node config, std::deque<EniSlaveData>& slaves, EniConfiguration& into);
+// Names what the library does otherwise or not at all, and reads the mailboxes. `clocks`: the file uses clocks.
+void name_unused(Reader& reader, const std::vector<EniInit>& master, std::deque<EniSlaveData>& slaves, bool clocks);
 void read_eni_variables(Reader& reader, Node config, const std::deque<EniSlaveData>& slaves, EniConfiguration& into);
 
 }  // namespace margay::files

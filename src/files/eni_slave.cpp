@@ -179,10 +179,10 @@ void read_dc(Reader& r, Node dc, EniSlaveData& s) {
 }
 
 void read_inits(Reader& r, Node node, EniSlaveData& s) {
-    const std::vector<EniInit> inits = read_eni_inits(r, node);
+    std::vector<EniInit> inits = read_eni_inits(r, node);
     s.has_inits = !inits.empty();
     IdentityChecks checks;
-    for (const EniInit& init : inits) {
+    for (EniInit& init : inits) {
         const bool by_position = init.cmd == EniCmd::aprd || init.cmd == EniCmd::apwr;
         const bool by_station = init.cmd == EniCmd::fprd || init.cmd == EniCmd::fpwr;
         const bool other =
@@ -199,6 +199,7 @@ void read_inits(Reader& r, Node node, EniSlaveData& s) {
         if (init.ado >= reg::kSyncManagerBase && init.ado < reg::kSyncManagerBase + 0x80) see_sync_managers(r, init, s);
         if (init.ado >= 0x0980 && init.ado < 0x09B0) see_sync(init, s);
         add_register_command(r, init, s);
+        s.inits.push_back(std::move(init));
     }
     if (checks.any) return;
     // A file without checks still says which slave it is made for.

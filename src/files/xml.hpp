@@ -49,6 +49,7 @@ class Reader {
     [[nodiscard]] Node root() const { return document_.document_element(); }
 
     [[nodiscard]] std::uint32_t line_of(Node at) const { return remark_at(at, {}).line; }
+    [[nodiscard]] Remark remark_at(Node at, std::string text) const;
     void remark(Node at, std::string text);
     // Stores the first problem; later ones are ignored until take_problem().
     void fail(Node at, std::string text);
@@ -83,7 +84,6 @@ class Reader {
     [[nodiscard]] static std::string text(const Value& value) { return std::string(value.text); }
 
   private:
-    Remark remark_at(Node at, std::string text) const;
     bool refuse(std::size_t offset, std::string text);
     bool check_tree();
     std::uint64_t unsigned_number(const Value& value, std::uint64_t fallback, std::uint64_t most);

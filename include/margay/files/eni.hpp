@@ -13,9 +13,9 @@
 //
 // What of a file the library does in its own way, so that its commands are not sent as they stand: the scan, the
 // assignment of the station addresses (of those that the file gives), the access to the SII, requests and checks of AL
-// states (their timeouts are used), the mailbox SyncManagers (from the SII of the slave), clearing of FMMUs and
-// SyncManagers, and the clocks. All other init commands become start-up commands of their slaves; those that broadcast
-// a value become one command for each slave.
+// states (their timeouts are used), the mailbox SyncManagers (from the SII of the slave; remarks_after_scan()
+// compares), clearing of FMMUs and SyncManagers, and the clocks. All other init commands become start-up commands of
+// their slaves; those that broadcast a value become one command for each slave.
 #pragma once
 
 #include <margay/clocks.hpp>
@@ -25,6 +25,7 @@
 #include <margay/group.hpp>
 #include <margay/host_configuration.hpp>
 #include <margay/limits.hpp>
+#include <margay/slave.hpp>
 
 #include <cstdint>
 #include <memory>
@@ -34,6 +35,12 @@
 #include <vector>
 
 namespace margay::files {
+
+// A port of a slave of the file. Ports A to D are 0 to 3.
+struct EniPort {
+    std::uint8_t port = 0;
+    std::uint16_t station_address = 0;  // the PhysAddr of the slave
+};
 
 // A slave of the file. `number` is that of the slave in the context after config_init().
 struct EniSlave {
@@ -46,6 +53,12 @@ struct EniSlave {
     // The modules that the file writes to the list of configured modules (object 0xF030), from slot 0 on, by their
     // idents; 0: an empty slot.
     std::vector<std::uint32_t> modules{};
+    // The mailboxes of the file, without protocols, and the ports that the slave may hang at (PreviousPort). They are
+    // not required, remarks_after_scan() compares them. The places have no text.
+    MailboxInfo mailbox{};
+    Remark mailbox_place{};
+    std::vector<EniPort> previous_ports{};
+    Remark ports_place{};
 };
 
 // A variable of the process image.
@@ -107,6 +120,11 @@ Result<> apply(Context& ctx, const EniConfiguration& eni);
 // all slaves; returns the first error: that of reading the list, or check_failed with index 0xF050 and the subindex of
 // the first slot with another module (expected and actual: the idents).
 Result<> after_scan(Context& ctx, const EniConfiguration& eni);
+
+// What of the file is not done, and is known only when the slaves are: a remark for each slave whose mailboxes are
+// others in the file than in its SII, of which the library takes them, and for each slave that hangs at another port.
+// Call it after config_init(). Never waits.
+[[nodiscard]] std::vector<Remark> remarks_after_scan(Context& ctx, const EniConfiguration& eni);
 
 // Brings the segment to SAFEOP as the file says: apply(), config_init(), after_scan(), configdc() if the file uses
 // clocks, and config_map() of each group; `image` has at least eni.image_bytes octets and is divided between the

@@ -1,0 +1,235 @@
+// What an ENI file asks for and the library does in its own way, or not at all.
+#include <margay/margay.hpp>
+
+#include "files/eni_read.hpp"
+#include "wire/esc.hpp"
+#include "wire/sync_manager.hpp"
+
+#include <algorithm>
+
+namespace margay::files {
+namespace {
+
+namespace reg = wire::reg;
+
+// The octet that an init command writes to an address; nothing if it writes none there.
+std::optional<std::uint8_t> written_at(const EniInit& init, unsigned address) {
+    const bool changes =
+        init.writes() || init.cmd == EniCmd::aprw || init.cmd == EniCmd::fprw || init.cmd == EniCmd::brw;
+    if (!changes || init.transitions == Transition::none) return std::nullopt;
+    if (address < init.ado || address - init.ado >= init.data.size()) return std::nullopt;
+    return std::to_integer<std::uint8_t>(init.data[address - init.ado]);
+}
+
+// ------------------------------------------------------------------ registers of the clocks
+
+using Asks = bool (*)(const EniInit&);
+
+bool other_at(const EniInit& init, unsigned address, std::uint8_t usual) {
+    return written_at(init, address).value_or(usual) != usual;
+}
+bool asks_latches(const EniInit& init) {
+    return other_at(init, reg::kLatch0Control.address, 0) || other_at(init, reg::kLatch0Control.address + 1, 0);
+}
+// 0x1000 is what the library writes.
+bool asks_speed(const EniInit& init) {
+    return other_at(init, reg::kSpeedCounterStart.address, 0x00) ||
+           other_at(init, reg::kSpeedCounterStart.address + 1, 0x10);
+}
+// The depths after power-up. Many tools write 0 and 12.
+bool asks_filters(const EniInit& init) {
+    return other_at(init, reg::kSystemTimeDifferenceFilter.address, 4) ||
+           other_at(init, reg::kSpeedCounterFilter.address, 12);
+}
+
+void name_first(Reader& r, const std::vector<EniInit>& inits, Asks asks, const char* text) {
+    const auto first = std::ranges::find_if(inits, asks);
+    if (first != inits.end()) r.remark(first->node, text);
+}
+
+void name_clock_registers(Reader& r, const std::vector<EniInit>& inits, bool clocks) {
+    name_first(r, inits, asks_latches,
+               "the init command for the latch control (0x09a8) is not sent: an application watches latch inputs by a "
+               "LatchRequest");
+    if (!clocks) return;  // the registers have no effect
+    name_first(r, inits, asks_speed,
+               "the init command for the speed counter (0x0930) is not sent: the library starts the control loops of "
+               "the clocks with 0x1000");
+    name_first(r, inits, asks_filters,
+               "the init command for the filters of the clocks (0x0934) is not sent: the slaves keep the filter depths "
+               "that they have, after power-up usually 4 and 12");
+}
+
+// ------------------------------------------------------------------ mailboxes
+
+struct Range {
+    std::uint16_t start = 0;
+    std::uint16_t bytes = 0;
+    friend bool operator==(const Range&, const Range&) = default;
+};
+std::string words(Range range) { return hex(range.start) + ", " + std::to_string(range.bytes) + " octets"; }
+std::string words(Range out, Range in) { return words(out) + ", and " + words(in); }
+
+Range range_of(Reader& r, Node node) {
+    return {r.number<std::uint16_t>(child(node, "Start")), r.number<std::uint16_t>(child(node, "Length"))};
+}
+
+class MailboxReader {
+  public:
+    MailboxReader(Reader& r, EniSlaveData& s) : r_(r), s_(s), mailbox_(s.node.child("Mailbox")) {
+        place_ = mailbox_;
+        const Node recv = mailbox_.child("Recv");
+        boxes_[0] = range_of(r, mailbox_.child("Send"));
+        boxes_[1] = range_of(r, recv ? recv : mailbox_.child("Receive"));
+    }
+
+    void read() {
+        const auto described = boxes_;
+        for (const EniInit& init : s_.inits) see(init);
+        if (!mailbox_ || boxes_[0].bytes == 0 || boxes_[1].bytes == 0) return;
+        for (std::size_t n = 0; n < 2; ++n)
+            if (described[n].bytes != 0 && described[n] != boxes_[n])
+                name(place_, "the init commands set SyncManager " + std::to_string(n) + " to " + words(boxes_[n]) +
+                                 ", and Mailbox gives it " + words(described[n]) +
+                                 ": neither is used, but what the SII of the slave gives it");
+        s_.slave.mailbox = {boxes_[0].start, boxes_[0].bytes, boxes_[1].start, boxes_[1].bytes};
+        s_.slave.mailbox_place = r_.remark_at(place_, {});
+    }
+
+  private:
+    static constexpr unsigned kEnd = reg::kSyncManagerBase + 2 * reg::kSyncManagerStride;
+
+    // One remark for each slave.
+    void name(Node at, std::string text) {
+        if (!named_) r_.remark(at, std::move(text));
+        named_ = true;
+    }
+
+    void see(const EniInit& init) {
+        const bool here = init.ado < kEnd && init.ado + init.data.size() > reg::kSyncManagerBase;
+        if (!here || !init.writes() || !contains(init.transitions, Transition::init_to_preop) || init.is_zero()) return;
+        // Set at PS too: a SyncManager of process data.
+        if (contains(init.transitions, Transition::preop_to_safeop)) return;
+        const std::size_t stride = reg::kSyncManagerStride;
+        if (init.ado % stride != 0 || init.data.size() % stride != 0)
+            return name(init.node,
+                        "an init command at IP writes a part of a SyncManager of the mailbox: it is not sent");
+        for (std::size_t at = 0; at < init.data.size() && init.ado + at < kEnd; at += stride)
+            if (init.ado + at >= reg::kSyncManagerBase) see(init, at, (init.ado + at - reg::kSyncManagerBase) / stride);
+    }
+
+    void see(const EniInit& init, std::size_t at, std::size_t number) {
+        const Range range{static_cast<std::uint16_t>(init.value(at, 2)),
+                          static_cast<std::uint16_t>(init.value(at + 2, 2))};
+        if (range.bytes == 0) return;
+        const std::string sm = "SyncManager " + std::to_string(number);
+        if (!mailbox_)
+            return name(init.node, sm + " is set at IP, and the slave has no Mailbox: the init command is not sent");
+        constexpr std::uint64_t kModeAndDirection = 0x0F;
+        const std::uint64_t usual = wire::sm_control::kModeMailbox | (number == 0 ? wire::sm_control::kEcatWrites : 0);
+        if ((init.value(at + 4, 1) & kModeAndDirection) != usual ||
+            (init.value(at + 6, 1) & wire::sm_activate::kEnable) == 0)
+            return name(init.node, "an init command at IP sets " + sm +
+                                       " to something else than an enabled mailbox of its direction: it is not sent");
+        boxes_[number] = range;
+        if (number == 0 || place_ == mailbox_) place_ = init.node;
+    }
+
+    Reader& r_;
+    EniSlaveData& s_;
+    Node mailbox_;
+    Node place_;
+    std::array<Range, 2> boxes_{};
+    bool named_ = false;
+};
+
+// 20 ms is what tools write where nobody has chosen a time.
+void name_poll_times(Reader& r, const std::deque<EniSlaveData>& slaves) {
+    Node first{};
+    unsigned count = 0;
+    for (const EniSlaveData& s : slaves) {
+        const Value time = child(s.node.child("Mailbox").child("Recv"), "PollTime");
+        constexpr std::uint32_t kUsual_ms = 20;
+        if (!time.there || s.config.mailbox_status || r.number<std::uint32_t>(time) == kUsual_ms) continue;
+        if (count++ == 0) first = time.at;
+    }
+    if (count != 0)
+        r.remark(first, "PollTime is not used (" + std::to_string(count) +
+                            (count == 1 ? " slave has" : " slaves have") +
+                            " another one than 20 ms): watch_mailboxes() gives all slaves one interval, and without it "
+                            "the library reads a mailbox only for a request");
+}
+
+// ------------------------------------------------------------------ after the scan
+
+Remark at(Remark place, std::string text) {
+    place.text = std::move(text);
+    return place;
+}
+
+void compare_mailboxes(const EniSlave& one, const Slave& slave, std::vector<Remark>& into) {
+    if (!one.mailbox.present() || !slave.sii_read) return;
+    const Range out{one.mailbox.out_start, one.mailbox.out_bytes};
+    const Range in{one.mailbox.in_start, one.mailbox.in_bytes};
+    const Range own_out{slave.mailbox.out_start, slave.mailbox.out_bytes};
+    const Range own_in{slave.mailbox.in_start, slave.mailbox.in_bytes};
+    if (out == own_out && in == own_in) return;
+    into.push_back(at(one.mailbox_place, "the mailboxes that the file gives slave " + std::to_string(one.number) +
+                                             " (" + words(out, in) + ") are not used: its SII gives " +
+                                             (slave.mailbox.present() ? words(own_out, own_in) : "none")));
+}
+
+std::string port_words(std::uint16_t slave, unsigned port) {
+    if (slave == 0) return "the master";
+    return std::string("port ") + "ABCD"[port & 3] + " of slave " + std::to_string(slave);
+}
+
+// Several ports are alternatives.
+void compare_ports(const EniConfiguration& eni, const EniSlave& one, const Slave& slave, std::vector<Remark>& into) {
+    if (one.previous_ports.empty() || slave.ring_position == 0) return;
+    std::string named;
+    for (const EniPort& port : one.previous_ports) {
+        const auto before = std::ranges::find(eni.slaves, port.station_address, &EniSlave::station_address);
+        if (before == eni.slaves.end() || port.station_address == 0) return;  // of no slave of the file
+        if (before->number == slave.parent && port.port == slave.parent_port) return;
+        if (named.empty()) named = port_words(before->number, port.port);
+    }
+    into.push_back(at(one.ports_place, "slave " + std::to_string(one.number) + " is at " + named +
+                                           " in the file, and here at " + port_words(slave.parent, slave.parent_port) +
+                                           ": the library requires the order of the slaves only"));
+}
+
+void read_previous_ports(Reader& r, EniSlaveData& s) {
+    for (const Node node : s.node.children("PreviousPort")) {
+        const std::string_view name = child(node, "Port").text;
+        if (name.size() != 1 || name[0] < 'A' || name[0] > 'D') continue;
+        if (s.slave.previous_ports.empty()) s.slave.ports_place = r.remark_at(node, {});
+        s.slave.previous_ports.push_back(
+            {static_cast<std::uint8_t>(name[0] - 'A'), r.number<std::uint16_t>(child(node, "PhysAddr"))});
+    }
+}
+
+}  // namespace
+
+void name_unused(Reader& r, const std::vector<EniInit>& master, std::deque<EniSlaveData>& slaves, bool clocks) {
+    name_clock_registers(r, master, clocks);
+    for (EniSlaveData& s : slaves) {
+        name_clock_registers(r, s.inits, clocks);
+        MailboxReader(r, s).read();
+        read_previous_ports(r, s);
+    }
+    name_poll_times(r, slaves);
+}
+
+std::vector<Remark> remarks_after_scan(Context& ctx, const EniConfiguration& eni) {
+    std::vector<Remark> all;
+    for (const EniSlave& one : eni.slaves) {
+        if (one.number == 0 || one.number > ctx.slaves().size()) continue;
+        const Slave& slave = ctx.slave(one.number);
+        compare_mailboxes(one, slave, all);
+        compare_ports(eni, one, slave, all);
+    }
+    return all;
+}
+
+}  // namespace margay::files

@@ -1,0 +1,212 @@
+// What an ENI asks for and the library does not do: a remark with line and cause, and none where it has no effect.
+#include <margay/files/eni.hpp>
+
+#include "files/examples.hpp"
+#include "files/machine.hpp"
+#include "files/xml.hpp"
+
+#include <gtest/gtest.h>
+
+namespace margay::files {
+namespace {
+
+using Texts = std::vector<std::string>;
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+    const auto at = text.find(what);
+    EXPECT_NE(at, std::string::npos) << what;
+    if (at != std::string::npos) text.replace(at, what.size(), by);
+    return text;
+}
+
+std::string init(const std::string& transition, unsigned ado, const std::string& data, unsigned station = 1001) {
+    return "<InitCmd><Transition>" + transition + "</Transition><Cmd>5</Cmd><Adp>" + std::to_string(station) +
+           "</Adp><Ado>" + std::to_string(ado) + "</Ado><Data>" + data + "</Data><Cnt>1</Cnt></InitCmd>";
+}
+// The example with more init commands of slave 1, in line 14 from column 1 on; or of the master, in line 6.
+std::string with_inits(const std::string& more) {
+    return replaced(kExampleEni, "<InitCmd><Transition>IP</Transition><Cmd>2</Cmd>",
+                    more + "<InitCmd><Transition>IP</Transition><Cmd>2</Cmd>");
+}
+std::string with_master(const std::string& more) {
+    return replaced(kExampleEni, "</InitCmds></Master>", more + "</InitCmds></Master>");
+}
+// The cyclic command that makes a file use clocks.
+std::string with_clocks(const std::string& text) {
+    return replaced(text, "</Frame></Cyclic>",
+                    "<Cmd><State>OP</State><Cmd>14</Cmd><Adp>1001</Adp><Ado>2320</Ado><DataLength>8</DataLength></Cmd>"
+                    "</Frame></Cyclic>");
+}
+
+// What is said of a file beyond what is said of the example.
+Texts more_said(const std::string& text) {
+    const auto known = read_eni(kExampleEni);
+    const auto eni = read_eni(text);
+    EXPECT_TRUE(eni) << to_text(eni.problem);
+    Texts all;
+    for (const Remark& one : eni.remarks)
+        if (std::ranges::find(known.remarks, one.text, &Remark::text) == known.remarks.end())
+            all.push_back(to_text(one));
+    return all;
+}
+
+const std::string kNoLatch =
+    "the init command for the latch control (0x09a8) is not sent: an application watches latch inputs by a "
+    "LatchRequest";
+const std::string kNoSpeed =
+    "the init command for the speed counter (0x0930) is not sent: the library starts the control loops of the clocks "
+    "with 0x1000";
+const std::string kNoFilters =
+    "the init command for the filters of the clocks (0x0934) is not sent: the slaves keep the filter depths that they "
+    "have, after power-up usually 4 and 12";
+
+TEST(EniUnused, LatchControlIsNamedOnceForEachSlave) {
+    EXPECT_EQ(more_said(with_inits(init("PS", 0x09A8, "0100") + init("SO", 0x09A9, "03"))),
+              Texts{"line 14, column 2: " + kNoLatch});
+    EXPECT_EQ(more_said(with_inits(init("PS", 0x09A8, "0000"))), Texts());
+    EXPECT_EQ(more_said(with_inits(init("PS", 0x09A0, "40420F000000000001"))), Texts{"line 14, column 2: " + kNoLatch})
+        << "behind the cycle times";
+}
+
+TEST(EniUnused, ControlLoopsOfTheClocksAreNamedWhereTheyHaveAnEffect) {
+    const auto master = [](unsigned ado, const std::string& data) {
+        return replaced(init("IP", ado, data, 0), "<Cmd>5<", "<Cmd>8<");
+    };
+    const std::string other = with_master(master(0x0930, "0020") + master(0x0934, "000c"));
+    EXPECT_EQ(more_said(other), Texts()) << "the file uses no clocks";
+    EXPECT_EQ(more_said(with_clocks(other)),
+              (Texts{"line 6, column 2: " + kNoSpeed,
+                     "line 6, column " + std::to_string(master(0x0930, "0020").size() + 2) + ": " + kNoFilters}));
+    EXPECT_EQ(more_said(with_clocks(with_master(master(0x0930, "0010") + master(0x0934, "040c")))), Texts());
+    EXPECT_EQ(more_said(with_clocks(with_inits(init("PS", 0x0935, "08")))), Texts{"line 14, column 2: " + kNoFilters});
+}
+
+TEST(EniUnused, PollTimesAreNamedOnce) {
+    const std::string status = "<StatusBitAddr>0</StatusBitAddr>";
+    EXPECT_EQ(more_said(replaced(kExampleEni, status, "<PollTime>3000</PollTime>")),
+              Texts{"line 10, column 108: PollTime is not used (1 slave has another one than 20 ms): watch_mailboxes() "
+                    "gives all slaves one interval, and without it the library reads a mailbox only for a request"});
+    EXPECT_EQ(more_said(replaced(kExampleEni, status, "<PollTime>20</PollTime>")), Texts());
+}
+
+TEST(EniUnused, ASlaveAtAnotherPortIsNamedAfterTheScan) {
+    const std::vector<std::string> devices{"coupler", "digital_in_8", "digital_out_8"};
+    Machine machine(devices);
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const std::string text = write_eni(machine.ctx).text;
+    const auto remarks_with = [&](const std::string& what, const std::string& by) {
+        const auto eni = read_eni(replaced(text, what, by));
+        EXPECT_TRUE(eni) << to_text(eni.problem);
+        EXPECT_TRUE(eni.remarks.empty());
+        Machine second(devices, eni->limits());
+        EXPECT_TRUE(remarks_after_scan(second.ctx, *eni).empty()) << "before the scan nothing is known";
+        const auto up = bring_up(second.ctx, *eni, second.image);
+        EXPECT_TRUE(up) << words(up.error());
+        Texts all;
+        for (const Remark& one : remarks_after_scan(second.ctx, *eni)) all.push_back(one.text);
+        return all;
+    };
+    const std::string port = "<Port>B</Port>";
+    EXPECT_EQ(remarks_with(port, port), Texts());
+    EXPECT_EQ(remarks_with(port, "<Port>C</Port>"),
+              Texts{"slave 2 is at port C of slave 1 in the file, and here at port B of slave 1: the library requires "
+                    "the order of the slaves only"});
+    const std::string other = "<PreviousPort><Port>D</Port><PhysAddr>" +
+                              std::to_string(machine.ctx.slave(1).station_address.value) +
+                              "</PhysAddr></PreviousPort><PreviousPort";
+    EXPECT_EQ(remarks_with("<PreviousPort", other), Texts()) << "one of two alternatives";
+}
+
+TEST(EniUnused, MailboxesThatTheFileContradictsAreNamed) {
+    const std::string out = init("IP", 0x0800, "0010800026000100");
+    const std::string in = init("IP", 0x0808, "8010800022000100");
+    const std::string clear = init("IP", 0x0800, "00000000000000000000000000000000");
+    EXPECT_EQ(more_said(with_inits(clear + out + in)), Texts());
+    EXPECT_EQ(more_said(with_inits(init("IP", 0x0800, "00108000360001008010800032000100"))), Texts())
+        << "interrupts of the EtherCAT side, both in one command";
+    EXPECT_EQ(
+        more_said(with_inits(init("IP", 0x0800, "0010000126000100"))),
+        Texts{"line 14, column 2: the init commands set SyncManager 0 to 0x1000, 256 octets, and Mailbox gives it "
+              "0x1000, 128 octets: neither is used, but what the SII of the slave gives it"});
+    const std::string no_mailbox =
+        "line 14, column 2: an init command at IP sets SyncManager 1 to something else than "
+        "an enabled mailbox of its direction: it is not sent";
+    EXPECT_EQ(more_said(with_inits(init("IP", 0x0808, "8010800026000100") + init("IP", 0x0808, "8010800020000100"))),
+              Texts{no_mailbox});
+    EXPECT_EQ(more_said(with_inits(init("IP", 0x0808, "8010800022000000"))), Texts{no_mailbox});
+    EXPECT_EQ(more_said(with_inits(init("IP", 0x0806, "0100"))),
+              Texts{"line 14, column 2: an init command at IP writes a part of a SyncManager of the mailbox: it is not "
+                    "sent"});
+    const std::string second = "<InitCmd><Transition>PS</Transition><Cmd>5</Cmd><Adp>1002</Adp><Ado>2048<";
+    EXPECT_EQ(more_said(replaced(kExampleEni, second, init("IP", 0x0800, "0010800026000100", 1002) + second)),
+              Texts{"line 26, column 2: SyncManager 0 is set at IP, and the slave has no Mailbox: the init command is "
+                    "not sent"});
+}
+
+TEST(EniUnused, MailboxesThatDifferFromTheSiiAreNamedAfterTheScan) {
+    const std::vector<std::string> devices{"coupler", "drive", "digital_in_8"};
+    Machine machine(devices);
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const MailboxInfo own = machine.ctx.slave(2).mailbox;
+    ASSERT_TRUE(own.present());
+    const std::string text = write_eni(machine.ctx).text;
+    const auto same = read_eni(text);
+    ASSERT_TRUE(same) << to_text(same.problem);
+    EXPECT_EQ(same->slaves[1].mailbox.out_bytes, own.out_bytes);
+    EXPECT_TRUE(remarks_after_scan(machine.ctx, *same).empty());
+
+    // A user of the tool has chosen a smaller mailbox: there, and in the command that the tool makes of it.
+    const auto octets = [](std::uint16_t value) {
+        return hex(static_cast<std::uint16_t>(value << 8 | value >> 8)).substr(2);
+    };
+    constexpr std::uint16_t kOther = 64;
+    ASSERT_NE(own.out_bytes, kOther);
+    std::string other = replaced(text, "<Length>" + std::to_string(own.out_bytes) + "<", "<Length>64<");
+    other = replaced(other, octets(own.out_start) + octets(own.out_bytes), octets(own.out_start) + octets(kOther));
+    const auto eni = read_eni(other);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    EXPECT_TRUE(eni.remarks.empty()) << to_text(eni.remarks[0]);
+    Machine second(devices, eni->limits());
+    EXPECT_TRUE(remarks_after_scan(second.ctx, *eni).empty()) << "before the scan nothing is known";
+    const auto up = bring_up(second.ctx, *eni, second.image);
+    ASSERT_TRUE(up) << words(up.error());
+    EXPECT_EQ(second.ctx.slave(2).mailbox.out_bytes, own.out_bytes);
+    const auto named = remarks_after_scan(second.ctx, *eni);
+    ASSERT_EQ(named.size(), 1U);
+    std::size_t line =
+        1 + static_cast<std::size_t>(
+                std::count(other.begin(), other.begin() + static_cast<std::ptrdiff_t>(other.find("set sm 0")), '\n'));
+    EXPECT_LE(named[0].line, line);
+    EXPECT_GT(named[0].line + 8, line) << "the init command of SyncManager 0";
+    EXPECT_NE(named[0].text.find("the mailboxes that the file gives slave 2 (0x"), std::string::npos) << named[0].text;
+    EXPECT_NE(named[0].text.find(", 64 octets, and 0x"), std::string::npos) << named[0].text;
+    EXPECT_NE(named[0].text.find(") are not used: its SII gives 0x"), std::string::npos) << named[0].text;
+    EXPECT_NE(named[0].text.find(std::to_string(own.out_bytes) + " octets, and 0x"), std::string::npos)
+        << named[0].text;
+}
+
+TEST(FieldFiles, WhatAToolWritesAnywayIsNoRemark) {
+    if (std::string_view(MARGAY_XML_DIR).empty()) GTEST_SKIP() << "MARGAY_XML_DIR is not set";
+    std::string text = read_file(std::string(MARGAY_XML_DIR) + "/eni/variox_eni.xml").octets;
+    const auto all = [&](const std::string& what, const std::string& by) {
+        for (auto at = text.find(what); at != std::string::npos; at = text.find(what, at + by.size()))
+            text.replace(at, what.size(), by);
+    };
+    all("EncryptedEtherCATConfig", "EtherCATConfig");
+    all("5f0b03ebc40b03fcb91c03f9630b03fb", "00000010a4000007d817000201000000");
+    all("5f0b03ebcc0b03fcf91503fa630b03fb", "00000010ac000007981e000101000000");
+    const auto eni = read_eni(text);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    for (const Remark& one : eni.remarks)
+        for (const char* word : {"PollTime", "0x0930", "0x0934", "SyncManager 0", "SyncManager 1"})
+            EXPECT_EQ(one.text.find(word), std::string::npos) << to_text(one);
+    EXPECT_EQ(eni->slaves[1].mailbox.out_bytes, 1004);
+    EXPECT_EQ(eni->slaves[1].mailbox.in_start, 5100);
+    EXPECT_FALSE(eni->slaves[0].mailbox.present());
+    EXPECT_EQ(eni->slaves[1].previous_ports.size(), 1U);
+}
+
+}  // namespace
+}  // namespace margay::files
