@@ -136,6 +136,20 @@ TEST_F(ClockBranch, ABranchThatIsLost) {
     expect_all_in_step();
 }
 
+// The delays are measured anew while slave 5 is the reference and slaves 1 and 2, which were away, are before it.
+TEST_F(ClockBranch, DelaysOfClocksBeforeTheReference) {
+    add_ring(6);
+    late_us = 20;
+    bring_up_ring();
+    cut(0, 1000);
+    power(3, false, 30);
+    cut(4, 300);
+    mend(0, 400);
+    mend(4, 645);
+    power(3, true, 8000);
+    expect_all_in_step();
+}
+
 // Faults in a ring without branches, some ten milliseconds apart.
 TEST_F(ClockBranch, FaultsBeforeTheClocksAreCompared) {
     add_ring(5);
