@@ -90,18 +90,18 @@ std::string FirmwareComparison::difference() const {
 }
 
 // A device or a pipe is written directly; it must not be replaced by a file.
-FirmwareCopy::FirmwareCopy(const std::string& path) : path_(path), beside_(path + ".new") {
-    std::error_code ignored;
-    const auto kind = fs::status(path, ignored).type();
-    if (kind != fs::file_type::regular && kind != fs::file_type::not_found) {
-        beside_ = path_;
+FirmwareCopy::FirmwareCopy(const std::string& path) : path_(path), target_(target_of(path)), beside_(target_.path) {
+    error_ = target_.error;
+    if (!error_.empty()) return;
+    if (!target_.is_replaced) {
         file_.reset(std::fopen(path_.c_str(), "wb"));
     } else {  // no file of the user is overwritten
+        beside_ = target_.path + ".new";
         constexpr int kMost = 100;
         for (int n = 1; n <= kMost && file_ == nullptr; ++n) {
             file_.reset(std::fopen(beside_.c_str(), "wbx"));
             if (file_ == nullptr && errno != EEXIST) break;
-            if (file_ == nullptr) beside_ = path_ + ".new" + std::to_string(n);
+            if (file_ == nullptr) beside_ = target_.path + ".new" + std::to_string(n);
         }
     }
     if (file_ == nullptr) fail();
@@ -115,7 +115,7 @@ FirmwareCopy::~FirmwareCopy() {
 
 void FirmwareCopy::remove_copy() {
     std::error_code ignored;
-    if (beside_ != path_) fs::remove(beside_, ignored);
+    if (target_.is_replaced) fs::remove(beside_, ignored);
 }
 
 void FirmwareCopy::fail() { error_ = failure_of(path_, "cannot be written"); }
@@ -131,7 +131,7 @@ ByteSink::Taken FirmwareCopy::push(std::span<const std::byte> octets) {
 std::string FirmwareCopy::complete() {
     errno = 0;
     const bool written = std::fclose(file_.release()) == 0;
-    if (written && (beside_ == path_ || std::rename(beside_.c_str(), path_.c_str()) == 0)) return {};
+    if (written && (!target_.is_replaced || std::rename(beside_.c_str(), target_.path.c_str()) == 0)) return {};
     fail();
     remove_copy();
     return error_;

@@ -1,6 +1,8 @@
 // The file of a firmware, as a stream: it is never in memory as a whole.
 #pragma once
 
+#include "common/new_file.hpp"
+
 #include <margay/stream.hpp>
 
 #include <cstdio>
@@ -50,7 +52,8 @@ class FirmwareComparison final : public ByteSink {
     bool differs_ = false;
 };
 
-// A new file, which gets its name when it is complete. An incomplete file is deleted.
+// A new file, which gets its name when it is complete. An incomplete file is deleted. Symbolic links stay, see
+// target_of().
 class FirmwareCopy final : public ByteSink {
   public:
     explicit FirmwareCopy(const std::string& path);
@@ -66,7 +69,8 @@ class FirmwareCopy final : public ByteSink {
     void fail();
     void remove_copy();
     std::string path_;
-    std::string beside_;  // the file that is written; path_ itself if that is no regular file
+    FileTarget target_;
+    std::string beside_;  // the file that is written; the target itself if that is no regular file
     FirmwareHandle file_;
     std::string error_;
 };

@@ -16,25 +16,49 @@ std::string file_failure(const std::string& path, std::string_view what, int err
     return fmt::format("{}: {}: {}", path, what, std::strerror(error));
 }
 
+// A link as /dev/stdout, which leads to an open file of a process.
+bool is_open_file(fs::path link) {
+    constexpr int kMostLinks = 40;
+    std::error_code error;
+    for (int n = 0; n < kMostLinks && fs::is_symlink(link, error); ++n) {
+        const fs::path folder = link.has_parent_path() ? link.parent_path() : fs::path(".");
+        if (fs::canonical(folder, error).string().starts_with("/proc/")) return true;
+        link = folder / fs::read_symlink(link, error);
+    }
+    return false;
+}
+
 }  // namespace
 
-NewFile::NewFile(std::string path) : path_(std::move(path)), target_(path_) {
+FileTarget target_of(const std::string& path) {
+    FileTarget target{.path = path};
     std::error_code error;
-    const auto kind = fs::status(path_, error).type();
-    in_place_ = kind == fs::file_type::regular || kind == fs::file_type::not_found;
-    const auto canonical = fs::canonical(path_, error);
-    existed_ = !error;
-    if (existed_) target_ = canonical.string();
-    beside_ = in_place_ ? target_ + ".new" : target_;
+    const auto kind = fs::status(path, error).type();
+    target.is_replaced = kind == fs::file_type::regular || kind == fs::file_type::not_found;
+    if (!target.is_replaced) return target;
+    const auto canonical = fs::canonical(path, error);
+    target.existed = !error;
+    if (target.existed) target.path = canonical.string();
+    if (is_open_file(path))
+        target.error = fmt::format("{}: this is a regular file that is open: give its own name", path);
+    else if (!target.existed && fs::is_symlink(path, error))
+        target.error = fmt::format("{}: this symbolic link leads to no file", path);
+    return target;
 }
+
+NewFile::NewFile(std::string path)
+    : path_(std::move(path)),
+      target_(target_of(path_)),
+      beside_(target_.is_replaced ? target_.path + ".new" : target_.path) {}
 
 NewFile::~NewFile() {
     std::error_code ignored;
-    if (in_place_ && begun_ && !committed_) fs::remove(beside_, ignored);
+    if (target_.is_replaced && begun_ && !committed_) fs::remove(beside_, ignored);
 }
 
 std::string NewFile::write(std::string_view content) {
-    if (content.empty() && !in_place_) return {};  // a reader of a pipe would take it for the end
+    if (!target_.error.empty()) return target_.error;
+    if (content.empty() && !target_.is_replaced) return {};  // a reader of a pipe would take it for the end
     std::FILE* file = std::fopen(beside_.c_str(), "wb");
     if (file == nullptr) return file_failure(path_, "cannot be written", errno);
     begun_ = true;
@@ -49,11 +73,13 @@ std::string NewFile::write(std::string_view content) {
 }
 
 std::string NewFile::commit() {
-    if (!in_place_) return {};
+    if (!target_.is_replaced) return {};
     begun_ = true;
+    if (!target_.error.empty()) return target_.error;
     std::error_code error;
-    if (existed_) fs::permissions(beside_, fs::status(target_, error).permissions(), error);
-    if (std::rename(beside_.c_str(), target_.c_str()) != 0) return file_failure(path_, "cannot be replaced", errno);
+    if (target_.existed) fs::permissions(beside_, fs::status(target_.path, error).permissions(), error);
+    if (std::rename(beside_.c_str(), target_.path.c_str()) != 0)
+        return file_failure(path_, "cannot be replaced", errno);
     committed_ = true;
     return {};
 }

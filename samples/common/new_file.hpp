@@ -6,6 +6,15 @@
 
 namespace margay::samples {
 
+// Where a file has to be made that replaces an older one.
+struct FileTarget {
+    std::string path{};       // behind symbolic links, which stay what they are
+    bool is_replaced = true;  // false: no regular file, it is written directly
+    bool existed = false;
+    std::string error{};  // a sentence, when the path leads to nothing that can be replaced or written
+};
+[[nodiscard]] FileTarget target_of(const std::string& path);
+
 // The new content is written beside the file, into FILE.new, and commit() renames it. Without commit() the older file
 // keeps its content, and the destructor removes FILE.new. What is no regular file (a device, a pipe) is written
 // directly. Errors are sentences that name the file as the user does; empty when there is no error.
@@ -24,11 +33,9 @@ class NewFile {
     [[nodiscard]] std::string commit();
 
   private:
-    std::string path_;    // as the user has written it
-    std::string target_;  // behind symbolic links
+    std::string path_;  // as the user has written it
+    FileTarget target_;
     std::string beside_;
-    bool in_place_ = true;
-    bool existed_ = false;
     bool committed_ = false;
     bool begun_ = false;
 };

@@ -1,10 +1,14 @@
 // A file that replaces another one only when it is complete.
 #include "common/new_file.hpp"
+#include "common/firmware_file.hpp"
 #include "process/shell.hpp"
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cstdio>
 #include <filesystem>
+#include <memory>
 
 namespace margay::samples {
 namespace {
@@ -53,6 +57,54 @@ TEST_F(NewFileTest, ALinkStaysALink) {
     EXPECT_EQ(file.commit(), "");
     EXPECT_TRUE(fs::is_symlink(folder.path() / "link"));
     EXPECT_EQ(content_of(at("a")), "new");
+}
+
+TEST_F(NewFileTest, ALinkThatLeadsToNoFileIsRefused) {
+    fs::create_symlink("nothing", folder.path() / "link");
+    const std::string refusal = at("link") + ": this symbolic link leads to no file";
+    NewFile file(at("link"));
+    EXPECT_EQ(file.write("new"), refusal);
+    EXPECT_EQ(file.commit(), refusal);
+    EXPECT_EQ(FirmwareCopy(at("link")).error(), refusal);
+    EXPECT_TRUE(fs::is_symlink(folder.path() / "link"));
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
+}
+
+// As /dev/stdout is, when a shell has opened a file for it: the program would replace the file below the shell.
+TEST_F(NewFileTest, AnOpenFileIsRefused) {
+    folder.write("a", "old");
+    const std::unique_ptr<std::FILE, CloseFirmware> open(std::fopen(at("a").c_str(), "ab"));
+    ASSERT_NE(open, nullptr);
+    const std::string descriptor = "/proc/self/fd/" + std::to_string(fileno(open.get()));
+    fs::create_symlink(descriptor, folder.path() / "link");
+    for (const std::string& path : {descriptor, at("link"), "/dev/fd/" + std::to_string(fileno(open.get()))}) {
+        const std::string refusal = path + ": this is a regular file that is open: give its own name";
+        EXPECT_EQ(NewFile(path).write("new"), refusal);
+        EXPECT_EQ(FirmwareCopy(path).error(), refusal);
+    }
+    EXPECT_EQ(content_of(at("a")), "old");
+}
+
+TEST_F(NewFileTest, AFirmwareIsReadIntoTheFileBehindALink) {
+    folder.write("a", "old");
+    fs::create_symlink("a", folder.path() / "second");
+    fs::create_symlink(folder.path() / "second", folder.path() / "link");
+    static constexpr std::array kOctets{std::byte{'n'}, std::byte{'e'}, std::byte{'w'}};
+    {
+        FirmwareCopy copy(at("link"));
+        ASSERT_EQ(copy.error(), "");
+        EXPECT_EQ(copy.push(kOctets).bytes, 3U);
+        EXPECT_EQ(content_of(at("a")), "old");
+        EXPECT_EQ(copy.complete(), "");
+    }
+    EXPECT_TRUE(fs::is_symlink(folder.path() / "link"));
+    EXPECT_TRUE(fs::is_symlink(folder.path() / "second"));
+    EXPECT_EQ(content_of(at("a")), "new");
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 3);
+    FirmwareCopy null("/dev/null");
+    EXPECT_EQ(null.push(kOctets).bytes, 3U);
+    EXPECT_EQ(null.complete(), "");
+    EXPECT_TRUE(fs::is_character_file("/dev/null"));
 }
 
 TEST_F(NewFileTest, ErrorsNameTheFileOfTheUser) {
