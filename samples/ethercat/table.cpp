@@ -36,7 +36,8 @@ constexpr Option kOptions[] = {
     {'t', "type", "TYPE", "data type",
      "bool int8 int16 int32 int64 uint8 uint16 uint32 uint64 float double string octet_string unicode_string sm8 sm16 "
      "sm32 sm64"},
-    {'o', "output-file", "FILE", "file to write; - is standard output", "FILE"},
+    {'o', "output-file", "FILE",
+     "file for the output, - is standard output; of foe_write: name of the file in the slave", "FILE"},
     {'s', "skin", "SKIN", "form of the output: default or etherlab", "default etherlab"},
     {'e', "emergency", "", "send before all other requests", ""},
     {'w', "watch", "", "go on until a signal ends the command", ""},
