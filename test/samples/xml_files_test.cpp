@@ -1,9 +1,13 @@
 // ESI files as the programs use them: images for eepromtool, and simulated slaves.
 #include "common/xml_files.hpp"
 #include "common/segment_file.hpp"
+#include "common/source.hpp"
 
 #include "files/examples.hpp"
 #include "wire/sii.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
 
 #include <gtest/gtest.h>
 
@@ -74,6 +78,42 @@ TEST_F(XmlFiles, ASegmentOfEsiFiles) {
 TEST_F(XmlFiles, AnEniThatIsNoneIsNamed) {
     EXPECT_NE(load_eni(path("drive.xml")).error.find("the root element is EtherCATInfo"), std::string::npos);
     EXPECT_EQ(load_eni(path("nothing.xml")).error, path("nothing.xml") + ": cannot be read: No such file or directory");
+}
+
+// What differs from the slaves is known after the scan, and is a warning as the remarks of the reader are.
+TEST_F(XmlFiles, AnEniThatDiffersFromTheSlavesIsAWarning) {
+    const auto scan = [&](const files::EniConfiguration* eni, std::string* text) {
+        auto source = open_source("sim:coupler,drive").take();
+        HostContext ctx(with_room(source->limits({.slaves = 8}), eni));
+        std::vector<std::byte> image(4096);
+        EXPECT_TRUE(source->begin(ctx).ok());
+        EXPECT_TRUE(scan_by(ctx, eni).ok());
+        EXPECT_TRUE(map_groups(ctx, eni, image).ok());
+        if (text != nullptr) *text = files::write_eni(ctx).text;
+    };
+    std::string text;
+    scan(nullptr, &text);
+    const auto warnings_with = [&](const std::string& what, const std::string& by) {
+        std::string changed = text;
+        const auto at = changed.find(what);
+        EXPECT_NE(at, std::string::npos) << what;
+        std::ofstream(folder_ / "machine.xml") << changed.replace(at, what.size(), by);
+        testing::internal::CaptureStderr();
+        const auto eni = load_eni(path("machine.xml"));
+        EXPECT_EQ(eni.error, "");
+        scan(&*eni.configuration, nullptr);
+        return testing::internal::GetCapturedStderr();
+    };
+    const auto port = text.find("<Port>");
+    ASSERT_NE(port, std::string::npos);
+    const std::string own = text.substr(port, 7);
+    EXPECT_EQ(warnings_with(own, own), "");
+    const auto shown = warnings_with(own, "<Port>A");
+    EXPECT_NE(shown.find("warning: ENI file: line "), std::string::npos) << shown;
+    EXPECT_NE(shown.find(std::string("slave 2 is at port A of slave 1 in the file, and here at port ") + own[6] +
+                         " of slave 1"),
+              std::string::npos)
+        << shown;
 }
 
 }  // namespace
