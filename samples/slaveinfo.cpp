@@ -13,6 +13,8 @@
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
+#include <nlohmann/json.hpp>
+
 #include <string>
 #include <vector>
 

@@ -9,6 +9,8 @@
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
+#include <nlohmann/json.hpp>
+
 namespace {
 
 using namespace margay::samples;
