@@ -53,8 +53,8 @@ Error negative_timeout(std::uint8_t group) {
     Time from = start;
     bool none = false;
     for (;;) {
-        const auto frames = oldest_cycle(group);
         const bool was_none = std::exchange(none, !is_cycle_sent(group));  // a cycle may have no frames
+        const auto frames = oldest_cycle(group);  // after it: the other thread may send the cycle at any time
         // The other thread has sent the cycle meanwhile. The time it was sent with may be old, so count from now.
         if (was_none && !none) from = now;
         const bool all = !none && engine.receive_overlapped(frames, now);

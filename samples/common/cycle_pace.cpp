@@ -153,7 +153,10 @@ void CyclePace::count(const Times& times, const Result<std::uint32_t>& received)
 std::string CyclePace::report() {
     if (timing_.send_at != nullptr) figures_.missed = timing_.send_at->missed() - missed_before_;
     if (figures_.missed != 0) warn(missed_text(figures_.missed));
-    if (options_.histogram.empty()) return {};
+    if (options_.histogram.empty()) {
+        if (figures_.wire.any()) write_out(wire_text(figures_.wire));
+        return {};
+    }
     write_out(cycle_text(figures_));
     std::ofstream out(options_.histogram);
     out << (options_.histogram.ends_with(".json") ? cycle_json(figures_) : cycle_svg(figures_)) << std::flush;

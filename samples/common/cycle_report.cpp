@@ -148,8 +148,10 @@ std::string cycle_text(const CycleFigures& figures) {
 }
 
 std::string wire_text(const WireFigures& wire) {
-    return fmt::format("{}: {}\n{}: {}\n", kWirePeriod, quantiles(wire.period), kWireRoundTrip,
-                       quantiles(wire.round_trip));
+    auto text = fmt::format("{}: {}\n{}: {}\n", kWirePeriod, quantiles(wire.period), kWireRoundTrip,
+                            quantiles(wire.round_trip));
+    if (wire.unstamped != 0) text += fmt::format("{} cycles without time stamps of the NIC\n", wire.unstamped);
+    return text;
 }
 
 std::string cycle_svg(const CycleFigures& figures) {

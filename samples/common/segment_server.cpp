@@ -24,7 +24,7 @@ constexpr Duration kSilence = 2s;     // a master that sends again after such a 
 constexpr Duration kStateLook = 5ms;  // interval for the detection of state changes
 constexpr Duration kLinkLook = 10ms;  // interval for the detection of cables that are out
 // Slaves whose time comes within this interval are served together, because a look at a thousand slaves costs a
-// microsecond. They see their own times all the same, and each frame finds them up to date.
+// microsecond. They see their own times all the same, and the first frame of a burst finds them up to date.
 constexpr Duration kStep = 50us;
 constexpr unsigned kBurst = 16;  // frames
 constexpr std::size_t kMaxMasters = 64;

@@ -34,7 +34,7 @@ std::uint64_t rate(std::uint32_t before, std::uint32_t now, std::chrono::nanosec
 
 // The interfaces of the application: its socket is on this machine. They are asked here and not by the application,
 // whose cycle would wait for the driver. An application can give its source any name, and may run in another network
-// namespace: then there is nothing to show.
+// namespace: then interfaces of the same names in this one are shown, or nothing.
 std::vector<DeviceFacts> devices_of(const std::string& source) {
     std::vector<DeviceFacts> devices;
     for (const auto& name : hosted::interfaces_of(source)) {

@@ -203,7 +203,10 @@ int run_data(Call& call) {
             {"--output-file takes the octets of one cycle: leave out --watch and --count", samples::exit_code::kUsage});
     Octets all;
     if (again || call.json()) {
-        const int code = call.repeat([&] { return print_data_lines(call, all); });
+        const int code = call.repeat([&] {
+            all.clear();
+            return print_data_lines(call, all);
+        });
         if (code != samples::exit_code::kWell || !call.has("output-file") || call.value("output-file") == "-")
             return code;
         const auto written = write_octets(call.value("output-file"), all);

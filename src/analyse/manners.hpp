@@ -18,7 +18,6 @@ class Manners {
     Analysis& analysis_;
     std::set<std::array<std::uint8_t, 6>> addresses_{};
     std::uint8_t greatest_index_ = 0;
-    bool zero_index_ = false;
     std::optional<std::uint16_t> first_station_{};  // that was assigned
     std::uint64_t link_looks_ = 0;                  // FPRD of the octet 0x0111
     std::uint64_t status_looks_ = 0;                // FPRD of 6 octets from 0x0130

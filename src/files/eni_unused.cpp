@@ -148,7 +148,9 @@ void name_poll_times(Reader& r, const std::deque<EniSlaveData>& slaves) {
     Node first{};
     unsigned count = 0;
     for (const EniSlaveData& s : slaves) {
-        const Value time = child(s.node.child("Mailbox").child("Recv"), "PollTime");
+        const Node mailbox = s.node.child("Mailbox");
+        const Node recv = mailbox.child("Recv");
+        const Value time = child(recv ? recv : mailbox.child("Receive"), "PollTime");
         constexpr std::uint32_t kUsual_ms = 20;
         if (!time.there || s.config.mailbox_status || r.number<std::uint32_t>(time) == kUsual_ms) continue;
         if (count++ == 0) first = time.at;

@@ -179,8 +179,11 @@ std::size_t find_frame_ways(Network& network);
 // What a slave that answers adds to the sums ClockEntry::way of all slaves behind it. The sums of two slaves differ as
 // long as before if the same slaves are between them.
 [[nodiscard]] constexpr std::uint16_t way_part(const Slave& slave) {
-    constexpr std::uint32_t kSpread = 0x9E37;
-    return slave.al.state == AlState::none ? std::uint16_t{0} : static_cast<std::uint16_t>(slave.number * kSpread);
+    constexpr std::uint32_t kSpread = 0x9E3779B1;
+    if (slave.al.state == AlState::none) return 0;
+    // Not linear: sets of slaves whose numbers have the same sum must have different sums.
+    const std::uint32_t mixed = slave.number * kSpread;
+    return static_cast<std::uint16_t>(((mixed ^ mixed >> 15) * kSpread) >> 16);
 }
 // Sets ClockEntry::delay_old. A slave that is lost, or that is back, changes the delays of all slaves behind it, unless
 // the clock that they follow is behind it too. Returns whether some delay is old.

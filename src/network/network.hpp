@@ -190,7 +190,7 @@ struct Network {
     // The supervision compares this slave because of its own rest: until an attempt fails the slave counts as it was,
     // so that what_is_wrong() does not change with each roll.
     [[nodiscard]] bool is_believed(const Slave& slave) const {
-        return rested && !marks(slave).was_away && marks(slave).attempts == 0;
+        return supervised && rested && !marks(slave).was_away && marks(slave).attempts == 0;
     }
     // The slaves were compared with the list that expect() has set last.
     [[nodiscard]] bool is_expected_list() const { return !expected_is_new; }

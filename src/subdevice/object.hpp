@@ -97,6 +97,7 @@ struct Entry {
         e.low = static_cast<std::uint32_t>(number);
         if (e.is_text()) e.kind = InitialKind::number;
         if (!e.is_limited()) e.more.high = static_cast<std::uint32_t>(number >> 32);
+        if (e.is_limited() && bits > 32 && e.initial() != number) the_initial_value_needs_more_than_32_bits();
         return e;
     }
     [[nodiscard]] constexpr Entry beginning(std::string_view content) const {

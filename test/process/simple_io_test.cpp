@@ -107,6 +107,9 @@ TEST(SimpleIo, TimesOfFramesOverACable) {
     if (timed.status == 3) {
         EXPECT_TRUE(contains(timed.err, "no frame can leave at a time by its queueing discipline")) << timed.err;
         EXPECT_TRUE(contains(timed.err, "mend it with: tc qdisc replace dev")) << timed.err;
+    } else {
+        EXPECT_LE(timed.status, 1) << timed.err;  // a cycle may be lost on a busy machine
+        EXPECT_TRUE(contains(timed.out, "all slaves in OP")) << timed.out << timed.err;
     }
     const auto by_xdp = folder.run("ip netns exec " + cable.master_namespace() + " " + kSimpleIo +
                                    " xdp:" + Cable::kMaster + " --stamps software");

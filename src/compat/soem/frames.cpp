@@ -151,6 +151,7 @@ int ecx_outframe(ecx_portt* port, FrameIndex idx, int) {
     flight.datagrams.clear();
     load(flight,
          std::span(port->txbuf[idx]).subspan(ETH_HEADERSIZE, static_cast<std::size_t>(length) - ETH_HEADERSIZE));
+    if (flight.datagrams.empty()) return -1;
     port->rxbufstat[idx] = EC_BUF_TX;
     return session->launch(flight) ? length : -1;
 }

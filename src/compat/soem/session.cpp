@@ -138,6 +138,8 @@ bool Session::launch(Flight& flight) {
     const bool sent = !closing() && std::ranges::all_of(flight.datagrams, [this](DatagramRequest& one) {
         return submit(context_, one).ok();
     });
+    if (!sent)  // no part of the frame leaves
+        for (DatagramRequest& one : flight.datagrams) one.cancel();
     static_cast<void>(poll(context_, now()));
     return sent;
 }
@@ -148,6 +150,7 @@ void Session::land(Flight& flight) {
 }
 
 bool Session::link_is_down() {
+    const Guard guard(*this);  // a simulated segment switches slaves on meanwhile
     const auto is_down = [](Nic* nic) { return nic == nullptr || nic->link_state() == LinkState::down; };
     return is_down(&source_->nic()) && is_down(source_->second());
 }

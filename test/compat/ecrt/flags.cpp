@@ -1,5 +1,5 @@
 // Flags of configurations, and PDOs that may overlap. What they change is seen in the time of the start-up and in the
-// datagrams, so the test contains the sources of the facade, with a segment in virtual time in place of that of the
+// datagrams, so the test links the objects of the facade, with a segment in virtual time in place of that of the
 // environment. Ends with 0 when everything is as expected.
 #include "virtual_time.hpp"
 

@@ -1,4 +1,4 @@
-// A segment in virtual time for programs that contain the sources of the facade, in place of the segment that the
+// A segment in virtual time for programs that link the objects of the facade, in place of the segment that the
 // environment names. One source file of a program includes it.
 #pragma once
 
