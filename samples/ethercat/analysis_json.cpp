@@ -113,7 +113,7 @@ Json conversation_json(const analyse::Conversation& c) {
     Json out{{"begin", json_of(c.begin)},  {"end", json_of(c.end)},       {"slave", c.slave},
              {"action", key_of(c.action)}, {"text", words_of(c)},         {"index", c.index},
              {"subindex", c.subindex},     {"complete", c.complete},      {"name", c.name},
-             {"octets", c.bytes},          {"data", octets_text(c.data)}, {"outcome", words_of(c.outcome)}};
+             {"octets", c.bytes},          {"data", octet_list(c.data)}, {"outcome", words_of(c.outcome)}};
     if (c.outcome == analyse::Outcome::refused) {
         out["code"] = c.code;
         out["reason"] = c.reason;
@@ -187,7 +187,7 @@ Json analysis_json(const Analysis& a) {
                     {"code", e.code},
                     {"text", wire::emergency_text(e.code)},
                     {"error_register", e.error_register},
-                    {"data", octets_text({e.data.begin(), e.data.end()})}};
+                    {"data", octet_list({e.data.begin(), e.data.end()})}};
     });
     auto cyclic = Json::array();
     for (const auto& c : a.cyclic) cyclic.push_back(cyclic_json(c));

@@ -24,6 +24,6 @@ namespace margay::ethercat {
 // "sdo_upload" …
 [[nodiscard]] std::string_view key_of(analyse::Action action);
 // Octets in hexadecimal: "12 34".
-[[nodiscard]] std::string octets_text(const std::vector<std::byte>& octets);
+[[nodiscard]] std::string octet_list(const std::vector<std::byte>& octets);
 
 }  // namespace margay::ethercat

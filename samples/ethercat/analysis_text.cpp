@@ -202,7 +202,7 @@ std::string conversation_line(const Analysis& a, const analyse::Conversation& c)
     const bool value = c.action != Action::object_list && c.action != Action::object_description &&
                        c.action != Action::entry_description && c.action != Action::foe_read &&
                        c.action != Action::foe_write;
-    if (c.bytes != 0 && value) text += fmt::format(" = {}{}", octets_text(c.data), c.bytes > c.data.size() ? " …" : "");
+    if (c.bytes != 0 && value) text += fmt::format(" = {}{}", octet_list(c.data), c.bytes > c.data.size() ? " …" : "");
     if (c.bytes != 0) text += fmt::format(" ({} octets)", c.bytes);
     if (value && !c.complete && c.bytes != 0 && c.bytes <= 8) {
         std::uint64_t number = 0;
@@ -221,7 +221,7 @@ std::string conversation_line(const Analysis& a, const analyse::Conversation& c)
 std::string emergency_line(const Analysis& a, const analyse::Emergency& e) {
     return fmt::format("{} {}: emergency 0x{:04x}: {}; error register 0x{:02x}, data {}", when(e.when),
                        slave_name(a, e.slave), e.code, wire::emergency_text(e.code), e.error_register,
-                       octets_text({e.data.begin(), e.data.end()}));
+                       octet_list({e.data.begin(), e.data.end()}));
 }
 
 std::string shortfall_line(const analyse::Shortfall& s) {

@@ -82,7 +82,7 @@ std::string words_of(const analyse::Conversation& c) {
     return "?";
 }
 
-std::string octets_text(const std::vector<std::byte>& octets) {
+std::string octet_list(const std::vector<std::byte>& octets) {
     std::string text;
     for (const auto b : octets) text += fmt::format("{}{:02x}", text.empty() ? "" : " ", std::to_integer<unsigned>(b));
     return text;

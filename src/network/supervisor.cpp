@@ -403,10 +403,9 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     }
     (void)count_lost_frames(watch);
     const Time now = network.engine.now();
-    const Time due = later(network.compared, Network::kBelieved);
     const Time latest = later(later(network.compared, watch.wanted.interval), std::chrono::milliseconds(100));
-    network.rested = due < now && now <= latest;  // not when the application has paused
-    if (due < now) {  // nobody has looked for so long: perhaps another machine
+    network.rested = network.is_unobserved() && now <= latest;  // not when the application has paused
+    if (network.is_unobserved()) {  // nobody has looked for so long: perhaps another machine
         watch.last = {};
         doubt_all(network, false);
     }
