@@ -50,11 +50,11 @@ std::optional<EthercatFrame> FrameFinder::find(Bytes packet) {
     if (type == wire::kEtherTypeEtherCat && !frame.vlan) return frame;
     if (type == kEtherTypeIp) {
         content = udp_payload(content);
-        if (content.size() < wire::kFrameHeaderBytes) return std::nullopt;
         frame.udp = true;
     } else if (type != wire::kEtherTypeEtherCat) {
         return std::nullopt;
     }
+    if (content.size() < wire::kFrameHeaderBytes) return std::nullopt;
     buffer_.assign(packet.begin(), packet.begin() + kAddressBytes);
     buffer_.push_back(std::byte{wire::kEtherTypeEtherCat >> 8});
     buffer_.push_back(std::byte{wire::kEtherTypeEtherCat & 0xFF});

@@ -62,6 +62,24 @@ Part cyclic(std::uint16_t wkc) {
     return part;
 }
 
+// Headers that promise an EtherCAT frame, and a packet that ends behind them or in the middle of them.
+TEST(FrameFinderTest, ATaggedPacketWithoutAFrameHeaderHoldsNoFrame) {
+    auto packet = octets_of({0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 2, 2, 2, 2, 2, 2, 0x81, 0, 0, 1, 0x88, 0xA4});
+    FrameFinder finder;
+    EXPECT_FALSE(finder.find(packet));
+    packet.push_back(std::byte{0x10});
+    EXPECT_FALSE(finder.find(packet)) << "half of a frame header";
+    packet.push_back(std::byte{0x10});
+    const auto whole = finder.find(packet);
+    ASSERT_TRUE(whole);
+    EXPECT_TRUE(whole->vlan);
+    EXPECT_EQ(whole->bytes.size(), wire::kEthernetHeaderBytes + wire::kFrameHeaderBytes);
+    for (std::size_t size = 0; size < packet.size(); ++size) {
+        const std::vector<std::byte> part(packet.begin(), packet.begin() + static_cast<std::ptrdiff_t>(size));
+        EXPECT_FALSE(finder.find(part)) << size;
+    }
+}
+
 TEST_F(AnalyserTest, MeasuresTheCycleAndCountsLostAndLateFrames) {
     for (int i = 0; i < 100; ++i) {
         const auto at = 1ms * i;
