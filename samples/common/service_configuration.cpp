@@ -13,9 +13,6 @@
 #include <net/if.h>
 #include <pwd.h>
 
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <map>
 
 namespace margay::samples {
@@ -54,6 +51,32 @@ bool is_interface_name(std::string_view text) {
     return !text.empty() && text.size() < IFNAMSIZ && text.find_first_of("/ \t") == std::string_view::npos;
 }
 
+constexpr std::size_t kMostOctets = std::size_t{1} << 20;  // of a TOML file
+
+// The content of a file. A folder, a FIFO or a device is an error: reading them may never end, and a reload must not
+// keep the service from its end.
+files::FileContent regular_file(const fs::path& path, std::size_t most) {
+    std::error_code error;
+    const auto status = fs::status(path, error);
+    if (error) return {.error = fmt::format("{}: cannot be read: {}", path.string(), error.message())};
+    if (!fs::is_regular_file(status)) return {.error = path.string() + ": is no file"};
+    if (fs::file_size(path, error) == 0 && !error) return {};
+    return files::read_file(path.string(), most);
+}
+
+// Which name in the list of a simulated segment is there and is no file; empty: none.
+std::string odd_file(std::string_view names) {
+    while (!names.empty()) {
+        const auto comma = std::min(names.find(','), names.size());
+        const std::string name(names.substr(0, comma));
+        std::error_code error;
+        const auto status = fs::status(name, error);
+        if (!error && fs::exists(status) && !fs::is_regular_file(status)) return name + ": is no file";
+        names.remove_prefix(std::min(comma + 1, names.size()));
+    }
+    return {};
+}
+
 // Reads the masters of one file.
 class FileReader {
   public:
@@ -66,15 +89,14 @@ class FileReader {
           masters_(masters) {}
 
     void read() {
-        std::ifstream in(file_, std::ios::binary);
-        const std::string text(std::istreambuf_iterator<char>(in), {});
-        if (!in.is_open() || in.bad()) {
-            into_.errors.push_back(fmt::format("{}: cannot be read: {}", file_.string(), std::strerror(errno)));
+        const auto content = regular_file(file_, kMostOctets);
+        if (!content.error.empty()) {
+            into_.errors.push_back(content.error);
             into_.unreadable = true;
             return;
         }
         try {
-            masters(toml::parse(text));
+            masters(toml::parse(content.octets));
         } catch (const toml::parse_error& error) {
             into_.errors.push_back(
                 fmt::format("{}: line {}: {}", file_.string(), error.source().begin.line, error.description()));
@@ -140,6 +162,7 @@ class FileReader {
         if (m.source.starts_with("pcap:")) return note(reader_.at(*node, "a recording cannot be run by a service"));
         if (m.source.starts_with("sim:")) {
             if (!whole_) return;
+            if (const auto odd = odd_file(m.source.substr(4)); !odd.empty()) return note(reader_.at(*node, odd));
             if (const auto loaded = load_segment(m.source.substr(4)); !loaded)
                 note(reader_.at(*node, fmt::format("{}: {}", m.source, loaded.error())));
             return;
@@ -197,7 +220,8 @@ class FileReader {
             if (const auto fault = reader_.text(*node, "eni", path)) return note(fault);
             m.eni = path.empty() ? fs::path() : file_.parent_path() / path;
             if (!whole_) return;
-            auto content = files::read_file(m.eni.string());
+            auto content = regular_file(m.eni, files::kMostFileBytes);
+            if (content.octets.empty() && content.error.empty()) content.error = m.eni.string() + ": the file is empty";
             if (!content.error.empty()) return note(reader_.at(*node, content.error));
             m.eni_text = std::move(content.octets);
             auto read = files::read_eni(m.eni_text);

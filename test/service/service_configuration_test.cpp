@@ -67,6 +67,26 @@ TEST_F(ServiceConfigurationTest, EachErrorIsNamedByFileAndLine) {
     EXPECT_TRUE(contains(started.err, "a.toml: line 2:")) << started.err;
 }
 
+// Reading a FIFO or a device may never end.
+TEST_F(ServiceConfigurationTest, WhatIsNoFileIsNamed) {
+    configure("a.toml", "source = \"sim:demo\"\neni = \"fifo\"\n");
+    configure("b.toml", "source = \"sim:demo\"\neni = \"/dev/zero\"\n");
+    configure("c.toml", "source = \"sim:etc/fifo\"\n");
+    configure("d.toml", "source = \"sim:demo,/dev/zero\"\n");
+    const auto ran = shell(
+        "mkfifo etc/fifo etc/e.toml; mkdir etc/f.toml; ln -s /dev/zero etc/g.toml; ln -s nowhere etc/h.toml\n"
+        "timeout 30 " +
+        std::string(MARGAY_BIN_DIR) + "/margayd --check --config etc");
+    EXPECT_EQ(ran.status, 3) << ran.err;
+    for (const std::string text :
+         {"a.toml: line 2: etc/fifo: is no file\n", "b.toml: line 2: /dev/zero: is no file\n",
+          "c.toml: line 1: etc/fifo: is no file\n", "d.toml: line 1: /dev/zero: is no file\n",
+          "etc/e.toml: is no file\n", "etc/f.toml: is no file\n", "etc/g.toml: is no file\n",
+          "etc/h.toml: cannot be read: No such file or directory\n"})
+        EXPECT_TRUE(contains(ran.err, "margayd: " + (text.starts_with("etc") ? text : "etc/" + text)))
+            << text << "\n" << ran.err;
+}
+
 TEST_F(ServiceConfigurationTest, MastersHaveNothingInCommon) {
     configure("a.toml", "[one]\nsource = \"ecat7\"\nnumber = 3\n[two]\nsource = \"ecat7\"\nnumber = 3\n");
     configure("one.toml", "source = \"sim:demo\"\nsocket = { path = \"/run/margay/two.sock\" }\n");

@@ -55,6 +55,18 @@ TEST_F(ServiceTest, AReloadConcernsTheChangedMastersOnly) {
     EXPECT_EQ(log.find("a: 5 slaves found", slaves + 1), std::string::npos) << log;
 }
 
+TEST_F(ServiceTest, AReloadWithAFolderOrAFifoKeepsTheMasters) {
+    configure("a.toml", "source = \"sim:demo\"\n");
+    const auto ran = shell(
+        "start; says 'a: all is right'; mkdir etc/b.toml; kill -HUP $d; says 'etc/b.toml: is no file'\n"
+        "says 1 'the masters go on with the old one'; rmdir etc/b.toml; mkfifo etc/c.toml; kill -HUP $d\n"
+        "says 'etc/c.toml: is no file'; says 2 'the masters go on with the old one'; e a slaves | wc -l; stop\n");
+    const auto log = content_of(folder.path() / "log");
+    EXPECT_EQ(ran.status, 0) << ran.err << log;
+    EXPECT_EQ(ran.out, "5\n") << ran.err;
+    EXPECT_TRUE(log.find("all slaves in INIT") > log.rfind("go on with the old one")) << log;
+}
+
 TEST_F(ServiceTest, TheMailboxGatewayOfAMaster) {
     using namespace testing_gateway;
     configure("a.toml", "source = \"sim:drives\"\ngateway = { listen = \"127.0.0.1:0\" }\n");
