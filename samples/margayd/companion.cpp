@@ -48,7 +48,11 @@ std::string_view state_name(AlState state) {
 }
 
 std::string slaves_text(const Standing& s) {
-    return fmt::format("{} slave{} in {}", s.slaves, s.slaves == 1 ? "" : "s", state_name(s.target));
+    const unsigned there = s.slaves - s.elsewhere;
+    auto text = fmt::format("{} slave{} in {}", there, there == 1 ? "" : "s", state_name(s.target));
+    // Nothing is wrong: a client of the socket has set their targets.
+    if (s.elsewhere != 0) text += fmt::format(", {} in another state that was asked for", s.elsewhere);
+    return text;
 }
 
 }  // namespace

@@ -27,7 +27,8 @@ inline constexpr unsigned kAll = 2;  // also repetitions, and the counters of fr
 // What the owner of the context says about its segment.
 struct Standing {
     Error wrong{.code = Errc::wrong_state};  // what_is_wrong(); code none: all is right
-    std::uint16_t slaves = 0;
+    std::uint16_t slaves = 0;     // that answer
+    std::uint16_t elsewhere = 0;  // of these, in another state than `target`
     AlState target = AlState::op;
     std::uint64_t overruns = 0;  // cycles that were left out
     bool settles = false;        // the cycle has just begun: what is wrong is not worth a message yet

@@ -55,8 +55,12 @@ void Master::look_around(std::uint64_t overruns, bool settles) {
         (void)source_->look_for_interfaces();
     const auto present =
         std::ranges::count_if(ctx_->slaves(), [](const Slave& s) { return s.al.state != AlState::none; });
+    const auto elsewhere = std::ranges::count_if(ctx_->slaves(), [this](const Slave& s) {
+        return s.al.state != AlState::none && s.al.state != configuration_.state;
+    });
     companion_->tell({.wrong = wrong,
                       .slaves = static_cast<std::uint16_t>(present),
+                      .elsewhere = static_cast<std::uint16_t>(elsewhere),
                       .target = configuration_.state,
                       .overruns = overruns,
                       .settles = settles,

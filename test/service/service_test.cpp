@@ -67,6 +67,16 @@ TEST_F(ServiceTest, AReloadWithAFolderOrAFifoKeepsTheMasters) {
     EXPECT_TRUE(log.find("all slaves in INIT") > log.rfind("go on with the old one")) << log;
 }
 
+// A client of the socket may ask for another state than the configuration.
+TEST_F(ServiceTest, SlavesInAnotherStateThatWasAskedForAreCounted) {
+    configure("a.toml", "source = \"sim:demo\"\n");
+    const auto ran = shell(
+        "start; says 'a: all is right: 5 slaves in OP'; e a states -p 4 PREOP\n"
+        "says 'a: all is right: 4 slaves in OP, 1 in another state that was asked for'; e a states -p 4 OP\n"
+        "says 2 'a: all is right: 5 slaves in OP$'; stop\n");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+}
+
 TEST_F(ServiceTest, TheMailboxGatewayOfAMaster) {
     using namespace testing_gateway;
     configure("a.toml", "source = \"sim:drives\"\ngateway = { listen = \"127.0.0.1:0\" }\n");
