@@ -12,14 +12,23 @@ constexpr std::size_t kMostOctets = 1486;
 
 // Registers that the library sets or reads by itself: station address, AL control and status, SII, FMMUs, SyncManagers,
 // clocks and SYNC.
+struct Range {
+    std::uint16_t first;
+    std::uint16_t end;
+};
+constexpr Range kOfLibrary[] = {{0x0010, 0x0012}, {0x0103, 0x0104}, {0x0120, 0x0122}, {0x0130, 0x0136},
+                                {0x0500, 0x0510}, {0x0600, 0x0700}, {0x0800, 0x0880}, {0x0900, 0x09B0}};
+
 bool is_of_library(std::uint16_t ado) {
-    struct Range {
-        std::uint16_t first;
-        std::uint16_t end;
-    };
-    static constexpr Range kRanges[] = {{0x0010, 0x0012}, {0x0103, 0x0104}, {0x0120, 0x0122}, {0x0130, 0x0136},
-                                        {0x0500, 0x0510}, {0x0600, 0x0700}, {0x0800, 0x0880}, {0x0900, 0x09B0}};
-    return std::ranges::any_of(kRanges, [&](const Range& r) { return r.first <= ado && ado < r.end; });
+    return std::ranges::any_of(kOfLibrary, [&](const Range& r) { return r.first <= ado && ado < r.end; });
+}
+
+// Octets that begin at another register and end behind the first octet of one of these. Files write DL control (0x0100)
+// as a whole, of which 0x0103 is a part.
+bool reaches_library(std::uint32_t ado, std::size_t octets) {
+    const std::uint32_t end = ado + static_cast<std::uint32_t>(octets);
+    if (ado >= 0x0100 && end == 0x0104) return false;
+    return std::ranges::any_of(kOfLibrary, [&](const Range& r) { return ado < r.first && r.first < end; });
 }
 
 void read_validation(Reader& r, Node node, EniInit& init) {
@@ -100,8 +109,19 @@ std::vector<EniInit> read_eni_inits(Reader& r, Node parent) {
     return inits;
 }
 
+void name_library_register(Reader& r, const EniInit& init) {
+    if (init.transitions == Transition::none) return;
+    // Every file checks the AL status, and the SII for the identity.
+    const bool usual = init.ado == 0x0130 || init.ado == 0x0131 || (init.ado >= 0x0500 && init.ado < 0x0510);
+    if (is_of_library(init.ado) && init.reads() && init.validates && !usual)
+        r.remark(init.node, named(init) + "it checks a register that the library sets or reads by itself");
+    if (init.writes() && reaches_library(init.ado, init.data.size()))
+        r.remark(init.node, named(init) + "it writes registers behind it that the library sets or reads by itself");
+}
+
 void add_register_command(Reader& r, const EniInit& init, EniSlaveData& slave) {
     if (init.transitions == Transition::none || is_of_library(init.ado)) return;
+    if (init.writes() && reaches_library(init.ado, init.data.size())) return;  // named
     if (!init.writes() && !init.reads()) {
         r.remark(init.node, named(init) + "only commands that read or write a register become start-up commands");
         return;

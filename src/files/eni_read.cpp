@@ -54,6 +54,7 @@ void read_slaves(Reader& r, Node config, const std::vector<EniInit>& master, std
     }
     for (const EniInit& init : master) {
         if (!r.expand(init.node, slaves.size())) return;
+        name_library_register(r, init);
         add_master_command(r, init, slaves);
     }
     for (EniSlaveData& slave : slaves) make_process_data(r, slave);

@@ -91,6 +91,8 @@ void read_eni_mail(Reader& reader, Node mailbox, EniSlaveData& slave);
 // An init command of the master becomes a command of the slaves that it addresses.
 void add_master_command(Reader& reader, const EniInit& init, std::deque<EniSlaveData>& slaves);
 void add_register_command(Reader& reader, const EniInit& init, EniSlaveData& slave);
+// Names a command that the two above leave out because of the registers that belong to the library.
+void name_library_register(Reader& reader, const EniInit& init);
 // The SyncManagers of process data with their FMMUs, and the PDOs: fills config.sms and the lists.
 void make_process_data(Reader& reader, EniSlaveData& slave);
 // The Cyclic elements: groups, places in the images, clocks.

@@ -81,6 +81,18 @@ class IdentityChecks {
     std::uint32_t word_ = 0;
 };
 
+// The init commands decide which slave is accepted, as in the master that the file is made for.
+void name_other_identity(Reader& r, const EniSlaveData& s) {
+    const auto compare = [&](const char* name, std::uint32_t said, const std::optional<std::uint32_t>& checked) {
+        if (said != 0 && checked && *checked != said)
+            r.remark(s.node.child("Info").child(name), std::string(name) + " is " + hex(said, 8) +
+                                                           ", and an init command checks for " + hex(*checked, 8) +
+                                                           ": the init command decides which slave is accepted");
+    };
+    compare("VendorId", s.slave.identity.vendor, s.expected.vendor);
+    compare("ProductCode", s.slave.identity.product, s.expected.product);
+}
+
 // How long the file waits for states.
 void read_times(const EniInit& init, SlaveTimes& times) {
     if (init.ado != reg::kAlStatus.address || !init.validates) return;
@@ -198,11 +210,16 @@ void read_inits(Reader& r, Node node, EniSlaveData& s) {
         if (init.ado >= reg::kFmmuBase && init.ado < reg::kFmmuBase + 0x100) see_fmmus(r, init, s);
         if (init.ado >= reg::kSyncManagerBase && init.ado < reg::kSyncManagerBase + 0x80) see_sync_managers(r, init, s);
         if (init.ado >= 0x0980 && init.ado < 0x09B0) see_sync(init, s);
+        name_library_register(r, init);
         add_register_command(r, init, s);
         s.inits.push_back(std::move(init));
     }
-    if (checks.any) return;
+    if (checks.any) return name_other_identity(r, s);
     // A file without checks still says which slave it is made for.
+    if (s.slave.identity.vendor == 0 && s.slave.identity.product == 0 && !s.node.child("HotConnect"))
+        r.remark(s.node,
+                 "the slave has neither VendorId nor ProductCode, and no init command checks them: any slave is "
+                 "accepted in its place");
     if (s.slave.identity.vendor != 0) s.expected.vendor = s.slave.identity.vendor;
     if (s.slave.identity.product != 0) s.expected.product = s.slave.identity.product;
 }

@@ -50,6 +50,49 @@ Texts more_said(const std::string& text) {
     return all;
 }
 
+TEST(EniUnused, WhatReachesOrChecksRegistersOfTheLibraryIsNamedAndNotSent) {
+    const auto names = [](const std::string& text, const std::string& ado, const std::string& why) {
+        const auto said = more_said(text);
+        return said.size() == 1 && said[0].find("the init command for register " + ado + " is not supported: " + why) !=
+                                       std::string::npos;
+    };
+    const std::string reaches = "it writes registers behind it that the library sets or reads by itself";
+    const std::string checks = "it checks a register that the library sets or reads by itself";
+    EXPECT_TRUE(names(with_inits(init("PS", 0x000F, "00ff20")), "0x000f", reaches)) << "the station address";
+    EXPECT_TRUE(names(with_inits(init("SO", 0x011F, "000200")), "0x011f", reaches)) << "AL control";
+    EXPECT_TRUE(names(with_inits(init("SO", 0x05FF, std::string(34, '0'))), "0x05ff", reaches)) << "FMMU 0";
+    const auto commands = [](const std::string& text) {
+        const auto eni = read_eni(text);
+        EXPECT_TRUE(eni) << to_text(eni.problem);
+        return eni->expected()[0].config->startup().size();
+    };
+    const auto usual = commands(kExampleEni);
+    EXPECT_EQ(commands(with_inits(init("SO", 0x05FF, std::string(34, '0')))), usual);
+    EXPECT_EQ(commands(with_inits(init("SO", 0x05FF, "00"))), usual + 1) << "up to the register before";
+    EXPECT_EQ(more_said(with_inits(init("PS", 0x0100, "01000000"))), Texts()) << "DL control";
+    const auto check = [](unsigned ado) {
+        return "<InitCmd><Transition>PS</Transition><Cmd>4</Cmd><Adp>1001</Adp><Ado>" + std::to_string(ado) +
+               "</Ado><DataLength>2</DataLength><Cnt>1</Cnt><Validate><Data>eeee</Data></Validate></InitCmd>";
+    };
+    EXPECT_TRUE(names(with_inits(check(0x0134)), "0x0134", checks));
+    EXPECT_TRUE(names(with_inits(check(0x0600)), "0x0600", checks));
+    EXPECT_EQ(more_said(with_inits(check(0x0130))), Texts());
+}
+
+TEST(EniUnused, AnIdentityThatTheFileContradictsOrLeavesOpenIsNamed) {
+    const auto other = more_said(replaced(kExampleEni, "<ProductCode>77", "<ProductCode>79"));
+    ASSERT_EQ(other.size(), 1u);
+    EXPECT_TRUE(other[0].starts_with("line 7, column "));
+    EXPECT_TRUE(other[0].ends_with("ProductCode is 0x0000004f, and an init command checks for 0x0000004d: the init "
+                                   "command decides which slave is accepted"))
+        << other[0];
+    const auto open = more_said(replaced(kExampleEni, "<VendorId>2</VendorId><ProductCode>78</ProductCode>", ""));
+    ASSERT_EQ(open.size(), 1u);
+    EXPECT_TRUE(open[0].ends_with(": the slave has neither VendorId nor ProductCode, and no init command checks them: "
+                                  "any slave is accepted in its place"))
+        << open[0];
+}
+
 const std::string kNoLatch =
     "the init command for the latch control (0x09a8) is not sent: an application watches latch inputs by a "
     "LatchRequest";
