@@ -220,13 +220,28 @@ bool Reader::open(std::string_view octets) {
     text_ = latin1 || wrong ? from_latin1(octets) : std::string(octets);
     for (std::size_t n = 0; n < text_.size(); ++n)
         if (text_[n] == '\n') lines_.push_back(n + 1);
-    constexpr unsigned kWanted = pugi::parse_default | pugi::parse_doctype;
+    // As a fragment: otherwise text outside of the root element is not seen.
+    constexpr unsigned kWanted = pugi::parse_default | pugi::parse_doctype | pugi::parse_fragment;
     const auto parsed = document_.load_buffer(text_.data(), text_.size(), kWanted, pugi::encoding_utf8);
     if (!parsed)
         return refuse(std::min(static_cast<std::size_t>(std::max<std::ptrdiff_t>(parsed.offset, 0)), text_.size()),
                       std::string("no well-formed XML: ") + parsed.description());
-    if (!check_tree()) return false;
+    if (!check_top() || !check_tree()) return false;
     if (wrong) remark({}, "the file is declared or taken as UTF-8 and is not: it is read as ISO 8859-1");
+    return true;
+}
+
+// A document has one root element. Behind it may be another file, or the rest of a longer one.
+bool Reader::check_top() {
+    bool any = false;
+    for (const Node at : document_.children()) {
+        const bool element = at.type() == pugi::node_element;
+        auto offset = static_cast<std::size_t>(std::max<std::ptrdiff_t>(at.offset_debug(), 0));
+        while (offset < text_.size() && is_blank(text_[offset])) ++offset;
+        if (element && any) return refuse(offset, "no well-formed XML: a second element beside the root element");
+        if (is_text(at)) return refuse(offset, "no well-formed XML: text outside of the root element");
+        any |= element;
+    }
     return true;
 }
 
@@ -256,7 +271,7 @@ bool Reader::check_tree() {
         if (!at) break;
         at = at.next_sibling();
     }
-    return root() || refuse(0, "the file has no element");
+    return root() || refuse(0, "no well-formed XML: the file has no element");
 }
 
 Number Reader::checked_number(const Value& value) {

@@ -85,6 +85,7 @@ class Reader {
 
   private:
     bool refuse(std::size_t offset, std::string text);
+    bool check_top();
     bool check_tree();
     std::uint64_t unsigned_number(const Value& value, std::uint64_t fallback, std::uint64_t most);
     std::int64_t signed_number(const Value& value, std::int64_t fallback, std::int64_t least, std::int64_t most);

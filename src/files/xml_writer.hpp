@@ -41,11 +41,13 @@ inline void set(Node node, const char* attribute, bool value) { set(node, attrib
     return hex_octets(bytes);
 }
 
-// XML 1.0 has no control characters: they become blanks.
+// XML 1.0 has no control characters: they become blanks. It has neither U+FFFE nor U+FFFF: they become U+FFFD.
 [[nodiscard]] inline std::string printable(std::string_view text) {
     std::string result(text);
     for (char& c : result)
         if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+    for (const std::string_view none : {"\xEF\xBF\xBE", "\xEF\xBF\xBF"})
+        for (auto at = result.find(none); at != std::string::npos; at = result.find(none, at)) result[at + 2] = '\xBD';
     return result;
 }
 

@@ -133,6 +133,11 @@ TEST(EsiReader, HostileXmlIsRefused) {
               "line 1, column 1: the file is UTF-16, which is not supported: convert it to UTF-8");
     EXPECT_EQ(to_text(read_esi("\x1F\x8B\b").problem),
               "line 1, column 1: the file is compressed by gzip, and is no XML");
+    // Two files in one, and what a shorter file has left of a longer one.
+    EXPECT_EQ(to_text(read_esi("<EtherCATInfo/>\n\n<EtherCATInfo/>\n").problem),
+              "line 3, column 2: no well-formed XML: a second element beside the root element");
+    EXPECT_EQ(to_text(read_esi("<?xml version=\"1.0\"?>\n<EtherCATInfo/>\n<!-- x -->\nrest").problem),
+              "line 4, column 1: no well-formed XML: text outside of the root element");
     EXPECT_EQ(to_text(read_esi("PK\x03\x04").problem), "line 1, column 1: the file is a ZIP archive, and is no XML");
     EXPECT_EQ(to_text(read_esi("<?xml version='1.0' encoding='EBCDIC'?><a/>").problem),
               "line 1, column 1: the encoding 'ebcdic' is not supported: convert the file to UTF-8");

@@ -86,6 +86,19 @@ TEST(EsiWriter, WhatIsReadIsWhatWasWritten) {
     EXPECT_EQ(write_esi(*again).text, written.text);
 }
 
+// Names come from slaves: XML 1.0 has no character below U+0020 but blanks, and neither U+FFFE nor U+FFFF.
+TEST(EsiWriter, NamesHaveCharactersOfXmlOnly) {
+    auto esi = read_esi(kExampleEsi);
+    ASSERT_TRUE(esi);
+    esi->devices[0].name = "a\x1B\xEF\xBF\xBE\xEF\xBF\xBF<&\xC3\xA4";
+    const std::string text = write_esi(*esi).text;
+    EXPECT_EQ(text.find("\xEF\xBF\xBE"), std::string::npos);
+    EXPECT_EQ(text.find("\xEF\xBF\xBF"), std::string::npos);
+    const auto again = read_esi(text);
+    ASSERT_TRUE(again) << to_text(again.problem);
+    EXPECT_EQ(again->devices[0].name, "a \xEF\xBF\xBD\xEF\xBF\xBD<&\xC3\xA4");
+}
+
 // The order of the children of Device in ETG.2000.
 TEST(EsiWriter, ElementsHaveTheOrderOfTheStandard) {
     const auto esi = read_esi(kExampleEsi);
