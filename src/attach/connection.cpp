@@ -32,6 +32,19 @@ bool Connection::header_allowed() const {
     return header_.bytes <= kArgumentsBytes + (large ? most_ : 0);
 }
 
+bool Connection::gives_way(Moment now) const {
+    if (job != nullptr) return false;
+    return in_message() ? now - began_ > kSlow : now - moved_ >= kIdle;
+}
+
+std::size_t who_gives_way(std::span<const std::unique_ptr<Connection>> clients, Moment now) {
+    std::size_t found = clients.size();
+    for (std::size_t n = 0; n < clients.size(); ++n)
+        if (clients[n]->gives_way(now) && (found == clients.size() || clients[n]->moved() < clients[found]->moved()))
+            found = n;
+    return found;
+}
+
 // The memory grows with what has come, not with what the header promises.
 Connection::Came Connection::receive(Moment now) {
     std::array<std::byte, kAtOnce> block;
@@ -41,6 +54,7 @@ Connection::Came Connection::receive(Moment now) {
         if (got < 0 && (errno == EAGAIN || errno == EINTR)) return Came::nothing;
         if (got <= 0) return Came::gone;
         moved_ = now;
+        if (in_.empty()) began_ = now;
         const bool had_header = in_.size() >= Header::kBytes;
         in_.insert(in_.end(), block.begin(), block.begin() + got);
         if (!had_header && in_.size() == Header::kBytes) {
@@ -77,7 +91,7 @@ void Connection::answer(Status status, Octets payload, Moment now) {
     payload.insert(payload.begin(), octets.begin(), octets.end());
     out_ = std::move(payload);
     sent_ = 0;
-    moved_ = now;
+    moved_ = began_ = now;
 }
 
 }  // namespace margay::attach

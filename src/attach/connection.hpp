@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 
 namespace margay::attach {
@@ -20,6 +21,9 @@ class Connection {
     Connection(const Connection&) = delete;
     Connection& operator=(const Connection&) = delete;
 
+    static constexpr std::chrono::seconds kIdle{5};
+    static constexpr std::chrono::seconds kSlow{10};
+
     enum class Came : std::uint8_t { nothing, message, wrong, gone };
 
     [[nodiscard]] int fd() const { return fd_; }
@@ -32,6 +36,9 @@ class Connection {
     // In the middle of a message, of either direction.
     [[nodiscard]] bool in_message() const { return !in_.empty() || !out_.empty(); }
     [[nodiscard]] Moment moved() const { return moved_; }
+    // May lose its place to a new client: without a message for kIdle, or in the middle of one message for kSlow. A
+    // client that has a request keeps its place.
+    [[nodiscard]] bool gives_way(Moment now) const;
 
     // Reads what is there, up to a limit. `wrong`: the message is not allowed.
     [[nodiscard]] Came receive(Moment now);
@@ -64,8 +71,13 @@ class Connection {
     Octets in_{};
     Octets out_{};
     std::size_t sent_ = 0;
-    Moment moved_;  // when octets moved last
+    Moment moved_;    // when octets moved last
+    Moment began_{};  // of the message that it is in the middle of
     int fd_;
 };
+
+// The client that gives its place to a new one: of those that may lose it the one whose octets moved first. The number
+// of clients: none.
+[[nodiscard]] std::size_t who_gives_way(std::span<const std::unique_ptr<Connection>> clients, Moment now);
 
 }  // namespace margay::attach

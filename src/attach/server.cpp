@@ -30,7 +30,6 @@ constexpr auto kStall = 10s;       // a message must go on within this time
 constexpr auto kOwnerSilent = 3s;  // as wait()
 constexpr auto kProgressEvery = 100ms;
 constexpr std::uint32_t kHighestLevel = 2;
-constexpr auto kIdle = 5s;  // a client without a request that long may lose its place to a new client
 
 Octets text_payload(std::string text) {
     Octets out(4 + text.size());
@@ -145,9 +144,10 @@ void AttachServer::Loop::run() {
 
 bool AttachServer::Loop::make_room() {
     if (clients_.size() < settings_.clients) return true;
-    const auto idle = std::ranges::min_element(clients_, {}, [](const auto& client) { return client->moved(); });
-    if ((*idle)->job != nullptr || (*idle)->in_message() || now_ - (*idle)->moved() < kIdle) return false;
-    clients_.erase(idle);
+    const auto n = attach::who_gives_way(clients_, now_);
+    if (n == clients_.size()) return false;
+    if (clients_[n]->in_message()) ++stalled_;
+    clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(n));
     return true;
 }
 

@@ -1,6 +1,7 @@
 // AttachServer: what clients see, what they can do, and that nothing they do reaches the cycle. In virtual time: the
 // owner's thread never waits for a client, and its cycles are counted.
 #include "attach/attach_fixture.hpp"
+#include "attach/connection.hpp"
 
 #include <sys/stat.h>
 
@@ -310,6 +311,39 @@ TEST_F(Attach, MoreClientsThanPlacesAreToldSo) {
               }}),
               0);
     EXPECT_EQ(server->counts().refused, 1U);
+}
+
+// Places of a full server: who loses one to a new client, and when.
+TEST(AttachPlaces, AreOfThoseWhoUseThem) {
+    using attach::Connection;
+    const attach::Moment begin{100s};
+    std::vector<std::unique_ptr<Connection>> clients;
+    std::vector<int> ends;
+    for (int n = 0; n < 3; ++n) {
+        int pair[2];
+        ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM, 0, pair), 0);
+        ends.push_back(pair[1]);
+        clients.push_back(std::make_unique<Connection>(pair[0], 4096, begin + 1s * n));
+    }
+    const auto octet = [&](std::size_t n, attach::Moment at) {
+        EXPECT_EQ(::send(ends[n], "\10", 1, MSG_NOSIGNAL), 1);
+        EXPECT_EQ(clients[n]->receive(at), Connection::Came::nothing);
+    };
+    EXPECT_EQ(attach::who_gives_way(clients, begin + 4900ms), 3u);
+    EXPECT_EQ(attach::who_gives_way(clients, begin + 5s), 0u);
+    // The oldest one has a request: it keeps its place, and the next one is asked.
+    std::string refusal;
+    clients[0]->job = attach::make_job(Operation::master, {}, {}, refusal);
+    ASSERT_NE(clients[0]->job, nullptr) << refusal;
+    EXPECT_EQ(attach::who_gives_way(clients, begin + 5900ms), 3u);
+    EXPECT_EQ(attach::who_gives_way(clients, begin + 6s), 1u);
+    // A message octet by octet holds a place for 10 s, however lately the last octet came.
+    for (int n = 0; n < 9; ++n) octet(1, begin + 6s + 1s * n);
+    octet(2, begin + 15s);
+    EXPECT_EQ(attach::who_gives_way(clients, begin + 16s), 3u);
+    octet(1, begin + 16s);
+    EXPECT_EQ(attach::who_gives_way(clients, begin + 16001ms), 1u);
+    for (const int end : ends) ::close(end);
 }
 
 TEST_F(Attach, ATransferBeyondTheLimitIsRefused) {
