@@ -54,7 +54,7 @@ std::vector<DeviceFacts> devices_of(const std::string& source) {
 Answer<> AttachedSession::open() {
     if (connected_) return {};
     const auto error = client_.connect(path_);
-    if (!error.empty()) return Problem{error, samples::exit_code::kSystem};
+    if (!error.empty()) return Problem{samples::words_of_slave(error), samples::exit_code::kSystem};
     connected_ = true;
     return {};
 }
@@ -78,7 +78,8 @@ Answer<Octets> AttachedSession::ask(Operation operation, const attach::Arguments
     auto reply = client_.call(operation, arguments, progress);
     last_error_ = reply.error.code;
     if (reply.ok()) return std::move(reply.payload);
-    if (reply.status == attach::Status::refused) return Problem{reply.text};
+    // All texts come from another program: a terminal gets no control characters of theirs.
+    if (reply.status == attach::Status::refused) return Problem{samples::words_of_slave(reply.text)};
     return problem_of(reply.error, reply.text);
 }
 
@@ -136,7 +137,7 @@ Answer<MasterFacts> AttachedSession::master() {
     if (!all) return all.problem();
     const auto facts = read<attach::MasterFacts>(ask(Operation::master, {}));
     if (!facts) return facts.problem();
-    const auto source = client_.name().empty() ? path_ : client_.name();
+    const auto source = client_.name().empty() ? path_ : samples::words_of_slave(client_.name());
     return MasterFacts{.source = source,
                        .active = true,
                        .slaves = static_cast<std::uint16_t>(all->size()),
@@ -160,7 +161,7 @@ Answer<std::vector<SlaveFacts>> AttachedSession::slaves() {
         SlaveFacts facts{.position = static_cast<std::uint16_t>(s.ring_position - 1),
                          .alias = s.alias,
                          .station_address = s.station_address,
-                         .name = s.name(),
+                         .name = samples::words_of_slave(s.name()),
                          .identity = s.identity,
                          .al = s.al,
                          .problem = s.error.code == Errc::none ? std::string() : problem_of(s.error, {}).text,

@@ -1,6 +1,13 @@
 // ethercat attached to a running application: the same output as on a segment of its own, what the application allows,
 // and what it refuses.
+#include "attach/facts.hpp"
+#include "attach/socket_address.hpp"
 #include "ethercat/ethercat_fixture.hpp"
+
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <thread>
 
 namespace margay::process {
 namespace {
@@ -48,6 +55,55 @@ TEST_F(EthercatAttach, CommandsPrintTheSameAsOnASegmentOfTheirOwn) {
     EXPECT_EQ(there.err, "");
     EXPECT_EQ(there.out, alone.out);
     EXPECT_TRUE(contains(there.out, "EtherCAT coupler")) << there.out;
+}
+
+// A program that speaks the protocol and says what it likes: one slave, and no to every other request.
+void serve_octets(int listener, unsigned connections) {
+    const std::string evil = "\x1B[31mred\x07\n";
+    for (; connections != 0; --connections) {
+        const int fd = ::accept(listener, nullptr, nullptr);
+        std::array<std::byte, attach::Header::kBytes> header{};
+        while (::recv(fd, header.data(), header.size(), MSG_WAITALL) == static_cast<ssize_t>(header.size())) {
+            const auto request = attach::Header::load(header);
+            std::vector<std::byte> payload(request.bytes);
+            (void)::recv(fd, payload.data(), payload.size(), MSG_WAITALL);
+            const auto operation = static_cast<attach::Operation>(request.what);
+            attach::Header answer{.number = request.number};
+            std::vector<std::byte> octets(4096);
+            attach::Writer into(octets);
+            if (operation == attach::Operation::hello) {
+                into(attach::kMagic, attach::kProtocolVersion, evil, evil, false, std::uint32_t{1024});
+            } else if (operation == attach::Operation::slaves) {
+                attach::SlaveFacts slave{.number = 1, .ring_position = 1};
+                std::ranges::copy(evil, slave.name_text.begin());
+                slave.name_bytes = static_cast<std::uint8_t>(evil.size());
+                into(std::uint16_t{1}, std::uint16_t{1}, slave);
+            } else {
+                answer.what = static_cast<std::uint16_t>(attach::Status::refused);
+                into(evil);
+            }
+            answer.bytes = static_cast<std::uint32_t>(into.written().size());
+            answer.store(header);
+            (void)::send(fd, header.data(), header.size(), MSG_NOSIGNAL);
+            (void)::send(fd, into.written().data(), into.written().size(), MSG_NOSIGNAL);
+        }
+        ::close(fd);
+    }
+}
+
+TEST_F(EthercatAttach, TextsOfAnotherProgramHaveNoControlCharacters) {
+    attach::SocketAddress address;
+    ASSERT_TRUE(address.set(folder.path() / "s.sock"));
+    const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
+    ASSERT_EQ(::listen(listener, 4), 0);
+    std::thread server([&] { serve_octets(listener, 2); });
+    const auto slaves = folder.run(program + " slaves --attach s.sock");
+    const auto refused = folder.run(program + " reg_read 0 2 --attach s.sock");
+    server.join();
+    ::close(listener);
+    EXPECT_EQ(slaves.out, "0  0:0  NONE  +  ?[31mred??\n") << slaves.err;
+    EXPECT_EQ(refused.err, "ethercat: ?[31mred??\n") << refused.out;
 }
 
 TEST_F(EthercatAttach, ObjectsOfADriveAreTheSame) {
