@@ -2,6 +2,7 @@
 // have sent.
 #include "facts.hpp"
 #include "mailbox/aoe_notes.hpp"
+#include "mailbox/spoilt_frames.hpp"
 #include "wire/mailbox_pcap.hpp"
 
 #include <unistd.h>
@@ -228,37 +229,62 @@ TEST_F(AoeGateway, TsharkDecodesWhatBothEndsSend) {
 
 // Every command, with each of its frames lost on the way out, lost on the way back, or sent twice.
 TEST(AoeLostFrames, EveryCommandSucceeds) {
-    enum class Fault { none, lost_out, lost_in, twice };
-    constexpr AoeAddress kFirst{{{10, 0, 0, 1, 2, 1}}, 1001};
-    const auto run = [&](Fault fault, std::uint64_t at) {
-        MailboxBus bus;
-        bus.add_device(sim::make_device("aoe_gateway").value());
-        bus.start();
-        bus.idle(20ms);
-        const auto before = bus.nic->sent;
-        if (fault == Fault::lost_out) bus.nic->lose_out.insert(before + at);
-        if (fault == Fault::lost_in) bus.nic->lose_in.insert(before + at);
-        if (fault == Fault::twice) bus.nic->twice.insert(before + at);
+    constexpr AoeAddress kDevice{{{10, 0, 0, 1, 2, 1}}, 1001};
+    with_each_frame_spoilt("aoe_gateway", 100, [&](MailboxBus& bus) {
         std::array<std::byte, 4> data{};
-        const auto written = AOEwrite(*bus.ctx, 1, kFirst, 0x100, 0, mail_bytes({1, 2, 3, 4}));
+        const auto written = AOEwrite(*bus.ctx, 1, kDevice, 0x100, 0, mail_bytes({1, 2, 3, 4}));
         EXPECT_TRUE(written.ok()) << bus.words(written.error());
-        const auto read = AOEread(*bus.ctx, 1, kFirst, 0x100, 0, data);
+        const auto read = AOEread(*bus.ctx, 1, kDevice, 0x100, 0, data);
         EXPECT_TRUE(read.ok()) << bus.words(read.error());
         EXPECT_EQ(data[3], std::byte{4});
-        const auto reversed = AOEread_write(*bus.ctx, 1, kFirst, 0x300, 0, mail_bytes({1, 2, 3, 4}), data);
+        const auto reversed = AOEread_write(*bus.ctx, 1, kDevice, 0x300, 0, mail_bytes({1, 2, 3, 4}), data);
         EXPECT_TRUE(reversed.ok()) << bus.words(reversed.error());
         EXPECT_EQ(data[0], std::byte{4});
-        const auto info = AOEread_device_info(*bus.ctx, 1, kFirst);
+        const auto info = AOEread_device_info(*bus.ctx, 1, kDevice);
         EXPECT_TRUE(info.ok()) << bus.words(info.error());
-        return bus.nic->sent - before;
-    };
-    const auto frames = run(Fault::none, 0);
-    ASSERT_LT(frames, 100U);
-    for (const Fault fault : {Fault::lost_out, Fault::lost_in, Fault::twice})
-        for (std::uint64_t at = 0; at < frames; ++at) {
-            SCOPED_TRACE(testing::Message() << "fault " << static_cast<int>(fault) << " at frame " << at);
-            (void)run(fault, at);
+    });
+}
+
+// A device sends its value when it changes. Each value comes once and in order, and none after the end.
+TEST(AoeLostFrames, EveryNotificationArrivesOnce) {
+    constexpr AoeAddress kDevice{{{10, 0, 0, 1, 2, 1}}, 1001};
+    with_each_frame_spoilt("aoe_gateway", 400, [&](MailboxBus& bus) {
+        AoeNotes notes;
+        notes.look_every = 1ms;
+        ASSERT_TRUE(listen(*bus.ctx, notes).ok());
+        const auto until = [&](std::size_t count) {
+            for (const Time end = bus.osal.now() + 300ms; notes.all.size() < count && bus.osal.now() < end;) bus.step();
+            ASSERT_EQ(notes.all.size(), count);
+        };
+        AoeAddNotification add;
+        add.slave = 1;
+        add.source = kMaster;
+        add.target = kDevice;
+        add.index_group = 0x100;
+        add.length = 1;
+        add.cycle_time = 1ms;
+        ASSERT_TRUE(submit(*bus.ctx, add).ok());
+        bus.run(add);
+        ASSERT_EQ(add.state(), RequestState::success) << bus.words(add.error());
+        until(1);  // the present value
+        for (unsigned value = 1; value <= 4; ++value) {
+            const auto written = AOEwrite(*bus.ctx, 1, kDevice, 0x100, 0, mail_bytes({0x10 + value}));
+            EXPECT_TRUE(written.ok()) << bus.words(written.error());
+            until(1 + value);
+            EXPECT_EQ(notes.all.back().data, mail_bytes({0x10 + value}));
+            EXPECT_EQ(notes.all.back().handle, add.handle);
         }
+        AoeDeleteNotification end;
+        end.slave = 1;
+        end.target = kDevice;
+        end.handle = add.handle;
+        ASSERT_TRUE(submit(*bus.ctx, end).ok());
+        bus.run(end);
+        EXPECT_EQ(end.state(), RequestState::success) << bus.words(end.error());
+        EXPECT_TRUE(AOEwrite(*bus.ctx, 1, kDevice, 0x100, 0, mail_bytes({0x20})).ok());
+        bus.idle(20ms);
+        EXPECT_EQ(notes.all.size(), 5U);
+    });
 }
 
 // AoE, VoE and SDOs beside a cycle of a millisecond: the working counter of every cycle is right.

@@ -1,5 +1,6 @@
 // EoE requests: octets by hand from ETG.1000.6 "Ethernet over EtherCAT", hostile answers, and the device "eoe_gateway".
 #include "mailbox/eoe_frames.hpp"
+#include "mailbox/spoilt_frames.hpp"
 
 namespace margay {
 namespace {
@@ -124,30 +125,13 @@ TEST_F(EoeTest, HostileAnswersEndTheRequest) {
 
 // A request and its answer, with each of their frames lost on the way out, lost on the way back, or sent twice.
 TEST(EoeLostFrames, EveryRequestIsAnswered) {
-    enum class Fault { none, lost_out, lost_in, twice };
-    const auto run = [](Fault fault, std::uint64_t at) {
-        MailboxBus bus;
-        bus.add_device(sim::make_device("eoe_gateway").value());
-        bus.start();
-        bus.idle(20ms);
-        const auto before = bus.nic->sent;
-        if (fault == Fault::lost_out) bus.nic->lose_out.insert(before + at);
-        if (fault == Fault::lost_in) bus.nic->lose_in.insert(before + at);
-        if (fault == Fault::twice) bus.nic->twice.insert(before + at);
+    with_each_frame_spoilt("eoe_gateway", 60, [](MailboxBus& bus) {
         EoeIp ip{.address = Ipv4Address{10, 0, 0, 7}};
         const auto set = EOEset_ip(*bus.ctx, 1, ip);
         EXPECT_TRUE(set.ok()) << bus.words(set.error());
         const auto got = EOEget_ip(*bus.ctx, 1);
         EXPECT_TRUE(got.ok() && *got == ip) << bus.words(got.error());
-        return bus.nic->sent - before;
-    };
-    const auto frames = run(Fault::none, 0);
-    ASSERT_LT(frames, 60U);
-    for (const Fault fault : {Fault::lost_out, Fault::lost_in, Fault::twice})
-        for (std::uint64_t at = 0; at < frames; ++at) {
-            SCOPED_TRACE(testing::Message() << "fault " << static_cast<int>(fault) << " at frame " << at);
-            (void)run(fault, at);
-        }
+    });
 }
 
 // A hook sets the parameters in each start-up, also after a loss of power.

@@ -1,6 +1,6 @@
 // VoE: octets by hand from ETG.1000.6 "Vendor specific protocol", inboxes, and the device "voe_device" of the library.
 #include "facts.hpp"
-#include "mailbox/mailbox_bus.hpp"
+#include "mailbox/spoilt_frames.hpp"
 
 #include <deque>
 #include <random>
@@ -267,20 +267,11 @@ TEST_F(VoeTest, AnotherThreadReads) {
 
 // A message and its echo, with each of their frames lost on the way out, lost on the way back, or sent twice.
 TEST(VoeLostFrames, EveryMessageArrivesOnce) {
-    enum class Fault { none, lost_out, lost_in, twice };
-    const auto run = [](Fault fault, std::uint64_t at) {
-        MailboxBus bus;
-        bus.add_device(sim::make_device("voe_device").value());
-        bus.start();
-        bus.idle(20ms);
+    with_each_frame_spoilt("voe_device", 400, [](MailboxBus& bus) {
         std::vector<std::byte> memory(1024);
         VoeInbox inbox(memory);
         inbox.only_slave = 1;
         EXPECT_TRUE(listen(*bus.ctx, inbox).ok());
-        const auto before = bus.nic->sent;
-        if (fault == Fault::lost_out) bus.nic->lose_out.insert(before + at);
-        if (fault == Fault::lost_in) bus.nic->lose_in.insert(before + at);
-        if (fault == Fault::twice) bus.nic->twice.insert(before + at);
         std::array<std::byte, 16> data{};
         for (unsigned n = 0; n < 3; ++n) {
             const auto sent = VOEsend(*bus.ctx, 1, {kOurs, 1}, mail_bytes({n}));
@@ -289,19 +280,10 @@ TEST(VoeLostFrames, EveryMessageArrivesOnce) {
             EXPECT_TRUE(echo.ok()) << bus.words(echo.error());
             EXPECT_EQ(data[0], static_cast<std::byte>(n));
         }
-        const auto frames = bus.nic->sent - before;
         bus.idle(200ms);
         EXPECT_TRUE(inbox.empty());
         EXPECT_EQ(inbox.count(), 3U);
-        return frames;
-    };
-    const auto frames = run(Fault::none, 0);
-    ASSERT_LT(frames, 100U);
-    for (const Fault fault : {Fault::lost_out, Fault::lost_in, Fault::twice})
-        for (std::uint64_t at = 0; at < frames; ++at) {
-            SCOPED_TRACE(testing::Message() << "fault " << static_cast<int>(fault) << " at frame " << at);
-            (void)run(fault, at);
-        }
+    });
 }
 
 }  // namespace

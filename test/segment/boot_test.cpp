@@ -1,5 +1,6 @@
 // BOOT: the way to it and back by the calls for states, its own mailboxes, and the supervision.
 #include "mailbox/foe_bus.hpp"
+#include "mailbox/spoilt_frames.hpp"
 #include "oshw/filter_nic.hpp"
 #include "sim/library/quirks.hpp"
 #include "wire/sync_manager.hpp"
@@ -433,16 +434,7 @@ TEST(BootRegisters, SyncManagersAreSwitchedOffBeforeTheyAreMoved) {
 // Each frame of the way to BOOT, of a file there, and of the way back is lost on its way out, lost on its way back, or
 // sent twice.
 TEST(BootLostFrames, EveryFrameOfTheWayThereAndBack) {
-    enum class Fault { none, lost_out, lost_in, twice };
-    const auto run = [](Fault fault, std::uint64_t at) {
-        MailboxBus bus;
-        bus.add_device(sim::make_device("bootloader_open").value());
-        bus.start();
-        bus.idle(20ms);
-        const auto before = bus.nic->sent;
-        if (fault == Fault::lost_out) bus.nic->lose_out.insert(before + at);
-        if (fault == Fault::lost_in) bus.nic->lose_in.insert(before + at);
-        if (fault == Fault::twice) bus.nic->twice.insert(before + at);
+    with_each_frame_spoilt("bootloader_open", 400, [](MailboxBus& bus) {
         const Error there = bring(bus, AlState::boot);
         EXPECT_EQ(there.code, Errc::none) << bus.words(there);
         EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::boot);
@@ -454,16 +446,7 @@ TEST(BootLostFrames, EveryFrameOfTheWayThereAndBack) {
         EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::preop);
         const auto type = SDOread<std::uint32_t>(*bus.ctx, 1, 0x1000, 0);
         EXPECT_TRUE(type.ok()) << bus.words(type.error());
-        return bus.nic->sent - before;
-    };
-    const auto frames = run(Fault::none, 0);
-    ASSERT_LT(frames, 400U);
-    for (const Fault fault : {Fault::lost_out, Fault::lost_in, Fault::twice})
-        for (std::uint64_t at = 0; at < frames; ++at) {
-            SCOPED_TRACE(testing::Message()
-                         << "fault " << static_cast<int>(fault) << " at frame " << at << " of " << frames);
-            (void)run(fault, at);
-        }
+    });
 }
 
 }  // namespace
