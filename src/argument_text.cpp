@@ -27,7 +27,7 @@ std::string_view argument_text(Argument argument) {
         case Argument::register_octets: return "1 to 1486 octets, and none beyond register 0xffff";
         case Argument::complete_access: return "a complete access begins at subindex 0 or 1";
         case Argument::soe_drive: return "a slave has drives 0 to 7";
-        case Argument::mail_type: return "the mailbox protocol must be 1 to 15";
+        case Argument::mail_type: return "the mailbox protocol must be 1 to 15 (of a listener 0 to 15)";
         case Argument::mail_size: return "the mailbox message";
         case Argument::mail_listener: return "the object does not listen, call listen()";
         case Argument::aoe_size: return "the length in the AoE command";

@@ -11,8 +11,8 @@
 //     margay::listen(ctx, homed);
 //
 // The protocols have listeners of their own: MailPdoListener (coe.hpp), SoeListener (soe.hpp), VoeInbox (voe.hpp),
-// AoeListener (aoe.hpp). Emergencies go to emergencies() and no listener receives them. Mail that no listener takes is
-// counted as unexpected (mailbox_statistics()). A listener of type `error` gets mailbox errors that end no request.
+// AoeListener (aoe.hpp). Emergencies go to emergencies() only. Mail that no listener takes is counted as unexpected
+// (mailbox_statistics()). A listener of type `error` gets mailbox errors that most likely answer no request that waits.
 #pragma once
 
 #include <margay/detail/list.hpp>
@@ -77,7 +77,7 @@ class MailListener : private ListNode {
 };
 
 // Starts listening. For the owner, also in a callback; before the first scan too. Errors: not_owner, wrong_state before
-// init(), busy (the object listens already), invalid_argument (`look_every` is negative, or the protocol is none),
+// init(), busy (the object listens already), invalid_argument (`look_every` is negative, or the type is above 15),
 // unknown_slave (more than Limits::slaves), capacity (no memory to look regularly).
 Result<> listen(Context& ctx, MailListener& listener);
 

@@ -93,7 +93,8 @@ TEST_F(ListenerTest, IsRefusedInWords) {
     EXPECT_EQ(listen(*bus.ctx, keeper).error().code, Errc::invalid_argument);
     Keeper unknown(static_cast<MailboxType>(16));
     EXPECT_EQ(bus.words(listen(*bus.ctx, unknown).error()),
-              "receiving from the mailbox: argument out of range: the mailbox protocol must be 1 to 15");
+              "receiving from the mailbox: argument out of range: the mailbox "
+              "protocol must be 1 to 15 (of a listener 0 to 15)");
 }
 
 // A mailbox error that answers a message without reply. One that ends a request is the request's.

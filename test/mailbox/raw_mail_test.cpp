@@ -265,7 +265,8 @@ TEST_F(RawMailTest, WrongArgumentsAreRefusedInWords) {
     answer_with({mail_bytes({1})}, kOwn);
     EXPECT_TRUE(ask(kOwn, Mail(26)).ok());
     EXPECT_EQ(bus.words(ask(MailboxType::error, Mail(4)).error()),
-              "slave 1: sending to the mailbox: argument out of range: the mailbox protocol must be 1 to 15");
+              "slave 1: sending to the mailbox: argument out of range: the mailbox "
+              "protocol must be 1 to 15 (of a listener 0 to 15)");
     EXPECT_EQ(ask(MailboxType{16}, Mail(4)).error().code, Errc::invalid_argument);
     RawMail nothing;
     nothing.slave = 1;
