@@ -65,8 +65,12 @@ class FoeTransfer : public MailClient {
     [[nodiscard]] unsigned late() const { return late_ - (overtaken_ ? 1U : 0U); }
     // Mail of the slave that no exchange has taken.
     void overhear(Bytes data);
-    // The reply to the next message looks like the first reply to another transfer.
-    [[nodiscard]] bool is_like_first() const { return phase_ == Phase::request || (number_ & 0xFFFF) <= 1; }
+    // The reply to the next message looks like the first reply to another transfer. The acknowledgement of packet 1
+    // does not: a write whose request was sent as often as acknowledgements may be late has no earlier one left.
+    [[nodiscard]] bool is_like_first() const {
+        const std::uint32_t first = answer_ == wire::foe::Opcode::data ? 1 : 0;
+        return phase_ == Phase::request || (number_ & 0xFFFF) <= first;
+    }
     // The slave must be told that the transfer has ended early.
     [[nodiscard]] bool must_abort() const { return slave_open_; }
     [[nodiscard]] std::array<std::byte, kAbortBytes> abort_message() const;

@@ -440,5 +440,33 @@ TEST(LateFiles, AWriteIsNotConfirmedByAnEarlierOne) {
     }
 }
 
+// The acknowledgement of the first packet shows that the slave has answered all requests before, whether it has
+// answered the write that was given up or not.
+TEST(LateFiles, AWriteOfOnePacketEndsTheDoubt) {
+    for (const bool answers_late : {false, true}) {
+        SCOPED_TRACE(answers_late);
+        LateBus one;
+        unsigned requests = 0;
+        one.start([&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
+            if (type != MailboxType::foe) return {};
+            const FoeAsked asked(mail);
+            if (asked.opcode == foe::Opcode::data) return {1ms, {foe_message(foe::Opcode::acknowledge, asked.word)}};
+            if (asked.opcode != foe::Opcode::write) return {};
+            if (++requests == 1 && !answers_late) return {};
+            return {requests == 1 ? 400ms : 1ms, {foe_message(foe::Opcode::acknowledge, 0)}};
+        });
+        const std::string content(20, 'a');
+        one.times_out(WriteFile(std::as_bytes(std::span(content))), 50ms);
+        for (const unsigned sent : {2U, 1U, 1U}) {
+            requests = std::min(requests, 1U);
+            const unsigned before = requests;
+            WriteFile file(std::as_bytes(std::span(content)));
+            EXPECT_EQ(one.finish(file).code, Errc::none);
+            EXPECT_EQ(requests - before, sent);
+            one.slave.idle(300ms);
+        }
+    }
+}
+
 }  // namespace
 }  // namespace margay
