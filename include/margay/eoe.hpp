@@ -13,10 +13,10 @@
 //     port.send(frame);                                // from one thread, never waits
 //     while (auto frame = port.receive(buffer)) use(buffer, frame->bytes);               // from one thread
 //
-// After a timeout or cancel() of a request for parameters the slave may still answer. The next request of the same kind
-// to this slave waits for the late answer for 100 ms; after cancel(), until the `timeout` of the cancelled request is
-// over (3 s if it is zero). An answer that comes later is taken for the answer to this request. So set a `timeout` that
-// is longer than the slave needs.
+// After a timeout or cancel() of a request for parameters the slave may still answer. The next one of the same kind
+// waits for that for 100 ms (after cancel(): the rest of the `timeout`, 3 s if it is zero). Then the library asks for
+// another parameter first, since a slave answers in order. A slave that does not answer this in half of the time gets
+// the request once more for each answer that may be late (15 at most); the last answer counts.
 //
 // A frame is an Ethernet II frame from its destination address to the last octet before the FCS.
 #pragma once

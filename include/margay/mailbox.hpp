@@ -12,8 +12,8 @@
 // to. The next request of this protocol waits for the late answer for 100 ms; after cancel(), until the `timeout` of
 // the cancelled request is over (3 s if it is zero). It also fetches what has come since. CoE: the library asks the
 // slave for an object of its own choice, as SDO requests do (coe.hpp). An answer of another protocol that comes later
-// is taken for the answer to the next message. So set a `timeout` that is longer than the slave needs, or let
-// `is_answer` compare what the message and its answer have in common.
+// cannot be told from the answer to the next message: it is taken for it, and success is then no news of that message.
+// So set a `timeout` longer than the slave needs, or let `is_answer` compare what message and answer have in common.
 #pragma once
 
 #include <margay/address.hpp>

@@ -12,9 +12,9 @@
 //     auto feedback = margay::SoEread<std::int32_t>(ctx, 2, 0, margay::Idn::standard(51));   // waits
 //
 // After a timeout or cancel() the drive may still answer. The next request of the same kind (read or write) to the same
-// drive waits for the late answer for 100 ms; after cancel(), until the `timeout` of the cancelled request is over (3 s
-// for each answer if it is zero). It also fetches what has come since. An answer that comes later is taken for the
-// answer to this request. So set a `timeout` that is longer than the drive needs.
+// drive waits for that for 100 ms (after cancel(): the rest of the `timeout`, 3 s if it is zero). Then the library
+// reads a parameter that no drive has, since a drive answers in order. A drive that does not answer this in half of the
+// time gets the request once more for each answer that may be late (15 at most); the last answer counts.
 //
 // Messages that drives send on their own go to a SoeListener.
 #pragma once
@@ -40,7 +40,7 @@ struct SoeRead : MailRequest {
     std::size_t bytes = 0;      // result: size in octets
 };
 
-// Writes an element, usually the value. `data` is the caller's memory.
+// Writes an element, usually the value. `data` is the caller's memory. After a timeout it may be written or not.
 struct SoeWrite : MailRequest {
     SoeWrite();
     std::uint8_t drive = 0;

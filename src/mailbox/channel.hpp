@@ -17,6 +17,7 @@
 #include "mailbox/exchange.hpp"
 #include "station/register_access.hpp"
 #include "util/task.hpp"
+#include "wire/soe.hpp"
 
 #include <margay/emergency.hpp>
 #include <margay/slave.hpp>
@@ -104,6 +105,14 @@ class MailboxChannel {
     [[nodiscard]] std::uint8_t late_files() const { return owed_[1].mails != 0 ? owed_[1].files : std::uint8_t{0}; }
     // First packets of so many files may still arrive, in any time; the next file waits for them until then.
     void owe_files(unsigned files, Time until);
+    // EoE parameters and SoE: so many answers to earlier requests that look like those to an exchange of this key may
+    // still arrive, in any time (mail_order.hpp).
+    [[nodiscard]] unsigned late_answers(wire::MailboxType type, std::uint64_t key) const;
+    void add_late_answer(wire::MailboxType type, std::uint64_t key);
+    // The slave has answered a later request: what it answers in one order with this key has come. EoE: all keys.
+    void forget_late_answers(wire::MailboxType type, std::uint64_t key);
+    // Of 8 questions of SoE the one whose turn it is.
+    [[nodiscard]] unsigned next_soe_question() { return ++owed_of(wire::MailboxType::soe).spare % 8U; }
     // The slave has not yet taken the message that ends an earlier CoE operation.
     [[nodiscard]] bool is_fenced() const { return owed_[0].fences != 0; }
     // Whether one reply of this key is owed, and no other one of CoE. Mail of any kind may be something else.
@@ -194,8 +203,21 @@ class MailboxChannel {
         bool lasts = false;          // see is_doubtful()
         bool guessed = false;        // the exchange has ended by an error reply that may be that of another one
         std::uint8_t questions = 0;  // CoE: a bit for each object of kQuestions that an answer may still come for
-        std::uint8_t spare = 1;      // CoE: the subindex of 0x1000 in the last question that is none of kQuestions
-        std::uint8_t files = 0;      // FoE: so many of the mails may be first packets of files: see late_files()
+        // Of the last question: CoE the subindex of 0x1000, if it is none of kQuestions; SoE see next_soe_question().
+        std::uint8_t spare = 1;
+        std::uint8_t files = 0;  // FoE: so many of the mails may be first packets of files: see late_files()
+    };
+    // See late_answers(): a counter of 4 bits for each SoE drive, and then for each kind of EoE request.
+    struct LateAnswers {
+        static constexpr std::uint8_t kEoeCalls = 4;
+        static constexpr unsigned kMost = 15;
+        [[nodiscard]] unsigned at(unsigned place) const { return pairs[place / 2U] >> shift(place) & kMost; }
+        void set(unsigned place, unsigned late) {
+            const unsigned others = pairs[place / 2U] & ~(kMost << shift(place));
+            pairs[place / 2U] = static_cast<std::uint8_t>(others | late << shift(place));
+        }
+        [[nodiscard]] static constexpr unsigned shift(unsigned place) { return place % 2U * 4U; }
+        std::array<std::uint8_t, (wire::soe::kDrives + kEoeCalls) / 2> pairs{};
     };
     class Fence;
 
@@ -214,7 +236,13 @@ class MailboxChannel {
         const bool foe = exchange.type_ == wire::MailboxType::foe && !exchange.options_.distinct;
         return exchange.options_.key != 0 && (foe || exchange.type_ == wire::MailboxType::coe);
     }
-    static void make_last(Owed& owed, const MailExchange& exchange);
+    void make_last(Owed& owed, const MailExchange& exchange);
+    struct LatePlaces {
+        std::uint8_t first = 0;
+        std::uint8_t count = 0;
+    };
+    [[nodiscard]] static LatePlaces late_places(wire::MailboxType type, std::uint64_t key);
+    void note_late_answer(const wire::MailboxMessage& mail);
     void note_late(const wire::MailboxMessage& mail);
     void note_answered(const MailExchange& exchange);
     // What the channel owes when the exchange, which was sent, ends without its reply.
@@ -295,8 +323,8 @@ class MailboxChannel {
     bool watched_by_mailboxes_ = false;  // Mailboxes looks for mail in place of this channel
     std::uint8_t silent_looks_ = 0;      // consecutive looks that the slave has not answered
     std::uint8_t in_counter_ = 0;
-    wire::MailboxType in_type_{};  // of the last mail, as in_counter_
-    std::uint16_t in_length_ = 0;  // the same
+    std::uint16_t in_length_ = 0;  // of the last mail, as in_counter_
+    wire::MailboxType in_type_{};  // the same
     bool has_counted_ = false;     // the last mail had the counter that follows that of the mail before it
     bool counts_ = true;           // false: the slave sends mail with counter 0
     Repeated repeat_ = Repeated::no;
@@ -309,8 +337,9 @@ class MailboxChannel {
     StationAddress address_;
     std::uint16_t number_ = 0;
     MailboxInfo info_;
+    std::uint16_t looks_ = 0;  // consecutive looks without mail
+    LateAnswers late_;
     std::uint32_t epoch_ = 0;
-    unsigned looks_ = 0;  // consecutive looks without mail
     Engine* engine_ = nullptr;
     Mailboxes* mailboxes_ = nullptr;
     Slave* slave_ = nullptr;

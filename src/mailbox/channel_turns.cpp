@@ -192,6 +192,7 @@ void MailboxChannel::close() {
     if (engine_ == nullptr) return;
     open_ = away_ = false;
     end_exchanges(Errc::mailbox_closed);
+    late_ = {};
 }
 
 void MailboxChannel::interrupt(Errc reason) {

@@ -1,5 +1,7 @@
 #include "mailbox/eoe.hpp"
 
+#include "mailbox/mail_order.hpp"
+
 #include <algorithm>
 
 namespace margay {
@@ -46,19 +48,48 @@ bool EoeClient::take(Bytes parameters) {
     return true;
 }
 
+namespace {
+
+std::uint64_t key_of_call(eoe::Type request) {
+    return mail_key::of(mail_key::Kind::eoe, static_cast<std::uint32_t>(request));
+}
+
+// The question whose answer no late one looks like: another read. fragment: there is none.
+eoe::Type question_beside(MailboxChannel& channel, eoe::Type request) {
+    for (const eoe::Type read : {eoe::Type::get_ip_request, eoe::Type::get_filter_request})
+        if (read != request && channel.late_answers(wire::MailboxType::eoe, key_of_call(read)) == 0) return read;
+    return eoe::Type::fragment;
+}
+
+Task<Result<>> settle_parameters(MailboxChannel& channel, MailSession& session, eoe::Type request,
+                                 MailPatience patience) {
+    const EoeCall call{.type = question_beside(channel, request)};
+    if (call.type == eoe::Type::fragment) co_return Nothing{};
+    EoeClient question(call);
+    co_return co_await required(
+        settle_late_answers(channel, session, key_of_call(request), question, key_of_call(call.type), patience));
+}
+
+}  // namespace
+
+// The answers name no request, only its type.
 Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, MailPatience patience) {
-    MailSession session(channel, wire::MailboxType::eoe, patience.priority, patience.give_up);
+    constexpr auto kType = wire::MailboxType::eoe;
+    MailSession session(channel, kType, patience.priority, patience.give_up);
     Error failed = co_await session;
     EoeClient client(call);
-    const auto key = mail_key::of(mail_key::Kind::eoe, static_cast<std::uint32_t>(call.type));
+    const std::uint64_t key = key_of_call(call.type);
     const Time begun = channel.engine().now();
-    if (failed.code == Errc::none) failed.code = Errc::reply_lost;
-    unsigned times = 0;
-    for (; failed.code == Errc::reply_lost && times <= kMostAskedAgain; ++times) {
+    const bool granted = failed.code == Errc::none;
+    if (granted && channel.late_answers(kType, key) != 0)
+        co_await completion(settle_parameters(channel, session, call.type, patience));
+    OrderedAsks asks(channel.late_answers(kType, key));
+    for (bool again = granted; again; again = asks.again(failed.code, channel.late_answers(kType, key))) {
+        client.restart();
         MailExchange exchange(session, client, {.patience = patience, .key = key});
         failed = co_await exchange;
     }
-    if (times > 1) channel.owe_second_reply(wire::MailboxType::eoe, key, begun);
+    if (asks.has_repeated()) channel.owe_second_reply(kType, key, begun);
     if (failed.code == Errc::none) failed = client.error();
     if (failed.code == Errc::none) co_return Nothing{};
     failed.slave = channel.station().number;

@@ -24,6 +24,8 @@ struct EoeCall {
 class EoeClient final : public MailClient {
   public:
     explicit EoeClient(const EoeCall& call) : call_(call) {}
+    // Before the request is sent again.
+    void restart() { error_ = {}; }
     std::size_t compose(MutableBytes data) override;
     Taken accept(const wire::MailboxMessage& mail) override;
     // After Taken::all: the error of the answer. Slave and step are not set.

@@ -137,6 +137,7 @@ class MailSession : public MailTurn {
     bool await_ready() noexcept;
     void await_suspend(std::coroutine_handle<> h) noexcept;
     Error await_resume() noexcept;
+    [[nodiscard]] wire::MailboxType type() const { return type_; }
     // False: it was not granted, or the channel was closed or interrupted since.
     [[nodiscard]] bool holds() const;
 

@@ -1,5 +1,7 @@
 #include "mailbox/soe.hpp"
 
+#include "mailbox/mail_order.hpp"
+
 #include <algorithm>
 #include <array>
 
@@ -66,7 +68,41 @@ Task<Result<>> ask([[maybe_unused]] MailboxChannel& channel, MailSession& sessio
                    const MailPatience& patience) {
     MailExchange exchange(session, transfer, {.patience = patience, .key = transfer.key(), .in_parts = true});
     const Error failed = co_await exchange;
-    co_return failed.code != Errc::none ? failed : transfer.error();
+    co_return failed;
+}
+
+// A read that names its IDN in the answer, and which no request of an application reads: S-0-0000, S-1-0000 …
+class DriveQuestion final : public MailClient {
+  public:
+    DriveQuestion(std::uint8_t drive, unsigned number) : idn_(Idn::standard(0, number)), drive_(drive) {}
+    std::size_t compose(MutableBytes data) override {
+        if (data.size() < soe::kHeaderBytes) return 0;
+        soe::store_header(data, {.opcode = soe::Opcode::read_request,
+                                 .drive = drive_,
+                                 .elements = soe_element::kDataState,
+                                 .number = idn_.value});
+        return soe::kHeaderBytes;
+    }
+    Taken accept(const wire::MailboxMessage& mail) override {
+        if (mail.data.size() < soe::kHeaderBytes) return Taken::no;
+        const auto header = soe::load_header(mail.data);
+        const bool read = header.opcode == soe::Opcode::read_response && !header.incomplete;
+        return read && header.drive == drive_ && header.idn() == idn_ ? Taken::all : Taken::no;
+    }
+
+  private:
+    Idn idn_;
+    std::uint8_t drive_;
+};
+
+Task<Result<>> settle_drive(MailboxChannel& channel, MailSession& session, const SoeTransfer& transfer,
+                            const MailPatience& patience) {
+    DriveQuestion question(transfer.target().drive, channel.next_soe_question());
+    co_return co_await required(settle_late_answers(channel, session, transfer.key(), question, 0, patience));
+}
+
+unsigned late_of_drive(MailboxChannel& channel, const SoeTransfer& transfer) {
+    return channel.late_answers(wire::MailboxType::soe, transfer.key());
 }
 
 // A command remains set until it is cleared, so the destructor clears it when the sequence ends early.
@@ -83,6 +119,9 @@ class CommandGuard {
                                    .drive = target_.drive,
                                    .elements = soe_element::kValue,
                                    .number = target_.idn.value});
+        const std::uint64_t key = SoeTransfer::key(soe::Opcode::write_response, target_.drive);
+        channel_.add_late_answer(wire::MailboxType::soe, key);
+        channel_.owe_reply(wire::MailboxType::soe, key, channel_.engine().now() + mail_timing::kOwedPatience);
         channel_.send_final_message(wire::MailboxType::soe, cancel);
     }
     bool set = false;
@@ -103,13 +142,15 @@ Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, Mu
     if (refused.code != Errc::none) co_return complete(refused, channel, target, kStep);
     SoeReadTransfer transfer(target, into);
     const Time begun = channel.engine().now();
-    Result<> asked = Error{.code = Errc::reply_lost};
-    unsigned times = 0;
-    for (; asked.error().code == Errc::reply_lost && times <= kMostAskedAgain; ++times) {
+    if (late_of_drive(channel, transfer) != 0) co_await completion(settle_drive(channel, session, transfer, patience));
+    OrderedAsks asks(late_of_drive(channel, transfer));
+    Result<> asked = Nothing{};
+    for (bool again = true; again; again = asks.again(asked.error().code, late_of_drive(channel, transfer))) {
         transfer.restart();
         asked = co_await ask(channel, session, transfer, patience);
     }
-    if (times > 1) channel.owe_second_reply(wire::MailboxType::soe, transfer.key(), begun);
+    if (asks.has_repeated()) channel.owe_second_reply(wire::MailboxType::soe, transfer.key(), begun);
+    if (asked) asked = transfer.error();
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
     co_return transfer.bytes();
 }
@@ -123,18 +164,20 @@ Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value,
         co_return complete({.code = Errc::unsupported}, channel, target, kStep);
     SoeWriteTransfer transfer(target, value, channel.send_room());
     const Time begun = channel.engine().now();
+    if (late_of_drive(channel, transfer) != 0) co_await completion(settle_drive(channel, session, transfer, patience));
     WriteEnd end(channel, target.drive);
-    Result<> asked = Error{.code = Errc::reply_lost};
-    unsigned times = 0;
-    for (; asked.error().code == Errc::reply_lost && times <= kMostAskedAgain; ++times) {
+    OrderedAsks asks(late_of_drive(channel, transfer));
+    Result<> asked = Nothing{};
+    for (bool again = true; again; again = asks.again(asked.error().code, late_of_drive(channel, transfer))) {
         transfer.restart();
         end.unfinished = end.unfinished || !transfer.at_last();
         auto sent = co_await send_fragments(channel, session, transfer, patience);
         if (!sent) co_return complete(sent.error(), channel, target, kStep);
         asked = co_await ask(channel, session, transfer, patience);
     }
-    if (times > 1) channel.owe_second_reply(wire::MailboxType::soe, transfer.key(), begun);
+    if (asks.has_repeated()) channel.owe_second_reply(wire::MailboxType::soe, transfer.key(), begun);
     if (transfer.over()) end.unfinished = false;
+    if (asked) asked = transfer.error();
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
     co_return Nothing{};
 }

@@ -40,6 +40,10 @@ class SoeTransfer : public MailClient {
     virtual Taken read_answer(const wire::soe::Header& header, Bytes data) = 0;
     // Whether an error reply may have another number than the IDN: it answers a fragment, which has no IDN.
     [[nodiscard]] virtual bool in_fragments() const = 0;
+    void begin_again() {
+        over_ = false;
+        error_ = {};
+    }
     Taken fail(Errc code, std::size_t expected = 0, std::size_t actual = 0);
 
     SoeTarget target_;
@@ -58,7 +62,10 @@ class SoeReadTransfer final : public SoeTransfer {
         : SoeTransfer(target, wire::soe::Opcode::read_response), into_(into) {}
     std::size_t compose(MutableBytes data) override;
     // Starts again with the first message.
-    void restart() { done_ = left_ = 0; }
+    void restart() {
+        begin_again();
+        done_ = left_ = 0;
+    }
     // Octets received.
     [[nodiscard]] std::size_t bytes() const { return done_; }
 
@@ -81,7 +88,10 @@ class SoeWriteTransfer final : public SoeTransfer {
           room_(room > wire::soe::kHeaderBytes ? room - wire::soe::kHeaderBytes : 0) {}
     std::size_t compose(MutableBytes data) override;
     // Starts again with the first message.
-    void restart() { done_ = 0; }
+    void restart() {
+        begin_again();
+        done_ = 0;
+    }
     // Whether the next message is the last one. The slave replies only to the last message.
     [[nodiscard]] bool at_last() const { return value_.size() - done_ <= room_; }
     // The slave has accepted a fragment.

@@ -32,7 +32,11 @@ class LateOrder : public testing::Test {
             return {content[0] == 'a' ? slow : usual,
                     {foe_message(foe::Opcode::data, 1, std::as_bytes(std::span(content)))}};
         }
+        if (type == MailboxType::soe && octet(2) != 100)  // there is no other parameter
+            return {usual, {mail_bytes({0x12, octet(1), octet(2), octet(3), 1, 0x10})}};
         if (type == MailboxType::soe) return {slow, {mail_bytes({2, 0x40, 100, 0, ++asked, 0, 0, 0})}};
+        if (type == MailboxType::eoe && octet(0) == 6)
+            return {usual, {mail_bytes({7, 1, 0, 0, 2, 0, 0, 0, 1, 0, 0, 10})}};
         // The last octet of the address comes first.
         if (type == MailboxType::eoe)
             return {slow, {mail_bytes({3, 1, octet(8) == 99 ? 1U : 0U, octet(8) == 99 ? 2U : 0U})}};

@@ -23,6 +23,7 @@ class LateReply : public testing::Test {
         if (type == MailboxType::foe) return foe_answer(mail);
         const Bytes data = Bytes(mail).subspan(wire::kMailboxHeaderBytes);
         if (type == MailboxType::eoe) {
+            if (data[0] != std::byte{6}) return {0ms, {mail_bytes({9, 1, 1, 0})}};  // it has no filter
             ++eoe_asked;
             return {eoe_asked == 1 ? slow : 1ms, {mail_bytes({7, 1, 0, 0, 2, 0, 0, 0, eoe_asked, 0, 0, 10})}};
         }

@@ -1,0 +1,228 @@
+// Answers of EoE and SoE that come long after their request was given up: they do not name the request that they
+// answer, and are never taken for the answer to another one.
+#include "mailbox/slow_slave.hpp"
+
+#include <margay/eoe.hpp>
+#include <margay/soe.hpp>
+
+namespace margay {
+namespace {
+
+constexpr std::uint16_t kNumber = 0x0FFF;  // of an IDN in its set
+
+class LateAnswers : public testing::Test {
+  protected:
+    MailboxBus bus;
+    SlowSlave slave{bus, 200};  // octets of a mailbox
+    Duration slow = 1ms;        // for each parameter that is read or written
+    bool answers_questions = true;
+    bool reads_address = false;  // the question of the library is another one
+    unsigned asked = 0;          // parameters, questions of the library not counted
+    unsigned questions = 0;      // of the library
+    std::array<std::byte, 8> octets{};
+
+    void SetUp() override {
+        slave.answers = [this](MailboxType type, const Mail& mail) { return answer(type, mail); };
+        bus.start();
+        slave.queues = true;
+    }
+    // A parameter has the number of requests so far as its value, in one mail or in two. It accepts values below 90.
+    // An address below 90 is accepted, and the address that is read has the number of requests.
+    SlowSlave::Answer answer(MailboxType type, const Mail& mail) {
+        const Bytes data = Bytes(mail).subspan(wire::kMailboxHeaderBytes);
+        if (type == MailboxType::soe) return answer_drive(data);
+        if (type != MailboxType::eoe) return {};
+        const auto octet = [&](std::size_t n) { return std::to_integer<unsigned>(data[n]); };
+        switch (octet(0) & 0xFU) {
+            case 2: ++asked; return {slow, {mail_bytes({3, 1, octet(8) >= 90 ? 1U : 0U, octet(8) >= 90 ? 2U : 0U})}};
+            case 6:
+                if (reads_address) return {slow, {mail_bytes({7, 1, 0, 0, 2, 0, 0, 0, ++asked, 0, 0, 10})}};
+                ++questions;
+                if (!answers_questions) return {};
+                return {1ms, {mail_bytes({7, 1, 0, 0, 2, 0, 0, 0, 1, 0, 0, 10})}};
+            case 8:  // a filter, which the slave does not have
+                ++questions;
+                if (!answers_questions) return {};
+                return {1ms, {mail_bytes({9, 1, 1, 0})}};
+            default: return {};
+        }
+    }
+
+    SlowSlave::Answer answer_drive(Bytes data) {
+        const auto header = wire::soe::load_header(data);
+        const auto low = std::to_integer<unsigned>(data[0]);
+        const auto number = std::to_integer<unsigned>(data[2]);
+        const auto high = std::to_integer<unsigned>(data[3]);
+        if ((header.number & kNumber) == 0) {  // no parameter has this number
+            ++questions;
+            if (!answers_questions) return {};
+            return {1ms, {mail_bytes({low + 0x11U, 1, number, high, 1, 0x10})}};
+        }
+        ++asked;
+        if (header.opcode == wire::soe::Opcode::read_request) {
+            if (header.number != 200) return {slow, {mail_bytes({low + 1U, 0x40, number, high, asked, 0, 0, 0})}};
+            return {slow,
+                    {mail_bytes({low + 9U, 0x40, 1, 0, asked, 0, 0, 0}),
+                     mail_bytes({low + 1U, 0x40, number, high, asked, 0, 0, 0})}};
+        }
+        const bool accepts = std::to_integer<unsigned>(data[4]) < 90;
+        if (accepts) return {slow, {mail_bytes({low + 1U, 0x40, number, high})}};
+        return {slow, {mail_bytes({low + 0x11U, 0x40, number, high, 8, 0x70})}};
+    }
+
+    Error finish(Request& request) {
+        const auto begun = submit(*bus.ctx, request);
+        EXPECT_TRUE(begun.ok()) << bus.words(begun.error());
+        slave.run(request);
+        return request.error();
+    }
+    // The library waits for half of the time for the answer to its question. The slave answers late ones before, so it
+    // answers the question in time behind kWithin, and not in time behind kBeyond.
+    static constexpr Duration kWithin = 2s;
+    static constexpr Duration kBeyond = 7s;
+    Error finish_late(Request& request) {
+        request.timeout = 10s;
+        return finish(request);
+    }
+    // The slave needs `work` for the answer, and the library gives up before.
+    void times_out(Request&& request, Duration work) {
+        slow = work;
+        request.timeout = 50ms;
+        const Error error = finish(request);
+        EXPECT_EQ(error.code, Errc::timeout) << bus.words(error);
+        slave.idle(110ms);
+        slow = 1ms;
+    }
+    struct ReadParameter : SoeRead {
+        ReadParameter(MutableBytes into, unsigned number, std::uint8_t of = 0) {
+            slave = 1;
+            drive = of;
+            idn = Idn::standard(number);
+            data = into;
+        }
+    };
+    struct WriteParameter : SoeWrite {
+        explicit WriteParameter(unsigned v) : value{static_cast<std::byte>(v), std::byte{0}} {
+            slave = 1;
+            idn = Idn::standard(100);
+            data = value;
+        }
+        std::array<std::byte, 2> value;
+    };
+    struct SetIp : EoeSetIp {
+        explicit SetIp(std::uint8_t last) {
+            slave = 1;
+            packed = true;
+            ip.address = Ipv4Address{10, 0, 0, last};
+        }
+    };
+    struct GetIp : EoeGetIp {
+        GetIp() { slave = 1; }
+    };
+};
+
+// One request, or several, are given up; the slave answers them later than any time that the library waits for.
+TEST_F(LateAnswers, OfAParameterThatWasRead) {
+    for (const bool question : {true, false})
+        for (const unsigned number : {100U, 200U})
+            for (unsigned given_up = 1; given_up <= 3; ++given_up) {
+                SCOPED_TRACE(testing::Message() << question << ' ' << number << ' ' << given_up);
+                answers_questions = question;
+                const unsigned before = asked + given_up;
+                for (unsigned n = 0; n < given_up; ++n)
+                    times_out(ReadParameter(octets, number), question ? kWithin : kBeyond);
+                ReadParameter second(octets, number);
+                const Error error = finish_late(second);
+                EXPECT_EQ(error.code, Errc::none) << bus.words(error);
+                EXPECT_GT(std::to_integer<unsigned>(octets[0]), before);
+                if (question) {
+                    EXPECT_EQ(asked, before + 1);
+                }
+                slave.idle(10s);
+            }
+}
+
+TEST_F(LateAnswers, OfAParameterThatWasWritten) {
+    for (const bool question : {true, false})
+        for (unsigned given_up = 1; given_up <= 3; ++given_up) {
+            SCOPED_TRACE(testing::Message() << question << ' ' << given_up);
+            answers_questions = question;
+            for (unsigned n = 0; n < given_up; ++n) times_out(WriteParameter(1), question ? kWithin : kBeyond);
+            WriteParameter second(99);
+            const Error error = finish_late(second);
+            EXPECT_EQ(error.code, Errc::soe_error) << bus.words(error);
+            slave.idle(10s);
+        }
+}
+
+// Another drive has an order of its own, and no doubt.
+TEST_F(LateAnswers, OfAnotherDrive) {
+    times_out(ReadParameter(octets, 100), kWithin);
+    questions = asked = 0;
+    ReadParameter second(octets, 100, 1);
+    EXPECT_EQ(finish_late(second).code, Errc::none);
+    EXPECT_EQ(asked, 1U);
+    EXPECT_EQ(questions, 0U);
+}
+
+// The library asks once. The next request is sent as it would be without the doubt.
+TEST_F(LateAnswers, AreNoDoubtBehindAQuestion) {
+    const auto count = [&](Request&& request, unsigned wanted_questions) {
+        questions = asked = 0;
+        EXPECT_EQ(finish_late(request).code, Errc::none) << bus.words(request.error());
+        EXPECT_EQ(asked, 1U);
+        EXPECT_EQ(questions, wanted_questions);
+    };
+    times_out(WriteParameter(1), kWithin);
+    count(WriteParameter(2), 1);
+    count(WriteParameter(3), 0);
+    count(ReadParameter(octets, 100), 0);
+    times_out(SetIp(1), kWithin);
+    count(SetIp(2), 1);
+    count(SetIp(3), 0);
+}
+
+// The late answer comes before the next request, and is the only one.
+TEST_F(LateAnswers, AreNoDoubtWhenTheyHaveCome) {
+    times_out(WriteParameter(1), 200ms);
+    times_out(SetIp(1), 200ms);
+    slave.idle(1s);
+    questions = 0;
+    WriteParameter write(2);
+    EXPECT_EQ(finish(write).code, Errc::none);
+    SetIp set(2);
+    EXPECT_EQ(finish(set).code, Errc::none);
+    EXPECT_EQ(questions, 0U);
+}
+
+TEST_F(LateAnswers, OfAnAddressThatWasSet) {
+    for (const bool question : {true, false})
+        for (unsigned given_up = 1; given_up <= 3; ++given_up) {
+            SCOPED_TRACE(testing::Message() << question << ' ' << given_up);
+            answers_questions = question;
+            for (unsigned n = 0; n < given_up; ++n) times_out(SetIp(1), question ? kWithin : kBeyond);
+            SetIp second(99);
+            const Error error = finish_late(second);
+            EXPECT_EQ(error.code, Errc::eoe_error) << bus.words(error);
+            slave.idle(10s);
+        }
+}
+
+TEST_F(LateAnswers, OfAnAddressThatWasRead) {
+    reads_address = true;
+    for (const bool question : {true, false})
+        for (unsigned given_up = 1; given_up <= 3; ++given_up) {
+            SCOPED_TRACE(testing::Message() << question << ' ' << given_up);
+            answers_questions = question;
+            const unsigned before = asked + given_up;
+            for (unsigned n = 0; n < given_up; ++n) times_out(GetIp(), question ? kWithin : kBeyond);
+            GetIp second;
+            const Error error = finish_late(second);
+            EXPECT_EQ(error.code, Errc::none) << bus.words(error);
+            EXPECT_GT(unsigned{second.ip.address.value_or(Ipv4Address{})[3]}, before);
+            slave.idle(10s);
+        }
+}
+
+}  // namespace
+}  // namespace margay
