@@ -70,7 +70,7 @@ void Bench::check_line(const Error& error) const {
 // Waits for the end of a request. False: working counter 0.
 bool Bench::finish(Request& request, const Result<>& submitted) {
     if (!submitted) check_line(submitted.error());
-    while (request.busy()) progress(kNever);
+    while (request.busy()) progress(kNever, &request);
     if (request.state() == RequestState::error) check_line(request.error());
     return request.state() == RequestState::success;
 }
@@ -143,11 +143,13 @@ void Bench::wait(Duration time) {
 }
 
 // Sends what is due, and waits for what comes next, at most until this time.
-void Bench::progress(Time until) {
+void Bench::progress(Time until, const Request* awaited) {
     if (stop_asked()) throw NotJudged{"the program was stopped"};
     const Time frame = cycle_.step(osal_.now());
     if (const auto fault = cycle_.line_fault()) throw LineFault{sentence(*fault)};
     const Time next = poll(ctx_, osal_.now());
+    // Nothing would end the wait when poll() has just ended the last request.
+    if (awaited != nullptr && !awaited->busy()) return;
     osal_.wait(std::min({next, until, frame}), nics_);
 }
 

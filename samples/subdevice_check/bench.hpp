@@ -141,7 +141,8 @@ class Bench {
     [[nodiscard]] bool try_to_enter(AlState state);
     void check_line(const Error& error) const;
     bool finish(Request& request, const Result<>& submitted);
-    void progress(Time until);
+    // Executes what is due, and waits until `until` at the latest, or not at all when the awaited request is over.
+    void progress(Time until, const Request* awaited = nullptr);
 
     Context& ctx_;
     Osal& osal_;

@@ -102,6 +102,41 @@ TEST(SubdeviceCheck, NamesOfChecksAreUniqueAndHaveClauses) {
     }
 }
 
+// A real NIC ends a wait only with a frame: a wait without an end while no frame is under way would be the last one.
+class OsalOfARealNic final : public Osal {
+  public:
+    [[nodiscard]] Time now() noexcept override { return now_; }
+    void wait(Time until, WaitHandles) noexcept override {
+        if (nic != nullptr) until = std::min(until, nic->next_arrival());
+        if (until == kNever)
+            ++endless;
+        else
+            now_ = std::max(now_, until);
+    }
+    const SimulatedNic* nic = nullptr;
+    unsigned endless = 0;
+
+  private:
+    [[nodiscard]] std::uintptr_t calling_thread() noexcept override { return 1; }
+    Time now_{};
+};
+
+TEST(SubdeviceCheck, NoWaitIsWithoutAnEnd) {
+    sim::Segment segment;
+    OsalOfARealNic osal;
+    segment.add(sim::make_device("drive").value().assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    segment.power_up(osal.now());
+    SimulatedNic nic(segment, osal);
+    osal.nic = &nic;
+    HostContext ctx{Limits{.slaves = 4}};
+    ASSERT_TRUE(init(ctx, nic, osal).ok());
+    const auto checked = check_device(ctx, osal, nic.wait_handle(), 1);
+    EXPECT_EQ(checked.error, "");
+    EXPECT_TRUE(checked.report.conforms()) << report_text(checked.report, false);
+    EXPECT_EQ(osal.endless, 0U);
+}
+
 TEST(SubdeviceCheck, APositionThatDoesNotExistIsAnError) {
     sim::Segment segment;
     VirtualOsal osal;
