@@ -8,11 +8,6 @@
 namespace margay::samples::conformance {
 namespace {
 
-std::size_t count_of(const Report& report, Outcome outcome) {
-    return static_cast<std::size_t>(
-        std::ranges::count_if(report.checks, [&](const CheckResult& check) { return check.outcome == outcome; }));
-}
-
 std::string check_text(const CheckResult& check) {
     std::string text = fmt::format("{:<14} {:<26} {}\n", to_text(check.outcome), check.name, check.what);
     if (!check.reason.empty()) text += fmt::format("               {}\n", check.reason);
@@ -31,6 +26,11 @@ std::size_t Report::count(Severity severity) const {
     return count;
 }
 
+std::size_t Report::count(Outcome outcome) const {
+    return static_cast<std::size_t>(
+        std::ranges::count_if(checks, [&](const CheckResult& check) { return check.outcome == outcome; }));
+}
+
 std::string_view to_text(Severity severity) { return severity == Severity::error ? "error" : "remark"; }
 
 std::string_view to_text(Outcome outcome) {
@@ -38,6 +38,7 @@ std::string_view to_text(Outcome outcome) {
         case Outcome::passed: return "passed";
         case Outcome::failed: return "failed";
         case Outcome::not_applicable: return "not applicable";
+        case Outcome::broken_off: return "broken off";
     }
     return "unknown";
 }
@@ -47,15 +48,17 @@ std::string report_text(const Report& report, bool all) {
                                    report.number, report.device, report.vendor, report.product, report.revision);
     bool any = false;
     for (const auto& check : report.checks) {
-        if (!all && check.findings.empty()) continue;
+        if (!all && check.findings.empty() && check.outcome != Outcome::broken_off) continue;
         text += check_text(check);
         any = true;
     }
     if (any) text += "\n";
-    text += fmt::format("{} checks: {} passed, {} failed, {} not applicable; {} errors, {} remarks\n",
-                        report.checks.size(), count_of(report, Outcome::passed), count_of(report, Outcome::failed),
-                        count_of(report, Outcome::not_applicable), report.count(Severity::error),
-                        report.count(Severity::remark));
+    const auto broken_off = report.count(Outcome::broken_off);
+    text += fmt::format("{} checks: {} passed, {} failed, {} not applicable{}; {} errors, {} remarks\n",
+                        report.checks.size(), report.count(Outcome::passed), report.count(Outcome::failed),
+                        report.count(Outcome::not_applicable),
+                        broken_off == 0 ? std::string() : fmt::format(", {} broken off", broken_off),
+                        report.count(Severity::error), report.count(Severity::remark));
     return text;
 }
 

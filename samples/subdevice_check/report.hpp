@@ -19,9 +19,10 @@ struct Finding {
 };
 
 enum class Outcome : std::uint8_t {
-    passed,         // the rule was tried, and the device keeps it
-    failed,         // at least one error
-    not_applicable  // the rule does not concern this device, or could not be tried; `reason` says why
+    passed,          // the rule was tried, and the device keeps it
+    failed,          // at least one error
+    not_applicable,  // the rule does not concern this device, or could not be tried; `reason` says why
+    broken_off       // frames did not come back, so the rule is neither kept nor broken; `reason` says where
 };
 
 struct CheckResult {
@@ -41,13 +42,15 @@ struct Report {
     std::vector<CheckResult> checks{};
 
     [[nodiscard]] std::size_t count(Severity severity) const;
-    [[nodiscard]] bool conforms() const { return count(Severity::error) == 0; }
+    [[nodiscard]] std::size_t count(Outcome outcome) const;
+    // No error, and each check has come to its end: nothing is known about a device whose cable is out.
+    [[nodiscard]] bool conforms() const { return count(Severity::error) == 0 && count(Outcome::broken_off) == 0; }
 };
 
 [[nodiscard]] std::string_view to_text(Severity severity);
 [[nodiscard]] std::string_view to_text(Outcome outcome);
 
-// The whole report. Without `all`, checks that passed or do not apply are only counted.
+// The whole report. Without `all`, checks that passed or do not apply, and have no finding, are only counted.
 [[nodiscard]] std::string report_text(const Report& report, bool all);
 [[nodiscard]] nlohmann::ordered_json report_json(const Report& report);
 

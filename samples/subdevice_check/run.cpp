@@ -41,7 +41,7 @@ CheckResult execute(Session& session, const Check& check) {
             if (result.outcome == Outcome::passed) result.outcome = Outcome::not_applicable;
             return result;
         } catch (const LineFault& fault) {
-            result.outcome = Outcome::not_applicable;
+            result.outcome = Outcome::broken_off;
             result.reason = "the line loses frames: " + fault.reason;
         }
     }

@@ -137,6 +137,28 @@ TEST(SubdeviceCheck, NoWaitIsWithoutAnEnd) {
     EXPECT_EQ(osal.endless, 0U);
 }
 
+TEST(SubdeviceCheck, ADeviceThatIsPulledOutDoesNotConform) {
+    sim::Segment segment;
+    VirtualOsal osal;
+    segment.add(sim::make_device("drive").value().assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    segment.power_up(osal.now());
+    SimulatedNic nic(segment, osal);
+    HostContext ctx{Limits{.slaves = 4}};
+    ASSERT_TRUE(init(ctx, nic, osal).ok());
+    const auto pull = [&](std::string_view check) { segment.set_master_cable(0, !check.starts_with("sdo.write")); };
+    const auto checked = check_device(ctx, osal, nic.wait_handle(), 1, {.only = "sdo"}, pull);
+    EXPECT_EQ(checked.report.count(Severity::error), 0U);
+    EXPECT_FALSE(checked.report.conforms());
+    const auto* const broken_off = find(checked.report, "sdo.write");
+    ASSERT_NE(broken_off, nullptr);
+    EXPECT_EQ(broken_off->outcome, Outcome::broken_off);
+    EXPECT_EQ(broken_off->reason.find("the line loses frames: "), 0U) << broken_off->reason;
+    const auto text = report_text(checked.report, false);
+    EXPECT_NE(text.find("broken off     sdo.write "), std::string::npos) << text;
+    EXPECT_NE(text.find(" broken off; 0 errors"), std::string::npos) << text;
+}
+
 TEST(SubdeviceCheck, APositionThatDoesNotExistIsAnError) {
     sim::Segment segment;
     VirtualOsal osal;
