@@ -120,6 +120,18 @@ Abort check_mappable(ObjectDictionary& dictionary, MappingEntry entry, bool outp
     return found->bits == entry.bits ? Abort::none : Abort::length_mismatch;
 }
 
+Abort check_assigned(ObjectDictionary& dictionary, std::uint16_t assignment, bool outputs) {
+    const auto count = static_cast<unsigned>(dictionary.number(assignment, 0));
+    for (unsigned n = 1; n <= count; ++n) {
+        const auto pdo = static_cast<std::uint16_t>(dictionary.number(assignment, n));
+        if (pdo == 0) continue;
+        const auto* const object = dictionary.find(pdo);
+        if (object == nullptr || !dictionary.exists(*object)) return Abort::no_object;
+        if (outputs ? !is_output_pdo(pdo) : !is_input_pdo(pdo)) return Abort::cannot_be_mapped;
+    }
+    return Abort::none;
+}
+
 namespace {
 MutableBytes octets_of(const MappedEntry& mapped) {
     return {mapped.octets, mapped.octets != nullptr ? (std::size_t{mapped.bits} + 7) / 8 : 0};

@@ -50,6 +50,10 @@ class MappingReader {
 // that has at least the size of the entry and stays valid as long as the value is mapped.
 [[nodiscard]] Abort check_mappable(ObjectDictionary& dictionary, MappingEntry entry, bool outputs);
 
+// Checks the PDOs of an assignment: each one exists and belongs to this direction (0x1600 to 0x17FF outputs, 0x1A00 to
+// 0x1BFF inputs). Returns no_object, cannot_be_mapped, or none if they do. The number 0 is no PDO.
+[[nodiscard]] Abort check_assigned(ObjectDictionary& dictionary, std::uint16_t assignment, bool outputs);
+
 // One entry of the process image.
 struct MappedEntry {
     std::uint16_t index = 0;

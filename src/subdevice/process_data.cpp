@@ -68,6 +68,7 @@ AlStatusCode ProcessData::build_map(bool outputs) {
     for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t n) {
         const std::size_t before = map.bytes();
         const auto room = std::min<std::size_t>(area.max_bytes, memory - std::min(memory, before));
+        if (wrong == Abort::none) wrong = check_assigned(dictionary_, area.assignment(), outputs);
         if (wrong == Abort::none) wrong = map.add(dictionary_, area.assignment(), room);
         sizes_.of(outputs, n) = static_cast<std::uint16_t>(map.bytes() - before);
     });

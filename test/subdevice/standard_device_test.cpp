@@ -217,6 +217,23 @@ constexpr DeviceDescription kOutputsInSm3{.name = "Outputs in SM3",
 constexpr Entry kTwoOctetsOut[] = {value<Field<std::uint16_t, 0>>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
 constexpr Object kTwoOctetOutObjects[] = {variable(0x7000, "Lamps", kTwoOctetsOut)};
 
+// Assignments with a mistake: the PDO of the inputs in the outputs, and a PDO that does not exist.
+constexpr DeviceDescription kBothWays{.name = "Both directions",
+                                      .protocols = {.coe = true},
+                                      .mailbox = kSmallMailboxes,
+                                      .outputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = 2},
+                                      .inputs = {.sync_manager = 3, .start = 0x1480, .max_bytes = 2}};
+constexpr Entry kLampsBehindKeys[] = {value<Field<std::uint16_t, 2>>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Entry kPdoOfInputs[] = {entry_count(1), assigned(1, 0x1A00)};
+constexpr Entry kPdoOfOutputs[] = {entry_count(1), assigned(1, 0x1600)};
+constexpr Entry kNoSuchPdo[] = {entry_count(1), assigned(1, 0x1605)};
+constexpr Object kInputsInOutputs[] = {array(0x1C12, "Assignment", kPdoOfInputs), variable(0x6000, "Keys", kTwoOctets),
+                                       variable(0x7000, "Lamps", kLampsBehindKeys)};
+constexpr Object kOutputsInInputs[] = {array(0x1C13, "Assignment", kPdoOfOutputs), variable(0x6000, "Keys", kTwoOctets),
+                                       variable(0x7000, "Lamps", kLampsBehindKeys)};
+constexpr Object kOutputsMissing[] = {array(0x1C12, "Assignment", kNoSuchPdo), variable(0x6000, "Keys", kTwoOctets),
+                                      variable(0x7000, "Lamps", kLampsBehindKeys)};
+
 // A value of more octets than the usual staging buffer.
 constexpr Entry kLongText[] = {subdevice::octets(0, "Text", DataType::octet_string, od::kReadWrite, 0, 300)};
 constexpr Entry kLongArray[] = {
@@ -295,6 +312,22 @@ TEST(StandardDevice, ADirectionMayUseTheSyncManagerOfTheOther) {
     outputs.esc.configure(3, {0x1400, 2, 0x24, 1});
     (void)outputs.request(2);
     EXPECT_EQ(outputs.request(4), (AlStatus{AlState::safeop, false, 0}));
+}
+
+template <const auto& Objects>
+AlStatus safeop_of(std::uint16_t outputs_bytes) {
+    SizedBench<kBothWays, Objects, 4> bench;
+    if (outputs_bytes != 0) bench.esc.configure(2, {0x1400, outputs_bytes, 0x64, 1});
+    bench.esc.configure(3, {0x1480, 2, 0x20, 1});
+    (void)bench.request(2);
+    return bench.request(4);
+}
+
+// Otherwise the outputs of the master come into an object that nobody may write, or nowhere.
+TEST(StandardDevice, AnAssignmentNeedsPdosOfItsDirection) {
+    EXPECT_EQ(safeop_of<kInputsInOutputs>(2), (AlStatus{AlState::preop, true, 0x0025}));
+    EXPECT_EQ(safeop_of<kOutputsInInputs>(2), (AlStatus{AlState::preop, true, 0x0024}));
+    EXPECT_EQ(safeop_of<kOutputsMissing>(0), (AlStatus{AlState::preop, true, 0x0025}));
 }
 
 TEST(StandardDevice, TheLargestValueOfTheTableCanBeWritten) {
