@@ -189,7 +189,7 @@ struct Intervals {
     Duration least{}, most{};
     Moment most_at{};
     double mean_ns = 0, deviation_ns = 0;   // standard deviation
-    Duration median{}, low_1{}, high_99{};  // within 3 per cent
+    Duration median{}, low_1{}, high_99{};  // within 1 per cent
     std::uint64_t late = 0;                 // longer than one and a half medians
     std::uint64_t pauses = 0;               // of more than a second, which are not counted above
 };

@@ -13,14 +13,6 @@ std::size_t step_of(std::uint64_t value, unsigned fine) {
     return (std::size_t{shift} << fine) + static_cast<std::size_t>(value >> shift);
 }
 
-// The middle of a step.
-std::uint64_t value_of(std::size_t step, unsigned fine) {
-    if (step < (2ULL << fine)) return step;
-    const auto shift = (step >> fine) - 1;
-    const std::uint64_t base = (step & ((1ULL << fine) - 1)) | (1ULL << fine);
-    return (base << shift) + ((1ULL << shift) >> 1);
-}
-
 }  // namespace
 
 void IntervalStatistics::add(Duration interval, Moment at) {
@@ -30,7 +22,9 @@ void IntervalStatistics::add(Duration interval, Moment at) {
     }
     const auto ns = std::max<std::int64_t>(interval.count(), 0);  // the clock of a recorder may be set back
     if (steps_.empty()) steps_.resize(kSteps);
-    ++steps_[step_of(static_cast<std::uint64_t>(ns), kFineBits)];
+    Step& step = steps_[step_of(static_cast<std::uint64_t>(ns), kFineBits)];
+    ++step.count;
+    step.sum += static_cast<std::uint64_t>(ns);
     const Duration value{ns};
     if (facts_.count == 0 || value < facts_.least) facts_.least = value;
     if (facts_.count == 0 || value > facts_.most) {
@@ -46,9 +40,8 @@ void IntervalStatistics::add(Duration interval, Moment at) {
 
 Duration IntervalStatistics::at_rank(std::uint64_t rank) const {
     std::uint64_t seen = 0;
-    for (std::size_t i = 0; i < steps_.size(); ++i)
-        if ((seen += steps_[i]) > rank)
-            return std::clamp(Duration(static_cast<std::int64_t>(value_of(i, kFineBits))), facts_.least, facts_.most);
+    for (const Step& step : steps_)
+        if ((seen += step.count) > rank) return Duration(static_cast<std::int64_t>(step.sum / step.count));
     return facts_.most;
 }
 
@@ -61,7 +54,7 @@ Intervals IntervalStatistics::result() const {
     all.low_1 = at_rank(all.count / 100);
     all.high_99 = at_rank(all.count - 1 - all.count / 100);
     const auto limit = step_of(static_cast<std::uint64_t>((all.median + all.median / 2).count()), kFineBits);
-    for (std::size_t i = limit + 1; i < steps_.size(); ++i) all.late += steps_[i];
+    for (std::size_t i = limit + 1; i < steps_.size(); ++i) all.late += steps_[i].count;
     return all;
 }
 

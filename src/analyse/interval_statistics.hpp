@@ -1,4 +1,5 @@
-// Statistics of intervals without keeping them: extremes, mean, standard deviation, and percentiles within 3 per cent.
+// Statistics of intervals without keeping them: extremes, mean, standard deviation, and percentiles within 1 per cent:
+// each is the mean of the intervals of about this length, so that the one of a steady cycle is exact.
 #pragma once
 
 #include "analyse/analysis.hpp"
@@ -15,11 +16,17 @@ class IntervalStatistics {
   private:
     [[nodiscard]] Duration at_rank(std::uint64_t rank) const;
 
-    static constexpr unsigned kFineBits = 5;  // 32 steps between powers of two
-    static constexpr std::size_t kSteps = (64 - kFineBits) << kFineBits;
+    // The intervals between two lengths.
+    struct Step {
+        std::uint64_t count = 0;
+        std::uint64_t sum = 0;
+    };
+    static constexpr unsigned kFineBits = 7;  // 128 steps between powers of two
+    static constexpr unsigned kBits = 30;     // of kPause in nanoseconds
+    static constexpr std::size_t kSteps = std::size_t{kBits - kFineBits + 1} << kFineBits;
     Intervals facts_{};
     double mean_ = 0, squares_ = 0;
-    std::vector<std::uint64_t> steps_{};
+    std::vector<Step> steps_{};
 };
 
 }  // namespace margay::analyse

@@ -100,7 +100,9 @@ TEST_F(AnalyserTest, MeasuresTheCycleAndCountsLostAndLateFrames) {
     EXPECT_EQ(a.cyclic[0].count, 100u);
     EXPECT_EQ(a.cyclic[0].lost, 1u);
     EXPECT_EQ(a.cyclic[0].late, 1u);
-    EXPECT_NEAR(static_cast<double>(a.cyclic[0].intervals.median.count()), 1e6, 3e4);
+    const auto& intervals = a.cyclic[0].intervals;
+    EXPECT_EQ(intervals.median, 1ms) << "a steady cycle is not rounded: its median is one of its intervals";
+    EXPECT_EQ(intervals.low_1, 1ms);
     EXPECT_EQ(a.shortfalls.items.size(), 0u);
 }
 
