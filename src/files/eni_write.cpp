@@ -14,6 +14,9 @@ namespace {
 
 namespace reg = wire::reg;
 
+constexpr std::uint8_t kLrd = 10;
+constexpr std::uint8_t kLwr = 11;
+
 class EniWriter {
   public:
     EniWriter(Context& ctx, const EniSettings& settings) : ctx_(ctx), settings_(settings) {}
@@ -129,15 +132,33 @@ class EniWriter {
     }
 
     // The first bit of the slave's data in the images of the file: outputs and inputs are counted for themselves.
-    std::uint32_t file_bit(const Slave& slave, Direction direction) {
-        std::uint32_t before = 0;
-        for (std::size_t n = 0; n < slave.image.group; ++n) {
-            const Group& group = ctx_.group(n);
-            before += (direction == Direction::outputs ? group.output_bytes : group.input_bytes) * 8;
+    // The logical addresses that the cycle of a group exchanges.
+    struct Range {
+        std::uint64_t begin = 0;
+        std::uint64_t end = 0;
+        std::uint64_t before = 0;  // octets of the groups before it
+    };
+    // Both halves of the image of the file have the logical addresses of the groups, one group behind the other: so one
+    // offset of a cyclic command says where the data of all slaves of this command is.
+    Range range_of(std::size_t number) {
+        Range range;
+        for (std::size_t group = 0; group <= number; ++group) {
+            range = {.begin = UINT64_MAX, .before = range.before + (range.end - range.begin)};
+            for (std::size_t n = 0; n < ctx_.group(group).datagrams.size(); ++n) {
+                const PlannedDatagram datagram = process_datagram(ctx_, n, static_cast<std::uint8_t>(group));
+                range.begin = std::min<std::uint64_t>(range.begin, datagram.address.value);
+                range.end = std::max<std::uint64_t>(range.end, std::uint64_t{datagram.address.value} + datagram.bytes);
+            }
+            if (range.end == 0) range.begin = 0;  // no process data
         }
+        return range;
+    }
+
+    std::uint64_t file_bit(const Slave& slave, Direction direction) {
+        const std::uint64_t before = range_of(slave.image.group).before * 8;
         const Group& group = ctx_.group(slave.image.group);
         if (direction == Direction::outputs) return before + slave.image.outputs.offset_bits;
-        return before + slave.image.inputs.offset_bits - group.output_bytes * 8;
+        return before + slave.image.inputs.offset_bits - (group.config.overlapped ? group.output_bytes * 8 : 0);
     }
 
     void write_process_data(Node node, const Slave& slave, const EsiDevice& described) {
@@ -147,7 +168,7 @@ class EniWriter {
                                                     std::tuple{"Recv", Direction::inputs, &slave.image.inputs}}) {
             if (part->bits == 0) continue;
             Node range = add(data, name);
-            add(range, "BitStart", std::uint64_t{file_bit(slave, direction)});
+            add(range, "BitStart", file_bit(slave, direction));
             add(range, "BitLength", std::uint64_t{part->bits});
         }
         const std::vector<EsiPdo> pdos = assigned_pdos(slave, described);
@@ -238,6 +259,7 @@ class EniWriter {
         const auto us = std::chrono::duration_cast<std::chrono::microseconds>(settings_.cycle).count();
         add(cyclic, "CycleTime", static_cast<std::uint64_t>(us));
         std::vector<Node> frames;
+        const Range range = range_of(number);
         for (std::size_t n = 0; n < group.datagrams.size(); ++n) {
             const PlannedDatagram datagram = process_datagram(ctx_, n, static_cast<std::uint8_t>(number));
             while (frames.size() <= datagram.frame) frames.push_back(add(cyclic, "Frame"));
@@ -245,6 +267,9 @@ class EniWriter {
             add(cmd, "Addr", std::uint64_t{datagram.address.value});
             add(cmd, "DataLength", std::uint64_t{datagram.bytes});
             add(cmd, "Cnt", std::uint64_t{group.datagrams[n].full});
+            const std::uint64_t offset = range.before + (datagram.address.value - range.begin);
+            if (datagram.command != kLwr) add(cmd, "InputOffs", offset);
+            if (datagram.command != kLrd) add(cmd, "OutputOffs", offset);
         }
         if (frames.empty()) frames.push_back(add(cyclic, "Frame"));
         const std::uint16_t clock = reference_clock(ctx_);
@@ -277,10 +302,8 @@ class EniWriter {
         for (const auto& [name, direction] :
              {std::pair{"Inputs", Direction::inputs}, std::pair{"Outputs", Direction::outputs}}) {
             Node half = add(image, name);
-            std::uint64_t bytes = 0;
-            for (std::size_t n = 0; n < ctx_.limits().groups; ++n)
-                bytes += direction == Direction::inputs ? ctx_.group(n).input_bytes : ctx_.group(n).output_bytes;
-            add(half, "ByteSize", bytes);
+            const Range last = range_of(ctx_.limits().groups - 1);
+            add(half, "ByteSize", last.before + (last.end - last.begin));
             for (const auto& [number, described] : names_)
                 write_variables(half, ctx_.slave(number), direction, described);
         }
@@ -291,14 +314,14 @@ class EniWriter {
         if (slave.image.group == SlaveImage::kNoGroup) return;
         const std::vector<EsiPdo> pdos = assigned_pdos(slave, described);
         const std::string prefix = "Slave_" + std::to_string(slave.number) + " [" + std::string(slave.name()) + "].";
-        std::uint32_t at = file_bit(slave, direction);
+        std::uint64_t at = file_bit(slave, direction);
         bool first = true;
         const bool bits = ctx_.group(slave.image.group).config.packing == Packing::bits;
         for (const ProcessSm& sm : slave.config.used_sms()) {
             if (sm.direction != direction || sm.bits == 0) continue;
             if (!first || sm.bits >= 8 || !bits) at = (at + 7) / 8 * 8;
             first = false;
-            std::uint32_t bit = at;
+            std::uint64_t bit = at;
             for (const EsiPdo& pdo : pdos)
                 for (const EsiEntry& entry : pdo.entries) {
                     if (pdo.sync_manager != sm.number) continue;
