@@ -2,6 +2,8 @@
 #include "files/eni_read.hpp"
 
 #include <algorithm>
+#include <array>
+#include <map>
 
 namespace margay::files {
 namespace {
@@ -101,6 +103,8 @@ struct CyclicCmd {
     std::uint64_t begin = 0;  // bits
     std::uint64_t end = 0;
     std::optional<std::uint16_t> counter{};
+    std::optional<std::uint64_t> inputs{};   // bit of the image of the file, from InputOffs
+    std::optional<std::uint64_t> outputs{};  // and from OutputOffs
 };
 
 class CycleReader {
@@ -136,6 +140,10 @@ class CycleReader {
             one.end = one.begin + std::uint64_t{length} * 8;
             if (const Value counter = child(node, "Cnt"); counter.there)
                 one.counter = r_.number<std::uint16_t>(counter);
+            if (const Value offset = child(node, "InputOffs"); offset.there && cmd != EniCmd::lwr)
+                one.inputs = std::uint64_t{r_.number<std::uint32_t>(offset)} * 8;
+            if (const Value offset = child(node, "OutputOffs"); offset.there && cmd != EniCmd::lrd)
+                one.outputs = std::uint64_t{r_.number<std::uint32_t>(offset)} * 8;
             if (commands_.size() == 1024) r_.fail(node, "a Cyclic element has more than 1024 commands of process data");
             if (!r_.failed()) commands_.push_back(one);
             if (node.child("CopyInfos")) r_.remark(node.child("CopyInfos"), "copies (CopyInfos) are not supported");
@@ -235,6 +243,27 @@ class CycleReader {
         if (octets > kMost) r_.fail(commands_.front().node, "the process image has more than 64 MiB");
         bytes += octets / 8;
         check_counters(number);
+        see_bit_starts(number);
+    }
+
+    // How far BitStart is from the place that the cyclic command and the FMMU give the data of each slave.
+    void see_bit_starts(std::uint8_t number) {
+        for (const EniSlaveData& slave : slaves_)
+            for (const bool out : {false, true}) {
+                const auto& parts = out ? slave.outputs : slave.inputs;
+                if (slave.group != number || parts.size() != 1) continue;
+                std::optional<std::uint64_t> begin;
+                for (const auto& [index, fmmu] : slave.fmmus)
+                    if (fmmu.writes == out) begin = std::min(begin.value_or(fmmu.begin_bit), fmmu.begin_bit);
+                if (!begin) continue;
+                for (const CyclicCmd& one : commands_) {
+                    const auto& offset = out ? one.outputs : one.inputs;
+                    if (!offset || *begin < one.begin || *begin >= one.end) continue;
+                    const auto here = static_cast<std::int64_t>(*offset + *begin - one.begin);
+                    bit_starts_[out ? 1 : 0].push_back({parts[0].node, here, parts[0].begin - here});
+                    break;
+                }
+            }
     }
 
     // The counters of the file against those that the library expects (ETG.1000.4, working counter).
@@ -262,8 +291,30 @@ class CycleReader {
     std::deque<EniSlaveData>& slaves_;
     EniConfiguration& eni_;
     std::vector<CyclicCmd> commands_;
+    struct BitStart {
+        Node node{};
+        std::int64_t place = 0;     // by the cyclic command and the FMMU
+        std::int64_t distance = 0;  // of BitStart from there: 0, or 80 where offsets count from the datagram
+    };
+    std::array<std::vector<BitStart>, 2> bit_starts_{};  // of inputs and of outputs
 
   public:
+    // Variables are found by BitStart. All slaves of a file have the same distance; another one is a wrong number.
+    void check_bit_starts() {
+        for (const std::vector<BitStart>& all : bit_starts_) {
+            std::map<std::int64_t, std::size_t> counts;
+            for (const BitStart& one : all) ++counts[one.distance];
+            if (counts.size() < 2) continue;
+            const auto usual =
+                std::ranges::max_element(counts, {}, &std::pair<const std::int64_t, std::size_t>::second);
+            for (const BitStart& one : all)
+                if (one.distance != usual->first)
+                    r_.remark(one.node, "BitStart is " + std::to_string(one.place + one.distance) +
+                                            ", and by the cyclic command and the FMMU the data begins at " +
+                                            std::to_string(one.place + usual->first) +
+                                            ": the variables of the slave are found by BitStart");
+        }
+    }
     bool carries_time = false;
     bool by_position = false;
     std::uint8_t time_group = 0;
@@ -350,6 +401,7 @@ void read_eni_cycles(Reader& r, Node config, std::deque<EniSlaveData>& slaves, E
         cycles.read(cyclic);
         if (r.failed()) return;
     }
+    cycles.check_bit_starts();
     for (const EniSlaveData& s : slaves) cycles.bytes += s.config.mailbox_status ? 2 : 0;  // bits, maybe in both halves
     into.image_bytes = static_cast<std::uint32_t>(std::min<std::uint64_t>(cycles.bytes, 0xFFFF'FFFF));
     bool wanted = cycles.carries_time;

@@ -59,6 +59,7 @@ struct EniSm {
 struct EniBits {
     std::uint32_t begin = 0;
     std::uint32_t bits = 0;
+    Node node{};
 };
 
 // What the reader keeps of a slave until the configuration is made.
@@ -68,7 +69,7 @@ struct EniSlaveData {
     ExpectedSlave expected{};
     SlaveConfiguration config{};
     SlaveSetup setup{};
-    std::vector<EniInit> inits{};  // those that address this slave
+    std::vector<EniInit> inits{};         // those that address this slave
     bool has_inits = false;               // without init commands the file describes only mailbox commands
     std::map<unsigned, EniFmmu> fmmus{};  // by number
     std::map<unsigned, EniSm> sms{};

@@ -233,6 +233,10 @@ void read_coe(Reader& r, Node protocol, EniSlaveData& s) {
         command.subindex = r.number<std::uint8_t>(child(node, "SubIndex"));
         command.complete_access = r.boolean(attribute(node, "CompleteAccess"));
         command.timeout = std::chrono::milliseconds(r.number<std::uint32_t>(child(node, "Timeout")));
+        // 1 is a download; some producers write 2, an upload, at a download.
+        const auto ccs = r.number<std::uint8_t>(child(node, "Ccs"), 1);
+        if (ccs != 1 && ccs != 2)
+            r.remark(node, "Ccs is " + std::to_string(ccs) + ", which is no SDO download: it is sent as a download");
         std::vector<std::byte> data = r.octets(child(node, "Data"));
         if (command.complete_access && command.subindex > 1)
             r.fail(node, "complete access begins at subindex 0 or 1, and not " + std::to_string(command.subindex));
@@ -331,8 +335,8 @@ void read_hot_connect(Reader& r, Node node, EniSlaveData& s) {
 std::vector<EniBits> read_bits(Reader& r, Node data, const char* name) {
     std::vector<EniBits> all;
     for (const Node node : data.children(name))
-        all.push_back(
-            {r.number<std::uint32_t>(child(node, "BitStart")), r.number<std::uint32_t>(child(node, "BitLength"))});
+        all.push_back({r.number<std::uint32_t>(child(node, "BitStart")),
+                       r.number<std::uint32_t>(child(node, "BitLength")), node});
     return all;
 }
 

@@ -132,6 +132,52 @@ TEST(EniUnused, PollTimesAreNamedOnce) {
     EXPECT_EQ(more_said(replaced(kExampleEni, status, "<PollTime>20</PollTime>")), Texts());
 }
 
+TEST(EniUnused, ABitStartAtAnotherPlaceThanThatOfTheOtherSlavesIsNamed) {
+    Machine machine({"digital_in_8", "digital_in_16", "digital_in_8"});
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const std::string text = write_eni(machine.ctx).text;
+    ASSERT_TRUE(read_eni(text).remarks.empty());
+    const auto eni = read_eni(replaced(text, "<BitStart>8</BitStart>", "<BitStart>16</BitStart>"));
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    ASSERT_EQ(eni.remarks.size(), 1u);
+    EXPECT_EQ(eni.remarks[0].text,
+              "BitStart is 16, and by the cyclic command and the FMMU the data begins at 8: the variables of the slave "
+              "are found by BitStart");
+}
+
+TEST(EniUnused, ACoeCommandThatIsNoDownloadIsNamed) {
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<Ccs>1</Ccs>", "<Ccs>3</Ccs>")),
+              Texts{"line 11, column 17: Ccs is 3, which is no SDO download: it is sent as a download"});
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<Ccs>1</Ccs>", "<Ccs>2</Ccs>")), Texts())
+        << "as some producers write it";
+}
+
+// What is written says where the data of a cyclic command is in the image, as tools and other masters need it.
+TEST(EniUnused, TheWriterSaysWhereTheDataOfACommandIs) {
+    for (const bool overlapped : {false, true}) {
+        Machine machine({"digital_out_8", "digital_in_8", "digital_out_8"});
+        ASSERT_TRUE(config_init(machine.ctx));
+        machine.ctx.group(0).config.overlapped = overlapped;
+        ASSERT_TRUE(config_map(machine.ctx, machine.image));
+        const std::string text = write_eni(machine.ctx).text;
+        EXPECT_NE(text.find("<InputOffs>0</InputOffs>"), std::string::npos) << text;
+        EXPECT_NE(text.find("<OutputOffs>0</OutputOffs>"), std::string::npos) << text;
+        const auto eni = read_eni(text);
+        ASSERT_TRUE(eni) << to_text(eni.problem);
+        EXPECT_TRUE(eni.remarks.empty());
+        // The image has the logical addresses, which begin at 0 here: each variable is where its FMMU reads or writes.
+        for (const EniVariable& variable : eni->variables) {
+            const Slave& slave = machine.ctx.slave(variable.slave);
+            const auto logical_start =
+                read_register<std::uint32_t>(machine.ctx, slave.number, 0x0600);  // its only FMMU
+            ASSERT_TRUE(logical_start);
+            EXPECT_EQ(variable.file_bit, *logical_start * 8 + variable.bit) << variable.name;
+        }
+        EXPECT_EQ(eni->variables.size(), 24u);
+    }
+}
+
 TEST(EniUnused, ASlaveAtAnotherPortIsNamedAfterTheScan) {
     const std::vector<std::string> devices{"coupler", "digital_in_8", "digital_out_8"};
     Machine machine(devices);
