@@ -92,6 +92,8 @@ Answer<std::vector<SlaveFacts>> Call::selected(Master& master) const {
         return Problem{fmt::format("no slave of master {} is selected{}{}", master.index,
                                    *aliases ? fmt::format(" by --alias {}", value("alias")) : "",
                                    *positions ? fmt::format(" by --position {}", value("position")) : "")};
+    if (const auto none = unmatched(*slaves, *aliases, *positions))
+        return Problem{fmt::format("no slave of master {} is selected by {}", master.index, *none)};
     return found;
 }
 

@@ -136,6 +136,11 @@ Answer<std::vector<Master>> find_masters(const Arguments& arguments) {
         return Problem{fmt::format("no master is selected by --master {}: {} {}", arguments.value("master"),
                                    places.size(), attached ? "applications serve a socket" : "have a source"),
                        samples::exit_code::kUsage};
+    std::vector<std::uint32_t> there;
+    for (const auto& [index, place] : places) there.push_back(index);
+    if (const auto missing = wanted->missing(there);
+        missing && arguments.has("master") && arguments.value("master") != "-")
+        return Problem{fmt::format("no master is selected by --master {}", *missing), samples::exit_code::kUsage};
     if (masters.size() > 1 && (arguments.has("record") || arguments.has("eni")))
         return Problem{"--record and --eni are for one master: use --master", samples::exit_code::kUsage};
     return masters;

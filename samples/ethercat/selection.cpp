@@ -56,6 +56,16 @@ std::optional<std::uint32_t> Numbers::single() const {
     return ranges_[0].first;
 }
 
+std::optional<std::string> Numbers::missing(const std::vector<std::uint32_t>& there) const {
+    const auto found = [&](const Range& range) {
+        return std::ranges::any_of(there, [&](std::uint32_t n) { return n >= range.first && n <= range.last; });
+    };
+    const auto at = std::ranges::find_if_not(ranges_, found);
+    if (at == ranges_.end()) return std::nullopt;
+    if (at->first == at->last) return std::to_string(at->first);
+    return std::to_string(at->first) + "-" + (at->last == UINT32_MAX ? "" : std::to_string(at->last));
+}
+
 std::vector<AliasAddress> alias_addresses(const std::vector<SlaveFacts>& slaves) {
     std::vector<AliasAddress> out;
     AliasAddress next;
@@ -85,6 +95,27 @@ std::vector<SlaveFacts> select(const std::vector<SlaveFacts>& slaves, const std:
         if (aliases ? (positions ? by_both : by_alias) : !positions || by_position) out.push_back(slaves[n]);
     }
     return out;
+}
+
+std::optional<std::string> unmatched(const std::vector<SlaveFacts>& slaves, const std::optional<Numbers>& aliases,
+                                     const std::optional<Numbers>& positions) {
+    std::vector<std::uint32_t> known;
+    if (aliases) {
+        for (const AliasAddress& address : alias_addresses(slaves)) known.push_back(address.alias);
+        if (positions) known.push_back(0);  // positions in the ring
+        if (const auto alias = aliases->missing(known)) return "--alias " + *alias;
+    }
+    if (!positions) return std::nullopt;
+    known.clear();
+    for (const SlaveFacts& slave : slaves)
+        if (!aliases || aliases->contains(0)) known.push_back(slave.position);
+    // The first slave with a selected alias has the most slaves behind it, and a relative position reaches all of them.
+    const auto base = std::ranges::find_if(
+        slaves, [&](const SlaveFacts& slave) { return aliases && slave.alias != 0 && aliases->contains(slave.alias); });
+    for (auto slave = base; slave != slaves.end(); ++slave)
+        known.push_back(static_cast<std::uint32_t>(std::distance(base, slave)));
+    if (const auto position = positions->missing(known)) return "--position " + *position;
+    return std::nullopt;
 }
 
 }  // namespace margay::ethercat

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -22,6 +23,8 @@ class Numbers {
     [[nodiscard]] bool contains(std::uint32_t number) const;
     // The number if it is a single one.
     [[nodiscard]] std::optional<std::uint32_t> single() const;
+    // The first element of the list, a number or a range, of which `there` has no number; nothing: there is none.
+    [[nodiscard]] std::optional<std::string> missing(const std::vector<std::uint32_t>& there) const;
 
   private:
     struct Range {
@@ -39,6 +42,12 @@ struct AliasAddress {
 };
 // For each slave of the ring.
 [[nodiscard]] std::vector<AliasAddress> alias_addresses(const std::vector<SlaveFacts>& slaves);
+
+// The element of --alias or of --position that selects no slave, with its option, for example "--position 77". Nothing:
+// each of them selects one, or `slaves` are selected by neither.
+[[nodiscard]] std::optional<std::string> unmatched(const std::vector<SlaveFacts>& slaves,
+                                                   const std::optional<Numbers>& aliases,
+                                                   const std::optional<Numbers>& positions);
 
 // The slaves that --alias and --position select.
 [[nodiscard]] std::vector<SlaveFacts> select(const std::vector<SlaveFacts>& slaves,

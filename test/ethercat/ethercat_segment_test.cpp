@@ -46,6 +46,11 @@ TEST_F(EthercatSegment, SelectsByPositionAndAlias) {
     EXPECT_EQ(selected("-a 0 -p 4"), "4");
     fails("sim:a.toml", "slaves -p 9", 1, "no slave of master 0 is selected by --position 9");
     fails("sim:a.toml", "slaves -a 7", 1, "no slave of master 0 is selected by --alias 7");
+    // Each element of a list selects a slave, or the call fails before it does a part of its work.
+    fails("sim:demo", "slaves -p 1,77", 1, "no slave of master 0 is selected by --position 77");
+    fails("sim:demo", "slaves -p 0-2,7-9", 1, "no slave of master 0 is selected by --position 7-9");
+    fails("sim:demo", "slaves -a 0,7", 1, "no slave of master 0 is selected by --alias 7");
+    EXPECT_EQ(ethercat("sim:demo", "slaves -p 3-100").status, 0) << "a range may reach beyond the last slave";
     fails("sim:a.toml", "slaves -p x", 2, "--position: 'x' is no number, list or range of numbers");
     fails("sim:a.toml", "slaves -p 3-1", 2, "--position: '3-1'");
 }
@@ -83,6 +88,8 @@ TEST_F(EthercatSegment, WorksOnSeveralMasters) {
     EXPECT_EQ(out("", "slaves -p 0 -m 1 " + both), "0  0:0  PREOP  +  Servo drive\n");
     const auto json = out("", "slaves -p 0 --json " + both);
     EXPECT_TRUE(contains(json, "\"master\": 1,")) << json;
+    fails("", "slaves -p 0 -m 0,5 " + both, 2, "no master is selected by --master 5");
+    fails("", "slaves -p 0 -m 1,4-6 " + both, 2, "no master is selected by --master 4-6");
     fails("", "slaves -m 5 " + both, 2, "no master is selected by --master 5: 2 have a source");
     fails("", "upload -p 0 0x1018 1 " + both, 2, "upload works on one master, and 2 are selected: use --master");
     const auto none = folder.run("unset MARGAY_MASTER0; " + program + " slaves");
