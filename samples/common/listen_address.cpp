@@ -2,10 +2,22 @@
 
 #include <fmt/format.h>
 
+#include <netdb.h>
+#include <sys/socket.h>
+
 #include <algorithm>
 #include <charconv>
 
 namespace margay::samples {
+
+bool is_ip_address(const std::string& text) {
+    addrinfo hints{};
+    hints.ai_flags = AI_NUMERICHOST;
+    addrinfo* found = nullptr;
+    if (::getaddrinfo(text.c_str(), nullptr, &hints, &found) != 0) return false;
+    ::freeaddrinfo(found);
+    return true;
+}
 
 std::optional<ListenAddress> parse_listen_address(std::string_view text, std::uint16_t port) {
     const bool bracket = text.starts_with('[');

@@ -13,6 +13,9 @@ struct ListenAddress {
     std::uint16_t port = 0;
 };
 
+// Whether `text` is an address of IPv4 or IPv6 in digits. No name is resolved.
+[[nodiscard]] bool is_ip_address(const std::string& text);
+
 // ADDRESS, ADDRESS:PORT or [ADDRESS]:PORT; without a port, `port`. Nothing: the text is none of these.
 [[nodiscard]] std::optional<ListenAddress> parse_listen_address(std::string_view text, std::uint16_t port);
 

@@ -291,8 +291,10 @@ class FileReader {
         optional_text(table, "listen", m.gateway);
         const auto* node = table.get("listen");
         if (node == nullptr) return note(reader_.at(table, "'gateway' has no `listen`"));
-        if (!parse_listen_address(m.gateway, MailboxGatewaySettings::kPort))
-            return note(reader_.at(*node, fmt::format("'{}' is no ADDRESS:PORT", m.gateway)));
+        const auto where = parse_listen_address(m.gateway, MailboxGatewaySettings::kPort);
+        if (!where) return note(reader_.at(*node, fmt::format("'{}' is no ADDRESS:PORT", m.gateway)));
+        if (!is_ip_address(where->address))
+            return note(reader_.at(*node, fmt::format("'{}' is no IP address in digits", where->address)));
         note(reader_.boolean(table, "read_only", m.gateway_read_only));
     }
 

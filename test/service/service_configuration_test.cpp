@@ -27,6 +27,10 @@ TEST_F(ServiceConfigurationTest, EachErrorIsNamedByFileAndLine) {
     configure("c.toml", "source = \"sim:demo\"\nstate = \"OP\n");
     configure("d.toml", "x = 1\n");
     configure("e.toml", "");
+    configure("g.toml",
+              "[six]\nsource = \"sim:demo\"\ngateway = { listen = \"localhost:34980\" }\n"
+              "[seven]\nsource = \"sim:demo\"\ngateway = { listen = \"1.2.3.400:5\" }\n"
+              "[eight]\nsource = \"sim:demo\"\ngateway = { listen = \"[::1]:0\" }\n");
     configure("f.toml", "[four]\nsource = \"eth0+eth0\"\n[five]\nsource = \"a-name-that-is-too-long\"\n");
     const auto ran = shell("margayd --check");
     EXPECT_EQ(ran.status, 2);
@@ -56,6 +60,8 @@ TEST_F(ServiceConfigurationTest, EachErrorIsNamedByFileAndLine) {
           "c.toml: line 2: ",
           "d.toml: line 1: 'x' is no master",
           "e.toml: line ",
+          "g.toml: line 3: 'localhost' is no IP address in digits",
+          "g.toml: line 6: '1.2.3.400' is no IP address in digits",
           "f.toml: line 2: 'eth0+eth0': both interfaces are the same",
           "f.toml: line 4: 'a-name-that-is-too-long' is no name of an interface"})
         EXPECT_TRUE(contains(ran.err, text)) << text << "\n" << ran.err;
