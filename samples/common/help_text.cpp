@@ -59,7 +59,8 @@ std::string escaped(std::string_view text) {
 }
 
 std::string man_entry(std::string_view name, std::string_view text) {
-    return fmt::format(".TP\n.B {}\n{}\n", escaped(name), escaped(text));
+    // Not the macro .B: it takes the quotes of its arguments away.
+    return fmt::format(".TP\n\\fB{}\\fR\n{}\n", escaped(name), escaped(text));
 }
 
 }  // namespace margay::samples

@@ -32,6 +32,7 @@ TEST_F(ServiceTexts, HelpAndManualNameEachOptionAndKey) {
     EXPECT_EQ(shown.err, "");
     for (const auto& key : samples::service_keys())
         EXPECT_TRUE(contains(shown.out, std::string(key.name) + " = ")) << key.name;
+    EXPECT_TRUE(contains(shown.out, "source = \"SOURCE\"")) << "TOML needs the quotes: " << shown.out;
 }
 
 TEST_F(ServiceTexts, TheExampleOfTheManualIsAConfiguration) {
