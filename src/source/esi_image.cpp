@@ -50,8 +50,8 @@ EsiImage esi_image(const std::string& file, const std::string& type) {
         return result;
     }
     if (type.empty() && esi->devices.size() > 1) {
-        result.error = fmt::format("{}: describes {} devices; choose one of them:{}", file, esi->devices.size(),
-                                   device_list(*esi));
+        result.error = fmt::format("{}: describes {} devices; choose one of them, in a SOURCE by sim:{}#TYPE:{}", file,
+                                   esi->devices.size(), file, device_list(*esi));
         return result;
     }
     const files::EsiDevice* device = type.empty() ? &esi->devices.front() : files::find_device(*esi, type);
