@@ -85,8 +85,10 @@ std::string data_type_text(std::uint8_t type) {
 
 class Text {
   public:
-    explicit Text(Bytes image)
-        : image_(image), strings_(sii::find_category(image, sii::category::kStrings).value_or(Bytes{})) {}
+    explicit Text(Bytes image, bool used_part = false)
+        : used_part_(used_part),
+          image_(image),
+          strings_(sii::find_category(image, sii::category::kStrings).value_or(Bytes{})) {}
 
     std::string run() {
         if (sii::is_blank(image_)) {
@@ -96,7 +98,11 @@ class Text {
         if (image_.size() >= sii::kFixedBytes) fixed_part();
         sii::CategoryWalker walker(image_);
         while (const auto found = walker.next()) category(*found);
-        const auto findings = sii_findings(image_);
+        auto findings = sii_findings(image_);
+        if (used_part_)
+            std::erase_if(findings, [](const sii::Finding& one) {
+                return one.fault == sii::Fault::size_mismatch && one.expected < one.actual;
+            });
         if (!findings.empty()) line("\nfaults");
         for (const auto& finding : findings) line("  {}", finding_text(finding));
         return std::move(out_);
@@ -272,6 +278,7 @@ class Text {
         }
     }
 
+    bool used_part_;
     Bytes image_;
     Bytes strings_;
     std::string out_;
@@ -280,6 +287,7 @@ class Text {
 }  // namespace
 
 std::string sii_text(Bytes image) { return Text(image).run(); }
+std::string sii_text_of_used_part(Bytes image) { return Text(image, true).run(); }
 
 std::vector<sii::Finding> sii_findings(Bytes image) {
     std::vector<sii::Finding> findings(sii::check_image(image, {}));

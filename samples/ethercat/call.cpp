@@ -16,6 +16,8 @@
 namespace margay::ethercat {
 namespace {
 
+constexpr std::size_t kMostOctets = std::size_t{64} << 20;
+
 struct CloseStream {
     void operator()(std::FILE* file) const { (void)std::fclose(file); }
 };
@@ -185,8 +187,13 @@ Answer<Octets> read_octets(const std::string& path) {
     if (file == nullptr) return failed();
     Octets out;
     std::array<std::byte, 4096> block{};
-    while (const auto n = std::fread(block.data(), 1, block.size(), file))
+    while (const auto n = std::fread(block.data(), 1, block.size(), file)) {
+        if (out.size() + n > kMostOctets)  // a device like /dev/zero has no end
+            return Problem{
+                fmt::format("{}: has more than {} octets", path == "-" ? "standard input" : path, kMostOctets),
+                samples::exit_code::kSystem};
         out.insert(out.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(n));
+    }
     if (std::ferror(file) != 0) return failed();
     return out;
 }

@@ -79,7 +79,7 @@ int run_sii_read(Call& call) {
     Output output;
     output.json = place_json(*slave);
     output.json["octets"] = hex(content.octets);
-    output.text = samples::sii_text(content.octets);
+    output.text = samples::sii_text_of_used_part(content.octets);
     return call.print(output, call.has("verbose") ? std::as_bytes(std::span(output.text)) : std::span(content.octets));
 }
 

@@ -55,10 +55,10 @@ int run_soe_read(Call& call) {
     if (!slave) return call.fail(slave.problem());
     const DataType* type = *named;
     bool list_head = false;
-    if (type == nullptr) {
+    if (type == nullptr || type->kind == DataType::Kind::text) {
         const auto attribute = slave->session().soe_attribute(slave->position(), parameter->drive, parameter->idn);
         if (!attribute) return call.fail(attribute.problem());
-        type = type_of(*attribute);
+        if (type == nullptr) type = type_of(*attribute);
         list_head = attribute->list;
     }
     auto value = slave->session().soe_read(slave->position(), parameter->drive, parameter->idn);

@@ -89,7 +89,12 @@ TEST_F(EthercatAccess, AccessesDriveParameters) {
     EXPECT_TRUE(out("sim:servodrives", "soe_read -p 1 17").starts_with("0x01 0x00 0x0b 0x00 "));
     EXPECT_TRUE(contains(out("sim:servodrives", "soe_read -p 1 S-0-15 --json"), "\"idn\": \"S-0-0015\""));
     EXPECT_EQ(out("sim:servodrives", "soe_write -p 1 S-0-15 -t uint16 7"), "");
+    EXPECT_FALSE(contains(out("sim:servodrives", "sii_read -v -p 1"), "faults"))
+        << "what is read ends behind the last category: the EEPROM is larger";
+    EXPECT_EQ(out("sim:servodrives", "soe_read -p 1 S-0-30 -t string"), out("sim:servodrives", "soe_read -p 1 S-0-30"))
+        << "the lengths at the head of a list are no text";
     fails("sim:servodrives", "soe_read -p 1 S-0-2", 1, "position 1: ");
+    fails("sim:demo", "reg_write -p 0 0xF80 /dev/zero", 3, "/dev/zero: has more than 67108864 octets");
     fails("sim:servodrives", "soe_read -p 1 8 S-0-15", 2, "DRIVE: '8' is no whole number from 0 to 7");
     fails("sim:servodrives", "soe_read -p 1 P-x", 2,
           "IDN: 'P-x' is neither a number up to 65535 nor written like P-0-150");
