@@ -62,6 +62,12 @@ bool count_is_writable(const ObjectAccess& access) {
     return check_writable(access.object.entries.front(), access.state) == Abort::none;
 }
 
+// The last subindex that a complete access can write: the announced one, or any that is in the data.
+unsigned last_written(const ObjectAccess& access, Bytes data) {
+    if (!count_is_writable(access)) return count_of(access);
+    return access.subindex == 0 ? load_le<std::uint16_t>(data) : access.object.max_subindex();
+}
+
 }  // namespace
 
 Abort check_readable(const Entry& entry, AlState state) {
@@ -167,16 +173,13 @@ Gathered gather(const ObjectAccess& access, MutableBytes into) {
 
 Abort check_complete(const ObjectAccess& access, Bytes data) {
     const auto& object = access.object;
-    const bool free_count = count_is_writable(access);
-    unsigned top = count_of(access);
-    if (access.subindex == 0) {
-        if (data.size() < 2) return Abort::length_too_low;
-        const auto wanted = load_le<std::uint16_t>(data);
-        if (free_count && wanted > object.max_subindex()) return Abort::value_too_high;
-        if (free_count) top = wanted;
-    } else if (free_count) {  // the data determine the number of entries
+    if (access.subindex == 0 && data.size() < 2) return Abort::length_too_low;
+    unsigned top = last_written(access, data);
+    if (top > object.max_subindex()) return Abort::value_too_high;
+    if (access.subindex != 0 && count_is_writable(access)) {  // the data determine the number of entries
         top = 0;
-        while (top < object.max_subindex() && complete_bytes(object, 1, top) < data.size()) ++top;
+        while (top < object.max_subindex() && complete_bytes(object, 1, top + 1) <= data.size()) ++top;
+        if (top < object.max_subindex() && complete_bytes(object, 1, top) < data.size()) ++top;
     }
     const auto bytes = complete_bytes(object, access.subindex, top);
     if (data.size() > bytes) return Abort::length_too_high;
@@ -207,7 +210,7 @@ Abort check_complete(const ObjectAccess& access, Bytes data) {
 }
 
 void scatter(const ObjectAccess& access, Bytes data) {
-    for_each_complete(access.object, access.subindex, access.object.max_subindex(),
+    for_each_complete(access.object, access.subindex, last_written(access, data),
                       [&](const Entry& entry, unsigned n, std::size_t bit) {
                           if (entry.is_padding() || check_writable(entry, access.state) != Abort::none) return;
                           if (bit + (n == 0 ? 16 : entry.bits) > data.size() * 8) return;

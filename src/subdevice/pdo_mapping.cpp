@@ -39,7 +39,9 @@ class AfterWrite {
         : access_(access), data_(data), value_bytes_(value_bytes) {}
 
     [[nodiscard]] unsigned count() const {
-        if (access_.subindex == 0) return std::to_integer<unsigned>(data_[0]);
+        // A count that cannot be written now stays as it is, whatever the data of a complete access say.
+        const bool written = check_writable(access_.object.entries.front(), access_.state) == Abort::none;
+        if (access_.subindex == 0 && written) return std::to_integer<unsigned>(data_[0]);
         return static_cast<unsigned>(access_.dictionary.number(access_.object.index, 0));
     }
     [[nodiscard]] std::uint32_t value(unsigned n) const {
