@@ -17,6 +17,12 @@ using wire::coe::Abort;
 using wire::coe::DataType;
 using wire::coe::ObjectCode;
 
+[[nodiscard]] constexpr bool is_signed(DataType type) {
+    using enum DataType;
+    return type == integer8 || type == integer16 || type == integer24 || type == integer32 || type == integer40 ||
+           type == integer48 || type == integer56 || type == integer64;
+}
+
 // Access bits of entries. wire::coe::access has more.
 namespace od {
 using namespace wire::coe::access;
@@ -114,6 +120,7 @@ struct Entry {
     // bits.
     [[nodiscard]] constexpr Entry within(const ValueLimits& allowed) const {
         Entry e = *this;
+        if (is_text() || bits > 64) limits_are_for_numbers();
         e.kind = InitialKind::limited_number;
         e.more.limits = &allowed;
         if (bits > 32 && e.initial() != initial()) the_initial_value_needs_more_than_32_bits();
@@ -132,7 +139,9 @@ struct Entry {
     }
 
   private:
-    static void the_initial_value_needs_more_than_32_bits() {}  // no constant expression: the table does not compile
+    // No constant expressions: the table does not compile.
+    static void the_initial_value_needs_more_than_32_bits() {}
+    static void limits_are_for_numbers() {}
 };
 
 struct Object;

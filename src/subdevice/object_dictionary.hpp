@@ -176,7 +176,8 @@ template <std::size_t N, std::size_t M>
 [[nodiscard]] constexpr bool begins_within_limits(const Entry& e) {
     const auto [minimum, maximum] = e.limits();
     const auto initial = static_cast<std::int64_t>(e.initial());
-    if (minimum < 0) return minimum <= initial && initial <= maximum;
+    if (e.bits > 64) return false;
+    if (is_signed(e.type)) return minimum <= initial && initial <= maximum;
     const auto mask = e.bits < 64 ? (std::uint64_t{1} << e.bits) - 1 : ~std::uint64_t{0};
     const auto number = e.initial() & mask;
     return static_cast<std::uint64_t>(minimum) <= number && number <= static_cast<std::uint64_t>(maximum);

@@ -15,12 +15,6 @@ Abort check_access(std::uint16_t access, std::uint16_t all, AlState state, Abort
     return (access & (lowest << place)) != 0 ? Abort::none : Abort::device_state;
 }
 
-constexpr bool is_signed(DataType type) {
-    using enum DataType;
-    return type == integer8 || type == integer16 || type == integer24 || type == integer32 || type == integer40 ||
-           type == integer48 || type == integer56 || type == integer64;
-}
-
 // A number of one to seven bits has an octet of its own: the bits above it are not part of the value.
 constexpr bool is_small(const Entry& entry) { return entry.bits > 0 && entry.bits < 8; }
 constexpr std::byte bits_of(const Entry& entry) { return static_cast<std::byte>((1u << entry.bits) - 1u); }

@@ -89,7 +89,7 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     std::uint8_t contents = 0;
     if (number && (entry->storage == Storage::image || entry->storage == Storage::constant))
         contents |= coe::value_info::kDefault;
-    if (entry->is_limited()) contents |= coe::value_info::kMinimum | coe::value_info::kMaximum;
+    if (number && entry->is_limited()) contents |= coe::value_info::kMinimum | coe::value_info::kMaximum;
     contents &= value_info;
 
     head_bytes_ = 0;

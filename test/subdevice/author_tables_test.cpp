@@ -1,5 +1,5 @@
-// Tables of authors that are unusual: complete access to numbers below eight bits, a mapping whose count the master
-// cannot write.
+// Tables of authors that are unusual, or wrong: complete access to numbers below eight bits, a mapping whose count the
+// master cannot write, limits of what is no number.
 #include "bench_device.hpp"
 
 namespace margay::subdevice::testing {
@@ -10,7 +10,8 @@ struct Settings {
     using level = Field<std::uint8_t, 1>;  // four of them
     using map_count = Field<std::uint8_t, 5>;
     using map = Field<std::uint32_t, 6>;  // eight of them
-    static constexpr std::size_t bytes = 38;
+    using word = Field<std::uint16_t, 38>;
+    static constexpr std::size_t bytes = 40;
 };
 constexpr Entry level(std::uint8_t subindex) {
     auto entry = flag<Settings::level>(subindex, "Level", od::kReadWrite, 2).within(kLimits<0, 2>);
@@ -93,6 +94,39 @@ TEST_F(AuthorTables, ACountThatIsNotWritableDoesNotSayHowManyEntriesAreChecked) 
     EXPECT_EQ(Settings::map_count::load(image), 1);
     EXPECT_EQ(Settings::map::load(image), 0x00000008U);
     EXPECT_EQ(write_complete(0x1600, 0, {8, 0, 16, 0, 5, 0}), Abort::length_mismatch) << "a dummy of another size";
+}
+
+TEST(AuthorLimits, TheLimitsOfAnUnsignedNumberAreNotNegative) {
+    static constexpr Entry kWrong[] = {value<Settings::word>(0, "Word", od::kReadWrite, 7).within(kLimits<-5, 100>)};
+    static constexpr Object kObject[] = {variable(0x2000, "Word", kWrong)};
+    EXPECT_FALSE(well_formed(kObject, Settings::bytes)) << "no value could be written";
+    static constexpr Entry kRight[] = {
+        value<Settings::word>(0, "Word", od::kReadWrite, 7).as(DataType::integer16).within(kLimits<-5, 100>)};
+    static constexpr Object kSigned[] = {variable(0x2000, "Word", kRight)};
+    EXPECT_TRUE(well_formed(kSigned, Settings::bytes));
+}
+
+// A table that is no constant expression is not refused by the compiler.
+TEST(AuthorLimits, OctetsHaveNoLimits) {
+    const Entry wrong[] = {octets(0, "Name", DataType::octet_string, od::kReadWrite, 0, 20).within(kLimits<0, 100>)};
+    const Object object[] = {variable(0x2000, "Name", wrong)};
+    EXPECT_FALSE(well_formed(object, Settings::bytes));
+
+    struct OneReply final : Outbox {
+        MutableBytes open() override { return octets; }
+        void commit(wire::MailboxType, std::size_t bytes, std::uint16_t) override { used = bytes; }
+        std::array<std::byte, 128> octets{};
+        std::size_t used = 0;
+    } out;
+    std::array<std::byte, 20> image{};
+    ObjectDictionary dictionary(object, image);
+    SdoInformation information(dictionary);
+    std::array<std::byte, 10> request{};
+    request[2] = std::byte{5};  // get entry description of 0x2000:0 with all that can be asked for
+    store_le<std::uint16_t>(request, 6, 0x2000);
+    request[9] = std::byte{0x7F};
+    EXPECT_EQ(information.receive(request, 0, out), std::nullopt);
+    EXPECT_EQ(out.used, 16U + 4) << "no limits, and the name";
 }
 
 }  // namespace
