@@ -31,8 +31,8 @@ class EscAccess {
     // state from before, and unlock() gets that state back. On a microcontroller lock() returns PRIMASK (or BASEPRI)
     // and masks the interrupts of the ESC; unlock() restores the register. With threads both use a recursive mutex.
     // The stack holds the lock for one access of at most kMostLockedBytes octets, for the copy of one object value, and
-    // for one update of the process data. It does not hold the lock in hooks of objects, in mailbox servers, in a
-    // FoeStore, or in Application::before(), dropped() and after().
+    // for one update of the process data. It does not hold the lock in hooks of objects (except ObjectHooks::memory),
+    // in mailbox servers, in a FoeStore, or in Application::before(), dropped() and after().
     [[nodiscard]] virtual std::uint32_t lock() noexcept { return 0; }
     virtual void unlock(std::uint32_t before) noexcept { (void)before; }
 

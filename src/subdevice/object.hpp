@@ -186,7 +186,8 @@ struct ObjectHooks {
     HookAnswer (*before_write)(const ObjectAccess&,
                                Bytes data) = nullptr;    // `data`: one value, or the data of a complete access
     void (*after_write)(const ObjectAccess&) = nullptr;  // the value is stored
-    // Storage::provided: returns the value with its current length; for a write it returns all available memory.
+    // Storage::provided: returns the value with its current length; for a write it returns all available memory. It is
+    // also called with the lock of EscAccess held, so it only returns memory: before_read computes a value.
     MutableBytes (*memory)(const ObjectAccess&) = nullptr;
     // Values larger than the staging buffer are read from the memory of the object, and written into it, segment by
     // segment; before_write is called after that. false: they are refused.

@@ -248,7 +248,13 @@ HookAnswer before_restore(const ObjectAccess& access, Bytes data) {
 
 MutableBytes command(const ObjectAccess& access) { return of(access)->show(1); }
 
-MutableBytes checksum(const ObjectAccess& access) { return of(access)->show(of(access)->checksum()); }
+// Before the value is copied under the lock: the CRC of all values takes long.
+HookAnswer before_checksum(const ObjectAccess& access) {
+    (void)of(access)->show(of(access)->checksum());
+    return Abort::none;
+}
+
+MutableBytes checksum(const ObjectAccess& access) { return of(access)->shown(); }
 
 }  // namespace stored_values
 }  // namespace margay::subdevice

@@ -83,6 +83,7 @@ class StoredValues {
     [[nodiscard]] HookAnswer restore(Time now);
     // Four octets with a number, which the master reads or overwrites.
     [[nodiscard]] MutableBytes show(std::uint32_t number);
+    [[nodiscard]] MutableBytes shown() { return shown_; }  // with the number of the last show()
 
   private:
     [[nodiscard]] Bytes block(std::size_t own_bytes, std::uint32_t layout);
@@ -107,6 +108,7 @@ namespace stored_values {
 [[nodiscard]] HookAnswer before_save(const ObjectAccess& access, Bytes data);
 [[nodiscard]] HookAnswer before_restore(const ObjectAccess& access, Bytes data);
 [[nodiscard]] MutableBytes command(const ObjectAccess& access);
+[[nodiscard]] HookAnswer before_checksum(const ObjectAccess& access);
 [[nodiscard]] MutableBytes checksum(const ObjectAccess& access);
 }  // namespace stored_values
 
@@ -123,6 +125,8 @@ inline constexpr ObjectHooks kStoreHooks{
     .exists = stored_values::exists, .before_write = stored_values::before_save, .memory = stored_values::command};
 inline constexpr ObjectHooks kRestoreHooks{
     .exists = stored_values::exists, .before_write = stored_values::before_restore, .memory = stored_values::command};
-inline constexpr ObjectHooks kBackupHooks{.exists = stored_values::exists, .memory = stored_values::checksum};
+inline constexpr ObjectHooks kBackupHooks{.exists = stored_values::exists,
+                                          .before_read = stored_values::before_checksum,
+                                          .memory = stored_values::checksum};
 
 }  // namespace margay::subdevice

@@ -293,5 +293,17 @@ TEST_F(StoredValuesTest, TheLockIsHeldForOneValue) {
     EXPECT_EQ(lock.sections, 3U);
 }
 
+// The reply is copied under the lock; the CRC of many values would keep SYNC0 waiting.
+TEST_F(StoredValuesTest, TheChecksumOfAReadIsComputedWithoutTheLock) {
+    Powered device(flash);
+    const auto sum = device.stored.checksum();
+    Lock lock;
+    device.bench.dictionary.set_lock(&lock);
+    EXPECT_EQ(upload(device.bench, 0x10F0, 1).number(), sum);
+    EXPECT_EQ(lock.sections, 3U) << "two values, and the reply";
+    EXPECT_EQ(upload(device.bench, 0x10F0, 0, true).data.size(), 6U);
+    device.bench.dictionary.set_lock(nullptr);
+}
+
 }  // namespace
 }  // namespace margay::subdevice::testing
