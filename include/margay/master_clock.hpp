@@ -30,11 +30,14 @@ namespace margay {
 
 struct MasterClockSettings {
     enum class Mode : std::uint8_t {
-        off,           // only measures the phase, and corrects nothing: record() shows the natural drift
+        // Only measures the phase, and corrects nothing: record() shows the natural drift. The phase moves through the
+        // cycle, so that state() is not in_sync for long.
+        off,
         master_shift,  // the master's cycle follows the reference clock: update() returns the adjustment
         bus_shift,     // the reference clock follows the master's cycle: update() steers its offset (0x0920)
         // The reference clock follows the time of the master without a controller: update() writes the time to its
-        // register 0x0910, and the chip's own control loop follows. The cycle must be accurate.
+        // register 0x0910, and the chip's own control loop follows. The cycle must be accurate. state() is in_sync when
+        // the phase that results is within the limit.
         master_reference,
     };
     Mode mode = Mode::master_shift;
@@ -104,6 +107,9 @@ class MasterClock : public CycleClock {
     [[nodiscard]] const Settings& settings() const { return settings_; }
 
   private:
+    [[nodiscard]] bool corrects() const {
+        return settings_.mode == Mode::master_shift || settings_.mode == Mode::bus_shift;
+    }
     void check_cycle(std::uint64_t due_ns);
     Duration correct(Context& ctx, std::uint64_t due_ns, Time now);
 
@@ -116,6 +122,9 @@ class MasterClock : public CycleClock {
     std::uint64_t last_due_ns_ = 0;
     Time read_at_{};  // of record_.bus_time_ns
     std::int64_t filtered_ps_ = 0;
+    // Of master_reference: what is added to the master's time, so that the cycles have the phase of the set value.
+    std::int64_t shift_ns_ = 0;
+    bool has_shift_ = false;
 };
 
 // The state in words. A static string, callable from anywhere.

@@ -66,6 +66,11 @@ class PhaseController {
     [[nodiscard]] std::int64_t update(std::int64_t error_ns, Time now, std::uint8_t late);
     // One cycle without a reading: corrects the drift that is known.
     [[nodiscard]] std::int64_t coast();
+    // One cycle where nothing is corrected by this controller: follows state and statistics, and measures the drift by
+    // what the error changes from cycle to cycle (the mean of the last 256). For one controller, in place of update().
+    void observe(std::int64_t error_ns, Time now);
+    // The same for a cycle without a reading.
+    void observe_nothing() { has_last_ = false; }
 
     [[nodiscard]] PhaseState state() const { return state_; }
     // The drift between both clocks, in parts per thousand million: positive when the phase becomes later by itself.

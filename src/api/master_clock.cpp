@@ -4,6 +4,8 @@
 #include "api/master.hpp"
 #include "api/reference_clock.hpp"
 
+#include <utility>
+
 namespace margay {
 
 namespace reg = wire::reg;
@@ -26,6 +28,7 @@ void MasterClock::restart() {
     odd_cycles_ = 0;
     last_due_ns_ = 0;
     filtered_ps_ = 0;
+    has_shift_ = false;
 }
 
 // A cycle that is an eighth longer or shorter than it should be, several times in succession, is another cycle. The
@@ -59,6 +62,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     record_.difference_ns = network.clocks.greatest_ns;
     if (!record_.read) {
         last_due_ns_ = 0;
+        if (!corrects()) controller_.observe_nothing();
         record_.adjust_ns = settings_.mode == Mode::master_shift ? controller_.coast() : 0;
         record_.adjusted_ns += record_.adjust_ns;
         return Duration(record_.adjust_ns);
@@ -83,22 +87,26 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     Network& network = master_of(ctx)->network;
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
     const std::int64_t error = phase_error_ns(due_ns, cycle, settings_.set_value.count());
-    const std::int64_t correction = controller_.update(error, now);
-    const bool corrects = settings_.mode == Mode::master_shift || settings_.mode == Mode::bus_shift;
+    const std::int64_t correction = corrects() ? controller_.update(error, now) : 0;
+    if (!corrects()) controller_.observe(error, now);
     filtered_ps_ += (error * 1000 - filtered_ps_) / 16;
     record_.error_ns = error;
     record_.filtered_ns = filtered_ps_ / 1000;
     record_.drift_ppb = controller_.drift_ppb();
     record_.state = state();
-    record_.adjust_ns = corrects ? correction : 0;
+    record_.adjust_ns = correction;
     record_.adjusted_ns += record_.adjust_ns;
     if (network.clocks.reference != 0)
         record_.start_time_ns = network.clocks.entries[network.clocks.reference - 1U].sync_start_ns;
     if (settings_.mode == Mode::master_shift) return Duration(correction);
     if (settings_.mode == Mode::bus_shift) shift_reference(network, correction);
     if (settings_.mode == Mode::master_reference) {
-        const Duration time = now + settings_.phase.cycle - Time{} + network.clocks.settings.system_time_at_zero;
-        send_to_reference(network, reg::kSystemTime, static_cast<std::uint64_t>((time + settings_.set_value).count()));
+        // The time at which the next cycle is due. The cycles may begin anywhere in the milliseconds of the master.
+        const Duration late(static_cast<std::int64_t>(record_.bus_time_ns - due_ns));
+        const Duration time = now - late + settings_.phase.cycle - Time{} + network.clocks.settings.system_time_at_zero;
+        const auto next = static_cast<std::uint64_t>(time.count());
+        if (!std::exchange(has_shift_, true)) shift_ns_ = -phase_error_ns(next, cycle, settings_.set_value.count());
+        send_to_reference(network, reg::kSystemTime, next + static_cast<std::uint64_t>(shift_ns_));
     }
     return Duration{0};
 }

@@ -29,6 +29,7 @@ Gains gains_after(std::uint32_t n, std::uint16_t gain_ppt, std::uint16_t drift_g
 
 constexpr std::uint32_t kMostSeen = 100'000;  // 4 / kMostSeen is below every gain
 constexpr std::uint16_t kManyPairs = 256;
+constexpr std::uint8_t kSaturatedTooOften = 32;
 
 // The square root, rounded down.
 constexpr std::uint32_t root(std::uint64_t value) {
@@ -99,7 +100,6 @@ bool PhaseController::is_outlier(std::int64_t error_ns) {
 }
 
 void PhaseController::watch(std::int64_t error_ns, Time now) {
-    constexpr std::uint8_t kSaturatedTooOften = 32;
     if (magnitude(error_ns) > settings_.limit_ns) {
         within_since_ = kNever;
         if (state_ == PhaseState::in_sync) state_ = PhaseState::error_too_large;
@@ -165,6 +165,25 @@ std::int64_t PhaseController::update(std::int64_t error_ns, Time now, std::uint8
     }
     learn_drift(error_ps / 1000 * gains.drift_ppb / 1000);
     return whole(phase_fs + drift_fs_);
+}
+
+void PhaseController::observe(std::int64_t error_ns, Time now) {
+    constexpr std::int64_t kFsInNs = 1'000'000;
+    note(error_ns);
+    const std::int64_t cycle_ns = settings_.cycle.count();
+    if (has_last_) {
+        // The error goes from half a cycle late to half a cycle early.
+        std::int64_t change_ns = error_ns - last_ns_;
+        if (change_ns > cycle_ns / 2) change_ns -= cycle_ns;
+        if (change_ns < -cycle_ns / 2) change_ns += cycle_ns;
+        if (pairs_ < kManyPairs) ++pairs_;
+        drift_fs_ += (change_ns * kFsInNs - drift_fs_) / pairs_;
+        const auto limit_fs = static_cast<std::uint64_t>(cycle_ns) * settings_.most_drift_ppm;
+        saturated_ = pairs_ >= kManyPairs && magnitude(drift_fs_) > limit_fs ? kSaturatedTooOften : std::uint8_t{0};
+    }
+    has_last_ = true;
+    last_ns_ = error_ns;
+    watch(error_ns, now);
 }
 
 std::int64_t PhaseController::coast() {

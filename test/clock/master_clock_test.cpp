@@ -117,11 +117,56 @@ TEST_F(MasterClockTest, TheTimeOfTheMasterIsTheReference) {
     EXPECT_LE(greatest_error_ns(3), 200);
 }
 
+TEST_F(MasterClockTest, TheTimeOfTheMasterComesInSync) {
+    bring_up(40'000);
+    jitter_ns = 0;
+    MasterClock clock({.mode = MasterClock::Mode::master_reference, .set_value = -300us, .phase = {.cycle = 1ms}});
+    run_cycles(clock, 6000);
+    EXPECT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state()) << ", " << clock.error_ns() << " ns";
+    EXPECT_LE(std::abs(clock.drift_ppb()), 500) << "the reference clock runs at the rate of the master";
+    EXPECT_EQ(clock.record().adjusted_ns, 0);
+    const auto all = events();
+    EXPECT_EQ(told(all, "cycle in sync, "), 1) << joined(all);
+}
+
+// Nothing is corrected: the phase moves through the whole cycle, and the drift is what the clocks differ by.
+TEST_F(MasterClockTest, OffShowsTheNaturalDrift) {
+    for (const int drift : {80'000, -50'000}) {
+        ClockBus other;
+        other.add({.drift_ppb = drift});
+        other.start();
+        ASSERT_TRUE(configdc(*other.ctx, kFewFrames).ok());
+        ASSERT_TRUE(config_map(*other.ctx, other.image).ok());
+        MasterClock clock({.mode = MasterClock::Mode::off, .phase = {.cycle = 1ms}});
+        int done = 0;
+        int least = INT32_MAX;
+        int most_drift = INT32_MIN;
+        bool wrapped = false;
+        const auto work = [&](const CycleInfo&) {
+            if (++done < 300) return true;
+            wrapped |= std::abs(clock.error_ns()) > 499'000;
+            least = std::min(least, clock.drift_ppb());
+            most_drift = std::max(most_drift, clock.drift_ppb());
+            EXPECT_NE(clock.state(), PhaseState::drift_too_high) << done;
+            return done < 20'000;
+        };
+        ASSERT_TRUE(run_cycle(*other.ctx, {.period = 1ms, .clock = &clock}, work).ok());
+        EXPECT_TRUE(wrapped);
+        EXPECT_NEAR(least, drift, 500);
+        EXPECT_NEAR(most_drift, drift, 500);
+        EXPECT_EQ(clock.record().drift_ppb, clock.drift_ppb());
+        EXPECT_EQ(clock.record().adjusted_ns, 0);
+    }
+}
+
 TEST_F(MasterClockTest, ADriftThatIsTooHighIsSaid) {
     bring_up(800'000, false);
     MasterClock clock({.mode = MasterClock::Mode::master_shift, .phase = {.cycle = 1ms}});
     run_cycles(clock, 500);
     EXPECT_EQ(clock.state(), PhaseState::drift_too_high);
+    MasterClock off({.mode = MasterClock::Mode::off, .phase = {.cycle = 1ms}});
+    run_cycles(off, 500);
+    EXPECT_EQ(off.state(), PhaseState::drift_too_high);
     EXPECT_EQ(to_text(clock.state()), "the drift between both clocks is too high");
 }
 
