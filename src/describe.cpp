@@ -249,6 +249,7 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
             out << " ("
                 << "used: " << sm_text(e.expected) << "; the other: " << sm_text(e.actual) << ")";
             break;
+        case Errc::clock_not_reached: out << " (reference: slave " << e.expected << ")"; break;
         case Errc::clock_before_reference: out << " (slave " << e.expected << ")"; break;
         case Errc::not_in_sync: {
             const bool behind = (e.actual & 0x8000'0000) != 0;
@@ -392,13 +393,18 @@ void write_cause(TextWriter& out, const Error& e) {
             break;
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";
+            if (e.step == Step::configure_sync) out << " (its SII has no DC operation mode " << e.subindex << ")";
             if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
                 out << " (the chosen reference clock is at a branch that only the frames of the second NIC reach)";
             if (e.step == Step::request_state)
                 out << " (" << to_text(AlState::boot) << ": its SII describes no bootstrap mailbox)";
             break;
         case Errc::wrong_state:
-            if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
+            if (e.step == Step::configure_clocks && e.detail == Error::kNoTime)
+                out << " (call ApplicationTime::set() before)";
+            else if (e.step == Step::configure_clocks && e.detail == Error::kNotBack)
+                out << " (the datagram was not sent, or is not back yet)";
+            else if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
                 out << " (the ring is broken: the delays of its clocks can be measured while it is whole)";
             else if (is_refused_call(e) && e.detail == Error::kNotSubmitted)
                 out << " (the request was not submitted to this context: call submit())";
@@ -406,6 +412,8 @@ void write_cause(TextWriter& out, const Error& e) {
                 out << (e.step == Step::open_nic ? " (init() was called before)"
                                                  : " (call init(), then config_init(), then submit or wait)");
             if (e.step == Step::configure_sync) out << " (call configdc() before)";
+            if (e.step == Step::configure_clocks && e.slave != 0)
+                out << " (it is in OP and needs its SYNC signals: bring it to PREOP before)";
             break;
         case Errc::busy:
             if (e.detail != 0) out << " (" << to_text(static_cast<Operation>(e.detail)) << " is busy)";

@@ -77,6 +77,7 @@ std::string_view to_text(EventKind kind) {
         case EventKind::overrun: return "cycles left out";
         case EventKind::ring_broken: return "redundancy broken";
         case EventKind::ring_closed: return "redundancy restored";
+        case EventKind::clock_not_reached: return "clock not synchronised";
         case EventKind::second_reference: return "a second reference clock";
         case EventKind::second_cable_missing: return "second cable missing";
         case EventKind::nics_on_same_port: return "both NICs on the same port";
@@ -189,6 +190,11 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
         case EventKind::second_reference:
             out << "the clocks that the reference does not reach follow slave " << e.slave
                 << ", which is kept in step with slave " << e.other;
+            break;
+        case EventKind::clock_not_reached:
+            write_slave(out, e);
+            out << "its clock is not synchronised, because it is before the reference clock of slave " << e.other
+                << " in the ring";
             break;
         case EventKind::reference_lost: out << "slave " << e.slave << " with the reference clock is lost"; break;
         case EventKind::latch_edge:

@@ -32,7 +32,9 @@ enum class ClockKind : std::uint8_t {
 // What is known about the clock of one slave.
 struct SlaveClock {
     ClockKind kind = ClockKind::unknown;
-    bool synchronised = false;  // delay and offset are written: the slave follows the reference clock, or is that clock
+    // Delay and offset are written: the slave follows the reference clock, or is that clock. False for a clock before a
+    // chosen reference (ClockSettings::reference).
+    bool synchronised = false;
     // Its difference was within the limit for the settle time, and was measured since the slave was lost last. Behind a
     // break of a ring with two NICs: see redundancy.hpp. A clock that was in sync remains so while no time reaches it
     // (after a break, or when the reference is lost), for a second at most. A supervision keeps it up to date; without
@@ -40,16 +42,20 @@ struct SlaveClock {
     bool in_sync = false;
     bool sync_active = false;    // SYNC signals were activated
     std::uint32_t delay_ns = 0;  // from the reference clock (ESC register 0x0928)
-    // To the reference clock as read last (0x092C); negative: behind. Behind a break of a ring with two NICs: to the
-    // second reference, plus the difference of both references.
+    // To the reference clock as read last (0x092C); negative: behind. A supervision reads one slave in each
+    // watch_interval while all clocks are in sync, and all slaves otherwise. Behind a break of a ring with two NICs: to
+    // the second reference, plus the difference of both references.
     std::int32_t difference_ns = 0;
     std::uint64_t offset_ns = 0;      // system time minus the slave's own time (0x0920)
     std::uint64_t sync_start_ns = 0;  // system time of the first SYNC0
 };
 
 struct ClockSettings {
-    // The slave whose clock is the reference clock; 0: the first slave in the ring whose clock runs. No slave before it
-    // in the ring may have a clock: the time of the reference clock does not reach these slaves.
+    // The slave whose clock is the reference clock; 0: the first slave in the ring whose clock runs. The time of the
+    // reference clock does not reach the slaves before it in the ring: their clocks are not synchronised
+    // (EventKind::clock_not_reached names them), never become the reference, and get no SYNC signals
+    // (Errc::clock_not_reached). They take over what the master expects as the time. With two NICs, and where cycles
+    // overlap (GroupConfiguration::cycles_in_flight), no slave before it may have a clock.
     std::uint16_t reference = 0;
     // The group whose cycle carries the time, unless GroupConfiguration::dc_reference of a group says otherwise.
     std::uint8_t group = 0;
@@ -68,7 +74,7 @@ struct ClockSettings {
     Duration cycle = std::chrono::milliseconds(1);
     // SYNC0 starts at a whole multiple of this time (of system time), plus the shift of the slave: the same phase for
     // all slaves, also for a slave that comes back. A whole multiple of the cycle of every slave's SYNC signals. Zero:
-    // the slave's own cycle.
+    // the slave's own cycle; `cycle` for a single pulse.
     Duration start_grid{0};
     // How far in the future SYNC0 starts at least.
     Duration start_delay = std::chrono::milliseconds(100);
@@ -98,9 +104,9 @@ struct ClockSettings {
 // All clocks together, as configdc() or the supervision has seen them last.
 struct ClockStatus {
     std::uint16_t reference = 0;    // the slave with the reference clock; 0: none
-    bool in_sync = false;           // every clock that is there is in sync
-    // Less than twice the greatest difference of any clock (ESC registers 0x092C, OR), or the difference of both
-    // references of a ring with two NICs.
+    bool in_sync = false;           // every clock that is there is in sync, except those before a chosen reference
+    // Less than twice the greatest difference of any of these clocks (ESC registers 0x092C, OR), or the difference of
+    // both references of a ring with two NICs.
     std::uint32_t greatest_ns = 0;
     // The system time at the moment of the call: the time of the reference clock that was read last, continued by the
     // master's clock. All 64 bits, also where the reference clock has 32.
@@ -124,10 +130,11 @@ struct ClockRequest : Request {
 // of the reference clock until all clocks are in sync. SYNC signals that are active are switched off. Returns the
 // number of the slave with the reference clock. Call it in PREOP, after config_init() and before config_map(). Waits.
 //
-// Errors: no_clock (no slave, or not the chosen reference, has a clock that runs), clock_before_reference (slave: the
-// reference, expected: a slave with a clock before it), not_in_sync (slave: the clock with the greatest difference,
-// expected: the limit, actual: the difference in ns; all other work is done, and a cycle may bring it into sync later),
-// unstable (slave: it was lost, or came back, during the measurement), invalid_argument, wrong_state (no slaves yet),
+// Errors: no_clock (no slave, or not the chosen reference, has a clock that runs), missing_slave (the chosen
+// reference), wrong_state (slave: it is in OP with SYNC signals; slave 0: no slaves yet), clock_before_reference (with
+// two NICs; slave: the reference, expected: a slave with a clock before it), not_in_sync (slave: the clock with the
+// greatest difference, expected: the limit, actual: the difference in ns; all other work is done, and a cycle may bring
+// it into sync later), unstable (slave: it was lost, or came back, during the measurement), invalid_argument,
 // unsupported (with two NICs, slave: its clock is beside the ring, see redundancy.hpp), no_frame, capacity.
 Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
 
@@ -140,7 +147,8 @@ struct SyncRequest : SlaveRequest {
 // Activates SYNC0 (dcsync01(): SYNC0 and SYNC1) of one slave with this cycle, or switches the signals off. The first
 // SYNC0 occurs at least ClockSettings::start_delay later, at a whole multiple of the grid plus `shift`, which may be
 // negative. A cycle of 0: one pulse only. The setting replaces SlaveSetup::dc until the next config_init(); it is used
-// again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock, unknown_slave,
+// again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock,
+// clock_not_reached (the clock is before a chosen reference, expected: that slave), unknown_slave,
 // invalid_argument (a cycle that is negative, does not fit 32 bits or does not fit ClockSettings::start_grid; a start
 // time of ClockSettings::start_time that has passed), working_counter, no_frame.
 Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift = Duration{0});

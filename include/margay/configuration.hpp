@@ -233,9 +233,10 @@ struct GroupConfiguration {
     bool al_status = false;  // read the AL status of all slaves with one datagram (BRD of ESC register 0x0130)
     // Number of the slave whose system time all slaves behind it copy (FRMW of ESC register 0x0910). 0: the reference
     // clock of configdc() if ClockSettings::group is this group, otherwise none. config_map() refuses a slave without a
-    // clock (invalid_argument), and a slave with another clock before it in the ring (clock_before_reference): that
-    // clock would take over zeros. While the slave is lost, the reference clock of configdc() is taken in its place,
-    // and without configdc() the cycle carries no time until the next config_map().
+    // clock (invalid_argument), and a slave with another clock before it in the ring (clock_before_reference), unless
+    // configdc() has chosen it (ClockSettings::reference): that clock would take over zeros. While the slave is lost,
+    // the reference clock of configdc() is taken in its place, and without configdc() the cycle carries no time until
+    // the next config_map().
     std::uint16_t dc_reference = 0;
     std::uint16_t reserve_bytes = 0;  // octets of the first frame that stay free for other datagrams of the cycle
     // How many octets of other datagrams (mailboxes, states …), headers included, may be sent with a cycle: first in

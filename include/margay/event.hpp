@@ -43,7 +43,9 @@ enum class EventKind : std::uint8_t {
     clock_out_of_sync,  // the clock of a slave has left the limit (actual: its difference in ns, expected: the limit)
     reference_clock,  // the clock of `slave` is the reference clock now, in place of that of `other`, which was lost or
                       // is behind `slave` in the ring
-    reference_lost,   // the slave with the reference clock is lost; reference_clock follows when another one takes over
+    clock_not_reached,  // the clock of `slave` is before the chosen reference clock, that of `other`, in the ring: it
+                        // is not synchronised
+    reference_lost,  // the slave with the reference clock is lost; reference_clock follows when another one takes over
     latch_edge,  // an edge at a latch input (port: the input, 0 or 1; detail: 0 rising, 1 falling; expected, actual:
                  // the upper and the lower half of the system time of the edge)
     master_in_sync,      // MasterClock: the phase of the cycle is in sync (actual: the error in ns)

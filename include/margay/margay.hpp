@@ -147,7 +147,7 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // a SyncManager twice in slave(n).config; no slave belongs to the group, which reads no register either; detail: the
 // Argument), image_too_large, image_overlaps (index: the other group), fmmu_shortage, sm_shortage, sm_memory,
 // too_many_frames (limits().process_frames), unknown_slave (of a copy, or dc_reference), capacity (the memory of the
-// SharedImage), clock_before_reference (slave: dc_reference, expected: a slave with a clock before it in the ring),
+// SharedImage), clock_before_reference (slave: the reference, expected: a slave with a clock before it in the ring),
 // unsupported (cycles_in_flight is 2 or more in a context without that feature).
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
 

@@ -41,6 +41,31 @@ bool is_led_away(const Clocks& clocks, const FollowedClock& followed) {
 
 }  // namespace
 
+// While the chosen reference is lost, it has no place in the ring: a slave that was not seen before is taken for one
+// before it.
+bool note_reach(Network& network, Slave& slave) {
+    const Clocks& clocks = network.clocks;
+    ClockEntry& clock = network.clocks.of(slave);
+    const std::uint16_t chosen = clocks.settings.reference;
+    if (chosen == 0 || chosen == slave.number || !is_clock(clock.kind) || slave.ring_position == 0)
+        return clock.out_of_reach;
+    const std::uint16_t of_chosen = network.slave(chosen).ring_position;
+    const bool unseen = !clock.measured && is_before_reference(network, slave);
+    const bool before = of_chosen != 0 ? slave.ring_position < of_chosen : clock.out_of_reach || unseen;
+    if (before && !clock.out_of_reach)
+        network.report({.kind = EventKind::clock_not_reached, .slave = slave.number, .other = chosen});
+    clock.out_of_reach = before;
+    if (before) network.clocks.begin_cycles = begin_by_reading;
+    if (before) clock.synchronised = clock.in_sync = false;
+    return before;
+}
+
+bool any_out_of_reach(Network& network) {
+    return std::ranges::any_of(network.slaves(), [&network](const Slave& slave) {
+        return is_there(slave) && network.clocks.of(slave).out_of_reach;
+    });
+}
+
 FollowedClock followed_clock(Network& network, const Slave& slave) {
     const Clocks& clocks = network.clocks;
     const Slave& reference = network.slave(clocks.reference);
@@ -122,7 +147,7 @@ Slave* first_before_reference(Network& network) {
         const bool settled = slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave);
         const ClockEntry& clock = network.clocks.of(slave);
         if (!is_there(slave) || !settled || slave.al.error || network.marks(slave).in_use || !clock.measured ||
-            !is_clock(clock.kind) || clock.beside || !is_before_reference(network, slave))
+            !is_clock(clock.kind) || clock.beside || !is_before_reference(network, slave) || note_reach(network, slave))
             continue;
         if (first == nullptr || slave.ring_position < first->ring_position) first = &slave;
     }

@@ -100,9 +100,11 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
     const std::uint64_t now_ns =
         clock.kind == ClockKind::bits64 ? *time : extend_time_ns(static_cast<std::uint32_t>(*time), about);
-    const std::uint64_t grid = settings.start_grid > Duration{0}
-                                   ? static_cast<std::uint64_t>(settings.start_grid.count())
-                                   : sync_period_ns(sync.sync0_cycle_ns, sync.sync1_cycle_ns);
+    // A single pulse has no period of its own.
+    const std::uint64_t period = sync_period_ns(sync.sync0_cycle_ns, sync.sync1_cycle_ns);
+    const Duration usual = settings.start_grid > Duration{0} ? settings.start_grid : settings.cycle;
+    const bool by_period = settings.start_grid <= Duration{0} && period != 0;
+    const std::uint64_t grid = by_period ? period : static_cast<std::uint64_t>(usual.count());
     clock.sync_start_ns =
         start_time_ns(now_ns + static_cast<std::uint64_t>(settings.start_delay.count()), grid, sync.shift_ns);
     if (settings.start_time != nullptr)
@@ -250,7 +252,7 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     if (clock.kind == ClockKind::unknown) {
         co_await required(probe_clock(network, slave));
     }
-    if (!is_clock(clock.kind) || clocks.reference == 0) co_return Result<>();
+    if (!is_clock(clock.kind) || clocks.reference == 0 || note_reach(network, slave)) co_return Result<>();
     if (clocks.reference == slave.number) co_return co_await required(restore_reference(network));
     if (clock.synchronised) {
         const auto same = co_await required(has_its_clock(network, slave));
@@ -305,6 +307,12 @@ Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSe
 Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync) {
     if (!is_clock(network.clocks.of(slave).kind))
         co_return Error{.code = Errc::no_clock, .step = kSyncStep, .slave = slave.number};
+    // Without a synchronised clock its SYNC signals would run away from those of the other slaves.
+    if (network.clocks.of(slave).out_of_reach && sync.assign_activate != 0)
+        co_return Error{.code = Errc::clock_not_reached,
+                        .step = kSyncStep,
+                        .slave = slave.number,
+                        .expected = network.clocks.settings.reference};
     constexpr unsigned kMostTries = 3;
     Result<> written;
     for (unsigned n = 0; n < kMostTries; ++n) {

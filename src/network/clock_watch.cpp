@@ -122,10 +122,23 @@ Task<Result<>> check_reference(Network& network) {
     co_return co_await required(reset_control_loop(network.station(slave)));
 }
 
+// While all clocks are in sync, the difference of one more of them is read in each round.
+Task<Result<>> look_at_next_clock(Network& network) {
+    std::uint16_t& last = network.clocks.looked_at;
+    for (std::uint16_t n = 0; n < network.count; ++n) {
+        last = last < network.count ? static_cast<std::uint16_t>(last + 1) : std::uint16_t{1};
+        Slave& slave = network.slave(last);
+        if (network.clocks.of(slave).synchronised && is_there(network, last)) {
+            co_return co_await required(look_at_clock(network, slave));
+        }
+    }
+    co_return Nothing{};
+}
+
 bool all_in_sync(Network& network) {
     return std::ranges::all_of(network.slaves(), [&network](const Slave& slave) {
         const ClockEntry& clock = network.clocks.of(slave);
-        return !is_clock(clock.kind) || clock.in_sync || !is_there(network, slave.number);
+        return !is_clock(clock.kind) || clock.in_sync || clock.out_of_reach || !is_there(network, slave.number);
     });
 }
 
@@ -254,7 +267,9 @@ Task<Result<>> watch_clocks(Network& network) {
     clocks.greatest_ns = greatest;
     // A slave that was away is there again since the last look.
     clocks.all_in_sync = clocks.all_in_sync && all_in_sync(network);
-    if (greatest <= clocks.settings.limit_ns && clocks.all_in_sync) co_return Nothing{};
+    if (greatest <= clocks.settings.limit_ns && clocks.all_in_sync) {
+        co_return co_await required(look_at_next_clock(network));
+    }
     co_await required(check_reference(network));
     const auto look = [&network](Slave& s) { return look_at_clock(network, s); };
     auto all = co_await for_each_slave(network, look);

@@ -48,7 +48,10 @@ Task<Result<>> read_times_if_any(Network& network, Slave& slave) {
 Result<std::uint16_t> choose_reference(Network& network, std::uint16_t wanted) {
     Error error{.code = Errc::no_clock, .step = kClockStep, .slave = wanted};
     if (wanted != 0) {
+        if (wanted <= network.count && network.slave(wanted).al.state == AlState::none)
+            error.code = Errc::missing_slave;
         if (wanted > network.count || !is_clock(network.clocks.entries[wanted - 1U].kind)) return error;
+        if (network.redundancy == nullptr) return wanted;
         error.code = Errc::clock_before_reference;
         error.expected = clock_before(network, wanted);
         return error.expected == 0 ? Result<std::uint16_t>(wanted) : Result<std::uint16_t>(error);
@@ -135,15 +138,16 @@ void compute_offsets(Network& network) {
     const Duration since_zero = clocks.system_at - Time{} + clocks.settings.system_time_at_zero;
     clocks.system_ns = static_cast<std::uint64_t>(since_zero.count());
     for (ClockEntry& clock : clocks.entries.first(network.count)) {
-        clock.synchronised = is_clock(clock.kind);
-        if (!clock.synchronised) continue;
+        clock.synchronised = is_clock(clock.kind) && !clock.out_of_reach;
+        if (!is_clock(clock.kind)) continue;
         // Behind a break, another copy of the frame was latched. Both were sent at the same time.
         clock.offset_ns = clock_offset_ns(clocks.system_ns, clock.passed_ns, clock.local_ns);
     }
 }
 
+// A clock that is out of reach begins with the right time, too: it is compared with times that the master has sent.
 Task<Result<>> write_clock_if_any(Network& network, Slave& slave) {
-    if (!network.clocks.of(slave).synchronised) co_return Nothing{};
+    if (!is_clock(network.clocks.of(slave).kind)) co_return Nothing{};
     co_return co_await required(write_clock(network, slave));
 }
 
@@ -156,6 +160,19 @@ Task<Result<>> write_delay_if_any(Network& network, Slave& slave) {
 Task<Result<>> read_difference_if_any(Network& network, Slave& slave) {
     if (!network.clocks.of(slave).synchronised || slave.al.state == AlState::none) co_return Nothing{};
     co_return co_await required(read_difference(network, slave));
+}
+
+Task<Result<std::uint32_t>> read_each_difference(Network& network) {
+    const auto read = [&network](Slave& s) { return read_difference_if_any(network, s); };
+    co_await required(for_each_slave(network, read));
+    std::uint32_t most = 0;
+    for (const Slave& slave : network.slaves()) {
+        const ClockEntry& clock = network.clocks.of(slave);
+        const std::int64_t away = std::abs(std::int64_t{clock.difference_ns});
+        if (clock.synchronised && slave.al.state != AlState::none)
+            most = std::max(most, static_cast<std::uint32_t>(away));
+    }
+    co_return most;
 }
 
 // Many frames with the time, several of them on the wire at once. Beside a cycle they wait for its spare room: then the
@@ -275,6 +292,7 @@ void Clocks::forget() {
     rests = rounds_old = 0;
     is_near = nullptr;
     resume = nullptr;
+    begin_cycles = nullptr;
 }
 
 // Before configdc() the features register has to be believed.
@@ -318,6 +336,7 @@ Task<Result<>> send_time(Network& network) {
 }
 
 Task<Result<std::uint32_t>> read_greatest_difference(Network& network) {
+    if (any_out_of_reach(network)) co_return co_await read_each_difference(network);
     std::array<std::byte, 4> all{};
     Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kSystemTimeDifference), MutableBytes(all));
     auto reply = co_await look;
@@ -420,6 +439,7 @@ Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings set
     const auto reference = choose_reference(network, settings.reference);
     if (!reference) co_return reference;
     clocks.reference = *reference;
+    for (Slave& slave : network.slaves()) (void)note_reach(network, slave);
     clocks.prepare = prepare_clock;
     clocks.watch = watch_clocks;
     clocks.is_near = is_near;

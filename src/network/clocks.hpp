@@ -49,6 +49,7 @@ struct ClockEntry : SlaveClock {
     bool knows_rate : 1 = false;   // it was in sync since its control loop was started
     bool in_ring : 1 = false;      // these two: see `ring_slave`
     bool beside : 1 = false;  // while the ring is whole, only the copy that the head does not send reaches the slave
+    bool out_of_reach : 1 = false;  // see note_reach()
     // While delays are measured: the port at which the frame arrives first, and the port at which it arrives before the
     // processing unit. They differ behind a break of a ring with two NICs.
     std::uint8_t arrival_port = 0;
@@ -93,6 +94,7 @@ struct Clocks {
     bool all_in_sync = false;
     bool is_driven = false;         // times are written to the reference, which follows them
     bool loss_reported = false;     // that the reference is lost
+    std::uint16_t looked_at = 0;    // the slave whose difference was read last while all clocks were in sync
     std::uint16_t times_seen = 0;   // cycles_with_time() of the group that carries the time, in the last round
     std::uint32_t greatest_ns = 0;  // upper estimate of the differences, as read last
     Time watch_at = Time::min();
@@ -102,6 +104,8 @@ struct Clocks {
     Task<Result<>> (*watch)(Network& network) = nullptr;
     // Whether the clock of a slave that was away is so near that it follows by itself.
     Task<Result<bool>> (*is_near)(Network& network, Slave& slave) = nullptr;
+    // The frames of the group are prepared, and a clock is out of reach. nullptr: none is.
+    void (*begin_cycles)(ProcessGroup& group) = nullptr;
     // The supervision ends, perhaps while no time is carried: the cycles carry it again.
     void (*resume)(Network& network) = nullptr;
 
@@ -163,7 +167,8 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 [[nodiscard]] Task<Result<>> set_reference(Network& network, const Slave& slave);
 // Sends the time of the reference clock to all slaves once, in a frame of its own.
 [[nodiscard]] Task<Result<>> send_time(Network& network);
-// An upper estimate of the differences of all clocks, by one broadcast.
+// An upper estimate of the differences of all clocks, by one broadcast. Where a clock is out of reach, its difference
+// would hide those of the others: then each of them is read.
 [[nodiscard]] Task<Result<std::uint32_t>> read_greatest_difference(Network& network);
 // Reads register 0x092C of a slave into its entry.
 [[nodiscard]] Task<Result<>> read_difference(Network& network, Slave& slave);
@@ -225,6 +230,13 @@ void resume_time(Network& network);
 
 // Starts the control loop of a clock again: it forgets its rate.
 [[nodiscard]] Task<Result<>> reset_control_loop(Station station);
+
+// Sets ClockEntry::out_of_reach: the slave is before the reference that the settings have chosen, so that no time of
+// this reference reaches its clock. It is not synchronised, and never becomes the reference. Reports a change. Returns
+// the new value.
+bool note_reach(Network& network, Slave& slave);
+// Whether a clock is there that is out of reach.
+[[nodiscard]] bool any_out_of_reach(Network& network);
 
 // A slave before the reference in the ring that has a clock; 0: none.
 [[nodiscard]] std::uint16_t clock_before(Network& network, std::uint16_t reference);

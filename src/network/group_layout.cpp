@@ -60,14 +60,18 @@ bool is_lost(Network& network, std::uint16_t number) {
     return number <= network.count && network.slave(number).al.state == AlState::none;
 }
 
-// The slave whose time the cycle of the group carries. The frame passes the slaves before it with zeros. A lost slave
-// has no place in the ring: the reference clock of configdc() is taken in its place, if there is one.
+// The slave whose time the cycle of the group carries. The frame passes the slaves before it with the time that the
+// master expects, if configdc() has chosen the slave; with zeros otherwise, and where cycles overlap. A lost slave has
+// no place in the ring: the reference clock of configdc() is taken in its place, if there is one.
 Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& group) {
     const Clocks& clocks = network.clocks;
-    const std::uint16_t wanted = group.config.dc_reference;
-    if (wanted == 0) return group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
-    if (wanted > network.count) return wanted;  // reported by plan_datagrams()
+    const std::uint16_t usual = group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
+    const std::uint16_t wanted = group.config.dc_reference != 0 ? group.config.dc_reference : usual;
+    if (wanted == 0 || wanted > network.count) return wanted;  // plan_datagrams() reports the latter
     if (is_lost(network, wanted)) return clocks.reference != 0 ? clocks.reference : wanted;
+    const bool by_configdc =
+        group.config.dc_reference == 0 || (wanted == clocks.reference && wanted == clocks.settings.reference);
+    if (by_configdc && (group.config.cycles_in_flight < 2 || clocks.begin_cycles == nullptr)) return wanted;
     Error error{.code = Errc::clock_before_reference, .step = Step::map_process_data, .slave = wanted};
     error.expected = clock_before(network, wanted);
     return error.expected == 0 ? Result<std::uint16_t>(wanted) : Result<std::uint16_t>(error);
@@ -125,6 +129,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (!count) return count.error();
     const auto prepared = prepare(tables, group, *count, network.engine.link());
     if (prepared) group.was_mapped = true;
+    if (prepared && network.clocks.begin_cycles != nullptr) network.clocks.begin_cycles(group);
     if (group.overlap.sets > 1) network.overlapping.store(true, std::memory_order_release);
     if (prepared) begin_counting(network, group);
     // Until its configuration has ended: the mapping may be cut.

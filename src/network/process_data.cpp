@@ -260,6 +260,19 @@ void set_time_standby(ProcessGroup& group, StationAddress standby) {
         if (reading.into == &group.dc_time) reading.standby = standby.value;
 }
 
+void begin_by_reading(ProcessGroup& group) {
+    for (PreparedFrame& frame : group.prepared) {
+        for (const PreparedReading& reading : frame.readings) {
+            if (reading.into != &group.dc_time) continue;
+            std::byte& command = frame.bytes[reading.offset];
+            if (command == static_cast<std::byte>(wire::Command::FRMW))
+                command = static_cast<std::byte>(wire::Command::FPRD);
+            if (command == static_cast<std::byte>(wire::Command::ARMW))
+                command = static_cast<std::byte>(wire::Command::APRD);
+        }
+    }
+}
+
 TimeSource time_source(const ProcessGroup& group) {
     for (const PreparedFrame& frame : group.prepared) {
         for (const PreparedReading& reading : frame.readings) {

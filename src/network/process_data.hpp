@@ -136,6 +136,9 @@ void give_inputs(ProcessGroup& group);
 // before the reference. False while a frame with the time is on the wire, and where cycles overlap (then another thread
 // may be sending).
 [[nodiscard]] bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns);
+// The first cycles only read the time, until two of them tell the next time: the clocks before the reference would take
+// over zeros.
+void begin_by_reading(ProcessGroup& group);
 // Sets the slave whose time the cycle carries by itself as soon as the reference is lost; 0: none. Not where cycles
 // overlap.
 void set_time_standby(ProcessGroup& group, StationAddress standby);

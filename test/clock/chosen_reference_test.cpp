@@ -1,0 +1,181 @@
+// A chosen reference clock with clocks before it in the ring: these are not synchronised and named, and the rest runs.
+#include "clock/clock_bus.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+using sim::DcUnit;
+
+// Five clocks in a line; the reference is that of slave 3.
+struct ChosenReference : testing::Test, ClockBus {
+    SlaveSetup every_ms{.dc = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms}};
+    ClockSettings settings = kFewFrames;
+
+    void bring_up() {
+        add_line(5);
+        start();
+        settings.reference = 3;
+        const auto reference = configdc(*ctx, settings);
+        ASSERT_TRUE(reference.ok()) << words(reference.error());
+        ASSERT_EQ(*reference, 3);
+        for (std::uint16_t n = 3; n <= 5; ++n) ctx->slave(n).config.setup = &every_ms;
+    }
+    std::uint64_t pulses(std::uint16_t slave) {
+        segment.advance(osal.now());
+        return segment.slave(slave - 1U).sync().pulses(0);
+    }
+    // What the control loop of a clock was compared with last: its magnitude without the filter of the chip.
+    std::uint32_t difference_register_ns(std::uint16_t slave) {
+        return register_of<std::uint32_t>(slave, wire::reg::kSystemTimeDifference) & 0x7FFF'FFFF;
+    }
+    void expect_running() {
+        EXPECT_EQ(reference_clock(*ctx), 3);
+        EXPECT_LE(std::abs(ahead_ns(4, 3)), 100);
+        EXPECT_LE(std::abs(ahead_ns(5, 3)), 100);
+        EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+        EXPECT_LE(clock_status(*ctx, osal.now()).greatest_ns, 200U);
+        for (std::uint16_t n = 1; n <= 5; ++n) {
+            EXPECT_EQ(clock(n).kind, ClockKind::bits64) << n;
+            EXPECT_EQ(clock(n).synchronised, n >= 3) << n;
+            EXPECT_EQ(clock(n).in_sync, n >= 3) << n;
+            EXPECT_EQ(clock(n).sync_active, n >= 3) << n;
+        }
+    }
+};
+
+TEST_F(ChosenReference, TheClocksBeforeItAreNamedAndTheRestRuns) {
+    bring_up();
+    auto all = events();
+    EXPECT_EQ(told(all,
+                   "slave 1: its clock is not synchronised, because it is before the reference clock of slave 3 in "
+                   "the ring"),
+              1)
+        << joined(all);
+    EXPECT_EQ(told(all, "slave 2: its clock is not synchronised"), 1) << joined(all);
+    EXPECT_EQ(told(all, "is not synchronised"), 2) << joined(all);
+    run();
+    ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+    EXPECT_EQ(told(events(), "is not synchronised"), 0) << "said once";
+    cycles(2000);
+    expect_running();
+    EXPECT_TRUE(all_right(*ctx));
+    const std::uint64_t before = pulses(5);
+    const Time begin = osal.now();
+    cycles(500);
+    EXPECT_NEAR(static_cast<double>(pulses(5) - before), static_cast<double>((osal.now() - begin) / 1ms), 1);
+    all = events();
+    EXPECT_EQ(told(all, "reference clock now"), 0) << joined(all);
+    EXPECT_EQ(told(all, "clock out of sync"), 0) << joined(all);
+}
+
+// The datagram with the time passes them with the time that the master expects, from the first cycle on.
+TEST_F(ChosenReference, TheClocksBeforeItTakeOverNoZeros) {
+    bring_up();
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    for (int n = 0; n < 200; ++n) {
+        cycles(1);
+        EXPECT_LE(difference_register_ns(1), 500'000U) << n;
+        EXPECT_LE(difference_register_ns(2), 500'000U) << n;
+    }
+    EXPECT_EQ(ctx->group(0).dc_time.slaves, 5) << "FRMW: all clocks take the time";
+    for (std::uint16_t n = 1; n <= 2; ++n) EXPECT_LE(std::abs(ahead_ns(n, 3)), 500'000) << n;
+}
+
+TEST_F(ChosenReference, SyncOfAClockBeforeItIsRefused) {
+    bring_up();
+    const std::string why =
+        "slave 2: activating SYNC: the clock is before the reference clock in the ring, which cannot "
+        "synchronise it (reference: slave 3)";
+    EXPECT_EQ(words(dcsync0(*ctx, 2, true, 1ms).error()), why);
+    ctx->slave(2).config.setup = &every_ms;
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().code, Errc::clock_not_reached);
+    EXPECT_EQ(words(mapped.error()), why);
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::preop);
+    EXPECT_EQ(ctx->slave(1).al.state, AlState::safeop) << "wants no SYNC signals";
+    EXPECT_EQ(ctx->slave(4).al.state, AlState::safeop);
+    EXPECT_TRUE(clock(4).sync_active);
+    EXPECT_FALSE(clock(2).sync_active);
+    EXPECT_TRUE(dcsync0(*ctx, 2, false, 0ms).ok());
+}
+
+// Neither a clock that was away, nor one that is seen for the first time, takes over from the chosen reference.
+TEST_F(ChosenReference, AClockBeforeItThatComesBackStaysUnsynchronised) {
+    bring_up();
+    run();
+    cycles(500);
+    (void)events();
+    for (const unsigned lost : {1U, 0U}) {
+        power(lost, false);
+        cycles(100);
+        power(lost, true);
+        ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+        cycles(2000);
+        expect_running();
+    }
+    const auto all = events();
+    EXPECT_EQ(told(all, "reference clock now"), 0) << joined(all);
+}
+
+// The chosen reference itself comes back: it is the reference, with its SYNC signals.
+TEST_F(ChosenReference, ItComesBackItself) {
+    bring_up();
+    run();
+    cycles(500);
+    (void)events();
+    power(2, false);
+    cycles(300);
+    power(2, true);
+    ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+    cycles(2500);
+    expect_running();
+}
+
+// At a fork the next clock takes over, never one before the chosen reference.
+TEST_F(ChosenReference, TheNextOneTakesOverWhenItIsLost) {
+    auto root = clocked({.drift_ppb = 70'000});
+    root.chip.ports = sim::junction().ports;
+    segment.add(std::move(root).assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    for (const std::uint8_t port : {std::uint8_t{3}, std::uint8_t{1}, std::uint8_t{2}}) {
+        const auto n = segment.add(clocked({.drift_ppb = 20'000 * port, .start_ns = port * 1000U}).assemble());
+        ASSERT_TRUE(segment.connect({0, port}, {n, 0}, kCable));
+    }
+    start();
+    settings.reference = 3;
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    run();
+    cycles(500);
+    (void)events();
+    power(2, false);
+    cycles(500);
+    EXPECT_EQ(reference_clock(*ctx), 4) << joined(events());
+    EXPECT_FALSE(clock(1).synchronised || clock(2).synchronised);
+    power(2, true);
+    ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+    cycles(2500);
+    EXPECT_EQ(reference_clock(*ctx), 3) << joined(events());
+    EXPECT_LE(std::abs(ahead_ns(4, 3)), 100);
+    EXPECT_FALSE(clock(1).synchronised || clock(2).synchronised);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+}
+
+// Frames of overlapping cycles always carry zeros, because another thread may send them.
+TEST_F(ChosenReference, OverlappingCyclesAreRefused) {
+    limits.process_frames = 8;
+    bring_up();
+    ctx->group(0).config.cycles_in_flight = 2;
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().code, Errc::clock_before_reference);
+    EXPECT_EQ(mapped.error().slave, 3);
+    EXPECT_EQ(mapped.error().expected, 1U);
+    ctx->group(0).config.cycles_in_flight = 1;
+    ctx->group(0).config.dc_reference = 4;
+    EXPECT_EQ(config_map(*ctx, image).error().code, Errc::clock_before_reference) << "not the one of configdc()";
+    ctx->group(0).config.dc_reference = 3;
+    EXPECT_TRUE(config_map(*ctx, image).ok());
+}
+
+}  // namespace
+}  // namespace margay
