@@ -82,7 +82,8 @@ Result<> ApplicationTime::send(ClockDatagramRequest& request, Action action) {
 }
 
 Result<> ApplicationTime::sync_reference_clock() {
-    if (set_at_ == kNever) return Error{.code = Errc::wrong_state, .step = Step::configure_clocks};
+    if (set_at_ == kNever)
+        return Error{.code = Errc::wrong_state, .step = Step::configure_clocks, .detail = Error::kNoTime};
     if (!write_.busy()) {
         write_.time_ns = time_ns_;
         write_.at = set_at_;
@@ -105,7 +106,7 @@ Result<> ApplicationTime::queue_sync_monitor() { return send(monitor_, Action::r
 static Error not_known(const ClockDatagramRequest& request) {
     if (request.state() == RequestState::success) return {};
     if (request.state() == RequestState::error) return request.error();
-    return {.code = Errc::wrong_state, .step = Step::configure_clocks};
+    return {.code = Errc::wrong_state, .step = Step::configure_clocks, .detail = Error::kNotBack};
 }
 
 Result<std::uint64_t> ApplicationTime::reference_clock_time64() const {

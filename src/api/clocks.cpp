@@ -24,7 +24,14 @@ static Error check(Network& network, const ClockRequest& request) {
     if (network.clocks.entries.empty())
         return {.code = Errc::capacity, .step = Step::configure_clocks, .expected = network.count};
     const Error refused = check_settings(request.settings);
-    if (refused.code != Errc::none || request.settings.reference == 0) return refused;
+    if (refused.code != Errc::none) return refused;
+    if (request.settings.group >= network.process.groups.size())
+        return invalid(Argument::clock_settings, Step::configure_clocks);
+    // The slaves would run on without the SYNC signals that they need.
+    for (const Slave& slave : network.slaves())
+        if (slave.al.state == AlState::op && network.clocks.of(slave).sync_active)
+            return {.code = Errc::wrong_state, .step = Step::configure_clocks, .slave = slave.number};
+    if (request.settings.reference == 0) return Error{};
     return check_slave(network, request.settings.reference, Step::configure_clocks);
 }
 

@@ -21,7 +21,8 @@ struct ApplicationTimeTest : testing::Test, ClockBus {
         add({.drift_ppb = 20'000, .start_ns = 0x1'2345'6789});
         start();
         time = std::make_unique<ApplicationTime>(*ctx);
-        EXPECT_EQ(time->sync_reference_clock().error().code, Errc::wrong_state) << "no set() yet";
+        EXPECT_EQ(words(time->sync_reference_clock().error()),
+                  "synchronising the clocks: not possible in this state (call ApplicationTime::set() before)");
         time->set(mine(), osal.now());
         ClockSettings settings = kFewFrames;
         settings.system_time_at_zero = time->at_zero();
@@ -112,7 +113,8 @@ TEST_F(ApplicationTimeTest, ErrorsAreSaid) {
     add_line(2);
     start();
     time = std::make_unique<ApplicationTime>(*ctx);
-    EXPECT_EQ(time->process_sync_monitor().error().code, Errc::wrong_state) << "nothing was sent";
+    EXPECT_EQ(words(time->process_sync_monitor().error()),
+              "synchronising the clocks: not possible in this state (the datagram was not sent, or is not back yet)");
     EXPECT_EQ(time->sync_slave_clocks().error().code, Errc::no_clock) << "configdc() was not called";
     EXPECT_EQ(words(time->sync_slave_clocks().error()), "synchronising the clocks: no clock that runs");
     ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());

@@ -143,18 +143,12 @@ TEST_F(Configdc, WithOneClockIsInSync) {
     EXPECT_EQ(*reference, 2);
 }
 
-TEST_F(Configdc, AClockBeforeTheReferenceIsRefused) {
+TEST_F(Configdc, AClockBeforeTheReferenceOfAGroupIsRefused) {
     add({.unit = DcUnit::none});
     add_line(0);
     add({});
     add({});
     start();
-    const auto reference = configdc(*ctx, {.reference = 3, .burst_frames = 100});
-    EXPECT_EQ(reference.error().code, Errc::clock_before_reference);
-    EXPECT_EQ(
-        words(reference.error()),
-        "slave 3: synchronising the clocks: a slave before the reference clock in the ring has a clock, which the "
-        "reference cannot synchronise (slave 2)");
     EXPECT_EQ(configdc(*ctx, {.reference = 1, .burst_frames = 100}).error().code, Errc::no_clock);
     EXPECT_TRUE(configdc(*ctx, {.reference = 2, .burst_frames = 100}).ok());
     ctx->group(0).config.dc_reference = 3;
@@ -162,6 +156,68 @@ TEST_F(Configdc, AClockBeforeTheReferenceIsRefused) {
     EXPECT_EQ(mapped.error().code, Errc::clock_before_reference);
     EXPECT_EQ(mapped.error().slave, 3);
     EXPECT_EQ(mapped.error().expected, 2U);
+    EXPECT_EQ(words(mapped.error()),
+              "slave 3: mapping process data: a slave before the reference clock in the ring has a clock, which the "
+              "reference cannot synchronise (slave 2)");
+}
+
+// The cause is that the slave is missing, not that it has no clock.
+TEST_F(Configdc, AReferenceThatIsMissingIsSaid) {
+    add({});
+    add({});
+    add({});
+    start();
+    power(2, false);
+    (void)readstate(*ctx);
+    EXPECT_EQ(words(configdc(*ctx, {.reference = 3, .burst_frames = 100}).error()),
+              "slave 3: synchronising the clocks: an expected slave is missing");
+}
+
+// No cycle would carry the time.
+TEST_F(Configdc, AGroupThatDoesNotExistIsRefused) {
+    add({});
+    start();
+    const auto refused = configdc(*ctx, {.group = 77, .burst_frames = 100});
+    EXPECT_EQ(refused.error().code, Errc::invalid_argument);
+    EXPECT_EQ(words(refused.error()),
+              "synchronising the clocks: argument out of range: ClockSettings: measurements and burst_bulk at least 1, "
+              "times not negative, cycle above zero, group below Limits::groups");
+}
+
+// Slaves in OP would run on without the SYNC signals that they need, and nothing would say so.
+TEST_F(Configdc, WhileASlaveRunsWithSyncIsRefused) {
+    add_line(3);
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    const SlaveSetup every_ms{.dc = {.source = SyncSettings::Source::application}};
+    ctx->slave(2).config.setup = &every_ms;
+    run();
+    ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+    EXPECT_EQ(words(configdc(*ctx, kFewFrames).error()),
+              "slave 2: synchronising the clocks: not possible in this state (it is in OP and needs its SYNC signals: "
+              "bring it to PREOP before)");
+    cycles(10);
+    EXPECT_TRUE(clock(2).sync_active);
+    EXPECT_TRUE(all_right(*ctx));
+    ASSERT_TRUE(set_target(*ctx, 0, AlState::preop).ok());
+    ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == AlState::preop; }));
+    EXPECT_TRUE(configdc(*ctx, kFewFrames).ok());
+}
+
+// The differences are shown as they are now, also while all clocks are within the limit.
+TEST_F(Configdc, TheSupervisionReadsTheDifferencesOfClocksInSync) {
+    add({});
+    add({.drift_ppb = 90'000});
+    add({.drift_ppb = -70'000});
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    run();
+    ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+    cycles(3000);
+    for (std::uint16_t n = 2; n <= 3; ++n) {
+        EXPECT_LE(std::abs(clock(n).difference_ns), 10) << n << ": it has settled since configdc()";
+        EXPECT_LE(register_of<std::uint32_t>(n, wire::reg::kSystemTimeDifference) & 0x7FFF'FFFF, 10U) << n;
+    }
 }
 
 // 2000 ppm: beyond what a chip can follow. The slave is named with its difference, and the other clocks are in sync.

@@ -145,6 +145,7 @@ TEST_F(Sync, ACycleOfZeroIsOnePulse) {
     EXPECT_EQ(pulses(2) - before, 1U);
     osal.advance(1s);
     EXPECT_EQ(pulses(2) - before, 1U);
+    EXPECT_EQ(clock(2).sync_start_ns % 1'000'000, 40'000U) << "on the grid of ClockSettings::cycle";
 }
 
 // Slave 3 loses its power and comes back with a clock that begins anew: delay, offset and SYNC in the old phase. The
@@ -481,7 +482,8 @@ TEST_F(Sync, AsTheSiiSays) {
     EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSync1CycleTime), 2'040'000U);
     EXPECT_EQ(clock(1).sync_start_ns % 4'000'000, 25'000U) << "both signals together repeat after two SYNC0";
     setup.dc.sii_mode = 2;
-    EXPECT_EQ(config_map(*ctx, image).error().code, Errc::unsupported) << "there is no third mode";
+    EXPECT_EQ(words(config_map(*ctx, image).error()),
+              "slave 1: activating SYNC: not supported by the slave (its SII has no DC operation mode 2)");
 }
 
 }  // namespace
