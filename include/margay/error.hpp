@@ -54,8 +54,8 @@ enum class Errc : std::uint8_t {
     identity_unread,
     other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:
                     // vendor of the present slave)
-    missing_slave,  // an expected slave is missing (subindex: IdentityField alias or device_id if it is identified by
-                    // that, and actual: its value)
+    missing_slave,  // an expected slave is missing, or one that was there does not answer any more (subindex:
+                    // IdentityField alias or device_id if it is identified by that, and actual: its value)
     unexpected_slave,  // a slave that is not in the list of expect()
     no_place,  // a slave that appeared later has process data, and the image has no free part for it (expected: bits)
     // SlaveConfiguration::sms or the lists of PDOs were changed since the mapping of the group, or an SDO has written

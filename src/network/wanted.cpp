@@ -74,7 +74,7 @@ Error held_error(const Slave& slave, Step step) {
 
 Error missing_error(Network& network, const Slave& slave) {
     if (may_be_missing(network, slave)) return {};
-    Error error = fault(slave, Errc::missing_slave, Step::identify);
+    Error error = fault(slave, Errc::missing_slave, slave.wanted == nullptr ? Step::read_state : Step::identify);
     if (slave.wanted == nullptr || !is_located(network.expected, *slave.wanted)) return error;
     const ExpectedSlave& wanted = *slave.wanted;
     error.subindex = static_cast<std::uint8_t>(wanted.alias ? IdentityField::alias : IdentityField::device_id);

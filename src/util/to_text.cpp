@@ -42,7 +42,7 @@ std::string_view to_text(Errc code) {
             return "the slave was away, and its identity was not compared since: readstate() or a supervision does "
                    "it";
         case Errc::other_slave: return "another slave than expected";
-        case Errc::missing_slave: return "an expected slave is missing";
+        case Errc::missing_slave: return "the slave is missing";
         case Errc::unexpected_slave: return "the slave is not in the list of expected slaves";
         case Errc::no_place:
             return "the slave has process data, but no place in the image is reserved for it: call "

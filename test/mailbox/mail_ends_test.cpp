@@ -167,7 +167,7 @@ TEST_P(MailEnds, AFileEndsWhenTheSlaveIsLost) {
     take_out();
     notice();
     bus.run(write, 5ms);
-    EXPECT_EQ(bus.words(write.error()), "slave 2: FoE write: an expected slave is missing");
+    EXPECT_EQ(bus.words(write.error()), "slave 2: FoE write: the slave is missing");
 }
 
 INSTANTIATE_TEST_SUITE_P(Unsupervised, MailEnds, testing::Values(false));

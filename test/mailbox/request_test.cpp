@@ -235,7 +235,7 @@ TEST(RequestsToASlaveThatWasAway, AreRefusedUntilReadstateComparesItsIdentity) {
     bus.segment.disconnect({1, 0});
     bus.idle(5ms);
     (void)readstate(*bus.ctx);
-    EXPECT_EQ(read(), "slave 2: SDO upload of 0x1018:2: an expected slave is missing");
+    EXPECT_EQ(read(), "slave 2: SDO upload of 0x1018:2: the slave is missing");
     ASSERT_TRUE(bus.segment.connect({0, 1}, {1, 0}));
     bus.idle(5ms);
     bus.segment.slave(1).sii().fail_next(1'000'000);

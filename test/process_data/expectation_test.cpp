@@ -48,7 +48,7 @@ TEST_F(ExpectationTest, WhatIsNotIsNamedAndTheOthersGoOn) {
                      "slave 2: comparing with what is expected: another slave than expected (expected "
                      "serial number 0x00000007, got 0x00000000 of vendor 0x00004d47)",
                      "slave 3: comparing with what is expected: the slave is not in the list of expected slaves",
-                     "slave 4: comparing with what is expected: an expected slave is missing"}));
+                     "slave 4: comparing with what is expected: the slave is missing"}));
     EXPECT_EQ(config_map(ctx(), image).error().slave, 1);
     EXPECT_EQ(writestate(ctx(), 0, AlState::op).error().slave, 1);
     for (std::size_t n = 1; n <= 3; ++n)
@@ -75,8 +75,7 @@ TEST_F(ExpectationTest, AliasFindsItWhereverItIs) {
     EXPECT_EQ(bus.segment.slave(1).station(), 0x1003);
     EXPECT_EQ(bus.segment.slave(2).station(), 0x1002);
     const ExpectedSlave other[] = {{.number = 1}, {.number = 2}, {.alias = std::uint16_t{0x0999}}, {.number = 3}};
-    EXPECT_EQ(scan(other),
-              (Words{"slave 4: comparing with what is expected: an expected slave is missing (alias 0x0999)"}));
+    EXPECT_EQ(scan(other), (Words{"slave 4: comparing with what is expected: the slave is missing (alias 0x0999)"}));
 }
 
 TEST_F(ExpectationTest, OptionalOnesMayBeMissingAndLeave) {
@@ -169,7 +168,7 @@ TEST_F(DeviceIdTest, IsComparedAtItsPosition) {
             "slave 1: comparing with what is expected: not supported by the slave (an explicit device id)",
             "slave 2: comparing with what is expected: another slave than expected (expected device id 0x00000235, got "
             "0x00000234 of vendor 0x00004d47)",
-            "slave 4: comparing with what is expected: an expected slave is missing (device id 0x0777)"}));
+            "slave 4: comparing with what is expected: the slave is missing (device id 0x0777)"}));
 }
 
 // A slave without a program copies AL control to AL status. The copy of the request is not an answer.

@@ -145,7 +145,7 @@ TEST_F(HotConnectGroups, AWrongMemberIsNamed) {
 TEST_F(HotConnectGroups, AMissingMemberIsTold) {
     segment.disconnect({g.a2, 0});
     plug({line[0], 2}, g.a);
-    EXPECT_EQ(bring_up(expected), (Words{"slave 5: comparing with what is expected: an expected slave is missing"}));
+    EXPECT_EQ(bring_up(expected), (Words{"slave 5: comparing with what is expected: the slave is missing"}));
     pull(g.a);
     EXPECT_EQ(bring_up(expected), Words()) << "the whole group may be missing";
     run();

@@ -355,6 +355,15 @@ TEST_F(Mistakes, ASlaveWithoutPowerExistsAndDoesNotAnswer) {
               "slave 3: recovering the slave: there is no such slave (there are 2)");
 }
 
+TEST_F(Mistakes, ALostSlaveIsNotSaidToBeExpectedWhereNoneIs) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    power(1, false);
+    EXPECT_EQ(words(reach(*ctx, AlState::op, 100ms).error()), "slave 2: reading the state: the slave is missing");
+    EXPECT_EQ(words(what_is_wrong(*ctx)), "slave 2: reading the state: the slave is missing");
+}
+
 TEST_F(Mistakes, ARefusedRequestNamesNoOtherObject) {
     ASSERT_TRUE(config_init(*ctx).ok());
     SdoUpload request;

@@ -120,7 +120,7 @@ TEST_F(Reach, ReachNamesTheFirstSlaveThatIsNotThere) {
     ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true}));
     ASSERT_FALSE(config_map(*ctx, image).ok());
     const auto missing = reach(*ctx, AlState::op, 2s);
-    EXPECT_EQ(words(missing.error()), "slave 3: comparing with what is expected: an expected slave is missing");
+    EXPECT_EQ(words(missing.error()), "slave 3: comparing with what is expected: the slave is missing");
     EXPECT_TRUE(in_op(1) && in_op(2));
 }
 

@@ -50,7 +50,7 @@ TEST_F(Wanted, ASlaveThatNobodyExpectsGetsNoOutputs) {
 TEST_F(Wanted, AMissingSlaveIsSaidByEveryResult) {
     const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3}, {.number = 4}};
     const auto found = scan(expected);
-    EXPECT_EQ(words(found.error()), "slave 4: comparing with what is expected: an expected slave is missing");
+    EXPECT_EQ(words(found.error()), "slave 4: comparing with what is expected: the slave is missing");
     const auto mapped = config_map(*ctx, image);
     EXPECT_EQ(mapped.error().code, Errc::missing_slave);
     EXPECT_EQ(mapped.error().slave, 4);
