@@ -89,7 +89,7 @@ Error cycles_trouble(Network& network) {
     for (ProcessGroup& group : network.process.groups) {
         if (!group.mapped) continue;
         Error error = cycle_trouble(group);
-        if (is_silent(group, network.engine.link()))
+        if (is_silent(group, network.engine.link(), network.engine.now()))
             error = {.code = Errc::no_frame, .step = Step::exchange_process_data};
         if (error.code == Errc::none && is_left_out(group, now))
             error = {.code = Errc::group_left_out, .step = Step::exchange_process_data, .index = group.number};

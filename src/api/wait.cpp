@@ -152,6 +152,8 @@ Time poll(Context& ctx, Time now) {
         network.comparing_until = later(now, kPatience);
     }
     master->polled = now;
+    for (const ProcessGroup& group : network.process.groups)
+        if (group.mapped && group.prepared.empty()) network.engine.link().look_at_cable(now, kCableKnown);
     // A request that ends in this poll() may free memory for requests that wait.
     Time queued = serve_queue(*master, now);
     Time next = network.engine.poll(now);

@@ -112,6 +112,16 @@ class Link {
     void keep_pause() { paused_ = true; }
     static constexpr Duration kPause = std::chrono::seconds(1);
     [[nodiscard]] Nic& nic() { return nic_; }
+    // Asks the NIC for its link when its last answer is older than `age`. An operating system may take long to answer.
+    void look_at_cable(Time now, std::chrono::milliseconds age) {
+        const auto at = std::chrono::floor<std::chrono::milliseconds>(now.time_since_epoch()).count();
+        const auto at_ms = static_cast<std::uint32_t>(at);  // wraps: the difference of two times is right
+        if (at_ms - cable_seen_ms_ < static_cast<std::uint32_t>(age.count())) return;
+        cable_seen_ms_ = at_ms;
+        down_ = nic_.link_state() == LinkState::down;
+    }
+    // Whether the NIC had no link when it was asked last.
+    [[nodiscard]] bool is_down() const { return down_; }
 
   private:
     friend class Datagram;
@@ -198,8 +208,10 @@ class Link {
     Time last_cycle_ = Time::min();
     std::size_t rider_budget_ = 0;  // octets of queued datagrams that may still be sent with this cycle
     bool riders_ = false;           // queued datagrams were sent with this cycle
+    bool down_ = false;             // the NIC had no link at cable_seen_ms_
     std::array<std::byte, wire::kMaxFrameBytes> buffer_{};  // the frame that is being built or read
-    List<Waiter> early_;                                    // received by drain()
+    std::uint32_t cable_seen_ms_ = 0;
+    List<Waiter> early_;  // received by drain()
 };
 
 }  // namespace margay

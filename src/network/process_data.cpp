@@ -404,9 +404,10 @@ Error not_sent(const ProcessGroup& group, Link& link) {
     return error;
 }
 
-bool is_silent(const ProcessGroup& group, Link& link) {
+bool is_silent(const ProcessGroup& group, Link& link, Time now) {
     if (!group.prepared.empty()) return false;
-    return link.silence() >= kSilentFrames || link.nic().link_state() == LinkState::down;
+    link.look_at_cable(now, 10 * kCableKnown);  // unless poll() has
+    return link.silence() >= kSilentFrames || link.is_down();
 }
 
 Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link, Time now) {
@@ -431,7 +432,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
         group.fell_short |= d.came && d.got != d.accepted;
     }
     settle_lost_inputs(group);
-    if (missing > 0 || is_silent(group, link)) {
+    if (missing > 0 || is_silent(group, link, now)) {
         error.code = Errc::no_frame;
         error.actual = missing;
         if (group.cycles_lost < 0xFFFF) ++group.cycles_lost;
