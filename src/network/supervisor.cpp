@@ -329,9 +329,8 @@ void start_helpers(Watch& watch, Crew& crew) {
     for (std::size_t n = 0; n < slaves.size(); ++n) {
         const std::size_t at = first + n < slaves.size() ? first + n : first + n - slaves.size();
         Slave& slave = slaves[at];
-        if (slave.al.state == AlState::none || crew.full() || !needs_help(watch.network, slave) ||
-            (watch.network.marks(slave).attempts > 0 && !again))
-            continue;
+        const bool waits = watch.network.marks(slave).attempts > 0 && !again;
+        if (crew.full() || waits || !needs_help(watch.network, slave)) continue;
         const TaskReference task = help(watch, slave);
         if (!crew.start(task)) return;
         if (SlaveWork* begun = find_work(watch.network, slave)) begun->sequence = task;
