@@ -13,8 +13,9 @@ enum class Priority : int { error = 3, warning = 4, notice = 5, info = 6, debug 
 // Call it once, before the first message. The messages of samples::fail() and warn() go the same way from then on.
 void begin_log();
 
-// From any thread. A line that cannot be written is lost: a full disk or a closed pipe does not stop the service.
-// Writing may wait for the reader of a pipe, so the thread of a cycle does not call it while the cycle runs.
+// From any thread. A line that cannot be written is lost: a full disk, a closed pipe, or a reader that does not read
+// stops nothing. The next line that can be written has a line before it with the number of lost ones. Writing waits for
+// a reader for 100 ms at most, so the thread of a cycle does not call it while the cycle runs.
 void log(Priority priority, std::string_view text);
 
 // The master that the messages of this thread are about; empty: the service.

@@ -168,6 +168,29 @@ TEST_F(ServiceTest, AFullDiskOrAClosedStreamDoesNotStopIt) {
     EXPECT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/margayd --help > /dev/full").status, 3);
 }
 
+TEST_F(ServiceTest, ALogThatNobodyReadsKeepsNothingWaiting) {
+    configure("a.toml", "source = \"sim:demo\"\n");
+    const auto ran = shell(
+        "mkfifo pipe; exec 5<>pipe\n"
+        "fill() { dd if=/dev/zero of=pipe oflag=nonblock bs=1024 count=4096 2>/dev/null; }\n"
+        "empty() { dd if=pipe iflag=nonblock bs=65536 count=64 2>/dev/null | tr -d '\\0'; }\n"
+        "fill; " +
+        std::string(MARGAY_BIN_DIR) +
+        "/margayd --config etc --sockets run 2>pipe & d=$!\n"
+        "n=0; until e a slaves 2>/dev/null | grep -c OP | grep -q 5; do sleep 0.05; n=$((n+1)); "
+        "[ $n -lt 1200 ] || exit 97; done\n"
+        "echo 'x = 1' >etc/b.toml; kill -HUP $d; sleep 1.5; e a slaves | wc -l; rm etc/b.toml; empty; kill -HUP $d\n"
+        "n=0; until empty >>read; grep -q 'configuration reloaded' read; do sleep 0.05; n=$((n+1)); "
+        "[ $n -lt 1200 ] || exit 96; done; cat read; fill; kill $d\n"
+        "(n=0; while kill -0 $d; do sleep 0.1; n=$((n+1)); [ $n -lt 600 ] || kill -9 $d; done) 2>/dev/null & k=$!\n"
+        "wait $d; echo \"end $?\"; kill $k\n");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_TRUE(ran.out.starts_with("5\nmargayd: ")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, " lines of the log are lost: nothing has read them in time\nmargayd: ")) << ran.out;
+    EXPECT_FALSE(contains(ran.out, "is refused")) << ran.out;
+    EXPECT_TRUE(ran.out.ends_with("end 0\n")) << ran.out;
+}
+
 TEST_F(ServiceTest, TheJournalGetsPriorities) {
     configure("a.toml", "source = \"sim:demo\"\n");
     const auto ran = shell(
