@@ -57,7 +57,8 @@ void open_closed_streams() {
 }
 
 int check(const ServiceOptions& options) {
-    const auto configuration = samples::read_service_configuration(options.config, samples::ConfigurationCheck::whole);
+    const auto configuration =
+        samples::read_service_configuration(options.config, samples::ConfigurationCheck::whole, options.sockets);
     int code = exit_code::kWell;
     if (!is_usable(configuration, options.config, code)) return code;
     for (const auto& master : configuration.masters)

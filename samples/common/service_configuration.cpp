@@ -354,8 +354,10 @@ class FileReader {
 class Shared {
   public:
     explicit Shared(std::vector<std::string>& errors) : errors_(errors) {}
-    void use(const std::string& kind, const std::string& what, const Place& at) {
-        const auto [found, fresh] = used_.try_emplace(kind + "\n" + what, at);
+    void use(const std::string& kind, const std::string& what, const Place& at) { use(kind, what, what, at); }
+    // `same`: equal for two that are written otherwise.
+    void use(const std::string& kind, const std::string& what, const std::string& same, const Place& at) {
+        const auto [found, fresh] = used_.try_emplace(kind + "\n" + same, at);
         if (!fresh)
             errors_.push_back(fmt::format("{}: {} is used {} already", to_text(at), fmt::format("{} {}", kind, what),
                                           there(found->second, at.file)));
@@ -366,11 +368,23 @@ class Shared {
     std::map<std::string, Place> used_;
 };
 
-void check_together(const std::vector<PlacedMaster>& masters, std::vector<std::string>& errors) {
+// A path without "..", "//" and links, as far as its folders are there.
+std::string plain(const fs::path& path) {
+    std::error_code error;
+    const auto whole = fs::absolute(path, error);
+    const auto found = fs::weakly_canonical(whole, error);
+    return (error ? whole.lexically_normal() : found).string();
+}
+
+void check_together(const std::vector<PlacedMaster>& masters, const std::string& sockets,
+                    std::vector<std::string>& errors) {
     Shared shared(errors);
     for (const auto& [m, at, source, has_number] : masters) {
         shared.use("the name", m.name, at);
-        shared.use("the socket", socket_path(m), at);
+        const auto socket = socket_path(m, sockets);
+        shared.use("the socket", socket, plain(socket), at);
+        const auto gateway = parse_listen_address(m.gateway, MailboxGatewaySettings::kPort);
+        if (gateway && gateway->port != 0) shared.use("the gateway", to_text(*gateway), at);
         if (has_number) shared.use("the number", std::to_string(m.number), at);
         for (const auto& name : hosted::interfaces_of(m.source)) shared.use("the interface", name, source);
         for (const auto& eoe : m.eoe_named)
@@ -393,7 +407,8 @@ void give_numbers(std::vector<PlacedMaster>& masters) {
 
 }  // namespace
 
-ServiceConfiguration read_service_configuration(const fs::path& folder, ConfigurationCheck check) {
+ServiceConfiguration read_service_configuration(const fs::path& folder, ConfigurationCheck check,
+                                                const std::string& sockets) {
     ServiceConfiguration all;
     std::vector<fs::path> found;
     std::error_code error;
@@ -407,7 +422,7 @@ ServiceConfiguration read_service_configuration(const fs::path& folder, Configur
     std::ranges::sort(found);
     std::vector<PlacedMaster> masters;
     for (const auto& file : found) FileReader(file, check, all, masters).read();
-    check_together(masters, all.errors);
+    check_together(masters, sockets, all.errors);
     give_numbers(masters);
     std::ranges::stable_sort(masters, {}, [](const PlacedMaster& m) { return m.master.number; });
     for (auto& placed : masters) all.masters.push_back(std::move(placed.master));

@@ -88,9 +88,10 @@ enum class ConfigurationCheck : std::uint8_t {
     whole,  // sources, ENI files, users and groups
 };
 
-// Reads all files *.toml of a folder, in the order of their names.
+// Reads all files *.toml of a folder, in the order of their names. `sockets`: the folder of sockets without a path.
 [[nodiscard]] ServiceConfiguration read_service_configuration(const std::filesystem::path& folder,
-                                                              ConfigurationCheck check);
+                                                              ConfigurationCheck check,
+                                                              const std::string& sockets = kSocketFolder);
 
 // The socket of a master: that of the configuration, or NAME.sock in `folder`.
 [[nodiscard]] std::string socket_path(const MasterConfiguration& master, const std::string& folder = kSocketFolder);

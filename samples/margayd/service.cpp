@@ -54,7 +54,8 @@ int Service::run() {
     // Threads inherit the mask: the signals are for this one, which waits for them.
     const sigset_t signals = service_signals();
     (void)::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-    auto configuration = samples::read_service_configuration(options_.config, samples::ConfigurationCheck::whole);
+    auto configuration =
+        samples::read_service_configuration(options_.config, samples::ConfigurationCheck::whole, options_.sockets);
     int code = exit_code::kWell;
     if (!is_usable(configuration, options_.config, code)) return code;
     std::error_code error;
@@ -115,7 +116,8 @@ int Service::serve() {
 
 void Service::reload() {
     notifier_.reloading();
-    auto configuration = samples::read_service_configuration(options_.config, samples::ConfigurationCheck::whole);
+    auto configuration =
+        samples::read_service_configuration(options_.config, samples::ConfigurationCheck::whole, options_.sockets);
     int code = exit_code::kWell;
     if (!is_usable(configuration, options_.config, code)) {
         log(Priority::error, "the new configuration is refused: the masters go on with the old one");

@@ -84,19 +84,18 @@ TEST_F(ServiceConfigurationTest, WhatIsNoFileIsNamed) {
         "timeout 30 " +
         std::string(MARGAY_BIN_DIR) + "/margayd --check --config etc");
     EXPECT_EQ(ran.status, 3) << ran.err;
-    for (const std::string text :
-         {"a.toml: line 2: etc/fifo: is no file\n", "b.toml: line 2: /dev/zero: is no file\n",
-          "c.toml: line 1: etc/fifo: is no file\n", "d.toml: line 1: /dev/zero: is no file\n",
-          "etc/e.toml: is no file\n", "etc/f.toml: is no file\n", "etc/g.toml: is no file\n",
-          "etc/h.toml: cannot be read: No such file or directory\n"})
-        EXPECT_TRUE(contains(ran.err, "margayd: " + (text.starts_with("etc") ? text : "etc/" + text)))
-            << text << "\n" << ran.err;
+    for (const std::string text : {"a.toml: line 2: etc/fifo: is no file\n", "b.toml: line 2: /dev/zero: is no file\n",
+                                   "c.toml: line 1: etc/fifo: is no file\n", "d.toml: line 1: /dev/zero: is no file\n",
+                                   "etc/e.toml: is no file\n", "etc/f.toml: is no file\n", "etc/g.toml: is no file\n",
+                                   "etc/h.toml: cannot be read: No such file or directory\n"})
+        EXPECT_TRUE(contains(ran.err, "margayd: " + (text.starts_with("etc") ? text : "etc/" + text))) << text << "\n"
+                                                                                                       << ran.err;
 }
 
 TEST_F(ServiceConfigurationTest, MastersHaveNothingInCommon) {
     configure("a.toml", "[one]\nsource = \"ecat7\"\nnumber = 3\n[two]\nsource = \"ecat7\"\nnumber = 3\n");
     configure("one.toml", "source = \"sim:demo\"\nsocket = { path = \"/run/margay/two.sock\" }\n");
-    const auto ran = shell("margayd --check");
+    const auto ran = shell("margayd --check --sockets /run/margay");
     EXPECT_EQ(ran.status, 2);
     for (const std::string text :
          {"a.toml: line 5: the interface ecat7 is used in line 2 already",
@@ -104,6 +103,26 @@ TEST_F(ServiceConfigurationTest, MastersHaveNothingInCommon) {
           "one.toml: line 1: the name one is used in etc/a.toml, line 1 already",
           "one.toml: line 1: the socket /run/margay/two.sock is used in etc/a.toml, line 4 already"})
         EXPECT_TRUE(contains(ran.err, text)) << text << "\n" << ran.err;
+}
+
+TEST_F(ServiceConfigurationTest, ASocketOrAGatewayThatIsWrittenOtherwiseIsTheSame) {
+    std::filesystem::create_directories(folder.path() / "run");
+    std::filesystem::create_directory_symlink("run", folder.path() / "link");
+    configure("a.toml", "source = \"sim:demo\"\ngateway = { listen = \"127.0.0.1\" }\n");
+    for (const std::string tail : {"/run//a.sock", "/run/../run/a.sock", "/link/a.sock"}) {
+        const auto path = folder.path().string() + tail;
+        configure("b.toml", "source = \"sim:demo\"\nsocket = { path = \"" + path + "\" }\n");
+        const auto ran = shell("margayd --check");
+        EXPECT_EQ(ran.status, 2) << path;
+        EXPECT_TRUE(contains(ran.err, "b.toml: line 1: the socket " + path + " is used in etc/a.toml, line 1 already"))
+            << ran.err;
+        EXPECT_EQ(shell("margayd --check --sockets other").status, 0) << path;
+    }
+    configure("b.toml", "source = \"sim:demo\"\ngateway = { listen = \"127.0.0.1:34980\" }\n");
+    const auto ran = shell("margayd --check");
+    EXPECT_EQ(ran.status, 2);
+    EXPECT_TRUE(contains(ran.err, "b.toml: line 1: the gateway 127.0.0.1, port 34980 is used in etc/a.toml"))
+        << ran.err;
 }
 
 TEST_F(ServiceConfigurationTest, WhatIsRightIsListed) {
