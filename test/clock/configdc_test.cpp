@@ -170,7 +170,7 @@ TEST_F(Configdc, AReferenceThatIsMissingIsSaid) {
     power(2, false);
     (void)readstate(*ctx);
     EXPECT_EQ(words(configdc(*ctx, {.reference = 3, .burst_frames = 100}).error()),
-              "slave 3: synchronising the clocks: an expected slave is missing");
+              "slave 3: synchronising the clocks: the slave is missing");
 }
 
 // No cycle would carry the time.
