@@ -220,8 +220,20 @@ EsiEeprom read_esi_eeprom(Reader& r, Node node) {
     EsiEeprom eeprom;
     eeprom.bytes = r.number<std::uint32_t>(child(node, "ByteSize"));
     eeprom.whole = r.octets(child(node, "Data"));
-    eeprom.configuration = r.octets(child(node, "ConfigData"));
-    eeprom.boot_mailbox = r.octets(child(node, "BootStrap"));
+    // The first words of an SII, up to its checksum.
+    constexpr std::size_t kConfigurationBytes = 14;
+    constexpr std::size_t kBootBytes = 8;
+    const auto part = [&](const char* name, std::size_t most) {
+        auto octets = r.octets(child(node, name));
+        if (octets.size() > most) {
+            r.remark(node.child(name), std::string(name) + " has " + std::to_string(octets.size()) +
+                                           " octets: those behind the first " + std::to_string(most) + " are not used");
+            octets.resize(most);
+        }
+        return octets;
+    };
+    eeprom.configuration = part("ConfigData", kConfigurationBytes);
+    eeprom.boot_mailbox = part("BootStrap", kBootBytes);
     for (const Node one : node.children("Category")) {
         EsiCategory category{.type = r.required<std::uint16_t>(one, "CatNo")};
         category.content = r.octets(child(one, "Data"));

@@ -107,6 +107,13 @@ void read_esc(Reader& r, EsiDevice& device, Node esc) {
     if (child(esc, "Reg0108").there) r.remark(esc.child("Reg0108"), "Reg0108 is not used");
 }
 
+// A device cannot have more of them: there are no more registers for them.
+void limit(Reader& r, Node device, const char* name, unsigned most) {
+    unsigned count = 0;
+    for (const Node one : device.children(name))
+        if (++count > most) return r.fail(one, "the device has more than " + std::to_string(most) + " " + name);
+}
+
 Names group_names(Node descriptions) {
     Names names;
     for (const Node group : descriptions.child("Groups").children("Group"))
@@ -169,6 +176,8 @@ EsiDevice read_esi_device(Reader& r, Node node) {
     device.group = Reader::text(child(node, "GroupType"));
     device.ports = ports_of(r, node);
     read_info(r, device, node.child("Info"));
+    limit(r, node, "Sm", 16);
+    limit(r, node, "Fmmu", 16);
     for (const Node fmmu : node.children("Fmmu")) {
         const std::string text = Reader::text(content(fmmu));
         device.fmmus.push_back({fmmu_use(text), text});

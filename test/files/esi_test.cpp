@@ -95,6 +95,28 @@ TEST(EsiReader, AWrongValueIsNamedByLineAndCause) {
               "line 3, column 12: Id is '99999999999999999999', which is no number of 64 bits");
 }
 
+TEST(EsiReader, MoreThanASlaveCanHaveIsNamed) {
+    std::string sms;
+    std::string fmmus;
+    for (int n = 0; n < 13; ++n) sms += "<Sm>Outputs</Sm>\n";
+    for (int n = 0; n < 14; ++n) fmmus += "<Fmmu>Outputs</Fmmu>\n";
+    EXPECT_EQ(problem("<Sm ", sms.substr(0, sms.size() - 17) + "<Sm "), "read");
+    const auto more_sms = problem("<Sm ", sms + "<Sm ");
+    EXPECT_TRUE(more_sms.ends_with(": the device has more than 16 Sm")) << more_sms;
+    EXPECT_TRUE(more_sms.starts_with("line ")) << more_sms;
+    const auto more_fmmus = problem("<Fmmu", fmmus + "<Fmmu");
+    EXPECT_TRUE(more_fmmus.ends_with(": the device has more than 16 Fmmu")) << more_fmmus;
+    const auto long_data = read_example("050E03000A0000000000", std::string(200'000, '0'));
+    ASSERT_TRUE(long_data) << to_text(long_data.problem);
+    ASSERT_EQ(long_data.remarks.size(), read_example().remarks.size() + 1);
+    bool named = false;
+    for (const Remark& one : long_data.remarks)
+        named |=
+            to_text(one) == "line 74, column 10: ConfigData has 100000 octets: those behind the first 14 are not used";
+    EXPECT_TRUE(named);
+    EXPECT_EQ(long_data->devices[0].eeprom->configuration.size(), 14U);
+}
+
 // A number by the schema; files from the field also have a boolean.
 TEST(EsiReader, ASyncManagerIsEnabledByANumberOrAWord) {
     for (const auto& [text, enabled] : {std::pair{"#x1", true}, std::pair{"true", true}, std::pair{"FALSE", false}}) {
