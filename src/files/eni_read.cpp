@@ -87,7 +87,7 @@ bool check_root(Reader& r) {
         r.fail(root, "the root element is " + std::string(kind) + ": an ENI has EtherCATConfig");
     else if (!root.child("Config"))
         r.fail(root, "EtherCATConfig has no Config");
-    return !r.failed();
+    return !r.failed() && check_eni_once(r);
 }
 
 void read_config(Reader& r, EniConfiguration& eni) {

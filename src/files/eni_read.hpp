@@ -86,7 +86,11 @@ struct EniSlaveData {
     int group = -1;
 };
 
+// False: an element that an ENI has once is there twice; the reader has failed then.
+[[nodiscard]] bool check_eni_once(Reader& reader);
 [[nodiscard]] EniSlaveData read_eni_slave(Reader& reader, Node node, std::uint16_t position);
+// Milliseconds. A time that is longer than any real one is obeyed, and named.
+[[nodiscard]] Duration read_eni_time(Reader& reader, const Value& value);
 // The commands of EoE and AoE.
 void read_eni_mail(Reader& reader, Node mailbox, EniSlaveData& slave);
 // An init command of the master becomes a command of the slaves that it addresses.

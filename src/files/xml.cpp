@@ -165,6 +165,7 @@ Remark Reader::remark_at(Node at, std::string text) const {
 }
 
 void Reader::remark(Node at, std::string text) {
+    if (failed_) return;  // the value behind a problem is none of the file
     if (remarks_.size() == kMostRemarks) remarks_.push_back({.text = "there are more remarks than are listed"});
     if (remarks_.size() > kMostRemarks) return;
     remarks_.push_back(remark_at(at, std::move(text)));
@@ -245,6 +246,17 @@ bool Reader::check_top() {
     return true;
 }
 
+// pugixml accepts two attributes of the same name.
+bool Reader::check_attributes(Node at) {
+    std::vector<std::string_view> names;
+    for (const auto& one : at.attributes()) names.emplace_back(one.name());
+    std::ranges::sort(names);
+    const auto twice = std::ranges::adjacent_find(names);
+    if (twice == names.end()) return true;
+    const auto offset = static_cast<std::size_t>(std::max<std::ptrdiff_t>(at.offset_debug(), 0));
+    return refuse(offset, "no well-formed XML: " + std::string(at.name()) + " has two attributes " + quoted(*twice));
+}
+
 // Visits the tree without recursion.
 bool Reader::check_tree() {
     unsigned depth = 0;
@@ -255,6 +267,7 @@ bool Reader::check_tree() {
             return refuse(offset < 0 ? 0 : static_cast<std::size_t>(offset),
                           "a document type (DOCTYPE, entities of its own) is not accepted");
         }
+        if (!check_attributes(at)) return false;
         if (is_text(at) && is_text(at.next_sibling())) merge_text(at);
         if (at.first_child()) {
             at = at.first_child();

@@ -50,6 +50,7 @@ class Reader {
 
     [[nodiscard]] std::uint32_t line_of(Node at) const { return remark_at(at, {}).line; }
     [[nodiscard]] Remark remark_at(Node at, std::string text) const;
+    // Nothing while a problem is stored: what is left of the element would be remarks about values that it has not.
     void remark(Node at, std::string text);
     // Stores the first problem; later ones are ignored until take_problem().
     void fail(Node at, std::string text);
@@ -86,6 +87,7 @@ class Reader {
   private:
     bool refuse(std::size_t offset, std::string text);
     bool check_top();
+    bool check_attributes(Node at);
     bool check_tree();
     std::uint64_t unsigned_number(const Value& value, std::uint64_t fallback, std::uint64_t most);
     std::int64_t signed_number(const Value& value, std::int64_t fallback, std::int64_t least, std::int64_t most);

@@ -121,6 +121,41 @@ TEST(EniReader, RefusesWithLineAndCause) {
               "line 1, column 2: the root element is EtherCATInfo: an ENI has EtherCATConfig");
 }
 
+// The first one would count, and nobody would know.
+TEST(EniReader, WhatIsThereTwiceIsRefused) {
+    EXPECT_EQ(problem_with("</Config>", "</Config><Config/>"),
+              "line 37, column 11: a second Config in EtherCATConfig: the first one is in line 2");
+    EXPECT_EQ(problem_with("<VendorId>2</VendorId>", "<VendorId>2</VendorId><VendorId>3</VendorId>"),
+              "line 7, column 108: a second VendorId in Info: the first one is in line 7");
+    EXPECT_EQ(problem_with("<Cmd>8</Cmd>", "<Cmd>8</Cmd><Cmd>7</Cmd>"),
+              "line 4, column 78: a second Cmd in InitCmd: the first one is in line 4");
+    EXPECT_EQ(problem_with("</Recv><Protocol>", "</Recv><Recv/><Protocol>"),
+              "line 10, column 147: a second Recv in Mailbox: the first one is in line 10");
+    EXPECT_EQ(problem_with("<Outputs>", "<Inputs/><Outputs>"),
+              "line 36, column 2: a second Inputs in ProcessImage: the first one is in line 34");
+    EXPECT_EQ(problem_with("</Send><Sm2>", "</Send><Send><BitStart>0</BitStart><BitLength>0</BitLength></Send><Sm2>"),
+              "read")
+        << "a slave may have several";
+    EXPECT_EQ(problem_with("Fixed=\"1\"", "Fixed=\"1\" A='x' Fixed=\"0\""),
+              "line 11, column 17: no well-formed XML: InitCmd has two attributes 'Fixed'");
+}
+
+TEST(EniReader, AValueThatIsWrongIsNoRemarkBesides) {
+    for (const auto& [what, by] :
+         {std::pair{"<Data>1027</Data>", "<Data>102</Data>"}, std::pair{"<Ado>1056</Ado>", "<Ado>x</Ado>"},
+          std::pair{"<Data>00</Data></InitCmd></InitCmds></CoE>", "<Data>0</Data></InitCmd></InitCmds></CoE>"}}) {
+        std::string text = kExampleEni;
+        text.replace(text.find(what), std::string_view(what).size(), by);
+        const auto eni = read_eni(text);
+        ASSERT_FALSE(eni) << by;
+        for (const Remark& one : eni.remarks) {
+            EXPECT_EQ(one.text.find("0x0000"), std::string::npos) << to_text(one);
+            EXPECT_EQ(one.text.find("no octet"), std::string::npos) << to_text(one);
+            EXPECT_EQ(one.text.find("no data"), std::string::npos) << to_text(one);
+        }
+    }
+}
+
 TEST(EniReader, HotConnectGroupsAreIdentifiedByAliasOrId) {
     std::string text = kExampleEni;
     const auto at = text.find("</Slave>\n<Cyclic>");
