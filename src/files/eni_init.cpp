@@ -33,7 +33,7 @@ bool reaches_library(std::uint32_t ado, std::size_t octets) {
 
 void read_validation(Reader& r, Node node, EniInit& init) {
     const Node validate = node.child("Validate");
-    init.timeout = std::chrono::milliseconds(r.number<std::uint32_t>(child(node, "Timeout")));
+    init.timeout = read_eni_time(r, child(node, "Timeout"));
     if (!validate) return;
     init.validates = true;
     init.wanted = r.octets(child(validate, "Data"));
@@ -42,8 +42,7 @@ void read_validation(Reader& r, Node node, EniInit& init) {
     init.at_least = type.there && same_word(type.text, "EQ_OR_G");
     if (type.there && !init.at_least && !same_word(type.text, "EQ"))
         r.fail(validate, "Type '" + Reader::text(type) + "' of Validate is neither EQ nor EQ_OR_G");
-    if (const Value timeout = child(validate, "Timeout"); timeout.there)
-        init.timeout = std::chrono::milliseconds(r.number<std::uint32_t>(timeout));
+    if (const Value timeout = child(validate, "Timeout"); timeout.there) init.timeout = read_eni_time(r, timeout);
     if (init.wanted.empty()) r.fail(validate, "Validate has no Data");
     if (init.wanted.size() > init.data.size()) r.fail(validate, "Validate compares more octets than the command reads");
     if (init.mask.empty()) init.mask.assign(init.wanted.size(), std::byte{0xFF});
@@ -101,6 +100,15 @@ std::uint64_t EniInit::value(std::size_t at, std::size_t octets) const {
     for (std::size_t n = 0; n < octets && at + n < data.size(); ++n)
         result |= std::to_integer<std::uint64_t>(data[at + n]) << (8 * n);
     return result;
+}
+
+Duration read_eni_time(Reader& r, const Value& value) {
+    constexpr std::uint32_t kUsual_ms = 600'000;
+    const auto ms = r.number<std::uint32_t>(value);
+    if (ms > kUsual_ms)
+        r.remark(value.at, value.name + " is " + std::to_string(ms) + " ms: a slave that does not answer as the file " +
+                               "wants may keep the start waiting for " + std::to_string(ms / 60'000) + " minutes");
+    return std::chrono::milliseconds(ms);
 }
 
 std::vector<EniInit> read_eni_inits(Reader& r, Node parent) {

@@ -19,7 +19,7 @@ void add_command(EniSlaveData& s, StartupCommand command, std::vector<std::byte>
 
 StartupCommand read_command(Reader& r, Node node, StartupCommand command) {
     command.transitions = read_transitions(r, node);
-    command.timeout = std::chrono::milliseconds(r.number<std::uint32_t>(child(node, "Timeout")));
+    command.timeout = read_eni_time(r, child(node, "Timeout"));
     return command;
 }
 

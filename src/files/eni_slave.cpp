@@ -232,7 +232,7 @@ void read_coe(Reader& r, Node protocol, EniSlaveData& s) {
         command.index = r.required<std::uint16_t>(node, "Index");
         command.subindex = r.number<std::uint8_t>(child(node, "SubIndex"));
         command.complete_access = r.boolean(attribute(node, "CompleteAccess"));
-        command.timeout = std::chrono::milliseconds(r.number<std::uint32_t>(child(node, "Timeout")));
+        command.timeout = read_eni_time(r, child(node, "Timeout"));
         // 1 is a download; some producers write 2, an upload, at a download.
         const auto ccs = r.number<std::uint8_t>(child(node, "Ccs"), 1);
         if (ccs != 1 && ccs != 2)
@@ -257,7 +257,7 @@ void read_soe(Reader& r, Node protocol, EniSlaveData& s) {
         command.transitions = read_transitions(r, node);
         command.index = r.required<std::uint16_t>(node, "IDN");
         command.subindex = r.number<std::uint8_t>(child(node, "DriveNo"));
-        command.timeout = std::chrono::milliseconds(r.number<std::uint32_t>(child(node, "Timeout")));
+        command.timeout = read_eni_time(r, child(node, "Timeout"));
         std::vector<std::byte> data = r.octets(child(node, "Data"));
         constexpr unsigned kWriteRequest = 3;
         const Value code = child(node, "OpCode");

@@ -53,8 +53,8 @@ Texts more_said(const std::string& text) {
 TEST(EniUnused, WhatReachesOrChecksRegistersOfTheLibraryIsNamedAndNotSent) {
     const auto names = [](const std::string& text, const std::string& ado, const std::string& why) {
         const auto said = more_said(text);
-        return said.size() == 1 && said[0].find("the init command for register " + ado + " is not supported: " + why) !=
-                                       std::string::npos;
+        return said.size() == 1 &&
+               said[0].find("the init command for register " + ado + " is not supported: " + why) != std::string::npos;
     };
     const std::string reaches = "it writes registers behind it that the library sets or reads by itself";
     const std::string checks = "it checks a register that the library sets or reads by itself";
@@ -83,13 +83,15 @@ TEST(EniUnused, AnIdentityThatTheFileContradictsOrLeavesOpenIsNamed) {
     const auto other = more_said(replaced(kExampleEni, "<ProductCode>77", "<ProductCode>79"));
     ASSERT_EQ(other.size(), 1u);
     EXPECT_TRUE(other[0].starts_with("line 7, column "));
-    EXPECT_TRUE(other[0].ends_with("ProductCode is 0x0000004f, and an init command checks for 0x0000004d: the init "
-                                   "command decides which slave is accepted"))
+    EXPECT_TRUE(
+        other[0].ends_with("ProductCode is 0x0000004f, and an init command checks for 0x0000004d: the init "
+                           "command decides which slave is accepted"))
         << other[0];
     const auto open = more_said(replaced(kExampleEni, "<VendorId>2</VendorId><ProductCode>78</ProductCode>", ""));
     ASSERT_EQ(open.size(), 1u);
-    EXPECT_TRUE(open[0].ends_with(": the slave has neither VendorId nor ProductCode, and no init command checks them: "
-                                  "any slave is accepted in its place"))
+    EXPECT_TRUE(
+        open[0].ends_with(": the slave has neither VendorId nor ProductCode, and no init command checks them: "
+                          "any slave is accepted in its place"))
         << open[0];
 }
 
@@ -144,6 +146,15 @@ TEST(EniUnused, ABitStartAtAnotherPlaceThanThatOfTheOtherSlavesIsNamed) {
     EXPECT_EQ(eni.remarks[0].text,
               "BitStart is 16, and by the cyclic command and the FMMU the data begins at 8: the variables of the slave "
               "are found by BitStart");
+}
+
+TEST(EniUnused, ATimeThatIsLongerThanAnyRealOneIsNamed) {
+    const std::string wait = " ms: a slave that does not answer as the file wants may keep the start waiting for ";
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<Timeout>7000</Timeout>", "<Timeout>600000</Timeout>")), Texts());
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<Timeout>7000</Timeout>", "<Timeout>4294967295</Timeout>")),
+              Texts{"line 21, column 148: Timeout is 4294967295" + wait + "71582 minutes"});
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<Timeout>500</Timeout>", "<Timeout>3600000</Timeout>")),
+              Texts{"line 11, column 63: Timeout is 3600000" + wait + "60 minutes"});
 }
 
 TEST(EniUnused, ACoeCommandThatIsNoDownloadIsNamed) {
