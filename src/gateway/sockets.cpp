@@ -139,13 +139,16 @@ TcpClient::Came TcpClient::receive(Moment now) {
 }
 
 bool TcpClient::is_stalled(Moment now, bool complete_ones) const {
-    if (has_output() && now - moved_ > kStall) return true;
+    if (has_output() && now - due_since_ > kStall) return true;
     return complete_ones && !in_.empty() && now - begun_ > kStall;
 }
 
 bool TcpClient::send(Octets frame, Moment now) {
     if (closed()) return false;
-    if (!has_output()) moved_ = now;  // the client has its time from now on
+    if (!has_output()) {  // the client has its time from now on
+        moved_ = due_since_ = now;
+        due_ = frame.size();
+    }
     out_.insert(out_.end(), frame.begin(), frame.end());
     return true;
 }
@@ -161,6 +164,10 @@ bool TcpClient::flush(Moment now) {
         if (put <= 0) return false;
         moved_ = now;
         sent_ += static_cast<std::size_t>(put);
+        due_ -= std::min(due_, static_cast<std::size_t>(put));
+        if (due_ != 0) continue;
+        due_ = out_.size() - sent_;
+        due_since_ = now;
     }
     Octets().swap(out_);
     sent_ = 0;

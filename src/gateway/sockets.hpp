@@ -78,7 +78,8 @@ class TcpClient final : public Client {
         in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(octets));
         begun_ = moved_;
     }
-    // For 10 s a frame is not whole, if `complete_ones` were taken out; or no reply was read.
+    // For 10 s a frame is not whole, if `complete_ones` were taken out; or the replies that waited 10 s ago are not all
+    // read: a client that reads octet by octet does not keep its place.
     [[nodiscard]] bool is_stalled(Moment now, bool complete_ones) const;
 
     bool send(Octets frame, Moment now) override;
@@ -94,6 +95,8 @@ class TcpClient final : public Client {
     Octets in_{};
     Octets out_{};
     std::size_t sent_ = 0;
+    std::size_t due_ = 0;  // octets of out_ that waited at due_since_
+    Moment due_since_{};
     Moment moved_;    // when octets moved last
     Moment begun_{};  // when the first octet of in_ came, or a little later
     int fd_;

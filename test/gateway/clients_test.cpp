@@ -249,6 +249,36 @@ TEST(GatewayConnections, AFrameThatNeverEndsAndRepliesThatNobodyReadsAreStalled)
     ::close(ends[0]);
 }
 
+// A client that asks much and reads an octet now and then gives way, and one that reads all of it does not.
+TEST(GatewayConnections, ASlowReaderIsStalled) {
+    for (const bool slow : {true, false}) {
+        std::array<int, 2> ends{};
+        ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends.data()), 0);
+        for (const int end : ends) {
+            const int least = 1;  // the system makes it a few kilobytes
+            ASSERT_EQ(::setsockopt(end, SOL_SOCKET, SO_SNDBUF, &least, sizeof least), 0);
+        }
+        gateway::Moment now{1h};
+        gateway::TcpClient client(ends[1], now);
+        while (client.takes_replies()) ASSERT_TRUE(client.send(Octets(1000), now) && client.flush(now));
+        Octets into(1000);
+        bool stalled = false;
+        for (int seconds = 0; seconds < 60 && !stalled; ++seconds) {
+            now += 1s;
+            do {
+                EXPECT_GT(::recv(ends[0], into.data(), into.size(), 0), 0);
+                ASSERT_TRUE(client.flush(now));
+            } while (!slow && client.has_output());
+            stalled = client.is_stalled(now, true);
+            EXPECT_FALSE(stalled && seconds < 9);
+            if (!client.takes_replies()) continue;
+            ASSERT_TRUE(client.send(Octets(1000), now));
+        }
+        EXPECT_EQ(stalled, slow);
+        ::close(ends[0]);
+    }
+}
+
 // ------------------------------------------------------------------ settings, and the owner
 
 TEST_F(GatewayClients, WhatCannotBeServedSaysWhy) {
