@@ -12,6 +12,12 @@
 // sends has no other effect on the application: a message that is malformed or too long, a client that is slow, floods
 // or goes away ends its own connection, and the memory of the server is bounded by AttachSettings.
 //
+// Cost. Clients that read facts cost the cycle nothing. The datagrams of requests to slaves (registers, SII, mailboxes,
+// states) travel in the frames of the cycle, if the application does not say otherwise: then building and reading the
+// frames takes longer, about 1000 instructions a cycle with four clients that ask without a pause. With
+// GroupConfiguration::acyclic_bytes = 0, poll() sends these datagrams in frames of their own between the cycles, and
+// the same clients cost about 130 instructions a cycle. An application that wants its cycle constant sets it.
+//
 // Access. Every program that may write to the socket can do what the application could do by requests: change states,
 // write objects and registers. The file permissions of the socket select these programs. `read_only` refuses every
 // request that writes. `rescan` and `debug` are refused unless the application allows them (AttachSettings::scan,
