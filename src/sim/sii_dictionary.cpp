@@ -123,8 +123,8 @@ void SiiDictionary::add_assignments(const SiiModel& model) {
 
 void SiiDictionary::add_pdos(bool configurable) {
     for (const auto& [pdo, outputs] : pdos_) {
-        const std::uint16_t first = outputs ? 0x1600 : 0x1A00;
-        if (pdo.index < first || pdo.index >= first + 0x200) continue;
+        // Devices exist that have inputs at 0x1700 and 0x1800: the category of a PDO says its direction, not its index.
+        if (pdo.index < 0x1600 || pdo.index >= 0x1C00) continue;
         std::vector<std::uint32_t> mapping;
         sii::PdoEntries entries(pdo.entries);
         while (const auto entry = entries.next())

@@ -4,6 +4,7 @@
 #include "subdevice/esm_checks.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay::sim {
 
@@ -21,7 +22,7 @@ constexpr Duration kLookAgain = std::chrono::milliseconds(1);
 
 SiiFirmware::SiiFirmware(Bytes sii, const SiiModel& model)
     : device_(model.description()), emulation_(model.device_emulation()), areas_(model.areas) {
-    if (device_.mailbox.present() && !emulation_) mail_.emplace(sii, model);
+    if (device_.mailbox.present()) mail_.emplace(sii, model);
 }
 
 void SiiFirmware::start(subdevice::EscAccess& esc, Time) {
@@ -34,6 +35,7 @@ void SiiFirmware::start(subdevice::EscAccess& esc, Time) {
     }
     if (mail_) mail_->power_up(esc);
     esm_.reset();
+    followed_ = AlState::init;
     if (emulation_) return;
     esm_.emplace(esc, device_, static_cast<subdevice::EsmClient&>(*this));
     esm_->init();
@@ -44,14 +46,10 @@ Time SiiFirmware::step(Time now) {
     const auto events = subdevice::read_register<std::uint32_t>(*esc_, reg::kAlEventRequest.address);
     // Outputs are read even without an event, because the SyncManagers of digital I/O and of many other SIIs raise no
     // event.
-    if (emulation_ || esm_->state() == AlState::op) {
-        read_outputs();
-    } else if (esm_->state() == AlState::safeop) {
-        read_outputs();
-        clear_outputs();
-    }
+    const auto before = state();
+    if (before == AlState::op || before == AlState::safeop) read_outputs();
+    if (before == AlState::safeop) clear_outputs();
     Time next = kNever;
-    const auto before = esm_ ? esm_->state() : AlState::none;
     if (esm_) {
         next = esm_->step(now, events);
         if ((events & al_event::kWatchdog) != 0) {
@@ -61,13 +59,60 @@ Time SiiFirmware::step(Time now) {
                 esm_->fall_back(AlState::safeop, subdevice::AlStatusCode::sync_manager_watchdog, now);
         }
         if (mail_) next = std::min(next, serve_mail(now, events));
-    } else if ((events & al_event::kSmActivation) != 0) {
-        subdevice::read_activations(*esc_);
+    } else {
+        next = step_emulated(now, events);
     }
-    const bool changed = (events & al_event::kSmActivation) != 0 || (esm_ && esm_->state() != before);
+    const bool changed = (events & al_event::kSmActivation) != 0 || state() != before;
     if (changed) configure();
     if (changed || (events & kSyncManagerEvents) != 0) write_inputs();
     return next;
+}
+
+// A device with device emulation and without a mailbox has no program that could follow: it always works.
+AlState SiiFirmware::state() const { return esm_ ? esm_->state() : mail_ ? followed_ : AlState::op; }
+
+// The chip shows the requested state before the program has seen the request, and the program cannot change it. A
+// mailbox that the master sets up late, or with a size that the program cannot serve, therefore stays silent until its
+// SyncManagers are right.
+Time SiiFirmware::step_emulated(Time now, std::uint32_t events) {
+    const bool activation = (events & al_event::kSmActivation) != 0;
+    if (activation) subdevice::read_activations(*esc_);
+    if (!mail_) return kNever;
+    if ((events & al_event::kWatchdog) != 0)
+        (void)subdevice::read_register<std::uint16_t>(*esc_, reg::kProcessDataWatchdogStatus.address);
+    if (outputs_stopped()) clear_outputs();
+    follow(events);
+    if (followed_ == AlState::init) return kNever;
+    auto& mailbox = mail_->mailbox();
+    if (!mailbox.running() && activation && mailbox.fits()) mailbox.start(followed_);
+    const auto next = serve_mail(now, events);
+    if (mailbox.sync_manager_lost()) mailbox.stop();
+    return next;
+}
+
+void SiiFirmware::follow(std::uint32_t events) {
+    if ((events & al_event::kAlControl) == 0) return;
+    const auto control = subdevice::read_register<std::uint16_t>(*esc_, reg::kAlControl.address);
+    const auto wanted = static_cast<AlState>(control & wire::al::kStateMask);
+    const auto before = std::exchange(followed_, wanted);
+    if (wanted == before) return;
+    auto& mailbox = mail_->mailbox();
+    // INIT has no mailbox, and BOOT has another one.
+    const bool other = wanted == AlState::init || wanted == AlState::boot || before == AlState::boot;
+    if (other) mailbox.stop();
+    if (wanted == AlState::init) return;
+    if (!mailbox.running() && mailbox.fits()) mailbox.start(wanted);
+    mailbox.state_changed(wanted);
+}
+
+// The watchdog of the outputs has expired, or they were never written.
+bool SiiFirmware::outputs_stopped() {
+    const auto& outputs = device_.outputs;
+    if (!outputs.present()) return false;
+    const auto sm = subdevice::read_sync_manager(*esc_, outputs.sync_manager);
+    const bool watched = (sm.control & wire::sm_control::kWatchdogTrigger) != 0;
+    return watched &&
+           (subdevice::read_register<std::uint16_t>(*esc_, reg::kProcessDataWatchdogStatus.address) & 1) == 0;
 }
 
 // The size of the process data follows from the PDO assignment objects of a device with CoE, or from its SII. When the
@@ -129,12 +174,13 @@ void SiiFirmware::after(Transition transition, Time) {
 
 // The objects are updated with the process data before a message is answered.
 Time SiiFirmware::serve_mail(Time now, std::uint32_t events) {
-    if ((events & al_event::sync_manager(0)) != 0 && esm_->state() >= AlState::safeop) {
+    if ((events & al_event::sync_manager(0)) != 0 && state() >= AlState::safeop) {
         mail_->show(true, outputs());
         mail_->show(false, inputs());
     }
     const auto next = mail_->mailbox().step(now, events);
-    return mail_->mailbox().sync_manager_lost() ? std::min(next, esm_->step(now, al_event::kSmActivation)) : next;
+    return esm_ && mail_->mailbox().sync_manager_lost() ? std::min(next, esm_->step(now, al_event::kSmActivation))
+                                                        : next;
 }
 
 }  // namespace margay::sim

@@ -1,5 +1,6 @@
 // The program of a device that is known only by its SII image: the state machine of the slave stack, process data that
-// other programs set and read, and a mailbox for the objects that follow from the image.
+// other programs set and read, and a mailbox for the objects that follow from the image. With device emulation the chip
+// mirrors AL control to AL status: then the program has no state machine and refuses nothing, but follows AL control.
 #pragma once
 
 #include "sim/process_data.hpp"
@@ -31,6 +32,11 @@ class SiiFirmware final : public ProcessDataFirmware, private subdevice::EsmClie
     void after(subdevice::Transition transition, Time now) override;
     [[nodiscard]] bool outputs_missing();
     Time serve_mail(Time now, std::uint32_t events);
+    // With device emulation: the program follows AL control.
+    [[nodiscard]] AlState state() const;
+    void follow(std::uint32_t events);
+    Time step_emulated(Time now, std::uint32_t events);
+    [[nodiscard]] bool outputs_stopped();
 
     subdevice::DeviceDescription device_;
     bool emulation_;
@@ -38,6 +44,7 @@ class SiiFirmware final : public ProcessDataFirmware, private subdevice::EsmClie
     subdevice::EscAccess* esc_ = nullptr;
     std::optional<subdevice::Esm> esm_;
     std::optional<SiiMailbox> mail_;  // empty if the device has no mailbox
+    AlState followed_ = AlState::init;
     Time wait_until_ = kNever;
 };
 

@@ -30,9 +30,14 @@ inline std::string words(const Error& error) {
 // A segment of simulated devices and a master, as after power-up.
 struct Machine {
     explicit Machine(const std::vector<std::string>& devices, const Limits& limits = {}) : ctx(limits) {
-        for (const std::string& name : devices) {
-            auto device = make(name);
-            const auto n = segment.add(std::move(*device).assemble());
+        std::vector<sim::Device> made;
+        for (const std::string& name : devices) made.push_back(std::move(*make(name)));
+        connect(std::move(made));
+    }
+    Machine() : ctx(Limits{}) {}  // a call of connect() follows
+    void connect(std::vector<sim::Device> devices) {
+        for (sim::Device& device : devices) {
+            const auto n = segment.add(std::move(device).assemble());
             n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0});
         }
         segment.power_up(osal.now());
