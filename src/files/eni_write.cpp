@@ -220,6 +220,16 @@ class EniWriter {
         return all;
     }
 
+    // A configuration has no types. Empty: the SII has no entry of this size at the index.
+    static std::string entry_type(const EsiDevice& described, Direction direction, const PdoEntry& wanted) {
+        for (const EsiPdo& pdo : described.pdos)
+            for (const EsiEntry& entry : pdo.entries)
+                if (pdo.direction == direction && entry.index == wanted.index && entry.subindex == wanted.subindex &&
+                    entry.bits == wanted.bits && !entry.data_type.empty())
+                    return entry.data_type;
+        return {};
+    }
+
     static EsiPdo named_pdo(const Pdo& pdo, const ProcessSm& sm, const EsiDevice& described) {
         EsiPdo named{.direction = sm.direction, .index = pdo.index};
         const EsiPdo* known = described.find_pdo(pdo.index);
@@ -228,6 +238,7 @@ class EniWriter {
         for (const PdoEntry& entry : pdo.entries) {
             EsiEntry one{entry.index, entry.subindex, entry.bits, {}, {}};
             one.name = entry_name(described, sm.direction, entry.index, entry.subindex);
+            one.data_type = entry_type(described, sm.direction, entry);
             named.entries.push_back(one);
         }
         return named;

@@ -40,6 +40,28 @@ TEST(EniRoundTrip, TheSameRegisters) {
     expect_same(machine, kDevices);
 }
 
+// The configuration that a file makes has PDOs without types: they come from the SIIs again.
+TEST(EniRoundTrip, TheTypesOfEntriesAndVariablesRemain) {
+    Machine first(kDevices);
+    ASSERT_TRUE(config_init(first.ctx));
+    ASSERT_TRUE(config_map(first.ctx, first.image));
+    const std::string text = write_eni(first.ctx).text;
+    const auto eni = read_eni(text);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    Machine second(kDevices, eni->limits());
+    const auto up = bring_up(second.ctx, *eni, second.image);
+    ASSERT_TRUE(up) << words(up.error());
+    const auto types = [](const std::string& of) {
+        std::vector<std::string> all;
+        const std::string begin = "<DataType>";
+        for (auto at = of.find(begin); at != std::string::npos; at = of.find(begin, at + 1))
+            all.push_back(of.substr(at + begin.size(), of.find('<', at + 1) - at - begin.size()));
+        return all;
+    };
+    EXPECT_GT(types(text).size(), 20U);
+    EXPECT_EQ(types(write_eni(second.ctx).text), types(text));
+}
+
 TEST(EniRoundTrip, PackedBitByBitAndOverlapped) {
     for (const bool overlapped : {false, true}) {
         Machine machine(kDevices);
