@@ -99,7 +99,8 @@ std::uint32_t checksum_of(Bytes values) {
 
 // The values of a block for this table: those of the device itself, and the parts of modules. Empty: there are none.
 Bytes StoredValues::block(std::size_t own_bytes, std::uint32_t layout) {
-    if (saving_ || buffer_.size() < Head::bytes) return {};
+    if (buffer_.size() < Head::bytes) return {};
+    outdated_ = std::exchange(collected_, false) || outdated_;
     const std::size_t size = store_.load(buffer_);
     if (size < Head::bytes + own_bytes || size > buffer_.size() || Head::size::load(buffer_) != size) return {};
     const Bytes values = Bytes(buffer_).first(size).subspan(Head::bytes);
@@ -196,21 +197,24 @@ HookAnswer StoredValues::save(Time now, bool again) {
     const std::size_t size = block_bytes(dictionary_);
     if (buffer_.size() < size) return Abort::out_of_memory;
     // The block that is being stored may be that of an earlier command, whose answer the master did not wait for.
-    if (!again) outdated_ = saving_;
-    if (!std::exchange(saving_, true)) collect();
+    if (!again) outdated_ = unfinished_;
+    if (!std::exchange(collected_, true)) collect();
     HookAnswer answer = store_.save(Bytes(buffer_).first(size), now);
     const bool stored = !answer.waits() && answer.abort == Abort::none;
     if (stored && std::exchange(outdated_, false)) {
         collect();
         answer = store_.save(Bytes(buffer_).first(size), now);
     }
-    saving_ = answer.waits();
+    collected_ = unfinished_ = answer.waits();
     return answer;
 }
 
 HookAnswer StoredValues::restore(Time now) {
-    saving_ = false;
-    const HookAnswer answer = store_.save({}, now);
+    outdated_ = std::exchange(collected_, false) || outdated_;
+    HookAnswer answer = store_.save({}, now);
+    const bool erased = !answer.waits() && answer.abort == Abort::none;
+    if (erased && std::exchange(outdated_, false)) answer = store_.save({}, now);
+    unfinished_ = answer.waits();
     if (answer.waits() || answer.abort != Abort::none) return answer;
     dictionary_.restore_defaults(od::kBackup);
     return answer;

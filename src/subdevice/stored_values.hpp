@@ -17,7 +17,8 @@ namespace margay::subdevice {
 // The non-volatile memory, which the author of a device implements. One block of octets.
 class ValueStore {
   public:
-    // Copies the block to `into`. Returns its size; 0: there is none, or it is larger than `into`.
+    // Copies the block to `into`. Returns its size; 0: there is none, or it is larger than `into`. After a save() that
+    // answered later(), the master has given that command up: `into` may be the memory of its block.
     [[nodiscard]] virtual std::size_t load(MutableBytes into) = 0;
 
     // Stores a block in the place of the last one; an empty block erases it. Must not wait: while the memory is busy,
@@ -66,8 +67,8 @@ class StoredValues {
     // limits has stored it); the other values are loaded.
     [[nodiscard]] bool load();
     // The same for the module in one slot, from 1 on, that was plugged in after the start: call it in
-    // Application::after() of INIT→PREOP. False: nothing is stored for this kind of module in this slot, or a block is
-    // being stored now.
+    // Application::after() of INIT→PREOP. False: nothing is stored for this kind of module in this slot. A command that
+    // is not finished has been given up by the master with INIT: load_module() ends it.
     [[nodiscard]] bool load_module(unsigned slot);
 
     // The CRC of the present values: a master compares it with the value that it knows, to see whether it must write
@@ -94,8 +95,9 @@ class StoredValues {
     ObjectDictionary& dictionary_;
     ValueStore& store_;
     MutableBytes buffer_;
-    bool saving_ = false;    // buffer_ has a block that is being stored
-    bool outdated_ = false;  // that block is one of an earlier command
+    bool collected_ = false;   // buffer_ has a block that is being stored
+    bool unfinished_ = false;  // the memory has not finished a command
+    bool outdated_ = false;    // the memory may finish another block than that of this command
     std::array<std::byte, 4> shown_{};
 };
 

@@ -1,9 +1,12 @@
-// A flash memory for stored values that is never broken and needs no time.
+// A flash memory for stored values that is never broken. It needs no time, or it is busy for some calls, and finishes
+// the block with which a command began.
 #pragma once
 
 #include "subdevice/stored_values.hpp"
 
 #include <algorithm>
+#include <optional>
+#include <utility>
 #include <vector>
 
 namespace margay::subdevice::testing {
@@ -15,10 +18,17 @@ struct MemoryStore final : ValueStore {
         std::ranges::copy(cells, into.begin());
         return cells.size();
     }
-    HookAnswer save(Bytes block, Time) override {
-        cells.assign(block.begin(), block.end());
+    HookAnswer save(Bytes block, Time now) override {
+        if (!begun) begun.emplace(block.begin(), block.end());
+        if (busy != 0) {
+            --busy;
+            return HookAnswer::later(now + std::chrono::milliseconds(1));
+        }
+        cells = *std::exchange(begun, std::nullopt);
         return Abort::none;
     }
+    unsigned busy = 0;  // calls
+    std::optional<std::vector<std::byte>> begun{};
 };
 
 }  // namespace margay::subdevice::testing

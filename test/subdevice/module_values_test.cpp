@@ -163,6 +163,42 @@ TEST(ModuleValues, AModuleThatIsPluggedInLaterGetsWhatIsStoredForItsKindAndSlot)
     EXPECT_FALSE(rack.stored.load_module(4));
 }
 
+// The master has sent "save" to a slow memory, and INIT before the answer.
+TEST(ModuleValues, ASaveThatWasGivenUpDoesNotKeepAModuleFromItsValues) {
+    MemoryStore store;
+    {
+        ScaleRack rack(store, {0x51, 0x52});
+        rack.set_gain(2, 22);
+        ASSERT_EQ(rack.stored.save(Time{}).abort, Abort::none);
+    }
+    ScaleRack rack(store, {0x51});
+    store.busy = 1;
+    ASSERT_TRUE(rack.stored.save(Time{}).waits());
+    rack.application.slots.detect(2, 0x52);
+    rack.application.slots.lay_out(rack.dictionary);
+    EXPECT_TRUE(rack.stored.load_module(2));
+    EXPECT_EQ(rack.gain(2), 22);
+    // The memory finishes the block that was given up; the next command is for the values of its own time.
+    rack.set_gain(2, 44);
+    EXPECT_EQ(rack.stored.save(Time{}).abort, Abort::none);
+    EXPECT_EQ(ScaleRack(store, {0x51, 0x52}).gain(2), 44);
+}
+
+TEST(ModuleValues, ARestoreAfterASaveThatWasGivenUpErasesTheMemory) {
+    MemoryStore store;
+    ScaleRack rack(store, {0x51});
+    store.busy = 1;
+    ASSERT_TRUE(rack.stored.save(Time{}).waits());
+    EXPECT_EQ(rack.stored.restore(Time{}).abort, Abort::none);
+    EXPECT_TRUE(store.cells.empty());
+    // The other way round.
+    store.busy = 1;
+    ASSERT_TRUE(rack.stored.restore(Time{}).waits());
+    rack.set_gain(1, 55);
+    EXPECT_EQ(rack.stored.save(Time{}).abort, Abort::none);
+    EXPECT_EQ(ScaleRack(store, {0x51}).gain(1), 55);
+}
+
 // A module was exchanged, and the old layout is in use until INIT: the values are those of the old module.
 TEST(ModuleValues, ASaveBeforeTheNewLayoutIsOneOfTheOldModules) {
     MemoryStore store;
