@@ -234,7 +234,10 @@ Abort SdoServer::check_room(std::size_t size) {
 void SdoServer::download_segmented(std::size_t size, Bytes first, Outbox& out) {
     if (const auto wrong = check_room(size); wrong != Abort::none) return abort(wrong, out);
     target_ = target_.first(size);
-    std::copy(first.begin(), first.end(), target_.begin());
+    {
+        const Guard guard(dictionary_.lock());  // the target may be the memory of the object
+        std::copy(first.begin(), first.end(), target_.begin());
+    }
     arrived_ = first.size();
     transfer_ = Transfer::download;
     toggle_ = false;

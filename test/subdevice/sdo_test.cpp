@@ -82,6 +82,38 @@ TEST(SdoTransfer, VastObjectsStreamPastTheStagingBuffer) {
     EXPECT_EQ(download(bench, 0x2008, 0, sdo_pattern(70'001)).abort, Abort::length_too_high);
 }
 
+// Notes whether octets change while the lock is not held.
+struct WatchingLock final : EscAccess {
+    explicit WatchingLock(const std::vector<std::byte>& watched) : octets(watched), known(watched) {}
+    void read(std::uint16_t, MutableBytes) noexcept override {}
+    void write(std::uint16_t, Bytes) noexcept override {}
+    [[nodiscard]] Time now() noexcept override { return {}; }
+    [[nodiscard]] std::uint32_t lock() noexcept override {
+        if (depth == 0) look();
+        return depth++;
+    }
+    void unlock(std::uint32_t before) noexcept override {
+        depth = before;
+        if (depth == 0) known = octets;
+    }
+    void look() { unlocked += known != octets ? 1 : 0; }
+    const std::vector<std::byte>& octets;
+    std::vector<std::byte> known;
+    std::uint32_t depth = 0;
+    unsigned unlocked = 0;
+};
+
+TEST(SdoTransfer, VastObjectsAreWrittenUnderTheLock) {
+    Bench bench(256);
+    WatchingLock lock(bench.application.vast);
+    bench.dictionary.set_lock(&lock);
+    EXPECT_EQ(download(bench, 0x2008, 0, sdo_pattern(1000)).abort, Abort::none);
+    lock.look();
+    EXPECT_EQ(lock.unlocked, 0u);
+    EXPECT_NE(lock.known[999], std::byte{0x5A}) << "something was written";
+    bench.dictionary.set_lock(nullptr);
+}
+
 TEST(SdoDownload, ExpeditedWithoutSizeTakesTheObjectsLength) {
     Bench bench;
     EXPECT_EQ(abort_of(bench.exchange(sdo_request(0x22, 0x2000, 0, 0xFFFF0123))), Abort::none);
