@@ -27,6 +27,7 @@ struct Session {
     bool lengths_known = false;    // find_process_data_lengths() has found them
     // Of SYNC0, as the slave tells it; 0: it does not. find_shortest_cycle() has found it.
     std::optional<Duration> shortest_cycle{};
+    std::string left_changed{};  // what a check has changed and could not put back; execute() reports and clears it
 };
 
 struct Check {

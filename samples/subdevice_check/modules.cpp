@@ -1,6 +1,6 @@
 // Modular devices: the lists of slots against each other and against the PDOs, and the comparison of the modules that
 // the master expects with those that are there.
-#include "subdevice_check/check.hpp"
+#include "subdevice_check/kept.hpp"
 #include "wire/al_status_code.hpp"
 
 #include <algorithm>
@@ -78,30 +78,12 @@ bool expect(SdoClient& sdo, const std::vector<std::uint32_t>& idents) {
     return sdo.download<std::uint8_t>(kConfigured, 0, static_cast<std::uint8_t>(idents.size())) == Abort::none;
 }
 
-// The list as it was; put back however a check ends.
-class KeptList {
-  public:
-    explicit KeptList(Session& session) : session_(session) {
-        const auto count = session.sdo.number(kConfigured, 0);
-        if (!count) session.bench.skip("the device has no list of configured modules (0xF030)");
-        for (unsigned n = 1; n <= *count; ++n)
-            idents_.push_back(session.sdo.number(kConfigured, static_cast<std::uint8_t>(n)).value_or(0));
-    }
-    KeptList(const KeptList&) = delete;
-    KeptList& operator=(const KeptList&) = delete;
-    ~KeptList() {
-        try {
-            session_.bench.enter(AlState::preop);
-            (void)expect(session_.sdo, idents_);
-        } catch (const NotJudged&) {
-        } catch (const LineFault&) {
-        }
-    }
-
-  private:
-    Session& session_;
-    std::vector<std::uint32_t> idents_;
-};
+// The list as it was.
+Kept kept_list(Session& session) {
+    if (!session.sdo.number(kConfigured, 0))
+        session.bench.skip("the device has no list of configured modules (0xF030)");
+    return Kept::list(session, kConfigured);
+}
 
 // From PREOP to SAFEOP with this list.
 AlStatus start_with(Session& session, const std::vector<std::uint32_t>& idents) {
@@ -118,7 +100,7 @@ AlStatus start_with(Session& session, const std::vector<std::uint32_t>& idents) 
 void check_match(Session& session) {
     const auto idents = detected_modules(session);
     if (idents.empty()) session.bench.skip("no module is plugged in");
-    const KeptList kept(session);
+    const Kept kept = kept_list(session);
     const auto status = start_with(session, idents);
     if (status.state != AlState::safeop || status.error)
         session.bench.fail(fmt::format(
@@ -127,7 +109,7 @@ void check_match(Session& session) {
 
 void check_mismatch(Session& session) {
     const auto idents = detected_modules(session);
-    const KeptList kept(session);
+    const Kept kept = kept_list(session);
     auto plugged = idents;
     while (!plugged.empty() && plugged.back() == 0) plugged.pop_back();  // empty slots behind the last module
     auto other = plugged;

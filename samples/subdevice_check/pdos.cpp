@@ -1,5 +1,5 @@
 // PDO assignment and mapping: their objects against the SII, and the rules by which a master changes them.
-#include "subdevice_check/check.hpp"
+#include "subdevice_check/kept.hpp"
 #include "wire/al_status_code.hpp"
 #include "wire/sii_category.hpp"
 
@@ -137,42 +137,6 @@ void check_sii(Session& session) {
     }
 }
 
-// The count of an assignment or mapping as it was; a check that changes it puts it back, however it ends.
-class Kept {
-  public:
-    Kept(Session& session, std::uint16_t index) : session_(session), index_(index) {
-        const auto count = session.sdo.number(index, 0);
-        if (!count) session.bench.skip(object_text(index, 0) + " cannot be read");
-        for (unsigned n = 1; n <= *count; ++n) {
-            const auto up = session.sdo.upload(index, static_cast<std::uint8_t>(n));
-            if (!up.ok()) session.bench.skip(object_text(index, static_cast<std::uint8_t>(n)) + " cannot be read");
-            values_.push_back(up.data);
-        }
-    }
-    Kept(const Kept&) = delete;
-    Kept& operator=(const Kept&) = delete;
-    ~Kept() {
-        try {
-            session_.bench.enter(AlState::preop);
-            restore();
-        } catch (const NotJudged&) {
-        } catch (const LineFault&) {
-        }
-    }
-    void restore() {
-        (void)session_.sdo.download<std::uint8_t>(index_, 0, 0);
-        for (std::size_t n = 0; n < values_.size(); ++n)
-            (void)session_.sdo.download(index_, static_cast<std::uint8_t>(n + 1), Bytes(values_[n]));
-        (void)session_.sdo.download<std::uint8_t>(index_, 0, static_cast<std::uint8_t>(values_.size()));
-    }
-    [[nodiscard]] const std::vector<std::vector<std::byte>>& values() const { return values_; }
-
-  private:
-    Session& session_;
-    std::uint16_t index_;
-    std::vector<std::vector<std::byte>> values_;
-};
-
 bool writable(const Session& session, std::uint16_t index) {
     return std::ranges::any_of(session.sdo.entries, [&](const DictionaryEntry& entry) {
         return entry.index == index && entry.subindex == 0 && (entry.access & coe::access::kWritePreop) != 0;
@@ -193,7 +157,7 @@ void check_assignment(Session& session) {
     auto& bench = session.bench;
     for (const auto& area : assignable(session)) {
         const auto index = assignment_of(area);
-        const Kept kept(session, index);
+        const Kept kept = Kept::list(session, index);
         if (kept.values().empty()) continue;
         auto abort = session.sdo.download(index, 1, Bytes(kept.values().front()));
         if (abort == Abort::none)
@@ -219,7 +183,7 @@ void check_unknown_pdo(Session& session) {
     auto& bench = session.bench;
     for (const auto& area : assignable(session)) {
         const auto index = assignment_of(area);
-        const Kept kept(session, index);
+        const Kept kept = Kept::list(session, index);
         (void)session.sdo.download<std::uint8_t>(index, 0, 0);
         const std::uint16_t absent = area.outputs ? 0x17FE : 0x1BFE;
         const auto refused = session.sdo.download<std::uint16_t>(index, 1, absent);
@@ -246,7 +210,7 @@ void check_locked(Session& session) {
     }
     if (changeable.empty()) bench.skip("the PDO assignment and the mapping cannot be changed");
     for (const auto index : changeable) {
-        const Kept kept(session, index);
+        const Kept kept = Kept::list(session, index);
         for (const auto state : {AlState::safeop, AlState::op}) {
             bench.enter(state);
             const auto frames = bench.frames_in(state);
@@ -269,7 +233,7 @@ void check_mapping(Session& session) {
         const auto found = std::ranges::find_if(*pdos, [&](const auto& pdo) { return writable(session, pdo.index); });
         if (found == pdos->end()) continue;
         const auto index = found->index;
-        const Kept kept(session, index);
+        const Kept kept = Kept::list(session, index);
         if (!kept.values().empty() && session.sdo.download(index, 1, Bytes(kept.values().front())) == Abort::none)
             bench.fail(fmt::format("{} was written while subindex 0 was not 0", object_text(index, 1)));
         if (session.sdo.download<std::uint8_t>(index, 0, 0) == Abort::none && session.sdo.number(index, 0) != 0U) {

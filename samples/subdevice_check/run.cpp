@@ -35,15 +35,20 @@ CheckResult execute(Session& session, const Check& check) {
         session.bench.begin(result, check.clause);
         try {
             check.run(session);
-            return result;
         } catch (const NotJudged& not_judged) {
             result.reason = not_judged.reason;
             if (result.outcome == Outcome::passed) result.outcome = Outcome::not_applicable;
-            return result;
         } catch (const LineFault& fault) {
             result.outcome = Outcome::broken_off;
             result.reason = "the line loses frames: " + fault.reason;
         }
+        // A second try would take the values of the first one for those of the device.
+        if (const auto left = std::exchange(session.left_changed, {}); !left.empty()) {
+            if (result.outcome != Outcome::failed) result.outcome = Outcome::broken_off;
+            result.reason = result.reason.empty() ? left : left + "; " + result.reason;
+            return result;
+        }
+        if (result.outcome != Outcome::broken_off) return result;
     }
     return result;
 }

@@ -1,5 +1,5 @@
 // The synchronization types that a master may write: subindex 1 of 0x1C32, 0x1C33 and their kin.
-#include "subdevice_check/check.hpp"
+#include "subdevice_check/kept.hpp"
 
 namespace margay::samples::conformance {
 namespace {
@@ -18,38 +18,6 @@ constexpr Type kTypes[] = {{0, 0x01, 0x01}, {1, 0x02, 0x02}, {2, 0x1C, 0x04}};
 
 std::uint16_t object_of(const ProcessArea& area) { return static_cast<std::uint16_t>(0x1C30 + area.sync_manager); }
 
-// Writes the type that the object had, however the check ends: a type of the check must not stay.
-class KeptType {
-  public:
-    KeptType(Session& session, std::uint16_t index, std::uint32_t value)
-        : session_(session), index_(index), value_(static_cast<std::uint16_t>(value)) {}
-    KeptType(const KeptType&) = delete;
-    KeptType& operator=(const KeptType&) = delete;
-    ~KeptType() {
-        for (int n = 0; !restored_ && n < kTries; ++n) {
-            try {
-                session_.bench.enter(AlState::preop);
-                (void)restore();
-            } catch (const NotJudged&) {
-                return;
-            } catch (const LineFault&) {
-            }
-        }
-    }
-    [[nodiscard]] Abort restore() {
-        const auto abort = session_.sdo.download(index_, kType, value_);
-        restored_ = true;
-        return abort;
-    }
-
-  private:
-    static constexpr int kTries = 5;
-    Session& session_;
-    std::uint16_t index_;
-    std::uint16_t value_;
-    bool restored_ = false;
-};
-
 // A type that was accepted is the type of the object. Inputs that follow the outputs have 0x22 for 1.
 void expect_type(Session& session, std::uint16_t index, std::uint16_t type) {
     const auto now = session.sdo.number(index, kType);
@@ -64,7 +32,7 @@ void check_object(Session& session, std::uint16_t index) {
     const auto before = sdo.number(index, kType);
     if (!before) return;
     const auto name = object_text(index, kType);
-    KeptType kept(session, index, *before);
+    const Kept kept(session, index, kType);
     const auto abort = sdo.download(index, kType, kNoType);
     if (abort == Abort::none)
         bench.fail(fmt::format("{} accepted the synchronization type 0x{:04x}, which does not exist", name, kNoType));
@@ -82,7 +50,8 @@ void check_object(Session& session, std::uint16_t index) {
                                            object_text(index, kSupported), type.value, name, abort_text(refused)));
             }
     }
-    if (kept.restore() != Abort::none) bench.fail(fmt::format("{} refused {}, the value that it had", name, *before));
+    if (sdo.download(index, kType, static_cast<std::uint16_t>(*before)) != Abort::none)
+        bench.fail(fmt::format("{} refused {}, the value that it had", name, *before));
 }
 
 void check_types(Session& session) {
