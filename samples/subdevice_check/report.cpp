@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <utility>
 
 namespace margay::samples::conformance {
 namespace {
@@ -14,6 +15,25 @@ std::string check_text(const CheckResult& check) {
     for (const auto& finding : check.findings)
         text += fmt::format("               {}: {}\n               {:{}}  ({})\n", to_text(finding.severity),
                             finding.text, "", to_text(finding.severity).size(), finding.clause);
+    return text;
+}
+
+// Where no rule was tried: each reason, and the number of its checks. A count alone looks like a device without a
+// fault.
+std::string nothing_text(const Report& report) {
+    if (report.count(Outcome::not_applicable) != report.checks.size()) return {};
+    std::vector<std::pair<std::string_view, unsigned>> reasons;
+    for (const auto& check : report.checks) {
+        const auto known = std::ranges::find(reasons, check.reason, [](const auto& reason) { return reason.first; });
+        if (known == reasons.end()) {
+            reasons.emplace_back(check.reason, 1U);
+        } else {
+            ++known->second;
+        }
+    }
+    std::string text = "Nothing was checked, so nothing is known about the device:\n";
+    for (const auto& [reason, checks] : reasons)
+        text += fmt::format("    {} ({} {})\n", reason, checks, checks == 1 ? "check" : "checks");
     return text;
 }
 
@@ -59,7 +79,7 @@ std::string report_text(const Report& report, bool all) {
                         report.count(Outcome::not_applicable),
                         broken_off == 0 ? std::string() : fmt::format(", {} broken off", broken_off),
                         report.count(Severity::error), report.count(Severity::remark));
-    return text;
+    return text + nothing_text(report);
 }
 
 nlohmann::ordered_json report_json(const Report& report) {

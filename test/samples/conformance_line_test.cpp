@@ -99,5 +99,16 @@ TEST(SubdeviceCheckLine, AListThatIsNotPutBackIsSaid) {
     EXPECT_GT(changed, 0U);
 }
 
+TEST(SubdeviceCheckLine, AReportOfNoCheckSaysWhyNothingWasChecked) {
+    const auto report = check_it(sim::make_device("coupler").value(), {.only = "sdo."}).report;
+    EXPECT_TRUE(report.conforms());
+    const auto text = report_text(report, false);
+    EXPECT_NE(text.find("Nothing was checked"), std::string::npos) << text;
+    EXPECT_NE(text.find("the SII does not announce CoE"), std::string::npos) << text;
+    const auto known =
+        report_text(check_it(sim::make_device("coupler").value(), {.only = "sdo.,eeprom."}).report, false);
+    EXPECT_EQ(known.find("Nothing was checked"), std::string::npos) << known;
+}
+
 }  // namespace
 }  // namespace margay::samples::conformance
