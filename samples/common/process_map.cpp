@@ -24,7 +24,7 @@ namespace sii = wire::sii;
 std::string text_of(Bytes strings, sii::StringNumber number) {
     std::array<char, 512> utf8{};
     const auto octets = sii::string(strings, number);
-    return octets.ok() ? std::string(sii::to_utf8(octets.value, utf8)) : std::string();
+    return octets.ok() ? words_of_slave(sii::to_utf8(octets.value, utf8)) : std::string();
 }
 
 struct NamedEntry {

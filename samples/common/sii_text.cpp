@@ -1,11 +1,11 @@
 #include "common/sii_text.hpp"
 
+#include "common/slave_report.hpp"
 #include "wire/sii_category.hpp"
 #include "wire/sync_manager.hpp"
 
 #include <fmt/format.h>
 
-#include <array>
 #include <iterator>
 
 namespace margay::samples {
@@ -117,8 +117,7 @@ class Text {
     }
 
     static std::string utf8(Bytes octets) {
-        std::array<char, 512> room{};  // a string has up to 255 octets, and each can need two octets in UTF-8
-        return std::string(sii::to_utf8(octets, room));
+        return words_of_slave({reinterpret_cast<const char*>(octets.data()), octets.size()});
     }
 
     // A string and its number, such as `"EL2004" (1)`; empty for number 0.

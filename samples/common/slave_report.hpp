@@ -25,7 +25,7 @@ namespace margay::samples {
 [[nodiscard]] std::vector<std::string> coe_detail_names(unsigned bits);
 
 // A text that a slave has sent, for a terminal, JSON and XML: in UTF-8 (other octets are taken for ISO 8859-1), with ?
-// in the place of control characters.
+// in the place of control characters and of those that are not seen, as the ones that turn the direction of a text.
 [[nodiscard]] std::string words_of_slave(std::string_view octets);
 
 // Describes one slave in several lines.

@@ -132,7 +132,7 @@ Answer<std::vector<SlaveFacts>> StandaloneSession::slaves() {
         SlaveFacts facts{.position = position_of(s.number),
                          .alias = s.alias,
                          .station_address = s.station_address.value,
-                         .name = std::string(s.name()),
+                         .name = samples::words_of_slave(s.name()),
                          .identity = s.identity,
                          .al = s.al,
                          .problem = s.error.code == Errc::none ? std::string() : problem_of(*ctx_, s.error).text,

@@ -1,6 +1,7 @@
 // The output of slaveinfo --sdo for a slave's dictionary.
 #include "common/dictionary_report.hpp"
 #include "common/json_text.hpp"
+#include "common/slave_report.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
 #include <nlohmann/json.hpp>
@@ -31,6 +32,22 @@ TEST(DictionaryReport, PrintsObjectsEntriesAndValues) {
     EXPECT_EQ((*object)["entries"][0]["value"], 100);
     EXPECT_EQ((*object)["entries"][0]["octets"], "6400");
     EXPECT_EQ((*object)["entries"][0]["data_type_text"], "INTEGER16");
+}
+
+// A terminal turns the direction of the text behind some characters that are not seen.
+TEST(WordsOfSlave, HaveNoCharactersThatAreNotSeen) {
+    for (const std::string hidden : {"\u202A", "\u202E", "\u2066", "\u2069", "\u200B", "\u200F", "\u061C", "\u2028",
+                                     "\u2060", "\uFEFF", "\uFFFE", "\u00AD", "\U000E0041"}) {
+        const auto name = "a" + hidden + "b";
+        EXPECT_EQ(words_of_slave(name), "a?b");
+        Slave slave{};
+        std::ranges::copy(name, slave.name_text.begin());
+        slave.name_bytes = static_cast<std::uint8_t>(name.size());
+        EXPECT_NE(slave_text(slave).find("a?b"), std::string::npos) << slave_text(slave);
+        EXPECT_EQ(slave_text(slave).find(hidden), std::string::npos);
+    }
+    const std::string seen = "\u2026 \u2013 \u00B5 \u20AC \U0001F600 \u2010";  // ellipsis, dash, micro, euro …
+    EXPECT_EQ(words_of_slave(seen), seen);
 }
 
 // Many devices have names in ISO 8859-1. JSON and a terminal get UTF-8 without control characters.
