@@ -16,7 +16,7 @@
 // states) travel in the frames of the cycle, if the application does not say otherwise: then building and reading the
 // frames takes longer, about 1000 instructions a cycle with four clients that ask without a pause. With
 // GroupConfiguration::acyclic_bytes = 0, poll() sends these datagrams in frames of their own between the cycles, and
-// the same clients cost about 130 instructions a cycle. An application that wants its cycle constant sets it.
+// the same clients cost 130 to 200 instructions a cycle. An application that wants its cycle constant sets it.
 //
 // Access. Every program that may write to the socket can do what the application could do by requests: change states,
 // write objects and registers. The file permissions of the socket select these programs. `read_only` refuses every
