@@ -257,10 +257,12 @@ class CycleReader {
                     if (fmmu.writes == out) begin = std::min(begin.value_or(fmmu.begin_bit), fmmu.begin_bit);
                 if (!begin) continue;
                 for (const CyclicCmd& one : commands_) {
+                    if (*begin < one.begin || *begin >= one.end) continue;
+                    if (one.cmd == (out ? EniCmd::lrd : EniCmd::lwr)) continue;
                     const auto& offset = out ? one.outputs : one.inputs;
-                    if (!offset || *begin < one.begin || *begin >= one.end) continue;
-                    const auto here = static_cast<std::int64_t>(*offset + *begin - one.begin);
-                    bit_starts_[out ? 1 : 0].push_back({parts[0].node, here, parts[0].begin - here});
+                    const auto here = static_cast<std::int64_t>(offset.value_or(0) + *begin - one.begin);
+                    const BitStart seen{parts[0].node, here, parts[0].begin - here};
+                    (offset ? placed_ : beside_[{one.node.offset_debug(), out}]).push_back(seen);
                     break;
                 }
             }
@@ -294,26 +296,36 @@ class CycleReader {
     struct BitStart {
         Node node{};
         std::int64_t place = 0;     // by the cyclic command and the FMMU
-        std::int64_t distance = 0;  // of BitStart from there: 0, or 80 where offsets count from the datagram
+        std::int64_t distance = 0;  // of BitStart from there
     };
-    std::array<std::vector<BitStart>, 2> bit_starts_{};  // of inputs and of outputs
+    using BitStarts = std::vector<BitStart>;
+    BitStarts placed_{};                                             // by InputOffs or OutputOffs
+    std::map<std::pair<std::ptrdiff_t, bool>, BitStarts> beside_{};  // of a command and direction without them
+
+    // The distance that most have, of those that are allowed.
+    static std::int64_t usual_distance(const BitStarts& all, std::initializer_list<std::int64_t> allowed) {
+        std::map<std::int64_t, std::size_t> counts;
+        for (const std::int64_t one : allowed) counts[one] = 0;
+        for (const BitStart& one : all)
+            if (allowed.size() == 0 || counts.contains(one.distance)) ++counts[one.distance];
+        return std::ranges::max_element(counts, {}, [](const auto& count) { return count.second; })->first;
+    }
+
+    void name_others(const BitStarts& all, std::int64_t usual, const std::string& source) {
+        for (const BitStart& one : all)
+            if (one.distance != usual)
+                r_.remark(one.node, "BitStart is " + std::to_string(one.place + one.distance) + ", and by " + source +
+                                        " the data begins at " + std::to_string(one.place + usual) +
+                                        ": the variables of the slave are found by BitStart");
+    }
 
   public:
-    // Variables are found by BitStart. All slaves of a file have the same distance; another one is a wrong number.
+    // Variables are found by BitStart. Offsets of a file count from the data, or from its datagram, whose header has 80
+    // bits. Where commands have no offsets, the slaves of one command have the same distance.
     void check_bit_starts() {
-        for (const std::vector<BitStart>& all : bit_starts_) {
-            std::map<std::int64_t, std::size_t> counts;
-            for (const BitStart& one : all) ++counts[one.distance];
-            if (counts.size() < 2) continue;
-            const auto usual =
-                std::ranges::max_element(counts, {}, &std::pair<const std::int64_t, std::size_t>::second);
-            for (const BitStart& one : all)
-                if (one.distance != usual->first)
-                    r_.remark(one.node, "BitStart is " + std::to_string(one.place + one.distance) +
-                                            ", and by the cyclic command and the FMMU the data begins at " +
-                                            std::to_string(one.place + usual->first) +
-                                            ": the variables of the slave are found by BitStart");
-        }
+        if (!placed_.empty()) name_others(placed_, usual_distance(placed_, {0, 80}), "the cyclic command and the FMMU");
+        for (const auto& [command, all] : beside_)
+            name_others(all, usual_distance(all, {}), "the FMMU and the BitStart of other slaves");
     }
     bool carries_time = false;
     bool by_position = false;

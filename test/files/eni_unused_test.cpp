@@ -157,6 +157,46 @@ TEST(EniUnused, ATimeThatIsLongerThanAnyRealOneIsNamed) {
               Texts{"line 11, column 63: Timeout is 3600000" + wait + "60 minutes"});
 }
 
+// A slave of its own has no others to be compared with: its BitStart is the place that the offset of the command gives,
+// or 80 bits behind it.
+TEST(EniUnused, ABitStartThatTheOffsetContradictsIsNamed) {
+    const auto said = more_said(replaced(kExampleEni, "<BitStart>208</BitStart>", "<BitStart>216</BitStart>"));
+    EXPECT_EQ(said,
+              Texts{"line 8, column 15: BitStart is 216, and by the cyclic command and the FMMU the data begins at "
+                    "208: the variables of the slave are found by BitStart"});
+    // One of two directions, in a file without another slave.
+    Machine machine({"digital_in_8"});
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const std::string text = write_eni(machine.ctx).text;
+    ASSERT_TRUE(read_eni(text).remarks.empty());
+    const auto eni = read_eni(replaced(text, "<BitStart>0</BitStart>", "<BitStart>8</BitStart>"));
+    ASSERT_EQ(eni.remarks.size(), 1u);
+    EXPECT_TRUE(
+        eni.remarks[0].text.starts_with("BitStart is 8, and by the cyclic command and the FMMU the data begins "
+                                        "at 0: "))
+        << eni.remarks[0].text;
+    // 80: as files that count from the datagram.
+    EXPECT_TRUE(read_eni(replaced(text, "<BitStart>0</BitStart>", "<BitStart>80</BitStart>")).remarks.empty());
+}
+
+TEST(EniUnused, BitStartsOfACommandWithoutAnOffsetAreComparedWithEachOther) {
+    Machine machine({"digital_in_8", "digital_in_16", "digital_in_8"});
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    std::string text = write_eni(machine.ctx).text;
+    for (const std::string name : {"InputOffs", "OutputOffs"})
+        for (auto at = text.find("<" + name + ">"); at != std::string::npos; at = text.find("<" + name + ">"))
+            text.erase(at, text.find("</" + name + ">") + name.size() + 3 - at);
+    ASSERT_TRUE(read_eni(text).remarks.empty());
+    const auto eni = read_eni(replaced(text, "<BitStart>8</BitStart>", "<BitStart>16</BitStart>"));
+    ASSERT_EQ(eni.remarks.size(), 1u);
+    EXPECT_TRUE(
+        eni.remarks[0].text.starts_with("BitStart is 16, and by the FMMU and the BitStart of other slaves the "
+                                        "data begins at 8: "))
+        << eni.remarks[0].text;
+}
+
 TEST(EniUnused, ACoeCommandThatIsNoDownloadIsNamed) {
     EXPECT_EQ(more_said(replaced(kExampleEni, "<Ccs>1</Ccs>", "<Ccs>3</Ccs>")),
               Texts{"line 11, column 17: Ccs is 3, which is no SDO download: it is sent as a download"});
