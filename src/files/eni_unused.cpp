@@ -60,6 +60,33 @@ void name_clock_registers(Reader& r, const std::vector<EniInit>& inits, bool clo
                "that they have, after power-up usually 4 and 12");
 }
 
+// A start time that is the shift of the file has the effect of the start time that the library calculates.
+void name_start_times(Reader& r, const std::vector<EniInit>& inits, Duration shift) {
+    const unsigned address = reg::kSyncStartTime.address;
+    const auto asks = [&](const EniInit& init) {
+        std::uint64_t value = 0;
+        for (unsigned octet = 0; octet < 8; ++octet)
+            value |= std::uint64_t{written_at(init, address + octet).value_or(0)} << (8 * octet);
+        return value != 0 && value != static_cast<std::uint64_t>(shift.count());
+    };
+    const auto first = std::ranges::find_if(inits, asks);
+    if (first != inits.end())
+        r.remark(
+            first->node,
+            "the init command for the start time of SYNC0 (0x0990) is not sent: the library calculates it, from the "
+            "system time and the ShiftTime of DC");
+}
+
+// As a part of DL control (0x0100) it is sent.
+bool asks_alias(const EniInit& init) {
+    return init.ado == reg::kAliasEnable.address && other_at(init, reg::kAliasEnable.address, 0);
+}
+void name_alias(Reader& r, const std::vector<EniInit>& inits) {
+    name_first(r, inits, asks_alias,
+               "the init command that switches the second address on (0x0103) is not sent: the library addresses all "
+               "slaves by their station addresses");
+}
+
 // ------------------------------------------------------------------ mailboxes
 
 struct Range {
@@ -162,6 +189,50 @@ void name_poll_times(Reader& r, const std::deque<EniSlaveData>& slaves) {
                             "the library reads a mailbox only for a request");
 }
 
+// ------------------------------------------------------------------ values without a meaning
+
+// Numbers that a file has and the library does not use. A wrong one may still mean that the file is not what its author
+// thinks. The numbers that are used are checked where they are read.
+struct UnusedNumber {
+    std::string_view element;
+    std::uint64_t most;
+};
+constexpr UnusedNumber kUnusedNumbers[] = {
+    {"ByteSize", 0xFFFF'FFFF}, {"ControlByte", 0xFF},  {"StartAddress", 0xFFFF},   {"DefaultSize", 0xFFFF},
+    {"MinSize", 0xFFFF},       {"MaxSize", 0xFFFF},    {"StartAddr", 0xFFFF'FFFF}, {"Priority", 0xFFFF'FFFF},
+    {"TaskId", 0xFFFF'FFFF},   {"BeforeSlave", 0xFFFF}};
+
+void name_nonsense(Reader& r, Node node) {
+    const Value value = content(node);
+    if (!value.there) return;
+    const auto told = [&](const std::string& wanted) {
+        r.remark(node, value.name + " is " + quoted(value.text) + ", which is " + wanted + ": it is not used");
+    };
+    const auto number = std::ranges::find(kUnusedNumbers, std::string_view(node.name()), &UnusedNumber::element);
+    if (number != std::end(kUnusedNumbers)) {
+        const Number read = parse_number(value.text);
+        const bool negative = read.negative && read.magnitude != 0;
+        if (!read.valid || negative || read.magnitude > number->most)
+            told("no number from 0 to " + std::to_string(number->most));
+    } else if (std::string_view(node.name()) == "State" && std::string_view(node.parent().name()) == "Cmd") {
+        constexpr std::string_view kStates[] = {"INIT", "PREOP", "BOOT", "SAFEOP", "OP"};
+        if (std::ranges::find(kStates, value.text) == std::end(kStates)) told("no AL state");
+    }
+}
+
+// Visits the tree without recursion.
+void name_nonsense_below(Reader& r, Node top) {
+    for (Node at = top.first_child(); at && at != top;) {
+        name_nonsense(r, at);
+        if (at.first_child()) {
+            at = at.first_child();
+            continue;
+        }
+        while (at != top && !at.next_sibling()) at = at.parent();
+        if (at != top) at = at.next_sibling();
+    }
+}
+
 // ------------------------------------------------------------------ after the scan
 
 Remark at(Remark place, std::string text) {
@@ -215,12 +286,16 @@ void read_previous_ports(Reader& r, EniSlaveData& s) {
 
 void name_unused(Reader& r, const std::vector<EniInit>& master, std::deque<EniSlaveData>& slaves, bool clocks) {
     name_clock_registers(r, master, clocks);
+    name_alias(r, master);
     for (EniSlaveData& s : slaves) {
         name_clock_registers(r, s.inits, clocks);
+        if (clocks) name_start_times(r, s.inits, s.setup.dc.shift);
+        name_alias(r, s.inits);
         MailboxReader(r, s).read();
         read_previous_ports(r, s);
     }
     name_poll_times(r, slaves);
+    name_nonsense_below(r, r.root());
 }
 
 std::vector<Remark> remarks_after_scan(Context& ctx, const EniConfiguration& eni) {

@@ -38,15 +38,6 @@ bool has_prefix(std::string_view text, std::string_view prefix) {
     return text.size() >= prefix.size() && same_word(text.substr(0, prefix.size()), prefix);
 }
 
-std::string quoted(std::string_view text) {
-    constexpr std::size_t kMost = 40;
-    std::string q = "'";
-    for (const char c : text.substr(0, kMost)) q += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-    while (text.size() > kMost && (static_cast<unsigned char>(q.back()) & 0xC0) == 0x80)
-        q.pop_back();  // whole characters
-    return q + (text.size() > kMost ? "…'" : "'");
-}
-
 // The name of the encoding in the XML declaration, in lower case; empty: there is none.
 std::string declared_encoding(std::string_view octets) {
     if (!octets.starts_with("<?xml")) return {};
@@ -110,6 +101,15 @@ FileContent read_file(const std::string& path, std::size_t most_bytes) {
     if (std::ferror(file.get()) != 0) return failed();
     if (content.octets.empty()) return {.error = path + ": the file is empty"};
     return content;
+}
+
+std::string quoted(std::string_view text) {
+    constexpr std::size_t kMost = 40;
+    std::string q = "'";
+    for (const char c : text.substr(0, kMost)) q += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+    while (text.size() > kMost && (static_cast<unsigned char>(q.back()) & 0xC0) == 0x80)
+        q.pop_back();  // whole characters
+    return q + (text.size() > kMost ? "…'" : "'");
 }
 
 std::string hex(std::uint64_t value, int digits) {

@@ -102,6 +102,8 @@ class Reader {
     bool failed_ = false;
 };
 
+// A text of the file for sentences: 'abc', shortened, without control characters.
+[[nodiscard]] std::string quoted(std::string_view text);
 // A number for sentences: "0x1c12".
 [[nodiscard]] std::string hex(std::uint64_t value, int digits = 4);
 

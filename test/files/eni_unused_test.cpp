@@ -126,6 +126,18 @@ TEST(EniUnused, ControlLoopsOfTheClocksAreNamedWhereTheyHaveAnEffect) {
     EXPECT_EQ(more_said(with_clocks(with_inits(init("PS", 0x0935, "08")))), Texts{"line 14, column 2: " + kNoFilters});
 }
 
+TEST(EniUnused, AStartTimeOfSyncAndTheSecondAddressAreNamed) {
+    const auto start = [](const std::string& data) { return with_clocks(with_inits(init("PS", 0x0990, data))); };
+    EXPECT_EQ(more_said(start("40420f0000000000")),
+              Texts{"line 14, column 2: the init command for the start time of SYNC0 (0x0990) is not sent: the library "
+                    "calculates it, from the system time and the ShiftTime of DC"});
+    EXPECT_EQ(more_said(start("0000000000000000")), Texts());
+    const std::string second = "the init command that switches the second address on (0x0103) is not sent: the library "
+                               "addresses all slaves by their station addresses";
+    EXPECT_EQ(more_said(with_inits(init("PS", 0x0103, "01"))), Texts{"line 14, column 2: " + second});
+    EXPECT_EQ(more_said(with_inits(init("PS", 0x0103, "00"))), Texts());
+}
+
 TEST(EniUnused, PollTimesAreNamedOnce) {
     const std::string status = "<StatusBitAddr>0</StatusBitAddr>";
     EXPECT_EQ(more_said(replaced(kExampleEni, status, "<PollTime>3000</PollTime>")),
@@ -195,6 +207,17 @@ TEST(EniUnused, BitStartsOfACommandWithoutAnOffsetAreComparedWithEachOther) {
         eni.remarks[0].text.starts_with("BitStart is 16, and by the FMMU and the BitStart of other slaves the "
                                         "data begins at 8: "))
         << eni.remarks[0].text;
+}
+
+// Elements that are not used: nonsense in them says that something is wrong with the file.
+TEST(EniUnused, NonsenseInElementsThatAreNotUsedIsNamed) {
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<ByteSize>1536</ByteSize>", "<ByteSize>abc</ByteSize>")),
+              Texts{"line 34, column 24: ByteSize is 'abc', which is no number from 0 to 4294967295: it is not used"});
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<Sm2><Pdo>", "<Sm2><ControlByte>-1</ControlByte><Pdo>")),
+              Texts{"line 8, column 82: ControlByte is '-1', which is no number from 0 to 255: it is not used"});
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<State>OP</State>", "<State>SAFEOPX</State>")),
+              Texts{"line 30, column 7: State is 'SAFEOPX', which is no AL state: it is not used"});
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<Sm2><Pdo>", "<Sm2><ControlByte>#x64</ControlByte><Pdo>")), Texts());
 }
 
 TEST(EniUnused, ACoeCommandThatIsNoDownloadIsNamed) {

@@ -129,6 +129,7 @@ Result<> after_scan(Context& ctx, const EniConfiguration& eni);
 // Brings the segment to SAFEOP as the file says: apply(), config_init(), after_scan(), configdc() if the file uses
 // clocks, and config_map() of each group; `image` has at least eni.image_bytes octets and is divided between the
 // groups. Returns the first error, after which the segment can be used as after an error of the same function. Waits.
+// What it does not do of the file is known then: see remarks_after_scan().
 Result<> bring_up(Context& ctx, const EniConfiguration& eni, std::span<std::byte> image);
 
 // What write_eni() writes beside the slaves.
