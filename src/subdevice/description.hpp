@@ -33,7 +33,7 @@ struct MailboxPair {
     [[nodiscard]] constexpr bool present() const { return receive.size_bytes != 0 && send.size_bytes != 0; }
 };
 
-// The process data of one SyncManager.
+// The process data of one SyncManager. With three buffers it occupies three times its octets.
 struct ProcessDataArea {
     std::uint8_t sync_manager = 0;  // normally 2 (outputs) and 3 (inputs) on devices with a mailbox
     std::uint16_t start = 0;
@@ -150,6 +150,9 @@ constexpr void for_each_area(const DeviceDescription& device, bool outputs, Visi
     for (const auto& area : outputs ? device.more_outputs : device.more_inputs)
         if (++n <= kMostMoreAreas && area.present()) visit(area, n);
 }
+
+// The SyncManagers of a device: two of the mailboxes, and those of the process data.
+inline constexpr std::size_t kMostSyncManagers = 2 + 2 * (1 + kMostMoreAreas);
 
 // The largest number of octets of all areas of a direction.
 [[nodiscard]] constexpr std::size_t most_bytes(const DeviceDescription& device, bool outputs) {

@@ -34,14 +34,33 @@ bool mailbox_fits(const SyncManager& sm, const MailboxArea& area, bool ecat_writ
            area.allows(sm.length_bytes);
 }
 
-bool overlap(const SyncManager& a, const SyncManager& b) {
-    const auto end = [](const SyncManager& sm) { return std::uint32_t{sm.physical_start} + sm.length_bytes; };
-    return a.physical_start < end(b) && b.physical_start < end(a);
+// An ESC that does not say how much RAM it has: the whole range of addresses.
+std::uint32_t ram_end(EscAccess& esc) {
+    const std::uint32_t kib = read_register<std::uint8_t>(esc, reg::kRamSize.address);
+    return kib == 0 ? 0x10000 : reg::kProcessRam + 1024 * kib;
 }
 
-AlStatusCode check_area(EscAccess& esc, const ProcessDataArea& area, std::uint16_t bytes, bool ecat_writes,
+class Places {
+  public:
+    explicit Places(EscAccess& esc) : places_(ram_end(esc)) {}
+    // Whether the memory of the SyncManager is in the RAM and is that of no other one.
+    [[nodiscard]] bool add(const SyncManager& sm) { return places_.add(sm) == wire::SyncManagerPlace::free; }
+
+  private:
+    wire::SyncManagerPlaces<kMostSyncManagers> places_;
+};
+
+// Start and length only.
+SyncManager read_mailbox_place(EscAccess& esc, unsigned n) {
+    std::array<std::byte, 4> bytes{};
+    read_memory(esc, reg::sync_manager(n).address, bytes);
+    return {.physical_start = load_le<std::uint16_t>(bytes, 0),
+            .length_bytes = load_le<std::uint16_t>(bytes, 2),
+            .control = wire::sm_control::kModeMailbox};
+}
+
+AlStatusCode check_area(const SyncManager& sm, const ProcessDataArea& area, std::uint16_t bytes, bool ecat_writes,
                         AlStatusCode otherwise) {
-    const auto sm = read_sync_manager(esc, area.sync_manager);
     if (bytes == 0) return sm.enabled() && sm.length_bytes != 0 ? otherwise : AlStatusCode::none;
     if (!sm.enabled() || sm.length_bytes != bytes || sm.physical_start != area.start) return otherwise;
     const auto mode = sm.control & wire::sm_control::kModeMask;
@@ -56,19 +75,28 @@ AlStatusCode check_mailboxes(EscAccess& esc, const MailboxPair& expected, AlStat
     if (!expected.present()) return AlStatusCode::none;
     const auto receive = read_sync_manager(esc, 0);
     const auto send = read_sync_manager(esc, 1);
+    Places places(esc);
     const bool fits = mailbox_fits(receive, expected.receive, true) && mailbox_fits(send, expected.send, false) &&
-                      !overlap(receive, send);
+                      places.add(receive) && places.add(send);
     return fits ? AlStatusCode::none : otherwise;
 }
 
 AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device, const ProcessDataSizes& sizes) {
     if (sizes.fault != AlStatusCode::none) return sizes.fault;
     auto fault = AlStatusCode::none;
+    Places places(esc);
+    // The mailboxes have been checked. The AL event of a change of theirs stays for the state machine.
+    for (const unsigned n : {0U, 1U})
+        if (device.mailbox.present()) (void)places.add(read_mailbox_place(esc, n));
     for (const bool outputs : {true, false}) {
         const auto otherwise =
             outputs ? AlStatusCode::invalid_output_configuration : AlStatusCode::invalid_input_configuration;
         for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t n) {
-            if (fault == AlStatusCode::none) fault = check_area(esc, area, sizes.of(outputs, n), outputs, otherwise);
+            if (fault != AlStatusCode::none) return;
+            const auto sm = read_sync_manager(esc, area.sync_manager);
+            const auto bytes = sizes.of(outputs, n);
+            fault = check_area(sm, area, bytes, outputs, otherwise);
+            if (fault == AlStatusCode::none && bytes != 0 && !places.add(sm)) fault = otherwise;
         });
     }
     return fault;

@@ -20,10 +20,11 @@ namespace margay::subdevice {
 void read_activations(EscAccess& esc);
 
 // Compares SM0 and SM1 with the mailboxes of PREOP (or of BOOT): start, size, mode, direction, activation. Returns
-// `otherwise` on a difference.
+// `otherwise` on a difference, and for mailboxes that share memory or are outside of the RAM of the ESC.
 [[nodiscard]] AlStatusCode check_mailboxes(EscAccess& esc, const MailboxPair& expected, AlStatusCode otherwise);
 
-// Compares the process data sync managers with the description and with the sizes of the mapping.
+// Compares the process data sync managers with the description and with the sizes of the mapping. Each must have memory
+// of its own in the RAM of the ESC: three buffers take three times the length.
 [[nodiscard]] AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device,
                                               const ProcessDataSizes& sizes);
 

@@ -159,6 +159,21 @@ class SyncManagerTable {
     std::size_t count_ = 0;
 };
 
+// Mailboxes and process data must have memory of their own in the process RAM. The size of the RAM is not known here.
+Fault place_fault(const sii::Description& d) {
+    for (const MailboxInfo& mailboxes : {d.mailbox, d.boot_mailbox})
+        if (const auto fault = sii::mailbox_fault(mailboxes); fault != Fault::none) return fault;
+    using Place = wire::SyncManagerPlace;
+    wire::SyncManagerPlaces<kMostSyncManagers> places;
+    for (const SmInfo& sm : d.sync_managers) {
+        if (sm.type == SmType::unused || sm.length_bytes == 0) continue;
+        const auto place = places.add({sm.start, sm.length_bytes, sm.control, sm.enable});
+        if (place == Place::outside) return Fault::sync_manager_outside;
+        if (place == Place::taken) return Fault::sync_manager_overlap;
+    }
+    return Fault::none;
+}
+
 }  // namespace
 
 std::uint8_t coe_details(const DeviceDescription& device, const ObjectDictionary& dictionary) {
@@ -221,6 +236,7 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
         });
     if (!room) return {0, Fault::no_room};
     d.sync_managers = managers.entries();
+    if (const auto fault = place_fault(d); fault != Fault::none) return {0, fault};
 
     PdoCollector collector(dictionary, pdos, entries);
     if (!collector.collect(device, true, d.rx_pdos) || !collector.collect(device, false, d.tx_pdos))

@@ -21,6 +21,7 @@
 
 #include "subdevice/coe_server.hpp"
 #include "subdevice/device.hpp"
+#include "wire/sync_manager.hpp"
 
 #include <algorithm>
 #include <array>
@@ -119,6 +120,35 @@ constexpr bool no_area_of_one_octet(const DeviceDescription& device) {
     bool none = true;
     for_each_area(device, true, [&](const ProcessDataArea& area, std::size_t) { none = none && area.max_bytes != 1; });
     return none;
+}
+
+// Where the SyncManagers of the description are. Process data have their largest size, mailboxes that of the SII: the
+// state machine refuses a size of the master that does not fit. BOOT has no process data.
+enum class Places : std::uint8_t { apart, mailboxes_outside, mailboxes_overlap, data_outside, data_overlap };
+constexpr Places places_of(const DeviceDescription& device) {
+    namespace control = wire::sm_control;
+    using Channels = wire::SyncManagerPlaces<kMostSyncManagers>;
+    auto found = Places::apart;
+    const auto add = [&](Channels& channels, const wire::SyncManager& sm, Places outside, Places overlap) {
+        const auto place = channels.add(sm);
+        if (found != Places::apart || place == wire::SyncManagerPlace::free) return;
+        found = place == wire::SyncManagerPlace::outside ? outside : overlap;
+    };
+    Channels boot;
+    Channels usual;
+    for (const bool of_boot : {true, false}) {
+        const MailboxPair& pair = of_boot ? device.boot_mailbox : device.mailbox;
+        for (const MailboxArea& area : {pair.receive, pair.send})
+            if (pair.present())
+                add(of_boot ? boot : usual, {area.start, area.size_bytes, control::kModeMailbox, 1},
+                    Places::mailboxes_outside, Places::mailboxes_overlap);
+    }
+    for (const bool outputs : {true, false})
+        for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) {
+            const auto mode = area.three_buffers ? control::kModeBuffered : control::kModeMailbox;
+            add(usual, {area.start, area.max_bytes, mode, 1}, Places::data_outside, Places::data_overlap);
+        });
+    return found;
 }
 
 constexpr std::uint16_t largest(const MailboxPair& pair) {
@@ -234,6 +264,17 @@ class StandardDevice {
     static_assert(Description.mailbox.present(), "a device with CoE needs DeviceDescription::mailbox");
     static_assert(Description.output_timeout == Duration::zero() || standard::no_area_of_one_octet(Description),
                   "DeviceDescription::output_timeout has no effect on outputs of one octet: give them two octets");
+
+    static constexpr auto kPlaces = standard::places_of(Description);
+    static_assert(kPlaces != standard::Places::mailboxes_outside,
+                  "a mailbox of the DeviceDescription is not in the RAM of an ESC, 0x1000 to 0xFFFF");
+    static_assert(kPlaces != standard::Places::mailboxes_overlap,
+                  "the two mailboxes of the DeviceDescription share memory: in `mailbox`, or in `boot_mailbox`");
+    static_assert(kPlaces != standard::Places::data_outside,
+                  "process data of the DeviceDescription are not in the RAM of an ESC, 0x1000 to 0xFFFF");
+    static_assert(kPlaces != standard::Places::data_overlap,
+                  "process data of the DeviceDescription share memory with other process data or with a mailbox: three "
+                  "buffers take three times `max_bytes`");
 
   public:
     using Objects = StandardObjects<Description, Own, Type>;

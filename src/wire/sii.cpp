@@ -26,6 +26,9 @@ std::string_view to_text(Fault fault) {
         case Fault::mailbox_too_large: return "a mailbox is larger than a frame carries (1486 octets)";
         case Fault::mailbox_outside: return "a mailbox is outside of the process RAM";
         case Fault::mailbox_overlap: return "the two mailboxes overlap";
+        case Fault::sync_manager_outside: return "a SyncManager is outside of the process RAM";
+        case Fault::sync_manager_overlap:
+            return "two SyncManagers share memory (three buffers take three times the length)";
         case Fault::string_past_end: return "a string reaches past the end of its category";
         case Fault::string_missing: return "there is no string of this number";
         case Fault::unknown_value: return "a value that the standard does not have";

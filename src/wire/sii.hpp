@@ -61,6 +61,8 @@ enum class Fault : std::uint8_t {
     mailbox_too_large,     // larger than the data of one datagram
     mailbox_outside,       // not in the process RAM of an ESC
     mailbox_overlap,       // the two mailboxes share memory
+    sync_manager_outside,  // from the writer: a SyncManager is not in the process RAM of an ESC
+    sync_manager_overlap,  // from the writer: two SyncManagers share memory (three buffers take three times the length)
     string_past_end,       // a string is longer than its category
     string_missing,        // a string number above the number of strings
     unknown_value,         // the standard does not define the value of an enumeration

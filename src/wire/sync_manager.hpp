@@ -4,6 +4,9 @@
 #include "util/bytes.hpp"
 #include "wire/esc.hpp"
 
+#include <array>
+#include <cstddef>
+
 namespace margay::wire {
 
 struct SyncManagerLayout {
@@ -66,6 +69,12 @@ struct SyncManager {
         return (control & sm_control::kDirectionMask) == sm_control::kEcatWrites;
     }
     [[nodiscard]] constexpr bool enabled() const { return (activate & sm_activate::kEnable) != 0; }
+    // The first octet behind its memory: three buffers follow each other (ESC data sheets, "SyncManager"). A channel of
+    // one octet has no buffers.
+    [[nodiscard]] constexpr std::uint32_t end() const {
+        const std::uint32_t buffers = mailbox() || length_bytes < 2 ? 1 : 3;
+        return physical_start + buffers * length_bytes;
+    }
     friend constexpr bool operator==(const SyncManager&, const SyncManager&) = default;
 };
 
@@ -84,5 +93,34 @@ constexpr void store_sync_manager(MutableBytes at, const SyncManager& s) {
     L::activate::store(at, s.activate);
     L::pdi_control::store(at, 0);
 }
+
+// What the memory of a SyncManager is: its own, not in the process RAM, or that of another one, too.
+enum class SyncManagerPlace : std::uint8_t { free, outside, taken };
+
+// The memory of at most `N` SyncManagers, for the check that each has its own, in the process RAM.
+template <std::size_t N>
+class SyncManagerPlaces {
+  public:
+    // `ram_end`: the first octet behind the process RAM of the ESC.
+    explicit constexpr SyncManagerPlaces(std::uint32_t ram_end = 0x10000) : ram_end_(ram_end) {}
+
+    // The channel is added if its memory is free.
+    [[nodiscard]] constexpr SyncManagerPlace add(const SyncManager& sm) {
+        if (sm.physical_start < reg::kProcessRam || sm.end() > ram_end_) return SyncManagerPlace::outside;
+        for (std::size_t n = 0; n < count_; ++n)
+            if (sm.physical_start < used_[n].end && used_[n].begin < sm.end()) return SyncManagerPlace::taken;
+        if (count_ < N) used_[count_++] = {sm.physical_start, sm.end()};
+        return SyncManagerPlace::free;
+    }
+
+  private:
+    struct Range {
+        std::uint32_t begin = 0;
+        std::uint32_t end = 0;
+    };
+    std::uint32_t ram_end_;
+    std::size_t count_ = 0;
+    std::array<Range, N> used_{};
+};
 
 }  // namespace margay::wire

@@ -241,6 +241,64 @@ TEST_F(EsmTest, ProcessDataSettingsAreCheckedOneByOne) {
     EXPECT_EQ(request(0x14), ok(AlState::safeop)) << "nothing mapped, SM2 off";
 }
 
+// The author's description is wrong: the master sets what it says, and the ESC would mix up the data.
+TEST_F(EsmTest, SyncManagersNeedMemoryOfTheirOwn) {
+    using enum AlStatusCode;
+    struct Case {
+        const char* what;
+        std::uint16_t outputs, inputs;
+        std::uint8_t ram_kib;
+        bool buffers;
+        AlStatusCode code;
+    };
+    const Case cases[] = {
+        {"right behind the three buffers", 0x1100, 0x1112, 0, true, none},
+        {"inputs in the third buffer of the outputs", 0x1100, 0x1111, 0, true, invalid_input_configuration},
+        {"outputs in the first buffer of the inputs", 0x1207, 0x1200, 0, true, invalid_input_configuration},
+        {"one buffer each", 0x1100, 0x1106, 0, false, none},
+        {"outputs on the last octet of a mailbox", 0x10FF, 0x1200, 0, true, invalid_output_configuration},
+        {"inputs up to a mailbox", 0x1100, 0x1000 - 24, 0, true, invalid_input_configuration},
+        {"outputs in the registers", 0x0FEE, 0x1200, 0, true, invalid_output_configuration},
+        {"inputs at the end of the RAM", 0x1100, 0x2000 - 24, 4, true, none},
+        {"inputs beyond the RAM", 0x1100, 0x2000 - 23, 4, true, invalid_input_configuration},
+        {"inputs beyond all addresses", 0x1100, 0xFFF0, 0, true, invalid_input_configuration},
+    };
+    for (const auto& c : cases) {
+        auto description = kDevice;
+        description.outputs.start = c.outputs;
+        description.inputs.start = c.inputs;
+        description.outputs.three_buffers = description.inputs.three_buffers = c.buffers;
+        esc = PlainEsc{};
+        esc.ecat_set<std::uint8_t>(0x0006, c.ram_kib);
+        start(description);
+        bring_to(AlState::preop);
+        const auto control = [&](unsigned bits) { return static_cast<std::uint8_t>(bits | (c.buffers ? 0U : 2U)); };
+        esc.configure(2, {c.outputs, 6, control(0x64), 1});
+        esc.configure(3, {c.inputs, 8, control(0x20), 1});
+        EXPECT_EQ(request(0x04), c.code == none ? ok(AlState::safeop) : refused(AlState::preop, c.code)) << c.what;
+    }
+}
+
+TEST_F(EsmTest, MailboxesNeedMemoryOfTheirOwn) {
+    using enum AlStatusCode;
+    const auto attempt = [&](std::uint16_t receive, std::uint16_t send, std::uint8_t ram_kib) {
+        auto description = kDevice;
+        description.mailbox.receive.start = receive;
+        description.mailbox.send.start = send;
+        esc = PlainEsc{};
+        esc.ecat_set<std::uint8_t>(0x0006, ram_kib);
+        start(description);
+        esc.configure(0, {receive, 128, 0x26, 1});
+        esc.configure(1, {send, 128, 0x22, 1});
+        return request(0x02);
+    };
+    EXPECT_EQ(attempt(0x1080, 0x1000, 1), ok(AlState::preop));
+    EXPECT_EQ(attempt(0x107F, 0x1000, 1), refused(AlState::init, invalid_mailbox_configuration)) << "overlap";
+    EXPECT_EQ(attempt(0x0FFF, 0x1080, 1), refused(AlState::init, invalid_mailbox_configuration)) << "registers";
+    EXPECT_EQ(attempt(0x1000, 0x1380, 1), ok(AlState::preop));
+    EXPECT_EQ(attempt(0x1000, 0x1381, 1), refused(AlState::init, invalid_mailbox_configuration)) << "beyond the RAM";
+}
+
 TEST_F(EsmTest, WatchdogIsDemandedWhereTheDeviceNeedsIt) {
     auto strict = kDevice;
     strict.outputs.watchdog_required = true;

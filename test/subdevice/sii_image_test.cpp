@@ -93,6 +93,33 @@ TEST_F(SiiImageTest, UnusedSyncManagersHaveEntriesOfTheirOwn) {
     EXPECT_FALSE(write_sii(inputs_only, {}, bench.dictionary, workspace, image).ok());
 }
 
+TEST_F(SiiImageTest, AreasWithoutMemoryOfTheirOwnAreToldNotWritten) {
+    using sii::Fault;
+    const auto& right = bench.application.description();
+    const auto fault = [&](auto change) {
+        DeviceDescription wrong = right;
+        change(wrong);
+        return write_sii(wrong, {}, bench.dictionary, workspace, image).fault;
+    };
+    // Four octets of outputs in three buffers from 0x1200 on, six of inputs from 0x1300 on.
+    EXPECT_EQ(fault([](auto& d) { d.inputs.start = 0x120C; }), Fault::none);
+    EXPECT_EQ(fault([](auto& d) { d.inputs.start = 0x120B; }), Fault::sync_manager_overlap);
+    EXPECT_EQ(fault([](auto& d) { d.inputs.start = 0x120B, d.outputs.three_buffers = false; }), Fault::none);
+    EXPECT_EQ(fault([](auto& d) { d.inputs.start = 0x11EF; }), Fault::sync_manager_overlap);
+    EXPECT_EQ(fault([](auto& d) { d.outputs.start = 0x117F; }), Fault::sync_manager_overlap) << "on a mailbox";
+    EXPECT_EQ(fault([](auto& d) { d.outputs.start = 0x0FFE; }), Fault::sync_manager_outside);
+    EXPECT_EQ(fault([](auto& d) { d.outputs.start = 0xFFF8; }), Fault::sync_manager_outside);
+    EXPECT_EQ(fault([](auto& d) { d.mailbox.send.start = 0x107F; }), Fault::mailbox_overlap);
+    EXPECT_EQ(fault([](auto& d) { d.mailbox.send.start = 0x0F00; }), Fault::mailbox_outside);
+    EXPECT_EQ(fault([](auto& d) { d.boot_mailbox = d.mailbox, d.boot_mailbox.send.start = 0x1001; }),
+              Fault::mailbox_overlap);
+    EXPECT_EQ(fault([](auto& d) { d.boot_mailbox = {{0x1200, 256}, {0x1300, 256}}; }), Fault::none)
+        << "BOOT has no process data";
+    EXPECT_EQ(fault([](auto& d) { d.mailbox = {}; }), Fault::mailbox_without_size);
+    for (const auto words : {Fault::sync_manager_outside, Fault::sync_manager_overlap})
+        EXPECT_NE(to_text(words).find("SyncManager"), std::string_view::npos);
+}
+
 TEST_F(SiiImageTest, TooLittleRoomIsToldNotWritten) {
     SiiWorkspace<2, 16> few_pdos;
     SiiWorkspace<4, 3> few_entries;

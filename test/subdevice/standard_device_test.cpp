@@ -53,6 +53,32 @@ constexpr Object kLampObjects[] = {variable(0x1008, "Device name", kOwnName),
                                    array(0x6000, "Currents", kCurrents), variable(0x7000, "Lamps", kLamps)};
 using LampStack = StandardDevice<kLampsDevice, kLampObjects, LampValues>;
 
+// StandardDevice asserts that the result is `apart`.
+constexpr auto places_with(auto change) {
+    DeviceDescription device = kLampsDevice;
+    change(device);
+    return standard::places_of(device);
+}
+using standard::Places;
+constexpr ProcessDataArea kBehindInputs[] = {{.sync_manager = 4, .start = 0x1498, .max_bytes = 2}};
+constexpr ProcessDataArea kInInputs[] = {{.sync_manager = 4, .start = 0x1497, .max_bytes = 2}};
+static_assert(places_with([](auto&) {}) == Places::apart);
+static_assert(places_with([](auto& d) { d.inputs.start = 0x140C; }) == Places::apart);
+static_assert(places_with([](auto& d) { d.inputs.start = 0x140B; }) == Places::data_overlap, "three buffers");
+static_assert(places_with([](auto& d) { d.inputs.start = 0x1404, d.outputs.three_buffers = false; }) == Places::apart);
+static_assert(places_with([](auto& d) { d.inputs.start = 0x1401, d.outputs.max_bytes = 1; }) == Places::apart,
+              "one octet has no buffers");
+static_assert(places_with([](auto& d) { d.more_outputs = kBehindInputs; }) == Places::apart);
+static_assert(places_with([](auto& d) { d.more_outputs = kInInputs; }) == Places::data_overlap);
+static_assert(places_with([](auto& d) { d.outputs.start = 0x1100; }) == Places::data_overlap, "on a mailbox");
+static_assert(places_with([](auto& d) { d.outputs.start = 0x0FFF; }) == Places::data_outside);
+static_assert(places_with([](auto& d) { d.inputs.start = 0xFFF0; }) == Places::data_outside);
+static_assert(places_with([](auto& d) { d.mailbox.send.start = 0x107F; }) == Places::mailboxes_overlap);
+static_assert(places_with([](auto& d) { d.mailbox.receive.start = 0x0400; }) == Places::mailboxes_outside);
+static_assert(places_with([](auto& d) { d.boot_mailbox = {{0x1400, 128}, {0x1480, 128}}; }) == Places::apart);
+static_assert(places_with([](auto& d) { d.boot_mailbox = {{0x1400, 129}, {0x1480, 128}}; }) ==
+              Places::mailboxes_overlap);
+
 struct LampBench {
     PlainEsc esc;
     LampStack::Memory memory;
