@@ -27,6 +27,7 @@
 #include <concepts>
 #include <span>
 #include <string_view>
+#include <type_traits>
 
 namespace margay::subdevice {
 
@@ -183,6 +184,13 @@ template <std::size_t N, std::size_t M>
     return static_cast<std::uint64_t>(minimum) <= number && number <= static_cast<std::uint64_t>(maximum);
 }
 
+// With -fsanitize=undefined, GCC 12 does not know in a constant expression that the address of a variable is not null.
+[[nodiscard]] constexpr bool provides_memory(const Object& o) {
+    if (!std::is_constant_evaluated()) return o.hooks != nullptr && o.hooks->memory != nullptr;
+    if (__builtin_constant_p(o.hooks == nullptr) && o.hooks == nullptr) return false;
+    return !(__builtin_constant_p(o.hooks->memory == nullptr) && o.hooks->memory == nullptr);
+}
+
 // Checks a table: indices ascending, values inside the image, each subindex unique, initial values within their limits,
 // a memory hook for each provided value.
 [[nodiscard]] constexpr bool well_formed(std::span<const Object> objects, std::size_t image_bytes) {
@@ -197,7 +205,7 @@ template <std::size_t N, std::size_t M>
             next = e.last() + 1;
             if (e.is_limited() && !begins_within_limits(e)) return false;
             if (e.storage == Storage::image && e.offset + std::size_t{e.bytes()} * e.count > image_bytes) return false;
-            if (e.storage == Storage::provided && (o.hooks == nullptr || o.hooks->memory == nullptr)) return false;
+            if (e.storage == Storage::provided && !provides_memory(o)) return false;
         }
         if (o.code != ObjectCode::variable && (o.entries.front().count != 1 || o.entries.front().bits != 8))
             return false;

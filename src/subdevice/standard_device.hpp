@@ -278,12 +278,10 @@ class StandardDevice {
 
   public:
     using Objects = StandardObjects<Description, Own, Type>;
-#ifndef __SANITIZE_ADDRESS__
     static_assert(well_formed(Objects::kObjects, sizeof(Values)),
                   "the table has values outside of `Values`, or another mistake that well_formed() finds");
     static_assert(standard::lie_apart<standard::value_count(Objects::kObjects)>(Objects::kObjects),
                   "two values of the table lie in the same octets: name members of `Values` itself, not of a base");
-#endif
     static constexpr std::size_t kMailboxBytes =
         std::max(standard::largest(Description.mailbox), standard::largest(Description.boot_mailbox));
 

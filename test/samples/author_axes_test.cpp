@@ -109,9 +109,7 @@ constexpr Object kCraneOwn[] = {array(0x1010, "Store parameters", kStoreEntries,
 constexpr auto kCraneObjects = joined(kCraneOwn, CraneModules::kObjects);
 using CraneStack = StandardDevice<kCrane, kCraneObjects, ModularValues<CraneValues, CraneModules>, 1, 0x1389,
                                   CraneModules::kMostMapped + 2, CraneModules::kLargestValue>;
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(CraneStack::Objects::kObjects, CraneModules::end, kCraneSlots));
-#endif
 
 class Crane final : public CraneStack::App {
     ModuleMemory<CraneModules> module_memory_;

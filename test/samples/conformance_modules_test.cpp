@@ -51,9 +51,7 @@ constexpr Object kShelfOwn[] = {record(0x1AF0, "Supply", kShelfSupplyPdo, nullpt
 constexpr auto kShelfObjects = joined(kShelfOwn, ShelfTables::kObjects);
 using ShelfStack = StandardDevice<kShelfDevice, kShelfObjects, std::array<std::byte, ShelfTables::end>, 0, 0x1389,
                                   ShelfTables::kMostMapped + 1>;
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kShelfObjects, ShelfTables::end, kShelf));
-#endif
 
 class ShelfApplication final : public Application {
   public:

@@ -57,7 +57,6 @@ using RackTables = ModuleTables<kRackModular, RackValues::bytes>;
 constexpr Entry kRackStatus[] = {value<RackValues::status>(0, "Status", od::kRead | od::kTxMappable)};
 constexpr Object kRackOwn[] = {variable(0x2000, "Status", kRackStatus)};
 constexpr auto kRackObjects = joined(kRackOwn, RackTables::kObjects);
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kRackObjects, RackTables::end, kRackModular));
 
 // Mistakes that the compiler finds.
@@ -83,7 +82,6 @@ static_assert(!right_with([](ModularDevice& d) { d.index_distance = 0; }));
 static_assert(!right_with([](ModularDevice& d) { d.pdo_distance = 0; }));
 static_assert(!right_with([](ModularDevice& d) { d.index_distance = 0x800; }), "slot 3 has objects of another area");
 static_assert(!well_formed(kWithOwnLamps, RackTables::end, kRackModular), "an object of slot 3");
-#endif
 
 constexpr DeviceDescription kRackDevice{
     .vendor_id = 0x4D47,

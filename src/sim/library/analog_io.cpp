@@ -135,9 +135,7 @@ constexpr auto kObjects = with_common<Common>({
     record(0x9040, "AO internal data channel 1", Output<0>::kTerminal),
     record(0x9050, "AO internal data channel 2", Output<1>::kTerminal),
 });
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kObjects, kImageBytes));
-#endif
 
 std::int16_t scaled(Bytes scale, std::int16_t value) {
     std::int64_t result = value;

@@ -88,9 +88,7 @@ struct Tables {
         variable(0x2000, "Seconds since start", kUptime),
     };
 };
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(Tables<kDevice>::kObjects, Values::bytes));
-#endif
 
 constexpr std::string_view kFile = "firmware";
 constexpr Duration kErase = 30ms;

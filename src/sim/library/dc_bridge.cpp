@@ -61,9 +61,7 @@ constexpr auto kDcBridgeObjects = with_common<DcBridgeCommon>({
     variable(0x6000, "Outputs of the other half", kDcBridgeIn),
     variable(0x7000, "Outputs", kDcBridgeOut),
 });
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kDcBridgeObjects, DcBridgeValues::bytes));
-#endif
 
 class DcBridge final : public Model, public BridgeHalf {
   public:

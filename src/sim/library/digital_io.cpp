@@ -60,9 +60,7 @@ constexpr auto kObjects = with_common<Common>({
     array(0x7000, "Outputs", kOutputs),
     record(0x8000, "Settings", kSettings),
 });
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kObjects, Values::bytes));
-#endif
 
 class DigitalIo final : public Model {
   public:

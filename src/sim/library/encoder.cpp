@@ -76,9 +76,7 @@ constexpr auto kObjects = with_common<Common>({
     record(0x7000, "Encoder outputs", kOutputs),
     record(0x8000, "Encoder settings", kSettings),
 });
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kObjects, Values::bytes));
-#endif
 
 constexpr std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b != 0 && (a < 0) != (b < 0)); }
 

@@ -45,9 +45,7 @@ constexpr auto kEoeGatewayObjects = with_common<EoeGatewayCommon>({
     variable(0x6000, "Repeated outputs", kEoeGatewayIn),
     variable(0x7000, "Outputs", kEoeGatewayOut),
 });
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kEoeGatewayObjects, EoeGatewayValues::bytes));
-#endif
 
 constexpr std::uint8_t kOuterPort = 1;
 constexpr std::size_t kMostWaiting = 64;  // frames of the port

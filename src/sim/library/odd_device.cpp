@@ -110,9 +110,7 @@ constexpr auto kObjects = [] {
     objects[n++] = array(0x7000, "Outputs", kOutputs);
     return objects;
 }();
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kObjects, Values::bytes));
-#endif
 
 class OddDevice final : public Model {
   public:

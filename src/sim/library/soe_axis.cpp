@@ -104,9 +104,7 @@ constexpr SoeParameter kParameters[] = {
     soe_value<Values::homing_speed>(Idn::product(1), "Homing speed", "inc/s").within(1, 20 * kTurn).starts_with(kTurn),
     soe_value<Values::load>(Idn::product(2), "Load torque", "%", 1),
 };
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kParameters, Values::bytes));
-#endif
 
 std::int32_t rounded(double value) {
     return static_cast<std::int32_t>(static_cast<std::uint32_t>(std::llround(value)));

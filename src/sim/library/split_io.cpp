@@ -99,9 +99,7 @@ constexpr auto kSplitObjects = with_common<SplitCommon>({
     array(0x7010, "Analogue outputs", kSplitAnalogueOut),
     record(0x9000, "Levels of the outputs", kSplitPins),
 });
-#ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kSplitObjects, SplitValues::bytes));
-#endif
 
 class SplitIo final : public Model {
   public:
