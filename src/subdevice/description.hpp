@@ -151,6 +151,16 @@ constexpr void for_each_area(const DeviceDescription& device, bool outputs, Visi
         if (++n <= kMostMoreAreas && area.present()) visit(area, n);
 }
 
+// The shortest mailbox for an error reply (mailbox header and error), and for an SDO request (mailbox header, CoE
+// header and SDO).
+inline constexpr std::uint16_t kLeastMailbox = 10;
+inline constexpr std::uint16_t kLeastCoeMailbox = 16;
+
+// False: there is no SYNC0 cycle time that the device accepts.
+[[nodiscard]] constexpr bool cycle_limits_agree(const DcDescription& dc) {
+    return dc.max_cycle == Duration::zero() || dc.min_cycle <= dc.max_cycle;
+}
+
 // The SyncManagers of a device: two of the mailboxes, and those of the process data.
 inline constexpr std::size_t kMostSyncManagers = 2 + 2 * (1 + kMostMoreAreas);
 

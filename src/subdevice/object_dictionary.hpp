@@ -191,8 +191,15 @@ template <std::size_t N, std::size_t M>
     return !(__builtin_constant_p(o.hooks->memory == nullptr) && o.hooks->memory == nullptr);
 }
 
-// Checks a table: indices ascending, values inside the image, each subindex unique, initial values within their limits,
-// a memory hook for each provided value.
+// Whether subindex 0 of each array and record begins with a count of subindices that the table has.
+[[nodiscard]] constexpr bool counts_what_is_there(std::span<const Object> objects) {
+    for (const Object& o : objects)
+        if (o.code != ObjectCode::variable && o.entries.front().initial() > o.max_subindex()) return false;
+    return true;
+}
+
+// Checks a table: indices ascending, values inside the image, each subindex unique, counts that do not exceed them,
+// initial values within their limits, a memory hook for each provided value.
 [[nodiscard]] constexpr bool well_formed(std::span<const Object> objects, std::size_t image_bytes) {
     for (std::size_t i = 0; i < objects.size(); ++i) {
         const auto& o = objects[i];
@@ -210,7 +217,7 @@ template <std::size_t N, std::size_t M>
         if (o.code != ObjectCode::variable && (o.entries.front().count != 1 || o.entries.front().bits != 8))
             return false;
     }
-    return true;
+    return counts_what_is_there(objects);
 }
 
 // The largest value that an SDO transfers in segments: a subindex, or a whole object by complete access. Values of

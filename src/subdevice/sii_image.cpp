@@ -161,8 +161,12 @@ class SyncManagerTable {
 
 // Mailboxes and process data must have memory of their own in the process RAM. The size of the RAM is not known here.
 Fault place_fault(const sii::Description& d) {
-    for (const MailboxInfo& mailboxes : {d.mailbox, d.boot_mailbox})
+    const auto least = (d.mailbox.protocols & mailbox_protocol::kCoE) != 0 ? kLeastCoeMailbox : kLeastMailbox;
+    for (const MailboxInfo& mailboxes : {d.mailbox, d.boot_mailbox}) {
         if (const auto fault = sii::mailbox_fault(mailboxes); fault != Fault::none) return fault;
+        if (mailboxes.present() && std::min(mailboxes.out_bytes, mailboxes.in_bytes) < least)
+            return Fault::mailbox_too_short;
+    }
     using Place = wire::SyncManagerPlace;
     wire::SyncManagerPlaces<kMostSyncManagers> places;
     for (const SmInfo& sm : d.sync_managers) {
@@ -222,6 +226,7 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
     if (device.mailbox.present()) fmmus[fmmu_count++] = FmmuUse::mailbox_status;
     d.fmmus = std::span(fmmus).first(fmmu_count);
 
+    if (!cycle_limits_agree(device.dc)) return {0, Fault::cycle_limits};
     SyncManagerTable managers;
     if (device.mailbox.present()) {
         const MailboxPair& pair = device.mailbox;

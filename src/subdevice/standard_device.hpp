@@ -151,6 +151,14 @@ constexpr Places places_of(const DeviceDescription& device) {
     return found;
 }
 
+// A mailbox must have room for an SDO request, with its headers.
+constexpr bool mailboxes_fit_an_sdo(const DeviceDescription& device) {
+    bool fit = true;
+    for (const MailboxPair& pair : {device.mailbox, device.boot_mailbox})
+        fit = fit && (!pair.present() || std::min(pair.receive.size_bytes, pair.send.size_bytes) >= kLeastCoeMailbox);
+    return fit;
+}
+
 constexpr std::uint16_t largest(const MailboxPair& pair) {
     const auto of = [](const MailboxArea& area) { return std::max(area.size_bytes, area.max_bytes); };
     return std::max(of(pair.receive), of(pair.send));
@@ -265,6 +273,9 @@ class StandardDevice {
     static_assert(Description.output_timeout == Duration::zero() || standard::no_area_of_one_octet(Description),
                   "DeviceDescription::output_timeout has no effect on outputs of one octet: give them two octets");
 
+    static_assert(standard::mailboxes_fit_an_sdo(Description),
+                  "a mailbox of the DeviceDescription is too short for an SDO request: it needs 16 octets");
+    static_assert(cycle_limits_agree(Description.dc), "DcDescription::min_cycle is above DcDescription::max_cycle");
     static constexpr auto kPlaces = standard::places_of(Description);
     static_assert(kPlaces != standard::Places::mailboxes_outside,
                   "a mailbox of the DeviceDescription is not in the RAM of an ESC, 0x1000 to 0xFFFF");
@@ -278,6 +289,8 @@ class StandardDevice {
 
   public:
     using Objects = StandardObjects<Description, Own, Type>;
+    static_assert(counts_what_is_there(Objects::kObjects),
+                  "subindex 0 of an array or record counts subindices that the table does not have: entry_count()");
     static_assert(well_formed(Objects::kObjects, sizeof(Values)),
                   "the table has values outside of `Values`, or another mistake that well_formed() finds");
     static_assert(standard::lie_apart<standard::value_count(Objects::kObjects)>(Objects::kObjects),

@@ -22,10 +22,11 @@ std::string_view to_text(Fault fault) {
         case Fault::size_mismatch: return "the size word is not the size of the image";
         case Fault::mailbox_without_size: return "a mailbox protocol is announced, but the mailboxes have no size";
         case Fault::mailbox_one_sided: return "only one of the two mailboxes has a size";
-        case Fault::mailbox_too_short: return "a mailbox is too short for its header";
+        case Fault::mailbox_too_short: return "a mailbox is too short for a message";
         case Fault::mailbox_too_large: return "a mailbox is larger than a frame carries (1486 octets)";
         case Fault::mailbox_outside: return "a mailbox is outside of the process RAM";
         case Fault::mailbox_overlap: return "the two mailboxes overlap";
+        case Fault::cycle_limits: return "the shortest SYNC0 cycle time is above the longest";
         case Fault::sync_manager_outside: return "a SyncManager is outside of the process RAM";
         case Fault::sync_manager_overlap:
             return "two SyncManagers share memory (three buffers take three times the length)";

@@ -57,7 +57,7 @@ enum class Fault : std::uint8_t {
     size_mismatch,         // word 0x3E contains another size than that of the image
     mailbox_without_size,  // a protocol is announced, but a mailbox has no size
     mailbox_one_sided,     // only one of the two mailboxes has a size
-    mailbox_too_short,     // shorter than a mailbox header
+    mailbox_too_short,     // shorter than a mailbox header; from the writer: than the shortest message
     mailbox_too_large,     // larger than the data of one datagram
     mailbox_outside,       // not in the process RAM of an ESC
     mailbox_overlap,       // the two mailboxes share memory
@@ -67,6 +67,7 @@ enum class Fault : std::uint8_t {
     string_missing,        // a string number above the number of strings
     unknown_value,         // the standard does not define the value of an enumeration
     no_room,               // from the writer: the image does not fit
+    cycle_limits,          // from the writer: the shortest SYNC0 cycle time of the device is above the longest
     too_long,              // from the writer: a text, list or category has too many elements for its counter
 };
 

@@ -120,6 +120,26 @@ TEST_F(SiiImageTest, AreasWithoutMemoryOfTheirOwnAreToldNotWritten) {
         EXPECT_NE(to_text(words).find("SyncManager"), std::string_view::npos);
 }
 
+TEST_F(SiiImageTest, SizesAndTimesThatNoMasterCanUseAreToldNotWritten) {
+    using sii::Fault;
+    using std::chrono_literals::operator""ms;
+    const auto& right = bench.application.description();
+    const auto fault = [&](auto change) {
+        DeviceDescription wrong = right;
+        change(wrong);
+        return write_sii(wrong, {}, bench.dictionary, workspace, image).fault;
+    };
+    EXPECT_EQ(fault([](auto& d) { d.mailbox.send.size_bytes = 16; }), Fault::none);
+    EXPECT_EQ(fault([](auto& d) { d.mailbox.send.size_bytes = 15; }), Fault::mailbox_too_short);
+    EXPECT_EQ(fault([](auto& d) { d.mailbox.receive.size_bytes = 8; }), Fault::mailbox_too_short);
+    EXPECT_EQ(fault([](auto& d) { d.boot_mailbox = {{0x1000, 9}, {0x1100, 128}}; }), Fault::mailbox_too_short);
+    const auto without_coe = [](auto& d) { d.protocols = {.foe = true}, d.mailbox.receive.size_bytes = 10; };
+    EXPECT_EQ(fault(without_coe), Fault::none);
+    EXPECT_EQ(fault([](auto& d) { d.dc.min_cycle = d.dc.max_cycle = 1ms; }), Fault::none);
+    EXPECT_EQ(fault([](auto& d) { d.dc.min_cycle = 2ms, d.dc.max_cycle = 1ms; }), Fault::cycle_limits);
+    EXPECT_NE(to_text(Fault::cycle_limits).find("cycle time"), std::string_view::npos);
+}
+
 TEST_F(SiiImageTest, TooLittleRoomIsToldNotWritten) {
     SiiWorkspace<2, 16> few_pdos;
     SiiWorkspace<4, 3> few_entries;

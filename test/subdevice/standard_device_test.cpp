@@ -79,6 +79,23 @@ static_assert(places_with([](auto& d) { d.boot_mailbox = {{0x1400, 128}, {0x1480
 static_assert(places_with([](auto& d) { d.boot_mailbox = {{0x1400, 129}, {0x1480, 128}}; }) ==
               Places::mailboxes_overlap);
 
+// Further mistakes that StandardDevice asserts by name.
+constexpr bool fits_an_sdo(std::uint16_t bytes) {
+    DeviceDescription device = kLampsDevice;
+    device.mailbox.receive.size_bytes = bytes;
+    return standard::mailboxes_fit_an_sdo(device);
+}
+static_assert(fits_an_sdo(16) && !fits_an_sdo(15));
+using std::chrono_literals::operator""ms;
+static_assert(cycle_limits_agree({.min_cycle = 1ms}) && cycle_limits_agree({.min_cycle = 1ms, .max_cycle = 1ms}));
+static_assert(!cycle_limits_agree({.min_cycle = 2ms, .max_cycle = 1ms}));
+template <unsigned Count>
+constexpr Entry kCounted[] = {entry_count(Count), value<&LampValues::dimming>(1, "Dimming", od::kReadWrite)};
+template <unsigned Count>
+constexpr Object kCountedObjects[] = {record(0x2000, "Dimming", kCounted<Count>)};
+static_assert(counts_what_is_there(kCountedObjects<1>) && well_formed(kCountedObjects<1>, sizeof(LampValues)));
+static_assert(!counts_what_is_there(kCountedObjects<2>) && !well_formed(kCountedObjects<2>, sizeof(LampValues)));
+
 struct LampBench {
     PlainEsc esc;
     LampStack::Memory memory;
