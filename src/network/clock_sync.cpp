@@ -90,6 +90,7 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     const ClockSettings& settings = network.clocks.settings;
     auto off = co_await write_clock_register(station, reg::kSyncActivation, 0);
     clock.sync_active = false;
+    clock.sync_start_ns = 0;
     if (!off || sync.assign_activate == 0) co_return off;
     constexpr wire::Register kBothCycles{reg::kSync0CycleTime.address, 8};
     const std::uint64_t cycles = sync.sync0_cycle_ns | std::uint64_t{sync.sync1_cycle_ns} << 32;
@@ -105,19 +106,20 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     const Duration usual = settings.start_grid > Duration{0} ? settings.start_grid : settings.cycle;
     const bool by_period = settings.start_grid <= Duration{0} && period != 0;
     const std::uint64_t grid = by_period ? period : static_cast<std::uint64_t>(usual.count());
-    clock.sync_start_ns =
+    std::uint64_t start_ns =
         start_time_ns(now_ns + static_cast<std::uint64_t>(settings.start_delay.count()), grid, sync.shift_ns);
     if (settings.start_time != nullptr)
-        clock.sync_start_ns = settings.start_time(slave.number, clock.sync_start_ns, settings.start_time_user);
+        start_ns = settings.start_time(slave.number, start_ns, settings.start_time_user);
     // The chip would wait for a time that has passed for centuries, or until 32 bits wrap.
-    if (static_cast<std::int64_t>(clock.sync_start_ns - now_ns) <= 0) co_return invalid_time(Argument::sync_start);
+    if (static_cast<std::int64_t>(start_ns - now_ns) <= 0) co_return invalid_time(Argument::sync_start);
     wire::Register start = reg::kSyncStartTime;
     if (clock.kind == ClockKind::bits32) start.length = 4;
-    written = co_await write_clock_register(station, start, clock.sync_start_ns);
+    written = co_await write_clock_register(station, start, start_ns);
     if (!written) co_return written;
     constexpr wire::Register kAssignActivate{reg::kCyclicUnitControl.address, 2};
     written = co_await write_clock_register(station, kAssignActivate, sync.assign_activate);
     clock.sync_active = written.ok();
+    if (written) clock.sync_start_ns = start_ns;
     co_return written;
 }
 

@@ -357,6 +357,7 @@ TEST_F(Sync, TheApplicationMayChooseTheStartTime) {
               "slave 2: activating SYNC: argument out of range: ClockSettings::start_time has returned a time that has "
               "passed");
     EXPECT_FALSE(clock(2).sync_active);
+    EXPECT_EQ(clock(2).sync_start_ns, 0U) << "nothing starts";
     EXPECT_TRUE(dcsync0(*ctx, 1, true, 1ms).ok());
 }
 
