@@ -60,9 +60,10 @@ bool note_reach(Network& network, Slave& slave) {
     return before;
 }
 
-bool any_out_of_reach(Network& network) {
+bool any_unsynchronised(Network& network) {
     return std::ranges::any_of(network.slaves(), [&network](const Slave& slave) {
-        return is_there(slave) && network.clocks.of(slave).out_of_reach;
+        const ClockEntry& clock = network.clocks.of(slave);
+        return is_there(slave) && !clock.synchronised && (clock.kind == ClockKind::unknown || is_clock(clock.kind));
     });
 }
 

@@ -336,7 +336,7 @@ Task<Result<>> send_time(Network& network) {
 }
 
 Task<Result<std::uint32_t>> read_greatest_difference(Network& network) {
-    if (any_out_of_reach(network)) co_return co_await read_each_difference(network);
+    if (any_unsynchronised(network)) co_return co_await read_each_difference(network);
     std::array<std::byte, 4> all{};
     Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kSystemTimeDifference), MutableBytes(all));
     auto reply = co_await look;

@@ -167,8 +167,8 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 [[nodiscard]] Task<Result<>> set_reference(Network& network, const Slave& slave);
 // Sends the time of the reference clock to all slaves once, in a frame of its own.
 [[nodiscard]] Task<Result<>> send_time(Network& network);
-// An upper estimate of the differences of all clocks, by one broadcast. Where a clock is out of reach, its difference
-// would hide those of the others: then each of them is read.
+// An upper estimate of the differences of all clocks that are synchronised, by one broadcast. The difference of another
+// clock would hide them: where there is one, each of them is read.
 [[nodiscard]] Task<Result<std::uint32_t>> read_greatest_difference(Network& network);
 // Reads register 0x092C of a slave into its entry.
 [[nodiscard]] Task<Result<>> read_difference(Network& network, Slave& slave);
@@ -235,8 +235,9 @@ void resume_time(Network& network);
 // this reference reaches its clock. It is not synchronised, and never becomes the reference. Reports a change. Returns
 // the new value.
 bool note_reach(Network& network, Slave& slave);
-// Whether a clock is there that is out of reach.
-[[nodiscard]] bool any_out_of_reach(Network& network);
+// Whether a slave is there that may have a clock, and is not synchronised: the clock is out of reach, or the slave has
+// come after configdc() and was not brought to SAFEOP.
+[[nodiscard]] bool any_unsynchronised(Network& network);
 
 // A slave before the reference in the ring that has a clock; 0: none.
 [[nodiscard]] std::uint16_t clock_before(Network& network, std::uint16_t reference);

@@ -79,29 +79,57 @@ TEST_F(ClockHarm, TheDelaysFollowABranchThatIsLost) {
     for (std::uint16_t s = 1; s <= 4; ++s) EXPECT_TRUE(clock(s).in_sync && std::abs(ahead_ns(s)) <= 100) << s;
 }
 
-// A slave that is found after configdc(): its neighbour had no receive time for its port.
-TEST_F(ClockHarm, TheDelayOfALateSlaveIsMeasured) {
-    add_line(4);
-    segment.power_up(osal.now());
-    nic = std::make_unique<SimulatedNic>(segment, osal);
-    ctx = std::make_unique<HostContext>(limits);
-    ASSERT_TRUE(init(*ctx, *nic, osal).ok());
-    power(3, false);
+// A slave that is found after configdc(), in a segment that expects four.
+struct LateClock : ClockHarm {
     std::array<ExpectedSlave, 4> four{};
-    for (std::size_t n = 0; n < four.size(); ++n) four[n].number = static_cast<std::uint16_t>(n + 1);
-    ASSERT_TRUE(expect(*ctx, four).ok());
-    EXPECT_EQ(config_init(*ctx).error().code, Errc::missing_slave);
-    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
-    for (std::uint16_t n = 1; n <= 4; ++n) ctx->slave(n).config.setup = &every_ms;
-    (void)config_map(*ctx, image);
-    ASSERT_TRUE(submit(*ctx, supervision).ok());
-    cycles(500);
-    power(3, true);
-    ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop; }, 6000)) << joined(events());
+
+    void bring_up_without(std::uint32_t late) {
+        segment.power_up(osal.now());
+        nic = std::make_unique<SimulatedNic>(segment, osal);
+        ctx = std::make_unique<HostContext>(limits);
+        ASSERT_TRUE(init(*ctx, *nic, osal).ok());
+        power(late, false);
+        for (std::size_t n = 0; n < four.size(); ++n) four[n].number = static_cast<std::uint16_t>(n + 1);
+        ASSERT_TRUE(expect(*ctx, four).ok());
+        EXPECT_EQ(config_init(*ctx).error().code, Errc::missing_slave);
+        ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+        for (std::uint16_t n = 1; n <= 4; ++n) ctx->slave(n).config.setup = &every_ms;
+    }
+    void map_and_supervise() {
+        (void)config_map(*ctx, image);
+        ASSERT_TRUE(submit(*ctx, supervision).ok());
+        cycles(500);
+    }
+    void switch_on(std::uint16_t slave) {
+        power(slave - 1U, true);
+        ASSERT_TRUE(until([&] { return ctx->slave(slave).al.state == AlState::preop; }, 6000)) << joined(events());
+    }
+};
+
+// Its neighbour had no receive time for its port.
+TEST_F(LateClock, ItsDelayIsMeasured) {
+    add_line(4);
+    bring_up_without(3);
+    map_and_supervise();
+    switch_on(4);
     ASSERT_TRUE(config_map(*ctx, image).ok());
     cycles(2000);
     EXPECT_NEAR(static_cast<double>(clock(4).delay_ns), 3.0 * kHop_ns, 5);
     EXPECT_LE(greatest_error_ns(4), 100);
+}
+
+// In PREOP it has another time than the others: it hides nothing of them.
+TEST_F(LateClock, BeforeItIsStartedTheDifferenceIsThatOfTheOthers) {
+    add_line(4);
+    bring_up_without(3);
+    map_and_supervise();
+    switch_on(4);
+    cycles(300);
+    EXPECT_EQ(ctx->slave(4).al.state, AlState::preop);
+    EXPECT_FALSE(clock(4).synchronised);
+    EXPECT_GT(std::abs(ahead_ns(4)), 1'000'000);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+    EXPECT_LE(clock_status(*ctx, osal.now()).greatest_ns, 200U);
 }
 
 // In cycles that are exact, the reference shows the time that is expected. It is not taken for lost when another slave
