@@ -139,6 +139,49 @@ Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns) {
 
 namespace {
 
+// Frames with the time, until the slave has followed it. The last comparison must be within the limit: its register
+// keeps it while the slave is the reference, see check_reference().
+Task<Result<>> teach_time(Network& network, Slave& slave) {
+    constexpr unsigned kLeast = 200;
+    constexpr unsigned kMost = 300;
+    const std::int64_t limit_ns = network.clocks.settings.limit_ns;
+    std::int64_t away_ns = limit_ns;
+    for (unsigned frame = 0; frame < kLeast || (frame < kMost && away_ns > limit_ns / 2); ++frame) {
+        co_await required(send_time(network));
+        if (frame + 1 < kLeast) continue;
+        co_await required(read_difference(network, slave));
+        away_ns = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
+    }
+    co_return Nothing{};
+}
+
+}  // namespace
+
+// The other clocks run at the rate of the reference: a new reference with another rate would lead them out of the limit
+// until they have learned it. Receive times show the rate without the jitter of the master.
+Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference) {
+    constexpr Duration kLook = std::chrono::milliseconds(20);
+    constexpr std::int64_t kMostChange_ns = 50;  // 2.5 ppm
+    constexpr unsigned kMostLessons = 8;
+    const std::int64_t limit_ns = network.clocks.settings.limit_ns;
+    for (unsigned lessons = 0;; ++lessons) {
+        const auto before = co_await required(measure_ahead(network, slave, reference));
+        co_await network.engine.sleep_for(kLook);
+        const auto ahead = co_await required(measure_ahead(network, slave, reference));
+        co_await required(read_difference(network, slave));
+        const bool compared_well = std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= limit_ns;
+        const bool learned = compared_well && std::abs(ahead - before) <= kMostChange_ns;
+        if (!learned && lessons < kMostLessons) {
+            co_await required(teach_time(network, slave));
+            continue;
+        }
+        if (!learned) co_await required(reset_control_loop(network.station(slave)));
+        co_return co_await required(move_clock(network, slave, -ahead));
+    }
+}
+
+namespace {
+
 // The first clock that is before the reference, and may be the reference: the slave is in its state, and nobody works
 // on it.
 Slave* first_before_reference(Network& network) {
@@ -174,7 +217,7 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
         clocks.returning = 0;
         clocks.rests = kRests;  // if this fails
         const bool sync = clocks.of(slave).sync_active;
-        co_await required(become_reference(network, slave));
+        co_await required(become_reference(network, slave, Rate::own));
         if (sync) co_await required(prepare_clock(network, slave));
         co_return false;
     }

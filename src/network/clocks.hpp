@@ -218,8 +218,13 @@ void resume_time(Network& network);
 // disturbs this rate: if the mean of the differences has left the limit, no comparison would correct it any more, and
 // its control loop starts again. True: the clocks that follow it are not in sync with it now.
 [[nodiscard]] Task<Result<bool>> settle_rate(Network& network, Slave& slave);
-// See prepare_clock(): the slave gets the time of the reference, while no time is sent, and is the reference then.
-[[nodiscard]] Task<Result<>> become_reference(Network& network, Slave& slave);
+// See prepare_clock(): the slave gets the time of the reference, while the cycles carry no time, and is the reference
+// then. `of_reference`: it learns the rate of the reference before, which takes some tenths of a second.
+enum class Rate : bool { own, of_reference };
+[[nodiscard]] Task<Result<>> become_reference(Network& network, Slave& slave, Rate rate);
+// The slave is before the reference in the ring, and its clock was set by it; the cycles carry no time. Single frames
+// bring it the time that the master expects, until it runs at the rate of the reference; then its clock is set again.
+[[nodiscard]] Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference);
 // Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.
 [[nodiscard]] Task<Result<>> improve_delays(Network& network);
 // Writes offset and delay of the entry, and starts the control loop of the clock again.

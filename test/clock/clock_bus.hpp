@@ -44,8 +44,9 @@ struct ClockBus : Plant {
     static constexpr std::int64_t kHop_ns = 60 + 2 * 140 + 500;
 
     // The program of a device with a DC category accepts SYNC signals.
-    sim::Device clocked(const ClockOf& clock, std::span<const wire::sii::DcOpMode> modes = kOneMode) {
-        auto made = sim::device_from_sii(with_dc_modes(io_image(8, 8), modes));
+    sim::Device clocked(const ClockOf& clock, std::span<const wire::sii::DcOpMode> modes = kOneMode,
+                        const IoDevice& of = {}) {
+        auto made = sim::device_from_sii(with_dc_modes(io_image(8, 8, of), modes));
         made.chip = sim::lan9252();
         made.chip.fmmus = 4;
         made.chip.ram_kib = 16;

@@ -83,6 +83,14 @@ TEST_F(ClockHarm, TheDelaysFollowABranchThatIsLost) {
 struct LateClock : ClockHarm {
     std::array<ExpectedSlave, 4> four{};
 
+    // Each slave is another product, so that the master sees which one is missing.
+    void hang(sim::PortRef at, std::int32_t drift_ppb) {
+        auto& wanted = four[segment.size()].product;
+        wanted = 0x0200 + static_cast<std::uint32_t>(segment.size());
+        auto made = clocked({.drift_ppb = drift_ppb, .start_ns = 12345}, kOneMode, {.product = *wanted});
+        const auto n = segment.add(std::move(made).assemble());
+        ASSERT_TRUE(segment.connect(at, {n, 0}, kCable));
+    }
     void bring_up_without(std::uint32_t late) {
         segment.power_up(osal.now());
         nic = std::make_unique<SimulatedNic>(segment, osal);
@@ -91,7 +99,7 @@ struct LateClock : ClockHarm {
         power(late, false);
         for (std::size_t n = 0; n < four.size(); ++n) four[n].number = static_cast<std::uint16_t>(n + 1);
         ASSERT_TRUE(expect(*ctx, four).ok());
-        EXPECT_EQ(config_init(*ctx).error().code, Errc::missing_slave);
+        EXPECT_EQ(config_init(*ctx).error().code, four[late].optional ? Errc::none : Errc::missing_slave);
         ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
         for (std::uint16_t n = 1; n <= 4; ++n) ctx->slave(n).config.setup = &every_ms;
     }
@@ -130,6 +138,47 @@ TEST_F(LateClock, BeforeItIsStartedTheDifferenceIsThatOfTheOthers) {
     EXPECT_GT(std::abs(ahead_ns(4)), 1'000'000);
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
     EXPECT_LE(clock_status(*ctx, osal.now()).greatest_ns, 200U);
+}
+
+// It is before the reference, and becomes the reference: the others run at the rate of the reference before, and must
+// not see another one.
+TEST_F(LateClock, BeforeTheReferenceItLearnsItsRate) {
+    auto root = clocked({.unit = sim::DcUnit::receive_times});
+    root.chip.ports = sim::junction().ports;
+    segment.add(std::move(root).assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    hang({0, 3}, -90'000);  // slave 2: 110 ppm slower than the reference
+    hang({0, 1}, 20'000);
+    hang({2, 1}, 70'000);
+    four[1].optional = true;
+    bring_up_without(1);
+    ctx->slave(1).config.setup = nullptr;
+    map_and_supervise();
+    ASSERT_EQ(reference_clock(*ctx), 3);
+    (void)events();
+    const auto watch = [this] {
+        std::int64_t most = 0;
+        for (int n = 0; n < 2000; ++n) {
+            cycles(1);
+            most = std::max(most, std::abs(ahead_ns(4, 3)));
+        }
+        EXPECT_LE(most, 100) << "between the others";
+        EXPECT_EQ(reference_clock(*ctx), 2);
+        EXPECT_LE(std::abs(ahead_ns(3, 2)), 100);
+        EXPECT_LE(std::abs(ahead_ns(4, 2)), 100);
+        EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+        const auto all = events();
+        EXPECT_EQ(told(all, "clock out of sync"), 0) << joined(all);
+    };
+    switch_on(2);
+    const auto mapped = config_map(*ctx, image);
+    ASSERT_TRUE(mapped.ok()) << words(mapped.error());
+    watch();
+    power(1, false);
+    cycles(1000);
+    power(1, true);
+    ASSERT_TRUE(until([&] { return in_op(2); }, 900)) << "within a second: " << joined(events());
+    watch();
 }
 
 // In cycles that are exact, the reference shows the time that is expected. It is not taken for lost when another slave
