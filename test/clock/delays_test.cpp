@@ -314,6 +314,24 @@ TEST(DelaysRecorded, OfACouplerAndATerminal) {
     EXPECT_EQ(computed(std::span(slaves).first(2), 0)[1], 150);
 }
 
+// EK1100, EL2828 (receive times, no clock) and EL2889, by another master. By hand: the frame was away from the EK1100
+// for 0x158AAEE0 - 0x158AAC92 = 590 ns, and from the EL2828 for 0x16361884 - 0x1636174E = 310 ns. One way to the EL2828
+// is half of the difference, 140 ns; one way to the EL2889 is half of 590 ns. The master has written 0x127 = 295. With
+// 20 ns more in a processing unit, the way out has one of them more than half of the time: 150 and 305.
+TEST(DelaysRecorded, PastATerminalWithoutAClock) {
+    const std::string path = std::string(MARGAY_CAPTURES_DIR) + "/replay-ek1100-el2828-el2889.pcapng";
+    if (!std::filesystem::exists(path)) GTEST_SKIP() << "no captures of real segments";
+    const auto slaves = recorded(path);
+    EXPECT_FALSE(slaves[1].has_clock);
+    EXPECT_EQ(slaves[2].written_delay_ns, 295U);
+    const auto plain = computed(std::span(slaves).first(3), 0);
+    EXPECT_EQ(plain[1], 140);
+    EXPECT_EQ(plain[2], 295);
+    const auto with_units = computed(std::span(slaves).first(3), 20);
+    EXPECT_EQ(with_units[1], 150);
+    EXPECT_EQ(with_units[2], 305);
+}
+
 // How much longer a frame needs through the processing unit than without it: in both recordings, the EL2889 turns the
 // frame (through its processing unit), and the EL2828 forwards the same frame on its way back (without). The frame is
 // away from the EL2828 for the way out, the turn and the way back; it is away from the EK1100 for the same time, and a
