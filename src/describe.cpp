@@ -253,8 +253,9 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
         case Errc::clock_before_reference: out << " (slave " << e.expected << ")"; break;
         case Errc::not_in_sync: {
             const bool behind = (e.actual & 0x8000'0000) != 0;
-            out << " (" << (behind ? 0U - e.actual : e.actual) << (behind ? " ns behind" : " ns ahead")
-                << ", the limit is " << e.expected << " ns)";
+            const std::uint32_t away = behind ? 0U - e.actual : e.actual;
+            out << " (" << away << (behind ? " ns behind" : " ns ahead") << ", the limit is " << e.expected << " ns"
+                << (away <= e.expected ? ": it was not within the limit for ClockSettings::settle)" : ")");
             break;
         }
         case Errc::entry_size: out << " (the type has " << e.expected << " bits, the entry " << e.actual << ")"; break;

@@ -175,6 +175,15 @@ Task<Result<std::uint32_t>> read_each_difference(Network& network) {
     co_return most;
 }
 
+// Of all slaves. A slave that does not answer any more was lost meanwhile: what is known of its clock is old.
+Task<Result<>> read_differences(Network& network) {
+    Error first;
+    const auto read = [&network](Slave& s) { return read_difference_if_any(network, s); };
+    co_await required(for_each_slave(network, read, &first));
+    if (does_not_answer(first)) first = {.code = Errc::unstable, .step = kClockStep, .slave = first.slave};
+    co_return first;
+}
+
 // Many frames with the time, several of them on the wire at once. Beside a cycle they wait for its spare room: then the
 // burst ends with its time.
 Task<Result<>> send_burst(Network& network) {
@@ -194,10 +203,9 @@ Task<Result<>> send_burst(Network& network) {
     co_return Nothing{};
 }
 
-// The error of the clock with the greatest difference above the limit; code none if there is none.
-Error worst_clock(Network& network) {
+// The error of the clock with the greatest difference above `most`; code none if there is none.
+Error worst_clock(Network& network, std::int64_t most) {
     Error error{.step = kClockStep, .expected = network.clocks.settings.limit_ns};
-    std::int64_t most = network.clocks.settings.limit_ns;
     for (const Slave& slave : network.slaves()) {
         const ClockEntry& clock = network.clocks.of(slave);
         const std::int64_t away = std::abs(std::int64_t{clock.difference_ns});
@@ -210,24 +218,36 @@ Error worst_clock(Network& network) {
     return error;
 }
 
+// Whether every clock is within the limit. The upper estimate is less than twice the greatest difference: only where it
+// is little above the limit, each clock is asked.
+Task<Result<bool>> are_within_limit(Network& network) {
+    const std::uint32_t limit = network.clocks.settings.limit_ns;
+    const auto greatest = co_await required(read_greatest_difference(network));
+    network.clocks.greatest_ns = greatest;
+    if (greatest <= limit || greatest / 2 >= limit) co_return greatest <= limit;
+    co_await required(read_differences(network));
+    co_return worst_clock(network, limit).code == Errc::none;
+}
+
 // Sends the time until every clock has been within the limit for the settle time.
 Task<Result<>> wait_until_in_sync(Network& network) {
     const ClockSettings& settings = network.clocks.settings;
     const Time give_up = later(network.engine.now(), settings.timeout);
     Time since = kNever;
-    for (;;) {
+    bool settled = false;
+    while (!settled) {
         co_await required(send_time(network));
-        const auto greatest = co_await required(read_greatest_difference(network));
+        const auto within = co_await required(are_within_limit(network));
         const Time now = network.engine.now();
-        network.clocks.greatest_ns = greatest;
-        if (greatest > settings.limit_ns) since = kNever;
-        if (greatest <= settings.limit_ns && since == kNever) since = now;
-        if ((since != kNever && now >= later(since, settings.settle)) || now >= give_up) break;
+        if (!within) since = kNever;
+        if (within && since == kNever) since = now;
+        settled = since != kNever && now >= later(since, settings.settle);
+        if (settled || now >= give_up) break;
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     }
-    const auto read = [&network](Slave& s) { return read_difference_if_any(network, s); };
-    co_await required(for_each_slave(network, read));
-    const Error worst = worst_clock(network);
+    co_await required(read_differences(network));
+    // A clock that was within the limit for a part of the settle time is not in sync.
+    const Error worst = worst_clock(network, settled ? std::int64_t{settings.limit_ns} : -1);
     if (worst.code != Errc::none) co_return worst;
     for (ClockEntry& clock : network.clocks.entries.first(network.count))
         clock.in_sync = clock.knows_rate = clock.synchronised;

@@ -1,0 +1,80 @@
+// No clock is said to be in sync that is not, whatever happens while it is measured, set, or brought back.
+#include "clock/clock_bus.hpp"
+#include "clock/port_times.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct HonestBus : ClockBus {
+    void bring_up(const ClockSettings& settings) {
+        start();
+        ASSERT_TRUE(configdc(*ctx, settings).ok());
+        run();
+        cycles(300);
+        (void)events();
+    }
+    void all_come_back(std::uint16_t slaves) {
+        cycles(1000);  // the supervision has seen what has happened
+        const auto all_in_sync = [&] {
+            for (std::uint16_t s = 1; s <= slaves; ++s)
+                if (!clock(s).in_sync) return false;
+            return all_in_op();
+        };
+        ASSERT_TRUE(until(all_in_sync, 5000)) << joined(events());
+        cycles(1000);
+        EXPECT_LE(greatest_error_ns(slaves), 300) << joined(events());
+        for (std::uint16_t s = 1; s <= slaves; ++s)
+            EXPECT_EQ(register_of<std::uint32_t>(s, wire::reg::kSystemTimeDelay), clock(s).delay_ns) << s;
+    }
+};
+
+struct Honest : testing::Test, HonestBus {};
+
+// Slave 2 loses its power for an instant, at every moment of configdc().
+TEST(HonestConfigdc, ASlaveThatWasResetMeanwhileIsNotInSync) {
+    unsigned failed = 0;
+    for (unsigned moment = 0; moment < 60; ++moment) {
+        SCOPED_TRACE(moment);
+        ClockBus bus;
+        bus.add_line(3);
+        bus.start();
+        ClockRequest request;
+        request.settings = {.burst_frames = 300, .timeout = 50ms};
+        ASSERT_TRUE(submit(*bus.ctx, request).ok());
+        for (unsigned n = 0; n < 4000 && request.busy(); ++n) {
+            if (n == moment * 20) {
+                bus.power(1, false);
+                bus.power(1, true);
+            }
+            bus.osal.advance(50us);
+            (void)poll(*bus.ctx, bus.osal.now());
+        }
+        ASSERT_FALSE(request.busy());
+        if (request.state() == RequestState::error) {
+            ++failed;
+            EXPECT_EQ(request.error().slave, 2) << ClockBus::words(request.error());
+        }
+        if (bus.clock(2).in_sync && bus.register_of<std::uint16_t>(2, wire::reg::kStationAddress) != 0) {
+            EXPECT_LE(std::abs(bus.ahead_ns(2)), 300);
+        } else {
+            EXPECT_FALSE(bus.clock(2).in_sync) << "it has lost its clock";
+        }
+    }
+    EXPECT_GE(failed, 5U) << "the moments are those of configdc()";
+}
+
+TEST_F(Honest, AShorterTimeThanTheSettleTimeIsNotInSync) {
+    add({});
+    add({.start_ns = 1'234'567});
+    start();
+    const auto reference = configdc(*ctx, {.burst_frames = 300, .settle = 1s, .timeout = 200ms});
+    EXPECT_EQ(reference.error().code, Errc::not_in_sync);
+    EXPECT_NE(words(reference.error()).find("it was not within the limit for ClockSettings::settle"), std::string::npos)
+        << words(reference.error());
+    EXPECT_FALSE(clock(2).in_sync);
+}
+
+}  // namespace
+}  // namespace margay
