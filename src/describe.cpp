@@ -397,6 +397,9 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.step == Step::configure_sync) out << " (its SII has no DC operation mode " << e.subindex << ")";
             if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
                 out << " (the chosen reference clock is at a branch that only the frames of the second NIC reach)";
+            if (e.step == Step::configure_clocks && e.detail != Error::kRedundancy)
+                out << " (frames arrive at its port " << e.actual
+                    << " instead of 0, and slaves are behind: its cables are swapped)";
             if (e.step == Step::request_state)
                 out << " (" << to_text(AlState::boot) << ": its SII describes no bootstrap mailbox)";
             break;

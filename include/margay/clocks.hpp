@@ -134,8 +134,8 @@ struct ClockRequest : Request {
 // reference), wrong_state (slave: it is in OP with SYNC signals; slave 0: no slaves yet), clock_before_reference (with
 // two NICs; slave: the reference, expected: a slave with a clock before it), not_in_sync (slave: the clock with the
 // greatest difference, expected: the limit, actual: the difference in ns; all other work is done, and a cycle may bring
-// it into sync later), unstable (slave: it was lost, or came back, during the measurement), invalid_argument,
-// unsupported (with two NICs, slave: its clock is beside the ring, see redundancy.hpp), no_frame, capacity.
+// it into sync later), unstable (slave: it was lost, or came back, meanwhile), invalid_argument, no_frame, capacity,
+// unsupported (slave: its clock is beside a ring with two NICs, see redundancy.hpp, or its cables are swapped).
 Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
 
 // Activates or switches off the SYNC signals of one slave now; see dcsync0().

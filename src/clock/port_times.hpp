@@ -27,6 +27,9 @@ class PortTimes {
         ++count_;
     }
     [[nodiscard]] std::uint8_t count() const { return count_; }
+    // The measurements differ by more than the jitter of a frame: some of them have an old time, because no frame
+    // arrived at the port.
+    [[nodiscard]] bool differ(std::uint8_t port) const { return (differ_ >> (port & 3) & 1) != 0; }
     [[nodiscard]] bool full() const { return count_ == kMost; }
     // The means, in picoseconds: sums of many rounded nanoseconds would deviate.
     [[nodiscard]] std::int64_t port_ps(std::uint8_t port) const { return mean_ps(port & 3); }
@@ -37,11 +40,14 @@ class PortTimes {
 
   private:
     static constexpr unsigned kProcessing = 4;
+    static constexpr std::int64_t kMostChange_ns = 2000;
 
     void add_one(unsigned which, std::uint32_t since_entry) {
         const auto time = static_cast<std::int32_t>(since_entry);
         if (count_ == 0) first_[which] = time;
-        sum_[which] += std::int64_t{time} - first_[which];
+        const std::int64_t change = std::int64_t{time} - first_[which];
+        sum_[which] += change;
+        if (change > kMostChange_ns || change < -kMostChange_ns) differ_ |= static_cast<std::uint8_t>(1U << which);
     }
     [[nodiscard]] std::int64_t mean_ps(unsigned which) const {
         return count_ == 0 ? 0 : std::int64_t{first_[which]} * 1000 + sum_[which] * 1000 / count_;
@@ -51,6 +57,7 @@ class PortTimes {
     std::array<std::int64_t, 5> sum_{};  // of the differences to `first_`
     std::uint8_t count_ = 0;
     bool has_processing_ = false;
+    std::uint8_t differ_ = 0;  // bit p: see differ()
 };
 
 }  // namespace margay

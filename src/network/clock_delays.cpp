@@ -140,6 +140,36 @@ void compute_clock_delays(Network& network) {
     }
 }
 
+// Receive times that no way of the frames explains. A port that the last frame has not passed has an old time: the
+// slaves behind it were lost, and this is not known yet. Where frames arrive at a port other than 0 and other slaves
+// are behind, neither the DL status nor the order of the slaves tells which slave is connected to which.
+Error check_receive_times(Network& network) {
+    constexpr std::int64_t kLongest_ps = 100'000'000'000;  // 100 ms: longer than a frame through 65 535 slaves
+    const auto ring = network.seen_ring();
+    const auto nodes = network.clocks.nodes.first(find_frame_ways(network));
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        const DelayNode& node = nodes[n];
+        if (ring[n].slave == 0 || !node.timed()) continue;
+        Error error{.step = Step::configure_clocks, .slave = ring[n].slave};
+        for (std::uint8_t port = 0; port < 4; ++port) {
+            if (port == node.entry_port) continue;
+            const bool neighbour = (node.neighbours >> port & 1) != 0;
+            const bool connected = neighbour || (network.redundancy == nullptr && ring[n].ports[port].open);
+            const std::int64_t time = node.times->port_ps(port);
+            const bool old = node.times->differ(port) || time > kLongest_ps || time < -kLongest_ps;
+            if (old && neighbour) error.code = Errc::unstable;
+            // Behind a break of a ring with two NICs, frames arrive at other ports by intention.
+            const bool before = time < 0 || (network.redundancy == nullptr && node.entry_port != 0);
+            if (!old && connected && before) {
+                error.code = Errc::unsupported;
+                error.actual = time < 0 ? port : node.entry_port;
+            }
+            if (error.code != Errc::none) return error;
+        }
+    }
+    return {};
+}
+
 bool find_old_delays(Network& network) {
     Clocks& clocks = network.clocks;
     const auto ring = network.seen_ring();

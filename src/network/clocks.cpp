@@ -118,7 +118,8 @@ Task<Result<>> measure(Network& network) {
         if (measured) measured = closed;
     }
     if (!measured) co_return measured;
-    const Error changed = changed_meanwhile(network);
+    Error changed = changed_meanwhile(network);
+    if (changed.code == Errc::none) changed = check_receive_times(network);
     if (changed.code != Errc::none) co_return changed;
     compute_clock_delays(network);
     if (network.redundancy != nullptr) network.redundancy->note_ways(network);
@@ -270,8 +271,10 @@ Task<Result<>> set_clocks(Network& network) {
 Task<Result<>> improve_delays(Network& network) {
     while (network.clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     co_await required(measure(network));
+    Error first;
     const auto write = [&network](Slave& s) { return write_delay_if_any(network, s); };
-    co_return co_await required(for_each_slave(network, write));
+    co_await required(for_each_slave(network, write, &first));
+    co_return first;
 }
 
 Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Slave& reference) {

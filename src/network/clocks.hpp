@@ -193,6 +193,8 @@ std::size_t find_frame_ways(Network& network);
 // Sets ClockEntry::delay_old. A slave that is lost, or that is back, changes the delays of all slaves behind it, unless
 // the clock that they follow is behind it too. Returns whether some delay is old.
 bool find_old_delays(Network& network);
+// unstable or unsupported when the receive times of a slave cannot be those of the ways of the frames.
+[[nodiscard]] Error check_receive_times(Network& network);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);
 // How much later a frame passes `slave` than `reference`, or its other copy where a break of the ring is between both:
