@@ -331,7 +331,10 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.expected != e.actual) out << " (expected " << e.expected << ", got " << e.actual << ")";
             if (e.code == Errc::unstable && e.step == Step::configure_clocks)
                 out << (e.detail == Error::kRedundancy ? " (the measurement of the delays took too long)"
+                        : e.slave == 0                 ? " (more slaves answer than were found: search again)"
                                                        : " (it was lost, or came back, during the measurement)");
+            if (e.code == Errc::unstable && e.step == Step::topology)
+                out << ": its open ports do not fit the slaves that were found";
             if (e.step == Step::exchange_process_data && e.detail == Error::kOthersFresh)
                 out << ", the inputs of the other slaves are fresh";
             if (e.step == Step::exchange_process_data && e.detail == Error::kBeingMapped)

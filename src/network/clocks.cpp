@@ -64,6 +64,7 @@ Result<std::uint16_t> choose_reference(Network& network, std::uint16_t wanted) {
 // One measurement: all latch, all are read.
 Task<Result<>> measure_once(Network& network) {
     co_await required(latch_receive_times(network));
+    if (network.clocks.unknown_latched) co_return Error{.code = Errc::unstable, .step = kClockStep};
     Error first;
     const auto read = [&network](Slave& s) { return read_times_if_any(network, s); };
     co_await required(for_each_slave(network, read, &first));
@@ -404,12 +405,24 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
+// Where more slaves answer, the ways of the frames are others than those of the ring as it was read last.
+static std::ptrdiff_t most_answers(Network& network) {
+    return std::ranges::count_if(network.seen_ring(), [&network](const RingPlace& place) {
+        return place.slave == 0 || network.slave(place.slave).al.state != AlState::none;
+    });
+}
+
 Task<Result<>> latch_receive_times(Network& network) {
     static constexpr std::array<std::byte, 4> kAny{};
+    std::array<std::byte, 1> type{};
     Datagram latch(network.engine.link(), Command::BWR, broadcast(reg::kPortReceiveTime), Bytes(kAny));
+    Datagram count(network.engine.link(), Command::BRD, broadcast(reg::kType),
+                   MutableBytes(type));  // each slave has it
     network.clocks.latched_at = network.engine.now();
-    auto reply = co_await latch;
-    if (!reply.ok()) co_return Error{.code = reply.errc, .step = kClockStep};
+    co_await together(latch, count);
+    for (const Datagram* d : {&latch, &count})
+        if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = kClockStep};
+    network.clocks.unknown_latched = network.redundancy == nullptr && count.reply().wkc > most_answers(network);
     co_return Nothing{};
 }
 

@@ -96,6 +96,8 @@ struct Clocks {
     bool loss_reported = false;     // that the reference is lost
     std::uint16_t looked_at = 0;    // the slave whose difference was read last while all clocks were in sync
     std::uint16_t times_seen = 0;   // cycles_with_time() of the group that carries the time, in the last round
+    std::uint8_t odd_times = 0;     // times in succession that note_seen_time() has left out
+    bool unknown_latched = false;   // more slaves have latched receive times last than are known to be in the ring
     std::uint32_t greatest_ns = 0;  // upper estimate of the differences, as read last
     Time watch_at = Time::min();
     Time delays_at = Time::min();  // when the delays are measured again

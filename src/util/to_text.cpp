@@ -15,7 +15,7 @@ std::string_view to_text(Errc code) {
         case Errc::nic: return "the network interface refused the frame";
         case Errc::capacity: return "not enough memory";
         case Errc::no_slaves: return "no slave answered";
-        case Errc::unstable: return "the number of slaves changed while they were counted";
+        case Errc::unstable: return "the slaves, or their connections, have changed meanwhile";
         case Errc::unknown_slave: return "there is no such slave";
         case Errc::invalid_argument: return "argument out of range";
         case Errc::wrong_state: return "not possible in this state";

@@ -108,6 +108,23 @@ TEST_F(Honest, ASlaveBehindAnotherEntryPortIsNamed) {
     EXPECT_EQ(reference.error().actual, 3U);
 }
 
+// A slave that config_init() has not found was put between two others.
+TEST_F(Honest, ASlaveThatWasNotFoundIsNoticed) {
+    add({});
+    add({.start_ns = 1'234'567});
+    start();
+    const auto between = segment.add(clocked({.unit = sim::DcUnit::none, .features = 0}).assemble());
+    segment.disconnect({1, 0});
+    ASSERT_TRUE(segment.connect({0, 1}, {between, 0}, kCable));
+    ASSERT_TRUE(segment.connect({between, 1}, {1, 0}, kCable));
+    power(between, true);
+    osal.advance(1s);
+    const auto reference = configdc(*ctx, kFewFrames);
+    EXPECT_EQ(words(reference.error()),
+              "synchronising the clocks: the slaves, or their connections, have changed meanwhile (more slaves answer "
+              "than were found: search again)");
+}
+
 TEST(PortTimesThatDiffer, AreOld) {
     PortTimes times;
     times.add({.port_ns = {1000, 1500, 7, 0}}, 0);
