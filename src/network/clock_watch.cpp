@@ -214,8 +214,8 @@ void note_time_of_cycle(Network& network) {
             (void)carry_time_of(network, &reference);
             continue;
         }
-        if (group.dc_time.slaves != 0)
-            clocks.note_time(group.dc_time.value, wide && of_reference, network.engine.link().last_cycle());
+        if (group.dc_time.slaves != 0 && settled)
+            clocks.note_seen_time(group.dc_time.value, wide && of_reference, network.engine.link().last_cycle());
         if (group.dc_time.slaves != 0 && of_reference)
             clocks.without_time = 0;
         else if (!clocks.paused && settled && ++clocks.without_time >= kEnough)

@@ -355,7 +355,7 @@ Task<Result<>> send_time(Network& network) {
                    MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
     carry.send_alone();
     auto reply = co_await carry;
-    if (reply.ok() && reply.wkc != 0) network.clocks.note_time(load_le<std::uint64_t>(time), wide, now);
+    if (reply.ok() && reply.wkc != 0) network.clocks.note_seen_time(load_le<std::uint64_t>(time), wide, now);
     co_return Nothing{};  // a lost frame is one of many
 }
 

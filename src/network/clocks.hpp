@@ -121,6 +121,21 @@ struct Clocks {
         system_ns = wide ? time_ns : extend_time_ns(static_cast<std::uint32_t>(time_ns), about);
         system_at = now;
     }
+    // The same for a time that a frame has brought by itself. A time that no rate explains is left out until it has
+    // come some times in succession: a slave that was reset, and is not known to be lost yet, answers by its position
+    // with a time of its own.
+    void note_seen_time(std::uint64_t time_ns, bool wide, Time now) {
+        constexpr std::int64_t kNearest_ns = 100'000;
+        constexpr std::int64_t kRateParts = 500;  // 2000 ppm
+        constexpr std::uint8_t kEnough = 20;
+        const std::uint64_t about = system_at_ns(now);
+        const std::uint64_t seen = wide ? time_ns : extend_time_ns(static_cast<std::uint32_t>(time_ns), about);
+        const std::int64_t limit = kNearest_ns + (now - system_at).count() / kRateParts;
+        const auto ahead = static_cast<std::int64_t>(seen - about);
+        odd_times = ahead <= limit && ahead >= -limit ? std::uint8_t{0} : static_cast<std::uint8_t>(odd_times + 1);
+        if (odd_times == 0 || odd_times >= kEnough) note_time(time_ns, wide, now);
+        if (odd_times >= kEnough) odd_times = 0;
+    }
     [[nodiscard]] ClockEntry& of(const Slave& slave) { return entries[slave.number - 1U]; }
     void lose_sync(const Slave& slave) {
         if (entries.empty()) return;

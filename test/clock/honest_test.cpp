@@ -108,6 +108,25 @@ TEST_F(Honest, ASlaveBehindAnotherEntryPortIsNamed) {
     EXPECT_EQ(reference.error().actual, 3U);
 }
 
+// The reset slave answers by its position with a time of its own before its loss is known.
+TEST_F(Honest, AnAnswerOfAResetReferenceIsNoSystemTime) {
+    for (const int out : {3, 6, 9, 15, 40}) {
+        SCOPED_TRACE(out);
+        HonestBus bus;
+        for (unsigned n = 0; n < 3; ++n)
+            bus.add({.drift_ppb = static_cast<std::int32_t>(n) * 30'000, .start_ns = (n + 1) * 0x1234'5678'9ABCULL});
+        ClockSettings settings = kFewFrames;
+        settings.by_position = true;
+        settings.replace_lost_reference = false;
+        bus.bring_up(settings);
+        bus.cycles(1000);
+        bus.power(0, false);
+        bus.cycles(out);
+        bus.power(0, true);
+        bus.all_come_back(3);
+    }
+}
+
 // A slave that config_init() has not found was put between two others.
 TEST_F(Honest, ASlaveThatWasNotFoundIsNoticed) {
     add({});
