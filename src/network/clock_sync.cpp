@@ -150,6 +150,7 @@ Task<Result<>> continue_reference(Network& network) {
     const Time sent = std::max(clocks.latched_at, network.engine.link().last_cycle());  // beside a cycle: with it
     co_await required(read_receive_times(network, reference, Keep::no));
     ClockEntry& clock = clocks.of(reference);
+    clock.sync_active = false;
     clock.offset_ns = clock_offset_ns(clocks.system_at_ns(sent), clock.delay_ns, clock.local_ns);
     co_return co_await required(write_clock(network, reference));
 }
@@ -262,7 +263,7 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
         if (same) co_return Result<>();
     }
     if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
-    clock.synchronised = false;
+    clock.synchronised = clock.sync_active = false;
     clock.follows = 0;
     clocks.lose_sync(slave);
     const Slave& reference = network.slave(clocks.reference);

@@ -144,6 +144,27 @@ TEST_F(Honest, ASlaveThatWasNotFoundIsNoticed) {
               "than were found: search again)");
 }
 
+// After a loss of power, the SYNC signals cannot be activated again.
+TEST_F(Honest, SyncSignalsThatDoNotRunAreNotSaidToBeActive) {
+    SlaveSetup by_sii{.dc = {.source = SyncSettings::Source::sii}};
+    add_line(3);
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    for (std::uint16_t s = 1; s <= 3; ++s) ctx->slave(s).config.setup = &by_sii;
+    run();
+    for (const std::uint16_t s : {std::uint16_t{2}, std::uint16_t{1}}) {
+        EXPECT_TRUE(clock(s).sync_active) << s;
+        by_sii.dc.sii_mode = 9;
+        power(s - 1U, false);
+        cycles(s == 1 ? 5 : 200);
+        power(s - 1U, true);
+        cycles(3000);
+        EXPECT_EQ(ctx->slave(s).al.state, AlState::preop) << joined(events());
+        EXPECT_FALSE(clock(s).sync_active) << s;
+        by_sii.dc.sii_mode = 0;
+    }
+}
+
 TEST(PortTimesThatDiffer, AreOld) {
     PortTimes times;
     times.add({.port_ns = {1000, 1500, 7, 0}}, 0);
