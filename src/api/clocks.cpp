@@ -10,10 +10,11 @@ namespace margay {
 namespace {
 
 Error check_settings(const ClockSettings& settings) {
-    const Duration times[] = {settings.start_grid, settings.start_delay,    settings.settle,
-                              settings.timeout,    settings.watch_interval, settings.delay_interval};
+    constexpr Duration kLongest = std::chrono::hours(24 * 365 * 100);  // sums of them and of a time have room
+    const Duration times[] = {settings.cycle,   settings.start_grid,     settings.start_delay,   settings.settle,
+                              settings.timeout, settings.watch_interval, settings.delay_interval};
     bool right = settings.measurements >= 1 && settings.burst_bulk >= 1 && settings.cycle > Duration{0};
-    for (const Duration time : times) right &= time >= Duration{0};
+    for (const Duration time : times) right &= time >= Duration{0} && time <= kLongest;
     return right ? Error{} : invalid(Argument::clock_settings, Step::configure_clocks);
 }
 
