@@ -72,7 +72,7 @@ ClockDatagramRequest::ClockDatagramRequest() : Request(kClockDatagram) {}
 void ApplicationTime::set(std::uint64_t time_ns, Time now) {
     time_ns_ = time_ns;
     set_at_ = now;
-    at_zero_ = Duration(static_cast<std::int64_t>(time_ns)) - (now - Time{});
+    at_zero_ = Duration(static_cast<std::int64_t>(time_ns - static_cast<std::uint64_t>((now - Time{}).count())));
 }
 
 Result<> ApplicationTime::send(ClockDatagramRequest& request, Action action) {

@@ -21,8 +21,7 @@ void LinkLayerClock::restart() {
     cycle_.start(cycle);
     reference_.start(for_bus_shift(settings_.phase));
     record_ = {.set_value_ns = settings_.set_value.count(), .cycle_ns = settings_.phase.cycle.count()};
-    const Duration magnitude = settings_.set_value < Duration{0} ? -settings_.set_value : settings_.set_value;
-    wrong_ = magnitude >= settings_.phase.cycle;
+    wrong_ = !is_in_cycle(settings_.set_value, settings_.phase.cycle);
     is_pending_ = was_in_sync_ = false;
     pending_ = {};
     without_stamp_ = 0;

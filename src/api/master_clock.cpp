@@ -4,6 +4,7 @@
 #include "api/master.hpp"
 #include "api/reference_clock.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace margay {
@@ -22,8 +23,7 @@ void MasterClock::restart() {
     const PhaseSettings phase = settings_.mode == Mode::bus_shift ? for_bus_shift(settings_.phase) : settings_.phase;
     controller_.start(phase);
     record_ = {.set_value_ns = settings_.set_value.count(), .cycle_ns = phase.cycle.count()};
-    const Duration magnitude = settings_.set_value < Duration{0} ? -settings_.set_value : settings_.set_value;
-    fault_ = magnitude < phase.cycle ? PhaseState::idle : PhaseState::set_value_wrong;
+    fault_ = is_in_cycle(settings_.set_value, phase.cycle) ? PhaseState::idle : PhaseState::set_value_wrong;
     was_in_sync_ = false;
     odd_cycles_ = 0;
     last_due_ns_ = 0;
@@ -37,9 +37,10 @@ void MasterClock::check_cycle(std::uint64_t due_ns) {
     constexpr std::uint8_t kTooOften = 16;
     const std::int64_t cycle = settings_.phase.cycle.count();
     const auto passed = static_cast<std::int32_t>(static_cast<std::uint32_t>(due_ns - last_due_ns_));
-    const std::int64_t expected = settings_.mode == Mode::master_shift ? cycle - record_.adjust_ns : cycle;
-    const std::int64_t away = passed > expected ? passed - expected : expected - passed;
+    const std::int64_t corrected = settings_.mode == Mode::master_shift ? record_.adjust_ns : 0;
+    const std::int64_t expected = std::min<std::int64_t>(cycle, INT32_MAX) - corrected;
     const bool known = last_due_ns_ != 0 && cycle <= INT32_MAX;
+    const std::int64_t away = !known ? 0 : passed > expected ? passed - expected : expected - passed;
     last_due_ns_ = due_ns;
     if (!known || away <= cycle / 8) {
         odd_cycles_ = 0;
@@ -89,7 +90,8 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     const std::int64_t error = phase_error_ns(due_ns, cycle, settings_.set_value.count());
     const std::int64_t correction = corrects() ? controller_.update(error, now) : 0;
     if (!corrects()) controller_.observe(error, now);
-    filtered_ps_ += (error * 1000 - filtered_ps_) / 16;
+    constexpr std::int64_t kMost_ns = INT64_MAX / 2000;
+    filtered_ps_ += (std::clamp(error, -kMost_ns, kMost_ns) * 1000 - filtered_ps_) / 16;
     record_.error_ns = error;
     record_.filtered_ns = filtered_ps_ / 1000;
     record_.drift_ppb = controller_.drift_ppb();
@@ -102,9 +104,9 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     if (settings_.mode == Mode::bus_shift) shift_reference(network, correction);
     if (settings_.mode == Mode::master_reference) {
         // The time at which the next cycle is due. The cycles may begin anywhere in the milliseconds of the master.
-        const Duration late(static_cast<std::int64_t>(record_.bus_time_ns - due_ns));
-        const Duration time = now - late + settings_.phase.cycle - Time{} + network.clocks.settings.system_time_at_zero;
-        const auto next = static_cast<std::uint64_t>(time.count());
+        const std::uint64_t late = record_.bus_time_ns - due_ns;
+        const auto at_zero = static_cast<std::uint64_t>(network.clocks.settings.system_time_at_zero.count());
+        const std::uint64_t next = static_cast<std::uint64_t>((now - Time{}).count()) - late + cycle + at_zero;
         if (!std::exchange(has_shift_, true)) shift_ns_ = -phase_error_ns(next, cycle, settings_.set_value.count());
         send_to_reference(network, reg::kSystemTime, next + static_cast<std::uint64_t>(shift_ns_));
     }

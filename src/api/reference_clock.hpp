@@ -12,6 +12,11 @@ void send_to_reference(Network& network, wire::Register r, std::uint64_t value);
 // Moves the system time of the reference clock back by `correction_ns` (register 0x0920).
 void shift_reference(Network& network, std::int64_t correction_ns);
 
+// The set value is less than a cycle, and there is a cycle.
+[[nodiscard]] constexpr bool is_in_cycle(Duration set_value, Duration cycle) {
+    return cycle > Duration{0} && set_value < cycle && set_value > -cycle;
+}
+
 // The time of the reference clock that the cycle of the group has brought, sent at `at`: all 64 bits, also where the
 // clock has 32 and wraps. `last` is the one before, at `last_at`; 0: none.
 [[nodiscard]] std::uint64_t whole_bus_time(Network& network, const ProcessGroup& group, Time at, std::uint64_t last,

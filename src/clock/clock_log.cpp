@@ -3,6 +3,8 @@
 
 #include <margay/master_clock.hpp>
 
+#include <algorithm>
+
 namespace margay {
 namespace {
 
@@ -20,7 +22,16 @@ void write_thousandths(TextWriter& out, std::int64_t value) {
 }
 
 std::int64_t tenths_of_permil(const ClockRecord& record) {
-    return record.cycle_ns == 0 ? 0 : record.error_ns * 10'000 / record.cycle_ns;
+    constexpr std::int64_t kMost = INT64_MAX / 10'000;
+    return record.cycle_ns <= 0 ? 0 : std::clamp(record.error_ns, -kMost, kMost) * 10'000 / record.cycle_ns;
+}
+
+// What the drift brings in a cycle, in thousandths of a nanosecond.
+std::int64_t drift_of_cycle(const ClockRecord& record) {
+    constexpr std::int64_t kMillion = 1'000'000;
+    constexpr std::int64_t kMost = INT64_MAX / kMillion / 2;
+    const std::int64_t cycle_ns = std::clamp(record.cycle_ns, -kMost, kMost);
+    return record.drift_ppb / kMillion * cycle_ns + record.drift_ppb % kMillion * cycle_ns / kMillion;
 }
 
 }  // namespace
@@ -49,7 +60,7 @@ std::string_view write_clock_log(const ClockRecord& record, std::span<char> out)
     write_thousandths(writer, record.drift_ppb);
     next(tenths_of_permil(record));
     writer << ",";
-    write_thousandths(writer, std::int64_t{record.drift_ppb} * record.cycle_ns / 1'000'000);
+    write_thousandths(writer, drift_of_cycle(record));
     next(record.adjusted_ns);
     writer << "," << record.start_time_ns << "," << static_cast<std::uint64_t>(record.state);
     writer << "," << (record.state == PhaseState::in_sync ? "1" : "0") << "," << (record.clocks_in_sync ? "1" : "0");

@@ -9,6 +9,20 @@ constexpr std::uint64_t magnitude(std::int64_t value) {
     return value < 0 ? 0U - static_cast<std::uint64_t>(value) : static_cast<std::uint64_t>(value);
 }
 
+// Errors beyond these limits correct no more than the limit: then no product below leaves 64 bits.
+constexpr std::int64_t kMostError_ns = 4'000'000'000;
+constexpr std::int64_t kMostObserved_ns = 1'000'000'000'000;
+constexpr std::int64_t kMostDrift_fs = 4'000'000'000'000'000;  // in a cycle
+
+constexpr std::int64_t limited(std::int64_t value, std::int64_t limit) { return std::clamp(value, -limit, limit); }
+
+// The greatest drift in a cycle, in femtoseconds.
+constexpr std::int64_t greatest_drift_fs(const PhaseSettings& settings) {
+    const std::int64_t cycle_ns = std::max<std::int64_t>(settings.cycle.count(), 0);
+    const std::int64_t ppm = settings.most_drift_ppm;
+    return ppm != 0 && cycle_ns > kMostDrift_fs / ppm ? kMostDrift_fs : cycle_ns * ppm;
+}
+
 struct Gains {
     std::int64_t phase_ppm;
     std::int64_t drift_ppb;
@@ -44,8 +58,7 @@ constexpr std::uint32_t root(std::uint64_t value) {
 PhaseSettings for_bus_shift(const PhaseSettings& settings) {
     PhaseSettings phase = settings;
     phase.cycles_late = 1;
-    if (phase.most_step_ns == 0)
-        phase.most_step_ns = static_cast<std::uint32_t>(phase.cycle.count() * phase.most_drift_ppm / 1'000'000);
+    if (phase.most_step_ns == 0) phase.most_step_ns = static_cast<std::uint32_t>(greatest_drift_fs(phase) / 1'000'000);
     return phase;
 }
 
@@ -56,10 +69,13 @@ void PhaseController::start(const PhaseSettings& settings) {
 }
 
 std::int32_t PhaseController::drift_ppb() const {
-    const auto cycle_ns = settings_.cycle.count();
-    return cycle_ns <= 0
-               ? 0
-               : static_cast<std::int32_t>(drift_fs_ / cycle_ns * 1000 + drift_fs_ % cycle_ns * 1000 / cycle_ns);
+    constexpr std::int64_t kLongCycle_ns = INT64_MAX / 1000;
+    const std::int64_t cycle_ns = settings_.cycle.count();
+    if (cycle_ns <= 0) return 0;
+    const std::int64_t whole_ppm = limited(drift_fs_ / cycle_ns, INT32_MAX);
+    const std::int64_t rest = drift_fs_ % cycle_ns;
+    const std::int64_t rest_ppb = cycle_ns > kLongCycle_ns ? rest / (cycle_ns / 1000) : rest * 1000 / cycle_ns;
+    return static_cast<std::int32_t>(limited(whole_ppm * 1000 + rest_ppb, INT32_MAX));
 }
 
 std::uint32_t PhaseController::jitter_ns() const { return root(jitter_ / kManyPairs); }
@@ -117,7 +133,7 @@ void PhaseController::watch(std::int64_t error_ns, Time now) {
 
 // Learns the drift, as far as a chip can follow it.
 void PhaseController::learn_drift(std::int64_t change_fs) {
-    const auto limit_fs = settings_.cycle.count() * std::int64_t{settings_.most_drift_ppm};
+    const std::int64_t limit_fs = greatest_drift_fs(settings_);
     const std::int64_t wanted = drift_fs_ + change_fs;
     drift_fs_ = std::clamp(wanted, -limit_fs, limit_fs);
     if (magnitude(drift_fs_) < static_cast<std::uint64_t>(limit_fs))
@@ -153,11 +169,13 @@ std::int64_t PhaseController::update(std::int64_t error_ns, Time now, std::uint8
     const bool outlier = is_outlier(error_ns);
     watch(error_ns, now);
     if (outlier) return coast();
+    error_ns = limited(error_ns, kMostError_ns);
     if (settings_.automatic_gain) measure_jitter(error_ns);
     if (seen_ < kMostSeen) ++seen_;
     const Gains gains = gains_after(seen_, gain_ppt_, settings_.drift_gain);
     std::int64_t error_ps = error_ns * 1000;
     for (std::size_t n = 0; n < std::min<std::size_t>(late, moved_fs_.size()); ++n) error_ps -= moved_fs_[n] / 1000;
+    error_ps = limited(error_ps, kMostError_ns * 1000);
     const std::int64_t phase_fs = error_ps * gains.phase_ppm / 1000;
     if (settings_.most_step_ns != 0 && magnitude(phase_fs) > std::uint64_t{settings_.most_step_ns} * 1'000'000) {
         seen_ = 0;  // on the way to the phase; the error does not show the drift
@@ -170,7 +188,9 @@ std::int64_t PhaseController::update(std::int64_t error_ns, Time now, std::uint8
 void PhaseController::observe(std::int64_t error_ns, Time now) {
     constexpr std::int64_t kFsInNs = 1'000'000;
     note(error_ns);
-    const std::int64_t cycle_ns = settings_.cycle.count();
+    const std::int64_t seen_ns = error_ns;
+    error_ns = limited(error_ns, kMostObserved_ns);
+    const std::int64_t cycle_ns = std::max<std::int64_t>(settings_.cycle.count(), 0);
     if (has_last_) {
         // The error goes from half a cycle late to half a cycle early.
         std::int64_t change_ns = error_ns - last_ns_;
@@ -178,12 +198,12 @@ void PhaseController::observe(std::int64_t error_ns, Time now) {
         if (change_ns < -cycle_ns / 2) change_ns += cycle_ns;
         if (pairs_ < kManyPairs) ++pairs_;
         drift_fs_ += (change_ns * kFsInNs - drift_fs_) / pairs_;
-        const auto limit_fs = static_cast<std::uint64_t>(cycle_ns) * settings_.most_drift_ppm;
+        const std::uint64_t limit_fs = magnitude(greatest_drift_fs(settings_));
         saturated_ = pairs_ >= kManyPairs && magnitude(drift_fs_) > limit_fs ? kSaturatedTooOften : std::uint8_t{0};
     }
     has_last_ = true;
     last_ns_ = error_ns;
-    watch(error_ns, now);
+    watch(seen_ns, now);
 }
 
 std::int64_t PhaseController::coast() {

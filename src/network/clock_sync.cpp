@@ -25,7 +25,7 @@ Result<std::uint32_t> cycle_ns(Duration cycle) {
 
 // A factor of an operation mode: n cycles, or for a negative number the nth part of a cycle (ETG.2000).
 Duration times_factor(Duration cycle, std::int16_t factor) {
-    if (factor == 0) return cycle;
+    if (factor == 0 || cycle.count() > UINT32_MAX) return cycle;  // longer than a SYNC cycle may be: cycle_ns()
     return factor > 0 ? cycle * factor : cycle / -factor;
 }
 

@@ -137,8 +137,8 @@ bool ring_has_changed(Network& network, const RingParts& before) {
 void compute_offsets(Network& network) {
     Clocks& clocks = network.clocks;
     clocks.system_at = clocks.latched_at;
-    const Duration since_zero = clocks.system_at - Time{} + clocks.settings.system_time_at_zero;
-    clocks.system_ns = static_cast<std::uint64_t>(since_zero.count());
+    clocks.system_ns = static_cast<std::uint64_t>((clocks.system_at - Time{}).count()) +
+                       static_cast<std::uint64_t>(clocks.settings.system_time_at_zero.count());
     for (ClockEntry& clock : clocks.entries.first(network.count)) {
         clock.synchronised = is_clock(clock.kind) && !clock.out_of_reach;
         if (!is_clock(clock.kind)) continue;

@@ -247,12 +247,19 @@ TEST_F(MasterClockTest, TheLogHasOneLineForEachCycle) {
     EXPECT_EQ(write_clock_log(record, line),
               "1234.567,-200000,5000800100,800100,-83,-1500,7,-80.005,-15,-80.005,-2400,"
               "5000000000,2,1,1,31\n");
+    EXPECT_EQ(write_clock_log({.error_ns = INT64_MIN, .drift_ppb = INT32_MIN, .cycle_ns = INT64_MAX}, line),
+              "0.000,0,0,0,0,-9223372036854775808,0,-2147483.648,0,-9903520314282.209,0,0,0,0,0,0\n");
+    EXPECT_EQ(write_clock_log({.error_ns = -20'000'000'000'000'000, .cycle_ns = 1'000'000'000}, line),
+              "0.000,0,0,0,0,-20000000000000000,0,0.000,-9223372036,0.000,0,0,0,0,0,0\n");
 }
 
 TEST_F(MasterClockTest, WrongSettingsAreSaid) {
     bring_up(0, false);
     MasterClock far({.set_value = 1ms, .phase = {.cycle = 1ms}});
     EXPECT_EQ(to_text(far.state()), "the set value is not less than a cycle");
+    for (const Duration wrong : {Duration::min(), Duration::max(), -1'000'000ns})
+        EXPECT_EQ(MasterClock({.set_value = wrong, .phase = {.cycle = 1ms}}).state(), PhaseState::set_value_wrong);
+    EXPECT_EQ(MasterClock({.phase = {.cycle = Duration::min()}}).state(), PhaseState::set_value_wrong);
     run_cycles(far, 3);
     EXPECT_EQ(far.state(), PhaseState::set_value_wrong);
     MasterClock other({.mode = MasterClock::Mode::off, .phase = {.cycle = 800us}});

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -225,6 +226,33 @@ TEST(PhaseControl, TellsWhenItIsInSync) {
     plant.run(10);
     EXPECT_LE(plant.controller.most_ns(), 2U);
     EXPECT_LE(plant.controller.average_ns(), 2U);
+}
+
+// A cycle of a minute, and errors and settings of any size: each correction is limited, and nothing overflows.
+TEST(PhaseControl, GreatErrorsAreLimited) {
+    PhaseController controller;
+    controller.start({.cycle = 60s, .outlier_ns = 0});
+    EXPECT_EQ(controller.update(-29'000'000'000, Time{}), -4'000'000'000);
+    EXPECT_EQ(controller.error_ns(), -29'000'000'000);
+    controller.start({.cycle = 9'000'000'000s});
+    EXPECT_EQ(controller.update(100, Time{}), 100);
+    EXPECT_LE(std::abs(controller.update(200, Time{} + 1s)), 10'000);
+    constexpr std::array<std::int64_t, 8> kExtreme{INT64_MIN, INT64_MIN + 1, -1,       0, 1,
+                                                   62'500,    INT64_MAX / 2, INT64_MAX};
+    for (const std::int64_t cycle : kExtreme)
+        for (const std::uint32_t ppm : {0U, 600U, UINT32_MAX})
+            for (const bool automatic : {false, true}) {
+                PhaseSettings settings{.cycle = Duration(cycle), .automatic_gain = automatic, .most_drift_ppm = ppm};
+                if (automatic) settings = for_bus_shift(settings);
+                controller.start(settings);
+                for (int n = 0; n < 64; ++n) {
+                    const std::int64_t error = kExtreme[static_cast<std::size_t>(n * 5) % kExtreme.size()];
+                    EXPECT_LE(std::abs(controller.update(error, Time{})), 9'000'000'000);
+                    EXPECT_LE(std::abs(controller.coast()), 9'000'000'000);
+                    controller.observe(error, Time{});
+                    EXPECT_NE(controller.drift_ppb(), INT32_MIN);
+                }
+            }
 }
 
 TEST(PhaseControl, TellsADriftThatNoChipCanFollow) {
