@@ -40,7 +40,7 @@ int fail(std::string_view text, int code) {
         return code;
     }
     const auto line = program_name + ": " + std::string(text) + "\n";
-    (void)std::fputs(line.c_str(), stderr);
+    (void)std::fwrite(line.data(), 1, line.size(), stderr);
     return code;
 }
 

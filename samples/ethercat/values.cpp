@@ -71,8 +71,23 @@ double real(std::span<const std::byte> value) {
     return value.size() == 4 ? std::bit_cast<float>(static_cast<std::uint32_t>(bits)) : std::bit_cast<double>(bits);
 }
 
+// A value that was given, for a sentence: it may be a whole file of octets.
+std::string shown(std::string_view text) {
+    constexpr std::size_t kMost = 60;
+    const bool shortened = text.size() > kMost;
+    text = text.substr(0, kMost);
+    if (shortened)  // no part of a character of UTF-8
+        while (!text.empty() && static_cast<unsigned char>(text.back()) >= 0x80) text.remove_suffix(1);
+    std::string out;
+    for (const char c : text) {
+        const auto octet = static_cast<unsigned char>(c);
+        out += octet >= 0x20 && octet != 0x7F ? std::string(1, c) : fmt::format("\\x{:02x}", octet);
+    }
+    return shortened ? out + "…" : out;
+}
+
 Problem wrong_value(const DataType& type, std::string_view text, std::string_view wanted) {
-    return {fmt::format("'{}' is no value of type {}: {} is needed", text, type.name, wanted),
+    return {fmt::format("'{}' is no value of type {}: {} is needed", shown(text), type.name, wanted),
             samples::exit_code::kUsage};
 }
 

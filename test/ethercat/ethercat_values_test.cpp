@@ -50,6 +50,14 @@ TEST(EthercatValues, OfEachType) {
     EXPECT_EQ(octets("unicode_string", "\xC3"), "refused");
 }
 
+// A message is a line, whatever the value is: it may come from a file or from another program.
+TEST(EthercatValues, ARefusedValueIsShownInALine) {
+    EXPECT_EQ(round_trip("uint8", std::string_view("\x01\0a\n", 4)),
+              "'\\x01\\x00a\\x0a' is no value of type uint8: a whole number from 0 to 255 is needed");
+    EXPECT_EQ(round_trip("uint8", std::string(1000, '7')),
+              "'" + std::string(60, '7') + "…' is no value of type uint8: a whole number from 0 to 255 is needed");
+}
+
 TEST(EthercatValues, AsText) {
     EXPECT_EQ(round_trip("int16", "-1"), "0xffff -1");
     EXPECT_EQ(round_trip("uint8", "200"), "0xc8 200");
