@@ -107,7 +107,9 @@ class SimpleIo {
     void print_states() {
         for (const Slave& slave : ctx_.slaves())
             if (slave.al.state != AlState::op || slave.al.error)
-                warn(fmt::format("slave {} ({}) is in {}", slave.number, slave.name(), al_text(slave.al)));
+                warn(fmt::format("slave {} ({}) is in {}{}", slave.number, slave.name(), al_text(slave.al),
+                                 slave.error.code == Errc::none ? std::string()
+                                                                : ": " + samples::sentence_without_slave(slave.error)));
     }
 
     // Chooses the slaves whose outputs get the counter. A counter in the control word of a drive switches the drive on

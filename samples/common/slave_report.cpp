@@ -209,6 +209,12 @@ std::string sentence(const Error& error) {
     return std::string(describe(error, buffer));
 }
 
+std::string sentence_without_slave(const Error& error) {
+    std::string text = sentence(error);
+    const std::string front = fmt::format("slave {}: ", error.slave);
+    return error.slave != 0 && text.starts_with(front) ? text.substr(front.size()) : text;
+}
+
 std::vector<std::string> take_errors(Context& ctx, const std::string& printed) {
     std::vector<std::string> sentences;
     while (const auto error = ctx.errors().take())

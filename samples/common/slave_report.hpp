@@ -12,6 +12,9 @@ namespace margay::samples {
 
 // The sentence that describe() writes for an error.
 [[nodiscard]] std::string sentence(const Error& error);
+// The same without the number of the slave, for a caller that names the slave itself. (An error without a slave has
+// another sentence: it does not say which register or object it concerns.)
+[[nodiscard]] std::string sentence_without_slave(const Error& error);
 
 // The sentences of errors(), oldest first, which this removes. Without those that read like `printed`: errors() also
 // has the error that a call has returned, and the program has printed that one already.

@@ -17,10 +17,8 @@ namespace reg = wire::reg;
 
 Problem problem_of(Context& ctx, const Error& error) {
     if (error.slave == 0) return {samples::sentence(error)};
-    Error without = error;
-    without.slave = 0;
     const auto position = ctx.slave(error.slave).ring_position;
-    const auto words = samples::sentence(without);
+    const auto words = samples::sentence_without_slave(error);
     return position == 0 ? Problem{fmt::format("configured slave {}: {}", error.slave, words)}
                          : Problem{fmt::format("position {}: {}", position - 1, words)};
 }

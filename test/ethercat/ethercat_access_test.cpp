@@ -112,6 +112,8 @@ TEST_F(EthercatAccess, AccessesRegisters) {
     EXPECT_TRUE(contains(out("sim:demo", "reg_write -p 1 0x0F80 four --json"), "\"written\": \"61626364\""));
     fails("sim:demo", "reg_read -p 1 0x130", 2, "SIZE is missing");
     fails("sim:demo", "reg_read -p 1 0xFFFF 2", 2, "2 octets from 0xffff on");
+    fails("sim:demo", "reg_write -p 1 0x0 -t uint8 1", 1,
+          "position 1: writing at register 0x0000: wrong working counter");
     fails("sim:demo", "reg_write -p 1 0x0F80 nothing", 3, "nothing: cannot be read");
     fails("sim:demo", "reg_write -p 1 0x0F80 -t uint8 256", 2,
           "'256' is no value of type uint8: a whole number from 0 to 255");

@@ -118,6 +118,18 @@ TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
     ASSERT_EQ(folder.run(command).status, 0);
     const auto details = ethercat("sim:two.toml", "config -v -p 1 --eni two.xml");
     EXPECT_TRUE(contains(details.out, "SDO configuration:\n  0x6060:00, 1 byte: 0x08\n")) << details.out << details.err;
+    // 0x6060 at SO, and an object that does not exist: simple_io and the tool name the same cause.
+    ASSERT_EQ(folder
+                  .run("sed 's|<Transition>PS</Transition><Timeout>0|<Transition>SO</Transition><Timeout>0|;"
+                       "s|<Index>24672|<Index>20480|' two.xml > refused.xml")
+                  .status,
+              0);
+    const std::string cause = "start-up command SO (no. 1, object 0x5000:0): SDO abort 0x06020000";
+    const auto states = ethercat("sim:two.toml", "states OP --eni refused.xml");
+    EXPECT_TRUE(contains(states.err, cause)) << states.err;
+    const auto simple = folder.run(std::string(MARGAY_BIN_DIR) + "/simple_io sim:two.toml --eni refused.xml");
+    EXPECT_EQ(simple.status, 1);
+    EXPECT_TRUE(contains(simple.err, ") is in SAFEOP: " + cause)) << simple.err;
     const auto json = ethercat("sim:two.toml", "config --json -p 1 --eni two.xml");
     EXPECT_TRUE(contains(json.out, "\"parameters\": [],\n          \"dc\": null\n")) << json.out;
     const auto clocks =
