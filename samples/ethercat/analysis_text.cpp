@@ -23,6 +23,12 @@ std::string micro(Duration d) { return micro(static_cast<double>(d.count())); }
 std::string when(const Moment& m) { return fmt::format("{:>14} #{:<8}", seconds(m.at), m.frame); }
 std::string place(const Moment& m) { return fmt::format("{} (frame {})", seconds(m.at), m.frame); }
 
+// "1 frame", "2 frames".
+std::string counted(std::uint64_t n, std::string_view one, std::string_view many = {}) {
+    if (n == 1) return fmt::format("1 {}", one);
+    return many.empty() ? fmt::format("{} {}s", n, one) : fmt::format("{} {}", n, many);
+}
+
 std::string slave_name(const Analysis& a, std::size_t number) {
     const auto& s = a.slaves[number];
     if (s.position) return fmt::format("slave {}", *s.position);
@@ -45,20 +51,25 @@ std::string list_text(std::string_view title, const analyse::Bounded<T>& list, b
 
 std::string frames_text(const Analysis& a) {
     const auto& f = a.frames;
-    std::string text = fmt::format(
-        "Recording\n  {} packets, {} EtherCAT frames in {}\n  {}\n  {} requests, {} replies, {} lost, {} late\n",
-        f.packets, f.ethercat, seconds(a.duration), words_of(a.directions), f.requests, f.replies, f.lost, f.late);
-    const auto count = [&](std::uint64_t n, std::string_view what) {
-        if (n != 0) text += fmt::format("  {} {}\n", n, what);
+    std::string text =
+        fmt::format("Recording\n  {}, {} in {}\n  {}\n  {}, {}, {} lost, {} late\n", counted(f.packets, "packet"),
+                    counted(f.ethercat, "EtherCAT frame"), seconds(a.duration), words_of(a.directions),
+                    counted(f.requests, "request"), counted(f.replies, "reply", "replies"), f.lost, f.late);
+    const auto count = [&](std::uint64_t n, std::string_view one, std::string_view many) {
+        if (n != 0) text += "  " + counted(n, one, many) + "\n";
     };
     if (a.ring) text += "  both NICs of a ring: the copies of a frame are counted as one frame\n";
-    count(f.open, "requests shortly before the end, whose replies may come behind it");
-    count(f.unasked, "replies without a request");
-    count(f.vlan, "frames in VLAN tags");
-    count(f.udp, "frames in UDP");
-    count(f.other_types, "EtherCAT frames without datagrams (mailbox gateway or network variables)");
-    count(f.cut, "EtherCAT frames that the recorder has cut; they are not analysed");
-    count(f.damaged, "EtherCAT frames with lengths that contradict each other; they are not analysed");
+    count(f.open, "request shortly before the end, whose reply may come behind it",
+          "requests shortly before the end, whose replies may come behind it");
+    count(f.unasked, "reply without a request", "replies without a request");
+    count(f.vlan, "frame in a VLAN tag", "frames in VLAN tags");
+    count(f.udp, "frame in UDP", "frames in UDP");
+    count(f.other_types, "EtherCAT frame without datagrams (mailbox gateway or network variables)",
+          "EtherCAT frames without datagrams (mailbox gateway or network variables)");
+    count(f.cut, "EtherCAT frame that the recorder has cut; it is not analysed",
+          "EtherCAT frames that the recorder has cut; they are not analysed");
+    count(f.damaged, "EtherCAT frame with lengths that contradict each other; it is not analysed",
+          "EtherCAT frames with lengths that contradict each other; they are not analysed");
     if (f.longest_trip.count() != 0)
         text += fmt::format("  round trip {} to {}, the longest at {}\n", micro(f.shortest_trip), micro(f.longest_trip),
                             place(f.longest_trip_at));
@@ -74,8 +85,8 @@ std::string master_text(const Analysis& a) {
 }
 
 std::string deviation_text(const analyse::Deviation& d) {
-    return fmt::format("{} to {} ns, last {} ns, {} readings, largest at {}", d.least_ns, d.most_ns, d.last_ns, d.count,
-                       place(d.largest_at));
+    return fmt::format("{} to {} ns, last {} ns, {}, largest at {}", d.least_ns, d.most_ns, d.last_ns,
+                       counted(d.count, "reading"), place(d.largest_at));
 }
 
 std::string clock_text(const analyse::Clock& c) {
@@ -118,14 +129,15 @@ std::string slave_text(const Analysis& a, std::size_t number) {
     text += fmt::format("\n    vendor {}, product {}, revision {}, serial {}\n", hex(s.vendor, 8), hex(s.product, 8),
                         hex(s.revision, 8), hex(s.serial, 8));
     if (s.state) text += fmt::format("    last AL state {}\n", state_words(*s.state));
-    if (s.sii_octets != 0) text += fmt::format("    {} octets of the SII\n", s.sii_octets);
+    if (s.sii_octets != 0) text += fmt::format("    {} of the SII\n", counted(s.sii_octets, "octet"));
     for (const auto& [type, mail] : s.mail) {
-        text += fmt::format("    {}: {} messages sent ({} octets), {} received ({} octets)", wire::to_text(type),
-                            mail.sent, mail.sent_bytes, mail.received, mail.received_bytes);
-        text += mail.errors != 0 ? fmt::format(", {} errors\n", mail.errors) : "\n";
+        text +=
+            fmt::format("    {}: {} sent ({}), {} received ({})", wire::to_text(type), counted(mail.sent, "message"),
+                        counted(mail.sent_bytes, "octet"), mail.received, counted(mail.received_bytes, "octet"));
+        text += mail.errors != 0 ? ", " + counted(mail.errors, "error") + "\n" : "\n";
     }
     if (s.unanswered != 0)
-        text += fmt::format("    {} datagrams without an answer, the first at {}\n", s.unanswered,
+        text += fmt::format("    {} without an answer, the first at {}\n", counted(s.unanswered, "datagram"),
                             place(s.first_unanswered));
     return text + clock_text(s.clock) + pdos_text(s);
 }
@@ -148,25 +160,27 @@ std::string cyclic_text(const Analysis& a) {
     for (std::size_t n = 0; n < a.cyclic.size(); ++n) {
         const auto& c = a.cyclic[n];
         const auto& i = c.intervals;
-        text += fmt::format("  kind {}: {} frames from {} to {}, {} lost, {} late\n", n, c.count, seconds(c.first.at),
-                            seconds(c.last.at), c.lost, c.late);
+        text += fmt::format("  kind {}: {} from {} to {}, {} lost, {} late\n", n, counted(c.count, "frame"),
+                            seconds(c.first.at), seconds(c.last.at), c.lost, c.late);
         if (i.count != 0)
             text += fmt::format(
                 "    cycle {} (mean {}), jitter: standard deviation {}, 98 % within {} to {}, all within {} to {}\n"
-                "    the longest interval at {}; {} intervals longer than 1.5 cycles; {} pauses of more than a "
+                "    the longest interval at {}; {} longer than 1.5 cycles; {} of more than a "
                 "second\n",
                 micro(i.median), micro(i.mean_ns), micro(i.deviation_ns), micro(i.low_1), micro(i.high_99),
-                micro(i.least), micro(i.most), place(i.most_at), i.late, i.pauses);
+                micro(i.least), micro(i.most), place(i.most_at), counted(i.late, "interval"),
+                counted(i.pauses, "pause"));
         for (const auto& d : c.datagrams) {
             text += fmt::format("    {} ", wire::to_text(d.command));
             text += wire::is_logical(d.command) ? fmt::format("0x{:08x}", d.address)
                                                 : fmt::format("0x{:04x} 0x{:04x}", d.address & 0xFFFF, d.address >> 16);
-            text += fmt::format(", {} octets, working counter", d.length);
-            for (const auto& [wkc, count] : d.wkcs) text += fmt::format(" {} ({} times)", wkc, count);
+            text += fmt::format(", {}, working counter", counted(d.length, "octet"));
+            for (const auto& [wkc, count] : d.wkcs) text += fmt::format(" {} ({})", wkc, counted(count, "time"));
             text += "\n";
         }
     }
-    if (a.cyclic_left_out != 0) text += fmt::format("  {} frames of other kinds\n", a.cyclic_left_out);
+    if (a.cyclic_left_out != 0)
+        text += "  " + counted(a.cyclic_left_out, "frame of another kind", "frames of other kinds") + "\n";
     return text;
 }
 
@@ -174,8 +188,9 @@ std::string reference_text(const Analysis& a) {
     const auto& r = a.reference;
     std::string text;
     if (r.readings != 0) {
-        text += fmt::format("\nReference clock\n  {}, {} readings of the system time\n",
-                            r.slave ? slave_name(a, *r.slave) : std::string("unknown slave"), r.readings);
+        text += fmt::format("\nReference clock\n  {}, {} of the system time\n",
+                            r.slave ? slave_name(a, *r.slave) : std::string("unknown slave"),
+                            counted(r.readings, "reading"));
         if (r.drift_ppm)
             text += fmt::format("  drift {:+.1f} ppm against the clock of the recorder, within {:.1f} ppm\n",
                                 *r.drift_ppm, r.drift_within_ppm);
@@ -203,7 +218,7 @@ std::string conversation_line(const Analysis& a, const analyse::Conversation& c)
                        c.action != Action::entry_description && c.action != Action::foe_read &&
                        c.action != Action::foe_write;
     if (c.bytes != 0 && value) text += fmt::format(" = {}{}", octet_list(c.data), c.bytes > c.data.size() ? " …" : "");
-    if (c.bytes != 0) text += fmt::format(" ({} octets)", c.bytes);
+    if (c.bytes != 0) text += fmt::format(" ({})", counted(c.bytes, "octet"));
     if (value && !c.complete && c.bytes != 0 && c.bytes <= 8) {
         std::uint64_t number = 0;
         for (std::size_t i = 0; i < c.data.size(); ++i) number |= std::to_integer<std::uint64_t>(c.data[i]) << (8 * i);
@@ -225,8 +240,8 @@ std::string emergency_line(const Analysis& a, const analyse::Emergency& e) {
 }
 
 std::string shortfall_line(const analyse::Shortfall& s) {
-    return fmt::format("{} kind {}, datagram {}: {} (least) in place of {}, {} frames, {}", when(s.begin),
-                       s.cyclic_frame, s.datagram, s.least, s.expected, s.frames,
+    return fmt::format("{} kind {}, datagram {}: {} (least) in place of {}, {}, {}", when(s.begin), s.cyclic_frame,
+                       s.datagram, s.least, s.expected, counted(s.frames, "frame"),
                        s.end ? "until " + place(*s.end) : std::string("until the end"));
 }
 
@@ -235,7 +250,7 @@ std::string shortfall_line(const analyse::Shortfall& s) {
 std::string analysis_text(const Analysis& a, bool verbose) {
     auto text = frames_text(a) + master_text(a) + slaves_text(a);
     text += list_text<analyse::RingSize>("Slaves in the ring", a.ring_sizes, verbose, [](const auto& r) {
-        return fmt::format("{} {} slaves", when(r.when), r.slaves);
+        return fmt::format("{} {}", when(r.when), counted(r.slaves, "slave"));
     });
     text +=
         list_text<analyse::StateEvent>("AL states", a.states, verbose, [&](const auto& e) { return state_line(a, e); });
