@@ -241,24 +241,36 @@ std::uint32_t command_in(const ObjectAccess& access, Bytes data) {
 
 bool exists(const ObjectAccess& access) { return of(access) != nullptr; }
 
+// The application may take its stored values away while a command waits, or between two segments of a transfer.
 HookAnswer before_save(const ObjectAccess& access, Bytes data) {
-    return command_in(access, data) == kSave ? of(access)->save(access.now, access.again)
-                                             : HookAnswer(Abort::cannot_store);
+    auto* const stored = of(access);
+    if (stored == nullptr) return Abort::no_object;
+    return command_in(access, data) == kSave ? stored->save(access.now, access.again) : HookAnswer(Abort::cannot_store);
 }
 
 HookAnswer before_restore(const ObjectAccess& access, Bytes data) {
-    return command_in(access, data) == kRestore ? of(access)->restore(access.now) : HookAnswer(Abort::cannot_store);
+    auto* const stored = of(access);
+    if (stored == nullptr) return Abort::no_object;
+    return command_in(access, data) == kRestore ? stored->restore(access.now) : HookAnswer(Abort::cannot_store);
 }
 
-MutableBytes command(const ObjectAccess& access) { return of(access)->show(1); }
+MutableBytes command(const ObjectAccess& access) {
+    auto* const stored = of(access);
+    return stored == nullptr ? MutableBytes() : stored->show(1);
+}
 
 // Before the value is copied under the lock: the CRC of all values takes long.
 HookAnswer before_checksum(const ObjectAccess& access) {
-    (void)of(access)->show(of(access)->checksum());
+    auto* const stored = of(access);
+    if (stored == nullptr) return Abort::no_object;
+    (void)stored->show(stored->checksum());
     return Abort::none;
 }
 
-MutableBytes checksum(const ObjectAccess& access) { return of(access)->shown(); }
+MutableBytes checksum(const ObjectAccess& access) {
+    auto* const stored = of(access);
+    return stored == nullptr ? MutableBytes() : stored->shown();
+}
 
 }  // namespace stored_values
 }  // namespace margay::subdevice

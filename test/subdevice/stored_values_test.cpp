@@ -100,6 +100,25 @@ TEST_F(StoredValuesTest, OtherValuesAndStatesAreRefused) {
     EXPECT_EQ(upload(device.bench, 0x10F0, 1).abort, Abort::no_object);
 }
 
+TEST_F(StoredValuesTest, ACommandEndsWhenTheApplicationTakesItsStoredValuesAway) {
+    Powered device(flash);
+    Bench& bench = device.bench;
+    flash.needs = std::chrono::seconds(1);
+    constexpr std::pair<int, std::string_view> kCommands[] = {{0x1010, "save"}, {0x1011, "load"}};
+    for (const auto& [index, word] : kCommands) {
+        flash.done = kNever;
+        bench.application.stored = &device.stored;
+        auto message = sdo_request(0x23, index, 1, load_le<std::uint32_t>(octets(word)));
+        ASSERT_TRUE(bench.send(wire::MailboxType::coe, message));
+        bench.settle();
+        ASSERT_TRUE(bench.fetch().empty()) << "the memory is busy";
+        bench.application.stored = nullptr;
+        bench.esc.time += std::chrono::seconds(1);
+        bench.settle();
+        EXPECT_EQ(abort_of(bench.receive()), Abort::no_object) << word;
+    }
+}
+
 // The check value of CRC-32 (IEEE 802.3) and this table of values: computed with another program (zlib).
 TEST_F(StoredValuesTest, TheChecksumTellsValuesApart) {
     Powered device(flash);
