@@ -63,6 +63,14 @@ Extent extent(const Slave& slave, Packing packing, Direction direction, std::uin
 // The resources of the slave's ESC are unknown: the slave was not read yet, or another slave is at its place.
 bool not_asked(const Slave& slave) { return slave.place_kept || slave.held; }
 
+bool lies_on_mailbox(const MailboxInfo& mailbox, const ProcessSm& sm) {
+    const auto lies_on = [&sm](std::uint32_t start, std::uint32_t bytes) {
+        return sm.start < start + bytes && start < sm.start + sm.bytes();
+    };
+    return mailbox.present() &&
+           (lies_on(mailbox.out_start, mailbox.out_bytes) || lies_on(mailbox.in_start, mailbox.in_bytes));
+}
+
 Result<> check_sync_managers(const Slave& slave) {
     if (not_asked(slave)) return Result<>();
     const auto sms = process_sms(slave);
@@ -86,6 +94,7 @@ Result<> check_sync_managers(const Slave& slave) {
             const bool apart = sm.start + sm.bytes() <= other.start || other.start + other.bytes() <= sm.start;
             if (sm.bits > 0 && other.bits > 0 && !apart) return error;
         }
+        if (sm.bits > 0 && lies_on_mailbox(slave.mailbox, sm)) return error;
     }
     return Result<>();
 }

@@ -233,6 +233,23 @@ TEST_F(ImageLayoutTest, TooFewSyncManagers) {
               "room for 3)");
 }
 
+TEST_F(ImageLayoutTest, ProcessDataOnTopOfAMailbox) {
+    const auto attempt = [&](const ProcessSm& sm) {
+        slaves = {make_slave(1)};
+        slaves[0].mailbox = {.out_start = 0x1000, .out_bytes = 128, .in_start = 0x1100, .in_bytes = 128, .protocols = 4};
+        slaves[0].config.add(sm);
+        const auto layout = lay();
+        return layout ? std::string() : words(layout.error());
+    };
+    const std::string on_top =
+        "slave 1: mapping process data at SyncManager 2: outside the slave's process data memory, or on top of another "
+        "SyncManager";
+    for (const auto& sm : {outputs_sm(2, 0x107F, 8), outputs_sm(2, 0x0FFF, 16), outputs_sm(2, 0x10FF, 16)})
+        EXPECT_EQ(attempt(sm).substr(0, on_top.size()), on_top) << sm.start;
+    EXPECT_EQ(attempt(outputs_sm(2, 0x1080, 8 * 128)), "") << "between the mailboxes";
+    EXPECT_EQ(attempt(outputs_sm(2, 0x1000, 0)), "") << "not used";
+}
+
 TEST_F(ImageLayoutTest, SyncManagersThatDoNotFitTheMemory) {
     struct Case {
         const char* name;
