@@ -217,7 +217,7 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
         clocks.returning = 0;
         clocks.rests = kRests;  // if this fails
         const bool sync = clocks.of(slave).sync_active;
-        co_await required(become_reference(network, slave, Rate::own));
+        co_await required(become_reference(network, slave, ClockRate::own));
         if (sync) co_await required(prepare_clock(network, slave));
         co_return false;
     }

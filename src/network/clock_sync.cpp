@@ -225,14 +225,14 @@ Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
 // The slave is before the reference in the ring, so the time of the reference does not reach it: it would get what the
 // master has sent. While the cycles carry no time it is set by the reference, and then is the reference itself. The
 // other clocks go on at their rates meanwhile.
-Task<Result<>> become_reference(Network& network, Slave& slave, Rate rate) {
+Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) {
     Clocks& clocks = network.clocks;
     constexpr unsigned kMostTries = 100;
     for (unsigned n = 0; !carry_time_of(network, nullptr) && n < kMostTries; ++n) co_await network.engine.next_poll();
     // After a loss of power it has followed the system time as fast as it can, and would go on while it is set.
     auto set = co_await reset_control_loop(network.station(slave));
     if (set) set = co_await set_clock_by_reference(network, slave);
-    if (set && rate == Rate::of_reference) set = co_await learn_rate(network, slave, reference_of(network, slave));
+    if (set && rate == ClockRate::of_reference) set = co_await learn_rate(network, slave, reference_of(network, slave));
     // Another slave, before this one, may have become the reference meanwhile.
     const bool first =
         set && slave.ring_position != 0 && slave.ring_position < network.slave(clocks.reference).ring_position;
@@ -269,7 +269,7 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     const Slave& reference = network.slave(clocks.reference);
     // 0: its place in the ring is not known yet.
     if (slave.ring_position != 0 && slave.ring_position < reference.ring_position)
-        co_return co_await required(become_reference(network, slave, Rate::of_reference));
+        co_return co_await required(become_reference(network, slave, ClockRate::of_reference));
     co_await required(set_clock_by_reference(network, slave));
     clock.synchronised = true;
     co_return co_await required(wait_for_clock(network, slave));

@@ -239,8 +239,8 @@ void resume_time(Network& network);
 [[nodiscard]] Task<Result<bool>> settle_rate(Network& network, Slave& slave);
 // See prepare_clock(): the slave gets the time of the reference, while the cycles carry no time, and is the reference
 // then. `of_reference`: it learns the rate of the reference before, which takes some tenths of a second.
-enum class Rate : bool { own, of_reference };
-[[nodiscard]] Task<Result<>> become_reference(Network& network, Slave& slave, Rate rate);
+enum class ClockRate : bool { own, of_reference };
+[[nodiscard]] Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate);
 // The slave is before the reference in the ring, and its clock was set by it; the cycles carry no time. Single frames
 // bring it the time that the master expects, until it runs at the rate of the reference; then its clock is set again.
 [[nodiscard]] Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference);
