@@ -7,11 +7,18 @@ namespace margay::subdevice {
 using wire::SyncManager;
 namespace reg = wire::reg;
 
-SyncManager read_sync_manager(EscAccess& esc, unsigned n) {
+namespace {
+
+// The octets that are not read are 0.
+SyncManager read_octets(EscAccess& esc, unsigned n, std::size_t count) {
     std::array<std::byte, reg::kSyncManagerStride> bytes{};
-    read_memory(esc, reg::sync_manager(n).address, bytes);
+    read_memory(esc, reg::sync_manager(n).address, MutableBytes(bytes).first(count));
     return wire::load_sync_manager(bytes);
 }
+
+}  // namespace
+
+SyncManager read_sync_manager(EscAccess& esc, unsigned n) { return read_octets(esc, n, reg::kSyncManagerStride); }
 
 std::uint8_t read_sync_manager_control(EscAccess& esc, unsigned n) {
     return read_register<std::uint8_t>(
@@ -50,15 +57,6 @@ class Places {
     wire::SyncManagerPlaces<kMostSyncManagers> places_;
 };
 
-// Start and length only.
-SyncManager read_mailbox_place(EscAccess& esc, unsigned n) {
-    std::array<std::byte, 4> bytes{};
-    read_memory(esc, reg::sync_manager(n).address, bytes);
-    return {.physical_start = load_le<std::uint16_t>(bytes, 0),
-            .length_bytes = load_le<std::uint16_t>(bytes, 2),
-            .control = wire::sm_control::kModeMailbox};
-}
-
 AlStatusCode check_area(const SyncManager& sm, const ProcessDataArea& area, std::uint16_t bytes, bool ecat_writes,
                         AlStatusCode otherwise) {
     if (bytes == 0) return sm.enabled() && sm.length_bytes != 0 ? otherwise : AlStatusCode::none;
@@ -85,9 +83,11 @@ AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device,
     if (sizes.fault != AlStatusCode::none) return sizes.fault;
     auto fault = AlStatusCode::none;
     Places places(esc);
-    // The mailboxes have been checked. The AL event of a change of theirs stays for the state machine.
-    for (const unsigned n : {0U, 1U})
-        if (device.mailbox.present()) (void)places.add(read_mailbox_place(esc, n));
+    // The mailboxes have been checked. The activate octet is not read: the AL event of a change of theirs stays for the
+    // state machine.
+    const unsigned mailboxes = device.mailbox.present() ? 2 : 0;
+    for (unsigned n = 0; n < mailboxes; ++n)
+        (void)places.add(read_octets(esc, n, wire::SyncManagerLayout::activate::offset));
     for (const bool outputs : {true, false}) {
         const auto otherwise =
             outputs ? AlStatusCode::invalid_output_configuration : AlStatusCode::invalid_input_configuration;

@@ -3,6 +3,7 @@
 #include "subdevice/bits.hpp"
 
 #include <algorithm>
+#include <type_traits>
 
 namespace margay::subdevice {
 
@@ -33,17 +34,27 @@ ObjectAccess at(const ObjectAccess& access, unsigned subindex) {
 // First bit of an entry after `bit` bits: entries of one octet and more start at an octet boundary.
 constexpr std::size_t aligned(std::size_t bit, const Entry& entry) { return entry.bits >= 8 ? (bit + 7) / 8 * 8 : bit; }
 
-// Calls f(entry, subindex, first bit) for every subindex from `from` to `top`. Returns the total number of bits.
-template <class F>
-std::size_t for_each_complete(const Object& object, unsigned from, unsigned top, F&& f) {
+using CompleteVisit = void (*)(void* function, const Entry& entry, unsigned subindex, std::size_t bit);
+
+// One loop for all functions: each instance would need its code again.
+std::size_t visit_complete(const Object& object, unsigned from, unsigned top, CompleteVisit visit, void* function) {
     std::size_t bit = 0;
     for (const auto& entry : object.entries)
         for (unsigned n = std::max<unsigned>(from, entry.subindex); n <= std::min(top, entry.last()); ++n) {
             bit = aligned(bit, entry);
-            f(entry, n, bit);
+            visit(function, entry, n, bit);
             bit += n == 0 ? 16 : entry.bits;
         }
     return bit;
+}
+
+// Calls f(entry, subindex, first bit) for every subindex from `from` to `top`. Returns the total number of bits.
+template <class F>
+std::size_t for_each_complete(const Object& object, unsigned from, unsigned top, F&& f) {
+    const auto visit = [](void* function, const Entry& entry, unsigned subindex, std::size_t bit) {
+        (*static_cast<std::remove_reference_t<F>*>(function))(entry, subindex, bit);
+    };
+    return visit_complete(object, from, top, visit, &f);
 }
 
 unsigned count_of(const ObjectAccess& access) {
@@ -60,6 +71,11 @@ bool count_is_writable(const ObjectAccess& access) {
 unsigned last_written(const ObjectAccess& access, Bytes data) {
     if (!count_is_writable(access)) return count_of(access);
     return access.subindex == 0 ? load_le<std::uint16_t>(data) : access.object.max_subindex();
+}
+
+MutableBytes provided_for_writing(ObjectAccess access) {
+    access.write = true;
+    return access.object.hooks->memory(access);
 }
 
 }  // namespace
@@ -96,11 +112,7 @@ Bytes view_value(const ObjectAccess& access, const Entry& entry, Scratch& scratc
 
 Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     std::size_t room = entry.bytes();
-    if (entry.storage == Storage::provided) {
-        auto writing = access;
-        writing.write = true;
-        room = access.object.hooks->memory(writing).size();
-    }
+    if (entry.storage == Storage::provided) room = provided_for_writing(access).size();
     if (data.size() > room) return Abort::length_too_high;
     if (data.size() < room && !varies(entry.type)) return Abort::length_too_low;
     if (is_small(entry) && !data.empty() && !fits(entry, data[0])) return Abort::value_too_high;
@@ -108,25 +120,22 @@ Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
 }
 
 Abort check_limits(const Entry& entry, Bytes data) {
-    if (!entry.is_limited() || data.size() > 8) return Abort::none;
-    std::uint64_t bits = 0;
-    for (std::size_t i = 0; i < data.size(); ++i)
-        bits |= std::uint64_t{std::to_integer<std::uint8_t>(data[i])} << (8 * i);
-    if (!is_signed(entry.type)) {
-        if (bits < static_cast<std::uint64_t>(entry.limits().minimum)) return Abort::value_too_low;
-        return bits > static_cast<std::uint64_t>(entry.limits().maximum) ? Abort::value_too_high : Abort::none;
-    }
-    const auto unused = static_cast<unsigned>(64 - 8 * data.size());
-    const auto number = static_cast<std::int64_t>(bits << unused) >> unused;
-    if (number < entry.limits().minimum) return Abort::value_too_low;
-    return number > entry.limits().maximum ? Abort::value_too_high : Abort::none;
+    Scratch value{};
+    if (!entry.is_limited() || data.size() > value.size()) return Abort::none;
+    const bool negative = is_signed(entry.type) && !data.empty() && (data.back() & std::byte{0x80}) != std::byte{};
+    if (negative) value.fill(std::byte{0xFF});
+    std::copy(data.begin(), data.end(), value.begin());
+    // With the sign bit inverted, signed numbers have the order of unsigned ones.
+    const std::uint64_t sign = is_signed(entry.type) ? std::uint64_t{1} << 63 : 0;
+    const auto in_order = [sign](std::int64_t number) { return static_cast<std::uint64_t>(number) ^ sign; };
+    const std::uint64_t number = in_order(load_le<std::int64_t>(Bytes(value), 0));
+    if (number < in_order(entry.limits().minimum)) return Abort::value_too_low;
+    return number > in_order(entry.limits().maximum) ? Abort::value_too_high : Abort::none;
 }
 
 void store_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
-    auto writing = access;
-    writing.write = true;
     const auto memory = entry.storage == Storage::provided
-                            ? access.object.hooks->memory(writing)
+                            ? provided_for_writing(access)
                             : access.dictionary.in_image(access.object, entry, access.subindex);
     const auto bytes = std::min(memory.size(), data.size());
     // Data of a segmented transfer may already be in the memory.
@@ -161,20 +170,29 @@ Gathered gather(const ObjectAccess& access, MutableBytes into) {
         const auto value = view_value(at(access, n), entry, scratch);
         copy_bits(into, bit, value, 0, std::min<std::size_t>(entry.bits, value.size() * 8));
     });
-    if (!any && why != Abort::none) return {why};
-    return {Abort::none, bytes};
+    return {any ? Abort::none : why, bytes};
 }
+
+namespace {
+
+// The value of an entry in the data of complete access.
+Bytes part_of(Bytes data, std::size_t bit, const Entry& entry, Scratch& scratch) {
+    if (entry.bits >= 8) return data.subspan(bit / 8, entry.bytes());
+    copy_bits(scratch, 0, data, bit, entry.bits);
+    return Bytes(scratch).first(1);
+}
+
+}  // namespace
 
 Abort check_complete(const ObjectAccess& access, Bytes data) {
     const auto& object = access.object;
     if (access.subindex == 0 && data.size() < 2) return Abort::length_too_low;
     unsigned top = last_written(access, data);
     if (top > object.max_subindex()) return Abort::value_too_high;
-    if (access.subindex != 0 && count_is_writable(access)) {  // the data determine the number of entries
-        top = 0;
-        while (top < object.max_subindex() && complete_bytes(object, 1, top + 1) <= data.size()) ++top;
-        if (top < object.max_subindex() && complete_bytes(object, 1, top) < data.size()) ++top;
-    }
+    // The data determine the number of entries.
+    const auto reaches = [&](unsigned n) { return complete_bytes(object, 1, n); };
+    if (access.subindex != 0 && count_is_writable(access))
+        while (top != 0 && reaches(top) > data.size() && reaches(top - 1) >= data.size()) --top;
     const auto bytes = complete_bytes(object, access.subindex, top);
     if (data.size() > bytes) return Abort::length_too_high;
     if (data.size() < bytes) return Abort::length_too_low;
@@ -190,17 +208,11 @@ Abort check_complete(const ObjectAccess& access, Bytes data) {
             return;
         }
         any = true;
-        if (varies(entry.type)) return;
-        if (entry.bits >= 8) {
-            wrong = check_value(at(access, n), entry, data.subspan(bit / 8, entry.bytes()));
-            return;
-        }
         Scratch scratch{};
-        copy_bits(scratch, 0, data, bit, entry.bits);
-        wrong = check_value(at(access, n), entry, Bytes(scratch).first(1));
+        if (!varies(entry.type)) wrong = check_value(at(access, n), entry, part_of(data, bit, entry, scratch));
     });
-    if (wrong != Abort::none) return wrong;
-    return any || why == Abort::none ? Abort::none : why;
+    if (wrong == Abort::none && !any) wrong = why;
+    return wrong;
 }
 
 void scatter(const ObjectAccess& access, Bytes data) {
@@ -208,11 +220,8 @@ void scatter(const ObjectAccess& access, Bytes data) {
                       [&](const Entry& entry, unsigned n, std::size_t bit) {
                           if (entry.is_padding() || check_writable(entry, access.state) != Abort::none) return;
                           if (bit + (n == 0 ? 16 : entry.bits) > data.size() * 8) return;
-                          if (entry.bits >= 8)
-                              return store_value(at(access, n), entry, data.subspan(bit / 8, entry.bytes()));
                           Scratch scratch{};
-                          copy_bits(scratch, 0, data, bit, entry.bits);
-                          store_value(at(access, n), entry, Bytes(scratch).first(1));
+                          store_value(at(access, n), entry, part_of(data, bit, entry, scratch));
                       });
 }
 
