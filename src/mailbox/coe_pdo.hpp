@@ -20,8 +20,8 @@ struct FoundByCoe {
 
 // Finds the length of the PDOs that are assigned to each SyncManager. `entries` (may be nullptr, outlives the task)
 // receives each entry. `any` is false, and nothing is found, when the dictionary has no assignment: this is not a
-// failure, the SII may contain it. A SyncManager with an undescribed PDO has the length of the SII. Errors: anything but
-// an abort.
+// failure, the SII may contain it. A SyncManager with an undescribed PDO has the length of the SII. Errors: anything
+// but an abort.
 [[nodiscard]] Task<Result<FoundByCoe>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave,
                                                        const SmTypes& types, FoundSms& found,
                                                        const MailPatience& patience, EntrySink* entries = nullptr);

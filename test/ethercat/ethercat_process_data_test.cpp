@@ -124,7 +124,8 @@ TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
                        "s|<Index>24672|<Index>20480|' two.xml > refused.xml")
                   .status,
               0);
-    const std::string cause = "start-up command SO (no. 1, object 0x5000:0): SDO abort 0x06020000";
+    const std::string cause =
+        "command at SO (no. 1, object 0x5000:0): the slave aborted the transfer (abort code 0x06020000";
     const auto states = ethercat("sim:two.toml", "states OP --eni refused.xml");
     EXPECT_TRUE(contains(states.err, cause)) << states.err;
     const auto simple = folder.run(std::string(MARGAY_BIN_DIR) + "/simple_io sim:two.toml --eni refused.xml");

@@ -26,8 +26,8 @@ TEST_F(UndescribedPdo, WithoutALengthInTheSiiItIsAnError) {
     bus.start();
     (void)config_map(*bus.ctx, image);
     EXPECT_EQ(bus.words(bus.ctx->slave(1).error),
-              "slave 1: finding the PDOs of SyncManager 2, PDO 0x1605: neither the list nor the slave says which entries "
-              "the PDO has");
+              "slave 1: finding the PDOs of SyncManager 2, PDO 0x1605: neither the list nor the slave says which "
+              "entries the PDO has");
     EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 0U);
 }
 
@@ -39,8 +39,8 @@ TEST_F(UndescribedPdo, WithALengthInTheSiiItIsSaidAndUsed) {
     const auto told = errors();
     ASSERT_FALSE(told.empty());
     EXPECT_EQ(told.front(),
-              "slave 1: finding the PDOs of SyncManager 2, PDO 0x1605: neither the list nor the slave says which entries "
-              "the PDO has (used: the length of the SII, 4 octets)");
+              "slave 1: finding the PDOs of SyncManager 2, PDO 0x1605: neither the list nor the slave says which "
+              "entries the PDO has (used: the length of the SII, 4 octets)");
     EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 32U);
 }
 
