@@ -136,9 +136,6 @@ void write_place(TextWriter& out, const Error& e) {
                 break;
             else if (e.code == Errc::unknown_slave && e.index != 0)
                 (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
-            else if (e.code == Errc::pdo_unknown)
-                (out << " of SyncManager " << sync_manager(static_cast<std::uint16_t>(e.detail)) << ", PDO ")
-                    .hex(e.index, 4);
             else if (is_sync_manager(e.index))
                 out << " at SyncManager " << sync_manager(e.index);
             else if (e.index != 0)
@@ -247,9 +244,6 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
         case Errc::image_overlaps: out << " (group " << e.index << ")"; break;
         case Errc::invalid_argument: write_argument(out, e); break;
         case Errc::pdo_size: out << " (the SyncManager " << e.expected << ", the PDOs " << e.actual << ")"; break;
-        case Errc::pdo_unknown:
-            if (e.expected != 0) out << " (used: the length of the SII, " << e.expected << " octets)";
-            break;
         case Errc::sizes_differ: write_difference(out, e); break;
         case Errc::types_differ:
             out << " ("

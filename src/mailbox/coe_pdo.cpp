@@ -60,27 +60,22 @@ Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, const 
     co_return true;
 }
 
-Task<Result<FoundByCoe>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types,
-                                         FoundSms& found, const MailPatience& patience, EntrySink* entries) {
-    FoundByCoe result;
+Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types, FoundSms& found,
+                                   const MailPatience& patience, EntrySink* entries) {
+    bool any = false;
     for (std::uint8_t n = 0; n < types.size(); ++n) {
         const bool outputs = types[n] == SmType::outputs;
         if ((!outputs && types[n] != SmType::inputs) || n >= slave.sm_count) continue;
         const auto direction = outputs ? Direction::outputs : Direction::inputs;
         auto bits = co_await assigned_bits(channel, {.direction = direction, .sync_manager = n}, patience, entries);
         if (!bits && !is_refusal(bits.error())) co_return bits.error();
-        result.any = result.any || bits;
-        // The slave refuses a PDO, not the assignment: it is wrong that there are none.
-        if (!bits && bits.error().index != kAssignment + n && result.undescribed_pdo == 0) {
-            result.sync_manager = n;
-            result.undescribed_pdo = bits.error().index;
-        }
+        any = any || bits;
         // The dictionary has no assignment for this direction: the length of the SII is used, it may be fixed.
         const std::uint32_t length = bits ? *bits : slave.sync_managers[n].length_bytes * 8U;
         if (bits || length != 0) found[n] = {.any = true, .direction = direction, .bits = length};
     }
-    if (!result.any) found = {};
-    co_return result;
+    if (!any) found = {};
+    co_return any;
 }
 
 }  // namespace margay

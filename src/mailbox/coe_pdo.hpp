@@ -11,19 +11,11 @@ namespace margay {
 // defaults of the standard. Errors: anything but an abort.
 [[nodiscard]] Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, const MailPatience& patience);
 
-struct FoundByCoe {
-    bool any = false;
-    // The first assigned PDO that the slave does not describe, and its SyncManager; 0: there is none.
-    std::uint8_t sync_manager = 0;
-    std::uint16_t undescribed_pdo = 0;
-};
-
 // Finds the length of the PDOs that are assigned to each SyncManager. `entries` (may be nullptr, outlives the task)
-// receives each entry. `any` is false, and nothing is found, when the dictionary has no assignment: this is not a
-// failure, the SII may contain it. A SyncManager with an undescribed PDO has the length of the SII. Errors: anything
-// but an abort.
-[[nodiscard]] Task<Result<FoundByCoe>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave,
-                                                       const SmTypes& types, FoundSms& found,
-                                                       const MailPatience& patience, EntrySink* entries = nullptr);
+// receives each entry. False, and nothing found, when the dictionary has no assignment: this is not a failure, the SII
+// may contain it. Errors: anything but an abort.
+[[nodiscard]] Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types,
+                                                 FoundSms& found, const MailPatience& patience,
+                                                 EntrySink* entries = nullptr);
 
 }  // namespace margay

@@ -61,6 +61,8 @@ bool note_reach(Network& network, Slave& slave) {
 }
 
 bool any_unsynchronised(Network& network) {
+    const auto is_unexpected = [](const RingPlace& place) { return place.slave == 0; };
+    if (std::ranges::any_of(network.seen_ring(), is_unexpected)) return true;
     return std::ranges::any_of(network.slaves(), [&network](const Slave& slave) {
         const ClockEntry& clock = network.clocks.of(slave);
         return is_there(slave) && !clock.synchronised && (clock.kind == ClockKind::unknown || is_clock(clock.kind));
@@ -99,7 +101,9 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
         // What the register shows is older.
         const bool alone =
             clock.rounds_alone == UINT8_MAX || clock.rounds_alone * clocks.settings.watch_interval >= kLongestAlone;
-        if (!is_there(slave) || alone || clock.delay_old || unknown || is_led_away(clocks, followed))
+        if (!is_there(slave))
+            clock.lose_sync();  // the clocks that are there may be in sync
+        else if (alone || clock.delay_old || unknown || is_led_away(clocks, followed))
             clocks.lose_sync(slave);
     }
 }

@@ -49,20 +49,6 @@ void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
     }
 }
 
-// Reports an assigned PDO that the slave does not describe. Without a length in the SII the size of its process data is
-// not known, which is an error.
-Result<> check_described(Network& network, const Slave& slave, const FoundByCoe& by_coe, bool compare) {
-    if (by_coe.undescribed_pdo == 0) return Result<>();
-    const std::uint8_t n = by_coe.sync_manager;
-    Error error{.code = Errc::pdo_unknown, .step = Step::discover_pdos, .slave = slave.number};
-    error.index = by_coe.undescribed_pdo;
-    error.detail = wire::reg::sync_manager(n).address;
-    error.expected = slave.sync_managers[n].length_bytes;
-    if (error.expected == 0 && find_list(slave, n) == nullptr && !is_by_application(slave.config)) return error;
-    if (compare) network.note(error);
-    return Result<>();
-}
-
 // The process data found: by the source that counts (`source`), and by the SII.
 struct Findings {
     FoundSms counts{};
@@ -79,9 +65,8 @@ Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, b
     const auto said = co_await required(read_sm_types(channel, types, startup_patience(slave)));
     if (said && compare) compare_types(network, slave, types);
     auto known = co_await find_sms_by_coe(channel, slave, types, found.counts, startup_patience(slave), entries);
-    if (!known) co_return known.error();
-    if (known->any) found.source = ConfigurationSource::coe;
-    co_return check_described(network, slave, *known, compare);
+    if (known && *known) found.source = ConfigurationSource::coe;
+    co_return known ? Result<>() : Result<>(known.error());
 }
 
 // Notes that the slave refuses to say its PDOs. When it comes back, that is the newest cause of its failure.

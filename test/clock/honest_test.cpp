@@ -144,6 +144,34 @@ TEST_F(Honest, ASlaveThatWasNotFoundIsNoticed) {
               "than were found: search again)");
 }
 
+TEST_F(Honest, ALostSlaveLeavesTheOthersInSync) {
+    add_line(3);
+    bring_up(kFewFrames);
+    power(2, false);
+    cycles(500);
+    unsigned others_not_in_sync = 0;
+    for (unsigned n = 0; n < 2000; ++n) {
+        cycles(1);
+        others_not_in_sync += clock_status(*ctx, osal.now()).in_sync ? 0U : 1U;
+    }
+    EXPECT_EQ(others_not_in_sync, 0U) << joined(events());
+    EXPECT_FALSE(clock(3).in_sync);
+}
+
+// A device that nobody expects has a clock that nobody sets.
+TEST_F(Honest, AnUnexpectedClockDoesNotCount) {
+    add_line(3);
+    bring_up(kFewFrames);
+    const auto unexpected = segment.add(clocked({.drift_ppb = 1000}).assemble());
+    power(unexpected, true);
+    ASSERT_TRUE(segment.connect({2, 1}, {unexpected, 0}, kCable));
+    cycles(3000);
+    ASSERT_NE(joined(events()).find("unexpected"), std::string::npos);
+    const ClockStatus status = clock_status(*ctx, osal.now());
+    EXPECT_TRUE(status.in_sync);
+    EXPECT_LE(status.greatest_ns, 500U);
+}
+
 // After a loss of power, the SYNC signals cannot be activated again.
 TEST_F(Honest, SyncSignalsThatDoNotRunAreNotSaidToBeActive) {
     SlaveSetup by_sii{.dc = {.source = SyncSettings::Source::sii}};

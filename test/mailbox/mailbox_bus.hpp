@@ -144,6 +144,7 @@ class MailboxBus {
         return std::string(describe(error, text));
     }
 
+  private:
     template <class F>
     F& add(std::unique_ptr<F> firmware) {
         F& it = *firmware;
