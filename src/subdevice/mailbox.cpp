@@ -43,15 +43,13 @@ void Mailbox::start(AlState state) {
 }
 
 void Mailbox::stop() {
-    if (running_)
-        for (const auto& line : protocols_)
-            if (serves(line)) line.server->stop();
+    for (const auto& line : protocols_)
+        if (serves(line)) line.server->stop();
     forget();
     running_ = false;
 }
 
 void Mailbox::state_changed(AlState state) {
-    if (!running_) return;
     for (const auto& line : protocols_)
         if (serves(line)) line.server->state_changed(state);
 }
@@ -59,7 +57,7 @@ void Mailbox::state_changed(AlState state) {
 void Mailbox::forget() {
     first_ = kept_ = boxed_ = queued_ = received_bytes_ = parked_bytes_ = 0;
     last_received_ = last_sent_ = 0;
-    lost_ = repeated_ = false;
+    lost_ = repeated_ = looks_ = false;  // a step that is under way takes no further message
 }
 
 Time Mailbox::step(Time now, std::uint32_t events) {
@@ -250,12 +248,15 @@ MailboxServer* Mailbox::server_of(MailboxType type) const {
     return nullptr;
 }
 
+// The mailbox may have ended during the call of a server, because a hook of the author called Device::fall_back(). The
+// server finds a slot for its reply nevertheless, and commit() drops the reply.
 MutableBytes Mailbox::open() {
-    if (!running_ || full()) return {};
+    if (full()) return {};
     return slot(used()).subspan(wire::kMailboxHeaderBytes, send_.length_bytes - wire::kMailboxHeaderBytes);
 }
 
 void Mailbox::commit(MailboxType type, std::size_t bytes, std::uint16_t address) {
+    if (!running_) return;
     last_sent_ = wire::next_mailbox_counter(last_sent_);
     wire::store_mailbox_header(
         slot(used()),

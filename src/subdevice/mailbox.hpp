@@ -78,7 +78,9 @@ class Mailbox final : public Outbox {
     void reply_error(wire::MailboxErrorCode code, Bytes request);
     void forget();
     [[nodiscard]] MailboxServer* server_of(wire::MailboxType type) const;
-    [[nodiscard]] bool serves(const MailboxProtocol& line) const { return state_ != AlState::boot || line.in_boot; }
+    [[nodiscard]] bool serves(const MailboxProtocol& line) const {
+        return running_ && (state_ != AlState::boot || line.in_boot);
+    }
     [[nodiscard]] std::size_t used() const { return kept_ + boxed_ + queued_; }
     [[nodiscard]] bool full() const { return used() + (parked_bytes_ != 0 ? 1 : 0) == slots_; }
     [[nodiscard]] MutableBytes slot(std::size_t n) const {

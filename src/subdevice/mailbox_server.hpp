@@ -19,7 +19,8 @@ class Outbox {
     // is free. Nothing is sent before commit(); a second open() before commit() returns the same slot.
     [[nodiscard]] virtual MutableBytes open() = 0;
 
-    // Sends the first `bytes` octets of the slot that open() returned.
+    // Sends the first `bytes` octets of the slot that open() returned. When a function of the author has ended the
+    // mailbox during this call of the server, the octets are dropped.
     virtual void commit(wire::MailboxType type, std::size_t bytes, std::uint16_t address) = 0;
 
   protected:

@@ -164,17 +164,19 @@ struct ObjectAccess {
 };
 
 // The answer of a hook. Abort::none continues the access, another code aborts it, later() calls the hook again at that
-// time.
+// time. later(kNever) has no time of its own: the hook is called again in each step() that something else causes, and
+// 10 s after its first answer the access is aborted with Abort::timeout.
 struct HookAnswer {
     constexpr HookAnswer(Abort code = Abort::none) : abort(code) {}
     [[nodiscard]] static constexpr HookAnswer later(Time when) {
-        HookAnswer answer;
+        HookAnswer answer(kLater);
         answer.again = when;
         return answer;
     }
-    [[nodiscard]] constexpr bool waits() const { return again != kNever; }
+    [[nodiscard]] constexpr bool waits() const { return abort == kLater; }
+    static constexpr auto kLater = static_cast<Abort>(1);  // content of `abort` after later(); never sent
     Abort abort;
-    Time again = kNever;
+    Time again{};  // when waits()
 };
 
 // Hooks of an object. They are called from Device::step() in the order of the members. Each may be nullptr.

@@ -307,12 +307,13 @@ void SdoServer::wait(Time again, Bytes data, Time now) {
         std::copy(data.begin(), data.end(), target_.begin());
     }
     waiting_ = true;
-    again_ = again;
+    any_time_ = again == kNever;
+    again_ = any_time_ ? patience_ends_ : again;
 }
 
 Time SdoServer::step(Outbox& out, Time now) {
     if (!waiting_) return kNever;
-    if (now < again_ || out.open().empty()) return again_ > now ? again_ : kNever;
+    if ((now < again_ && !any_time_) || out.open().empty()) return again_ > now ? again_ : kNever;
     waiting_ = false;
     if (now >= patience_ends_) {
         abort(Abort::timeout, out);

@@ -13,6 +13,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -196,6 +197,9 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
     DeviceDescription description_value = table::kDevice;
     Verdict (*transition_hook)(Transition, Time) = nullptr;
     Time slow_until = Time{} + 50ms;
+    bool no_time = false;  // the hooks answer later(kNever)
+    std::function<void()> during_hook = [] {};   // called in before_read and before_write,
+    std::function<void()> during_write = [] {};  // and in after_write
     std::vector<std::byte> vast = std::vector<std::byte>(70'000, std::byte{0x5A});
     std::size_t vast_bytes = 70'000;
     StoredValues* stored = nullptr;
@@ -213,12 +217,15 @@ inline BenchApplication& bench_of(const ObjectAccess& access) {
     return static_cast<BenchApplication&>(*access.application);
 }
 inline HookAnswer slow_before(const ObjectAccess& access, Bytes) {
+    bench_of(access).during_hook();
+    if (bench_of(access).no_time) return HookAnswer::later(kNever);
     return access.now < bench_of(access).slow_until ? HookAnswer::later(bench_of(access).slow_until) : Abort::none;
 }
 inline HookAnswer slow_before_read(const ObjectAccess& access) { return slow_before(access, {}); }
 inline void note_write(const ObjectAccess& access) {
     auto& bench = bench_of(access);
     ++bench.writes;
+    bench.during_write();
     if (access.object.index == 0x2008) bench.vast_bytes = access.bytes;
 }
 inline MutableBytes vast_memory(const ObjectAccess& access) {

@@ -4,6 +4,7 @@
 #include "bench_device.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <map>
 
 namespace margay::subdevice {
@@ -47,6 +48,7 @@ class Store final : public FoeStore {
         return FoeAnswer::go();
     }
     FoeAnswer finish_write(std::size_t bytes, Time) override {
+        during_finish();
         if (busy_finishes > 0) return --busy_finishes, FoeAnswer::busy(50, 100);
         EXPECT_EQ(bytes, content.size());
         if (reject) return FoeAnswer::error(FoeError::wrong_checksum);
@@ -71,6 +73,7 @@ class Store final : public FoeStore {
     bool reject = false;
     int given_up = 0;
     int opens = 0;  // to read
+    std::function<void()> during_finish = [] {};
 };
 
 std::vector<std::byte> packet(Opcode opcode, std::uint32_t number, const std::vector<std::byte>& data = {}) {
@@ -169,6 +172,23 @@ TEST_F(FoeTest, FilesOfEveryLengthGoThereAndBack) {
         EXPECT_EQ(read_file("data.bin"), pattern(bytes)) << bytes;
     }
     EXPECT_EQ(store.given_up, 0);
+}
+
+TEST_F(FoeTest, TheStoreMayEndTheMailbox) {
+    store.during_finish = [this] {
+        bench.device->fall_back(AlState::init, AlStatusCode::unspecified, bench.esc.time);
+    };
+    expect(exchange(packet(Opcode::write, 0, letters("data.bin"))), Opcode::acknowledge, 0);
+    const auto sent = bench.mailbox->counters().sent;
+    ASSERT_TRUE(bench.send(wire::MailboxType::foe, packet(Opcode::data, 1, pattern(3))));
+    bench.settle();
+    EXPECT_EQ(bench.device->state(), AlState::init);
+    EXPECT_EQ(bench.mailbox->counters().sent, sent) << "the reply is dropped";
+    store.during_finish = [] {};
+    bench.configure(kMailbox);
+    EXPECT_EQ(bench.request(0x12).state, AlState::preop);
+    write_file("data.bin", pattern(100));
+    EXPECT_EQ(store.files["data.bin"], pattern(100));
 }
 
 TEST_F(FoeTest, NameAndPasswordReachTheStore) {

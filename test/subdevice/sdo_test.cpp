@@ -311,6 +311,57 @@ TEST(SdoHooks, AHookWithoutEndIsGivenUp) {
     EXPECT_EQ(upload(bench, 0x1000).abort, Abort::none);
 }
 
+TEST(SdoHooks, AHookWithoutATimeWaitsForAStepAndIsGivenUp) {
+    for (const int command : {0x40, 0x23}) {
+        for (const bool comes : {true, false}) {
+            Bench bench;
+            bench.application.no_time = true;
+            ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(command, 0x2007, 0, 0xCAFE)));
+            EXPECT_EQ(bench.step(), bench.esc.time + 10s);
+            bench.esc.time += 1s;
+            bench.settle();
+            EXPECT_TRUE(bench.fetch().empty()) << "no answer of the hook, no answer of the device";
+            EXPECT_EQ(bench.application.writes, 0u);
+            bench.esc.time += comes ? 8s : 9s;
+            bench.application.no_time = !comes;
+            bench.settle();
+            EXPECT_EQ(abort_of(bench.receive()), comes ? Abort::none : Abort::timeout);
+            EXPECT_EQ(bench.application.writes, comes && command == 0x23 ? 1u : 0u);
+        }
+    }
+}
+
+// A hook reports an error that ends the mailbox, or restarts the device: the reply of its access is dropped.
+TEST(SdoHooks, MayEndTheMailbox) {
+    for (const bool restart : {false, true}) {
+        for (const bool after : {false, true}) {
+            for (const int command : {0x40, 0x23}) {
+                if (after && command == 0x40) continue;
+                Bench bench;
+                bench.application.slow_until = Time{};
+                unsigned calls = 0;
+                auto& hook = after ? bench.application.during_write : bench.application.during_hook;
+                hook = [&] {
+                    ++calls;
+                    if (restart) return bench.device->start(bench.esc.time);
+                    bench.device->fall_back(AlState::init, AlStatusCode::unspecified, bench.esc.time);
+                };
+                ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(command, 0x2007, 0, 0xCAFE)));
+                bench.settle();
+                EXPECT_EQ(calls, 1u);
+                EXPECT_EQ(bench.device->state(), AlState::init);
+                EXPECT_EQ(bench.esc.al_status().error, !restart);
+                EXPECT_EQ(bench.mailbox->counters().sent, 0u);
+                EXPECT_FALSE(bench.mailbox->running());
+                hook = [] {};
+                bench.configure(128);
+                EXPECT_EQ(bench.request(0x12).state, AlState::preop);
+                EXPECT_EQ(upload(bench, 0x1000).number(), 0x191u) << "the mailbox works again, without an old reply";
+            }
+        }
+    }
+}
+
 TEST(SdoStates, ASegmentedDownloadEndsWhenTheStateForbidsIt) {
     Bench bench(64);
     const auto segment = [&](int command, std::size_t bytes) {
