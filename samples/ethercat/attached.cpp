@@ -170,7 +170,8 @@ Answer<std::vector<SlaveFacts>> AttachedSession::slaves() {
                          .boot_mailbox = s.boot_mailbox,
                          .coe_details = s.coe_details,
                          .ebus_current_ma = s.ebus_current_ma};
-        if (s.parent != 0) facts.parent = static_cast<std::uint16_t>(position_of(s.parent) - 1);
+        if (const auto parent = s.parent == 0 ? std::uint16_t{0} : position_of(s.parent); parent != 0)
+            facts.parent = static_cast<std::uint16_t>(parent - 1);
         for (unsigned n = 0; n < facts.ports.size(); ++n) {
             const auto& port = s.ports[n];
             facts.signal[n] = (s.dl_status & wire::dl_status::communication(n)) != 0;

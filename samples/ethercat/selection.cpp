@@ -68,11 +68,14 @@ std::optional<std::string> Numbers::missing(const std::vector<std::uint32_t>& th
 
 std::vector<AliasAddress> alias_addresses(const std::vector<SlaveFacts>& slaves) {
     std::vector<AliasAddress> out;
-    AliasAddress next;
+    std::uint16_t alias = 0;
+    std::uint16_t base = 0;
     for (const SlaveFacts& slave : slaves) {
-        if (slave.alias != 0) next = {slave.alias, 0};
-        out.push_back(next);
-        ++next.relative;
+        if (slave.alias != 0) {
+            alias = slave.alias;
+            base = slave.position;
+        }
+        out.push_back({slave.position, alias, static_cast<std::uint16_t>(slave.position - base)});
     }
     return out;
 }
@@ -83,13 +86,13 @@ std::vector<SlaveFacts> select(const std::vector<SlaveFacts>& slaves, const std:
     std::vector<SlaveFacts> out;
     // The slaves with a selected alias at or before the slave, by their distance to it: a relative position may reach
     // beyond the next slave with another alias.
-    std::vector<std::size_t> bases;
+    std::vector<std::uint16_t> bases;
     for (std::size_t n = 0; n < slaves.size(); ++n) {
-        if (aliases && slaves[n].alias != 0 && aliases->contains(slaves[n].alias)) bases.push_back(n);
+        if (aliases && slaves[n].alias != 0 && aliases->contains(slaves[n].alias)) bases.push_back(slaves[n].position);
         const bool by_position = positions && positions->contains(slaves[n].position);
         const bool by_both = positions && ((aliases && aliases->contains(0) && by_position) ||
-                                           std::ranges::any_of(bases, [&](std::size_t base) {
-                                               return positions->contains(static_cast<std::uint32_t>(n - base));
+                                           std::ranges::any_of(bases, [&](std::uint16_t base) {
+                                               return positions->contains(slaves[n].position - std::uint32_t{base});
                                            }));
         const bool by_alias = aliases && aliases->contains(addresses[n].alias);
         if (aliases ? (positions ? by_both : by_alias) : !positions || by_position) out.push_back(slaves[n]);
@@ -113,7 +116,7 @@ std::optional<std::string> unmatched(const std::vector<SlaveFacts>& slaves, cons
     const auto base = std::ranges::find_if(
         slaves, [&](const SlaveFacts& slave) { return aliases && slave.alias != 0 && aliases->contains(slave.alias); });
     for (auto slave = base; slave != slaves.end(); ++slave)
-        known.push_back(static_cast<std::uint32_t>(std::distance(base, slave)));
+        known.push_back(slave->position - std::uint32_t{base->position});
     if (const auto position = positions->missing(known)) return "--position " + *position;
     return std::nullopt;
 }

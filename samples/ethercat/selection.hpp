@@ -34,14 +34,24 @@ class Numbers {
     std::vector<Range> ranges_{};
 };
 
-// The address of a slave by alias: the number of slaves behind the last slave with an alias. Alias 0: there is no such
-// slave before it.
+// The address of a slave by alias: the number of places behind the last slave with an alias. Alias 0: there is no such
+// slave before it. A place whose slave is missing counts.
 struct AliasAddress {
+    std::uint16_t position = 0;
     std::uint16_t alias = 0;
     std::uint16_t relative = 0;
 };
-// For each slave of the ring.
+// For each slave of the ring, in the order of `slaves`. Where a slave is missing, its position is in none of them: an
+// index in these lists is no position.
 [[nodiscard]] std::vector<AliasAddress> alias_addresses(const std::vector<SlaveFacts>& slaves);
+
+// The element for the slave at a position, in the slaves or in a list made from them. nullptr: no slave is there.
+template <class T>
+[[nodiscard]] const T* at_position(const std::vector<T>& list, std::uint16_t position) {
+    for (const T& element : list)
+        if (element.position == position) return &element;
+    return nullptr;
+}
 
 // The element of --alias or of --position that selects no slave, with its option, for example "--position 77". Nothing:
 // each of them selects one, or `slaves` are selected by neither.

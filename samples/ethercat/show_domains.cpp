@@ -95,7 +95,7 @@ nlohmann::ordered_json config_json(const ConfigFacts& config) {
 
 // ------------------------------------------------------------------ domains
 
-// Alias addresses of the slaves, by position.
+// Alias addresses of the slaves.
 Answer<std::vector<AliasAddress>> addresses_of(Session& session) {
     const auto slaves = session.slaves();
     if (!slaves) return slaves.problem();
@@ -103,7 +103,8 @@ Answer<std::vector<AliasAddress>> addresses_of(Session& session) {
 }
 
 std::string fmmu_text(const DomainFacts& domain, const FmmuFacts& fmmu, const std::vector<AliasAddress>& addresses) {
-    const auto& address = addresses[fmmu.position];
+    const auto* found = at_position(addresses, fmmu.position);
+    const auto address = found != nullptr ? *found : AliasAddress{fmmu.position, 0, fmmu.position};
     std::string text =
         fmt::format("  SlaveConfig {}:{}, SM{} ({:>6}), LogAddr 0x{:08x}, Size {}\n", address.alias, address.relative,
                     fmmu.sync_manager, fmmu.input ? "Input" : "Output", fmmu.logical, fmmu.bytes);

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <map>
 
 namespace margay::ethercat {
 namespace {
@@ -118,7 +119,7 @@ class Graph {
         for (const SlaveFacts& slave : *slaves) {
             const auto counters = master_.session->error_counters(slave.position);
             if (!counters) return counters.problem();
-            counters_.push_back(*counters);
+            counters_.emplace(slave.position, *counters);
         }
         text_ =
             "digraph bus {\n    rankdir=\"LR\";\n    node [fontname=\"Helvetica\" shape=\"box\"];\n"
@@ -129,7 +130,7 @@ class Graph {
         for (const SlaveFacts& slave : *slaves) {
             const auto added = add_node(slave, output);
             if (!added) return added;
-            add_link(*slaves, slave, output);
+            add_link(slave, output);
         }
         output.text = text_ + "}\n";
         return {};
@@ -154,18 +155,20 @@ class Graph {
             json["reference_clock"] = clock->reference;
         }
         if (info_ == Info::crc)
-            label += fmt::format("\\nPU {} PDI {}", counters_[slave.position].processing_unit,
-                                 counters_[slave.position].pdi);
+            label += fmt::format("\\nPU {} PDI {}", counters_.at(slave.position).processing_unit,
+                                 counters_.at(slave.position).pdi);
         text_ += fmt::format("    slave{} [label=\"{}\"{}];\n", slave.position, label,
                              slave.problem.empty() && !slave.al.error ? "" : " color=\"red\"");
         output.json["nodes"].push_back(std::move(json));
         return {};
     }
 
-    void add_link(const std::vector<SlaveFacts>& slaves, const SlaveFacts& slave, Output& output) {
-        const End far{&counters_[slave.position], slave.entry_port};
+    void add_link(const SlaveFacts& slave, Output& output) {
+        const End far{&counters_.at(slave.position), slave.entry_port};
         End near{};
-        if (slave.parent && *slave.parent < slaves.size()) near = {&counters_[*slave.parent], slave.parent_port};
+        if (slave.parent)
+            if (const auto parent = counters_.find(*slave.parent); parent != counters_.end())
+                near = {&parent->second, slave.parent_port};
         const bool show = info_ == Info::crc;
         const auto shade = colour(near, far);
         const auto from = slave.parent ? fmt::format("slave{}", *slave.parent) : std::string("master");
@@ -185,7 +188,7 @@ class Graph {
 
     Master& master_;
     Info info_;
-    std::vector<ErrorCounters> counters_{};
+    std::map<std::uint16_t, ErrorCounters> counters_{};  // by position: where a slave is missing, there is none
     std::string text_{};
 };
 

@@ -93,6 +93,31 @@ TEST(EthercatNumbers, ListsAndRanges) {
         EXPECT_EQ(all(text), "refused") << text;
 }
 
+// A slave of a running application left its place: those behind it keep their positions.
+TEST(EthercatNumbers, AMissingSlaveLeavesAGapInThePositions) {
+    std::vector<SlaveFacts> slaves(3);
+    slaves[0] = {.position = 1, .alias = 7};
+    slaves[1] = {.position = 3};
+    slaves[2] = {.position = 4, .alias = 9};
+    const auto addresses = alias_addresses(slaves);
+    const auto* third = at_position(addresses, 3);
+    ASSERT_NE(third, nullptr);
+    EXPECT_EQ(third->alias, 7);
+    EXPECT_EQ(third->relative, 2) << "a place whose slave is missing counts";
+    ASSERT_NE(at_position(addresses, 4), nullptr);
+    EXPECT_EQ(at_position(addresses, 4)->alias, 9);
+    EXPECT_EQ(at_position(addresses, 0), nullptr);
+    EXPECT_EQ(at_position(addresses, 2), nullptr);
+    const auto seven = Numbers::parse("7");
+    const auto found = select(slaves, seven, Numbers::parse("2"));
+    ASSERT_EQ(found.size(), 1U);
+    EXPECT_EQ(found[0].position, 3);
+    EXPECT_EQ(unmatched(slaves, seven, Numbers::parse("2")), std::nullopt);
+    EXPECT_EQ(unmatched(slaves, seven, Numbers::parse("1")), "--position 1");
+    slaves.erase(slaves.begin());
+    EXPECT_EQ(alias_addresses(slaves)[0].relative, 3) << "without an alias it is the position";
+}
+
 TEST(EthercatArguments, AreReadByTheTable) {
     const auto read = parse({"-vp3", "download", "0x6060", "0", "-5", "--type=int8", "--", "-x"});
     ASSERT_FALSE(read) << "one argument too many";
