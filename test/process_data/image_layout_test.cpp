@@ -236,7 +236,8 @@ TEST_F(ImageLayoutTest, TooFewSyncManagers) {
 TEST_F(ImageLayoutTest, ProcessDataOnTopOfAMailbox) {
     const auto attempt = [&](const ProcessSm& sm) {
         slaves = {make_slave(1)};
-        slaves[0].mailbox = {.out_start = 0x1000, .out_bytes = 128, .in_start = 0x1100, .in_bytes = 128, .protocols = 4};
+        slaves[0].mailbox = {
+            .out_start = 0x1000, .out_bytes = 128, .in_start = 0x1100, .in_bytes = 128, .protocols = 4};
         slaves[0].config.add(sm);
         const auto layout = lay();
         return layout ? std::string() : words(layout.error());
