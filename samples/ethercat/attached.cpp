@@ -314,39 +314,6 @@ Answer<std::vector<DictionaryObjectFacts>> AttachedSession::dictionary(std::uint
 }
 
 // The slave goes back to the target that it had.
-Answer<Octets> AttachedSession::foe_read(std::uint16_t position, const FileTransfer& file) {
-    const auto before = slave_at(position);
-    if (!before) return before.problem();
-    if (file.boot) {
-        const auto ready = reach(position, AlState::boot, AlState::boot);
-        if (!ready) return ready.problem();
-    }
-    auto content = ask_slave(
-        position, Operation::foe_read,
-        {.from = file.password, .bytes = static_cast<std::uint32_t>(client_.transfer_bytes()), .name = file.name},
-        file.progress);
-    if (!file.boot) return content;
-    const auto back = reach(position, before->target, before->al.state);
-    return content && !back ? Answer<Octets>(back.problem()) : std::move(content);
-}
-
-Answer<> AttachedSession::foe_write(std::uint16_t position, const FileTransfer& file,
-                                    std::span<const std::byte> content) {
-    const auto before = slave_at(position);
-    if (!before) return before.problem();
-    if (file.boot) {
-        const auto ready = reach(position, AlState::boot, AlState::boot);
-        if (!ready) return ready.problem();
-    }
-    const auto done = ask_slave(
-        position, Operation::foe_write,
-        {.from = file.password, .name = file.name, .data = Octets(content.begin(), content.end())}, file.progress);
-    if (done) return file.boot ? reach(position, before->target, before->al.state) : Answer<>();
-    auto problem = done.problem();
-    if (file.boot) problem.text += "; the slave stays in BOOT";
-    return problem;
-}
-
 Answer<Octets> AttachedSession::soe_read(std::uint16_t position, std::uint8_t drive, Idn idn) {
     return ask_whole(position, Operation::soe_read,
                      {.index = idn.value, .subindex = drive, .elements = soe_element::kValue});

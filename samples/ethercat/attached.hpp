@@ -67,6 +67,7 @@ class AttachedSession final : public Session {
     [[nodiscard]] Answer<attach::SlaveFacts> slave_at(std::uint16_t position);
     [[nodiscard]] Problem problem_of(const Error& error, std::string_view slave_text) const;
     [[nodiscard]] Answer<> reach(std::uint16_t position, AlState target, AlState wanted);
+    [[nodiscard]] Answer<> back_from_boot(const attach::SlaveFacts& before);
     template <class T>
     [[nodiscard]] Answer<T> read(const Answer<Octets>& octets) const {
         if (!octets) return octets.problem();

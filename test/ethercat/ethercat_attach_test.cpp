@@ -57,10 +57,34 @@ TEST_F(EthercatAttach, CommandsPrintTheSameAsOnASegmentOfTheirOwn) {
     EXPECT_TRUE(contains(there.out, "EtherCAT coupler")) << there.out;
 }
 
-// A program that speaks the protocol and says what it likes: one slave, and no to every other request.
-void serve_octets(int listener, unsigned connections) {
-    const std::string evil = "\x1B[31mred\x07\n";
+const std::string evil = "\x1B[31mred\x07\n";
+
+// What the firmware that is written makes of the slave of serve_octets().
+enum class After : std::uint8_t { refuses, gone, other };
+
+attach::SlaveFacts slave_of(AlState state, bool written, After after) {
+    attach::SlaveFacts slave{.number = 1, .ring_position = 1};
+    if (after == After::refuses) {
+        std::ranges::copy(evil, slave.name_text.begin());
+        slave.name_bytes = static_cast<std::uint8_t>(evil.size());
+        return slave;
+    }
+    slave.identity = {.vendor = 1, .product = 2};
+    slave.al.state = state;
+    slave.target = state;
+    if (written && after == After::gone) slave.ring_position = 0;
+    if (written && after == After::other) {
+        slave.identity.product = 3;
+        slave.error = {.code = Errc::other_slave, .step = Step::identify, .slave = 1};
+    }
+    return slave;
+}
+
+// A program that speaks the protocol and says what it likes: one slave, and no to every other request, or to none.
+void serve_octets(int listener, unsigned connections, After after = After::refuses) {
     for (; connections != 0; --connections) {
+        auto state = AlState::op;
+        bool written = false;
         const int fd = ::accept(listener, nullptr, nullptr);
         std::array<std::byte, attach::Header::kBytes> header{};
         while (::recv(fd, header.data(), header.size(), MSG_WAITALL) == static_cast<ssize_t>(header.size())) {
@@ -74,10 +98,10 @@ void serve_octets(int listener, unsigned connections) {
             if (operation == attach::Operation::hello) {
                 into(attach::kMagic, attach::kProtocolVersion, evil, evil, false, std::uint32_t{1024});
             } else if (operation == attach::Operation::slaves) {
-                attach::SlaveFacts slave{.number = 1, .ring_position = 1};
-                std::ranges::copy(evil, slave.name_text.begin());
-                slave.name_bytes = static_cast<std::uint8_t>(evil.size());
-                into(std::uint16_t{1}, std::uint16_t{1}, slave);
+                into(std::uint16_t{1}, std::uint16_t{1}, slave_of(state, written, after));
+            } else if (after != After::refuses) {
+                written |= operation == attach::Operation::foe_write;
+                if (operation == attach::Operation::set_target) state = written ? AlState::op : AlState::boot;
             } else {
                 answer.what = static_cast<std::uint16_t>(attach::Status::refused);
                 into(evil);
@@ -104,6 +128,26 @@ TEST_F(EthercatAttach, TextsOfAnotherProgramHaveNoControlCharacters) {
     ::close(listener);
     EXPECT_EQ(slaves.out, "0  0:0  NONE  +  ?[31mred??\n") << slaves.err;
     EXPECT_EQ(refused.err, "ethercat: ?[31mred??\n") << refused.out;
+}
+
+TEST_F(EthercatAttach, AFileThatIsWrittenIsSaidToBeWritten) {
+    for (const auto& [after, text] :
+         {std::pair(After::other, "came back as another one: 0x00000001:0x00000003, revision 0x00000000; it was "),
+          std::pair(After::gone, "did not come back: it is not there")}) {
+        const std::string socket = after == After::gone ? "gone.sock" : "other.sock";
+        attach::SocketAddress address;
+        ASSERT_TRUE(address.set(folder.path() / socket));
+        const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
+        ASSERT_EQ(::listen(listener, 4), 0);
+        std::thread server([&, after = after] { serve_octets(listener, 1, after); });
+        const auto ran = folder.run("echo x > f\n" + program + " foe_write --boot f --attach " + socket);
+        server.join();
+        ::close(listener);
+        EXPECT_EQ(ran.status, 1);
+        EXPECT_TRUE(contains(ran.err, std::string("the file was written, but the slave of position 0 ") + text))
+            << ran.err;
+    }
 }
 
 TEST_F(EthercatAttach, ObjectsOfADriveAreTheSame) {
