@@ -2,6 +2,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/wanted.hpp"
 
 #include <margay/clocks.hpp>
 #include <margay/context.hpp>
@@ -40,7 +41,7 @@ SlaveFacts facts_of(Context& ctx, const Slave& s) {
                      .target = s.target,
                      .seen = s.seen,
                      .takes_part = s.takes_part,
-                     .error = s.error,
+                     .error = s.error.code == Errc::none ? held_error(s, Step::identify) : s.error,
                      .parent = s.parent,
                      .parent_port = s.parent_port,
                      .entry_port = s.entry_port,

@@ -39,6 +39,33 @@ TEST_F(Attach, ShowsWhatTheOwnerKnows) {
               0);
 }
 
+// The supervision clears the error of a slave that it has brought as far as it may be, and what_is_wrong() still names
+// it: the facts do too.
+TEST_F(Attach, ShowsThatASlaveIsHeld) {
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .product = 0x1FF}, {.number = 3}, {.number = 4}};
+    server.reset();
+    ASSERT_TRUE(expect(ctx, expected));
+    EXPECT_EQ(config_init(ctx).error().code, Errc::other_slave);
+    EXPECT_EQ(config_map(ctx, image).error().code, Errc::other_slave);
+    serve({.name = "the line"});
+    ASSERT_EQ(ctx.slave(2).error.code, Errc::none);
+    ASSERT_EQ(what_is_wrong(ctx).code, Errc::other_slave);
+    (void)run({[&] {
+        Client client;
+        ASSERT_EQ(client.connect(path), "");
+        const auto reply = client.call(Operation::slaves, {.from = 2});
+        ASSERT_TRUE(reply.ok()) << reply.text;
+        Reader from(reply.payload);
+        std::uint16_t all = 0;
+        std::uint16_t some = 0;
+        attach::SlaveFacts facts;
+        from(all, some, facts);
+        EXPECT_EQ(facts.number, 2);
+        EXPECT_EQ(facts.error.code, Errc::other_slave);
+        EXPECT_EQ(facts.error.slave, 2);
+    }});
+}
+
 TEST_F(Attach, ShowsTheProcessImageOfOneCycle) {
     std::vector<std::byte> seen;
     attach::GroupFacts facts;
