@@ -3,20 +3,56 @@
 #include <fmt/format.h>
 
 #include <netdb.h>
+#include <netinet/in.h>
 #include <sys/socket.h>
 
 #include <algorithm>
 #include <charconv>
+#include <cstring>
+#include <vector>
 
 namespace margay::samples {
 
-bool is_ip_address(const std::string& text) {
+namespace {
+
+// The octets of the address and, for an address of one link, the number of its interface. Empty: the text is no
+// address.
+std::vector<std::uint8_t> octets_of(const std::string& text) {
     addrinfo hints{};
     hints.ai_flags = AI_NUMERICHOST;
     addrinfo* found = nullptr;
-    if (::getaddrinfo(text.c_str(), nullptr, &hints, &found) != 0) return false;
+    if (::getaddrinfo(text.c_str(), nullptr, &hints, &found) != 0) return {};
+    std::vector<std::uint8_t> octets;
+    const auto take = [&octets](const auto& field) {
+        const auto old = octets.size();
+        octets.resize(old + sizeof field);
+        std::memcpy(octets.data() + old, &field, sizeof field);
+    };
+    if (found->ai_family == AF_INET) {
+        sockaddr_in four{};
+        std::memcpy(&four, found->ai_addr, sizeof four);
+        take(four.sin_addr);
+    } else if (found->ai_family == AF_INET6) {
+        sockaddr_in6 six{};
+        std::memcpy(&six, found->ai_addr, sizeof six);
+        take(six.sin6_addr);
+        take(six.sin6_scope_id);
+    }
     ::freeaddrinfo(found);
-    return true;
+    return octets;
+}
+
+}  // namespace
+
+bool is_ip_address(const std::string& text) { return !octets_of(text).empty(); }
+
+bool clash(const ListenAddress& a, const ListenAddress& b) {
+    if (a.port == 0 || a.port != b.port) return false;
+    const auto one = octets_of(a.address);
+    const auto two = octets_of(b.address);
+    if (one.empty() || one.size() != two.size()) return false;
+    const auto is_zero = [](std::uint8_t octet) { return octet == 0; };
+    return one == two || std::ranges::all_of(one, is_zero) || std::ranges::all_of(two, is_zero);
 }
 
 std::optional<ListenAddress> parse_listen_address(std::string_view text, std::uint16_t port) {

@@ -19,6 +19,10 @@ struct ListenAddress {
 // ADDRESS, ADDRESS:PORT or [ADDRESS]:PORT; without a port, `port`. Nothing: the text is none of these.
 [[nodiscard]] std::optional<ListenAddress> parse_listen_address(std::string_view text, std::uint16_t port);
 
+// Whether only one server can listen at both: the ports are equal, and the addresses are equal in their octets, or one
+// of them stands for all addresses of its family. Port 0 is none in particular.
+[[nodiscard]] bool clash(const ListenAddress& a, const ListenAddress& b);
+
 // ADDRESS, port PORT: for messages.
 [[nodiscard]] std::string to_text(const ListenAddress& where);
 

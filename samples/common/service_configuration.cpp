@@ -379,12 +379,20 @@ std::string plain(const fs::path& path) {
 void check_together(const std::vector<PlacedMaster>& masters, const std::string& sockets,
                     std::vector<std::string>& errors) {
     Shared shared(errors);
+    std::vector<ListenAddress> gateways;
     for (const auto& [m, at, source, has_number] : masters) {
         shared.use("the name", m.name, at);
         const auto socket = socket_path(m, sockets);
         shared.use("the socket", socket, plain(socket), at);
         const auto gateway = parse_listen_address(m.gateway, MailboxGatewaySettings::kPort);
-        if (gateway && gateway->port != 0) shared.use("the gateway", to_text(*gateway), at);
+        if (gateway) {
+            // The text of the first gateway that cannot be there beside this one stands for both.
+            const auto first =
+                std::ranges::find_if(gateways, [&](const ListenAddress& other) { return clash(other, *gateway); });
+            const auto& same = first == gateways.end() ? *gateway : *first;
+            if (gateway->port != 0) shared.use("the gateway", to_text(*gateway), to_text(same), at);
+            gateways.push_back(*gateway);
+        }
         if (has_number) shared.use("the number", std::to_string(m.number), at);
         for (const auto& name : hosted::interfaces_of(m.source)) shared.use("the interface", name, source);
         for (const auto& eoe : m.eoe_named)

@@ -1,5 +1,7 @@
 #include "source/esi_image.hpp"
 
+#include "source/sii_file.hpp"
+
 #include <margay/files/esi.hpp>
 
 #include <fmt/format.h>
@@ -37,6 +39,7 @@ std::string left_out(const std::vector<std::string>& remarks, std::string_view d
 bool names_esi(const std::string& path) { return split(path).first.ends_with(".xml"); }
 
 EsiImage esi_image(const std::string& file, const std::string& type) {
+    if (auto odd = odd_file(file); !odd.empty()) return {.error = std::move(odd)};
     const auto content = files::read_file(file);
     if (!content.error.empty()) return {.error = content.error};
     const auto esi = files::read_esi(content.octets);

@@ -412,6 +412,7 @@ LoadedSegment load_segment(const std::string& what, Time now) {
     const auto ready_made = ready_made_file(what);
     const std::filesystem::path path(ready_made.empty() ? what : ready_made);
     if (path.extension() == ".toml") {
+        if (auto odd = odd_file(path); !odd.empty()) return LoadedSegment(std::move(odd));
         std::ifstream in(path, std::ios::binary);
         if (!in)
             return LoadedSegment(

@@ -23,6 +23,13 @@ std::optional<std::vector<std::byte>> read_file(const std::filesystem::path& pat
 
 }  // namespace
 
+std::string odd_file(const std::filesystem::path& path) {
+    std::error_code error;
+    const auto status = std::filesystem::status(path, error);
+    if (error || !std::filesystem::is_other(status)) return {};
+    return fmt::format("'{}' is no file", path.string());
+}
+
 std::string load_image(const std::filesystem::path& path, std::vector<std::byte>& image) {
     if (names_esi(path.string())) {
         auto made = esi_image(path.string());
@@ -32,6 +39,7 @@ std::string load_image(const std::filesystem::path& path, std::vector<std::byte>
     std::error_code ignored;
     if (std::filesystem::is_directory(path, ignored))
         return fmt::format("'{}' is a folder, not an SII image", path.string());
+    if (auto odd = odd_file(path); !odd.empty()) return odd;
     auto bytes = read_file(path);
     if (!bytes) return fmt::format("cannot read the SII image '{}'", path.string());
     if (bytes->size() < wire::sii::kFixedBytes)

@@ -79,7 +79,11 @@ TEST_F(ServiceConfigurationTest, WhatIsNoFileIsNamed) {
     configure("b.toml", "source = \"sim:demo\"\neni = \"/dev/zero\"\n");
     configure("c.toml", "source = \"sim:etc/fifo\"\n");
     configure("d.toml", "source = \"sim:demo,/dev/zero\"\n");
+    configure("i.toml", "source = \"sim:etc/fifo.xml#TYPE\"\n");
+    configure("j.toml", "source = \"sim:line.toml\"\n");
+    configure("k.toml", "source = \"sim:etc/sub/line.toml\"\n");
     const auto ran = shell(
+        "mkdir etc/sub; mkfifo etc/fifo.xml etc/sub/line.toml; printf '[[slave]]\nsii = \"etc/fifo\"\n' > line.toml\n"
         "mkfifo etc/fifo etc/e.toml; mkdir etc/f.toml; ln -s /dev/zero etc/g.toml; ln -s nowhere etc/h.toml\n"
         "timeout 30 " +
         std::string(MARGAY_BIN_DIR) + "/margayd --check --config etc");
@@ -87,9 +91,31 @@ TEST_F(ServiceConfigurationTest, WhatIsNoFileIsNamed) {
     for (const std::string text : {"a.toml: line 2: etc/fifo: is no file\n", "b.toml: line 2: /dev/zero: is no file\n",
                                    "c.toml: line 1: etc/fifo: is no file\n", "d.toml: line 1: /dev/zero: is no file\n",
                                    "etc/e.toml: is no file\n", "etc/f.toml: is no file\n", "etc/g.toml: is no file\n",
-                                   "etc/h.toml: cannot be read: No such file or directory\n"})
+                                   "etc/h.toml: cannot be read: No such file or directory\n",
+                                   "i.toml: line 1: sim:etc/fifo.xml#TYPE: 'etc/fifo.xml' is no file\n",
+                                   "j.toml: line 1: sim:line.toml: line.toml: line 2: './etc/fifo' is no file\n",
+                                   "k.toml: line 1: etc/sub/line.toml: is no file\n"})
         EXPECT_TRUE(contains(ran.err, "margayd: " + (text.starts_with("etc") ? text : "etc/" + text))) << text << "\n"
                                                                                                        << ran.err;
+}
+
+// Two addresses in other words, or an address and the one that stands for all, cannot both have a port.
+TEST_F(ServiceConfigurationTest, GatewaysAreComparedByWhatTheyAreAndNotByTheirText) {
+    const auto both = [this](const std::string& one, const std::string& two) {
+        configure("a.toml", "source = \"sim:demo\"\ngateway = { listen = \"" + one + "\" }\n");
+        configure("b.toml", "source = \"sim:demo\"\ngateway = { listen = \"" + two + "\" }\n");
+        const auto ran = shell("margayd --check");
+        const bool said = contains(ran.err, "b.toml: line 1: the gateway ") &&
+                          contains(ran.err, "is used in etc/a.toml, line 1 already");
+        EXPECT_EQ(ran.status, said ? 2 : 0) << ran.err;
+        return said;
+    };
+    EXPECT_TRUE(both("[::1]:5", "[0:0:0:0:0:0:0:1]:5"));
+    EXPECT_TRUE(both("127.0.0.1:5", "0.0.0.0:5"));
+    EXPECT_TRUE(both("[::]:5", "[::1]:5"));
+    EXPECT_FALSE(both("127.0.0.1:5", "127.0.0.2:5"));
+    EXPECT_FALSE(both("127.0.0.1:5", "0.0.0.0:6"));
+    EXPECT_FALSE(both("[::1]:5", "0.0.0.0:5")) << "a gateway has one family of addresses";
 }
 
 TEST_F(ServiceConfigurationTest, MastersHaveNothingInCommon) {
