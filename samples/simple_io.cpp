@@ -63,9 +63,9 @@ class SimpleIo {
         const auto bytes = samples::map_groups(ctx_, eni_, image_);
         if (!bytes) return report_failure(bytes.error());
         const Group& group = ctx_.group(0);
-        print_out("{} slaves, {} octets out, {} in, {} frame{} a cycle, working counter {}\n", *found,
-                  group.output_bytes, group.input_bytes, group.frames, group.frames == 1 ? "" : "s",
-                  group.expected_wkc);
+        print_out("{} slave{}, {} octets out, {} in, {} frame{} a cycle, working counter {}\n", *found,
+                  *found == 1 ? "" : "s", group.output_bytes, group.input_bytes, group.frames,
+                  group.frames == 1 ? "" : "s", group.expected_wkc);
         print_errors();
         if (options_.count) choose_outputs();
         if (!reach_op()) {

@@ -59,7 +59,8 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
     if (signals_ < 0) return fmt::format("cannot receive signals: {}", std::strerror(errno));
     states_.resize(simulated_->segment.size());
     for (const auto& name : ports_.names()) say(name);
-    say(fmt::format("serving {} slaves on {}", simulated_->segment.size(), options.interface));
+    say(fmt::format("serving {} slave{} on {}", simulated_->segment.size(), simulated_->segment.size() == 1 ? "" : "s",
+                    options.interface));
     return {};
 }
 

@@ -22,6 +22,11 @@ constexpr auto kMinute = 60s;
 constexpr unsigned kEventsAtMost = 10;  // of the same text in a minute
 constexpr auto kOverrunsAgain = 60s;    // and overruns
 
+std::string left_out_text(std::uint64_t cycles) {
+    return fmt::format("{} left out, because a cycle came too late or lasted too long",
+                       cycles == 1 ? std::string("1 cycle was") : fmt::format("{} cycles were", cycles));
+}
+
 Priority priority_of(EventKind kind) {
     switch (kind) {
         case EventKind::state: return Priority::info;
@@ -214,8 +219,7 @@ void Companion::report_standing(const Standing& now) {
     const auto at = Clock::now();
     if (now.overruns < overruns_) overruns_ = 0;  // a new cycle after a scan
     if (!silent && now.overruns > overruns_ && at - overruns_reported_ > kOverrunsAgain) {
-        log(Priority::warning, fmt::format("{} cycles were left out, because a cycle came too late or lasted too long",
-                                           now.overruns - overruns_));
+        log(Priority::warning, left_out_text(now.overruns - overruns_));
         overruns_ = now.overruns;
         overruns_reported_ = at;
     }

@@ -69,6 +69,9 @@ TEST(EthercatValues, AsText) {
     EXPECT_EQ(round_trip("string", "a b"), "a b");
     EXPECT_EQ(round_trip("octet_string", "ab"), "0x61 0x62");
     EXPECT_EQ(round_trip("unicode_string", "\xF0\x9F\x98\x80z"), "\xF0\x9F\x98\x80z");
+    const std::byte octet{0x47};
+    EXPECT_EQ(value_text(*type_by_name("uint16"), {&octet, 1}).problem().text,
+              "the value has 1 octet, and type uint16 has 2: 0x47");
     EXPECT_EQ(type_text(0x0007), "uint32");
     EXPECT_EQ(type_text(0x0022), "type 0x0022");
     EXPECT_EQ(type_by_code(0x0030)->name, "uint8") << "BIT1 is read as an octet";
