@@ -314,12 +314,16 @@ std::vector<Command> segment_commands() {
         {.name = "analyse",
          .summary = "Says what a recording of EtherCAT traffic shows.",
          .forms = {"FILE"},
-         .text = {"The recording may be of any master. Nothing is asked of the segment, and no SOURCE is needed.",
-                  "Shown are the slaves with identity, names and PDOs as far as the recording has them; AL states over "
-                  "time; mailbox conversations; cycle times; lost and late frames; working counters that fell short; "
-                  "distributed clocks; and the master where the recording proves it.",
-                  "Times count from the first packet. Numbers behind # are those of packets, as in Wireshark. "
-                  "--verbose shows long lists in full."},
+         .text =
+             {"The recording may be of any master. Nothing is asked of the segment, and no SOURCE is needed.",
+              "Shown are the slaves with identity, names and PDOs as far as the recording has them; AL states over "
+              "time; mailbox conversations; cycle times; lost and late frames; working counters that fell short; "
+              "distributed clocks; and the master where the recording proves it.",
+              "The packets of FILE must be in order of time (reordercap puts them in order), and of one master: two "
+              "masters in one file are mixed into one list. A recorder on the interface of a Margay program sees "
+              "only the replies where PACKET_QDISC_BYPASS is in use.",
+              "Times count from the first packet. Numbers behind # are those of packets, as in Wireshark. "
+              "--verbose shows long lists in full."},
          .arguments = {{"FILE", "recording: pcap or pcapng, of Ethernet, also with VLAN tags or EtherCAT over UDP",
                         "FILE"}},
          .least = 1,

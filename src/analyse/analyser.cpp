@@ -42,6 +42,7 @@ void Analyser::packet(Moment when, Bytes packet, std::size_t length_on_wire) {
         return;
     }
     if (!any_) analysis_.begin = when.at;
+    if (any_ && when.at < last_.at && steps_back_++ == 0) first_step_back_ = when.frame;
     any_ = true;
     last_ = when;
     ++counts.ethercat;
@@ -74,6 +75,11 @@ Analysis Analyser::finish() {
     cycles_.finish();
     clocks_.finish();
     manners_.finish();
+    if (steps_back_ != 0)
+        analysis_.remark = "the packets are not in order of time (" + std::to_string(steps_back_) +
+                           (steps_back_ == 1 ? " time" : " times") + ", first at packet #" +
+                           std::to_string(first_step_back_) +
+                           "): replies and times may be wrong; put them in order, as reordercap does";
     for (const auto& track : slaves_.all()) name_slave(slaves_.facts(track), track);
     return std::move(analysis_);
 }
@@ -104,7 +110,8 @@ Analysis analyse_file(const std::string& path) {
         analysis.problem = analysis.frames.cut != 0
                                ? "every EtherCAT frame was cut by the recorder; record with full length"
                                : "it holds no EtherCAT frame";
-    analysis.remark = reader.cut_off();
+    if (const auto cut = reader.cut_off(); !cut.empty())
+        analysis.remark = analysis.remark.empty() ? cut : cut + "; " + analysis.remark;
     analysis.ring = is_ring;
     return analysis;
 }

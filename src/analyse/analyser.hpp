@@ -44,6 +44,8 @@ class Analyser {
     Exchanges exchanges_;
     Moment last_{};
     bool any_ = false;
+    std::uint64_t steps_back_ = 0;  // EtherCAT packets that are earlier than the one before
+    std::uint64_t first_step_back_ = 0;
 };
 
 // Reads a pcap or pcapng file. A file that ends in the middle of a packet is read up to there, and `remark` says so. A

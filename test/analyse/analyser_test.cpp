@@ -253,6 +253,20 @@ TEST_F(AnalyserTest, DamagedAndCutFramesAreCounted) {
     EXPECT_EQ(a.frames.cut, 1u);
 }
 
+TEST_F(AnalyserTest, PacketsThatAreNotInOrderOfTimeAreRemarked) {
+    exchange(0ms, {kCyclic});
+    exchange(2ms, {kCyclic});
+    exchange(1ms, {kCyclic});
+    exchange(3ms, {kCyclic});
+    const auto remark = analyser.finish().remark;
+    EXPECT_NE(remark.find("not in order of time (1 time, first at packet #5)"), std::string::npos) << remark;
+}
+
+TEST_F(AnalyserTest, PacketsInOrderOfTimeHaveNoRemark) {
+    for (int n = 0; n < 4; ++n) exchange(n * 1ms, {kCyclic});
+    EXPECT_EQ(analyser.finish().remark, "");
+}
+
 TEST(AnalyseFile, SaysWhatIsWrongAndReadsAFileThatEndsEarly) {
     TemporaryFolder folder;
     EXPECT_NE(analyse_file(folder.file("none")).problem.find("No such file"), std::string::npos);
