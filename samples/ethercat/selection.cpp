@@ -80,6 +80,11 @@ std::vector<AliasAddress> alias_addresses(const std::vector<SlaveFacts>& slaves)
     return out;
 }
 
+AliasAddress address_of(const std::vector<AliasAddress>& addresses, std::uint16_t position) {
+    const auto* found = at_position(addresses, position);
+    return found != nullptr ? *found : AliasAddress{position, 0, position};
+}
+
 std::vector<SlaveFacts> select(const std::vector<SlaveFacts>& slaves, const std::optional<Numbers>& aliases,
                                const std::optional<Numbers>& positions) {
     const auto addresses = alias_addresses(slaves);

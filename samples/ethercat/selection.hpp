@@ -53,6 +53,10 @@ template <class T>
     return nullptr;
 }
 
+// The address of the slave at a position. The slaves are asked for once for the addresses and once for the positions: a
+// slave that has come between them is addressed by its position.
+[[nodiscard]] AliasAddress address_of(const std::vector<AliasAddress>& addresses, std::uint16_t position);
+
 // The element of --alias or of --position that selects no slave, with its option, for example "--position 77". Nothing:
 // each of them selects one, or `slaves` are selected by neither.
 [[nodiscard]] std::optional<std::string> unmatched(const std::vector<SlaveFacts>& slaves,

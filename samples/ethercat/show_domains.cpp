@@ -103,8 +103,7 @@ Answer<std::vector<AliasAddress>> addresses_of(Session& session) {
 }
 
 std::string fmmu_text(const DomainFacts& domain, const FmmuFacts& fmmu, const std::vector<AliasAddress>& addresses) {
-    const auto* found = at_position(addresses, fmmu.position);
-    const auto address = found != nullptr ? *found : AliasAddress{fmmu.position, 0, fmmu.position};
+    const auto address = address_of(addresses, fmmu.position);
     std::string text =
         fmt::format("  SlaveConfig {}:{}, SM{} ({:>6}), LogAddr 0x{:08x}, Size {}\n", address.alias, address.relative,
                     fmmu.sync_manager, fmmu.input ? "Input" : "Output", fmmu.logical, fmmu.bytes);

@@ -31,17 +31,11 @@ struct Line {
     const SlaveFacts* slave = nullptr;
 };
 
-// The slaves are asked for once for the addresses and once for the selection: a slave may have come between them.
-AliasAddress address_of(const std::vector<AliasAddress>& addresses, const SlaveFacts& slave) {
-    const auto* found = at_position(addresses, slave.position);
-    return found != nullptr ? *found : AliasAddress{slave.position, 0, slave.position};
-}
-
 std::string lines_text(const std::vector<SlaveFacts>& selected, const std::vector<AliasAddress>& addresses) {
     std::vector<Line> lines;
     std::size_t widths[4] = {};
     for (const SlaveFacts& slave : selected) {
-        const auto address = address_of(addresses, slave);
+        const auto address = address_of(addresses, slave.position);
         lines.push_back({fmt::to_string(slave.position), fmt::to_string(address.alias),
                          fmt::to_string(address.relative), samples::al_text(slave.al), &slave});
         const Line& line = lines.back();
@@ -211,7 +205,7 @@ int run_slaves(Call& call) {
         const auto addresses = alias_addresses(*all);
         output.json["slaves"] = nlohmann::ordered_json::array();
         for (const SlaveFacts& slave : *selected) {
-            auto json = slave_json(slave, address_of(addresses, slave));
+            auto json = slave_json(slave, address_of(addresses, slave.position));
             if (call.has("verbose")) {
                 const auto added = add_details(master, slave, output, json);
                 if (!added) return added;
