@@ -220,17 +220,19 @@ void name_nonsense(Reader& r, Node node) {
     }
 }
 
-// Visits the tree without recursion.
 void name_nonsense_below(Reader& r, Node top) {
-    for (Node at = top.first_child(); at && at != top;) {
-        name_nonsense(r, at);
-        if (at.first_child()) {
-            at = at.first_child();
-            continue;
+    class Walker : public pugi::xml_tree_walker {
+      public:
+        explicit Walker(Reader& reader) : r_(reader) {}
+        bool for_each(Node& node) override {
+            name_nonsense(r_, node);
+            return true;
         }
-        while (at != top && !at.next_sibling()) at = at.parent();
-        if (at != top) at = at.next_sibling();
-    }
+
+      private:
+        Reader& r_;
+    } walker(r);
+    (void)top.traverse(walker);
 }
 
 // ------------------------------------------------------------------ after the scan
