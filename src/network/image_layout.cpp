@@ -63,12 +63,13 @@ Extent extent(const Slave& slave, Packing packing, Direction direction, std::uin
 // The resources of the slave's ESC are unknown: the slave was not read yet, or another slave is at its place.
 bool not_asked(const Slave& slave) { return slave.place_kept || slave.held; }
 
-bool lies_on_mailbox(const MailboxInfo& mailbox, const ProcessSm& sm) {
-    const auto lies_on = [&sm](std::uint32_t start, std::uint32_t bytes) {
-        return sm.start < start + bytes && start < sm.start + sm.bytes();
-    };
+bool lies_on(const ProcessSm& sm, std::uint32_t start, std::uint32_t bytes) {
+    return sm.start < start + bytes && start < sm.start + sm.bytes();
+}
+
+bool lies_on_mailbox(const ProcessSm& sm, const MailboxInfo& mailbox) {
     return mailbox.present() &&
-           (lies_on(mailbox.out_start, mailbox.out_bytes) || lies_on(mailbox.in_start, mailbox.in_bytes));
+           (lies_on(sm, mailbox.out_start, mailbox.out_bytes) || lies_on(sm, mailbox.in_start, mailbox.in_bytes));
 }
 
 Result<> check_sync_managers(const Slave& slave) {
@@ -91,10 +92,9 @@ Result<> check_sync_managers(const Slave& slave) {
                 error.detail = static_cast<std::uint32_t>(Argument::sync_manager_twice);
                 return error;
             }
-            const bool apart = sm.start + sm.bytes() <= other.start || other.start + other.bytes() <= sm.start;
-            if (sm.bits > 0 && other.bits > 0 && !apart) return error;
+            if (sm.bits > 0 && other.bits > 0 && lies_on(sm, other.start, other.bytes())) return error;
         }
-        if (sm.bits > 0 && lies_on_mailbox(slave.mailbox, sm)) return error;
+        if (sm.bits > 0 && lies_on_mailbox(sm, slave.mailbox)) return error;
     }
     return Result<>();
 }
