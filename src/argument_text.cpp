@@ -63,8 +63,7 @@ std::string_view argument_text(Argument argument) {
         case Argument::sync_cycle: return "a SYNC cycle must be 0 to 4.29 s";
         case Argument::clock_settings:
             return "ClockSettings: measurements and burst_bulk at least 1, times from 0 to 100 years, cycle above "
-                   "zero, "
-                   "group below Limits::groups";
+                   "zero, group below Limits::groups";
         case Argument::file_name: return "the name of the file does not fit the mailbox of the slave";
         case Argument::file_time: return "answer_timeout and busy_timeout must be above zero";
         case Argument::sync_grid: return "ClockSettings::start_grid must be a whole multiple of the SYNC cycle";

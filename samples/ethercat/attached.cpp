@@ -313,7 +313,6 @@ Answer<std::vector<DictionaryObjectFacts>> AttachedSession::dictionary(std::uint
     return objects;
 }
 
-// The slave goes back to the target that it had.
 Answer<Octets> AttachedSession::soe_read(std::uint16_t position, std::uint8_t drive, Idn idn) {
     return ask_whole(position, Operation::soe_read,
                      {.index = idn.value, .subindex = drive, .elements = soe_element::kValue});

@@ -19,6 +19,7 @@ std::string identity_text(const Identity& identity) {
 
 }  // namespace
 
+// From BOOT the slave goes back to the target that it had.
 Answer<Octets> AttachedSession::foe_read(std::uint16_t position, const FileTransfer& file) {
     const auto before = slave_at(position);
     if (!before) return before.problem();

@@ -131,7 +131,6 @@ class EniWriter {
         keep(write_identification(info, ctx_, slave));
     }
 
-    // The first bit of the slave's data in the images of the file: outputs and inputs are counted for themselves.
     // The logical addresses that the cycle of a group exchanges.
     struct Range {
         std::uint64_t begin = 0;
@@ -154,6 +153,7 @@ class EniWriter {
         return range;
     }
 
+    // The first bit of the slave's data in both halves of the image of the file.
     std::uint64_t file_bit(const Slave& slave, Direction direction) {
         const std::uint64_t before = range_of(slave.image.group).before * 8;
         const Group& group = ctx_.group(slave.image.group);
