@@ -131,6 +131,8 @@ void Bus::report_loop() {
         while (const auto error = ctx->errors().take()) {
             // Slaves without a configuration stay in PREOP, and configurations wait for their slaves: no errors here.
             if (error->code == Errc::unexpected_slave) continue;
+            // Process data that the program does not exchange: see start_up.cpp.
+            if (error->code == Errc::sizes_differ && error->expected == 0) continue;
             say_error(index, error->code == Errc::missing_slave ? "waiting" : "error", *error);
         }
         std::this_thread::sleep_for(std::chrono::milliseconds(50));

@@ -109,6 +109,7 @@ void Operation::end_scan(Time now) {
         for (const auto& config : bus_.configs) {
             if (slave.wanted != config->expected) continue;
             config->number = slave.number;
+            config->late = false;
             prepare_start_up(slave, *config);
         }
     }
@@ -158,6 +159,12 @@ void Operation::end_map(Time now) {
     for (ec_domain* domain : exchange.domains) {
         plan_copies(bus_, *domain);
         if (again_) domain->outputs.execute();  // also of domains that are not queued now
+    }
+    for (const auto& config : bus_.configs) {
+        const Slave& slave = bus_.ctx->slave(config->number.load(std::memory_order_relaxed));
+        if (config->group != exchange.group || !slave.place_kept) continue;
+        config->late = true;
+        prepare_start_up(slave, *config);
     }
     bus_.dirty = true;
     ++map_next_;

@@ -1,8 +1,11 @@
-// Flags of a configuration, and what they and the IP parameters do at the start-up of a slave.
+// Flags of a configuration, and what they and the IP parameters do at the start-up of a slave; the SyncManagers of a
+// late slave.
 #include "compat/ecrt/start_up.hpp"
 
 #include "compat/ecrt/log.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <string_view>
@@ -10,8 +13,91 @@
 namespace margay::compat::ecrt {
 namespace {
 
+constexpr std::uint16_t kFirstAssignment = 0x1C10;   // of SyncManager 0
+constexpr std::uint16_t kFirstSyncManager = 0x0800;  // ESC registers, 8 octets each
+constexpr std::uint16_t kActivate = 6;               // the octet of them that switches the SyncManager on
+
+bool is_listed(const ec_slave_config& config, std::uint8_t sm) {
+    return std::ranges::find(config.plan.sms, sm, &SmPdos::sync_manager) != config.plan.sms.end();
+}
+
+// The bits of the PDOs that a SyncManager has at present.
+Task<Result<std::uint32_t>> assigned_bits(HookedSlave slave, std::uint8_t sm) {
+    const auto assignment = static_cast<std::uint16_t>(kFirstAssignment + sm);
+    std::uint32_t bits = 0;
+    const auto pdos = co_await slave.sdo_read<std::uint8_t>(assignment, 0);
+    if (!pdos) co_return pdos.error();
+    for (unsigned n = 1; n <= *pdos; ++n) {
+        const auto pdo = co_await slave.sdo_read<std::uint16_t>(assignment, static_cast<std::uint8_t>(n));
+        if (!pdo) co_return pdo.error();
+        if (*pdo == 0) continue;
+        const auto entries = co_await slave.sdo_read<std::uint8_t>(*pdo, 0);
+        if (!entries) co_return entries.error();
+        for (unsigned m = 1; m <= *entries; ++m) {
+            const auto entry = co_await slave.sdo_read<std::uint32_t>(*pdo, static_cast<std::uint8_t>(m));
+            if (!entry) co_return entry.error();
+            bits += *entry & 0xFFU;
+        }
+    }
+    co_return bits;
+}
+
+// Switches a SyncManager on that the frames have no place for: the slave needs it to leave PREOP.
+Task<> switch_on(HookedSlave slave, std::uint8_t sm) {
+    const SmInfo& info = slave.slave().sync_managers[sm];
+    std::uint32_t bytes = info.length_bytes;
+    const MailboxInfo& mailbox = slave.slave().mailbox;
+    if (mailbox.present() && (mailbox.protocols & mailbox_protocol::kCoE) != 0) {
+        const auto bits = co_await assigned_bits(slave, sm);
+        // A refusal says nothing about the length: then it is that of the SII.
+        if (!bits && bits.error().code != Errc::sdo_abort) co_return bits.error();
+        if (bits) bytes = (*bits + 7) / 8;
+    }
+    const auto octet = [](unsigned value) { return static_cast<std::byte>(value & 0xFFU); };
+    const std::array<std::byte, 8> settings{
+        octet(info.start), octet(info.start >> 8U),     octet(bytes), octet(bytes >> 8U), octet(info.control),
+        std::byte{0},      octet(bytes != 0 ? 1U : 0U), std::byte{0}};
+    const auto registers = static_cast<std::uint16_t>(kFirstSyncManager + settings.size() * sm);
+    const std::array<std::byte, 1> off{};
+    const auto switched_off = co_await slave.register_write(static_cast<std::uint16_t>(registers + kActivate), off);
+    if (!switched_off) co_return switched_off;
+    const auto written = co_await slave.register_write(registers, settings);
+    co_return written;
+}
+
+// The process data of a slave that came after the frames were laid out is that of the program. The slave may have
+// inputs in other SyncManagers: they are switched on, and not exchanged.
+Task<> keep_to_the_lists(HookedSlave hooked, const ec_slave_config& config) {
+    const Slave& slave = hooked.slave();
+    slave.config.sm_count = 0;
+    slave.config.source = ConfigurationSource::application;
+    for (const SmPdos& list : config.plan.sms) {
+        if (list.pdos.empty() || list.sync_manager >= slave.sm_count) continue;
+        std::uint32_t bits = 0;
+        for (const Pdo& pdo : list.pdos)
+            for (const PdoEntry& entry : pdo.entries) bits += entry.bits;
+        const SmInfo& info = slave.sync_managers[list.sync_manager];
+        const bool inputs = list.pdos.front().index >= 0x1A00;
+        (void)slave.config.add({.number = list.sync_manager,
+                                .direction = inputs ? Direction::inputs : Direction::outputs,
+                                .control = info.control,
+                                .start = info.start,
+                                .bits = bits});
+    }
+    for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
+        if (slave.sync_managers[n].type != SmType::inputs || is_listed(config, n)) continue;
+        const auto done = co_await switch_on(hooked, n);
+        if (!done) co_return done;
+    }
+    co_return {};
+}
+
 Task<> before_safeop(HookedSlave slave, void* user) {
     const auto& config = *static_cast<const ec_slave_config*>(user);
+    if (config.late) {
+        const auto kept = co_await keep_to_the_lists(slave, config);
+        if (!kept) co_return kept;
+    }
     if (!(config.ip == EoeIp{})) {
         co_await completion(set_ip(slave, config));
     }
@@ -24,7 +110,7 @@ Task<> before_safeop(HookedSlave slave, void* user) {
 }  // namespace
 
 void prepare_start_up(const Slave& slave, ec_slave_config& config) {
-    if (config.ip == EoeIp{} && config.wait_before_safeop == Duration{0}) return;
+    if (config.ip == EoeIp{} && config.wait_before_safeop == Duration{0} && !config.late) return;
     slave.hooks.preop_to_safeop = before_safeop;
     slave.hooks.user = &config;
 }
