@@ -22,7 +22,7 @@ set(soem1_arguments sim:drives 200)
 set(soem2 ${PROGRAMS}/simple_ng.c)
 set(soem2_arguments sim:demo 200 0)
 set(ecrt ${PROGRAMS}/ecrt/information.c)
-set(ecrt_arguments 5 22)
+set(ecrt_arguments 5 22 8 0)
 
 find_program(pkgconfig pkg-config)
 if(pkgconfig)

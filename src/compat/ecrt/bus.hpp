@@ -52,6 +52,13 @@ struct AppTime {
     std::atomic<bool> known{false};
 };
 
+// Of a slave, as of the last scan before activation.
+struct PortFacts {
+    Identity identity;
+    std::array<std::uint32_t, EC_MAX_PORTS> received{};  // ns, in the time of its own clock
+    std::array<std::uint32_t, EC_MAX_PORTS> delay{};     // ns, to the next slave with a clock
+};
+
 // What tells threads apart at the cost of one instruction.
 [[nodiscard]] inline std::uintptr_t this_thread() {
 #if defined(__x86_64__) || defined(__aarch64__)
@@ -93,6 +100,9 @@ class Bus {
         work();
     }
 
+    // Reads the receive times of all ports (ports.cpp). For the owner, before activation.
+    void measure_ports();
+
     // Gives listeners of mail the numbers of their slaves. For the owner (voe.cpp).
     void attach_mail();
 
@@ -127,6 +137,7 @@ class Bus {
 
     std::mutex facts_mutex;
     std::vector<Slave> facts;
+    std::vector<PortFacts> ports;   // by the number of the slave
     std::atomic<bool> dirty{true};  // the copies are old; for all threads
     Time facts_at{};                // for the owner: when they are copied again; in the past while they are old
     Time refresh_at{};              // for the owner: when a cycle does more than to exchange data
@@ -144,13 +155,16 @@ class Bus {
         return links[0].up.load(std::memory_order_relaxed) || links[1].up.load(std::memory_order_relaxed);
     }
     std::atomic<bool> scan_busy{true};
+    std::atomic<std::uint32_t> scan_slaves{0};  // that the present scan has counted
+    std::atomic<std::uint32_t> scan_index{0};   // that it has read
 
     std::mutex config_mutex;
     std::vector<std::unique_ptr<ec_domain>> domains;
     std::vector<std::unique_ptr<ec_slave_config>> configs;
     ec_slave_config* reference = nullptr;
     std::mutex known_mutex;
-    std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;  // by position in the ring
+    std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;             // by position in the ring
+    std::map<std::uint16_t, std::pair<Identity, std::uint16_t>> known_objects;  // the number of them, likewise
 
     std::atomic<bool> active{false};
     pthread_t owner{};                 // of the context, after activation

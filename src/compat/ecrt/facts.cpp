@@ -3,6 +3,7 @@
 
 #include <margay/redundancy.hpp>
 
+#include <algorithm>
 #include <chrono>
 
 namespace margay::compat::ecrt {
@@ -44,6 +45,11 @@ void Bus::refresh_facts(Time now) {
     if (active && !silent && !strangers.empty() && answering > count) {
         count = answering;
         states |= static_cast<std::uint32_t>(AlState::init);  // nobody brings them to another state
+    }
+    if (scan_busy.load(std::memory_order_relaxed)) {
+        scan_slaves.store(static_cast<std::uint32_t>(slaves.size()), std::memory_order_relaxed);
+        const auto read = std::ranges::count_if(slaves, [](const Slave& slave) { return slave.seen; });
+        scan_index.store(static_cast<std::uint32_t>(read), std::memory_order_relaxed);
     }
     responding.store(count, std::memory_order_relaxed);
     al_states.store(states, std::memory_order_relaxed);

@@ -28,7 +28,6 @@ void Bus::step_search(Time now) {
     if (search.scanning) {
         if (search.scan.busy()) return;
         search.scanning = false;
-        scan_busy = false;
         old_operations.clear();
         old_configs.clear();
         refresh_at = now;
@@ -37,13 +36,18 @@ void Bus::step_search(Time now) {
         } else {
             search.watch.target = AlState::preop;
             search.watch.interval = 20ms;
+            measure_ports();
             if (const auto begun = submit(*ctx, search.watch); !begun) search.retry = now + 500ms;
         }
         {
             const std::lock_guard lock(known_mutex);
             known_pdos.clear();
+            known_objects.clear();
         }
-        refresh_facts(now);
+        // A program that sees the end of the scan sees its result.
+        dirty = true;
+        while (dirty) refresh_facts(now);
+        scan_busy = false;
         const std::lock_guard lock(facts_mutex);
         first_scan_over = true;
         scanned.notify_all();

@@ -2,8 +2,11 @@
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 
+#include <margay/coe.hpp>
+
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 
 using namespace margay;
 using namespace margay::compat::ecrt;
@@ -20,6 +23,9 @@ std::uint16_t position_of(const std::vector<Slave>& slaves, std::uint16_t number
 
 void fill_ports(Bus& bus, const Slave& slave, ec_slave_info_t& info) {
     const std::lock_guard lock(bus.facts_mutex);
+    PortFacts facts;
+    if (slave.number < bus.ports.size() && bus.ports[slave.number].identity == slave.identity)
+        facts = bus.ports[slave.number];
     for (std::size_t n = 0; n < EC_MAX_PORTS; ++n) {
         const Port& port = slave.ports[n];
         auto& to = info.ports[n];
@@ -28,7 +34,32 @@ void fill_ports(Bus& bus, const Slave& slave, ec_slave_info_t& info) {
         to.link.loop_closed = port.open ? 0 : 1;
         to.link.signal_detected = port.link ? 1 : 0;
         to.next_slave = position_of(bus.facts, port.neighbour);
+        to.receive_time = facts.received[n];
+        to.delay_to_next_dc = facts.delay[n];
     }
+}
+
+// How many objects the dictionary of the slave has. Asks the slave once, before activation: then nobody needs to cycle.
+std::uint16_t objects_of(Bus& bus, const Slave& slave) {
+    constexpr Duration kPatience = std::chrono::milliseconds(500);
+    {
+        const std::lock_guard lock(bus.known_mutex);
+        const auto known = bus.known_objects.find(slave.ring_position);
+        if (known != bus.known_objects.end() && known->second.first == slave.identity) return known->second.second;
+    }
+    const bool has_list = slave.mailbox.present() && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0 &&
+                          (slave.coe_details & coe_detail::kSdoInformation) != 0;
+    if (bus.active || !has_list || slave.al.state == AlState::init) return 0;
+    ObjectListRequest request;
+    request.slave = slave.number;
+    request.list = ObjectList::all;
+    request.timeout = kPatience;
+    if (!submit(*bus.ctx, request)) return 0;
+    const bool listed = wait(*bus.ctx, request).ok();
+    const auto count = static_cast<std::uint16_t>(listed ? request.count : 0U);
+    const std::lock_guard lock(bus.known_mutex);
+    bus.known_objects[slave.ring_position] = {slave.identity, count};
+    return count;
 }
 
 // The SyncManagers of a slave with their PDOs; -ENOENT: no such slave or SyncManager.
@@ -55,8 +86,9 @@ int ecrt_master(ec_master_t* master, ec_master_info_t* master_info) {
 
 int ecrt_master_scan_progress(ec_master_t* master, ec_master_scan_progress_t* progress) {
     Bus& bus = *master->bus;
-    progress->slave_count = bus.responding;
-    progress->scan_index = bus.scan_busy ? 0 : progress->slave_count;
+    const bool busy = bus.scan_busy;
+    progress->slave_count = busy ? bus.scan_slaves.load() : bus.responding.load();
+    progress->scan_index = busy ? bus.scan_index.load() : progress->slave_count;
     return 0;
 }
 
@@ -75,6 +107,7 @@ int ecrt_master_get_slave(ec_master_t* master, uint16_t slave_position, ec_slave
     slave_info->al_state = static_cast<std::uint8_t>(slave.al.state);
     slave_info->error_flag = slave.al.error || slave.error.code != Errc::none ? 1 : 0;
     slave_info->sync_count = slave.sm_count;
+    slave_info->sdo_count = objects_of(bus, slave);
     slave.name().substr(0, EC_MAX_STRING_LENGTH - 1).copy(slave_info->name, EC_MAX_STRING_LENGTH - 1);
     fill_ports(bus, slave, *slave_info);
     return 0;
