@@ -6,6 +6,14 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+// ThreadSanitizer does not see that the kernel passes the lock on.
+#if defined(__SANITIZE_THREAD__)
+#include <sanitizer/tsan_interface.h>
+#else
+#define __tsan_acquire(address) static_cast<void>(address)
+#define __tsan_release(address) static_cast<void>(address)
+#endif
+
 namespace margay::soem {
 namespace {
 
@@ -31,9 +39,13 @@ void PriorityLock::wait() noexcept {
         if (word_.compare_exchange_strong(nobody, thread(), std::memory_order_acquire)) return;
         sched_yield();
     }
-    std::atomic_thread_fence(std::memory_order_acquire);
+    static_cast<void>(word_.load(std::memory_order_acquire));
+    __tsan_acquire(&word_);
 }
 
-void PriorityLock::pass_on() noexcept { futex(word_, FUTEX_UNLOCK_PI); }
+void PriorityLock::pass_on() noexcept {
+    __tsan_release(&word_);
+    futex(word_, FUTEX_UNLOCK_PI);
+}
 
 }  // namespace margay::soem

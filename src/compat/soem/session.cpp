@@ -188,8 +188,10 @@ int Sessions::add(std::unique_ptr<Session> session, const void* owner) {
         if (place.session != nullptr) end(place);
         if (place.session != nullptr) continue;
         session->lock_ = &place.lock;
+        place.lock.lock();  // with_lock() sees both or none
         place.session = session.release();
         place.owner.store(owner);
+        place.lock.unlock();
         return static_cast<int>(&place - places_.data());
     }
     return -1;
