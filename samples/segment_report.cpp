@@ -10,7 +10,7 @@
 #include "segment_report/page.hpp"
 #include "source/interface_nic.hpp"
 
-#include "analyse/analyser.hpp"
+#include "analyse/recording.hpp"
 
 #include <margay/files/text_place.hpp>
 #include <margay/version.hpp>

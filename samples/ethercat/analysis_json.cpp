@@ -166,6 +166,7 @@ Json analysis_json(const Analysis& a) {
     Json out{{"duration_ns", a.duration.count()},
              {"directions", words_of(a.directions)},
              {"ring", a.ring},
+             {"interface", json_of(a.interface)},
              {"remark", a.remark},
              {"frames", frames_json(a.frames)},
              {"master",
@@ -208,6 +209,9 @@ Json analysis_json(const Analysis& a) {
                                                     {"drift_ppm", json_of(r.drift_ppm)},
                                                     {"drift_within_ppm", r.drift_within_ppm}};
     out["worst_deviation"] = json_of(a.worst_deviation);
+    auto others = Json::array();
+    for (const auto& other : a.others) others.push_back(analysis_json(other));
+    out["other_masters"] = std::move(others);
     return out;
 }
 

@@ -245,9 +245,7 @@ std::string shortfall_line(const analyse::Shortfall& s) {
                        s.end ? "until " + place(*s.end) : std::string("until the end"));
 }
 
-}  // namespace
-
-std::string analysis_text(const Analysis& a, bool verbose) {
+std::string master_analysis(const Analysis& a, bool verbose) {
     auto text = frames_text(a) + master_text(a) + slaves_text(a);
     text += list_text<analyse::RingSize>("Slaves in the ring", a.ring_sizes, verbose, [](const auto& r) {
         return fmt::format("{} {}", when(r.when), counted(r.slaves, "slave"));
@@ -261,6 +259,25 @@ std::string analysis_text(const Analysis& a, bool verbose) {
     text += cyclic_text(a);
     text += list_text<analyse::Shortfall>("Working counters that fell short", a.shortfalls, verbose, shortfall_line);
     return text + reference_text(a);
+}
+
+std::string master_title(const Analysis& a, std::size_t number, std::size_t all) {
+    auto text =
+        fmt::format("==== Master {} of {}: source address {}", number, all, fmt::join(a.master.addresses, ", "));
+    if (a.interface) text += fmt::format(", interface {} of the file", *a.interface);
+    return text + "\n\n";
+}
+
+}  // namespace
+
+std::string analysis_text(const Analysis& a, bool verbose) {
+    if (a.others.empty()) return master_analysis(a, verbose);
+    const auto all = a.others.size() + 1;
+    auto text = fmt::format("{} masters in one recording, each with its own slaves below\n\n", all) +
+                master_title(a, 1, all) + master_analysis(a, verbose);
+    for (std::size_t n = 2; const auto& other : a.others)
+        text += "\n" + master_title(other, n++, all) + master_analysis(other, verbose);
+    return text;
 }
 
 }  // namespace margay::ethercat

@@ -1,4 +1,4 @@
-#include "analyse/analyser.hpp"
+#include "analyse/recording.hpp"
 #include "common/program.hpp"
 #include "ethercat/analysis_output.hpp"
 #include "ethercat/call.hpp"
@@ -24,7 +24,11 @@ int run_analyse(Call& call) {
         (void)call.print(output);
     }
     if (!analysis.problem.empty()) return call.fail({named(analysis.problem), samples::exit_code::kSystem});
-    if (!analysis.remark.empty() && !call.has("quiet")) samples::warn("warning: " + named(analysis.remark));
+    const auto warn = [&](const std::string& remark) {
+        if (!remark.empty() && !call.has("quiet")) samples::warn("warning: " + named(remark));
+    };
+    warn(analysis.remark);
+    for (const auto& other : analysis.others) warn(other.remark);
     return samples::exit_code::kWell;
 }
 

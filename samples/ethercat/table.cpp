@@ -319,9 +319,10 @@ std::vector<Command> segment_commands() {
               "Shown are the slaves with identity, names and PDOs as far as the recording has them; AL states over "
               "time; mailbox conversations; cycle times; lost and late frames; working counters that fell short; "
               "distributed clocks; and the master where the recording proves it.",
-              "The packets of FILE must be in order of time (reordercap puts them in order), and of one master: two "
-              "masters in one file are mixed into one list. A recorder on the interface of a Margay program sees "
-              "only the replies where PACKET_QDISC_BYPASS is in use.",
+              "Several masters in one file are told by their source addresses, and by their interfaces where "
+              "the addresses are alike; each has a part of its own. Packets that are not in order of time are sorted. "
+              "A recorder on the interface of a Margay program sees only the replies where PACKET_QDISC_BYPASS is in "
+              "use.",
               "Times count from the first packet. Numbers behind # are those of packets, as in Wireshark. "
               "--verbose shows long lists in full."},
          .arguments = {{"FILE", "recording: pcap or pcapng, of Ethernet, also with VLAN tags or EtherCAT over UDP",

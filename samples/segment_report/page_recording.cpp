@@ -70,6 +70,9 @@ Markup frame_facts(const Recording& recording) {
     facts.add("Master", a.master.name.empty() ? std::string("not recognised") : a.master.name);
     facts.add("Seen of it", fmt::format("{}", fmt::join(a.master.reasons, "; ")));
     facts.add("Source address", fmt::format("{}", fmt::join(a.master.addresses, ", ")));
+    if (!a.others.empty())
+        facts.add("Other masters", fmt::format("{} more in this recording: they and their slaves are in the text below",
+                                               a.others.size()));
     facts.add("Remark", a.remark);
     return facts.markup();
 }

@@ -1,10 +1,7 @@
-// Reads a recording of EtherCAT traffic of any master and collects what it shows. Nothing is sent.
-//
-//     const auto analysis = analyse::analyse_file("recording.pcapng");
-//     if (!analysis.problem.empty()) …;
+// Collects what the packets of one master show. Nothing is sent.
 //
 // The memory is bounded by the number of slaves and conversations, see the limits in analysis.hpp, and does not depend
-// on the length of the recording, except for eight octets a packet of a pcapng file.
+// on the length of the recording. recording.hpp reads files.
 #pragma once
 
 #include "analyse/clock_watch.hpp"
@@ -29,6 +26,9 @@ class Analyser {
     void packet(Moment when, Bytes packet, std::size_t length_on_wire);
     // Call once, after all packets.
     [[nodiscard]] Analysis finish();
+    // How many packets with EtherCAT frames were earlier than the one before, and the number of the first of them.
+    [[nodiscard]] std::uint64_t steps_back() const { return steps_back_; }
+    [[nodiscard]] std::uint64_t first_step_back() const { return first_step_back_; }
 
   private:
     void datagram(const Exchanged& e);
@@ -44,12 +44,8 @@ class Analyser {
     Exchanges exchanges_;
     Moment last_{};
     bool any_ = false;
-    std::uint64_t steps_back_ = 0;  // EtherCAT packets that are earlier than the one before
+    std::uint64_t steps_back_ = 0;
     std::uint64_t first_step_back_ = 0;
 };
-
-// Reads a pcap or pcapng file. A file that ends in the middle of a packet is read up to there, and `remark` says so. A
-// file that cannot be read, or has no EtherCAT frame, has a `problem`.
-[[nodiscard]] Analysis analyse_file(const std::string& path);
 
 }  // namespace margay::analyse

@@ -21,7 +21,7 @@ namespace margay::analyse {
 // A place in the recording.
 struct Moment {
     std::uint64_t frame = 0;  // number of the packet, from 1, as in Wireshark
-    Duration at{};            // since the first packet
+    Duration at{};            // since the first packet of the file; negative: the packet is earlier
 };
 
 // A list that stops growing at a limit.
@@ -47,7 +47,7 @@ enum class Directions : std::uint8_t {
 };
 
 struct FrameCounts {
-    std::uint64_t packets = 0;      // of the file
+    std::uint64_t packets = 0;      // of the file, of all masters
     std::uint64_t ethercat = 0;     // frames with EtherCAT datagrams
     std::uint64_t vlan = 0;         // of them in VLAN tags
     std::uint64_t udp = 0;          // of them in UDP
@@ -239,6 +239,7 @@ struct Analysis {
     Duration begin{};       // of the first EtherCAT frame, since the first packet
     Directions directions = Directions::none;
     bool ring = false;  // of both NICs of a ring: the copies of a frame are counted as one frame
+    std::optional<std::uint32_t> interface{};  // of the file, where two masters of the file have the same address
     FrameCounts frames{};
     MasterGuess master{};
     std::vector<Slave> slaves{};
@@ -252,6 +253,7 @@ struct Analysis {
     Bounded<Shortfall> shortfalls{};
     ReferenceClock reference{};
     Deviation worst_deviation{};  // broadcast reads of 0x092C: the values of all slaves, combined by OR
+    std::vector<Analysis> others{};  // of the other masters of the file
 };
 
 // Limits of the lists.

@@ -63,4 +63,23 @@ std::optional<EthercatFrame> FrameFinder::find(Bytes packet) {
     return frame;
 }
 
+bool is_of_datagrams(Bytes frame) {
+    return wire::load_frame_header(frame.subspan(wire::kEthernetHeaderBytes)).type == wire::kFrameTypeDatagrams;
+}
+
+bool has_datagrams(Bytes frame) {
+    if (!is_of_datagrams(frame)) return false;
+    wire::DatagramReader reader(frame);
+    std::size_t datagrams = 0;
+    while (reader.next()) ++datagrams;
+    return datagrams != 0 && (reader.fault() == wire::FrameFault::none || reader.fault() == wire::FrameFault::trailing);
+}
+
+bool is_untouched(Bytes frame) {
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next())
+        if (d->wkc != 0) return false;
+    return true;
+}
+
 }  // namespace margay::analyse

@@ -24,4 +24,12 @@ class FrameFinder {
     std::vector<std::byte> buffer_{};  // a frame without what was around it
 };
 
+// Whether the frame has the type of datagrams.
+[[nodiscard]] bool is_of_datagrams(Bytes frame);
+// Whether it has this type, and its datagrams can be read. Masters may announce more octets than their datagrams have;
+// slaves and we accept that.
+[[nodiscard]] bool has_datagrams(Bytes frame);
+// Whether all working counters are 0.
+[[nodiscard]] bool is_untouched(Bytes frame);
+
 }  // namespace margay::analyse

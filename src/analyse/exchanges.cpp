@@ -1,5 +1,6 @@
 #include "analyse/exchanges.hpp"
 
+#include "analyse/ethercat_frame.hpp"
 #include "wire/esc.hpp"
 
 #include <algorithm>
@@ -40,13 +41,6 @@ bool same_sender(Bytes a, Bytes b) {
         if (i == 0) differ &= ~wire::kPassedEscBit;
         if (differ != std::byte{0}) return false;
     }
-    return true;
-}
-
-bool untouched(Bytes frame) {
-    wire::DatagramReader reader(frame);
-    while (const auto d = reader.next())
-        if (d->wkc != 0) return false;
     return true;
 }
 
@@ -97,10 +91,10 @@ void Exchanges::decide() {
         std::size_t fresh = 0;
         std::size_t followed = 0;
         for (std::size_t i = 0; i < early_.size(); ++i) {
-            if (!untouched(early_[i].bytes)) continue;
+            if (!is_untouched(early_[i].bytes)) continue;
             ++fresh;
             for (std::size_t k = i + 1; k < early_.size() && k < i + 9; ++k)
-                if (alike(early_[i].bytes, early_[k].bytes) && !untouched(early_[k].bytes)) {
+                if (alike(early_[i].bytes, early_[k].bytes) && !is_untouched(early_[k].bytes)) {
                     ++followed;
                     break;
                 }

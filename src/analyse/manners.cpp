@@ -19,11 +19,38 @@ constexpr Address kSoem{0x01, 0x01, 0x01, 0x01, 0x01, 0x01};
 constexpr Address kEthercrab{0x10, 0x10, 0x10, 0x10, 0x10, 0x10};
 constexpr Address kKickCat{0xCA, 0xDE, 0xCA, 0xDE, 0xDE, 0xFF};
 constexpr Address kLibethercat{0x00, 0x30, 0x64, 0x0F, 0x83, 0x35};
+// "\0MARGY": of an interface without an address of its own, for example a simulated segment.
+constexpr Address kMargay{0x00, 0x4D, 0x41, 0x52, 0x47, 0x59};
 constexpr std::uint8_t kSoemIndices = 16;
 
 Address without_mark(Address address) {
     address[0] = static_cast<std::uint8_t>(address[0] & ~std::to_integer<unsigned>(wire::kPassedEscBit));
     return address;
+}
+
+// The scan of Margay resets the slaves by broadcast writes that follow each other in one frame: all FMMUs at once, all
+// SyncManagers at once, SYNC, the EEPROM twice, the alias.
+bool has_margay_reset(Bytes frame) {
+    struct Write {
+        std::uint16_t ado, length;
+    };
+    constexpr std::array<Write, 6> kReset{Write{reg::fmmu(0).address, 16 * reg::kFmmuStride},
+                                          {reg::sync_manager(0).address, 16 * reg::kSyncManagerStride},
+                                          {reg::kSyncActivation.address, 1},
+                                          {reg::kSiiConfig.address, 1},
+                                          {reg::kSiiConfig.address, 1},
+                                          {reg::kAliasEnable.address, 1}};
+    wire::DatagramReader reader(frame);
+    std::size_t matched = 0;
+    while (const auto d = reader.next()) {
+        const auto matches = [&](const Write& w) {
+            return d->header.command == Command::BWR && d->header.address.ado() == w.ado &&
+                   d->header.length == w.length;
+        };
+        matched = matches(kReset[matched]) ? matched + 1 : matches(kReset[0]) ? 1 : 0;
+        if (matched == kReset.size()) return true;
+    }
+    return false;
 }
 
 std::string text_of(const Address& a) {
@@ -40,6 +67,7 @@ void Manners::frame(Bytes request) {
     for (std::size_t i = 0; i < address.size(); ++i)
         address[i] = std::to_integer<std::uint8_t>(request[wire::kSourceMacOffset + i]);
     if (addresses_.size() < kMost) addresses_.insert(address);
+    margay_reset_ = margay_reset_ || has_margay_reset(request);
 }
 
 void Manners::datagram(const Exchanged& e) {
@@ -73,6 +101,11 @@ void Manners::finish() {
         guess.name = std::move(name);
         guess.reasons = std::move(reasons);
     };
+    if (margay_reset_)
+        return say("Margay",
+                   {"resets FMMUs, SyncManagers, SYNC, EEPROM and alias of all slaves by six broadcast writes "
+                    "in one frame"});
+    if (from(kMargay)) return say("Margay", {"source address 00:4d:41:52:47:59"});
     if (from(kSoem) && greatest_index_ < kSoemIndices)
         return say("SOEM", {"source address 01:01:01:01:01:01", "no index above 15"});
     if (from(kEthercrab)) return say("ethercrab", {"source address 10:10:10:10:10:10"});

@@ -253,31 +253,14 @@ TEST_F(AnalyserTest, DamagedAndCutFramesAreCounted) {
     EXPECT_EQ(a.frames.cut, 1u);
 }
 
-TEST_F(AnalyserTest, PacketsThatAreNotInOrderOfTimeAreRemarked) {
+TEST_F(AnalyserTest, CountsPacketsThatAreNotInOrderOfTime) {
     exchange(0ms, {kCyclic});
     exchange(2ms, {kCyclic});
+    EXPECT_EQ(analyser.steps_back(), 0u);
     exchange(1ms, {kCyclic});
     exchange(3ms, {kCyclic});
-    const auto remark = analyser.finish().remark;
-    EXPECT_NE(remark.find("not in order of time (1 time, first at packet #5)"), std::string::npos) << remark;
-}
-
-TEST_F(AnalyserTest, PacketsInOrderOfTimeHaveNoRemark) {
-    for (int n = 0; n < 4; ++n) exchange(n * 1ms, {kCyclic});
-    EXPECT_EQ(analyser.finish().remark, "");
-}
-
-TEST(AnalyseFile, SaysWhatIsWrongAndReadsAFileThatEndsEarly) {
-    TemporaryFolder folder;
-    EXPECT_NE(analyse_file(folder.file("none")).problem.find("No such file"), std::string::npos);
-    EXPECT_EQ(analyse_file(folder.write("x", pcap_header())).problem, "it holds no EtherCAT frame");
-    const auto request = frame_of({kCyclic}, false);
-    const auto reply = frame_of({kCyclic}, true);
-    const auto content = pcap_header() + pcap_packet(1, 0, request) + pcap_packet(1, 30'000, reply);
-    const auto cut = analyse_file(folder.write("y", content + pcap_packet(1, 60'000, request).substr(0, 40)));
-    EXPECT_EQ(cut.problem, "");
-    EXPECT_NE(cut.remark.find("behind packet 2"), std::string::npos) << cut.remark;
-    EXPECT_EQ(cut.frames.replies, 1u);
+    EXPECT_EQ(analyser.steps_back(), 1u);
+    EXPECT_EQ(analyser.first_step_back(), 5u);
 }
 
 // Random changes of octets in frames of all kinds. The counts stay consistent, and nothing is read beyond the frame

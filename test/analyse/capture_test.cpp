@@ -1,6 +1,6 @@
 // The analysis of recordings of real segments, against what tshark says about the same files.
 #include <places.hpp>
-#include "analyse/analyser.hpp"
+#include "analyse/recording.hpp"
 
 #include "wire/esc.hpp"
 

@@ -1,0 +1,282 @@
+#include "analyse/recording.hpp"
+
+#include "analyse/analyser.hpp"
+#include "analyse/masters.hpp"
+#include "analyse/ring_copies.hpp"
+#include "oshw/pcap/packet_reader.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <functional>
+#include <memory>
+
+namespace margay::analyse {
+namespace {
+
+// A packet of the recording.
+struct Taken {
+    Moment when{};
+    PacketOrigin origin{};
+    Bytes bytes{};
+    std::size_t length_on_wire = 0;
+};
+
+// The octets of a pipe in a file without a name, because a recording is read more than once.
+class PipeCopy {
+  public:
+    // Empty where the path is a regular file, and where it cannot be opened: the reader says why.
+    explicit PipeCopy(const std::string& path) {
+        std::error_code ignored;
+        if (!std::filesystem::is_other(std::filesystem::status(path, ignored))) return;
+        const File from(std::fopen(path.c_str(), "rbe"), &std::fclose);
+        if (!from) return;
+        file_ = File(std::tmpfile(), &std::fclose);
+        std::array<char, 65536> block{};
+        bool is_first = true;
+        while (file_) {
+            const auto got = std::fread(block.data(), 1, block.size(), from.get());
+            whole_ = whole_ && std::fwrite(block.data(), 1, got, file_.get()) == got;
+            // What is no recording may have no end.
+            const bool odd = is_first && !begins_a_recording(std::as_bytes(std::span(block.data(), got)));
+            is_first = false;
+            if (got != block.size() || odd || !whole_) break;
+        }
+        whole_ = whole_ && file_ && std::fflush(file_.get()) == 0;
+    }
+    [[nodiscard]] std::string path() const {
+        return file_ ? "/proc/self/fd/" + std::to_string(::fileno(file_.get())) : std::string();
+    }
+    [[nodiscard]] bool whole() const { return whole_; }
+
+  private:
+    using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
+    static bool begins_a_recording(Bytes octets) {
+        constexpr std::array<std::uint32_t, 5> kBegins{0xA1B2C3D4, 0xD4C3B2A1, 0xA1B23C4D, 0x4D3CB2A1, 0x0A0D0D0A};
+        return octets.size() >= 4 && std::ranges::count(kBegins, load_le<std::uint32_t>(octets)) != 0;
+    }
+    File file_{nullptr, &std::fclose};
+    bool whole_ = true;
+};
+
+// Tells the two NICs of a ring from two masters, by the packets that were sent.
+class RingEvidence {
+  public:
+    void look(const PacketOrigin& origin, Duration at, Bytes frame) {
+        using Direction = PacketOrigin::Direction;
+        if (origin.interface > 1 || frame.size() < wire::kFramePrefixBytes + wire::kDatagramOverheadBytes) return;
+        std::array<std::byte, 6> mac{};
+        std::copy_n(frame.begin() + wire::kSourceMacOffset, mac.size(), mac.begin());
+        mac[0] &= ~wire::kPassedEscBit;
+        if (origin.direction == Direction::received) {
+            crossed_ |= mac == macs_[1 - origin.interface] && mac != macs_[origin.interface];
+            return;
+        }
+        if (origin.direction == Direction::unknown) return;
+        macs_[origin.interface] = mac;
+        auto& last = last_[std::to_integer<std::size_t>(frame[wire::kFramePrefixBytes + 1])];
+        if (origin.interface == 0) {
+            last = {frame.size(), at};
+            return;
+        }
+        ++second_;
+        if (last.size == frame.size() && at >= last.at && at - last.at < kTogether) ++copies_;
+    }
+    // A frame that was sent at one NIC was received at the other, or most frames were sent at both.
+    [[nodiscard]] bool is_ring() const { return crossed_ || 2 * copies_ >= second_; }
+
+  private:
+    static constexpr Duration kTogether = std::chrono::microseconds(100);
+    struct Sent {
+        std::size_t size = 0;
+        Duration at{};
+    };
+    std::array<std::array<std::byte, 6>, 2> macs_{};
+    std::array<Sent, 256> last_{};
+    std::uint64_t second_ = 0, copies_ = 0;
+    bool crossed_ = false;
+};
+
+class Recording {
+  public:
+    explicit Recording(const std::string& path) : path_(path) {}
+
+    Analysis analyse() {
+        if (!survey()) return said(Analysis());
+        if (is_ring_) return said(analyse_ring());
+        std::vector<std::unique_ptr<Analyser>> analysers;
+        for (std::size_t n = 0; n < std::max<std::size_t>(masters_.count(), 1); ++n)
+            analysers.push_back(std::make_unique<Analyser>());
+        read([&](const Taken& t, std::optional<std::size_t> master) {
+            const auto n = master.value_or(0);
+            if (n < analysers.size())
+                analysers[n]->packet(t.when, t.bytes, t.length_on_wire);
+            else
+                ++left_out_;
+        });
+        auto all = finished(analysers);
+        auto first = std::move(all.front());
+        first.others.assign(std::make_move_iterator(all.begin() + 1), std::make_move_iterator(all.end()));
+        return said(std::move(first));
+    }
+
+  private:
+    using Reader = std::function<void(const Taken&, std::optional<std::size_t> master)>;
+
+    // Finds the masters. False: the file cannot be opened.
+    bool survey() {
+        PacketReader reader;
+        if (!reader.open(path_)) {
+            problem_ = reader.problem().empty() ? "it cannot be read" : reader.problem();
+            return false;
+        }
+        origins_ = read_packet_origins(path_);
+        RingEvidence ring;
+        while (const auto packet = reader.next()) {
+            const auto frame = finder_.find(packet->bytes);
+            if (!frame || packet->bytes.size() < packet->length_on_wire) continue;
+            const auto origin = origin_of(packet->number);
+            masters_.look(frame->bytes, origin.interface);
+            ring.look(origin, packet->at, packet->bytes);
+        }
+        masters_.decide();
+        is_ring_ = RingCopies::is_ring(origins_) && ring.is_ring();
+        packets_ = reader.packets();
+        problem_ = reader.problem();
+        cut_off_ = reader.cut_off();
+        return true;
+    }
+
+    [[nodiscard]] PacketOrigin origin_of(std::uint64_t number) const {
+        return number <= origins_.size() ? origins_[number - 1] : PacketOrigin{};
+    }
+
+    void read(const Reader& take) {
+        PacketReader reader;
+        if (!reader.open(path_)) return;
+        while (const auto packet = reader.next()) {
+            const Taken t{
+                {packet->number, packet->at}, origin_of(packet->number), packet->bytes, packet->length_on_wire};
+            const auto frame = finder_.find(packet->bytes);
+            take(t, frame && packet->bytes.size() >= packet->length_on_wire
+                        ? masters_.of(frame->bytes, t.origin.interface)
+                        : std::nullopt);
+        }
+    }
+
+    Analysis analyse_ring() {
+        Analyser analyser;
+        RingCopies ring([&](Moment when, Bytes packet, std::size_t length) { analyser.packet(when, packet, length); });
+        read([&](const Taken& t, std::optional<std::size_t>) {
+            ring.packet(t.origin, t.when, t.bytes, t.length_on_wire);
+        });
+        ring.finish();
+        auto analysis = analyser.finish();
+        analysis.ring = true;
+        if (analyser.steps_back() != 0)
+            analysis.remark = order_text(analyser) +
+                              ": replies and times may be wrong; put them in order, as "
+                              "reordercap does";
+        return analysis;
+    }
+
+    static std::string order_text(const Analyser& analyser) {
+        return "the packets are not in order of time (" + std::to_string(analyser.steps_back()) +
+               (analyser.steps_back() == 1 ? " time" : " times") + ", first at packet #" +
+               std::to_string(analyser.first_step_back()) + ")";
+    }
+
+    std::vector<Analysis> finished(std::vector<std::unique_ptr<Analyser>>& analysers) {
+        std::vector<Analysis> all;
+        for (std::size_t n = 0; n < analysers.size(); ++n) {
+            const auto& analyser = *analysers[n];
+            auto analysis = analysers[n]->finish();
+            std::string remark;
+            if (analyser.steps_back() != 0) {
+                const auto text = order_text(analyser);
+                if (auto sorted = analyse_sorted(n)) {
+                    analysis = std::move(*sorted);
+                    remark = text +
+                             " and were sorted; if the clock of the recorder was set back, replies and times "
+                             "near there are wrong";
+                } else {
+                    remark = text +
+                             " and too many to sort: replies and times may be wrong; put them in order, as "
+                             "reordercap does";
+                }
+            }
+            analysis.remark = std::move(remark);
+            analysis.interface = masters_.interface_of(n);
+            all.push_back(std::move(analysis));
+        }
+        return all;
+    }
+
+    // The packets of one master in order of time. nullopt: they are too many.
+    std::optional<Analysis> analyse_sorted(std::size_t master) {
+        struct Kept {
+            Moment when{};
+            std::size_t begin = 0, size = 0, length_on_wire = 0;
+        };
+        std::vector<Kept> kept;
+        std::vector<std::byte> octets;
+        bool fits = true;
+        read([&](const Taken& t, std::optional<std::size_t> of) {
+            if (of.value_or(0) != master || !finder_.find(t.bytes)) return;
+            fits = fits && octets.size() + kept.size() * sizeof(Kept) + t.bytes.size() <= kMostSorted;
+            if (!fits) return;
+            kept.push_back({t.when, octets.size(), t.bytes.size(), t.length_on_wire});
+            octets.insert(octets.end(), t.bytes.begin(), t.bytes.end());
+        });
+        if (!fits) return std::nullopt;
+        std::ranges::stable_sort(kept, {}, [](const Kept& k) { return k.when.at; });
+        Analyser analyser;
+        for (const auto& k : kept) analyser.packet(k.when, Bytes(octets).subspan(k.begin, k.size), k.length_on_wire);
+        return analyser.finish();
+    }
+
+    // Adds what is said of the file as a whole.
+    Analysis said(Analysis analysis) {
+        const auto add = [&](const std::string& text) {
+            if (!text.empty()) analysis.remark = text + (analysis.remark.empty() ? "" : "; ") + analysis.remark;
+        };
+        if (left_out_ != 0)
+            add("frames of more than " + std::to_string(kMostMasters) + " masters: " + std::to_string(left_out_) +
+                " are not analysed");
+        add(cut_off_);
+        analysis.frames.packets = packets_;
+        for (auto& other : analysis.others) other.frames.packets = packets_;
+        if (!problem_.empty())
+            analysis.problem = problem_;
+        else if (analysis.frames.ethercat == 0)
+            analysis.problem = analysis.frames.cut != 0
+                                   ? "every EtherCAT frame was cut by the recorder; record with full length"
+                                   : "it holds no EtherCAT frame";
+        return analysis;
+    }
+
+    std::string path_;
+    std::vector<PacketOrigin> origins_{};
+    FrameFinder finder_{};
+    Masters masters_{};
+    bool is_ring_ = false;
+    std::uint64_t packets_ = 0;
+    std::uint64_t left_out_ = 0;
+    std::string problem_{}, cut_off_{};
+};
+
+}  // namespace
+
+Analysis analyse_file(const std::string& path) {
+    const PipeCopy copy(path);
+    if (!copy.whole()) {
+        Analysis analysis;
+        analysis.problem = "it is a pipe, and its copy in the folder for temporary files cannot be written";
+        return analysis;
+    }
+    return Recording(copy.path().empty() ? path : copy.path()).analyse();
+}
+
+}  // namespace margay::analyse

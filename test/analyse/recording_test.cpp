@@ -1,0 +1,216 @@
+// Files with frames of one master or of several: who is told from whom, and packets that are not in order of time.
+#include "analyse/recording.hpp"
+
+#include "oshw/pcap/pcapng.hpp"
+#include "replay/files.hpp"
+#include "wire/datagram.hpp"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <thread>
+
+#include <sys/stat.h>
+
+namespace margay::analyse {
+namespace {
+
+using namespace std::chrono_literals;
+using wire::Command;
+using Direction = PacketOrigin::Direction;
+
+// A cyclic frame of a master, or its reply.
+Frame cycle_frame(std::uint8_t master, bool reply, std::uint8_t index, std::uint8_t first_octet = 0) {
+    Frame buffer(wire::kMaxFrameBytes);
+    const auto octet = static_cast<std::uint8_t>(first_octet | (reply ? 2U : 0U));
+    wire::FrameBuilder builder(buffer, {octet, 0x11, 0x22, 0x33, 0x44, master});
+    (void)builder.append(Command::LRW, index, wire::DatagramAddress(0x10000), 8);
+    if (reply) store_le<std::uint16_t>(MutableBytes(buffer), builder.size() - 2, 3);
+    buffer.resize(builder.finish().size());
+    return buffer;
+}
+
+struct Packet {
+    Duration at{};
+    Frame bytes{};
+    PacketOrigin origin{};
+};
+
+// Cycles of a master: request and reply.
+std::vector<Packet> cycles_of(std::uint8_t master, Duration begin, Duration cycle, int count,
+                              std::uint32_t interface = 0) {
+    std::vector<Packet> all;
+    for (int n = 0; n < count; ++n) {
+        const auto index = static_cast<std::uint8_t>(n);
+        all.push_back({begin + cycle * n, cycle_frame(master, false, index), {.interface = interface}});
+        all.push_back({begin + cycle * n + 30us, cycle_frame(master, true, index), {.interface = interface}});
+    }
+    return all;
+}
+
+std::vector<Packet> operator+(std::vector<Packet> a, const std::vector<Packet>& b) {
+    a.insert(a.end(), b.begin(), b.end());
+    return a;
+}
+
+std::vector<Packet> in_order(std::vector<Packet> all) {
+    std::ranges::stable_sort(all, {}, &Packet::at);
+    return all;
+}
+
+struct AnalyseFile : testing::Test {
+    TemporaryFolder folder;
+
+    std::string pcap(const std::vector<Packet>& packets) {
+        auto content = pcap_header();
+        for (const auto& p : packets) content += pcap_packet(1, static_cast<std::uint32_t>(p.at.count()), p.bytes);
+        return folder.write("file.pcap", content);
+    }
+    std::string pcapng(const std::vector<Packet>& packets) {
+        const auto path = folder.file("file.pcapng");
+        PcapngWriter writer;
+        const std::array<std::string_view, 3> names{"a", "b", "c"};
+        EXPECT_TRUE(writer.open(path, names));
+        for (const auto& p : packets) writer.write(p.origin, 1s + p.at, p.bytes);
+        EXPECT_TRUE(writer.close());
+        return path;
+    }
+};
+
+TEST_F(AnalyseFile, SaysWhatIsWrongAndReadsAFileThatEndsEarly) {
+    EXPECT_NE(analyse_file(folder.file("none")).problem.find("No such file"), std::string::npos);
+    EXPECT_EQ(analyse_file(folder.write("x", pcap_header())).problem, "it holds no EtherCAT frame");
+    const auto request = cycle_frame(1, false, 1);
+    const auto reply = cycle_frame(1, true, 1);
+    const auto content = pcap_header() + pcap_packet(1, 0, request) + pcap_packet(1, 30'000, reply);
+    const auto cut = analyse_file(folder.write("y", content + pcap_packet(1, 60'000, request).substr(0, 40)));
+    EXPECT_EQ(cut.problem, "");
+    EXPECT_NE(cut.remark.find("behind packet 2"), std::string::npos) << cut.remark;
+    EXPECT_EQ(cut.frames.replies, 1u);
+}
+
+void expect_cycle(const Analysis& a, Duration cycle, std::uint64_t count) {
+    EXPECT_EQ(a.frames.requests, count);
+    EXPECT_EQ(a.frames.replies, count);
+    EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0u);
+    ASSERT_EQ(a.cyclic.size(), 1u);
+    EXPECT_EQ(a.cyclic[0].intervals.median, cycle);
+    EXPECT_EQ(a.cyclic[0].intervals.most, cycle);
+}
+
+TEST_F(AnalyseFile, TwoMastersAreToldByTheirAddresses) {
+    const auto a = analyse_file(pcap(in_order(cycles_of(1, 0us, 1ms, 40) + cycles_of(2, 10us, 2ms, 20))));
+    EXPECT_EQ(a.problem + a.remark, "");
+    expect_cycle(a, 1ms, 40);
+    EXPECT_EQ(a.master.addresses, std::vector<std::string>{"00:11:22:33:44:01"});
+    ASSERT_EQ(a.others.size(), 1u);
+    expect_cycle(a.others[0], 2ms, 20);
+    EXPECT_EQ(a.others[0].master.addresses, std::vector<std::string>{"00:11:22:33:44:02"});
+    EXPECT_EQ(a.frames.packets, 120u);
+    EXPECT_FALSE(a.interface) << "the addresses differ";
+}
+
+TEST_F(AnalyseFile, TwoMastersWithOneAddressAreToldByTheirInterfaces) {
+    const auto a = analyse_file(pcapng(in_order(cycles_of(1, 0us, 1ms, 40, 0) + cycles_of(1, 10us, 2ms, 20, 2))));
+    EXPECT_EQ(a.problem + a.remark, "");
+    expect_cycle(a, 1ms, 40);
+    EXPECT_EQ(a.interface, 0u);
+    ASSERT_EQ(a.others.size(), 1u);
+    expect_cycle(a.others[0], 2ms, 20);
+    EXPECT_EQ(a.others[0].interface, 2u);
+}
+
+TEST_F(AnalyseFile, ATapHasAnInterfaceForEachDirection) {
+    auto packets = cycles_of(1, 0us, 1ms, 40);
+    for (auto& p : packets)
+        p.origin.interface = (p.bytes[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0};
+    const auto a = analyse_file(pcapng(packets));
+    expect_cycle(a, 1ms, 40);
+    EXPECT_TRUE(a.others.empty());
+    EXPECT_FALSE(a.interface);
+}
+
+// Each file of two that were put one behind the other is in order: nothing has to be sorted.
+TEST_F(AnalyseFile, TheFilesOfTwoMastersOneBehindTheOther) {
+    const auto a = analyse_file(pcap(cycles_of(1, 50ms, 1ms, 40) + cycles_of(2, 0us, 2ms, 20)));
+    EXPECT_EQ(a.remark, "");
+    expect_cycle(a, 1ms, 40);
+    ASSERT_EQ(a.others.size(), 1u);
+    EXPECT_EQ(a.others[0].remark, "");
+    expect_cycle(a.others[0], 2ms, 20);
+}
+
+TEST_F(AnalyseFile, PacketsOfOneMasterAreSortedByTime) {
+    auto packets = cycles_of(1, 0us, 1ms, 40);
+    std::ranges::stable_sort(packets, {}, [](const Packet& p) { return p.bytes[wire::kSourceMacOffset]; });
+    const auto a = analyse_file(pcap(packets));
+    EXPECT_NE(a.remark.find("not in order of time (1 time, first at packet #41) and were sorted"), std::string::npos)
+        << a.remark;
+    expect_cycle(a, 1ms, 40);
+    EXPECT_EQ(a.frames.longest_trip, 30us);
+}
+
+// Both NICs of a ring send each frame; two masters of two interfaces do not.
+TEST_F(AnalyseFile, ARingIsOneMasterAndTwoMastersAreNoRing) {
+    for (const bool ring : {true, false}) {
+        std::vector<Packet> packets;
+        for (int n = 0; n < 40; ++n) {
+            const auto index = static_cast<std::uint8_t>(n);
+            const auto at = 1ms * n;
+            const auto after = ring ? 2us : 400us;
+            packets.push_back({at, cycle_frame(1, false, index), {0, Direction::sent}});
+            packets.push_back({at + after, cycle_frame(2, false, index), {1, Direction::sent}});
+            packets.push_back({at + 30us, cycle_frame(1, true, index), {ring ? 1U : 0U, Direction::received}});
+            packets.push_back({at + after + 30us, cycle_frame(2, !ring, index), {ring ? 0U : 1U, Direction::received}});
+        }
+        const auto a = analyse_file(pcapng(in_order(packets)));
+        EXPECT_EQ(a.ring, ring);
+        expect_cycle(a, 1ms, 40);
+        EXPECT_EQ(a.others.size(), ring ? 0u : 1u);
+    }
+}
+
+TEST_F(AnalyseFile, DamagedFramesAreNoMasters) {
+    auto packets = cycles_of(1, 0us, 1ms, 40);
+    auto damaged = cycle_frame(9, false, 1);
+    damaged[22] = std::byte{0xFF};  // the length of the datagram
+    packets.push_back({45ms, damaged});
+    const auto a = analyse_file(pcap(packets));
+    expect_cycle(a, 1ms, 40);
+    EXPECT_EQ(a.frames.damaged, 1u);
+    EXPECT_TRUE(a.others.empty());
+}
+
+// TwinCAT sends some frames with the address of the NIC, and the recorder sees their replies only.
+TEST_F(AnalyseFile, FewFramesOfAnotherAddressAreOfTheSameMaster) {
+    auto packets = cycles_of(1, 1ms, 1ms, 40);
+    packets.insert(packets.begin(), {0us, cycle_frame(9, true, 200)});
+    const auto a = analyse_file(pcap(packets));
+    EXPECT_TRUE(a.others.empty());
+    EXPECT_EQ(a.frames.replies, 41u);
+    EXPECT_EQ(a.frames.unasked, 1u);
+}
+
+TEST_F(AnalyseFile, MastersBeyondTheLimitAreRemarked) {
+    std::vector<Packet> packets;
+    for (int n = 0; n < static_cast<int>(kMostMasters) + 2; ++n)
+        packets = packets + cycles_of(static_cast<std::uint8_t>(n), 1ms * n, 1ms, 1);
+    const auto a = analyse_file(pcap(packets));
+    EXPECT_EQ(a.others.size(), kMostMasters - 1);
+    EXPECT_NE(a.remark.find("frames of more than 16 masters: 4 are not analysed"), std::string::npos) << a.remark;
+}
+
+TEST_F(AnalyseFile, APipeIsReadAsAWhole) {
+    const auto path = pcapng(cycles_of(1, 0us, 1ms, 400));
+    const auto pipe = folder.file("pipe");
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+    std::thread writer([&] { std::ofstream(pipe, std::ios::binary) << std::ifstream(path, std::ios::binary).rdbuf(); });
+    const auto a = analyse_file(pipe);
+    writer.join();
+    EXPECT_EQ(a.problem, "");
+    EXPECT_EQ(a.frames.packets, 800u);
+    EXPECT_NE(analyse_file("/dev/zero").problem, "") << "it has no end";
+}
+
+}  // namespace
+}  // namespace margay::analyse
