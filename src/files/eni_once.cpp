@@ -7,16 +7,42 @@ namespace margay::files {
 namespace {
 
 // Elements in which the names below are looked for. Elements of vendors may contain what they want.
-constexpr std::string_view kParents[] = {
-    "EtherCATConfig", "Config", "Master",  "Slave",        "Info",   "InitCmd", "IdentifyCmd", "Validate", "Mailbox",
-    "Send",           "Recv",   "Receive", "CoE",          "SoE",    "EoE",     "AoE",         "FoE",      "DC",
-    "HotConnect",     "Cyclic", "Cmd",     "ProcessImage", "Inputs", "Outputs", "Variable",    "Entry"};
+constexpr std::string_view kParents[] = {"EtherCATConfig",
+                                         "Config",
+                                         "Master",
+                                         "Slave",
+                                         "Info",
+                                         "InitCmd",
+                                         "IdentifyCmd",
+                                         "Validate",
+                                         "Mailbox",
+                                         "BootStrap",
+                                         "Bootstrap",
+                                         "Send",
+                                         "Recv",
+                                         "Receive",
+                                         "CoE",
+                                         "SoE",
+                                         "EoE",
+                                         "AoE",
+                                         "FoE",
+                                         "DC",
+                                         "HotConnect",
+                                         "Cyclic",
+                                         "Cmd",
+                                         "ProcessImage",
+                                         "Inputs",
+                                         "Outputs",
+                                         "Variable",
+                                         "Entry"};
 constexpr std::string_view kOnce[] = {"Config",
                                       "Master",
                                       "Info",
                                       "InitCmds",
                                       "ProcessData",
                                       "Mailbox",
+                                      "BootStrap",
+                                      "Bootstrap",
                                       "DC",
                                       "HotConnect",
                                       "CoE",
@@ -71,7 +97,8 @@ constexpr std::string_view kOnce[] = {"Config",
 
 bool is_once(std::string_view parent, std::string_view name) {
     if (name == "Cmd") return parent == "InitCmd" || parent == "IdentifyCmd" || parent == "Cmd";
-    if (name == "Send" || name == "Recv" || name == "Receive") return parent == "Mailbox";
+    if (name == "Send" || name == "Recv" || name == "Receive")
+        return parent == "Mailbox" || parent == "BootStrap" || parent == "Bootstrap";
     if (name == "Name") return parent == "Info" || parent == "Variable";
     return std::ranges::find(kOnce, name) != std::end(kOnce);
 }

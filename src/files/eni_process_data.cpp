@@ -395,6 +395,7 @@ void make_process_data(Reader& r, EniSlaveData& s) {
         const bool fits = listed != 0 && (listed + 7) / 8 == one.sm->bytes && bits % 8 == 0;
         if (!s.config.add({one.sm->number, one.direction, one.sm->control, one.sm->start, fits ? listed : bits}))
             r.fail(one.sm->node, "a slave has more than 8 SyncManagers of process data");
+        s.slave.sync_managers.push_back({one.sm->number, one.sm->control, true, r.remark_at(one.sm->node, {})});
     }
     for (const auto& [number, sm] : s.sms)
         if (sm.bytes != 0 && sm.activate != 0 && std::ranges::find(all, &sm, &Mapped::sm) == all.end() && number > 1)

@@ -101,9 +101,11 @@ Range range_of(Reader& r, Node node) {
     return {r.number<std::uint16_t>(child(node, "Start")), r.number<std::uint16_t>(child(node, "Length"))};
 }
 
+// The mailboxes of a slave, or those of BOOT, for which tools write the init commands without an element, too.
 class MailboxReader {
   public:
-    MailboxReader(Reader& r, EniSlaveData& s) : r_(r), s_(s), mailbox_(s.node.child("Mailbox")) {
+    MailboxReader(Reader& r, EniSlaveData& s, bool boot)
+        : r_(r), s_(s), boot_(boot), mailbox_(boot ? bootstrap(s) : s.node.child("Mailbox")) {
         place_ = mailbox_;
         const Node recv = mailbox_.child("Recv");
         boxes_[0] = range_of(r, mailbox_.child("Send"));
@@ -113,18 +115,27 @@ class MailboxReader {
     void read() {
         const auto described = boxes_;
         for (const EniInit& init : s_.inits) see(init);
-        if (!mailbox_ || boxes_[0].bytes == 0 || boxes_[1].bytes == 0) return;
+        if ((!mailbox_ && !boot_) || boxes_[0].bytes == 0 || boxes_[1].bytes == 0) return;
         for (std::size_t n = 0; n < 2; ++n)
             if (described[n].bytes != 0 && described[n] != boxes_[n])
                 name(place_, "the init commands set SyncManager " + std::to_string(n) + " to " + words(boxes_[n]) +
-                                 ", and Mailbox gives it " + words(described[n]) +
+                                 ", and " + element() + " gives it " + words(described[n]) +
                                  ": neither is used, but what the SII of the slave gives it");
-        s_.slave.mailbox = {boxes_[0].start, boxes_[0].bytes, boxes_[1].start, boxes_[1].bytes};
-        s_.slave.mailbox_place = r_.remark_at(place_, {});
+        (boot_ ? s_.slave.boot_mailbox : s_.slave.mailbox) = {boxes_[0].start, boxes_[0].bytes, boxes_[1].start,
+                                                              boxes_[1].bytes};
+        (boot_ ? s_.slave.boot_mailbox_place : s_.slave.mailbox_place) = r_.remark_at(place_, {});
     }
 
   private:
     static constexpr unsigned kEnd = reg::kSyncManagerBase + 2 * reg::kSyncManagerStride;
+
+    static Node bootstrap(const EniSlaveData& s) {
+        const Node mailbox = s.node.child("Mailbox");
+        const Node node = mailbox.child("BootStrap");
+        return node ? node : mailbox.child("Bootstrap");
+    }
+    [[nodiscard]] std::string element() const { return boot_ ? "BootStrap" : "Mailbox"; }
+    [[nodiscard]] std::string at_step() const { return boot_ ? "at IB" : "at IP"; }
 
     // One remark for each slave.
     void name(Node at, std::string text) {
@@ -134,13 +145,14 @@ class MailboxReader {
 
     void see(const EniInit& init) {
         const bool here = init.ado < kEnd && init.ado + init.data.size() > reg::kSyncManagerBase;
-        if (!here || !init.writes() || !contains(init.transitions, Transition::init_to_preop) || init.is_zero()) return;
+        const auto step = boot_ ? Transition::init_to_boot : Transition::init_to_preop;
+        if (!here || !init.writes() || !contains(init.transitions, step) || init.is_zero()) return;
         // Set at PS too: a SyncManager of process data.
         if (contains(init.transitions, Transition::preop_to_safeop)) return;
         const std::size_t stride = reg::kSyncManagerStride;
         if (init.ado % stride != 0 || init.data.size() % stride != 0)
-            return name(init.node,
-                        "an init command at IP writes a part of a SyncManager of the mailbox: it is not sent");
+            return name(init.node, "an init command " + at_step() +
+                                       " writes a part of a SyncManager of the mailbox: it is not sent");
         for (std::size_t at = 0; at < init.data.size() && init.ado + at < kEnd; at += stride)
             if (init.ado + at >= reg::kSyncManagerBase) see(init, at, (init.ado + at - reg::kSyncManagerBase) / stride);
     }
@@ -150,20 +162,25 @@ class MailboxReader {
                           static_cast<std::uint16_t>(init.value(at + 2, 2))};
         if (range.bytes == 0) return;
         const std::string sm = "SyncManager " + std::to_string(number);
-        if (!mailbox_)
-            return name(init.node, sm + " is set at IP, and the slave has no Mailbox: the init command is not sent");
+        if (!mailbox_ && !boot_)
+            return name(init.node,
+                        sm + " is set " + at_step() + ", and the slave has no Mailbox: the init command is not sent");
         constexpr std::uint64_t kModeAndDirection = 0x0F;
         const std::uint64_t usual = wire::sm_control::kModeMailbox | (number == 0 ? wire::sm_control::kEcatWrites : 0);
-        if ((init.value(at + 4, 1) & kModeAndDirection) != usual ||
-            (init.value(at + 6, 1) & wire::sm_activate::kEnable) == 0)
-            return name(init.node, "an init command at IP sets " + sm +
+        const std::uint64_t control = init.value(at + 4, 1);
+        if ((control & kModeAndDirection) != usual || (init.value(at + 6, 1) & wire::sm_activate::kEnable) == 0)
+            return name(init.node, "an init command " + at_step() + " sets " + sm +
                                        " to something else than an enabled mailbox of its direction: it is not sent");
         boxes_[number] = range;
         if (number == 0 || place_ == mailbox_) place_ = init.node;
+        if (!boot_)
+            s_.slave.sync_managers.push_back({static_cast<std::uint8_t>(number), static_cast<std::uint8_t>(control),
+                                              false, r_.remark_at(init.node, {})});
     }
 
     Reader& r_;
     EniSlaveData& s_;
+    bool boot_;
     Node mailbox_;
     Node place_;
     std::array<Range, 2> boxes_{};
@@ -242,16 +259,49 @@ Remark at(Remark place, std::string text) {
     return place;
 }
 
-void compare_mailboxes(const EniSlave& one, const Slave& slave, std::vector<Remark>& into) {
-    if (!one.mailbox.present() || !slave.sii_read) return;
-    const Range out{one.mailbox.out_start, one.mailbox.out_bytes};
-    const Range in{one.mailbox.in_start, one.mailbox.in_bytes};
-    const Range own_out{slave.mailbox.out_start, slave.mailbox.out_bytes};
-    const Range own_in{slave.mailbox.in_start, slave.mailbox.in_bytes};
+void compare_mailboxes(const EniSlave& one, const Slave& slave, bool boot, std::vector<Remark>& into) {
+    const MailboxInfo& given = boot ? one.boot_mailbox : one.mailbox;
+    const MailboxInfo& own = boot ? slave.boot_mailbox : slave.mailbox;
+    if (!given.present()) return;
+    const Range out{given.out_start, given.out_bytes};
+    const Range in{given.in_start, given.in_bytes};
+    const Range own_out{own.out_start, own.out_bytes};
+    const Range own_in{own.in_start, own.in_bytes};
     if (out == own_out && in == own_in) return;
-    into.push_back(at(one.mailbox_place, "the mailboxes that the file gives slave " + std::to_string(one.number) +
-                                             " (" + words(out, in) + ") are not used: its SII gives " +
-                                             (slave.mailbox.present() ? words(own_out, own_in) : "none")));
+    into.push_back(at(boot ? one.boot_mailbox_place : one.mailbox_place,
+                      std::string(boot ? "the mailboxes of BOOT" : "the mailboxes") + " that the file gives slave " +
+                          std::to_string(one.number) + " (" + words(out, in) + ") are not used: its SII gives " +
+                          (own.present() ? words(own_out, own_in) : "none")));
+}
+
+std::string control_words(unsigned differ, unsigned control) {
+    std::string text;
+    const auto add = [&](unsigned bits, const char* yes, const char* no) {
+        if ((differ & bits) == 0) return;
+        text += (text.empty() ? "" : ", ") + std::string((control & bits) != 0 ? yes : no);
+    };
+    if ((differ & (wire::sm_control::kModeMask | wire::sm_control::kDirectionMask)) != 0)
+        text = "another mode or direction";
+    add(wire::sm_control::kPdiInterrupt, "with an interrupt to the slave's processor",
+        "without an interrupt to the slave's processor");
+    add(wire::sm_control::kWatchdogTrigger, "with a trigger of the watchdog", "without a trigger of the watchdog");
+    return text;
+}
+
+// The interrupt to the master (bit 4) is left out: neither the library nor a slave uses it.
+void compare_controls(const EniSlave& one, const Slave& slave, std::vector<Remark>& into) {
+    constexpr unsigned kCompared = wire::sm_control::kModeMask | wire::sm_control::kDirectionMask |
+                                   wire::sm_control::kPdiInterrupt | wire::sm_control::kWatchdogTrigger;
+    for (const EniSyncManager& sm : one.sync_managers) {
+        if (sm.number >= Slave::kSyncManagers) continue;
+        const SmInfo& own = slave.sync_managers[sm.number];
+        const unsigned differ = (sm.control ^ own.control) & kCompared;
+        if (own.type == SmType::unused || differ == 0) continue;
+        into.push_back(at(sm.place, "the file gives SyncManager " + std::to_string(sm.number) + " of slave " +
+                                        std::to_string(one.number) + " the control octet " + hex(sm.control, 2) + " (" +
+                                        control_words(differ, sm.control) + "), and its SII " + hex(own.control, 2) +
+                                        ": that of the " + (sm.is_used ? "file" : "SII") + " is used"));
+    }
 }
 
 std::string port_words(std::uint16_t slave, unsigned port) {
@@ -293,7 +343,7 @@ void name_unused(Reader& r, const std::vector<EniInit>& master, std::deque<EniSl
         name_clock_registers(r, s.inits, clocks);
         if (clocks) name_start_times(r, s.inits, s.setup.dc.shift);
         name_alias(r, s.inits);
-        MailboxReader(r, s).read();
+        for (const bool boot : {false, true}) MailboxReader(r, s, boot).read();
         read_previous_ports(r, s);
     }
     name_poll_times(r, slaves);
@@ -305,7 +355,10 @@ std::vector<Remark> remarks_after_scan(Context& ctx, const EniConfiguration& eni
     for (const EniSlave& one : eni.slaves) {
         if (one.number == 0 || one.number > ctx.slaves().size()) continue;
         const Slave& slave = ctx.slave(one.number);
-        compare_mailboxes(one, slave, all);
+        if (slave.sii_read) {
+            for (const bool boot : {false, true}) compare_mailboxes(one, slave, boot, all);
+            compare_controls(one, slave, all);
+        }
         compare_ports(eni, one, slave, all);
     }
     return all;

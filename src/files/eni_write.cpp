@@ -244,18 +244,25 @@ class EniWriter {
         return named;
     }
 
+    // Returns Recv.
+    static Node write_places(Node node, const MailboxInfo& places) {
+        Node send = add(node, "Send");
+        add(send, "Start", std::uint64_t{places.out_start});
+        add(send, "Length", std::uint64_t{places.out_bytes});
+        Node receive = add(node, "Recv");
+        add(receive, "Start", std::uint64_t{places.in_start});
+        add(receive, "Length", std::uint64_t{places.in_bytes});
+        return receive;
+    }
+
     void write_mailbox(Node node, const Slave& slave) {
         Node mailbox = add(node, "Mailbox");
-        Node send = add(mailbox, "Send");
-        add(send, "Start", std::uint64_t{slave.mailbox.out_start});
-        add(send, "Length", std::uint64_t{slave.mailbox.out_bytes});
-        Node receive = add(mailbox, "Recv");
-        add(receive, "Start", std::uint64_t{slave.mailbox.in_start});
-        add(receive, "Length", std::uint64_t{slave.mailbox.in_bytes});
+        Node receive = write_places(mailbox, slave.mailbox);
         if (slave.config.mailbox_status)
             add(receive, "StatusBitAddr", std::uint64_t{slave.image.mailbox_status_bit});
         else
             add(receive, "PollTime", std::uint64_t{20});
+        if (slave.boot_mailbox.present()) (void)write_places(add(mailbox, "BootStrap"), slave.boot_mailbox);
         static constexpr std::pair<const char*, std::uint16_t> kProtocols[] = {
             {"AoE", mailbox_protocol::kAoE}, {"EoE", mailbox_protocol::kEoE}, {"CoE", mailbox_protocol::kCoE},
             {"FoE", mailbox_protocol::kFoE}, {"SoE", mailbox_protocol::kSoE}, {"VoE", mailbox_protocol::kVoE}};

@@ -132,8 +132,9 @@ TEST(EniUnused, AStartTimeOfSyncAndTheSecondAddressAreNamed) {
               Texts{"line 14, column 2: the init command for the start time of SYNC0 (0x0990) is not sent: the library "
                     "calculates it, from the system time and the ShiftTime of DC"});
     EXPECT_EQ(more_said(start("0000000000000000")), Texts());
-    const std::string second = "the init command that switches the second address on (0x0103) is not sent: the library "
-                               "addresses all slaves by their station addresses";
+    const std::string second =
+        "the init command that switches the second address on (0x0103) is not sent: the library "
+        "addresses all slaves by their station addresses";
     EXPECT_EQ(more_said(with_inits(init("PS", 0x0103, "01"))), Texts{"line 14, column 2: " + second});
     EXPECT_EQ(more_said(with_inits(init("PS", 0x0103, "00"))), Texts());
 }
@@ -348,6 +349,81 @@ TEST(EniUnused, MailboxesThatDifferFromTheSiiAreNamedAfterTheScan) {
     EXPECT_NE(named[0].text.find(") are not used: its SII gives 0x"), std::string::npos) << named[0].text;
     EXPECT_NE(named[0].text.find(std::to_string(own.out_bytes) + " octets, and 0x"), std::string::npos)
         << named[0].text;
+}
+
+// The remarks of a file that was written of a segment and then changed.
+Texts said_of(const std::vector<std::string>& devices, const std::string& text) {
+    const auto eni = read_eni(text);
+    EXPECT_TRUE(eni) << to_text(eni.problem);
+    for (const Remark& one : eni.remarks) ADD_FAILURE() << to_text(one);
+    Machine machine(devices, eni->limits());
+    const auto up = bring_up(machine.ctx, *eni, machine.image);
+    EXPECT_TRUE(up) << words(up.error());
+    Texts all;
+    for (const Remark& one : remarks_after_scan(machine.ctx, *eni)) {
+        EXPECT_NE(one.line, 0u);
+        all.push_back(one.text);
+    }
+    return all;
+}
+
+TEST(EniUnused, MailboxesOfBootThatDifferFromTheSiiAreNamedAfterTheScan) {
+    const std::vector<std::string> devices{"coupler", "bootloader"};
+    Machine machine(devices);
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const MailboxInfo own = machine.ctx.slave(2).boot_mailbox;
+    ASSERT_TRUE(own.present());
+    const std::string text = write_eni(machine.ctx).text;
+    EXPECT_EQ(said_of(devices, text), Texts());
+    const auto at = text.find("<BootStrap>");
+    ASSERT_NE(at, std::string::npos) << text;
+    const std::string length = "<Length>" + std::to_string(own.out_bytes) + "</Length>";
+    const std::string other = text.substr(0, at) + replaced(text.substr(at), length, "<Length>77</Length>");
+    const auto said = said_of(devices, other);
+    ASSERT_EQ(said.size(), 1U);
+    EXPECT_NE(said[0].find("the mailboxes of BOOT that the file gives slave 2 ("), std::string::npos) << said[0];
+    EXPECT_NE(said[0].find(", 77 octets, and 0x"), std::string::npos) << said[0];
+    EXPECT_NE(said[0].find(") are not used: its SII gives 0x"), std::string::npos) << said[0];
+
+    const std::string no_send = replaced(text.substr(at), "<Send>", "<Send><Start>1</Start></Send><Send>");
+    const auto twice = read_eni(text.substr(0, at) + no_send);
+    EXPECT_FALSE(twice);
+    EXPECT_NE(to_text(twice.problem).find("a second Send in BootStrap"), std::string::npos) << to_text(twice.problem);
+    const std::string both = with_inits(init("IB", 0x0800, "00108000260001008010800022000100"));
+    EXPECT_EQ(more_said(both), Texts());
+    EXPECT_EQ(read_eni(both)->slaves[0].boot_mailbox.in_start, 0x1080) << "init commands without the element";
+    EXPECT_EQ(more_said(with_inits(init("IB", 0x0800, "0010800022000100"))),
+              Texts{"line 14, column 2: an init command at IB sets SyncManager 0 to something else than an enabled "
+                    "mailbox of its direction: it is not sent"});
+}
+
+TEST(EniUnused, ControlOctetsThatDifferFromTheSiiAreNamedAfterTheScan) {
+    const std::vector<std::string> devices{"coupler", "drive"};
+    Machine machine(devices);
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const std::string text = write_eni(machine.ctx).text;
+    // The control octet in the init command of a SyncManager: octet 4 of its data.
+    const auto with_control = [&](unsigned number, unsigned flipped) {
+        const auto comment = text.find("set sm " + std::to_string(number) + "]");
+        const auto plain = text.find("set sm " + std::to_string(number) + "<");
+        const auto data = text.find("<Data>", std::min(comment, plain)) + 6 + 8;
+        const auto octet = std::stoul(text.substr(data, 2), nullptr, 16) ^ flipped;
+        return text.substr(0, data) + hex(octet, 2).substr(2) + text.substr(data + 2);
+    };
+    EXPECT_EQ(said_of(devices, with_control(0, 0x10)), Texts()) << "the interrupt to the master";
+    const auto mailbox = said_of(devices, with_control(1, 0x20));
+    ASSERT_EQ(mailbox.size(), 1U);
+    EXPECT_EQ(mailbox[0],
+              "the file gives SyncManager 1 of slave 2 the control octet 0x02 (without an interrupt to the "
+              "slave's processor), and its SII 0x22: that of the SII is used");
+    const auto outputs = said_of(devices, with_control(2, 0x40));
+    ASSERT_EQ(outputs.size(), 1U);
+    EXPECT_NE(outputs[0].find("the file gives SyncManager 2 of slave 2 the control octet 0x"), std::string::npos)
+        << outputs[0];
+    EXPECT_NE(outputs[0].find("a trigger of the watchdog), and its SII 0x"), std::string::npos) << outputs[0];
+    EXPECT_NE(outputs[0].find(": that of the file is used"), std::string::npos) << outputs[0];
 }
 
 TEST(FieldFiles, WhatAToolWritesAnywayIsNoRemark) {

@@ -42,6 +42,14 @@ struct EniPort {
     std::uint16_t station_address = 0;  // the PhysAddr of the slave
 };
 
+// The control octet that the file gives a SyncManager. The place has no text.
+struct EniSyncManager {
+    std::uint8_t number = 0;
+    std::uint8_t control = 0;
+    bool is_used = false;  // the library writes it: of process data; mailboxes have the octet of the SII
+    Remark place{};
+};
+
 // A slave of the file. `number` is that of the slave in the context after config_init().
 struct EniSlave {
     std::uint16_t number = 0;
@@ -53,10 +61,13 @@ struct EniSlave {
     // The modules that the file writes to the list of configured modules (object 0xF030), from slot 0 on, by their
     // idents; 0: an empty slot.
     std::vector<std::uint32_t> modules{};
-    // The mailboxes of the file, without protocols, and the ports that the slave may hang at (PreviousPort). They are
-    // not required, remarks_after_scan() compares them. The places have no text.
+    // The mailboxes of the file and those of BOOT, without protocols, its SyncManagers, and the ports that the slave
+    // may hang at (PreviousPort). They are not required, remarks_after_scan() compares them. The places have no text.
     MailboxInfo mailbox{};
     Remark mailbox_place{};
+    MailboxInfo boot_mailbox{};
+    Remark boot_mailbox_place{};
+    std::vector<EniSyncManager> sync_managers{};
     std::vector<EniPort> previous_ports{};
     Remark ports_place{};
 };
@@ -121,8 +132,10 @@ Result<> apply(Context& ctx, const EniConfiguration& eni);
 // the first slot with another module (expected and actual: the idents).
 Result<> after_scan(Context& ctx, const EniConfiguration& eni);
 
-// What of the file is not done, and is known only when the slaves are: a remark for each slave whose mailboxes are
-// others in the file than in its SII, of which the library takes them, and for each slave that hangs at another port.
+// What of the file is not done, and is known only when the slaves are: a remark for each slave whose mailboxes, also
+// those of BOOT, are others in the file than in its SII, of which the library takes them; for each SyncManager whose
+// control octet is another one than in the SII (mode, direction, interrupt to the slave's processor, watchdog); and for
+// each slave that hangs at another port.
 // Call it after config_init(). Never waits.
 [[nodiscard]] std::vector<Remark> remarks_after_scan(Context& ctx, const EniConfiguration& eni);
 
