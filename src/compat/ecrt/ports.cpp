@@ -77,8 +77,10 @@ void Bus::measure_ports() {
                 EC_READ_U32(reinterpret_cast<const std::uint8_t*>(octets.data()) + port * sizeof(std::uint32_t));
         found[slave.number].identity = slave.identity;
     }
+    // In a ring with two interfaces, the frames of both pass the ports.
+    const bool one_way = source->second() == nullptr;
     for (const Slave& slave : ctx->slaves()) {
-        if (!is_timed(slave)) continue;
+        if (!one_way || !is_timed(slave)) continue;
         pass_ports(slave, found[slave.number], [&](std::uint8_t port, std::uint32_t there_and_back) {
             const std::uint16_t next = next_timed(*ctx, slave, port);
             if (next == 0) return;
