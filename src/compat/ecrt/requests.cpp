@@ -72,6 +72,11 @@ bool too_early(const ec_slave_config& config) {
     return bus.active && (bus.operation->scanning() || (!bus.operation->running() && bus.dirty));
 }
 
+bool before_preop(const ec_slave_config& config) {
+    constexpr std::uint32_t kOnlineInInit = 1U | static_cast<std::uint32_t>(AlState::init) << 4;
+    return config.bus.active && config.state.load(std::memory_order_relaxed) == kOnlineInInit;
+}
+
 Time time_now(const ec_slave_config& config) { return config.bus.source->osal().now(); }
 
 Time time_to_give_up(const ec_slave_config& config, std::uint32_t timeout_ms) {

@@ -26,7 +26,8 @@ namespace margay::compat::ecrt {
 }
 
 // What the last transfer of a request was, and whether it could not even begin.
-// …_later: it begins when the scan of the start-up is over; the state function of the request sees to that.
+// …_later: it begins when the scan of the start-up is over, or when the slave is in PREOP; the state function of the
+// request sees to that.
 enum class Transfer : std::uint8_t { none, read, write, refused, read_later, write_later, exchange, exchange_later };
 
 // The state of a request that has one object of the library for reading and one for writing.
@@ -45,7 +46,10 @@ template <class Read, class Write>
 // The slaves have no numbers yet, because the segment is scanned after activation.
 [[nodiscard]] bool too_early(const ec_slave_config& config);
 
-// When a request whose slave has no number yet gives up; 0 ms: never.
+// The slave is there, and in INIT: it has no mailbox yet.
+[[nodiscard]] bool before_preop(const ec_slave_config& config);
+
+// When a request that has not begun yet gives up; 0 ms: never.
 [[nodiscard]] Time time_to_give_up(const ec_slave_config& config, std::uint32_t timeout_ms);
 [[nodiscard]] Time time_now(const ec_slave_config& config);
 
@@ -63,7 +67,7 @@ concept Timed = requires(Wish& wish) {
 // `what` is read or write.
 template <class Wish>
 void begin_or_later(Wish& wish, SlaveRequest& request, Transfer what) {
-    if (too_early(wish.config)) {
+    if (too_early(wish.config) || (Timed<Wish> && before_preop(wish.config))) {
         if constexpr (Timed<Wish>)
             if (wish.last != Transfer::read_later && wish.last != Transfer::write_later)
                 wish.give_up = time_to_give_up(wish.config, wish.timeout_ms);
