@@ -8,8 +8,6 @@
 namespace margay::files {
 namespace {
 
-constexpr std::uint64_t up_to_octet(std::uint64_t bits) { return (bits + 7) / 8 * 8; }
-
 // The logical range of one SyncManager.
 struct Mapped {
     const EniSm* sm = nullptr;
@@ -439,6 +437,8 @@ void read_eni_variables(Reader& r, Node config, const std::deque<EniSlaveData>& 
     for (const auto& [name, direction] :
          {std::pair{"Inputs", Direction::inputs}, std::pair{"Outputs", Direction::outputs}}) {
         const Places places(slaves, direction);
+        const std::size_t first = into.variables.size();
+        std::vector<Node> nodes;
         for (const Node node : image.child(name).children("Variable")) {
             EniVariable variable{.name = Reader::text(child(node, "Name")),
                                  .comment = Reader::text(child(node, "Comment")),
@@ -448,7 +448,9 @@ void read_eni_variables(Reader& r, Node config, const std::deque<EniSlaveData>& 
             variable.file_bit = r.required<std::uint32_t>(node, "BitOffs");
             places.find(variable);
             into.variables.push_back(std::move(variable));
+            nodes.push_back(node);
         }
+        name_odd_variables(r, std::span(into.variables).subspan(first), nodes);
     }
 }
 

@@ -7,8 +7,11 @@
 
 #include <deque>
 #include <map>
+#include <span>
 
 namespace margay::files {
+
+[[nodiscard]] constexpr std::uint64_t up_to_octet(std::uint64_t bits) { return (bits + 7) / 8 * 8; }
 
 // EtherCAT commands by their numbers (ETG.1000.4, table of the commands).
 enum class EniCmd : std::uint8_t { nop, aprd, apwr, aprw, fprd, fpwr, fprw, brd, bwr, brw, lrd, lwr, lrw, armw, frmw };
@@ -104,6 +107,10 @@ void make_process_data(Reader& reader, EniSlaveData& slave);
 void read_eni_cycles(Reader& reader, Node config, std::deque<EniSlaveData>& slaves, EniConfiguration& into);
 // Names what the library does otherwise or not at all, and reads the mailboxes. `clocks`: the file uses clocks.
 void name_unused(Reader& reader, const std::vector<EniInit>& master, std::deque<EniSlaveData>& slaves, bool clocks);
+// Names what means nothing in elements that are not used, and process data that the file describes in two ways.
+void name_nonsense(Reader& reader, const std::deque<EniSlaveData>& slaves);
+// Names variables of one direction whose sizes or places are wrong. `nodes`: their elements.
+void name_odd_variables(Reader& reader, std::span<const EniVariable> variables, std::span<const Node> nodes);
 void read_eni_variables(Reader& reader, Node config, const std::deque<EniSlaveData>& slaves, EniConfiguration& into);
 
 }  // namespace margay::files

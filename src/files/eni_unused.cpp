@@ -206,52 +206,6 @@ void name_poll_times(Reader& r, const std::deque<EniSlaveData>& slaves) {
                             "the library reads a mailbox only for a request");
 }
 
-// ------------------------------------------------------------------ values without a meaning
-
-// Numbers that a file has and the library does not use. A wrong one may still mean that the file is not what its author
-// thinks. The numbers that are used are checked where they are read.
-struct UnusedNumber {
-    std::string_view element;
-    std::uint64_t most;
-};
-constexpr UnusedNumber kUnusedNumbers[] = {
-    {"ByteSize", 0xFFFF'FFFF}, {"ControlByte", 0xFF},  {"StartAddress", 0xFFFF},   {"DefaultSize", 0xFFFF},
-    {"MinSize", 0xFFFF},       {"MaxSize", 0xFFFF},    {"StartAddr", 0xFFFF'FFFF}, {"Priority", 0xFFFF'FFFF},
-    {"TaskId", 0xFFFF'FFFF},   {"BeforeSlave", 0xFFFF}};
-
-void name_nonsense(Reader& r, Node node) {
-    const Value value = content(node);
-    if (!value.there) return;
-    const auto told = [&](const std::string& wanted) {
-        r.remark(node, value.name + " is " + quoted(value.text) + ", which is " + wanted + ": it is not used");
-    };
-    const auto number = std::ranges::find(kUnusedNumbers, std::string_view(node.name()), &UnusedNumber::element);
-    if (number != std::end(kUnusedNumbers)) {
-        const Number read = parse_number(value.text);
-        const bool negative = read.negative && read.magnitude != 0;
-        if (!read.valid || negative || read.magnitude > number->most)
-            told("no number from 0 to " + std::to_string(number->most));
-    } else if (std::string_view(node.name()) == "State" && std::string_view(node.parent().name()) == "Cmd") {
-        constexpr std::string_view kStates[] = {"INIT", "PREOP", "BOOT", "SAFEOP", "OP"};
-        if (std::ranges::find(kStates, value.text) == std::end(kStates)) told("no AL state");
-    }
-}
-
-void name_nonsense_below(Reader& r, Node top) {
-    class Walker : public pugi::xml_tree_walker {
-      public:
-        explicit Walker(Reader& reader) : r_(reader) {}
-        bool for_each(Node& node) override {
-            name_nonsense(r_, node);
-            return true;
-        }
-
-      private:
-        Reader& r_;
-    } walker(r);
-    (void)top.traverse(walker);
-}
-
 // ------------------------------------------------------------------ after the scan
 
 Remark at(Remark place, std::string text) {
@@ -347,7 +301,7 @@ void name_unused(Reader& r, const std::vector<EniInit>& master, std::deque<EniSl
         read_previous_ports(r, s);
     }
     name_poll_times(r, slaves);
-    name_nonsense_below(r, r.root());
+    name_nonsense(r, slaves);
 }
 
 std::vector<Remark> remarks_after_scan(Context& ctx, const EniConfiguration& eni) {

@@ -221,6 +221,77 @@ TEST(EniUnused, NonsenseInElementsThatAreNotUsedIsNamed) {
     EXPECT_EQ(more_said(replaced(kExampleEni, "<Sm2><Pdo>", "<Sm2><ControlByte>#x64</ControlByte><Pdo>")), Texts());
 }
 
+// Words and addresses that a tool writes and no master of ours needs.
+TEST(EniUnused, NonsenseInWordsThatAreNotUsedIsNamed) {
+    const auto named = [](const std::string& text) {
+        const Texts all = more_said(text);
+        if (all.size() != 1) return std::to_string(all.size()) + " remarks";
+        return all[0].substr(all[0].find(": ") + 2);
+    };
+    const auto in_sm = [](const std::string& element) {
+        return replaced(kExampleEni, "<Sm2><Pdo>", "<Sm2>" + element + "<Pdo>");
+    };
+    const auto in_info = [](const std::string& element) {
+        return replaced(kExampleEni, "<Master><Info>", "<Master><Info>" + element);
+    };
+    const auto port = [](const std::string& name) {
+        return replaced(kExampleEni, "</Slave>",
+                        "<PreviousPort><Port>" + name + "</Port></PreviousPort></Slave>");
+    };
+    EXPECT_EQ(named(in_sm("<Enable>x</Enable>")), "Enable is 'x', which is neither true nor false: it is not used");
+    EXPECT_EQ(named(in_sm("<Enable>99999999999</Enable>")),
+              "Enable is '99999999999', which is neither true nor false: it is not used");
+    EXPECT_EQ(more_said(in_sm("<Enable>1</Enable>")), Texts());
+    EXPECT_EQ(more_said(in_sm("<Enable>True</Enable>")), Texts());
+    EXPECT_EQ(named(port("B00")), "Port is 'B00', which is no port from A to D: it is not used");
+    EXPECT_EQ(more_said(port("B")), Texts());
+    EXPECT_EQ(named(in_info("<Destination>x</Destination>")),
+              "Destination is 'x', which is no MAC address of 12 hexadecimal digits: it is not used");
+    EXPECT_EQ(named(in_info("<Source>0013955211b</Source>")),
+              "Source is '0013955211b', which is no MAC address of 12 hexadecimal digits: it is not used");
+    EXPECT_EQ(more_said(in_info("<Source>0013955211b4</Source><EtherType>a488</EtherType>")), Texts());
+    EXPECT_EQ(more_said(in_info("<EtherType>88A4</EtherType>")), Texts());
+    EXPECT_EQ(named(in_info("<EtherType>a480</EtherType>")),
+              "EtherType is 'a480', which is not the type of EtherCAT, a488: it is not used");
+}
+
+// The process data stand twice in a file: as elements for people and tools, and as the init commands that are sent.
+TEST(EniUnused, ProcessDataThatTheFileContradictsAreNamed) {
+    const Texts start = more_said(replaced(kExampleEni, "<Sm2><Pdo>", "<Sm2><StartAddress>1</StartAddress><Pdo>"));
+    ASSERT_EQ(start.size(), 1U);
+    EXPECT_NE(start[0].find("StartAddress of Sm2 is 0x0001, and an init command sets the SyncManager to 0x"),
+              std::string::npos)
+        << start[0];
+    for (const char* longer : {"<BitLength>9</BitLength>", "<BitLength>112</BitLength>"}) {
+        const Texts length = more_said(replaced(kExampleEni, "<BitLength>8</BitLength>", longer));
+        ASSERT_EQ(length.size(), 1U) << longer;
+        EXPECT_NE(length[0].find(" bits by BitLength, and the slave exchanges 8: "), std::string::npos) << length[0];
+    }
+}
+
+TEST(EniUnused, VariablesOfWrongSizeOrPlaceAreNamed) {
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<DataType>USINT</DataType>", "<DataType>UINT</DataType>")),
+              Texts{"line 34, column 49: the variable 'Second.In' has BitSize 8, and a UINT has 16 bits: BitSize is used"});
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<DataType>USINT</DataType>", "<DataType>BOOL</DataType>")), Texts());
+    EXPECT_EQ(more_said(replaced(kExampleEni, "<DataType>USINT</DataType>", "<DataType>MY_TYPE</DataType>")), Texts());
+    const auto with = [](unsigned bit, unsigned bits) {
+        return more_said(replaced(kExampleEni, "<Variable><Name>SlaveCount",
+                                  "<Variable><Name>Member</Name><DataType>T</DataType><BitSize>" + std::to_string(bits) +
+                                      "</BitSize><BitOffs>" + std::to_string(bit) +
+                                      "</BitOffs></Variable><Variable><Name>SlaveCount"));
+    };
+    EXPECT_EQ(with(320, 8), Texts()) << "the same place";
+    EXPECT_EQ(with(324, 4), Texts()) << "inside";
+    EXPECT_EQ(with(312, 32), Texts()) << "around";
+    EXPECT_EQ(with(328, 8), Texts()) << "behind";
+    const Texts straddles = with(324, 8);
+    ASSERT_EQ(straddles.size(), 1U);
+    EXPECT_NE(straddles[0].find("the variable 'Member' begins inside of 'Second.In' and ends behind it: its BitOffs is "
+                                "324"),
+              std::string::npos)
+        << straddles[0];
+}
+
 TEST(EniUnused, ACoeCommandThatIsNoDownloadIsNamed) {
     EXPECT_EQ(more_said(replaced(kExampleEni, "<Ccs>1</Ccs>", "<Ccs>3</Ccs>")),
               Texts{"line 11, column 17: Ccs is 3, which is no SDO download: it is sent as a download"});
