@@ -51,6 +51,28 @@ TEST_F(SupervisionTest, LostPowerIsNoticedWithinTwoCyclesAndTheOthersGoOn) {
     for (std::size_t n = 1; n <= 4; ++n) EXPECT_TRUE(fresh(n)) << n;
 }
 
+// The slave takes part in the cycle, because process data has logical addresses: the counter is that of all slaves.
+TEST_F(SupervisionTest, ASlaveWithoutItsStationAddressIsLostAndTheCounterIsNotCalledShort) {
+    start(4);
+    to_op();
+    const std::array address{std::byte{7}, std::byte{0}};
+    (void)bus.segment.slave(0).ecat_write(0x0010, address, bus.osal.now());
+    sim::FrameEnd end{};
+    end.at = bus.osal.now();
+    bus.segment.slave(0).frame_end(end);
+    bus.segment.set_noise({.lost = 1});  // after a silence the supervision looks at all slaves
+    for (int n = 0; n < 30; ++n) (void)cycle();
+    bus.segment.set_noise({});
+    std::vector<std::string> told;
+    for (int n = 0; n < 200; ++n) {
+        (void)cycle();
+        for (auto& word : events()) told.push_back(std::move(word));
+    }
+    EXPECT_TRUE(has(told, "slave 1: lost, it was in OP")) << joined(told);
+    EXPECT_FALSE(has(told, "fell short (expected 12, got 12)")) << joined(told);
+    EXPECT_LE(cycles_until_right(), 500);
+}
+
 // A slave that was never lost is not reported as recovered.
 TEST_F(SupervisionTest, TheFirstWayUpIsNoRecovery) {
     Run run(3);
