@@ -49,15 +49,26 @@ void keep_emergencies(Bus& bus, std::uint16_t slave) {
     }
 }
 
+// The supervision keeps the last state of slaves that it cannot ask, and reads the states when they answer again.
+void note_silence(Bus& bus, const Event& event) {
+    const bool of_segment = event.slave == 0;
+    if (event.kind == EventKind::unsupervised || (event.kind == EventKind::lost && of_segment)) {
+        bus.silent = event.kind == EventKind::lost;
+        bus.returning = 0;
+    }
+    if (event.kind != EventKind::found || !of_segment) return;
+    if (bus.active)
+        bus.returning = Bus::kUntilRead;
+    else
+        bus.silent = false;
+}
+
 // Slaves have changed: the copies of them are old.
 void changed(const Event& event, void* user) {
     Bus& bus = *static_cast<Bus*>(user);
     bus.dirty.store(true, std::memory_order_relaxed);
     bus.facts_at = bus.refresh_at = Time{};
-    // Slave 0: the segment. The supervision keeps the last state of slaves that it cannot ask.
-    if (event.kind == EventKind::lost && event.slave == 0) bus.silent = true;
-    if ((event.kind == EventKind::found && event.slave == 0) || event.kind == EventKind::unsupervised)
-        bus.silent = false;
+    note_silence(bus, event);
     // Until the cyclic thread has looked at all slaves, each domain is judged by its own.
     if (event.kind == EventKind::lost && bus.active)
         for (const auto& exchange : bus.exchanges) exchange->best = Answer::incomplete;

@@ -142,6 +142,8 @@ class Bus {
     Time facts_at{};                // for the owner: when they are copied again; in the past while they are old
     Time refresh_at{};              // for the owner: when a cycle does more than to exchange data
     bool silent = false;            // for the owner: no frame comes back, so no slave responds
+    static constexpr unsigned kUntilRead = 3;  // cycles
+    unsigned returning = 0;                    // for the owner: cycles until the states are read again after a silence
     std::atomic<std::uint32_t> responding{0};
     std::atomic<std::uint32_t> al_states{0};
     // Of the two ends of a ring; one NIC: the first.

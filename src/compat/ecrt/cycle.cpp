@@ -116,9 +116,13 @@ void be_steady(Bus& bus) {
         bus.operation->check(now);
     for (const auto& exchange : bus.exchanges)
         if (exchange->held) rest(*bus.ctx, *exchange);
+    if (bus.returning != 0 && --bus.returning == 0) {
+        bus.silent = false;
+        bus.dirty = true;
+    }
     const bool changed = bus.dirty;
     if (changed || now >= bus.facts_at) bus.refresh_facts(now);
-    bus.refresh_at = std::min(bus.facts_at, bus.operation->look_at());
+    bus.refresh_at = bus.returning != 0 ? Time{} : std::min(bus.facts_at, bus.operation->look_at());
     for (const auto& exchange : bus.exchanges)
         if (changed || exchange->best != Answer::complete) update_best(bus, *exchange);
     be_steady(bus);

@@ -123,8 +123,12 @@ static int switch_off_and_on(const char* interface) {
     for (int n = 0; n < 5000 && (ms.link_up || ms.slaves_responding != 0); ++n) cyclic_task();
     printf("%u slaves, link %u, states %u\n", ms.slaves_responding, ms.link_up, ms.al_states);
     CHECK(ms.link_up == 0 && ms.slaves_responding == 0 && !operational(drives[0]));
+    for (int n = 0; n < 500; ++n) cyclic_task(); /* the watchdogs expire */
     snprintf(command, sizeof command, "ip link set %s up", interface);
     CHECK(system(command) == 0);
+    for (int n = 0; n < 20000 && !operational(drives[0]); ++n) cyclic_task();
+    /* That is no state from before. */
+    for (int n = 0; n < 4; ++n, cyclic_task()) CHECK(operational(drives[0]));
     for (int n = 0;
          n < 20000 && !(fast_state.wc_state == EC_WC_COMPLETE && operational(drives[0]) && operational(axis)); ++n)
         cyclic_task();
