@@ -75,6 +75,15 @@ AlStatusCode ProcessData::build_map(bool outputs) {
     return mapping_fault(wrong, outputs ? AlStatusCode::invalid_output_mapping : AlStatusCode::invalid_input_mapping);
 }
 
+void ProcessData::visit_used(bool outputs, UsedVisit visit, void* function) const {
+    std::size_t at = 0;
+    for_each_area(application_.description(), outputs, [&](const ProcessDataArea& area, std::size_t n) {
+        const std::size_t bytes = sizes_.of(outputs, n);
+        if (bytes != 0) visit(function, area, at, bytes);
+        at += bytes;
+    });
+}
+
 void ProcessData::count_bytes(bool outputs) {
     (outputs ? output_bytes_ : input_bytes_) = static_cast<std::uint16_t>(sizes_.all(outputs));
     if (outputs) output_areas_ = 0;

@@ -8,6 +8,7 @@
 #include "wire/esc.hpp"
 
 #include <algorithm>
+#include <type_traits>
 
 namespace margay::subdevice {
 
@@ -109,15 +110,16 @@ class ProcessData {
   private:
     [[nodiscard]] AlStatusCode build_map(bool outputs);
     void count_bytes(bool outputs);
-    // Calls `visit(area, place in the process image, octets)` for the SyncManagers with a length.
-    template <class Visit>
-    void for_each_used(bool outputs, Visit visit) const {
-        std::size_t at = 0;
-        for_each_area(application_.description(), outputs, [&](const ProcessDataArea& area, std::size_t n) {
-            const std::size_t bytes = sizes_.of(outputs, n);
-            if (bytes != 0) visit(area, at, bytes);
-            at += bytes;
-        });
+    // Calls `visit(area, place in the process image, octets)` for the SyncManagers with a length. One loop for all
+    // functions: each instance would need its code again.
+    using UsedVisit = void (*)(void* function, const ProcessDataArea& area, std::size_t at, std::size_t bytes);
+    void visit_used(bool outputs, UsedVisit visit, void* function) const;
+    template <class F>
+    void for_each_used(bool outputs, F&& f) const {
+        const auto visit = [](void* function, const ProcessDataArea& area, std::size_t at, std::size_t bytes) {
+            (*static_cast<std::remove_reference_t<F>*>(function))(area, at, bytes);
+        };
+        visit_used(outputs, visit, &f);
     }
     void update(unsigned parts, std::uint32_t areas, Time now);
     void read_sync_settings();
