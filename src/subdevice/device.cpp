@@ -57,11 +57,13 @@ Time Device::step(Time now) {
 // In the run modes with interrupts, the events of process data are left to interrupt().
 AlStatusCode Device::serve_process_data(Time now, std::uint32_t events) {
     bool came = false;
+    esm_.hold();  // fall_back() in Application::cycle(): it is executed without the lock
     {
         const Guard guard(esc_);
         process_data_.serve(now, run_mode_ == RunMode::polling ? events : 0);
         came = outputs_came(now);
     }
+    esm_.release(now);
     if (came) esm_.ask_again(now);
     const Guard guard(esc_);
     return process_data_.watch(now, events);

@@ -4,6 +4,7 @@
 #include "subdevice/esm_checks.hpp"
 
 #include <array>
+#include <utility>
 
 namespace margay::subdevice {
 
@@ -41,6 +42,8 @@ constexpr int rank(AlState state) {
 
 void Esm::init() {
     drop_pending();
+    holding_ = false;
+    held_ = {};
     status_ = {AlState::init, false, 0};
     device_id_ = 0;
     identifying_ = false;
@@ -93,15 +96,24 @@ void Esm::request(AlState to, Time now) {
 
 // What the master has configured for the transition.
 AlStatusCode Esm::check(Transition transition) {
-    if (transition == Transition{AlState::init, AlState::preop})
-        return check_mailboxes(esc_, device_.mailbox, AlStatusCode::invalid_mailbox_configuration);
-    if (transition.to == AlState::boot)
-        return check_mailboxes(esc_, device_.boot_mailbox, AlStatusCode::invalid_boot_mailbox_configuration);
+    if (transition.to == AlState::boot || transition == Transition{AlState::init, AlState::preop})
+        return check_mailbox(transition.to);
     if (transition != Transition{AlState::preop, AlState::safeop}) return AlStatusCode::none;
-    const auto sizes = client_.process_data_sizes();
-    auto fault = check_process_data(esc_, device_, sizes);
-    if (fault == AlStatusCode::none) fault = check_watchdog(esc_, device_, sizes);
+    const auto fault = check_areas();
     return fault == AlStatusCode::none ? check_dc(esc_, device_.dc) : fault;
+}
+
+AlStatusCode Esm::check_mailbox(AlState state) {
+    const bool boot = state == AlState::boot;
+    return check_mailboxes(esc_, boot ? device_.boot_mailbox : device_.mailbox,
+                           boot ? AlStatusCode::invalid_boot_mailbox_configuration
+                                : AlStatusCode::invalid_mailbox_configuration);
+}
+
+AlStatusCode Esm::check_areas() {
+    const auto sizes = client_.process_data_sizes();
+    const auto fault = check_process_data(esc_, device_, sizes);
+    return fault == AlStatusCode::none ? check_watchdog(esc_, device_, sizes) : fault;
 }
 
 // While the transition waited, the master may have changed its configuration, or the mapping.
@@ -115,42 +127,57 @@ void Esm::ask_again(Time now) {
 }
 
 void Esm::advance(Time now) {
+    holding_ = true;
     const auto verdict = client_.before(transition_, now);
+    if (!std::exchange(holding_, false)) return;  // the client has called init()
+    if (held_.error) {
+        drop_pending();
+        return release(now);
+    }
     if (verdict.waits()) {
         again_ = verdict.again();
         return;
     }
     pending_ = false;
-    again_ = kNever;
-    if (verdict.goes()) return carry_out(now);
+    if (verdict.goes()) return carry_out(transition_, now);
     refuse(verdict.why());
 }
 
-void Esm::carry_out(Time now) {
-    const auto transition = transition_;
-    enable_sync_managers(transition);
+void Esm::carry_out(Transition transition, Time now) {
+    if (transition.from == AlState::init) enable_mailboxes(true);
+    if (transition == Transition{AlState::preop, AlState::safeop}) enable_process_data(true);
+    holding_ = true;
     client_.perform(transition, now);
+    if (!holding_) return;  // the client has called init()
     disable_sync_managers(transition);
-    status_ = {transition.to, false, 0};
+    status_ = {transition.to, held_.error, held_.code};
     write_status();
     client_.after(transition, now);
+    release(now);
+}
+
+void Esm::release(Time now) {
+    holding_ = false;
+    const auto held = std::exchange(held_, {});
+    if (held.state != AlState::none) fall_back(held.state, static_cast<AlStatusCode>(held.code), now);
 }
 
 void Esm::fall_back(AlState to, AlStatusCode why, Time now) {
+    if (holding_) {  // of several calls, the one with the lowest state is executed
+        if (held_.state == AlState::none || rank(to) < rank(held_.state))
+            held_ = {to, true, static_cast<std::uint16_t>(why)};
+        return;
+    }
     const auto wanted = pending_ ? transition_.to : to;
     drop_pending();
     if (rank(to) < rank(status_.state)) {
-        const Transition transition{status_.state, to};
-        client_.perform(transition, now);
-        disable_sync_managers(transition);
-        status_ = {to, true, static_cast<std::uint16_t>(why)};
-        write_status();
-        client_.after(transition, now);
+        held_ = {AlState::none, true, static_cast<std::uint16_t>(why)};  // the error of the new state
+        carry_out({status_.state, to}, now);
     } else {
         refuse(why);
     }
     // The master waits for a state that is lower still, and does not ask again.
-    if (rank(wanted) < rank(to)) request(wanted, now);
+    if (rank(wanted) < rank(to) && rank(wanted) < rank(status_.state)) request(wanted, now);
 }
 
 void Esm::refuse(AlStatusCode why) {
@@ -162,7 +189,6 @@ void Esm::refuse(AlStatusCode why) {
 void Esm::drop_pending() {
     if (!pending_) return;
     pending_ = false;
-    again_ = kNever;
     client_.dropped(transition_);
 }
 
@@ -170,35 +196,25 @@ void Esm::drop_pending() {
 // does not need it.
 void Esm::watch_sync_managers(Time now) {
     read_activations(esc_);
-    const bool boot = status_.state == AlState::boot;
     if (has_mailbox(status_.state)) {
-        const auto otherwise =
-            boot ? AlStatusCode::invalid_boot_mailbox_configuration : AlStatusCode::invalid_mailbox_configuration;
-        const auto fault = check_mailboxes(esc_, boot ? device_.boot_mailbox : device_.mailbox, otherwise);
+        const auto fault = check_mailbox(status_.state);
         if (fault != AlStatusCode::none) return fall_back(AlState::init, fault, now);
     }
     if (has_process_data(status_.state)) {
-        const auto sizes = client_.process_data_sizes();
-        auto fault = check_process_data(esc_, device_, sizes);
-        if (fault == AlStatusCode::none) fault = check_watchdog(esc_, device_, sizes);
+        const auto fault = check_areas();
         if (fault != AlStatusCode::none) fall_back(AlState::preop, fault, now);
     }
 }
 
-void Esm::enable_sync_managers(Transition transition) {
-    if (transition.from == AlState::init && has_mailboxes(device_)) {
-        set_enabled(0, true);
-        set_enabled(1, true);
-    }
-    if (transition == Transition{AlState::preop, AlState::safeop}) enable_process_data(true);
-}
-
 void Esm::disable_sync_managers(Transition transition) {
     if (has_process_data(transition.from) && !has_process_data(transition.to)) enable_process_data(false);
-    if (!has_mailbox(transition.to) && has_mailboxes(device_)) {
-        set_enabled(0, false);
-        set_enabled(1, false);
-    }
+    if (!has_mailbox(transition.to)) enable_mailboxes(false);
+}
+
+void Esm::enable_mailboxes(bool enabled) {
+    if (!has_mailboxes(device_)) return;
+    set_enabled(0, enabled);
+    set_enabled(1, enabled);
 }
 
 void Esm::enable_process_data(bool enabled) {

@@ -115,8 +115,15 @@ class Esm {
     void ask_again(Time now);
 
     // The device itself decides to go down to `to`, with error indication. When the current state is not above `to`,
-    // only the error indication is set.
+    // only the error indication is set. During a call of the client the effect is delayed: a call from
+    // EsmClient::before() takes the place of its answer, and the transition does not happen; one from perform() has its
+    // effect behind the transition, whose state AL status reports with the error indication; one from after() has its
+    // effect when after() has returned.
     void fall_back(AlState to, AlStatusCode why, Time now);
+
+    // From hold() to release(), a call of fall_back() is only noted. release() executes it.
+    void hold() { holding_ = true; }
+    void release(Time now);
 
     [[nodiscard]] AlState state() const { return status_.state; }
     [[nodiscard]] const AlStatus& status() const { return status_; }
@@ -126,13 +133,15 @@ class Esm {
     void control(std::uint16_t al_control, Time now);
     void request(AlState to, Time now);
     [[nodiscard]] AlStatusCode check(Transition transition);
+    [[nodiscard]] AlStatusCode check_mailbox(AlState state);
+    [[nodiscard]] AlStatusCode check_areas();
     void advance(Time now);
-    void carry_out(Time now);
+    void carry_out(Transition transition, Time now);
     void refuse(AlStatusCode why);
     void drop_pending();
     void watch_sync_managers(Time now);
-    void enable_sync_managers(Transition transition);
     void disable_sync_managers(Transition transition);
+    void enable_mailboxes(bool enabled);
     void enable_process_data(bool enabled);
     void set_enabled(std::uint8_t sync_manager, bool enabled);
     void write_status();
@@ -144,6 +153,8 @@ class Esm {
     Transition transition_{};  // the pending transition
     Time again_ = kNever;      // time of the next question to the client
     bool pending_ = false;
+    bool holding_ = false;     // fall_back() notes its arguments in held_
+    AlStatus held_{};          // `state` none: fall_back() was not called; `error`: the next status has the error
     bool identifying_ = false;     // the master asks for the explicit device ID, and the device has one
     std::uint16_t device_id_ = 0;  // the answer
 };

@@ -183,8 +183,13 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
         spent = work;
         ++cycles;
         last_valid = outputs_valid;
+        during_cycle();
     }
-    void safe_outputs(Time) override { ++safe; }
+    void safe_outputs(Time) override {
+        ++safe;
+        during_safe();
+    }
+    void after(Transition, Time) override { during_after(); }
     void sync1(Time) override { ++syncs1; }
     bool pack_inputs(MutableBytes) override {
         spent += copying;
@@ -195,7 +200,10 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
     [[nodiscard]] StoredValues* stored_values() override { return stored; }
 
     DeviceDescription description_value = table::kDevice;
-    Verdict (*transition_hook)(Transition, Time) = nullptr;
+    std::function<Verdict(Transition, Time)> transition_hook;
+    std::function<void()> during_cycle = [] {};
+    std::function<void()> during_safe = [] {};
+    std::function<void()> during_after = [] {};
     Time slow_until = Time{} + 50ms;
     bool no_time = false;  // the hooks answer later(kNever)
     std::function<void()> during_hook = [] {};   // called in before_read and before_write,
