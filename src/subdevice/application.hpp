@@ -28,6 +28,10 @@ class ModuleLayout {
 
 class Application {
   public:
+    // Inside of an application these names need no namespace: margay::Transition, of the master, is another type.
+    using Transition = subdevice::Transition;
+    using Verdict = subdevice::Verdict;
+
     // The description of the device. It must not change while the device exists.
     [[nodiscard]] virtual const DeviceDescription& description() const = 0;
 
@@ -78,7 +82,8 @@ class Application {
     // served. Default: no clock, nothing is measured. Called with the lock of EscAccess held.
     [[nodiscard]] virtual Time clock(Time now) { return now; }
     // The value of object 0x10F8, and the time to use for DiagnosisMessage::time_stamp_ns. Default: the time of step()
-    // and of the handlers. A device with distributed clocks may return its system time.
+    // and of the handlers. A device with distributed clocks may return its system time. Called with the lock of
+    // EscAccess held.
     [[nodiscard]] virtual std::uint64_t timestamp_ns(Time now) {
         return static_cast<std::uint64_t>(now.time_since_epoch().count());
     }

@@ -133,7 +133,8 @@ struct DeviceDescription {
     SyncTimes output_times{};
     SyncTimes input_times{};
     // step() asks to be called again after this time at the latest, so that its access to the ESC restarts the PDI
-    // watchdog (registers 0x0410 and 0x0441) while nothing happens. Zero: the device does not use the PDI watchdog.
+    // watchdog (its time is in register 0x0410, its state in bit 1 of 0x0110) while nothing happens. Zero: the device
+    // does not use the PDI watchdog.
     Duration pdi_watchdog{};
     std::int16_t ebus_current_ma = 0;
     std::uint8_t drive_axes = 0;  // number of CiA 402 axes, written to the SII

@@ -51,7 +51,8 @@ Time Device::step(Time now) {
         next = std::min(next, now + feed);
     const Guard guard(esc_);
     update_mask();
-    return std::min({next, process_data_.serve_deadline(), process_data_.watch_deadline()});
+    next_ = std::min(next, deadline());
+    return next_;
 }
 
 // In the run modes with interrupts, the events of process data are left to interrupt().
@@ -73,19 +74,26 @@ std::uint32_t Device::interrupt(Time now) {
     const Guard guard(esc_);
     const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
     process_data_.serve(now, events);
-    auto left = events & background_;
-    if (outputs_came(now)) left |= al_event::kAlControl;  // step() must execute the waiting transition
+    const auto left = (events & background_) | wake(now);
     // Events of process data follow the update. Other events are unmasked by step() only.
     const auto background = left == 0 ? mask_ & background_ : 0;
     set_mask(process_data_.events() | background);
     return left;
 }
 
-void Device::sync0(Time now) {
+std::uint32_t Device::sync0(Time now) {
     const Guard guard(esc_);
     process_data_.sync0(now);
     if (run_mode_ != RunMode::polling) set_mask(process_data_.events() | (mask_ & background_));
+    return wake(now);
 }
+
+// Not zero: step() must execute a waiting transition, or it has a deadline that is earlier than the one it returned.
+std::uint32_t Device::wake(Time now) {
+    return outputs_came(now) || deadline() < next_ ? al_event::kAlControl : std::uint32_t{0};
+}
+
+Time Device::deadline() const { return std::min(process_data_.serve_deadline(), process_data_.watch_deadline()); }
 
 void Device::sync1(Time now) {
     const Guard guard(esc_);

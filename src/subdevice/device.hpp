@@ -4,8 +4,9 @@
 // - polling: step() does. No interrupt is used (the AL event mask is 0). Call step() in a loop.
 // - mixed: interrupt() does, called from the handler of the PDI interrupt, which process data events raise. Call step()
 //   in a loop for everything else.
-// - interrupts: as in mixed, and all other events raise the interrupt too. When interrupt() returns a value that is not
-//   zero, wake the task that calls step(). That task sleeps until then, or until the time that step() returned.
+// - interrupts: as in mixed, and all other events raise the interrupt too. When interrupt() or sync0() returns a value
+//   that is not zero, wake the task that calls step(). That task sleeps until then, or until the time that step()
+//   returned.
 // In every mode step() serves what depends on time: the free run cycle, watchdogs, delayed replies, and SyncManagers
 // that raise no events.
 //
@@ -15,8 +16,12 @@
 //
 // interrupt(), sync0(), sync1() and process() may interrupt step() at any point where step() does not hold the lock of
 // EscAccess, and must not execute while it does: implement EscAccess::lock() and unlock() for a device that uses them.
-// Applications see the difference: Application::cycle(), sync1(), safe_outputs(), unpack_outputs() and pack_inputs()
-// execute with the lock held, all other functions of an author without it and only from step().
+// Applications see the difference. With the lock held, and also from the handlers, these functions of an author execute:
+// Application::cycle(), sync1(), safe_outputs(), unpack_outputs(), pack_inputs(), clock() and timestamp_ns().
+// Application::description() and the functions that return a part of the device (emergencies(), diagnosis(),
+// stored_values()), and ObjectHooks::memory, execute both with the lock and without it. All other functions execute
+// without it and only from start() and step(): before(), dropped(), after(), process_data_sizes(), the other hooks of
+// objects, mailbox servers, a FoeStore.
 #pragma once
 
 #include "subdevice/eeprom_emulation.hpp"
@@ -54,8 +59,8 @@ class Device final : private EsmClient {
     std::uint32_t interrupt(Time now);
 
     // Call them from the handlers of the SYNC0 and SYNC1 pins. From the first call on, the AL event of the signal is
-    // ignored.
-    void sync0(Time now);
+    // ignored. When sync0() returns a value that is not zero, wake the task that calls step(), as after interrupt().
+    std::uint32_t sync0(Time now);
     void sync1(Time now);
 
     // Executes single parts of one process data update, for authors who choose the order of the parts (see part::).
@@ -86,6 +91,8 @@ class Device final : private EsmClient {
     void update_mask();
     void set_mask(std::uint32_t mask);
     void wait_for_outputs(Time until);
+    [[nodiscard]] std::uint32_t wake(Time now);
+    [[nodiscard]] Time deadline() const;
     [[nodiscard]] bool outputs_came(Time now);
     [[nodiscard]] AlStatusCode serve_process_data(Time now, std::uint32_t events);
     [[nodiscard]] std::uint32_t background_events() const;
@@ -97,6 +104,7 @@ class Device final : private EsmClient {
     EepromEmulation* eeprom_;
     RunMode run_mode_;
     Esm esm_;
+    Time next_ = kNever;            // returned by the last step()
     Time outputs_until_ = kNever;   // SAFEOP→OP: end of the wait for outputs and SYNC0
     std::uint32_t mask_ = 0;        // content of the AL event mask
     std::uint32_t background_ = 0;  // run mode `interrupts`: events that step() handles

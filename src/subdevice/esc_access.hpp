@@ -30,9 +30,10 @@ class EscAccess {
     // Device::step(), interrupt(), sync0(), sync1() or process() of the same device. Sections nest: lock() returns the
     // state from before, and unlock() gets that state back. On a microcontroller lock() returns PRIMASK (or BASEPRI)
     // and masks the interrupts of the ESC; unlock() restores the register. With threads both use a recursive mutex.
-    // The stack holds the lock for one access of at most kMostLockedBytes octets, for the copy of one object value, and
-    // for one update of the process data. It does not hold the lock in hooks of objects (except ObjectHooks::memory),
-    // in mailbox servers, in a FoeStore, or in Application::before(), dropped() and after().
+    // The stack holds the lock for one access of at most kMostLockedBytes octets, for the copy of one value of an
+    // object (with complete access, too: each value by itself), and for one update of the process data. So the longest
+    // value of the tables, and the process data, determine the longest time. device.hpp names the functions of an
+    // author that execute with the lock held.
     [[nodiscard]] virtual std::uint32_t lock() noexcept { return 0; }
     virtual void unlock(std::uint32_t before) noexcept { (void)before; }
 

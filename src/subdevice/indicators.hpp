@@ -5,7 +5,10 @@
 //         void show(bool run, bool error) override { … }
 //     } pins;
 //     Indicators indicators(esc, &pins);
-//     for (;;) sleep_until(std::min(device.step(now), indicators.step(now, device.al_status())));
+//     for (;;) {
+//         const Time next = device.step(now);  // first: it changes the AL status
+//         sleep_until(std::min(next, indicators.step(now, device.al_status())));
+//     }
 //
 // A program without IndicatorPins asks run_lit() and error_lit() after each step.
 #pragma once

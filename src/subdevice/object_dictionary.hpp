@@ -173,14 +173,16 @@ template <std::size_t N, std::size_t M>
     return joined(std::to_array(a), b);
 }
 
-// Whether an entry that has limits begins within them: a master may write what it has read.
+// Whether an entry that has limits begins within them: a master may write what it has read. A provided value has no
+// initial value in the table: its limits must be possible for its data type.
 [[nodiscard]] constexpr bool begins_within_limits(const Entry& e) {
     const auto [minimum, maximum] = e.limits();
-    const auto initial = static_cast<std::int64_t>(e.initial());
+    const auto begin = e.storage == Storage::provided ? static_cast<std::uint64_t>(minimum) : e.initial();
+    const auto initial = static_cast<std::int64_t>(begin);
     if (e.bits > 64) return false;
     if (is_signed(e.type)) return minimum <= initial && initial <= maximum;
     const auto mask = e.bits < 64 ? (std::uint64_t{1} << e.bits) - 1 : ~std::uint64_t{0};
-    const auto number = e.initial() & mask;
+    const auto number = begin & mask;
     return static_cast<std::uint64_t>(minimum) <= number && number <= static_cast<std::uint64_t>(maximum);
 }
 

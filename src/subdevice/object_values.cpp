@@ -167,6 +167,7 @@ Gathered gather(const ObjectAccess& access, MutableBytes into) {
         }
         any = true;
         Scratch scratch{};
+        const Guard guard(access.dictionary.lock());
         const auto value = view_value(at(access, n), entry, scratch);
         copy_bits(into, bit, value, 0, std::min<std::size_t>(entry.bits, value.size() * 8));
     });
@@ -221,6 +222,7 @@ void scatter(const ObjectAccess& access, Bytes data) {
                           if (entry.is_padding() || check_writable(entry, access.state) != Abort::none) return;
                           if (bit + (n == 0 ? 16 : entry.bits) > data.size() * 8) return;
                           Scratch scratch{};
+                          const Guard guard(access.dictionary.lock());
                           store_value(at(access, n), entry, part_of(data, bit, entry, scratch));
                       });
 }

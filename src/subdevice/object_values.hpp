@@ -33,7 +33,8 @@ void store_value(const ObjectAccess& access, const Entry& entry, Bytes data);
 
 // Complete access, from access.subindex (0 or 1) up to the number in subindex 0. Subindex 0 uses 16 bits. Entries of 8
 // bits and more start at an octet, smaller entries are packed (ETG.1000.6, "SDO complete access"). When an upload does
-// not fit into `into`, `bytes` is 0 and the code is Abort::out_of_memory.
+// not fit into `into`, `bytes` is 0 and the code is Abort::out_of_memory. The lock is held for one value at a time: an
+// interrupt handler may execute between two values, so that they belong to different updates.
 struct Gathered {
     Abort abort = Abort::none;
     std::size_t bytes = 0;

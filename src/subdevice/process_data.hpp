@@ -42,7 +42,9 @@ inline constexpr unsigned kAll = 7;
 class ProcessData {
   public:
     struct Counters {
-        std::uint32_t missed_syncs = 0;   // SYNC0 signals that were not seen, by the time between those that were
+        // SYNC0 signals that were not seen, by the time between those that were. One that is served late, but before
+        // the next one (up to 7/8 of the cycle), is not missed.
+        std::uint32_t missed_syncs = 0;
         std::uint32_t missed_frames = 0;  // frame periods (see syncs_per_frame()) in OP in which outputs did not arrive
         // Outputs in OP that were outside of the limits of their entry (Entry::within()) and were not applied.
         std::uint32_t refused_values = 0;
@@ -145,6 +147,7 @@ class ProcessData {
     void forget_lost_sync(Time now);
     void acknowledge(wire::Register status);
     void count_sync(Time now);
+    void count_missed_syncs(Time now);
     void watch_lock();
     void note_phase(Time now);
     void serve_sync(Time now);
@@ -204,6 +207,7 @@ class ProcessData {
     unsigned sync_error_limit_ = 0;
     Time last_outputs_{};
     Time last_sync_{};
+    Time sync_grid_{};  // the time of the last SYNC0, without the delay until it was served
     Time next_cycle_ = kNever;  // the application is called without an event
     Time next_poll_ = kNever;   // used when SyncManagers of the outputs do not raise events
     Time next_watch_ = kNever;

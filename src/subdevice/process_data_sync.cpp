@@ -217,13 +217,10 @@ void ProcessData::sync1(Time now) {
 }
 
 void ProcessData::count_sync(Time now) {
-    const auto gap = (now - last_sync_).count();
-    if (sync_began_ && sync_cycle_ns_ != 0 && gap > 0) {
-        const auto most = UINT32_MAX - sync_cycle_ns_ / 2;
-        const auto gap_ns = gap < std::int64_t{most} ? static_cast<std::uint32_t>(gap) : most;
-        const auto cycles = (gap_ns + sync_cycle_ns_ / 2) / sync_cycle_ns_;
-        if (cycles > 1) counters_.missed_syncs += cycles - 1;
-    }
+    if (sync_began_ && sync_cycle_ns_ != 0)
+        count_missed_syncs(now);
+    else
+        sync_grid_ = now;
     sync_seen_ = sync_began_ = true;
     last_sync_ = now;
     watch_lock();
@@ -232,6 +229,20 @@ void ProcessData::count_sync(Time now) {
     syncs_ = 0;
     ++missed_;
     count_missed_frames();
+}
+
+// A SYNC0 is served late, never early. So its time follows from the earliest ones: a late one moves the grid by a part
+// of its delay only, which follows the drift between this clock and that of the ESC.
+void ProcessData::count_missed_syncs(Time now) {
+    const Duration cycle{sync_cycle_ns_};
+    const auto early = sync_cycle_ns_ / 8;
+    const std::int64_t most = UINT32_MAX - early;
+    const auto gap_ns = static_cast<std::uint32_t>(std::clamp<std::int64_t>((now - sync_grid_).count(), 0, most));
+    const auto cycles = std::max<std::uint32_t>((gap_ns + early) / sync_cycle_ns_, 1);
+    counters_.missed_syncs += cycles - 1;
+    sync_grid_ += cycle * cycles;
+    const Duration late = now - sync_grid_;
+    sync_grid_ = late < Duration::zero() || late >= cycle ? now : sync_grid_ + late / 16;
 }
 
 // The first frame period after outputs is the period of these outputs.

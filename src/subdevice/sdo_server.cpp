@@ -122,14 +122,13 @@ bool SdoServer::source_stays() const {
 }
 
 void SdoServer::upload_now(Outbox& out, Time now) {
-    const Guard guard(dictionary_.lock());  // the value is copied as a whole
     if (complete_) {
         const auto all = gather(access(now), staging_);
         if (all.abort != Abort::none) return abort(all.abort, out);
         source_ = staging_.first(all.bytes);
-    } else {
-        source_ = view_value(access(now), *entry_, scratch_);
     }
+    const Guard guard(complete_ ? nullptr : dictionary_.lock());  // one value is copied as a whole
+    if (!complete_) source_ = view_value(access(now), *entry_, scratch_);
     transfer_ = Transfer::none;
     const auto at = out.open();
     const auto size = source_.size();
@@ -286,13 +285,11 @@ HookAnswer SdoServer::store(Bytes data, Time now) {
         const auto reply = hooks->before_write(what, data);
         if (reply.waits() || reply.abort != Abort::none) return reply;
     }
-    {
+    if (complete_) {
+        scatter(what, data);
+    } else {
         const Guard guard(dictionary_.lock());
-        if (complete_) {
-            scatter(what, data);
-        } else {
-            store_value(what, *entry_, data);
-        }
+        store_value(what, *entry_, data);
     }
     if (hooks != nullptr && hooks->after_write != nullptr) hooks->after_write(what);
     return Abort::none;

@@ -102,6 +102,12 @@ TEST(AuthorLimits, TheLimitsOfAnUnsignedNumberAreNotNegative) {
         value<Settings::word>(0, "Word", od::kReadWrite, 7).as(DataType::integer16).within(kLimits<-5, 100>)};
     static constexpr Object kSigned[] = {variable(0x2000, "Word", kRight)};
     EXPECT_TRUE(well_formed(kSigned, Settings::bytes));
+    // A value of a hook has no initial value in the table.
+    static constexpr ObjectHooks kHooks{.memory = [](const ObjectAccess&) { return MutableBytes(); }};
+    static constexpr Entry kProvided[] = {
+        provided(0, "Level", DataType::unsigned8, 8, od::kReadWrite).within(kLimits<1, 9>)};
+    static constexpr Object kOfHook[] = {variable(0x2000, "Level", kProvided, &kHooks)};
+    static_assert(well_formed(kOfHook, Settings::bytes));
 }
 
 // A table that is no constant expression is not refused by the compiler.

@@ -58,6 +58,38 @@ TEST_P(BetweenAnyTwoSteps, ASync0AtItsPinChangesNothingButTheProcessData) {
 INSTANTIATE_TEST_SUITE_P(Modes, BetweenAnyTwoSteps,
                          ::testing::Values(RunMode::polling, RunMode::mixed, RunMode::interrupts));
 
+// Complete access holds the lock for one value at a time. How often does an interrupt come between two values of 0x2006?
+unsigned interrupts_between_values(const std::vector<std::byte>& request) {
+    Interrupted rig(RunMode::mixed);
+    unsigned found = 0;
+    unsigned points = 1;
+    for (unsigned strike = 1; strike <= points; ++strike) {
+        Values::mixed_a::store(rig.image, 1);
+        Values::mixed_b::store(rig.image, 0xA1B2C3D4);
+        bool between = false;
+        rig.pdi.points = 0;
+        rig.pdi.strike = strike;
+        rig.pdi.handler = [&] {
+            between = Values::mixed_a::load(rig.image) == 0 && Values::mixed_b::load(rig.image) == 0xA1B2C3D4;
+            Values::mixed_a::store(rig.image, 0);
+            Values::mixed_b::store(rig.image, 0xFFFFFFFF);
+        };
+        const auto reply = rig.exchange(request);
+        points = rig.pdi.points;
+        if (reply.size() > 18)
+            between = (reply[12] & std::byte{1}) != std::byte{0} && load_le<std::uint32_t>(reply, 13) == 0xFFFFFFFF;
+        found += between ? 1 : 0;
+    }
+    return found;
+}
+
+TEST(CompleteAccess, AnInterruptExecutesBetweenTwoValues) {
+    EXPECT_GT(interrupts_between_values(sdo_request(0x50, 0x2006, 0)), 0u);
+    auto write = sdo_request(0x31, 0x2006, 1, 8);
+    for (const int octet : {0, 1, 2, 3, 4, 0, 0, 5}) write.push_back(static_cast<std::byte>(octet));
+    EXPECT_GT(interrupts_between_values(write), 0u);
+}
+
 // The same with a thread: interrupt() executes at any machine instruction of step() where the lock is free.
 class ThreadedEsc final : public EscAccess {
   public:

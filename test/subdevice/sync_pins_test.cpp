@@ -56,6 +56,62 @@ TEST_P(SyncPins, MissedSync0AreCounted) {
     EXPECT_NE(bench.process_data.counters().missed_syncs, 3u);
 }
 
+TEST_P(SyncPins, LateSync0AreNotMissed) {
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    const auto missed = [&] { return bench.process_data.counters().missed_syncs; };
+    const Time begin = bench.esc.time;
+    const auto serve_at = [&](Duration time) { sync(begin + time - bench.esc.time); };
+    serve_at(1600us);  // the first one is late
+    for (int n = 2; n < 40; ++n) serve_at(n * 1ms + (n % 3 == 0 ? 850us : n % 5 == 0 ? 300us : 0us));
+    EXPECT_EQ(missed(), 0u);
+    serve_at(42ms);
+    EXPECT_EQ(missed(), 2u);
+    serve_at(44ms + 700us);
+    EXPECT_EQ(missed(), 3u) << "one is missed, and the next one is late";
+    for (int n = 45; n < 60; ++n) serve_at(n * 1ms);
+    EXPECT_EQ(missed(), 3u);
+}
+
+// The clock of the processor and that of the ESC differ.
+TEST_P(SyncPins, DriftIsNoMissedSync0) {
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    for (const Duration cycle : {1'000'500ns, 999'500ns}) {
+        const auto before = bench.process_data.counters().missed_syncs;
+        for (int n = 0; n < 5000; ++n) sync(cycle);
+        EXPECT_EQ(bench.process_data.counters().missed_syncs, before);
+        sync(3 * cycle);
+        EXPECT_EQ(bench.process_data.counters().missed_syncs, before + 2);
+    }
+}
+
+// A device without outputs: no other event than SYNC0 comes while OP waits for it.
+TEST(SyncPinWakes, TheTaskOfADeviceWithoutOutputs) {
+    Bench bench;
+    bench.application.description_value.outputs = {};
+    bench.device.emplace(bench.esc, bench.application, bench.process_data, &*bench.mailbox, nullptr,
+                         RunMode::interrupts);
+    bench.device->start(bench.esc.time);
+    Values::rx_assign_count::store(bench.image, 0);
+    SyncValues<Values::sync>::input_type::store(bench.image, sync_type::kDcSync0);
+    bench.configure(128);
+    bench.esc.configure(2, {});
+    ASSERT_EQ(bench.request(2).state, AlState::preop);
+    bench.esc.ecat_set<std::uint32_t>(0x09A0, 1'000'000);
+    bench.esc.ecat_set<std::uint8_t>(0x0981, 3);
+    const auto sync = [&] { return bench.device->sync0(bench.esc.time += 1ms); };
+    ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
+    EXPECT_NE(sync(), 0u) << "from now on SYNC0 has a deadline";
+    EXPECT_EQ(bench.step(), bench.esc.time + 3ms + 1ns);
+    EXPECT_EQ(sync(), 0u);
+    bench.esc.time += 100ms;
+    (void)bench.step();  // SYNC0 has stopped
+    ASSERT_EQ(bench.request(8), (AlStatus{AlState::safeop, false, 0})) << "it waits for SYNC0";
+    EXPECT_NE(sync(), 0u);
+    (void)bench.step();
+    EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::op, false, 0}));
+    EXPECT_EQ(sync(), 0u);
+}
+
 TEST_P(SyncPins, Sync1CallsTheApplication) {
     bench.device->sync1(bench.esc.time);
     EXPECT_EQ(bench.application.syncs1, 0u) << "no process data in PREOP";
