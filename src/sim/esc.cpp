@@ -273,14 +273,23 @@ void Esc::carry_out(const SyncManagers::Events& events, Time at) {
     if ((events.ecat_set | events.ecat_clear) != 0) change_ecat_events(events.ecat_set, events.ecat_clear);
 }
 
+// ESC data sheets, "PDI watchdog": each access of the processor triggers it.
+void Esc::feed_pdi_watchdog() {
+    if (watchdogs_.feed_pdi(now_)) update_dl_status();
+    others_due_ = std::min(others_due_, watchdogs_.next());
+    *next_event_ = std::min(*next_event_, others_due_);
+}
+
 // The AL event request, which every step of a program reads, has no owner and no effect.
 void Esc::read(std::uint16_t address, MutableBytes into) noexcept {
+    if (accesses_feed_) feed_pdi_watchdog();
     if (address == reg::kAlEventRequest.address && into.size() == sizeof al_events_)
         return store_le(into, 0, al_events_);
     (void)access(Side::pdi, false, address, into.data(), into.size(), now_);
 }
 
 void Esc::write(std::uint16_t address, Bytes data) noexcept {
+    if (accesses_feed_) feed_pdi_watchdog();
     // access() handles both directions and does not change the data of a write.
     (void)access(Side::pdi, true, address, const_cast<std::byte*>(data.data()), data.size(), now_);
 }

@@ -45,6 +45,7 @@ class Esc final : public subdevice::EscAccess {
     void set_firmware(std::unique_ptr<Firmware> firmware) {
         firmware_ = std::move(firmware);
         firmware_polls_ = firmware_ && firmware_->polls();
+        accesses_feed_ = firmware_ && !firmware_->feeds_pdi_watchdog();
     }
     [[nodiscard]] Firmware* firmware() { return firmware_.get(); }
     // The process data of the firmware; nullptr if there is none, or while the PDI does not work (start_pdi()).
@@ -218,6 +219,7 @@ class Esc final : public subdevice::EscAccess {
     void set_sync_events(std::uint32_t pulses, Time at);
     void end_sync_pulses();
     void wake_firmware(Time at);
+    void feed_pdi_watchdog();
     // The PDI interrupt is active.
     [[nodiscard]] bool interrupt_active() const { return (al_events_ & al_mask_) != 0; }
     void clear_al_events(std::uint32_t bits);
@@ -254,6 +256,7 @@ class Esc final : public subdevice::EscAccess {
     std::uint32_t al_events_ = 0;  // AL event request, 0x0220
     std::uint32_t al_mask_ = 0;    // AL event mask, 0x0204
     bool firmware_polls_ = false;
+    bool accesses_feed_ = false;  // only accesses of the firmware trigger the PDI watchdog
     std::size_t writes_ = 0;
     std::size_t write_bytes_used_ = 0;
     std::uint16_t effects_ = 0;  // bits of Effect: registers that were read and act at the end of the frame

@@ -149,6 +149,7 @@ void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time
             set_al_events(wire::al_event::kEeprom, at);
         else
             clear_al_events(wire::al_event::kEeprom);
+        if (from_pdi) settle_sii(at);  // a reload by the firmware
     }
     if (range.meets(0x0400, 0x0444)) written_watchdog(address, length, at);
     if (range.meets(0x0510, 0x0518)) mii_.written(address, length, from_pdi, at);

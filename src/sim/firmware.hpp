@@ -34,6 +34,11 @@ class Firmware {
     // without an event.
     [[nodiscard]] virtual bool polls() const { return false; }
 
+    // True: the program triggers the PDI watchdog in time, whatever step() returns. Its loop, which is not simulated,
+    // reads the ESC. False: only the accesses to the ESC that the program makes trigger it, so that the watchdog
+    // expires while the program sleeps (registers 0x0410, 0x0443, bit 1 of 0x0110).
+    [[nodiscard]] virtual bool feeds_pdi_watchdog() const { return polls(); }
+
     // Activates a quirk from the next start on. `sii` is the image of the device. Returns false when this firmware does
     // not support quirks.
     virtual bool add_quirk(Quirk quirk, std::vector<std::byte>& sii) {

@@ -46,6 +46,18 @@ bool SiiUnit::load_configuration(bool power_up) {
     return true;
 }
 
+// ESC register tables, 0x0508: at a reload, an ESC with EEPROM emulation takes over the alias and the enhanced link
+// detection from the data of the firmware. The rest of the configuration is fixed in such a chip.
+void SiiUnit::reload_emulated() {
+    const auto data = registers_->get<std::uint32_t>(reg::kSiiData.address);
+    constexpr unsigned kLinks = 0xF2;
+    const auto links = (data >> 16 & 1U) << 1 | (data >> 17 & 0xFU) << 4;
+    const auto other = registers_->get<std::uint8_t>(reg::kEscConfiguration.address) & ~kLinks;
+    registers_->set(reg::kStationAlias.address, static_cast<std::uint16_t>(data));
+    registers_->set(reg::kEscConfiguration.address, static_cast<std::uint8_t>(other | links));
+    reloaded_ = true;
+}
+
 bool SiiUnit::accepts(bool pdi) const {
     if (busy_) return pdi && emulated();
     const auto config = registers_->get<std::uint8_t>(reg::kSiiConfig.address);
@@ -71,6 +83,7 @@ void SiiUnit::written(std::uint16_t address, std::size_t length, bool from_pdi, 
         if (from_pdi && waits_for_pdi()) {  // emulation: the firmware reports the end of the command
             errors_ = static_cast<std::uint16_t>((errors_ & (control::kChecksumError | control::kNotLoaded)) |
                                                  (value & (control::kMissingAcknowledge | control::kWriteEnableError)));
+            if (command_ == control::kCommandReload && (value & control::kMissingAcknowledge) == 0) reload_emulated();
             busy_ = false;
             command_ = 0;
         } else if (!busy_) {

@@ -42,6 +42,7 @@ class SiiUnit {
 
   private:
     bool load_configuration(bool power_up);
+    void reload_emulated();
     void command(std::uint16_t control, bool write_enabled, Time at);
     void finish();
     void read_block();

@@ -8,6 +8,7 @@ void Watchdogs::power_up(RegisterFile& registers, bool has_pdi, Time now) {
     registers_ = &registers;
     process_data_ = pdi_ = {};
     fed_ = false;
+    has_pdi_ = has_pdi;
     reconfigure(now);
     pdi_.expired = !has_pdi;
     show();

@@ -16,9 +16,16 @@ class Watchdogs {
     };
 
     void power_up(RegisterFile& registers, bool has_pdi, Time now);
-    // The processor has stopped, so its watchdog starts to count. A working processor is assumed to trigger the
-    // watchdog in time.
+    // The processor has stopped, so its watchdog starts to count. Before that, a processor that is not reported by
+    // feed_pdi() is assumed to trigger the watchdog in time.
     void processor_halted(Time now);
+    // The processor has accessed the ESC. Returns true when its watchdog had expired.
+    bool feed_pdi(Time now) {
+        if (!has_pdi_) return false;
+        const bool expired = pdi_.expired;
+        pdi_.feed(now);
+        return expired;
+    }
     // Divider or times were written: both watchdogs start again.
     void reconfigure(Time now);
     // Whether any channel triggers the process data watchdog; if none does, the watchdog is off.
@@ -46,6 +53,7 @@ class Watchdogs {
     Timer process_data_;
     Timer pdi_;
     bool fed_ = false;
+    bool has_pdi_ = false;
 };
 
 }  // namespace margay::sim

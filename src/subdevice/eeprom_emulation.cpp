@@ -10,8 +10,18 @@ namespace reg = wire::reg;
 namespace control = wire::sii_control;
 
 namespace {
-constexpr std::size_t kAliasOffset = 8;  // octets from the start of the image
+// Octets from the start of the image.
+constexpr std::size_t kConfigurationOffset = 1;  // ESC configuration, 0x0141
+constexpr std::size_t kAliasOffset = 8;
+
+// What the ESC takes over at a reload (ESC register tables, 0x0508, emulation): the alias, bit 16 enhanced link
+// detection of all ports (0x0141 bit 1), bits 17 to 20 that of each port (0x0141 bits 4 to 7).
+std::array<std::byte, 4> reload_data(Bytes contents) {
+    const auto links = std::to_integer<unsigned>(contents[kConfigurationOffset]);
+    const auto bits = static_cast<std::byte>((links >> 1 & 1U) | (links >> 4) << 1);
+    return {contents[kAliasOffset], contents[kAliasOffset + 1], bits, std::byte{0}};
 }
+}  // namespace
 
 void EepromEmulation::step(std::uint32_t events) {
     if ((events & wire::al_event::kEeprom) == 0) return;
@@ -29,8 +39,7 @@ void EepromEmulation::step(std::uint32_t events) {
         read_memory(esc_, reg::kSiiData.address, contents_.subspan(static_cast<std::size_t>(from), 2));
         written_ = true;
     } else if (command == control::kCommandReload && contents_.size() >= kAliasOffset + 2) {
-        std::copy_n(contents_.begin() + kAliasOffset, 2, data.begin());
-        write_memory(esc_, reg::kSiiData.address, Bytes(data).first(4));
+        write_memory(esc_, reg::kSiiData.address, reload_data(contents_));
     } else {
         errors = control::kMissingAcknowledge;
     }

@@ -187,6 +187,48 @@ TEST_F(WatchdogTest, HangingProcessorIsNoticed) {
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0443), 1);
 }
 
+// A program that reads its AL events when it is called, and sleeps in between.
+class SleepingFirmware final : public Firmware {
+  public:
+    void start(subdevice::EscAccess& esc, Time) override { esc_ = &esc; }
+    Time step(Time now) override {
+        std::array<std::byte, 4> events{};
+        esc_->read(0x0220, events);
+        std::array<std::byte, 2> control{};
+        esc_->read(0x0120, control);
+        return every == Duration::zero() ? kNever : now + every;
+    }
+    Duration every{};
+
+  private:
+    subdevice::EscAccess* esc_ = nullptr;
+};
+
+// DS I, "PDI watchdog": accesses of the processor trigger it, and only they do.
+TEST(WatchdogOfThePdi, ExpiresWhileTheProgramSleeps) {
+    for (const Duration every : {0ms, 50ms}) {
+        Rig rig;
+        rig.add(et1100(), sii_image(kProcessor));
+        auto firmware = std::make_unique<SleepingFirmware>();
+        firmware->every = every;
+        rig.slave(0).set_firmware(std::move(firmware));
+        rig.on();
+        const auto alive = [&] { return (rig.get<std::uint16_t>(0, 0x0110) & 2) != 0; };
+        rig.pass(99ms);
+        EXPECT_TRUE(alive());
+        rig.pass(101ms);
+        EXPECT_EQ(alive(), every == 50ms);
+        EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0443), every == 50ms ? 0 : 1);
+        rig.pass(1s);
+        EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0443), every == 50ms ? 0 : 1) << "it expires once";
+        EXPECT_EQ(rig.put<std::uint16_t>(0, 0x0120, 0x0001), 1);  // an event wakes the program
+        rig.pass(1ms);
+        EXPECT_TRUE(alive());
+        rig.pass(200ms);
+        EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0443), every == 50ms ? 0 : 2);
+    }
+}
+
 // Digital I/O without a processor: the chip resets the outputs.
 TEST(WatchdogDigital, OutputsFallWhenItRunsOut) {
     Rig rig;

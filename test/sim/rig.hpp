@@ -45,6 +45,7 @@ class IdleFirmware final : public Firmware {
         ++steps;
         return kNever;
     }
+    [[nodiscard]] bool feeds_pdi_watchdog() const override { return true; }
     unsigned starts = 0;
     unsigned steps = 0;
 };

@@ -21,6 +21,7 @@ class Spy final : public sim::Firmware, private subdevice::EscAccess {
     void start(subdevice::EscAccess& esc, Time now) override;
     Time step(Time now) override { return inner_->step(now); }
     [[nodiscard]] bool polls() const override { return inner_->polls(); }
+    [[nodiscard]] bool feeds_pdi_watchdog() const override { return inner_->feeds_pdi_watchdog(); }
     bool add_quirk(sim::Quirk quirk, std::vector<std::byte>& sii) override { return inner_->add_quirk(quirk, sii); }
     [[nodiscard]] sim::ProcessDataFirmware* process_data() override { return inner_->process_data(); }
 

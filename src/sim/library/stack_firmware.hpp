@@ -21,6 +21,7 @@ class StackFirmware final : public ProcessDataFirmware {
     void start(subdevice::EscAccess& esc, Time now) override;
     Time step(Time now) override;
     void fetch() const override;
+    [[nodiscard]] bool feeds_pdi_watchdog() const override { return true; }
     bool add_quirk(Quirk quirk, std::vector<std::byte>& sii) override;
 
     // The measured values of the model, and the outputs from the master.
