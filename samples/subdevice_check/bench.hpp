@@ -128,6 +128,8 @@ class Bench {
     [[nodiscard]] std::optional<CycleRun> frames_in(AlState state);
     // Of the last run().
     [[nodiscard]] const Cycle& cycle() const { return cycle_; }
+    // Cycle::latest() counts from now on.
+    void forget_late() { cycle_.forget_late(); }
     // Replaces the length of an area when the objects of PDO assignment give another one than the SII.
     void set_area_length(std::uint8_t sync_manager, std::uint16_t bytes);
     // Called in PREOP before process data are configured: finds the lengths of the areas.

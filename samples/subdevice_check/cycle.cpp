@@ -81,6 +81,7 @@ Time Cycle::step(Time now) {
     if (now < next_) return next_;
     const auto free = std::ranges::find_if(pool_, [](const auto& frame) { return !frame->on_wire; });
     if (free != pool_.end()) send(**free);
+    latest_ = std::max(latest_, now - next_);
     // The program may not have been executed for a while: the frames keep their places.
     next_ += ((now - next_) / period_ + 1) * period_;
     return next_;

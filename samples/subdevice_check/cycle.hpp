@@ -38,6 +38,9 @@ class Cycle {
     // Since start(): frames that have come back, and those in which the slave did not take or give all data.
     [[nodiscard]] unsigned frames() const { return frames_; }
     [[nodiscard]] unsigned missed() const { return missed_; }
+    // By how much a frame came too late, at most, since forget_late(): the program was not executed in time.
+    [[nodiscard]] Duration latest() const { return latest_; }
+    void forget_late() { latest_ = {}; }
     // A frame was lost on the line; the next call returns nullopt.
     [[nodiscard]] std::optional<Error> line_fault() { return std::exchange(line_fault_, std::nullopt); }
 
@@ -62,6 +65,7 @@ class Cycle {
     Duration period_{};
     unsigned frames_ = 0;
     unsigned missed_ = 0;
+    Duration latest_{};
     std::optional<Error> line_fault_;
 };
 

@@ -85,10 +85,11 @@ InfoReply object(Session& session, std::uint16_t index) {
     InfoLayout::index::store(message, index);
     return ask(session, message, InfoOpcode::object_response);
 }
-InfoReply entry(Session& session, std::uint16_t index, std::uint8_t subindex) {
+InfoReply entry(Session& session, std::uint16_t index, std::uint8_t subindex, std::uint8_t value_info = 0) {
     auto message = request(InfoOpcode::entry_request, coe::kEntryRequestBytes);
     InfoLayout::index::store(message, index);
     InfoLayout::entry_subindex::store(message, subindex);
+    InfoLayout::entry_value_info::store(message, value_info);
     return ask(session, message, InfoOpcode::entry_response);
 }
 
@@ -262,6 +263,57 @@ void check_entries(Session& session) {
             fmt::format("{} more entries do not agree with their descriptions", check.findings - kMostFindings));
 }
 
+bool is_signed(coe::DataType type) {
+    using enum coe::DataType;
+    return type == integer8 || type == integer16 || type == integer32 || type == integer64;
+}
+
+// A number of up to eight octets, in the order of the type: signed numbers with their sign bit inverted.
+std::uint64_t in_order(Bytes octets, coe::DataType type) {
+    std::uint64_t number = 0;
+    for (std::size_t n = 0; n < octets.size(); ++n) number |= std::to_integer<std::uint64_t>(octets[n]) << (8 * n);
+    return is_signed(type) ? number ^ std::uint64_t{1} << (8 * octets.size() - 1) : number;
+}
+std::string number_text(Bytes octets, coe::DataType type) {
+    const auto ordered = in_order(octets, type);
+    if (!is_signed(type)) return fmt::format("{}", ordered);
+    return fmt::format("{}", static_cast<std::int64_t>(ordered - (std::uint64_t{1} << (8 * octets.size() - 1))));
+}
+
+// The value of an entry against the limits that its description has.
+void check_entry_limits(Session& session, const DictionaryEntry& described) {
+    using enum coe::DataType;
+    const auto size = bits_of(described.type);
+    if (!size || *size != described.bits || described.type == real32 || described.type == real64) return;
+    constexpr std::uint8_t kBoth = coe::value_info::kMinimum | coe::value_info::kMaximum;
+    const auto reply = entry(session, described.index, described.subindex, kBoth);
+    const std::size_t bytes = *size / 8U;
+    const std::size_t head = coe::kEntryResponseBytes - coe::kInfoHeaderBytes;
+    if (!reply.ok() || reply.data.size() < head + 2 * bytes) return;  // information.entries has judged the head
+    if ((std::to_integer<unsigned>(reply.data[3]) & 0x78U) != kBoth) return;
+    const Bytes minimum = Bytes(reply.data).subspan(head, bytes);
+    const Bytes maximum = Bytes(reply.data).subspan(head + bytes, bytes);
+    const auto order = [&](Bytes octets) { return in_order(octets, described.type); };
+    const auto text = [&](Bytes octets) { return number_text(octets, described.type); };
+    const auto name = object_text(described.index, described.subindex);
+    if (order(minimum) > order(maximum))
+        return session.bench.fail(fmt::format("{}: no value is possible from the minimum {} to the maximum {}", name,
+                                              text(minimum), text(maximum)));
+    if ((described.access & coe::access::kReadPreop) == 0) return;
+    const auto up = session.sdo.upload(described.index, described.subindex);
+    if (!up.ok() || up.data.size() != bytes) return;
+    if (order(up.data) < order(minimum) || order(up.data) > order(maximum))
+        session.bench.fail(fmt::format("{} is {}, outside of its own limits {} to {}", name, text(up.data),
+                                       text(minimum), text(maximum)));
+}
+
+void check_limits(Session& session) {
+    enter(session);
+    if (!session.sdo.entries_complete) session.bench.skip("the entries were not read (information.entries)");
+    const auto entries = session.sdo.entries;
+    for (const auto& described : entries) check_entry_limits(session, described);
+}
+
 // The lists of objects that can be mapped, stored and set, against the access bits of the entries.
 void check_uses(Session& session) {
     enter(session);
@@ -375,6 +427,7 @@ constexpr Check kChecks[] = {
      check_identity},
     {"information.lists", "the lists of objects agree with their lengths", kInformation, check_lists},
     {"information.entries", "each entry is what its description says", kInformation, check_entries},
+    {"information.limits", "each value is within the limits of its description", kInformation, check_limits},
     {"information.uses", "the lists of mappable and stored objects agree with the descriptions", kInformation,
      check_uses},
     {"information.subindices", "subindex 0 agrees with the description of its object", kInformation, check_subindices},

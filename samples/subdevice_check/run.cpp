@@ -56,7 +56,7 @@ CheckResult execute(Session& session, const Check& check) {
 // These checks use the entries that information.entries reads.
 bool uses_entries(std::string_view name) {
     return name.starts_with("sdo.") || name.starts_with("segments.") || name.starts_with("pdos.") ||
-           name == "information.uses";
+           name == "information.uses" || name == "information.limits";
 }
 
 // The names between the commas, without blanks around them.

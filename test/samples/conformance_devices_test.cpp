@@ -192,6 +192,27 @@ TEST(SubdeviceCheckDevices, ADeviceForShortCyclesOnlyIsTriedWithThem) {
     expect_conforms<kVeryFastPll>({"states.up", "process_data.exchange", "clock.sync0"});
 }
 
+// A value of a hook that its own description forbids.
+MutableBytes level_of_twelve(const subdevice::ObjectAccess&) {
+    static std::array<std::byte, 1> level{std::byte{12}};
+    return level;
+}
+constexpr subdevice::ObjectHooks kLevelHooks{.memory = level_of_twelve};
+constexpr Entry kLevel[] = {subdevice::provided(0, "Level", subdevice::DataType::unsigned8, 8, od::kReadWrite)
+                                .within(subdevice::kLimits<1, 9>)};
+constexpr Object kLevelObjects[] = {subdevice::variable(0x2000, "Level", kLevel, &kLevelHooks),
+                                    subdevice::variable(0x6000, "Keys", kSmallKeys),
+                                    subdevice::variable(0x7000, "Lamps", kSmallLamps)};
+
+TEST(SubdeviceCheckDevices, AValueOutsideOfItsOwnLimitsIsFound) {
+    const auto report = check_small<kPlain, kLevelObjects>({.only = "information"}).report;
+    EXPECT_FALSE(report.conforms());
+    const auto* const check = find(report, "information.limits");
+    ASSERT_EQ(check->findings.size(), 1u) << report_text(report, false);
+    EXPECT_EQ(check->findings[0].text, "0x2000:00 is 12, outside of its own limits 1 to 9");
+    EXPECT_EQ(find(check_small<kPlain>().report, "information.limits")->outcome, Outcome::passed);
+}
+
 // A cycle is one frame: with a frame for each SyncManager and one for the AL status, the frames would come late.
 TEST(SubdeviceCheckDevices, ADeviceWithAControlLoopOf125MicrosecondsOrLessIsNotBlamed) {
     const auto checks = {"states.up",     "states.down",  "states.same",         "sm.process_settings",

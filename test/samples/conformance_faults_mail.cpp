@@ -66,6 +66,19 @@ constexpr Fault kMailFaults[] = {
              data[16] = std::byte{3};
          return true;
      }},
+    {"information.limits", "the minimum is 1 and the maximum is 0",
+     [](std::uint16_t address, Octets& data) {
+         if (!is_information(address, data, coe::InfoOpcode::entry_response)) return true;
+         const auto length = load_le<std::uint16_t>(data, 0);
+         const std::size_t bytes = load_le<std::uint16_t>(data, 18) / 8U;
+         if (bytes == 0 || data.size() != length + 6U || data.size() + 2 * bytes > 64) return true;
+         data[15] = std::byte{coe::value_info::kMinimum | coe::value_info::kMaximum};
+         Octets limits(2 * bytes);
+         limits[0] = std::byte{1};
+         data.insert(data.begin() + 22, limits.begin(), limits.end());
+         store_le(MutableBytes(data), 0, static_cast<std::uint16_t>(length + 2 * bytes));
+         return true;
+     }},
     {"information.lists", "another list is named",
      [](std::uint16_t address, Octets& data) {
          if (is_information(address, data, coe::InfoOpcode::list_response)) data[12] = std::byte{0};
