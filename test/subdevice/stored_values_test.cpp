@@ -158,6 +158,35 @@ TEST_F(StoredValuesTest, ADamagedBlockIsNotLoaded) {
     EXPECT_TRUE(Powered(flash).loaded);
 }
 
+// The power fails while the flash memory writes octet `n`: over the old block, or after it has erased the old block.
+TEST_F(StoredValuesTest, ALossOfPowerAtEachWriteLeavesTheOldBlockTheNewOneOrNone) {
+    const auto block_of = [&](const std::vector<std::byte>& value, std::string_view label) {
+        Powered device(flash);
+        EXPECT_EQ(download(device.bench, 0x2000, 0, value).abort, Abort::none);
+        EXPECT_EQ(download(device.bench, 0x2002, 0, octets(label)).abort, Abort::none);
+        EXPECT_EQ(save(device.bench), Abort::none);
+        return flash.content;
+    };
+    const auto before = block_of(raw({0x2C, 0x01}), "pump");
+    const auto after = block_of(raw({0x90, 0x01}), "valve");
+    ASSERT_EQ(before.size(), after.size());
+    for (const bool erases : {false, true}) {
+        for (std::size_t n = 0; n <= after.size(); ++n) {
+            flash.content = erases ? std::vector<std::byte>(before.size(), std::byte{0xFF}) : before;
+            std::copy_n(after.begin(), n, flash.content.begin());
+            Powered device(flash);
+            const auto setting = upload(device.bench, 0x2000).number();
+            const auto label = upload(device.bench, 0x2002).text();
+            const auto expected = !device.loaded            ? std::pair{100U, "none"}
+                                  : flash.content == before ? std::pair{300U, "pump"}
+                                                            : std::pair{400U, "valve"};
+            EXPECT_EQ(setting, expected.first) << n;
+            EXPECT_EQ(label, expected.second) << n;
+            EXPECT_EQ(device.loaded, flash.content == before || flash.content == after) << n;
+        }
+    }
+}
+
 // The memory needs a second: the device continues, and the master waits for the reply.
 TEST_F(StoredValuesTest, ASlowMemoryDelaysOnlyTheReply) {
     Powered device(flash);
