@@ -76,6 +76,9 @@ struct DcDescription {
     // For the operation mode in the SII: SYNC1 occurs `sync1_shift` (at least 0) after each nth SYNC0; n is the factor.
     std::int16_t sync1_cycle_factor = 1;
     Duration sync1_shift{};
+    // The same: SYNC0 occurs in each nth cycle of the master (n from 1 on), or -n times in a cycle (oversampling, n
+    // from -2 on down).
+    std::int16_t sync0_cycle_factor = 1;
     Duration min_cycle{};  // limits of the SYNC0 cycle time; zero: no limit
     Duration max_cycle{};
     // The device follows SYNC0 with a control loop of its own, as drives do. In SAFEOP→OP it refuses OP with AL status
@@ -160,6 +163,36 @@ inline constexpr std::uint16_t kLeastCoeMailbox = 16;
 // False: there is no SYNC0 cycle time that the device accepts.
 [[nodiscard]] constexpr bool cycle_limits_agree(const DcDescription& dc) {
     return dc.max_cycle == Duration::zero() || dc.min_cycle <= dc.max_cycle;
+}
+
+// False: a mailbox has a size that the device itself refuses.
+[[nodiscard]] constexpr bool mailbox_sizes_agree(const DeviceDescription& device) {
+    bool agree = true;
+    for (const MailboxPair& pair : {device.mailbox, device.boot_mailbox})
+        for (const MailboxArea& area : {pair.receive, pair.send})
+            agree = agree && (!pair.present() || area.allows(area.size_bytes));
+    return agree;
+}
+
+// False: outputs need the watchdog, and the SII of the device has it off.
+[[nodiscard]] constexpr bool watchdogs_agree(const DeviceDescription& device) {
+    bool agree = true;
+    for_each_area(device, true, [&](const ProcessDataArea& area, std::size_t) {
+        agree = agree && (area.watchdog || !area.watchdog_required);
+    });
+    return agree;
+}
+
+// False: process data have the number of a mailbox, of each other, or one that no ESC has (0 to 15).
+[[nodiscard]] constexpr bool sync_managers_agree(const DeviceDescription& device) {
+    unsigned used = device.mailbox.present() || device.boot_mailbox.present() ? 3 : 0;
+    bool agree = true;
+    for (const bool outputs : {true, false})
+        for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) {
+            agree = agree && area.sync_manager < 16 && (used >> area.sync_manager & 1) == 0;
+            used |= area.sync_manager < 16 ? 1U << area.sync_manager : 0;
+        });
+    return agree;
 }
 
 // The SyncManagers of a device: two of the mailboxes, and those of the process data.

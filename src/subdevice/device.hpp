@@ -16,8 +16,8 @@
 //
 // interrupt(), sync0(), sync1() and process() may interrupt step() at any point where step() does not hold the lock of
 // EscAccess, and must not execute while it does: implement EscAccess::lock() and unlock() for a device that uses them.
-// Applications see the difference. With the lock held, and also from the handlers, these functions of an author execute:
-// Application::cycle(), sync1(), safe_outputs(), unpack_outputs(), pack_inputs(), clock() and timestamp_ns().
+// Applications see the difference. With the lock held, and also from the handlers, these functions of an author
+// execute: Application::cycle(), sync1(), safe_outputs(), unpack_outputs(), pack_inputs(), clock() and timestamp_ns().
 // Application::description() and the functions that return a part of the device (emergencies(), diagnosis(),
 // stored_values()), and ObjectHooks::memory, execute both with the lock and without it. All other functions execute
 // without it and only from start() and step(): before(), dropped(), after(), process_data_sizes(), the other hooks of

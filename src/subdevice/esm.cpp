@@ -105,9 +105,9 @@ AlStatusCode Esm::check(Transition transition) {
 
 AlStatusCode Esm::check_mailbox(AlState state) {
     const bool boot = state == AlState::boot;
-    return check_mailboxes(esc_, boot ? device_.boot_mailbox : device_.mailbox,
-                           boot ? AlStatusCode::invalid_boot_mailbox_configuration
-                                : AlStatusCode::invalid_mailbox_configuration);
+    return check_mailboxes(
+        esc_, boot ? device_.boot_mailbox : device_.mailbox,
+        boot ? AlStatusCode::invalid_boot_mailbox_configuration : AlStatusCode::invalid_mailbox_configuration);
 }
 
 AlStatusCode Esm::check_areas() {

@@ -153,8 +153,8 @@ class Esm {
     Transition transition_{};  // the pending transition
     Time again_ = kNever;      // time of the next question to the client
     bool pending_ = false;
-    bool holding_ = false;     // fall_back() notes its arguments in held_
-    AlStatus held_{};          // `state` none: fall_back() was not called; `error`: the next status has the error
+    bool holding_ = false;         // fall_back() notes its arguments in held_
+    AlStatus held_{};              // `state` none: fall_back() was not called; `error`: the next status has the error
     bool identifying_ = false;     // the master asks for the explicit device ID, and the device has one
     std::uint16_t device_id_ = 0;  // the answer
 };

@@ -71,8 +71,8 @@ template <auto... Path>
 // A number of `bits` bits (1 to 8) that uses one octet of the image: BOOLEAN, BIT2 and so on.
 template <class F>
 requires std::same_as<typename F::Type, std::uint8_t>
-[[nodiscard]] constexpr Entry flag(std::uint8_t subindex, const char* name, std::uint16_t access,
-                                   unsigned bits = 1, std::uint8_t initial = 0) {
+[[nodiscard]] constexpr Entry flag(std::uint8_t subindex, const char* name, std::uint16_t access, unsigned bits = 1,
+                                   std::uint8_t initial = 0) {
     Entry e = value<F>(subindex, name, access, initial);
     e.type = bits == 1 ? DataType::boolean : static_cast<DataType>(static_cast<unsigned>(DataType::bit1) + bits - 1);
     e.bits = bits;

@@ -148,7 +148,7 @@ bool is_within_limits(const MappedEntry& mapped, Bytes from, std::size_t bit) {
 
 Abort PdoMapping::add(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes) {
     if (const auto rest = (8 - bits_ % 8) % 8; rest != 0) {
-        if (count_ == memory_.size()) return Abort::exceeds_pdo;
+        if (count_ == memory_.size()) return Abort::out_of_memory;
         memory_[count_++] = {0, 0, static_cast<std::uint8_t>(rest)};
         bits_ += rest;
     }
@@ -158,7 +158,8 @@ Abort PdoMapping::add(ObjectDictionary& dictionary, std::uint16_t assignment, st
         const auto& entry = reader.entry();
         const auto wrong = check_mappable(dictionary, entry, is_output_pdo(reader.pdo()));
         if (wrong != Abort::none) return wrong;
-        if (count_ == memory_.size() || bits_ + entry.bits > end) return Abort::exceeds_pdo;
+        if (count_ == memory_.size()) return Abort::out_of_memory;
+        if (bits_ + entry.bits > end) return Abort::exceeds_pdo;
         MappedEntry mapped{entry.index, entry.subindex, entry.bits};
         if (!is_gap(entry.index)) {
             const auto& object = *dictionary.find(entry.index);

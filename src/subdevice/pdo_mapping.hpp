@@ -70,9 +70,9 @@ class PdoMapping {
 
     // Removes all entries.
     void clear() { count_ = bits_ = 0; }
-    // Adds the entries of one assignment, from the next octet on. Abort::exceeds_pdo: the mapping has more entries than
-    // the memory can hold, or the assignment has more octets than `max_bytes`. Unused bits of the octet before use an
-    // entry.
+    // Adds the entries of one assignment, from the next octet on. Abort::out_of_memory: the mapping has more entries
+    // than the memory can hold (SAFEOP is refused with 0x0002 "no memory"). Abort::exceeds_pdo: the assignment has more
+    // octets than `max_bytes`. Unused bits of the octet before use an entry.
     [[nodiscard]] Abort add(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes);
     // The same, for a mapping with one assignment.
     [[nodiscard]] Abort build(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes) {

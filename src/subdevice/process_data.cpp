@@ -17,7 +17,10 @@ constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // used when a Sy
 // after this number of cycle times without SYNC0, SYNC0 counts as lost
 constexpr int kLostSyncs = 3;
 
-AlStatusCode mapping_fault(Abort abort, AlStatusCode code) { return abort == Abort::none ? AlStatusCode::none : code; }
+AlStatusCode mapping_fault(Abort abort, AlStatusCode code) {
+    if (abort == Abort::out_of_memory) return AlStatusCode::no_memory;
+    return abort == Abort::none ? AlStatusCode::none : code;
+}
 
 std::uint8_t sm_status_of(EscAccess& esc, unsigned n) {
     return read_register<std::uint8_t>(

@@ -104,8 +104,8 @@ class ProcessData {
     // AL events that process data use now; 0 below SAFEOP. Changes with each update. Locked.
     [[nodiscard]] std::uint32_t events() const;
     // Number of SYNC0 signals in one frame period of the master (oversampling). It is the cycle time in object
-    // 0x1C32:02 divided by the SYNC0 cycle time; without that value, it follows from the SYNC1 cycle time; otherwise it
-    // is 1.
+    // 0x1C32:02 divided by the SYNC0 cycle time; without that value, it follows from the SYNC1 cycle time; otherwise
+    // from DcDescription::sync0_cycle_factor.
     [[nodiscard]] std::uint32_t syncs_per_frame() const { return syncs_per_frame_; }
     [[nodiscard]] const Counters& counters() const { return counters_; }
 
@@ -207,7 +207,7 @@ class ProcessData {
     unsigned sync_error_limit_ = 0;
     Time last_outputs_{};
     Time last_sync_{};
-    Time sync_grid_{};  // the time of the last SYNC0, without the delay until it was served
+    Time sync_grid_{};          // the time of the last SYNC0, without the delay until it was served
     Time next_cycle_ = kNever;  // the application is called without an event
     Time next_poll_ = kNever;   // used when SyncManagers of the outputs do not raise events
     Time next_watch_ = kNever;

@@ -118,6 +118,8 @@ void ProcessData::read_sync_settings() {
         } else if (frame == 0 && sync1_on && sync1 >= sync_cycle_ns_) {
             // A SYNC1 cycle time of n SYNC0 cycles: SYNC1 occurs at each (n + 1)th SYNC0.
             syncs_per_frame_ = sync1 / sync_cycle_ns_ + 1;
+        } else if (frame == 0 && device.dc.sync0_cycle_factor < -1) {
+            syncs_per_frame_ = static_cast<std::uint32_t>(-device.dc.sync0_cycle_factor);
         }
     }
     const auto* const setting = dictionary_.find(kSyncErrorSetting);

@@ -115,7 +115,7 @@ SmInfo process_data_info(const ProcessDataArea& area, std::uint16_t bytes, bool 
     namespace control = wire::sm_control;
     const unsigned bits = (area.three_buffers ? control::kModeBuffered : control::kModeMailbox) |
                           control::kPdiInterrupt | (outputs ? control::kEcatWrites : control::kEcatReads) |
-                          (outputs && area.watchdog ? control::kWatchdogTrigger : 0u);
+                          (outputs && (area.watchdog || area.watchdog_required) ? control::kWatchdogTrigger : 0u);
     return {area.start, bytes, static_cast<std::uint8_t>(bits), bytes != 0 ? std::uint8_t{1} : std::uint8_t{0},
             outputs ? SmType::outputs : SmType::inputs};
 }
@@ -133,7 +133,7 @@ std::uint16_t pdi_configuration(const DcDescription& dc, const BoardDescription&
 // The operation mode with SYNC signals.
 sii::DcOpMode dc_mode(const DcDescription& dc) {
     constexpr unsigned kSync0 = wire::sync_activation::kCyclic | wire::sync_activation::kSync0;
-    sii::DcOpMode mode{.assign_activate = kSync0 << 8, .sync0_cycle_factor = 1};
+    sii::DcOpMode mode{.assign_activate = kSync0 << 8, .sync0_cycle_factor = dc.sync0_cycle_factor};
     if (dc.sync1) {
         mode.sync1_shift_time_ns = static_cast<std::int32_t>(dc.sync1_shift.count());
         mode.sync1_cycle_factor = dc.sync1_cycle_factor;
@@ -239,7 +239,7 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
             const auto info = process_data_info(area, mapped_bytes(dictionary, area), outputs);
             room = managers.set(area.sync_manager, info) && room;
         });
-    if (!room) return {0, Fault::no_room};
+    if (!room) return {0, Fault::sync_manager_overlap};
     d.sync_managers = managers.entries();
     if (const auto fault = place_fault(d); fault != Fault::none) return {0, fault};
 

@@ -49,10 +49,10 @@ struct SiiWorkspace {
 };
 
 // Writes the image into `eeprom` (the size is a multiple of 128 octets) and returns the number of used octets. Errors
-// are those of wire::sii::write_image() and wire::sii::mailbox_fault(), Fault::sync_manager_outside and
-// Fault::sync_manager_overlap when SyncManagers share memory or are not in the process RAM, Fault::mailbox_too_short
-// when a mailbox has no room for an error reply (with CoE: for an SDO request), Fault::cycle_limits, and Fault::no_room
-// when the workspace is too small or two areas of the description use one SyncManager. PDOs, their assignment and sizes
+// are those of wire::sii::write_image() and wire::sii::mailbox_fault(), Fault::sync_manager_outside when
+// SyncManagers are not in the process RAM, Fault::sync_manager_overlap when two of them share memory or have one number
+// (or a number above 15), Fault::mailbox_too_short when a mailbox has no room for an error reply (with CoE: for an SDO
+// request), Fault::cycle_limits, and Fault::no_room when the workspace is too small. PDOs, their assignment and sizes
 // are read from the current values of the dictionary: call this function before a master has changed the values.
 [[nodiscard]] wire::sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardDescription& board,
                                                        const ObjectDictionary& dictionary,

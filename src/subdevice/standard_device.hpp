@@ -68,33 +68,41 @@ constexpr Mapped count_mapped(std::span<const Object> objects, std::uint16_t acc
     return all;
 }
 
-// The octets of a value of the device (0x2000 on).
+// The octets of a value of the device (0x2000 on), or of an object of the communication.
 struct Range {
     std::size_t begin = 0;
     std::size_t end = 0;
+    bool of_device = true;
 };
 constexpr void for_each_value(std::span<const Object> objects, auto&& call) {
     for (const Object& object : objects)
         for (const Entry& entry : object.entries)
-            if (object.index >= 0x2000 && entry.storage == Storage::image && entry.bytes() != 0 && entry.count != 0)
-                call(Range{entry.offset, entry.offset + std::size_t{entry.bytes()} * entry.count});
+            if (entry.storage == Storage::image && entry.bytes() != 0 && entry.count != 0)
+                call(Range{entry.offset, entry.offset + std::size_t{entry.bytes()} * entry.count,
+                           object.index >= 0x2000});
 }
 constexpr std::size_t value_count(std::span<const Object> objects) {
     std::size_t count = 0;
     for_each_value(objects, [&](const Range&) { ++count; });
     return count;
 }
-// Whether no two values of the device (0x2000 on) lie in the same octets: two members of different structs, or a member
-// of a base class, whose offset is that in the base class.
+// Whether no value of the device (0x2000 on) lies in the octets of another value: two members of different structs, a
+// member of a base class, whose offset is that in the base class, or an object of the communication with a wrong
+// offset. Objects of the communication may show the same values.
 template <std::size_t N>
 constexpr bool lie_apart(std::span<const Object> objects) {
-    // Sorted by their offsets, each value is compared with the one before: a device may have thousands.
+    // Sorted by their offsets, each value is compared with the ones before: a device may have thousands.
     std::array<Range, N> ranges{};
     std::size_t n = 0;
     for_each_value(objects, [&](const Range& range) { ranges[n++] = range; });
     std::ranges::sort(ranges, {}, &Range::begin);
-    for (n = 1; n < N; ++n)
-        if (ranges[n].begin < ranges[n - 1].end) return false;
+    std::size_t all_end = 0;
+    std::size_t device_end = 0;
+    for (const Range& range : ranges) {
+        if (range.begin < (range.of_device ? all_end : device_end)) return false;
+        all_end = std::max(all_end, range.end);
+        if (range.of_device) device_end = std::max(device_end, range.end);
+    }
     return true;
 }
 
@@ -259,8 +267,9 @@ class StandardObjects {
 
 // A device with CoE. `Values`: the struct of the values (values.hpp), or std::array<std::byte, N>. `More`: other
 // mailbox protocols besides CoE. `MostMapped`: how many entries the master may map in one direction, for PDOs that it
-// can change. `LargestValue`: ModuleTables::kLargestValue, for a modular device. An object with a large value in the
-// memory of a hook (ObjectHooks::memory) needs ObjectHooks::in_pieces.
+// can change, and for those of modules: with more entries SAFEOP is refused with 0x0002 "no memory". `LargestValue`:
+// ModuleTables::kLargestValue, for a modular device. An object with a large value in the memory of a hook
+// (ObjectHooks::memory) needs ObjectHooks::in_pieces.
 template <const DeviceDescription& Description, const auto& Own, class Values, std::size_t More = 0,
           std::uint32_t Type = 0, std::size_t MostMapped = StandardObjects<Description, Own, Type>::kMostMapped,
           std::size_t LargestValue = 0>
@@ -276,6 +285,14 @@ class StandardDevice {
     static_assert(standard::mailboxes_fit_an_sdo(Description),
                   "a mailbox of the DeviceDescription is too short for an SDO request: it needs 16 octets");
     static_assert(cycle_limits_agree(Description.dc), "DcDescription::min_cycle is above DcDescription::max_cycle");
+    static_assert(Description.dc.supported || !Description.dc.required,
+                  "DcDescription::required needs DcDescription::supported");
+    static_assert(mailbox_sizes_agree(Description),
+                  "MailboxArea::size_bytes is not between `min_bytes` and `max_bytes`: the device refuses its own SII");
+    static_assert(watchdogs_agree(Description),
+                  "ProcessDataArea::watchdog_required needs ProcessDataArea::watchdog: the device refuses its own SII");
+    static_assert(sync_managers_agree(Description),
+                  "ProcessDataArea::sync_manager is that of a mailbox (0, 1) or of another area, or above 15");
     static constexpr auto kPlaces = standard::places_of(Description);
     static_assert(kPlaces != standard::Places::mailboxes_outside,
                   "a mailbox of the DeviceDescription is not in the RAM of an ESC, 0x1000 to 0xFFFF");
@@ -294,7 +311,8 @@ class StandardDevice {
     static_assert(well_formed(Objects::kObjects, sizeof(Values)),
                   "the table has values outside of `Values`, or another mistake that well_formed() finds");
     static_assert(standard::lie_apart<standard::value_count(Objects::kObjects)>(Objects::kObjects),
-                  "two values of the table lie in the same octets: name members of `Values` itself, not of a base");
+                  "two values of the table lie in the same octets: name members of `Values` itself, not of a base, and "
+                  "offset_of(&Values::member) for the objects of the stack, such as sync_output_entries()");
     static constexpr std::size_t kMailboxBytes =
         std::max(standard::largest(Description.mailbox), standard::largest(Description.boot_mailbox));
 

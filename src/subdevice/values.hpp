@@ -68,6 +68,7 @@ namespace members {
 // The number behind a member, and how many of them follow each other.
 template <class Member>
 struct Number {
+    static_assert(!std::is_same_v<Member, bool>, "a flag is a std::uint8_t: the master may write any octet");
     static_assert(sizeof(Member) == 1 && std::is_integral_v<Member>,
                   "a number of more than one octet is a Le: the image has the octet order of the wire");
     using Type = Member;

@@ -29,7 +29,7 @@ std::string_view to_text(Fault fault) {
         case Fault::cycle_limits: return "the shortest SYNC0 cycle time is above the longest";
         case Fault::sync_manager_outside: return "a SyncManager is outside of the process RAM";
         case Fault::sync_manager_overlap:
-            return "two SyncManagers share memory (three buffers take three times the length)";
+            return "two SyncManagers have the same number or share memory (three buffers take three times the length)";
         case Fault::string_past_end: return "a string reaches past the end of its category";
         case Fault::string_missing: return "there is no string of this number";
         case Fault::unknown_value: return "a value that the standard does not have";

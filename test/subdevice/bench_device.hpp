@@ -205,7 +205,7 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
     std::function<void()> during_safe = [] {};
     std::function<void()> during_after = [] {};
     Time slow_until = Time{} + 50ms;
-    bool no_time = false;  // the hooks answer later(kNever)
+    bool no_time = false;                        // the hooks answer later(kNever)
     std::function<void()> during_hook = [] {};   // called in before_read and before_write,
     std::function<void()> during_write = [] {};  // and in after_write
     std::vector<std::byte> vast = std::vector<std::byte>(70'000, std::byte{0x5A});

@@ -58,7 +58,8 @@ TEST_P(BetweenAnyTwoSteps, ASync0AtItsPinChangesNothingButTheProcessData) {
 INSTANTIATE_TEST_SUITE_P(Modes, BetweenAnyTwoSteps,
                          ::testing::Values(RunMode::polling, RunMode::mixed, RunMode::interrupts));
 
-// Complete access holds the lock for one value at a time. How often does an interrupt come between two values of 0x2006?
+// Complete access holds the lock for one value at a time. How often does an interrupt come between two values of
+// 0x2006?
 unsigned interrupts_between_values(const std::vector<std::byte>& request) {
     Interrupted rig(RunMode::mixed);
     unsigned found = 0;

@@ -129,6 +129,11 @@ TEST(StructOfValues, ValuesLieApart) {
     static constexpr Object kSame[] = {variable(0x2000, "Status", kA), variable(0x2001, "Status", kAgain)};
     EXPECT_TRUE(standard::lie_apart<2>(kApart));
     EXPECT_FALSE(standard::lie_apart<2>(kSame));
+    // An object of the stack with a wrong offset.
+    static constexpr Object kOver[] = {variable(0x10F8, "Status", kAgain), variable(0x2000, "Status", kA)};
+    static constexpr Object kShown[] = {variable(0x1008, "Status", kA), variable(0x1009, "Status", kAgain)};
+    EXPECT_FALSE(standard::lie_apart<2>(kOver));
+    EXPECT_TRUE(standard::lie_apart<2>(kShown)) << "two objects of the communication show one value";
 }
 
 TEST(SyncObjects, ADeviceThatRequiresTheClockAnnouncesNothingElse) {

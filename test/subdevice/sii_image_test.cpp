@@ -113,7 +113,10 @@ TEST_F(SiiImageTest, AreasWithoutMemoryOfTheirOwnAreToldNotWritten) {
     EXPECT_EQ(fault([](auto& d) { d.mailbox.send.start = 0x0F00; }), Fault::mailbox_outside);
     EXPECT_EQ(fault([](auto& d) { d.boot_mailbox = d.mailbox, d.boot_mailbox.send.start = 0x1001; }),
               Fault::mailbox_overlap);
-    EXPECT_EQ(fault([](auto& d) { d.boot_mailbox = {{0x1200, 256}, {0x1300, 256}}; }), Fault::none)
+    EXPECT_EQ(fault([](auto& d) {
+                  d.boot_mailbox = {{0x1200, 256}, {0x1300, 256}};
+              }),
+              Fault::none)
         << "BOOT has no process data";
     EXPECT_EQ(fault([](auto& d) { d.mailbox = {}; }), Fault::mailbox_without_size);
     for (const auto words : {Fault::sync_manager_outside, Fault::sync_manager_overlap})
@@ -195,6 +198,8 @@ TEST_F(SiiImageTest, TheOperationModeSaysWhenSync1Comes) {
     EXPECT_EQ(last().sync0_cycle_factor, 1);
     EXPECT_EQ(last().sync1_cycle_factor, 5);
     EXPECT_EQ(last().sync1_shift_time_ns, 20'000);
+    dc.sync0_cycle_factor = -5;
+    EXPECT_EQ(last().sync0_cycle_factor, -5) << "oversampling";
 }
 
 // --- Emulation: 0x0502 on the side of the PDI ---
@@ -231,6 +236,9 @@ TEST_F(EepromTest, WritesAWordAndTellsTheAuthor) {
     EXPECT_EQ(command(0x0201, 1024, 1) & 0x7F00, 0x2200);
     EXPECT_EQ(command(0x0400, 0) & 0x7F00, 0x0400);
     EXPECT_EQ(bench.esc.get<std::uint16_t>(0x0508), 0xBEEF) << "reload hands the alias over";
+    image[1] = std::byte{0xA7};  // 0x0141: bit 1, and of the bits 4 to 7 those of the ports 1 and 3
+    EXPECT_EQ(command(0x0400, 0) & 0x7F00, 0x0400);
+    EXPECT_EQ(bench.esc.get<std::uint32_t>(0x0508), 0x0015'BEEFu) << "and enhanced link detection";
 }
 
 TEST_F(EepromTest, WithoutACommandNothingIsTouched) {

@@ -76,8 +76,9 @@ static_assert(places_with([](auto& d) { d.inputs.start = 0xFFF0; }) == Places::d
 static_assert(places_with([](auto& d) { d.mailbox.send.start = 0x107F; }) == Places::mailboxes_overlap);
 static_assert(places_with([](auto& d) { d.mailbox.receive.start = 0x0400; }) == Places::mailboxes_outside);
 static_assert(places_with([](auto& d) { d.boot_mailbox = {{0x1400, 128}, {0x1480, 128}}; }) == Places::apart);
-static_assert(places_with([](auto& d) { d.boot_mailbox = {{0x1400, 129}, {0x1480, 128}}; }) ==
-              Places::mailboxes_overlap);
+static_assert(places_with([](auto& d) {
+                  d.boot_mailbox = {{0x1400, 129}, {0x1480, 128}};
+              }) == Places::mailboxes_overlap);
 
 // Further mistakes that StandardDevice asserts by name.
 constexpr bool fits_an_sdo(std::uint16_t bytes) {
@@ -89,6 +90,25 @@ static_assert(fits_an_sdo(16) && !fits_an_sdo(15));
 using std::chrono_literals::operator""ms;
 static_assert(cycle_limits_agree({.min_cycle = 1ms}) && cycle_limits_agree({.min_cycle = 1ms, .max_cycle = 1ms}));
 static_assert(!cycle_limits_agree({.min_cycle = 2ms, .max_cycle = 1ms}));
+constexpr bool mailbox_fits(MailboxArea area) {
+    DeviceDescription device = kLampsDevice;
+    device.mailbox.receive = area;
+    return mailbox_sizes_agree(device);
+}
+static_assert(mailbox_fits({.size_bytes = 128}) &&
+              mailbox_fits({.size_bytes = 128, .min_bytes = 64, .max_bytes = 128}));
+static_assert(!mailbox_fits({.size_bytes = 128, .min_bytes = 32, .max_bytes = 64}));
+static_assert(!mailbox_fits({.size_bytes = 128, .min_bytes = 200, .max_bytes = 100}));
+constexpr bool outputs_agree(ProcessDataArea area) {
+    DeviceDescription device = kLampsDevice;
+    device.outputs = area;
+    return watchdogs_agree(device) && sync_managers_agree(device);
+}
+static_assert(outputs_agree({.sync_manager = 2, .max_bytes = 4, .watchdog = true, .watchdog_required = true}));
+static_assert(!outputs_agree({.sync_manager = 2, .max_bytes = 4, .watchdog_required = true}));
+static_assert(outputs_agree({.sync_manager = 15, .max_bytes = 4}) &&
+              !outputs_agree({.sync_manager = 16, .max_bytes = 4}));
+static_assert(!outputs_agree({.max_bytes = 4}) && !outputs_agree({.sync_manager = 1, .max_bytes = 4}));
 template <unsigned Count>
 constexpr Entry kCounted[] = {entry_count(Count), value<&LampValues::dimming>(1, "Dimming", od::kReadWrite)};
 template <unsigned Count>
