@@ -334,7 +334,8 @@ void write_cause(TextWriter& out, const Error& e) {
                         : e.slave == 0                 ? " (more slaves answer than were found: search again)"
                                                        : " (it was lost, or came back, during the measurement)");
             if (e.code == Errc::unstable && e.step == Step::topology)
-                out << ": its open ports do not fit the slaves that were found";
+                out << ": its open ports do not fit the slaves that were found, or frames enter a slave at a port "
+                       "other than 0";
             if (e.step == Step::exchange_process_data && e.detail == Error::kOthersFresh)
                 out << ", the inputs of the other slaves are fresh";
             if (e.step == Step::exchange_process_data && e.detail == Error::kBeingMapped)
@@ -402,7 +403,7 @@ void write_cause(TextWriter& out, const Error& e) {
                 out << " (the chosen reference clock is at a branch that only the frames of the second NIC reach)";
             if (e.step == Step::configure_clocks && e.detail != Error::kRedundancy)
                 out << " (frames arrive at its port " << e.actual
-                    << " instead of 0, and slaves are behind: its cables are swapped)";
+                    << " instead of 0, and the receive times do not tell which slaves are behind)";
             if (e.step == Step::request_state)
                 out << " (" << to_text(AlState::boot) << ": its SII describes no bootstrap mailbox)";
             break;

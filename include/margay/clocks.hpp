@@ -22,7 +22,7 @@ namespace margay {
 // off, so it is not used.
 enum class ClockKind : std::uint8_t {
     unknown,        // configdc() has not looked
-    none,           // no clock and no receive times
+    none,           // no clock, no receive times: delays behind it assume that its cables are equally long
     receive_times,  // no clock that runs, but receive times: the delay behind the slave can be measured
     bits32,         // a clock of 32 bits: it wraps every 4.29 s
     bits64,
@@ -41,7 +41,7 @@ struct SlaveClock {
     // one, or with a watch_interval of zero, it becomes false when the slave is seen to be lost, and stays false.
     bool in_sync = false;
     bool sync_active = false;    // SYNC signals were activated
-    std::uint32_t delay_ns = 0;  // from the reference clock (ESC register 0x0928)
+    std::uint32_t delay_ns = 0;  // from the first clock in the ring (ESC register 0x0928)
     // To the reference clock as read last (0x092C); negative: behind. A supervision reads one slave in each
     // watch_interval while all clocks are in sync, and all slaves otherwise. Behind a break of a ring with two NICs: to
     // the second reference, plus the difference of both references.
@@ -70,7 +70,7 @@ struct ClockSettings {
     // supervision has seen that a slave before the reference clock is lost, the slave that is in its position now is
     // taken for the reference clock: leave this false where a branch without clocks before it may be disconnected.
     bool by_position = false;
-    // The cycle of the SYNC signals of slaves whose SyncSettings do not say it.
+    // The cycle of the SYNC signals of slaves whose SyncSettings do not say it. Only MasterClock knows that of the bus.
     Duration cycle = std::chrono::milliseconds(1);
     // SYNC0 starts at a whole multiple of this time (of system time), plus the shift of the slave: the same phase for
     // all slaves, also for a slave that comes back. A whole multiple of the cycle of every slave's SYNC signals. Zero:
@@ -133,9 +133,9 @@ struct ClockRequest : Request {
 // Errors: no_clock (no slave, or not the chosen reference, has a clock that runs), missing_slave (the chosen
 // reference), wrong_state (slave: it is in OP with SYNC signals; slave 0: no slaves yet), clock_before_reference (with
 // two NICs; slave: the reference, expected: a slave with a clock before it), not_in_sync (slave: the clock with the
-// greatest difference, expected: the limit, actual: the difference in ns; all other work is done, and a cycle may bring
-// it into sync later), unstable (slave: it was lost, or came back, meanwhile), invalid_argument, no_frame, capacity,
-// unsupported (slave: its clock is beside a ring with two NICs, see redundancy.hpp, or its cables are swapped).
+// greatest difference, expected: the limit, actual: the difference in ns; all other work is done, a cycle may bring it
+// into sync later), unstable (slave: it was lost, or came back; slave 0: others answer), invalid_argument, no_frame,
+// capacity, unsupported (its clock is beside a ring with two NICs, or receive times do not tell what is behind it).
 Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
 
 // Activates or switches off the SYNC signals of one slave now; see dcsync0().
@@ -150,7 +150,7 @@ struct SyncRequest : SlaveRequest {
 // again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock,
 // clock_not_reached (the clock is before a chosen reference, expected: that slave), unknown_slave,
 // invalid_argument (a cycle that is negative, does not fit 32 bits or does not fit ClockSettings::start_grid; a start
-// time of ClockSettings::start_time that has passed), working_counter, no_frame.
+// that has passed, or is over 4.29 s ahead of a clock of 32 bits), working_counter, no_frame.
 Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift = Duration{0});
 Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1,
                   Duration shift = Duration{0});

@@ -3,12 +3,6 @@
 namespace margay {
 namespace {
 
-// The order in which a frame passes the ports; the processing unit is behind port 0.
-constexpr std::uint8_t next_port(std::uint8_t port) {
-    constexpr std::uint8_t kNext[4] = {3, 2, 0, 1};
-    return kNext[port & 3];
-}
-
 // Whether the frame passes the processing unit on its way from port `from` to port `to`. From a port to itself the
 // frame passes all of the slave.
 bool passes_processing_unit(std::uint8_t from, std::uint8_t to) {
@@ -95,8 +89,8 @@ void place_branch(std::span<DelayNode> nodes, std::size_t first) {
         node.passed_ps = node.arrival_ps;
         if (node.times->has_processing())
             node.passed_ps += node.times->processing_ps();
-        else if (node.entry_port != 0 && has_neighbour(node, 0))
-            node.passed_ps += node.times->port_ps(0);
+        else
+            node.passed_ps += node.times->port_ps(port_before_unit(node));
     }
 }
 
@@ -117,6 +111,15 @@ void compute_delays(std::span<DelayNode> nodes) {
             goes_on = true;
         }
     }
+}
+
+std::uint8_t port_before_unit(const DelayNode& node) {
+    std::uint8_t last = node.entry_port;
+    for (std::uint8_t port = node.entry_port; port != 0;) {
+        port = next_port(port);
+        if (has_neighbour(node, port)) last = port;
+    }
+    return last;
 }
 
 std::int64_t away_ps(const DelayNode& node, std::uint8_t port) {

@@ -17,6 +17,7 @@ struct DelayNode {
     // Bit p: a slave is connected behind port p. A port to the master's second NIC, or without a neighbour, is not set:
     // its receive time is old.
     std::uint8_t neighbours = 0;
+    std::uint8_t open = 0;  // for find_ways(), bit p: frames pass port p
     // How much longer a frame needs through the processing unit than from port to port without it.
     std::uint16_t processing_ns = 0;
     const PortTimes* times = nullptr;  // nullptr: the slave has no receive times; it is a part of the cable
@@ -24,7 +25,8 @@ struct DelayNode {
     [[nodiscard]] bool timed() const { return times != nullptr && times->count() != 0; }
 
     // Results. When the frame arrived, and when it passed the processing unit, in picoseconds from the arrival at the
-    // first slave with receive times.
+    // first slave with receive times. For find_ways(), `arrival_ps` is an input: how long after its arrival the frame
+    // arrives for the last time; negative: not known.
     std::int64_t arrival_ps = 0;
     std::int64_t passed_ps = 0;
 
@@ -36,11 +38,19 @@ struct DelayNode {
     std::uint16_t root = 0;  // without such a place: the place that is connected to the master, or that was last seen
 };
 
+// The order in which a frame passes the ports; the processing unit is behind port 0.
+[[nodiscard]] constexpr std::uint8_t next_port(std::uint8_t port) {
+    constexpr std::uint8_t kNext[4] = {3, 2, 0, 1};
+    return kNext[port & 3];
+}
+
 // Fills the results of all nodes with receive times. Slaves without receive times count as cable: the time that is left
 // is divided equally between the cables. `nodes` are in the order of the ring; parents may follow their children.
 // Several places may be connected to the master: the frames arrive at all of them at the same time.
 void compute_delays(std::span<DelayNode> nodes);
 
+// The port at which the frame arrives last before the processing unit of the node.
+[[nodiscard]] std::uint8_t port_before_unit(const DelayNode& node);
 // How long the frame is away from the node when it leaves by `port`; 0 where no slave is connected there.
 [[nodiscard]] std::int64_t away_ps(const DelayNode& node, std::uint8_t port);
 // From the processing unit of the node until the frame has left the node towards the master.

@@ -26,6 +26,13 @@ class PortTimes {
         add_one(kProcessing, times.processing_ns - entry);
         ++count_;
     }
+    // The frame has arrived at this port first.
+    void begin_at(std::uint8_t entry_port) {
+        const std::int32_t first = first_[entry_port & 3];
+        const std::int64_t sum = sum_[entry_port & 3];
+        for (std::int32_t& time : first_) time -= first;
+        for (std::int64_t& changes : sum_) changes -= sum;
+    }
     [[nodiscard]] std::uint8_t count() const { return count_; }
     // The measurements differ by more than the jitter of a frame: some of them have an old time, because no frame
     // arrived at the port.

@@ -1,6 +1,7 @@
 // The ways of the frames through the segment, for the propagation delays of the clocks. In a ring with two NICs that is
 // broken, the frames of the second NIC enter the slaves behind the break at the other end, pass them to the break
 // without being processed, and are processed on their way back: in the same order as in the whole ring.
+#include "clock/frame_ways.hpp"
 #include "network/clocks.hpp"
 #include "network/network.hpp"
 
@@ -78,7 +79,61 @@ const DelayNode* first_timed(std::span<const DelayNode> nodes, std::size_t from)
 // follow the first clock there.
 constexpr std::int64_t kUnknownCable_ns = 500;
 
+constexpr std::int64_t kLongest_ps = 100'000'000'000;  // 100 ms: longer than a frame through 65 535 slaves
+
+// A port that the last frame has not passed.
+bool is_old(const PortTimes& times, std::uint8_t port) {
+    return times.differ(port) || times.port_ps(port) > kLongest_ps || times.port_ps(port) < -kLongest_ps;
+}
+
+// From the arrival of the frame until it has arrived for the last time.
+std::int64_t away_ps_of(const RingPlace& place, const PortTimes& times) {
+    std::int64_t last = 0;
+    for (std::uint8_t port = 0; port < 4; ++port)
+        if (place.ports[port].open && !is_old(times, port)) last = std::max(last, times.port_ps(port));
+    return last;
+}
+
+// With one NIC, the frames may enter slaves at other ports than 0, and pass some of the slaves behind such a slave
+// before its processing unit: these come before it in the ring.
+void find_entered_ways(Network& network, std::span<DelayNode> nodes) {
+    Clocks& clocks = network.clocks;
+    const auto ring = network.seen_ring();
+    bool as_expected = true;
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        const RingPlace& place = ring[n];
+        DelayNode& node = nodes[n];
+        node.arrival_ps = -1;
+        for (std::uint8_t port = 0; port < 4; ++port)
+            if (place.ports[port].open) node.open |= static_cast<std::uint8_t>(1U << port);
+        if (place.slave == 0) continue;
+        const ClockEntry& clock = clocks.entries[place.slave - 1U];
+        if (place.ports[clock.entered_port].open) node.entry_port = clock.entered_port;
+        if (node.timed()) node.arrival_ps = away_ps_of(place, *node.times);
+        if (!node.timed() && clock.measured) node.arrival_ps = std::int64_t{clock.away_ns} * 1000;
+        as_expected &= node.entry_port == 0 || node.open == 1U << node.entry_port;
+    }
+    clocks.ways_unknown = !as_expected && !find_ways(nodes);
+}
+
 }  // namespace
+
+void find_entry_ports(Network& network) {
+    if (network.redundancy != nullptr) return;
+    for (const RingPlace& place : network.seen_ring()) {
+        if (place.slave == 0) continue;
+        ClockEntry& clock = network.clocks.entries[place.slave - 1U];
+        if (clock.times.count() == 0) continue;
+        std::uint8_t first = clock.arrival_port;
+        for (std::uint8_t port = 0; port < 4; ++port)
+            if (place.ports[port].open && !is_old(clock.times, port) &&
+                clock.times.port_ps(port) < clock.times.port_ps(first))
+                first = port;
+        clock.entered_port = first;
+        clock.times.begin_at(first);
+        clock.away_ns = static_cast<std::int32_t>(away_ps_of(place, clock.times) / 1000);
+    }
+}
 
 std::size_t find_frame_ways(Network& network) {
     Clocks& clocks = network.clocks;
@@ -94,14 +149,13 @@ std::size_t find_frame_ways(Network& network) {
         nodes[n].processing_ns = processing_ns_of(network.slave(place.slave));
     }
     if (second < nodes.size()) turn_second_part(network, nodes, second);
+    if (network.redundancy == nullptr) find_entered_ways(network, nodes);
     find_neighbours(network, nodes);
     for (std::size_t n = 0; n < nodes.size(); ++n) {
         if (ring[n].slave == 0) continue;
         ClockEntry& clock = clocks.entries[ring[n].slave - 1U];
-        const bool turned = nodes[n].entry_port != ring[n].entry_port;
-        const bool comes_back = turned && (nodes[n].neighbours >> ring[n].entry_port & 1) != 0;
         clock.arrival_port = nodes[n].entry_port;
-        clock.passing_port = comes_back ? ring[n].entry_port : nodes[n].entry_port;
+        clock.passing_port = port_before_unit(nodes[n]);
     }
     return nodes.size();
 }
@@ -141,10 +195,8 @@ void compute_clock_delays(Network& network) {
 }
 
 // Receive times that no way of the frames explains. A port that the last frame has not passed has an old time: the
-// slaves behind it were lost, and this is not known yet. Where frames arrive at a port other than 0 and other slaves
-// are behind, neither the DL status nor the order of the slaves tells which slave is connected to which.
+// slaves behind it were lost, and this is not known yet.
 Error check_receive_times(Network& network) {
-    constexpr std::int64_t kLongest_ps = 100'000'000'000;  // 100 ms: longer than a frame through 65 535 slaves
     const auto ring = network.seen_ring();
     const auto nodes = network.clocks.nodes.first(find_frame_ways(network));
     for (std::size_t n = 0; n < nodes.size(); ++n) {
@@ -152,20 +204,18 @@ Error check_receive_times(Network& network) {
         if (ring[n].slave == 0 || !node.timed()) continue;
         Error error{.step = Step::configure_clocks, .slave = ring[n].slave};
         for (std::uint8_t port = 0; port < 4; ++port) {
-            if (port == node.entry_port) continue;
-            const bool neighbour = (node.neighbours >> port & 1) != 0;
-            const bool connected = neighbour || (network.redundancy == nullptr && ring[n].ports[port].open);
-            const std::int64_t time = node.times->port_ps(port);
-            const bool old = node.times->differ(port) || time > kLongest_ps || time < -kLongest_ps;
-            if (old && neighbour) error.code = Errc::unstable;
-            // Behind a break of a ring with two NICs, frames arrive at other ports by intention.
-            const bool before = time < 0 || (network.redundancy == nullptr && node.entry_port != 0);
-            if (!old && connected && before) {
-                error.code = Errc::unsupported;
-                error.actual = time < 0 ? port : node.entry_port;
-            }
-            if (error.code != Errc::none) return error;
+            const bool neighbour = port != node.entry_port && (node.neighbours >> port & 1) != 0;
+            if (!neighbour) continue;
+            if (is_old(*node.times, port)) error.code = Errc::unstable;
+            if (error.code != Errc::none || node.times->port_ps(port) >= 0) continue;
+            error.code = Errc::unsupported;
+            error.actual = port;
         }
+        if (network.clocks.ways_unknown && node.entry_port != 0) {
+            error.code = Errc::unsupported;
+            error.actual = node.entry_port;
+        }
+        if (error.code != Errc::none) return error;
     }
     return {};
 }

@@ -119,6 +119,7 @@ Task<Result<>> measure(Network& network) {
         if (measured) measured = closed;
     }
     if (!measured) co_return measured;
+    find_entry_ports(network);
     Error changed = changed_meanwhile(network);
     if (changed.code == Errc::none) changed = check_receive_times(network);
     if (changed.code != Errc::none) co_return changed;

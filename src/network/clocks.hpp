@@ -54,6 +54,7 @@ struct ClockEntry : SlaveClock {
     // processing unit. They differ behind a break of a ring with two NICs.
     std::uint8_t arrival_port = 0;
     std::uint8_t passing_port = 0;
+    std::uint8_t entered_port = 0;  // with one NIC: at which the last measurement has seen the frame first
     std::int32_t passed_ns = 0;  // when the frame has passed the slave, after the reference: the delay, see there
     // In a ring with two NICs, as measured while it was whole (network/ring_ways.cpp). Ring slaves are those between
     // both NICs, counted from 1 at the head.
@@ -96,7 +97,9 @@ struct Clocks {
     bool loss_reported = false;     // that the reference is lost
     std::uint16_t looked_at = 0;    // the slave whose difference was read last while all clocks were in sync
     std::uint16_t times_seen = 0;   // cycles_with_time() of the group that carries the time, in the last round
+    std::uint16_t times_sent = 0;   // by send_time() since then
     std::uint8_t odd_times = 0;     // times in succession that note_seen_time() has left out
+    bool ways_unknown = false;      // frames enter slaves at other ports, and find_ways() does not know how
     bool unknown_latched = false;   // more slaves have latched receive times last than are known to be in the ring
     std::uint32_t greatest_ns = 0;  // upper estimate of the differences, as read last
     Time watch_at = Time::min();
@@ -198,6 +201,8 @@ enum class Keep : bool { no, yes };
 // Fills Clocks::nodes with the ways of the frames as they are now, and the ports of the entries. Returns the number of
 // nodes (network/clock_delays.cpp).
 std::size_t find_frame_ways(Network& network);
+// Finds the port at which the frames enter each slave, from the receive times. With two NICs, the ring tells it.
+void find_entry_ports(Network& network);
 // What a slave that answers adds to the sums ClockEntry::way of all slaves behind it. The sums of two slaves differ as
 // long as before if the same slaves are between them.
 [[nodiscard]] constexpr std::uint16_t way_part(const Slave& slave) {
@@ -231,6 +236,8 @@ void note_followed_clocks(Network& network, std::int64_t rounds);
 // the master has sent. It becomes the reference. Its clock is moved to that of the reference before, in small steps, so
 // that no other clock sees a step; one that is too far away is set, and its SYNC signals start again.
 [[nodiscard]] Task<Result<>> return_to_first_clock(Network& network);
+// Gives a slave its clock that was first seen, or was reset, while the reference was lost.
+[[nodiscard]] Task<Result<>> set_late_clock(Network& network);
 // See Clocks::resume.
 void resume_time(Network& network);
 // The slave becomes a reference, with the rate that it has learned. One wrong comparison with the time of the lost one

@@ -76,38 +76,6 @@ TEST_F(Honest, AShorterTimeThanTheSettleTimeIsNotInSync) {
     EXPECT_FALSE(clock(2).in_sync);
 }
 
-// The frames pass the second slave from its port 1 to its port 0, and the third slave before the unit of the second.
-TEST_F(Honest, SwappedCablesAreNamed) {
-    for (unsigned n = 0; n < 3; ++n) segment.add(clocked({.start_ns = n * 12345}).assemble());
-    ASSERT_TRUE(segment.connect_master({0, 0}));
-    ASSERT_TRUE(segment.connect({0, 1}, {1, 1}, kCable));
-    ASSERT_TRUE(segment.connect({1, 0}, {2, 0}, 5us));
-    start();
-    const auto reference = configdc(*ctx, kFewFrames);
-    ASSERT_EQ(reference.error().code, Errc::unsupported) << words(reference.error());
-    EXPECT_EQ(
-        words(reference.error()),
-        "slave 3: synchronising the clocks: not supported by the slave (frames arrive at its port 1 instead of 0, "
-        "and slaves are behind: its cables are swapped)");
-}
-
-// Here port 0 has no cable, and the slave behind port 1 is processed first.
-TEST_F(Honest, ASlaveBehindAnotherEntryPortIsNamed) {
-    for (unsigned n = 0; n < 3; ++n) {
-        auto made = clocked({.start_ns = n * 12345});
-        if (n == 1) made.chip.ports = sim::junction().ports;
-        segment.add(std::move(made).assemble());
-    }
-    ASSERT_TRUE(segment.connect_master({0, 0}));
-    ASSERT_TRUE(segment.connect({0, 1}, {1, 3}, kCable));
-    ASSERT_TRUE(segment.connect({1, 1}, {2, 0}, 5us));
-    start();
-    const auto reference = configdc(*ctx, kFewFrames);
-    ASSERT_EQ(reference.error().code, Errc::unsupported) << words(reference.error());
-    EXPECT_EQ(reference.error().slave, 3);
-    EXPECT_EQ(reference.error().actual, 3U);
-}
-
 // The reset slave answers by its position with a time of its own before its loss is known.
 TEST_F(Honest, AnAnswerOfAResetReferenceIsNoSystemTime) {
     for (const int out : {3, 6, 9, 15, 40}) {
