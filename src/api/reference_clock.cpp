@@ -1,6 +1,7 @@
 #include "api/reference_clock.hpp"
 
 #include "network/network.hpp"
+#include "network/wanted.hpp"
 
 namespace margay {
 namespace {
@@ -19,13 +20,27 @@ Task<Result<>> write_reference(Network& network, wire::Register r, std::uint64_t
 
 }  // namespace
 
+namespace {
+
+// The slave with the reference clock has its clock: it is not lost, and is not brought back now. What is written to a
+// clock that was reset would hide this.
+bool has_clock(Network& network) {
+    if (network.clocks.reference == 0) return false;
+    const Slave& reference = network.slave(network.clocks.reference);
+    const AlState state = reference.al.state;
+    return state != AlState::none &&
+           (!network.supervised || state >= AlState::safeop || state == wanted_state(network, reference));
+}
+
+}  // namespace
+
 void send_to_reference(Network& network, wire::Register r, std::uint64_t value) {
     if (r.address == wire::reg::kSystemTime.address) network.clocks.is_driven = true;
-    if (network.clocks.reference != 0) (void)network.settling.start(write_reference(network, r, value));
+    if (has_clock(network)) (void)network.settling.start(write_reference(network, r, value));
 }
 
 void shift_reference(Network& network, std::int64_t correction_ns) {
-    if (network.clocks.reference == 0 || correction_ns == 0) return;
+    if (!has_clock(network) || correction_ns == 0) return;
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
     reference.offset_ns -= static_cast<std::uint64_t>(correction_ns);
     send_to_reference(network, wire::reg::kSystemTimeOffset, reference.offset_ns);

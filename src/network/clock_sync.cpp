@@ -140,33 +140,71 @@ Task<Result<bool>> has_its_clock(Network& network, Slave& slave) {
     co_return co_await required(is_near(network, slave));
 }
 
+// A clock that has its time while the reference has none: it goes on at the rate that it has learned. nullptr: none.
+Slave* kept_clock(Network& network) {
+    Clocks& clocks = network.clocks;
+    for (Slave& slave : network.slaves()) {
+        const ClockEntry& clock = clocks.of(slave);
+        if (slave.number != clocks.reference && slave.al.state >= AlState::safeop && clock.synchronised &&
+            clock.knows_rate && clock.measured && !clock.delay_old)
+            return &slave;
+    }
+    return nullptr;
+}
+
 // The slave with the reference clock was reset: its offset is 0, and its clock begins anew. It gets the system time
-// that is known, as far as the master's clock can tell it, so that the other clocks need not follow a jump. Receive
-// times are latched, and nobody else latches them now.
+// that another clock shows, or else that which the master's clock tells, so that the other clocks need not follow a
+// jump. Receive times are latched, and nobody else latches them now.
 Task<Result<>> continue_reference(Network& network) {
     Clocks& clocks = network.clocks;
     Slave& reference = network.slave(clocks.reference);
+    Slave* const kept = network.redundancy == nullptr ? kept_clock(network) : nullptr;
     co_await required(latch_receive_times(network));
     const Time sent = std::max(clocks.latched_at, network.engine.link().last_cycle());  // beside a cycle: with it
     co_await required(read_receive_times(network, reference, Keep::no));
+    if (kept != nullptr) {
+        co_await required(read_receive_times(network, *kept, Keep::no));
+        const ClockEntry& source = clocks.of(*kept);
+        clocks.note_time(source.local_ns + source.offset_ns - source.delay_ns, source.kind == ClockKind::bits64, sent);
+    }
     ClockEntry& clock = clocks.of(reference);
     clock.sync_active = false;
     clock.offset_ns = clock_offset_ns(clocks.system_at_ns(sent), clock.delay_ns, clock.local_ns);
     co_return co_await required(write_clock(network, reference));
 }
 
-bool was_reset(const ClockEntry& clock, std::uint64_t offset) { return offset == 0 && clock.offset_ns != 0; }
+// Whether the reference was reset. Its offset is 0 then, unless the bus shift has written one to it meanwhile: then its
+// time is far from that which is known. `offset`: its register.
+Task<Result<bool>> was_reset(Network& network, const Slave& reference, std::uint64_t& offset) {
+    constexpr std::int64_t kNearest_ns = 20'000'000;
+    constexpr std::int64_t kRateParts = 500;  // 2000 ppm
+    const Clocks& clocks = network.clocks;
+    const ClockEntry& clock = clocks.entries[reference.number - 1U];
+    const Station station = network.station(reference);
+    offset = co_await required(read<std::uint64_t>(station, reg::kSystemTimeOffset, Step::configure_clocks));
+    if (offset == 0 && clock.offset_ns != 0) co_return true;
+    if (clocks.is_driven) co_return false;
+    const Time now = network.engine.now();
+    const auto time = co_await required(read<std::uint64_t>(station, reg::kSystemTime, Step::configure_clocks));
+    const std::uint64_t about = clocks.system_at_ns(now);
+    const std::uint64_t seen =
+        clock.kind == ClockKind::bits64 ? time : extend_time_ns(static_cast<std::uint32_t>(time), about);
+    co_return std::abs(static_cast<std::int64_t>(seen - about)) >
+        kNearest_ns + (now - clocks.system_at).count() / kRateParts;
+}
 
 // Looks whether the reference was reset, and gives it its time again.
 Task<Result<>> restore_reference(Network& network) {
     Clocks& clocks = network.clocks;
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     const Measuring measuring(clocks);
-    Slave& reference = network.slave(clocks.reference);
-    const auto offset = co_await required(
-        read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks));
-    if (!was_reset(clocks.of(reference), offset)) co_return Nothing{};
-    co_return co_await required(continue_reference(network));
+    std::uint64_t offset = 0;
+    const Slave& reference = network.slave(clocks.reference);
+    const auto reset = co_await required(was_reset(network, reference, offset));
+    if (reset) co_await required(continue_reference(network));
+    // The cycles carry no time since it was lost, unless another one has become the reference meanwhile.
+    if (!clocks.paused && clocks.reference == reference.number) (void)carry_time_of(network, &reference);
+    co_return Nothing{};
 }
 
 Slave& reference_of(Network& network, const Slave& slave) {
@@ -186,9 +224,9 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     const Measuring measuring(clocks);
     (void)find_frame_ways(network);
-    auto offset = co_await required(
-        read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks));
-    if (reference.number == clocks.reference && was_reset(clocks.of(reference), offset)) {
+    std::uint64_t offset = 0;
+    const auto reset = co_await required(was_reset(network, reference, offset));
+    if (reset && reference.number == clocks.reference) {
         co_await required(continue_reference(network));
         offset = clocks.of(reference).offset_ns;
     }

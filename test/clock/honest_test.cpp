@@ -2,6 +2,8 @@
 #include "clock/clock_bus.hpp"
 #include "clock/port_times.hpp"
 
+#include <margay/master_clock.hpp>
+
 namespace margay {
 namespace {
 
@@ -14,6 +16,21 @@ struct HonestBus : ClockBus {
         run();
         cycles(300);
         (void)events();
+    }
+    // Cycles of 1 ms.
+    void shifted(MasterClock& master, int count, unsigned polls_in_cycle = 6) {
+        Time next = osal.now();
+        for (int n = 0; n < count; ++n) {
+            next = std::max(next + 1ms, osal.now());
+            osal.advance(next - osal.now());
+            (void)send_processdata(*ctx);  // the segment may be silent
+            (void)receive_processdata(*ctx, 300us);
+            (void)master.update(*ctx, 0ms);
+            for (unsigned polls = 0; polls < polls_in_cycle; ++polls) {
+                (void)poll(*ctx, osal.now());
+                osal.advance(50us);
+            }
+        }
     }
     void all_come_back(std::uint16_t slaves) {
         cycles(1000);  // the supervision has seen what has happened
@@ -92,6 +109,33 @@ TEST_F(Honest, AnAnswerOfAResetReferenceIsNoSystemTime) {
         bus.cycles(out);
         bus.power(0, true);
         bus.all_come_back(3);
+    }
+}
+
+// Both slaves are reset. While they are brought back, the first one is reset again, so that the second one becomes the
+// reference before it has its delay again. The master writes its offset with each cycle meanwhile.
+TEST_F(Honest, AReferenceThatWasResetGetsItsDelayWhileTheBusIsShifted) {
+    add({});
+    add({.drift_ppb = 30'000, .start_ns = 0x1234'5678'9ABCULL});
+    bring_up(kFewFrames);
+    MasterClock master({.mode = MasterClock::Mode::bus_shift, .set_value = -200us, .phase = {.cycle = 1ms}});
+    shifted(master, 3000);
+    ASSERT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+    for (const int found : {1, 3, 5, 8}) {
+        for (const std::uint32_t lost : {0U, 1U}) power(lost, false);
+        shifted(master, 40, 1);
+        for (const std::uint32_t lost : {0U, 1U}) power(lost, true);
+        for (int n = 0; n < 1000 && ctx->slave(1).al.state == AlState::none; ++n) shifted(master, 1, 1);
+        shifted(master, found, 1);
+        power(0, false);
+        shifted(master, 10, 1);
+        power(0, true);
+        shifted(master, 300, 1);
+        shifted(master, 6000);
+        EXPECT_TRUE(clock(1).in_sync && clock(2).in_sync) << joined(events());
+        EXPECT_LE(greatest_error_ns(2), 300) << found;
+        for (std::uint16_t s = 1; s <= 2; ++s)
+            EXPECT_EQ(register_of<std::uint32_t>(s, wire::reg::kSystemTimeDelay), clock(s).delay_ns) << s;
     }
 }
 
