@@ -211,6 +211,15 @@ void write_argument(TextWriter& out, const Error& e) {
     const auto text = argument_text(argument);
     if (text.empty()) return;
     out << ": ";
+    if (argument == Argument::sync_cycle && e.expected != 0) {
+        out << "SYNC0 each " << e.actual << " ns is neither a whole multiple nor a whole part of the cycle of "
+            << e.expected << " ns, so its phase to the frames changes";
+        return;
+    }
+    if (argument == Argument::sync_start && e.expected != 0) {
+        out << "the start of SYNC0 is more than 4.29 s ahead, and the clock of the slave has 32 bits";
+        return;
+    }
     if (argument == Argument::command_transition) out << "no. " << unsigned{e.place} << " of the start-up commands ";
     out << text;
     if (argument <= Argument::limit_process_frames)

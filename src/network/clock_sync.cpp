@@ -110,8 +110,12 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
         start_time_ns(now_ns + static_cast<std::uint64_t>(settings.start_delay.count()), grid, sync.shift_ns);
     if (settings.start_time != nullptr)
         start_ns = settings.start_time(slave.number, start_ns, settings.start_time_user);
-    // The chip would wait for a time that has passed for centuries, or until 32 bits wrap.
-    if (static_cast<std::int64_t>(start_ns - now_ns) <= 0) co_return invalid_time(Argument::sync_start);
+    // The chip would wait for a time that has passed for centuries, or until 32 bits wrap. With 32 bits, it would start
+    // whole wraps too early.
+    const auto ahead = static_cast<std::int64_t>(start_ns - now_ns);
+    Error refused = invalid_time(Argument::sync_start);
+    if (ahead > std::int64_t{UINT32_MAX}) refused.expected = UINT32_MAX;
+    if (ahead <= 0 || (clock.kind == ClockKind::bits32 && refused.expected != 0)) co_return refused;
     wire::Register start = reg::kSyncStartTime;
     if (clock.kind == ClockKind::bits32) start.length = 4;
     written = co_await write_clock_register(station, start, start_ns);
@@ -120,6 +124,7 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     written = co_await write_clock_register(station, kAssignActivate, sync.assign_activate);
     clock.sync_active = written.ok();
     if (written) clock.sync_start_ns = start_ns;
+    if (written) clock.sync = sync;
     co_return written;
 }
 
