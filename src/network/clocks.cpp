@@ -232,19 +232,22 @@ Task<Result<bool>> are_within_limit(Network& network) {
     co_return worst_clock(network, limit).code == Errc::none;
 }
 
-// Sends the time until every clock has been within the limit for the settle time.
+// Sends the time until every clock has been within the limit for the settle time, and for as many comparisons as its
+// register is the mean of: before, a clock that swings may seem to be within it.
 Task<Result<>> wait_until_in_sync(Network& network) {
     const ClockSettings& settings = network.clocks.settings;
     const Time give_up = later(network.engine.now(), settings.timeout);
     Time since = kNever;
     bool settled = false;
+    std::uint8_t times = 0;
     while (!settled) {
         co_await required(send_time(network));
         const auto within = co_await required(are_within_limit(network));
         const Time now = network.engine.now();
-        if (!within) since = kNever;
         if (within && since == kNever) since = now;
-        settled = since != kNever && now >= later(since, settings.settle);
+        if (!within) since = kNever;
+        times = within ? static_cast<std::uint8_t>(std::min(times + 1, UINT8_MAX)) : std::uint8_t{0};
+        settled = times >= ClockEntry::kTimesOfMean && now >= later(since, settings.settle);
         if (settled || now >= give_up) break;
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     }
