@@ -165,9 +165,18 @@ Task<Result<>> read_difference_if_any(Network& network, Slave& slave) {
     co_return co_await required(read_difference(network, slave));
 }
 
-Task<Result<std::uint32_t>> read_each_difference(Network& network) {
+// Of all slaves. A slave that does not answer any more was lost meanwhile: what is known of its clock is old.
+Task<Result<>> read_differences(Network& network) {
+    Error first;
     const auto read = [&network](Slave& s) { return read_difference_if_any(network, s); };
-    co_await required(for_each_slave(network, read));
+    co_await required(for_each_slave(network, read, &first));
+    if (does_not_answer(first)) first = {.code = Errc::unstable, .step = kClockStep, .slave = first.slave};
+    co_return first;
+}
+
+Task<Result<std::uint32_t>> read_each_difference(Network& network) {
+    auto read = co_await read_differences(network);  // that of a slave that does not answer stays
+    if (!read && read.error().code == Errc::capacity) co_return read.error();
     std::uint32_t most = 0;
     for (const Slave& slave : network.slaves()) {
         const ClockEntry& clock = network.clocks.of(slave);
@@ -176,15 +185,6 @@ Task<Result<std::uint32_t>> read_each_difference(Network& network) {
             most = std::max(most, static_cast<std::uint32_t>(away));
     }
     co_return most;
-}
-
-// Of all slaves. A slave that does not answer any more was lost meanwhile: what is known of its clock is old.
-Task<Result<>> read_differences(Network& network) {
-    Error first;
-    const auto read = [&network](Slave& s) { return read_difference_if_any(network, s); };
-    co_await required(for_each_slave(network, read, &first));
-    if (does_not_answer(first)) first = {.code = Errc::unstable, .step = kClockStep, .slave = first.slave};
-    co_return first;
 }
 
 // Many frames with the time, several of them on the wire at once. Beside a cycle they wait for its spare room: then the
