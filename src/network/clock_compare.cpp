@@ -16,22 +16,20 @@ bool is_before_reference(Network& network, const Slave& slave) {
     return slave.ring_position != 0 && slave.ring_position < network.slave(network.clocks.reference).ring_position;
 }
 
-// How many frames have brought the time of the reference since the last round.
+// How many frames have brought the time of the reference since the last round: those of the cycle, and others.
 std::uint32_t times_since_last_round(Network& network) {
     // A round may lie between the end of a cycle and the count of its lost frame: then the next round counts one less.
     constexpr std::int16_t kUncounted = -1;
     Clocks& clocks = network.clocks;
-    bool by_cycle = false;
+    const std::uint32_t sent = std::exchange(clocks.times_sent, std::uint16_t{0});
     for (const ProcessGroup& group : network.process.groups) {
-        if (!group.mapped || group.dc_reference == 0) continue;
-        by_cycle = true;
-        if (group.dc_reference != clocks.reference) continue;
+        if (!group.mapped || group.dc_reference != clocks.reference) continue;
         const std::uint16_t now = cycles_with_time(group);
         const auto times = static_cast<std::int16_t>(now - clocks.times_seen);
         if (times != kUncounted) clocks.times_seen = now;
-        return times > 0 ? static_cast<std::uint32_t>(times) : 0U;
+        return sent + (times > 0 ? static_cast<std::uint32_t>(times) : 0U);
     }
-    return by_cycle ? 0 : 1;
+    return sent;
 }
 
 // The second reference, and all clocks that follow it, are out of the limit.
@@ -168,6 +166,9 @@ Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference) {
     constexpr std::int64_t kMostChange_ns = 50;  // 2.5 ppm
     constexpr unsigned kMostLessons = 8;
     const std::int64_t limit_ns = network.clocks.settings.limit_ns;
+    // With long cycles a lesson takes seconds, because each frame waits for the next one.
+    constexpr Duration kLongest = std::chrono::seconds(6);
+    const Time give_up = later(network.engine.now(), kLongest);
     for (unsigned lessons = 0;; ++lessons) {
         const auto before = co_await required(measure_ahead(network, slave, reference));
         co_await network.engine.sleep_for(kLook);
@@ -175,7 +176,7 @@ Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference) {
         co_await required(read_difference(network, slave));
         const bool compared_well = std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= limit_ns;
         const bool learned = compared_well && std::abs(ahead - before) <= kMostChange_ns;
-        if (!learned && lessons < kMostLessons) {
+        if (!learned && lessons < kMostLessons && network.engine.now() < give_up) {
             co_await required(teach_time(network, slave));
             continue;
         }

@@ -271,6 +271,8 @@ Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
 Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) {
     Clocks& clocks = network.clocks;
     constexpr unsigned kMostTries = 100;
+    // With long cycles this takes long: the others have the time meanwhile.
+    if (!clocks.of(slave).measured) co_await required(improve_delays(network));
     for (unsigned n = 0; !carry_time_of(network, nullptr) && n < kMostTries; ++n) co_await network.engine.next_poll();
     // After a loss of power it has followed the system time as fast as it can, and would go on while it is set.
     auto set = co_await reset_control_loop(network.station(slave));

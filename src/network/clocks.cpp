@@ -312,7 +312,7 @@ void Clocks::forget() {
     reference = returning = 0;
     measuring = all_in_sync = paused = loss_reported = is_driven = false;
     without_time = 0;
-    times_seen = 0;
+    times_seen = times_sent = 0;
     greatest_ns = 0;
     delays_at = Time::min();
     prepare = nullptr;
@@ -359,7 +359,10 @@ Task<Result<>> send_time(Network& network) {
                    MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
     carry.send_alone();
     auto reply = co_await carry;
-    if (reply.ok() && reply.wkc != 0) network.clocks.note_seen_time(load_le<std::uint64_t>(time), wide, now);
+    if (reply.ok() && reply.wkc != 0) {
+        ++network.clocks.times_sent;
+        network.clocks.note_seen_time(load_le<std::uint64_t>(time), wide, now);
+    }
     co_return Nothing{};  // a lost frame is one of many
 }
 
