@@ -39,8 +39,8 @@ bool is_led_away(const Clocks& clocks, const FollowedClock& followed) {
 
 }  // namespace
 
-// While the chosen reference is lost, it has no place in the ring: a slave that was not seen before is taken for one
-// before it.
+// While the chosen reference is lost, it has no place in the ring: where a slave is that was not seen before, is not
+// known until the reference is back, see set_late_clock().
 bool note_reach(Network& network, Slave& slave) {
     const Clocks& clocks = network.clocks;
     ClockEntry& clock = network.clocks.of(slave);
@@ -48,14 +48,14 @@ bool note_reach(Network& network, Slave& slave) {
     if (chosen == 0 || chosen == slave.number || !is_clock(clock.kind) || slave.ring_position == 0)
         return clock.out_of_reach;
     const std::uint16_t of_chosen = network.slave(chosen).ring_position;
-    const bool unseen = !clock.measured && is_before_reference(network, slave);
-    const bool before = of_chosen != 0 ? slave.ring_position < of_chosen : clock.out_of_reach || unseen;
+    const bool unseen = of_chosen == 0 && !clock.measured && is_before_reference(network, slave);
+    const bool before = of_chosen != 0 ? slave.ring_position < of_chosen : clock.out_of_reach;
     if (before && !clock.out_of_reach)
         network.report({.kind = EventKind::clock_not_reached, .slave = slave.number, .other = chosen});
     clock.out_of_reach = before;
-    if (before) network.clocks.begin_cycles = begin_by_reading;
-    if (before) clock.synchronised = clock.in_sync = false;
-    return before;
+    if (before || unseen) network.clocks.begin_cycles = begin_by_reading;
+    if (before || unseen) clock.synchronised = clock.in_sync = false;
+    return before || unseen;
 }
 
 bool any_unsynchronised(Network& network) {
@@ -187,16 +187,20 @@ Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference) {
 
 namespace {
 
-// The first clock that is before the reference, and may be the reference: the slave is in its state, and nobody works
-// on it.
+// The slave is in its state, and nobody works on it. Below SAFEOP, a slave that has come back may not have its clock
+// yet.
+bool is_settled(Network& network, const Slave& slave) {
+    return is_there(slave) && !slave.al.error && !network.marks(slave.number).in_use &&
+           (slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave));
+}
+
+// The first clock that is before the reference, and may be the reference.
 Slave* first_before_reference(Network& network) {
     Slave* first = nullptr;
     for (Slave& slave : network.slaves()) {
-        // Below SAFEOP, a slave that has come back may not have its clock yet.
-        const bool settled = slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave);
         const ClockEntry& clock = network.clocks.of(slave);
-        if (!is_there(slave) || !settled || slave.al.error || network.marks(slave).in_use || !clock.measured ||
-            !is_clock(clock.kind) || clock.beside || !is_before_reference(network, slave) || note_reach(network, slave))
+        if (!is_settled(network, slave) || !clock.measured || !is_clock(clock.kind) || clock.beside ||
+            !is_before_reference(network, slave) || note_reach(network, slave))
             continue;
         if (first == nullptr || slave.ring_position < first->ring_position) first = &slave;
     }
@@ -249,6 +253,24 @@ Task<Result<>> return_to_first_clock(Network& network) {
     const bool given_up = first == nullptr || !is_at_reference;
     if (given_up && std::exchange(clocks.returning, std::uint16_t{0}) != 0)
         (void)carry_time_of(network, &network.slave(clocks.reference));
+    co_return Nothing{};
+}
+
+Task<Result<>> set_late_clock(Network& network) {
+    Clocks& clocks = network.clocks;
+    constexpr std::uint8_t kRests = 100;
+    if (clocks.rests != 0) co_return Nothing{};
+    for (Slave& slave : network.slaves()) {
+        const ClockEntry& clock = clocks.of(slave);
+        if (clock.synchronised || !is_clock(clock.kind) || !is_settled(network, slave) || clock.beside) continue;
+        // return_to_first_clock() does it.
+        if (clock.measured && is_before_reference(network, slave)) continue;
+        if (slave.number == clocks.reference || note_reach(network, slave)) continue;
+        const SlaveToken token(network.marks(slave));
+        auto set = co_await prepare_clock(network, slave);
+        if (!set) clocks.rests = kRests;
+        co_return Nothing{};
+    }
     co_return Nothing{};
 }
 

@@ -357,11 +357,12 @@ Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync)
     if (!is_clock(network.clocks.of(slave).kind))
         co_return Error{.code = Errc::no_clock, .step = kSyncStep, .slave = slave.number};
     // Without a synchronised clock its SYNC signals would run away from those of the other slaves.
-    if (network.clocks.of(slave).out_of_reach && sync.assign_activate != 0)
+    const ClockEntry& clock = network.clocks.of(slave);
+    if ((clock.out_of_reach || !clock.synchronised) && sync.assign_activate != 0)
         co_return Error{.code = Errc::clock_not_reached,
                         .step = kSyncStep,
                         .slave = slave.number,
-                        .expected = network.clocks.settings.reference};
+                        .expected = clock.out_of_reach ? network.clocks.settings.reference : network.clocks.reference};
     constexpr unsigned kMostTries = 3;
     Result<> written;
     for (unsigned n = 0; n < kMostTries; ++n) {

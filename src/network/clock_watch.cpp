@@ -244,6 +244,7 @@ Task<Result<>> watch_clocks(Network& network) {
     if (!is_there(network, clocks.reference)) co_return Nothing{};
     clocks.loss_reported = false;
     co_await required(return_to_first_clock(network));
+    co_await required(set_late_clock(network));
     note_time_of_cycle(network);
     choose_standby(network);
     constexpr std::uint8_t kEnoughOld = 5;  // then all slaves of a branch are lost, or back
