@@ -283,6 +283,20 @@ void poll_until(Context& ctx, Time due) {
     } while (now < due);
 }
 
+// Where a clock keeps the cycle in step, the first cycle continues the phase of the last one, and is waited for: a jump
+// would lead the clock out of its limit. After a longer pause the phase is a new one.
+Schedule begin_schedule(Context& ctx, const CycleSettings& settings) {
+    constexpr Duration kLongest = std::chrono::seconds(1);
+    const Time now = master_of(ctx)->osal.now();
+    const Time last = master_of(ctx)->network.engine.link().last_cycle();
+    if (settings.clock == nullptr || !settings.send || last >= now || later(last, kLongest) < now)
+        return Schedule(now, settings.period);
+    const Duration passed = now - last + (sender(settings) != nullptr ? settings.send_lead : Duration{0});
+    const Time first = later(now - passed, ((passed - Duration{1}) / settings.period + 1) * settings.period);
+    poll_until(ctx, first);
+    return Schedule(first, settings.period);
+}
+
 }  // namespace
 
 Result<> tolerate(Context& ctx, const Tolerance& tolerance) {
@@ -370,7 +384,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
     ReadStateRequest look;  // the states that are known may be old
     if (const auto looks = submit(ctx, look); !looks) return looks;
     const Time give_up = later(osal.now(), timeout);
-    Schedule schedule(osal.now(), cycle.period);
+    Schedule schedule = begin_schedule(ctx, cycle);
     for (int periods = 1;; ++periods) {
         if (!network.supervised && !supervision.busy()) {  // or the supervision of the application has ended meanwhile
             if (const auto supervised = submit(ctx, supervision); !supervised) return supervised;
@@ -404,7 +418,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
     if (work == nullptr) return invalid(Argument::work, Step::exchange_process_data);
     const RunningCycle running(network);
     Osal& osal = master_of(ctx)->osal;
-    Schedule schedule(osal.now(), settings.period);
+    Schedule schedule = begin_schedule(ctx, settings);
     OverrunNews news(network);
     CycleInfo cycle;
     for (;;) {

@@ -1,0 +1,202 @@
+// Clocks that come while others run: with long cycles, while the chosen reference is lost, and after it was reset.
+#include "clock/clock_bus.hpp"
+
+#include <margay/master_clock.hpp>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct LateClocksBus : ClockBus {
+    std::vector<ExpectedSlave> wanted;
+    SlaveSetup setup{.dc = {.source = SyncSettings::Source::application}};
+    Duration period = 1ms;
+
+    // Slaves at the ports of a junction, the first slave; `late`: the slave may be missing.
+    void hang(std::uint8_t port, const ClockOf& clock, bool late = false) {
+        ExpectedSlave slave;
+        slave.number = static_cast<std::uint16_t>(wanted.size() + 1);
+        slave.product = 0x0200 + slave.number;
+        slave.optional = late;
+        wanted.push_back(slave);
+        auto made = clocked(clock, kOneMode, {.product = *slave.product});
+        made.chip.ports = sim::junction().ports;
+        const auto n = segment.add(std::move(made).assemble());
+        EXPECT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({0, port}, {n, 0}, kCable));
+    }
+    void bring_up(ClockSettings settings, std::initializer_list<std::uint32_t> missing) {
+        segment.power_up(osal.now());
+        nic = std::make_unique<SimulatedNic>(segment, osal);
+        ctx = std::make_unique<HostContext>(limits);
+        ASSERT_TRUE(init(*ctx, *nic, osal).ok());
+        for (const auto n : missing) power(n, false);
+        ASSERT_TRUE(expect(*ctx, wanted).ok());
+        ASSERT_TRUE(config_init(*ctx).ok());
+        settings.cycle = period;
+        const auto reference = configdc(*ctx, settings);
+        ASSERT_TRUE(reference.ok()) << words(reference.error());
+        ctx->group(0).config.acyclic_bytes = 1498;
+        for (std::uint16_t n = 1; n <= wanted.size(); ++n) ctx->slave(n).config.setup = &setup;
+        (void)config_map(*ctx, image);
+        ASSERT_TRUE(submit(*ctx, supervision).ok());
+        steps(2000);
+        (void)events();
+    }
+    void step() {
+        osal.advance(period);
+        if (send_processdata(*ctx, 0)) (void)receive_processdata(*ctx, reply_timeout, 0);
+        (void)poll(*ctx, osal.now());
+    }
+    void steps(int count) {
+        while (count-- > 0) step();
+    }
+};
+
+struct LateClocks : testing::Test, LateClocksBus {};
+
+// The cycle carries no time while the new reference learns its rate: frames of their own bring it to the others.
+TEST(LateReference, LearnsWithLongCyclesWhileTheOthersStayInSync) {
+    for (const Duration cycle : {1ms, 4ms, 10ms}) {
+        SCOPED_TRACE(cycle / 1ms);
+        LateClocksBus bus;
+        bus.period = cycle;
+        bus.hang(0, {.unit = sim::DcUnit::receive_times});
+        bus.hang(3, {.drift_ppb = -90'000, .start_ns = 12345}, true);
+        bus.hang(1, {.drift_ppb = 20'000, .start_ns = 1234});
+        bus.hang(2, {.drift_ppb = 70'000, .start_ns = 123});
+        bus.setup = {};
+        bus.bring_up(kFewFrames, {1});
+        ASSERT_EQ(reference_clock(*bus.ctx), 3);
+        bus.power(1, true);
+        bool configured = false;
+        std::int64_t most = 0;
+        unsigned out = 0;
+        for (Duration passed{}; passed < 15s; passed += cycle) {
+            bus.step();
+            if (!configured && bus.ctx->slave(2).al.state == AlState::preop)
+                configured = config_map(*bus.ctx, bus.image).ok();
+            out += bus.clock(3).in_sync && bus.clock(4).in_sync ? 0U : 1U;
+            most = std::max(most, std::abs(bus.ahead_ns(4, 3)));
+        }
+        EXPECT_EQ(reference_clock(*bus.ctx), 2);
+        EXPECT_TRUE(bus.clock(2).in_sync);
+        // A rate that is right within 2.5 ppm is too far from the limit only for clocks that are compared each 10 ms.
+        EXPECT_LE(out, cycle < 10ms ? 0U : 150U) << bus.joined(bus.events());
+        EXPECT_LE(most, 300);
+    }
+}
+
+// The reference gets the time that the other clocks have kept, not that of the master.
+TEST_F(LateClocks, AReferenceThatReturnsMakesNoStep) {
+    hang(0, {.drift_ppb = 50'000, .start_ns = 0x1234'5678'9ABCULL});
+    hang(3, {.drift_ppb = 20'000, .start_ns = 7});
+    hang(1, {.drift_ppb = -20'000, .start_ns = 77});
+    setup = {};
+    ClockSettings settings = kFewFrames;
+    settings.replace_lost_reference = false;
+    bring_up(settings, {});
+    for (int times = 0; times < 3; ++times) {
+        power(0, false);
+        steps(40);
+        power(0, true);
+        std::int64_t most = 0;
+        bool seen_lost = false;
+        for (int n = 0; n < 4000; ++n) {
+            step();
+            seen_lost |= !in_op(1);
+            if (seen_lost && in_op(1)) most = std::max(most, std::abs(ahead_ns(2)));
+        }
+        EXPECT_TRUE(seen_lost && all_in_op()) << joined(events());
+        EXPECT_LE(most, 250) << joined(events());
+    }
+}
+
+// A clock of 32 bits wraps each 4.29 s: it would start whole wraps too early.
+TEST_F(LateClocks, AStartThatAClockOf32BitsCannotWaitForIsRefused) {
+    add({});
+    add({.start_ns = 77, .unit = sim::DcUnit::bits32});
+    start();
+    ClockSettings settings = kFewFrames;
+    settings.start_delay = 5s;
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    EXPECT_TRUE(dcsync0(*ctx, 1, true, 1ms).ok());
+    const auto refused = dcsync0(*ctx, 2, true, 1ms);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, Errc::invalid_argument);
+    EXPECT_NE(words(refused.error()).find("more than 4.29 s ahead, and the clock of the slave has 32 bits"),
+              std::string::npos)
+        << words(refused.error());
+    EXPECT_FALSE(clock(2).sync_active);
+}
+
+// The cycle of the bus is known where MasterClock keeps it in step.
+TEST_F(LateClocks, SyncThatIsNoMultipleOfTheCycleIsNamed) {
+    for (int n = 0; n < 4; ++n) add({.start_ns = 77});
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    run();
+    constexpr Duration kCycles[] = {1ms, 1500us, 250us, 3ms};
+    for (std::uint16_t n = 1; n <= 4; ++n) EXPECT_TRUE(dcsync0(*ctx, n, true, kCycles[n - 1]).ok());
+    MasterClock master({.set_value = -200us, .phase = {.cycle = 1ms}});
+    int left = 5000;
+    const auto work = [&](const CycleInfo&) { return --left > 0; };
+    ASSERT_TRUE(run_cycle(*ctx, {.period = 1ms, .clock = &master}, work).ok());
+    ASSERT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+    const std::string told = joined(errors());
+    EXPECT_NE(told.find("slave 2: "), std::string::npos) << told;
+    EXPECT_NE(told.find("SYNC0 each 1500000 ns is neither a whole multiple nor a whole part of the cycle of 1000000"),
+              std::string::npos)
+        << told;
+    for (const int right : {1, 3, 4}) EXPECT_EQ(told.find("slave " + std::to_string(right)), std::string::npos) << told;
+}
+
+// The application stops for an odd time between two calls, as from reach() to run_cycle().
+TEST_F(LateClocks, TheCycleKeepsItsPhaseFromCallToCall) {
+    add({});
+    add({.drift_ppb = 30'000, .start_ns = 0x1234'5678'9ABCULL});
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    run();
+    MasterClock master({.set_value = -200us, .phase = {.cycle = 1ms}});
+    int left = 0;
+    const auto work = [&](const CycleInfo&) { return --left > 0; };
+    left = 5000;
+    ASSERT_TRUE(run_cycle(*ctx, {.period = 1ms, .clock = &master}, work).ok());
+    ASSERT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+    for (const Duration pause : {0us, 370us, 3370us, 90'910us}) {
+        osal.advance(pause);
+        master.reset_statistics();
+        left = 200;
+        ASSERT_TRUE(run_cycle(*ctx, {.period = 1ms, .clock = &master}, work).ok());
+        EXPECT_EQ(master.state(), PhaseState::in_sync) << pause / 1us;
+        EXPECT_LE(master.most_ns(), 5000U) << pause / 1us;
+    }
+}
+
+// What the new slave is against the chosen reference is not known before that is back.
+TEST_F(LateClocks, AClockFirstSeenWhileTheChosenReferenceIsLost) {
+    hang(0, {.drift_ppb = 50'000});
+    hang(3, {.drift_ppb = 20'000, .start_ns = 7}, true);
+    hang(1, {.drift_ppb = -20'000, .start_ns = 77}, true);
+    hang(2, {.drift_ppb = -70'000, .start_ns = 777});
+    setup = {};
+    ClockSettings settings = kFewFrames;
+    settings.reference = 2;
+    bring_up(settings, {2});
+    power(1, false);
+    steps(1000);
+    power(2, true);
+    steps(1500);
+    (void)config_map(*ctx, image);
+    steps(2000);
+    power(1, true);
+    steps(5000);
+    const std::string told = joined(events());
+    EXPECT_EQ(told.find("slave 3: its clock is not synchronised"), std::string::npos) << told;
+    EXPECT_TRUE(clock(3).synchronised && clock(3).in_sync) << told;
+    EXPECT_LE(std::abs(ahead_ns(3, 4)), 300) << told;
+}
+
+}  // namespace
+}  // namespace margay
