@@ -28,9 +28,9 @@ class PortTimes {
     }
     // The frame has arrived at this port first.
     void begin_at(std::uint8_t entry_port) {
-        const std::int32_t first = first_[entry_port & 3];
+        const auto first = static_cast<std::uint32_t>(first_[entry_port & 3]);
         const std::int64_t sum = sum_[entry_port & 3];
-        for (std::int32_t& time : first_) time -= first;
+        for (std::int32_t& time : first_) time = static_cast<std::int32_t>(static_cast<std::uint32_t>(time) - first);
         for (std::int64_t& changes : sum_) changes -= sum;
     }
     [[nodiscard]] std::uint8_t count() const { return count_; }
