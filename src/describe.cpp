@@ -134,6 +134,8 @@ void write_place(TextWriter& out, const Error& e) {
                 out << " of group " << e.index;
             else if (e.code == Errc::image_overlaps)
                 break;
+            else if (e.code == Errc::pdo_unknown)
+                (out << ", PDO ").hex(e.index, 4);
             else if (e.code == Errc::unknown_slave && e.index != 0)
                 (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
             else if (is_sync_manager(e.index))
@@ -252,6 +254,9 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
         case Errc::pdo_list: out << " (" << pdo_list_text(static_cast<PdoListFault>(e.detail)) << ")"; break;
         case Errc::image_overlaps: out << " (group " << e.index << ")"; break;
         case Errc::invalid_argument: write_argument(out, e); break;
+        case Errc::pdo_unknown:
+            if (e.expected != 0) out << " (used: " << e.expected << " octets, as the SII says)";
+            break;
         case Errc::pdo_size: out << " (the SyncManager " << e.expected << ", the PDOs " << e.actual << ")"; break;
         case Errc::sizes_differ: write_difference(out, e); break;
         case Errc::types_differ:

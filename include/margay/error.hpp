@@ -74,7 +74,7 @@ enum class Errc : std::uint8_t {
     wrong_size,       // a value has another size than requested (expected, actual: octets)
     pdo_list,     // a list of PDOs that is invalid for every slave (index: PDO or SyncManager's register, subindex: the
                   // entry, detail: PdoListFault)
-    pdo_unknown,  // no source knows the entries of a listed PDO (index: the PDO)
+    pdo_unknown,  // no source knows the entries of a listed or assigned PDO (index; expected: octets of the SII, used)
     not_process_sm,   // a list of PDOs for a mailbox SyncManager (index: its register)
     wrong_direction,  // an output PDO for an input SyncManager, or the reverse (index: the PDO)
     pdo_size,         // the PDOs have another size than the configuration gives their SyncManager (index: its register;

@@ -61,7 +61,7 @@ Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, const 
 }
 
 Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types, FoundSms& found,
-                                   const MailPatience& patience, EntrySink* entries) {
+                                   UndescribedPdos& undescribed, const MailPatience& patience, EntrySink* entries) {
     bool any = false;
     for (std::uint8_t n = 0; n < types.size(); ++n) {
         const bool outputs = types[n] == SmType::outputs;
@@ -70,6 +70,8 @@ Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, 
         auto bits = co_await assigned_bits(channel, {.direction = direction, .sync_manager = n}, patience, entries);
         if (!bits && !is_refusal(bits.error())) co_return bits.error();
         any = any || bits;
+        // The slave refuses a PDO, not the assignment: it is wrong that there are none.
+        if (!bits && bits.error().index != kAssignment + n) undescribed[n] = bits.error().index;
         // The dictionary has no assignment for this direction: the length of the SII is used, it may be fixed.
         const std::uint32_t length = bits ? *bits : slave.sync_managers[n].length_bytes * 8U;
         if (bits || length != 0) found[n] = {.any = true, .direction = direction, .bits = length};

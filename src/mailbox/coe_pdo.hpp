@@ -13,9 +13,9 @@ namespace margay {
 
 // Finds the length of the PDOs that are assigned to each SyncManager. `entries` (may be nullptr, outlives the task)
 // receives each entry. False, and nothing found, when the dictionary has no assignment: this is not a failure, the SII
-// may contain it. Errors: anything but an abort.
+// may contain it. A SyncManager with an undescribed PDO has the length of the SII. Errors: anything but an abort.
 [[nodiscard]] Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types,
-                                                 FoundSms& found, const MailPatience& patience,
-                                                 EntrySink* entries = nullptr);
+                                                 FoundSms& found, UndescribedPdos& undescribed,
+                                                 const MailPatience& patience, EntrySink* entries = nullptr);
 
 }  // namespace margay

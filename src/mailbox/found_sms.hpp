@@ -14,6 +14,8 @@ struct FoundSm {
     std::uint32_t bits = 0;
 };
 using FoundSms = std::array<FoundSm, Slave::kSyncManagers>;  // by number of the SyncManager
+// By number of the SyncManager: an assigned PDO that the dictionary does not describe; 0: there is none.
+using UndescribedPdos = std::array<std::uint16_t, Slave::kSyncManagers>;
 
 // One entry of a PDO that is exchanged, found while reading the slave's process data. Index 0: a gap.
 struct FoundEntry {

@@ -53,6 +53,7 @@ void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
 struct Findings {
     FoundSms counts{};
     FoundSms sii{};
+    UndescribedPdos undescribed{};
     ConfigurationSource source = ConfigurationSource::sii;
     bool sii_read = false;
     CheckValue by_soe;
@@ -64,7 +65,8 @@ Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, b
     SmTypes types{};
     const auto said = co_await required(read_sm_types(channel, types, startup_patience(slave)));
     if (said && compare) compare_types(network, slave, types);
-    auto known = co_await find_sms_by_coe(channel, slave, types, found.counts, startup_patience(slave), entries);
+    auto known = co_await find_sms_by_coe(channel, slave, types, found.counts, found.undescribed,
+                                          startup_patience(slave), entries);
     if (known && *known) found.source = ConfigurationSource::coe;
     co_return known ? Result<>() : Result<>(known.error());
 }
@@ -114,9 +116,11 @@ Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const Find
     const ListedBits listed = listed_bits(list);
     const FoundSm& slaves = found.counts[list.sync_manager];
     if (listed.open == 0) return listed.bits;
-    if (found.source == ConfigurationSource::coe && slaves.any) return slaves.bits;
-    if (found.source == ConfigurationSource::sii && slaves.any && slaves.pdos == listed.open)
-        return listed.bits + slaves.bits;
+    const bool described = found.undescribed[list.sync_manager] == 0;
+    if (found.source == ConfigurationSource::coe && slaves.any && described) return slaves.bits;
+    const FoundSm& sii = found.sii[list.sync_manager];
+    const bool by_sii = found.source == ConfigurationSource::sii || !described;
+    if (by_sii && sii.any && sii.pdos == listed.open) return listed.bits + sii.bits;
     Error error{.code = Errc::pdo_unknown, .step = Step::configure_pdos, .slave = slave.number};
     for (const Pdo& pdo : list.pdos)
         if (pdo.entries.empty() && error.index == 0) error.index = pdo.index;
@@ -167,6 +171,23 @@ void compare_with_sii(Network& network, const Slave& slave, const Findings& foun
                               found.sii[n].bits);
 }
 
+// An assigned PDO that the dictionary does not describe may be in the SII. If it is not, the size of the process data
+// is not known, which is an error. Otherwise the size of the SII is used, and this is said once.
+Result<> settle_undescribed(Network& network, const Slave& slave, Findings& found, bool compare) {
+    if (found.source == ConfigurationSource::soe) return Result<>();
+    for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
+        if (found.undescribed[n] == 0 || find_list(slave, n) != nullptr) continue;
+        FoundSm& used = found.counts[n];
+        if (found.sii[n].bits != 0) used = found.sii[n];
+        Error error{.code = Errc::pdo_unknown, .step = Step::discover_pdos, .slave = slave.number};
+        error.index = found.undescribed[n];
+        error.expected = used.bits / 8 + (used.bits % 8 != 0 ? 1 : 0);
+        if (error.expected == 0) return error;
+        if (compare) network.note(error);
+    }
+    return Result<>();
+}
+
 // Selects the source that counts, and reports differences to the others. `read`: the result of reading the SII.
 Result<> select_source(Network& network, Slave& slave, Findings& found, const Result<>& read, bool compare) {
     const bool by_slave = found.source != ConfigurationSource::sii;
@@ -177,6 +198,11 @@ Result<> select_source(Network& network, Slave& slave, Findings& found, const Re
     }
     if (!read && !by_slave) return read;
     if (!read) network.note(read.error());
+    const auto settled = settle_undescribed(network, slave, found, compare);
+    if (!settled) {
+        slave.config.sm_count = 0;
+        return settled;
+    }
     const auto taken = fill_process_sms(network, slave, found);
     if (!taken) slave.config.sm_count = 0;
     if (taken && compare && found.sii_read) compare_with_sii(network, slave, found);
@@ -280,7 +306,8 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
         co_return Nothing{};
     }
     Result<> read;
-    if (found.source == ConfigurationSource::sii || compare || sink != nullptr)
+    const bool described = std::ranges::all_of(found.undescribed, [](std::uint16_t pdo) { return pdo == 0; });
+    if (found.source == ConfigurationSource::sii || compare || sink != nullptr || !described)
         read = co_await read_sii(network, slave, found, sink);
     co_return select_source(network, slave, found, read, compare);
 }

@@ -40,7 +40,8 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     FoundSms found{};
     CheckValue content;
     expect("find_sms_by_soe", 256, find_sms_by_soe(channel, bus.ctx->slave(1), found, content));
-    expect("find_sms_by_coe", 256, find_sms_by_coe(channel, bus.ctx->slave(1), {}, found, {}));
+    UndescribedPdos undescribed{};
+    expect("find_sms_by_coe", 256, find_sms_by_coe(channel, bus.ctx->slave(1), {}, found, undescribed, {}));
     expect("write_sm_pdos", 512, write_sm_pdos(channel, {}, {}));
     // One read that has started: its sequences, the pump and the mailbox.
     SdoUpload request;

@@ -144,7 +144,6 @@ class MailboxBus {
         return std::string(describe(error, text));
     }
 
-  private:
     template <class F>
     F& add(std::unique_ptr<F> firmware) {
         F& it = *firmware;

@@ -1,0 +1,55 @@
+// A slave assigns a PDO that its dictionary does not have.
+#include "mailbox/mailbox_bus.hpp"
+
+namespace margay {
+namespace {
+
+class UndescribedPdo : public testing::Test {
+  protected:
+    // Before the SII is written, its SyncManager has no length there.
+    static void assign(StackSlave& slave, std::uint16_t pdo) {
+        subdevice::testing::Values::rx_assign::store(slave.image, pdo);
+    }
+    std::vector<std::string> errors() {
+        std::vector<std::string> all;
+        while (const auto error = bus.ctx->errors().take()) all.push_back(bus.words(*error));
+        return all;
+    }
+    MailboxBus bus;
+    std::vector<std::byte> image = std::vector<std::byte>(512);
+};
+
+TEST_F(UndescribedPdo, WithoutALengthInTheSiiItIsAnError) {
+    auto firmware = std::make_unique<StackSlave>(std::uint16_t{128});
+    assign(*firmware, 0x1605);
+    bus.add(std::move(firmware));
+    bus.start();
+    EXPECT_FALSE(config_map(*bus.ctx, image).ok());
+    EXPECT_EQ(bus.words(bus.ctx->slave(1).error),
+              "slave 1: finding the PDOs, PDO 0x1605: neither the list nor the slave says which entries the PDO has");
+    EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 0U);
+}
+
+TEST_F(UndescribedPdo, WithALengthInTheSiiItIsSaidAndUsed) {
+    StackSlave& slave = bus.add_stack();
+    assign(slave, 0x1605);
+    bus.start();
+    (void)config_map(*bus.ctx, image);
+    const auto told = errors();
+    ASSERT_FALSE(told.empty());
+    EXPECT_EQ(told.front(),
+              "slave 1: finding the PDOs, PDO 0x1605: neither the list nor the slave says which entries the PDO has "
+              "(used: 4 octets, as the SII says)");
+    EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 32U);
+}
+
+TEST_F(UndescribedPdo, AGapInTheAssignmentIsNone) {
+    StackSlave& slave = bus.add_stack();
+    assign(slave, 0);
+    bus.start();
+    EXPECT_TRUE(config_map(*bus.ctx, image).ok());
+    for (const auto& text : errors()) EXPECT_EQ(text.find("neither the list"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace margay
