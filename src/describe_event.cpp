@@ -115,7 +115,7 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             (out << " of vendor ").hex(e.detail, 8) << ")";
             break;
         case EventKind::stranger:
-            (out << "a slave that is not in the list of expected slaves (product ").hex(e.actual, 8);
+            (out << "an unexpected slave (product ").hex(e.actual, 8);
             (out << " of vendor ").hex(e.detail, 8);
             (out << ", revision ").hex(e.expected, 8) << ") is connected to ";
             if (e.slave == 0) return (out << "the master").text();

@@ -20,8 +20,8 @@ enum class EventKind : std::uint8_t {
     found,        // a lost slave answers again; slave 0: frames come back again
     other_slave,  // another slave is in the place of a lost slave (expected, actual: product codes; detail: vendor of
                   // the other slave; error: what differs)
-    stranger,  // a slave that is not in the list of expected slaves is connected to `port` of `slave` (actual: product,
-               // expected: revision, detail: vendor of the unexpected slave)
+    stranger,  // a slave that is not expected is connected to `port` of `slave`: not in the list of expect(), without a
+               // list not found by the scan (actual: product, expected: revision, detail: vendor)
     ambiguous,  // a device that may be `slave` or `other`, equal slaves that are lost, is connected to `port` of slave
                 // `expected` (0: a NIC): neither its identity nor its place says which of them it is. It gets no
                 // outputs until enough of the lost slaves are there, or until config_init() scans again
