@@ -236,15 +236,13 @@ bool report_working_counters(Watch& watch) {
     for (ProcessGroup& group : watch.network.process.groups) {
         if (!group.mapped || group.mapping) continue;
         std::uint32_t got = 0;
-        bool right = true;
-        bool came = true;
         bool counted = true;  // also by a slave that is lost because it has no station address
         for (const DatagramStatus& d : group.statuses) {
             got += d.got;
-            right &= d.right();
-            came &= d.came;
             counted &= d.got == d.expected || d.got == d.full;
         }
+        const bool right = std::ranges::all_of(group.statuses, &DatagramStatus::right);
+        const bool came = std::ranges::all_of(group.statuses, &DatagramStatus::came);
         unexpected |= std::exchange(group.unexpected, false) && group.cycles_lost == 0;
         if (group.settling) group.settling = static_cast<std::int32_t>(group.cycle_received - group.settled_after) <= 0;
         if (!came || group.settling || right != group.short_reported || right != counted) continue;
