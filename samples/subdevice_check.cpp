@@ -61,7 +61,8 @@ int main(int argc, char** argv) {
         "also write the EEPROM: the alias, with the value that it has, and the word behind the content, which "
         "gets its old value again");
     return arguments.run(argc, argv, [&] {
-        if (options.number == 0) return fail("NUMBER of the slave is missing; 1 is the first slave", exit_code::kUsage);
+        if (options.number == 0)
+            return fail("NUMBER of the slave is missing or 0; 1 is the first slave", exit_code::kUsage);
         stop_at_signals();
         return run_on_source(options.source, [&](Source& source) { return check(source, options); });
     });

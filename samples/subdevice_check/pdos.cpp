@@ -101,6 +101,11 @@ void check_mapped(Session& session) {
                 else if ((found->access & wanted) == 0)
                     bench.fail(fmt::format("PDO 0x{:04x} maps {}, which is not mappable by its description", pdo.index,
                                            entry_text(entry)));
+                else if (found->subindex > session.sdo.number(found->index, 0).value_or(255))
+                    bench.remark(
+                        fmt::format("PDO 0x{:04x} maps {}, and subindex 0 of this object is lower: a master "
+                                    "that reads the object by its count does not see the value",
+                                    pdo.index, entry_text(entry)));
             }
     }
 }

@@ -213,6 +213,17 @@ TEST(SubdeviceCheckDevices, AValueOutsideOfItsOwnLimitsIsFound) {
     EXPECT_EQ(find(check_small<kPlain>().report, "information.limits")->outcome, Outcome::passed);
 }
 
+constexpr Entry kUncounted[] = {subdevice::entry_count(0),
+                                subdevice::value<&SmallValues::keys>(1, "Keys", od::kRead | od::kTxMappable)};
+constexpr Object kUncountedObjects[] = {subdevice::record(0x6000, "Keys", kUncounted),
+                                        subdevice::variable(0x7000, "Lamps", kSmallLamps)};
+
+TEST(SubdeviceCheckDevices, AMappedValueAboveTheCountOfItsObjectIsRemarked) {
+    const auto report = check_small<kPlain, kUncountedObjects>({.only = "pdos.mapped"}).report;
+    EXPECT_TRUE(has(report, "pdos.mapped", kRemark)) << report_text(report, true);
+    EXPECT_FALSE(has(check_small<kPlain>({.only = "pdos.mapped"}).report, "pdos.mapped", kRemark));
+}
+
 // A cycle is one frame: with a frame for each SyncManager and one for the AL status, the frames would come late.
 TEST(SubdeviceCheckDevices, ADeviceWithAControlLoopOf125MicrosecondsOrLessIsNotBlamed) {
     const auto checks = {"states.up",     "states.down",  "states.same",         "sm.process_settings",
