@@ -104,7 +104,8 @@ Duration SiiReader::between() const {
     return gap > known_ready_ / kNarrow ? known_busy_ + gap / 2 : known_ready_;
 }
 
-// Copies the data of a visit that found the interface ready. False when it is not the block that was ordered.
+// Copies the data of a visit that found the interface ready. False when it is not the block that was ordered: a frame
+// that is sent again, because its reply was late, looks behind the order that it carries. Then the next look is alone.
 bool SiiReader::accept(const Visit& visit, std::uint32_t ordered_ahead, Time sent) {
     const bool right = visit.word == ordered_;
     if (right) {
@@ -112,6 +113,8 @@ bool SiiReader::accept(const Visit& visit, std::uint32_t ordered_ahead, Time sen
         block_ = visit.data;
         nacks_ = 0;
         note_ready(sent);
+    } else {
+        sure_ = false;
     }
     ordered_ = ordered_ahead;
     ordered_at_ = sent;
@@ -152,6 +155,11 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
         block_words_ = (visit->status & control::kReads8Bytes) != 0 ? 4 : 2;
         if ((visit->status & control::kBusy) != 0) {
             if (waiting) note_busy(sent);
+            if (!waiting) {  // the order is ignored, or its frame was sent twice: a look alone shows it
+                ordered_ = at;
+                ordered_at_ = sent;
+                sure_ = false;
+            }
             busy = std::min(busy + 1, kNackTries);
             if (busy == kNackTries && sent >= give_up) co_return failure(Errc::sii_busy, at);
         } else if (waiting && (visit->status & control::kMissingAcknowledge) != 0) {

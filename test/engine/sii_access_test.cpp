@@ -33,6 +33,7 @@ class SiiSlave final : public Nic {
     int missing_acknowledges = 0;
     int lose_frame = -1;  // the number of the frame that does not return
     std::vector<std::byte> eeprom = std::vector<std::byte>(4096);
+    int lost_of_each = 0;  // so many replies come too late before one comes in time
     int frames = 0;
     std::map<std::uint32_t, int> reads;  // the number of reads of each word
 
@@ -47,7 +48,8 @@ class SiiSlave final : public Nic {
             if (d->header.command == wire::Command::FPWR && d->header.address.ado() == 0x0502) command(d->data);
         }
         const bool lost = lost_after_writes >= 0 && written.size() >= static_cast<std::size_t>(lost_after_writes);
-        if (frames++ != lose_frame && !lost) flying_.emplace_back(now + round_trip, std::move(frame));
+        const bool late = frames % (lost_of_each + 1) != lost_of_each;
+        if (frames++ != lose_frame && !lost && !late) flying_.emplace_back(now + round_trip, std::move(frame));
         return SendStatus::sent;
     }
     std::size_t receive(std::span<std::byte> into) noexcept override {
@@ -160,6 +162,21 @@ TEST_F(SiiAccess, NearTheTimeOfTheEepromAndNearOneRoundTripABlock) {
         EXPECT_LE(took, floor * 5 / 4) << read_time.count();
         EXPECT_LE(slave.frames, 256 * 5 / 4) << read_time.count();
     }
+}
+
+// A machine under load: replies come behind the timeout of their frames, so that the slave executes datagrams twice. A
+// look is executed again behind the order that is in the same frame.
+TEST_F(SiiAccess, RepliesBehindTheTimeoutOfTheirFrames) {
+    engine.link().settings.frame_timeout = 10ms;
+    for (const int lost : {1, 2})
+        for (const Duration round_trip : {1ms, 5ms, 9ms})
+            for (const Duration read_time : {100us, 680us, 3000us, 12000us}) {
+                SCOPED_TRACE(testing::Message() << lost << ' ' << round_trip.count() << ' ' << read_time.count());
+                slave.lost_of_each = lost;
+                slave.round_trip = round_trip;
+                slave.read_time = read_time;
+                expect_whole_image_is_read();
+            }
 }
 
 TEST_F(SiiAccess, FourOctetsAtATime) {
