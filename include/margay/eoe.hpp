@@ -13,10 +13,10 @@
 //     port.send(frame);                                // from one thread, never waits
 //     while (auto frame = port.receive(buffer)) use(buffer, frame->bytes);               // from one thread
 //
-// After a timeout or cancel() of a request for parameters the slave may still answer. The next one of the same kind
-// waits for that for 100 ms (after cancel(): the rest of the `timeout`, 3 s if it is zero). Then the library asks for
-// another parameter first, since a slave answers in order. A slave that does not answer this in half of the time gets
-// the request once more for each answer that may be late (15 at most); the last answer counts.
+// After a timeout or cancel() of a request for parameters the slave may still answer. The next one waits for that (100
+// ms; after cancel() the rest of the `timeout`, 3 s if it is zero). Then the library reads another parameter, since a
+// slave answers in order. A slow slave gets the request after this answer: a few requests may end with timeout, unsent.
+// A slave that never answers this gets the request once more for each late answer (14 at most): the last one counts.
 //
 // A frame is an Ethernet II frame from its destination address to the last octet before the FCS.
 #pragma once

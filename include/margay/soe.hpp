@@ -11,10 +11,10 @@
 //
 //     auto feedback = margay::SoEread<std::int32_t>(ctx, 2, 0, margay::Idn::standard(51));   // waits
 //
-// After a timeout or cancel() the drive may still answer. The next request of the same kind (read or write) to the same
-// drive waits for that for 100 ms (after cancel(): the rest of the `timeout`, 3 s if it is zero). Then the library
-// reads a parameter that no drive has, since a drive answers in order. A drive that does not answer this in half of the
-// time gets the request once more for each answer that may be late (15 at most); the last answer counts.
+// After a timeout or cancel() the drive may still answer. The next request to it waits for that (100 ms; after cancel()
+// the rest of the `timeout`, 3 s if it is zero). Then the library reads a parameter that no drive has, since a drive
+// answers in order. A slow drive gets the request after this answer: one or two requests may end with timeout, unsent.
+// A drive that never answers this gets the request once more for each late answer (14 at most): the last one counts.
 //
 // Messages that drives send on their own go to a SoeListener.
 #pragma once

@@ -273,7 +273,8 @@ void MailboxChannel::message_refused(Errc why) {
 
 void MailboxChannel::sent(Reply reply) {
     MailExchange* const exchange = std::exchange(sending_, nullptr);
-    const bool again = std::exchange(resend_, false);
+    const bool again = resend_;
+    resend_ = false;
     if (reply.ok() && reply.wkc == 1) {
         out_counter_ = trial_counter_;
         ++(again ? statistics_.resent : statistics_.sent);

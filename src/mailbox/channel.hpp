@@ -15,9 +15,9 @@
 #pragma once
 
 #include "mailbox/exchange.hpp"
+#include "mailbox/late_answers.hpp"
 #include "station/register_access.hpp"
 #include "util/task.hpp"
-#include "wire/soe.hpp"
 
 #include <margay/emergency.hpp>
 #include <margay/slave.hpp>
@@ -105,14 +105,14 @@ class MailboxChannel {
     [[nodiscard]] std::uint8_t late_files() const { return owed_[1].mails != 0 ? owed_[1].files : std::uint8_t{0}; }
     // First packets of so many files may still arrive, in any time; the next file waits for them until then.
     void owe_files(unsigned files, Time until);
-    // EoE parameters and SoE: so many answers to earlier requests that look like those to an exchange of this key may
-    // still arrive, in any time (mail_order.hpp).
-    [[nodiscard]] unsigned late_answers(wire::MailboxType type, std::uint64_t key) const;
-    void add_late_answer(wire::MailboxType type, std::uint64_t key);
-    // The slave has answered a later request: what it answers in one order with this key has come. EoE: all keys.
-    void forget_late_answers(wire::MailboxType type, std::uint64_t key);
-    // Of 8 questions of SoE the one whose turn it is.
-    [[nodiscard]] unsigned next_soe_question() { return ++owed_of(wire::MailboxType::soe).spare % 8U; }
+    // EoE parameters and SoE: what may still arrive, in any time.
+    [[nodiscard]] LateAnswers& late_answers() { return late_; }
+    // The slave has answered a question of EoE or SoE: nothing of before is waited for.
+    void end_wait(wire::MailboxType type, std::uint64_t key) {
+        Owed& owed = owed_of(type);
+        const bool alike = owed.key == key || type == wire::MailboxType::eoe;
+        if (owed.type == type && alike && late_.count(type, owed.key) == 0) owed.mails = 0;
+    }
     // The slave has not yet taken the message that ends an earlier CoE operation.
     [[nodiscard]] bool is_fenced() const { return owed_[0].fences != 0; }
     // Whether one reply of this key is owed, and no other one of CoE. Mail of any kind may be something else.
@@ -150,7 +150,7 @@ class MailboxChannel {
     // The octet of the process image, and the bit in it, that report mail of this slave. nullptr: there is no such bit.
     void use_status_bit(const std::byte* octet, unsigned bit) {
         status_octet_ = octet;
-        status_bit_ = static_cast<std::uint8_t>(bit);
+        status_bit_ = static_cast<std::uint8_t>(bit & 7U);
     }
 
     [[nodiscard]] const Station station() const { return {*engine_, address_, number_}; }
@@ -203,21 +203,9 @@ class MailboxChannel {
         bool lasts = false;          // see is_doubtful()
         bool guessed = false;        // the exchange has ended by an error reply that may be that of another one
         std::uint8_t questions = 0;  // CoE: a bit for each object of kQuestions that an answer may still come for
-        // Of the last question: CoE the subindex of 0x1000, if it is none of kQuestions; SoE see next_soe_question().
+        // CoE, of the last question: the subindex of 0x1000, if it is none of kQuestions.
         std::uint8_t spare = 1;
         std::uint8_t files = 0;  // FoE: so many of the mails may be first packets of files: see late_files()
-    };
-    // See late_answers(): a counter of 4 bits for each SoE drive, and then for each kind of EoE request.
-    struct LateAnswers {
-        static constexpr std::uint8_t kEoeCalls = 4;
-        static constexpr unsigned kMost = 15;
-        [[nodiscard]] unsigned at(unsigned place) const { return pairs[place / 2U] >> shift(place) & kMost; }
-        void set(unsigned place, unsigned late) {
-            const unsigned others = pairs[place / 2U] & ~(kMost << shift(place));
-            pairs[place / 2U] = static_cast<std::uint8_t>(others | late << shift(place));
-        }
-        [[nodiscard]] static constexpr unsigned shift(unsigned place) { return place % 2U * 4U; }
-        std::array<std::uint8_t, (wire::soe::kDrives + kEoeCalls) / 2> pairs{};
     };
     class Fence;
 
@@ -237,12 +225,6 @@ class MailboxChannel {
         return exchange.options_.key != 0 && (foe || exchange.type_ == wire::MailboxType::coe);
     }
     void make_last(Owed& owed, const MailExchange& exchange);
-    struct LatePlaces {
-        std::uint8_t first = 0;
-        std::uint8_t count = 0;
-    };
-    [[nodiscard]] static LatePlaces late_places(wire::MailboxType type, std::uint64_t key);
-    void note_late_answer(const wire::MailboxMessage& mail);
     void note_late(const wire::MailboxMessage& mail);
     void note_answered(const MailExchange& exchange);
     // What the channel owes when the exchange, which was sent, ends without its reply.
@@ -300,36 +282,36 @@ class MailboxChannel {
     static constexpr std::size_t kOwedPlaces = 3;          // CoE, FoE, and all other protocols
 
     // A context has a channel for each slave, so the members are in the order of their sizes.
-    bool open_ = false;
-    bool was_open_ = false;
-    bool away_ = false;  // interrupted
-    bool dozing_ = false;
-    std::uint8_t status_bit_ = 0;
+    bool open_ : 1 = false;
+    bool was_open_ : 1 = false;
+    bool away_ : 1 = false;  // interrupted
+    bool dozing_ : 1 = false;
+    bool resend_ : 1 = false;
+    bool left_open_ : 1 = false;  // since open(), a message was sent that the slave may still refuse by an error reply,
+                                  // although no exchange waits for it
+    bool glance_ : 1 = false;
+    bool full_ : 1 = false;                  // there is mail, as far as is known
+    bool watched_by_mailboxes_ : 1 = false;  // Mailboxes looks for mail in place of this channel
+    bool has_counted_ : 1 = false;           // the last mail had the counter that follows that of the mail before it
+    bool counts_ : 1 = true;                 // false: the slave sends mail with counter 0
+    bool repeated_ : 1 = false;              // the next mail may repeat the one received before
+    bool missed_ : 1 = false;                // a frame with mail may have been lost, and no mail has come since
+    std::uint8_t status_bit_ : 3 = 0;
 
     // Sending.
-    bool resend_ = false;
-    bool left_open_ = false;  // since open(), a message was sent that the slave may still refuse by an error reply,
-                              // although no exchange waits for it
     std::uint8_t out_counter_ = 0;  // of the last message that was sent
     std::uint8_t trial_counter_ = 0;
     Errc cut_by_ = Errc::mailbox_closed;
     Errc last_failure_ = Errc::none;  // the reason why messages cannot be sent or mail cannot be fetched
 
     // Receiving.
-    bool glance_ = false;
     // How many messages from before open() may still be fetched before the first message is sent; 0: sending may begin.
     std::uint8_t stale_ = 0;
-    bool full_ = false;                  // there is mail, as far as is known
-    bool watched_by_mailboxes_ = false;  // Mailboxes looks for mail in place of this channel
-    std::uint8_t silent_looks_ = 0;      // consecutive looks that the slave has not answered
+    std::uint8_t silent_looks_ = 0;  // consecutive looks that the slave has not answered
     std::uint8_t in_counter_ = 0;
     std::uint16_t in_length_ = 0;  // of the last mail, as in_counter_
     wire::MailboxType in_type_{};  // the same
-    bool has_counted_ = false;     // the last mail had the counter that follows that of the mail before it
-    bool counts_ = true;           // false: the slave sends mail with counter 0
     Repeated repeat_ = Repeated::no;
-    bool repeated_ = false;  // the next mail may repeat the one received before
-    bool missed_ = false;    // a frame with mail may have been lost, and no mail has come since
     std::uint8_t activate_ = 0;
     std::uint8_t unfinished_ = 0;  // a bit for each operation that the slave does not know to have ended
     std::uint16_t busy_types_ = 0;

@@ -11,14 +11,16 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     const auto header = wire::load_mailbox_header(mailbox);
     counts_ = header.counter != 0;
     // The mail in between is lost: the slave had new mail before the repeat request came. Only two counters tell.
-    const bool missed = std::exchange(missed_, false);
+    const bool missed = missed_;
+    missed_ = false;
     const bool known = counts_ && in_counter_ != 0;
     const bool follows = header.counter == in_counter_ || header.counter == wire::next_mailbox_counter(in_counter_);
     const bool skips = missed && known && !follows;
     const bool may_skip = missed && !(known && follows);
     // Some slaves never change their counter: only a slave that has counted repeats by it.
     const bool alike = has_counted_ && header.type == in_type_ && header.length == in_length_;
-    const bool again = (std::exchange(repeated_, false) || alike) && counts_ && header.counter == in_counter_;
+    const bool again = (repeated_ || alike) && counts_ && header.counter == in_counter_;
+    repeated_ = false;
     if (again) {
         ++statistics_.duplicates;
         return;

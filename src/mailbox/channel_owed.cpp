@@ -73,7 +73,7 @@ void MailboxChannel::owe_answer_to(const MailExchange& exchange) {
 }
 
 void MailboxChannel::make_last(Owed& owed, const MailExchange& exchange) {
-    if (exchange.options_.key != 0) add_late_answer(exchange.type_, exchange.options_.key);
+    if (exchange.options_.key != 0) late_.add(exchange.type_, exchange.options_.key);
     if (!is_in_order(exchange)) return;
     owed.lasts = true;
     if (exchange.type_ == wire::MailboxType::foe && owed.files != UINT8_MAX) ++owed.files;
@@ -137,67 +137,6 @@ std::uint64_t MailboxChannel::next_question() {
 }
 
 void MailboxChannel::note_question(std::uint64_t key) { owed_[0].questions |= question_bit(key); }
-
-// ------------------------------------------------------------------ EoE parameters and SoE
-
-namespace {
-
-// Requests of EoE have the even types from set_ip_request on, and responses the types that follow.
-constexpr unsigned kFirstEoeCall = static_cast<unsigned>(wire::eoe::Type::set_ip_request);
-
-}  // namespace
-
-// The counters that an exchange of this key concerns. The lower half of a key is the type of an EoE request; its lowest
-// octet is the drive of an SoE request (SoeTransfer::key()).
-MailboxChannel::LatePlaces MailboxChannel::late_places(wire::MailboxType type, std::uint64_t key) {
-    constexpr std::uint8_t kDrives = wire::soe::kDrives;
-    const bool any = key == mail_key::kAny;
-    if (type == wire::MailboxType::soe)
-        return any ? LatePlaces{0, kDrives} : LatePlaces{static_cast<std::uint8_t>(key % kDrives), 1};
-    if (type != wire::MailboxType::eoe) return {};
-    if (any) return {kDrives, LateAnswers::kEoeCalls};
-    const std::uint32_t call = (static_cast<std::uint32_t>(key) - kFirstEoeCall) / 2U;
-    if (call >= LateAnswers::kEoeCalls) return {};
-    return {static_cast<std::uint8_t>(kDrives + call), 1};
-}
-
-unsigned MailboxChannel::late_answers(wire::MailboxType type, std::uint64_t key) const {
-    const LatePlaces places = late_places(type, key);
-    unsigned most = 0;
-    for (unsigned n = 0; n < places.count; ++n) most = std::max(most, late_.at(places.first + n));
-    return most;
-}
-
-void MailboxChannel::add_late_answer(wire::MailboxType type, std::uint64_t key) {
-    const LatePlaces places = late_places(type, key);
-    for (unsigned at = places.first; at < places.first + places.count; ++at)
-        late_.set(at, std::min(late_.at(at) + 1U, LateAnswers::kMost));
-}
-
-void MailboxChannel::forget_late_answers(wire::MailboxType type, std::uint64_t key) {
-    if (type == wire::MailboxType::eoe) key = mail_key::kAny;
-    const LatePlaces places = late_places(type, key);
-    for (unsigned n = 0; n < places.count; ++n) late_.set(places.first + n, 0);
-    Owed& owed = owed_of(type);
-    if (owed.type == type && (key == mail_key::kAny || owed.key == key)) owed.mails = 0;
-}
-
-// Mail that nobody has taken is one of them, unless it answers a question or the end of a write (soe.cpp).
-void MailboxChannel::note_late_answer(const wire::MailboxMessage& mail) {
-    std::uint64_t key = 0;
-    if (!can_answer(mail_key::kAny, mail)) return;
-    if (mail.header.type == wire::MailboxType::soe) {
-        const auto header = wire::soe::load_header(mail.data);
-        if (header.idn().number() == 0 && !header.idn().of_product()) return;
-        key = mail_key::of(mail_key::Kind::soe, 0, header.drive);
-    } else if (mail.header.type == wire::MailboxType::eoe) {
-        const auto response = static_cast<unsigned>(wire::eoe::load_header(mail.data).type);
-        if (response % 2 == 0) return;
-        key = mail_key::of(mail_key::Kind::eoe, response - 1U);
-    }
-    const LatePlaces places = late_places(mail.header.type, key);
-    if (places.count != 0) late_.set(places.first, std::max(late_.at(places.first), 1U) - 1U);
-}
 
 // ------------------------------------------------------------------ what ends it
 
@@ -271,7 +210,7 @@ bool is_first_packet(const wire::MailboxMessage& mail) {
 
 // Mail that nobody has taken: most likely the late reply, if it is of its protocol.
 void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
-    note_late_answer(mail);
+    if (can_answer(mail_key::kAny, mail)) late_.note(mail);
     Owed& owed = owed_of(mail.header.type);
     if (mail.header.type == wire::MailboxType::coe) {
         bool of_question = is_spare_question(mail);

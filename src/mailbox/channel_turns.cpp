@@ -214,7 +214,8 @@ void MailboxChannel::interrupt(Errc reason) {
 }
 
 void MailboxChannel::resume() {
-    if (!open_ || !std::exchange(away_, false)) return;
+    if (!open_ || !away_) return;
+    away_ = false;
     silent_looks_ = 0;
     glance_ = true;
     stale_ = kMostStale;

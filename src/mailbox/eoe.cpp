@@ -54,20 +54,14 @@ std::uint64_t key_of_call(eoe::Type request) {
     return mail_key::of(mail_key::Kind::eoe, static_cast<std::uint32_t>(request));
 }
 
-// The question whose answer no late one looks like: another read. fragment: there is none.
-eoe::Type question_beside(MailboxChannel& channel, eoe::Type request) {
-    for (const eoe::Type read : {eoe::Type::get_ip_request, eoe::Type::get_filter_request})
-        if (read != request && channel.late_answers(wire::MailboxType::eoe, key_of_call(read)) == 0) return read;
-    return eoe::Type::fragment;
-}
-
+// The question is another read.
 Task<Result<>> settle_parameters(MailboxChannel& channel, MailSession& session, eoe::Type request,
                                  MailPatience patience) {
-    const EoeCall call{.type = question_beside(channel, request)};
-    if (call.type == eoe::Type::fragment) co_return Nothing{};
+    const std::uint64_t key = key_of_call(request);
+    const auto number = channel.late_answers().next_question(wire::MailboxType::eoe, key);
+    const EoeCall call{.type = LateAnswers::message_of(number.value_or(0))};
     EoeClient question(call);
-    co_return co_await required(
-        settle_late_answers(channel, session, key_of_call(request), question, key_of_call(call.type), patience));
+    co_return co_await required(settle_late_answers(channel, session, key, question, number, patience));
 }
 
 }  // namespace
@@ -81,15 +75,20 @@ Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, MailPatience pati
     const std::uint64_t key = key_of_call(call.type);
     const Time begun = channel.engine().now();
     const bool granted = failed.code == Errc::none;
-    if (granted && channel.late_answers(kType, key) != 0)
-        co_await completion(settle_parameters(channel, session, call.type, patience));
-    OrderedAsks asks(channel.late_answers(kType, key));
-    for (bool again = granted; again; again = asks.again(failed.code, channel.late_answers(kType, key))) {
+    LateAnswers& late = channel.late_answers();
+    Result<> settled = Nothing{};
+    if (granted && (late.count(kType, key) != 0 || late.is_open(kType, key)))
+        settled = co_await settle_parameters(channel, session, call.type, patience);
+    if (!settled) failed = settled.error();
+    const bool in_doubt = late.count(kType, key) != 0;
+    OrderedAsks asks(late.count(kType, key));
+    for (bool again = granted && settled; again; again = asks.again(failed.code, late.count(kType, key))) {
         client.restart();
         MailExchange exchange(session, client, {.patience = patience, .key = key});
         failed = co_await exchange;
     }
     if (asks.has_repeated()) channel.owe_second_reply(kType, key, begun);
+    if (failed.code == Errc::none && !in_doubt && !asks.has_repeated()) late.end();
     if (failed.code == Errc::none) failed = client.error();
     if (failed.code == Errc::none) co_return Nothing{};
     failed.slave = channel.station().number;

@@ -1,17 +1,18 @@
 // Requests of EoE and SoE whose answers do not tell which request they answer: how a sequence finds its own answer
-// while late ones to earlier requests may come (MailboxChannel::late_answers()).
+// while late ones to earlier requests may come (LateAnswers).
 //
 // A slave answers the requests of a protocol (SoE: of a drive) in their order. So the sequence first asks a question
-// whose answer looks like no late one: when it comes, no late one can follow. For a slave without an answer to the
-// question, the sequence sends its request once more for each late answer: the last answer then is one to this
-// sequence.
+// whose answer looks like no late one: when it comes, no late one can follow. It may come late, too: then the next
+// sequence knows. A slave that has once answered a question gets no request before it has answered the next one, so
+// that a slow slave is not given more than it answers. For a slave that has never answered a question, the sequence
+// sends its request once more for each late answer: the last answer then is one to this sequence.
 #pragma once
 
 #include "mailbox/channel.hpp"
 
 namespace margay {
 
-// How often a request is sent. `late`: MailboxChannel::late_answers(). It is a member of sequences, so it is small.
+// How often a request is sent. `late`: LateAnswers::count(). It is a member of sequences, so it is small.
 class OrderedAsks {
   public:
     explicit OrderedAsks(unsigned late) : late_(static_cast<std::uint8_t>(late)) {}
@@ -36,11 +37,11 @@ class OrderedAsks {
     std::uint8_t answered_ = 0;
 };
 
-// Asks the question, of the protocol of the session, if late answers to an exchange of `key` may come, and waits for
-// its answer for half of the time that the sequence has: the slave may never answer it. `question_key`: the key of its
-// own late answer; 0: the answer cannot be taken for another one. `question` outlives the task.
+// Waits until no late answer to an exchange of `key` can come, and asks the question for that: see above. `question`
+// composes the one that LateAnswers::next_question() has named, and outlives the task. Success: the request can be sent
+// once, and once more for each late answer. Errc::timeout: it cannot be answered in the time that is left.
 [[nodiscard]] Task<Result<>> settle_late_answers(MailboxChannel& channel, MailSession& session, std::uint64_t key,
-                                                 MailClient& question, std::uint64_t question_key,
+                                                 MailClient& question, std::optional<LateAnswers::Question> number,
                                                  MailPatience patience);
 
 }  // namespace margay

@@ -97,12 +97,18 @@ class DriveQuestion final : public MailClient {
 
 Task<Result<>> settle_drive(MailboxChannel& channel, MailSession& session, const SoeTransfer& transfer,
                             const MailPatience& patience) {
-    DriveQuestion question(transfer.target().drive, channel.next_soe_question());
-    co_return co_await required(settle_late_answers(channel, session, transfer.key(), question, 0, patience));
+    const auto number = channel.late_answers().next_question(wire::MailboxType::soe, transfer.key());
+    DriveQuestion question(transfer.target().drive, number.value_or(0));
+    co_return co_await required(settle_late_answers(channel, session, transfer.key(), question, number, patience));
 }
 
 unsigned late_of_drive(MailboxChannel& channel, const SoeTransfer& transfer) {
-    return channel.late_answers(wire::MailboxType::soe, transfer.key());
+    return channel.late_answers().count(wire::MailboxType::soe, transfer.key());
+}
+
+bool is_in_doubt(MailboxChannel& channel, const SoeTransfer& transfer) {
+    return late_of_drive(channel, transfer) != 0 ||
+           channel.late_answers().is_open(wire::MailboxType::soe, transfer.key());
 }
 
 // A command remains set until it is cleared, so the destructor clears it when the sequence ends early.
@@ -120,7 +126,7 @@ class CommandGuard {
                                    .elements = soe_element::kValue,
                                    .number = target_.idn.value});
         const std::uint64_t key = SoeTransfer::key(soe::Opcode::write_response, target_.drive);
-        channel_.add_late_answer(wire::MailboxType::soe, key);
+        channel_.late_answers().add(wire::MailboxType::soe, key);
         channel_.owe_reply(wire::MailboxType::soe, key, channel_.engine().now() + mail_timing::kOwedPatience);
         channel_.send_final_message(wire::MailboxType::soe, cancel);
     }
@@ -142,9 +148,10 @@ Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, Mu
     if (refused.code != Errc::none) co_return complete(refused, channel, target, kStep);
     SoeReadTransfer transfer(target, into);
     const Time begun = channel.engine().now();
-    if (late_of_drive(channel, transfer) != 0) co_await completion(settle_drive(channel, session, transfer, patience));
-    OrderedAsks asks(late_of_drive(channel, transfer));
     Result<> asked = Nothing{};
+    if (is_in_doubt(channel, transfer)) asked = co_await settle_drive(channel, session, transfer, patience);
+    if (!asked) co_return complete(asked.error(), channel, target, kStep);
+    OrderedAsks asks(late_of_drive(channel, transfer));
     for (bool again = true; again; again = asks.again(asked.error().code, late_of_drive(channel, transfer))) {
         transfer.restart();
         asked = co_await ask(channel, session, transfer, patience);
@@ -164,10 +171,11 @@ Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value,
         co_return complete({.code = Errc::unsupported}, channel, target, kStep);
     SoeWriteTransfer transfer(target, value, channel.send_room());
     const Time begun = channel.engine().now();
-    if (late_of_drive(channel, transfer) != 0) co_await completion(settle_drive(channel, session, transfer, patience));
+    Result<> asked = Nothing{};
+    if (is_in_doubt(channel, transfer)) asked = co_await settle_drive(channel, session, transfer, patience);
+    if (!asked) co_return complete(asked.error(), channel, target, kStep);
     WriteEnd end(channel, target.drive);
     OrderedAsks asks(late_of_drive(channel, transfer));
-    Result<> asked = Nothing{};
     for (bool again = true; again; again = asks.again(asked.error().code, late_of_drive(channel, transfer))) {
         transfer.restart();
         end.unfinished = end.unfinished || !transfer.at_last();
