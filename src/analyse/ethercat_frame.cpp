@@ -1,5 +1,6 @@
 #include "analyse/ethercat_frame.hpp"
 
+#include "wire/datagram.hpp"
 #include "wire/ethernet.hpp"
 
 #include <algorithm>

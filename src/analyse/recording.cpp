@@ -99,6 +99,36 @@ class RingEvidence {
     bool crossed_ = false;
 };
 
+// Finds frames that were recorded twice, as by a mirror port that copies both directions: the same octets as one of the
+// two packets before, and shortly behind it.
+class Twins {
+  public:
+    [[nodiscard]] bool is_second(Duration at, Bytes packet) {
+        const bool second = std::ranges::any_of(last_, [&](const Packet& p) {
+            return at >= p.at && at - p.at < kTogether && !p.paired && std::ranges::equal(p.bytes, packet);
+        });
+        std::swap(last_[0], last_[1]);
+        last_[1].at = at;
+        last_[1].bytes.assign(packet.begin(), packet.end());
+        last_[1].paired = second;
+        ++all_;
+        if (second) ++seconds_;
+        return second;
+    }
+    // Nearly all frames are there twice.
+    [[nodiscard]] bool everywhere() const { return seconds_ > 8 && 20 * seconds_ >= 9 * all_; }
+
+  private:
+    static constexpr Duration kTogether = std::chrono::microseconds(20);
+    struct Packet {
+        Duration at{};
+        std::vector<std::byte> bytes{};
+        bool paired = false;  // it is a second one itself
+    };
+    std::array<Packet, 2> last_{};
+    std::uint64_t all_ = 0, seconds_ = 0;
+};
+
 class Recording {
   public:
     explicit Recording(const std::string& path) : path_(path) {}
@@ -134,14 +164,17 @@ class Recording {
         }
         origins_ = read_packet_origins(path_);
         RingEvidence ring;
+        Twins twins;
         while (const auto packet = reader.next()) {
             const auto frame = finder_.find(packet->bytes);
             if (!frame || packet->bytes.size() < packet->length_on_wire) continue;
+            if (twins.is_second(packet->at, packet->bytes)) continue;
             const auto origin = origin_of(packet->number);
             masters_.look(frame->bytes, origin.interface);
             ring.look(origin, packet->at, packet->bytes);
         }
         masters_.decide();
+        twice_ = twins.everywhere();
         is_ring_ = RingCopies::is_ring(origins_) && ring.is_ring();
         packets_ = reader.packets();
         problem_ = reader.problem();
@@ -155,11 +188,13 @@ class Recording {
 
     void read(const Reader& take) {
         PacketReader reader;
+        Twins twins;
         if (!reader.open(path_)) return;
         while (const auto packet = reader.next()) {
             const Taken t{
                 {packet->number, packet->at}, origin_of(packet->number), packet->bytes, packet->length_on_wire};
             const auto frame = finder_.find(packet->bytes);
+            if (twice_ && frame && twins.is_second(packet->at, packet->bytes)) continue;
             take(t, frame && packet->bytes.size() >= packet->length_on_wire
                         ? masters_.of(frame->bytes, t.origin.interface)
                         : std::nullopt);
@@ -245,6 +280,7 @@ class Recording {
         if (left_out_ != 0)
             add("frames of more than " + std::to_string(kMostMasters) + " masters: " + std::to_string(left_out_) +
                 " are not analysed");
+        if (twice_) add("each frame was recorded twice: the second one is left out");
         add(cut_off_);
         analysis.frames.packets = packets_;
         for (auto& other : analysis.others) other.frames.packets = packets_;
@@ -262,6 +298,7 @@ class Recording {
     FrameFinder finder_{};
     Masters masters_{};
     bool is_ring_ = false;
+    bool twice_ = false;  // each frame was recorded twice
     std::uint64_t packets_ = 0;
     std::uint64_t left_out_ = 0;
     std::string problem_{}, cut_off_{};

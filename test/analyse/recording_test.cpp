@@ -170,6 +170,33 @@ TEST_F(AnalyseFile, ARingIsOneMasterAndTwoMastersAreNoRing) {
     }
 }
 
+// A mirror port that copies both directions, and a recorder on a bridge and its port.
+TEST_F(AnalyseFile, FramesThatWereRecordedTwiceAreTakenOnce) {
+    for (const std::uint32_t second : {0U, 1U}) {
+        std::vector<Packet> packets;
+        for (const auto& p : cycles_of(1, 0us, 1ms, 40)) {
+            packets.push_back(p);
+            packets.push_back({p.at + 1us, p.bytes, {.interface = second}});
+        }
+        const auto a = analyse_file(pcapng(packets));
+        EXPECT_EQ(a.remark, "each frame was recorded twice: the second one is left out");
+        expect_cycle(a, 1ms, 40);
+        EXPECT_TRUE(a.others.empty());
+    }
+}
+
+// A master whose frames are alike: its index and its data stay.
+TEST_F(AnalyseFile, EqualFramesOfACycleAreNotTakenForCopies) {
+    std::vector<Packet> packets;
+    for (int n = 0; n < 40; ++n) {
+        packets.push_back({50us * n, cycle_frame(1, false, 0)});
+        packets.push_back({50us * n + 10us, cycle_frame(1, true, 0)});
+    }
+    const auto a = analyse_file(pcap(packets));
+    EXPECT_EQ(a.remark, "");
+    expect_cycle(a, 50us, 40);
+}
+
 TEST_F(AnalyseFile, DamagedFramesAreNoMasters) {
     auto packets = cycles_of(1, 0us, 1ms, 40);
     auto damaged = cycle_frame(9, false, 1);
