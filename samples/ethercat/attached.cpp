@@ -53,6 +53,15 @@ std::vector<DeviceFacts> devices_of(const std::string& source) {
 
 Answer<> AttachedSession::open() {
     if (connected_) return {};
+    // Requests of a slave may take seconds. A program that is stopped, for example by a debugger, does not answer at
+    // all.
+    client_.when_silent([told = false, path = path_](std::chrono::seconds since) mutable {
+        constexpr std::chrono::seconds kLong{5};
+        if (since >= kLong && !std::exchange(told, true))
+            samples::warn(
+                fmt::format("{}: the application has not answered for {} s; still waiting", path, kLong.count()));
+        return !samples::stop_asked();
+    });
     const auto error = client_.connect(path_);
     if (!error.empty()) return Problem{samples::words_of_slave(error), samples::exit_code::kSystem};
     connected_ = true;
@@ -250,12 +259,14 @@ Answer<> AttachedSession::reach(std::uint16_t position, AlState target, AlState 
 }
 
 Answer<> AttachedSession::set_states(std::span<const std::uint16_t> positions, AlState state) {
-    std::string problems;
+    std::vector<std::string> problems;
     for (const auto position : positions) {
         const auto done = reach(position, state, state);
-        if (!done) problems += (problems.empty() ? "" : "; ") + done.problem().text;
+        // What the application says of itself is the same for all.
+        if (!done && std::ranges::find(problems, done.problem().text) == problems.end())
+            problems.push_back(done.problem().text);
     }
-    if (!problems.empty()) return Problem{problems};
+    if (!problems.empty()) return Problem{fmt::format("{}", fmt::join(problems, "; "))};
     return {};
 }
 
@@ -406,6 +417,8 @@ Answer<Octets> AttachedSession::read_registers(std::uint16_t position, std::uint
                                     {.index = static_cast<std::uint16_t>(address + at),
                                      .bytes = static_cast<std::uint32_t>(std::min(kOnce, bytes - at))});
         if (!part) return part.problem();
+        if (part->size() != std::min(kOnce, bytes - at))
+            return Problem{path_ + ": the answer is not complete", samples::exit_code::kSystem};
         octets.insert(octets.end(), part->begin(), part->end());
     }
     return octets;

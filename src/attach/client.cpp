@@ -2,6 +2,7 @@
 
 #include "attach/socket_address.hpp"
 
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -13,6 +14,8 @@ namespace margay::attach {
 namespace {
 
 constexpr std::size_t kMostPayload = (std::size_t{1} << 30) + 65536;  // a server sends no more
+
+constexpr const char* kGivenUp = "the application has not answered";
 
 Reply refused(std::string text) { return {.status = Status::refused, .text = std::move(text)}; }
 
@@ -43,10 +46,25 @@ std::string Client::connect(const std::string& path) {
     return {};
 }
 
+// False: the caller does not want to wait any more.
+bool Client::wait_for(short events) {
+    using Clock = std::chrono::steady_clock;
+    constexpr int kLookMs = 1000;
+    const auto begin = Clock::now();
+    for (;;) {
+        pollfd one{.fd = fd_, .events = events, .revents = 0};
+        const int ready = ::poll(&one, 1, kLookMs);
+        if (ready > 0 || (ready < 0 && errno != EINTR)) return true;
+        const auto since = std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - begin);
+        if (silence_ && !silence_(since)) return false;
+    }
+}
+
 std::string Client::send_all(Bytes octets) {
     while (!octets.empty()) {
-        const auto put = ::send(fd_, octets.data(), octets.size(), MSG_NOSIGNAL);
-        if (put < 0 && errno == EINTR) continue;
+        if (!wait_for(POLLOUT)) return kGivenUp;
+        const auto put = ::send(fd_, octets.data(), octets.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+        if (put < 0 && (errno == EINTR || errno == EAGAIN)) continue;
         if (put <= 0) return "the application has ended the connection";
         octets = octets.subspan(static_cast<std::size_t>(put));
     }
@@ -55,6 +73,7 @@ std::string Client::send_all(Bytes octets) {
 
 std::string Client::receive_all(MutableBytes into) {
     while (!into.empty()) {
+        if (!wait_for(POLLIN)) return kGivenUp;
         const auto got = ::recv(fd_, into.data(), into.size(), 0);
         if (got < 0 && errno == EINTR) continue;
         if (got <= 0) return "the application has ended the connection";
@@ -73,6 +92,7 @@ Reply Client::exchange(Operation operation, Bytes payload, const Progress& progr
     auto error = send_all(octets);
     if (error.empty()) error = send_all(payload);
     // A server without a free place answers before it reads: look at its answer all the same.
+    if (error == kGivenUp) return refused(error);
     for (;;) {
         if (auto ended = receive_all(octets); !ended.empty()) return refused(error.empty() ? ended : error);
         const auto header = Header::load(octets);

@@ -4,6 +4,7 @@
 #include "attach/facts.hpp"
 #include "attach/message.hpp"
 
+#include <chrono>
 #include <functional>
 #include <string>
 #include <vector>
@@ -29,6 +30,11 @@ class Client {
     // A sentence when the server does not answer, or speaks another version; empty: connected.
     [[nodiscard]] std::string connect(const std::string& path);
 
+    // Called each second in which the application sends and takes nothing while it is waited for, with the time since
+    // it last did, also after a signal. `false` ends the connection. Before connect().
+    using Silence = std::function<bool(std::chrono::seconds)>;
+    void when_silent(Silence silence) { silence_ = std::move(silence); }
+
     using Progress = std::function<void(std::size_t done, std::size_t total)>;
     // Waits for the answer as long as the connection lasts.
     [[nodiscard]] Reply call(Operation operation, const Arguments& arguments, const Progress& progress = {});
@@ -43,8 +49,10 @@ class Client {
     [[nodiscard]] Reply exchange(Operation operation, Bytes payload, const Progress& progress);
     [[nodiscard]] std::string send_all(Bytes octets);
     [[nodiscard]] std::string receive_all(MutableBytes into);
+    [[nodiscard]] bool wait_for(short events);
 
     int fd_ = -1;
+    Silence silence_{};
     std::string path_{};
     std::uint32_t number_ = 0;
     std::string name_{};

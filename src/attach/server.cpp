@@ -26,8 +26,8 @@ using attach::Connection;
 using attach::Octets;
 using attach::Status;
 
-constexpr auto kStall = 10s;       // a message must go on within this time
-constexpr auto kOwnerSilent = 3s;  // as wait()
+constexpr auto kStall = Connection::kSlow;  // a message must go on within this time
+constexpr auto kOwnerSilent = 3s;           // as wait()
 constexpr auto kProgressEvery = 100ms;
 constexpr std::uint32_t kHighestLevel = 2;
 

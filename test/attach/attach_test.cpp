@@ -230,6 +230,26 @@ TEST_F(Attach, AnOwnerThatDoesNotPollIsToldAndTheServerEnds) {
     waits.join();
 }
 
+// A program that is stopped, for example by a debugger: the kernel takes the connection, and nobody answers.
+TEST_F(Attach, AClientThatIsNotAnsweredIsAskedWhetherItWaits) {
+    const std::string silent = folder + "/silent.sock";
+    attach::SocketAddress address;
+    ASSERT_TRUE(address.set(silent));
+    const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
+    ASSERT_EQ(::bind(fd, address.pointer(), address.bytes()), 0);
+    ASSERT_EQ(::listen(fd, 1), 0);
+    Client client;
+    int asked = 0;
+    client.when_silent([&](std::chrono::seconds since) {
+        EXPECT_GE(since.count(), asked + 1);
+        return ++asked < 2;
+    });
+    EXPECT_EQ(client.connect(silent), silent + ": the application has not answered");
+    EXPECT_EQ(asked, 2);
+    ::close(fd);
+    ::unlink(silent.c_str());
+}
+
 // ------------------------------------------------------------------ hostile clients
 
 TEST_F(Attach, WhatIsMalformedEndsItsOwnConnectionOnly) {
