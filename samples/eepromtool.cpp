@@ -6,6 +6,7 @@
 #include "common/slave_eeprom.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
+#include "common/visible_text.hpp"
 #include "common/xml_files.hpp"
 #include "wire/sii.hpp"
 
@@ -40,7 +41,7 @@ constexpr std::string_view kFileSource = "file:";
 int print_error(const std::string& text) { return fail(text); }
 int print_system_error(const std::string& text) { return fail(text, exit_code::kSystem); }
 
-void print_note(const std::string& text) { fmt::print(stderr, "{}\n", text); }
+void print_note(const std::string& text) { fmt::print(stderr, "{}\n", samples::visible(text)); }
 
 // Shows the progress. Ctrl-C stops the work between two words.
 Progress progress_on(ProgressLine& line) {

@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 
-#include <fcntl.h>
 #include <algorithm>
 #include <cstdlib>
 #include <map>
@@ -48,12 +47,6 @@ Parsed parse(const std::vector<std::string>& words) {
         parsed.values[name] = equals == word.size() ? words[++n] : word.substr(equals + 1);
     }
     return parsed;
-}
-
-// A socket or a file must not get the number of a standard stream that the caller has closed.
-void open_closed_streams() {
-    for (int fd = 0; fd < 3; ++fd)
-        if (::fcntl(fd, F_GETFD) < 0) (void)::open("/dev/null", fd == 0 ? O_RDONLY : O_WRONLY);
 }
 
 int check(const ServiceOptions& options) {
@@ -96,6 +89,5 @@ int run(const std::vector<std::string>& words) {
 }  // namespace
 
 int main(int argc, char** argv) {
-    open_closed_streams();
     return samples::run_program("margayd", [&] { return run({argv + std::min(argc, 1), argv + argc}); });
 }

@@ -1,6 +1,7 @@
 #include "common/monitor_view.hpp"
 
 #include "common/slave_report.hpp"
+#include "common/visible_text.hpp"
 
 #include <fmt/format.h>
 
@@ -119,7 +120,7 @@ std::vector<std::string> monitor_lines(const MonitorModel& model, std::size_t wi
     lines.resize(std::max(lines.size(), height > events ? height - events : 0));
     lines.insert(lines.end(), model.events.end() - static_cast<std::ptrdiff_t>(events), model.events.end());
     lines.resize(height);
-    for (auto& line : lines) line = cut(line, width);
+    for (auto& line : lines) line = cut(visible(line), width);
     return lines;
 }
 

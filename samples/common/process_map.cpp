@@ -193,7 +193,7 @@ std::string map_text(Context& ctx, const ProcessMap& map) {
     auto direction = Direction::outputs;
     for (const MapEntry& e : map.entries) {
         if (e.slave != slave || e.direction != direction)
-            text += fmt::format("  slave {} {}, {}\n", e.slave, ctx.slave(e.slave).name(),
+            text += fmt::format("  slave {} {}, {}\n", e.slave, words_of_slave(ctx.slave(e.slave).name()),
                                 e.direction == Direction::outputs ? "outputs" : "inputs");
         slave = e.slave;
         direction = e.direction;
@@ -211,7 +211,7 @@ nlohmann::ordered_json map_json(Context& ctx, const ProcessMap& map) {
     std::size_t n = 0;
     for (const MapEntry& e : map.entries)
         entries.push_back({{"slave", e.slave},
-                           {"slave_name", std::string(ctx.slave(e.slave).name())},
+                           {"slave_name", words_of_slave(ctx.slave(e.slave).name())},
                            {"direction", direction_text(e.direction)},
                            {"sync_manager", e.sync_manager},
                            {"offset_bits", e.offset_bits},

@@ -72,8 +72,9 @@ class StructWriter {
         return candidate;
     }
     std::string remark(const MapEntry& e) {
-        return comment(fmt::format("slave {} {} {:#06x}:{} at {}.{}", e.slave, ctx_.slave(e.slave).name(), e.index,
-                                   e.subindex, e.offset_bits / 8, e.offset_bits % 8));
+        return comment(fmt::format("slave {} {} {:#06x}:{} at {}.{}", e.slave,
+                                   words_of_slave(ctx_.slave(e.slave).name()), e.index, e.subindex, e.offset_bits / 8,
+                                   e.offset_bits % 8));
     }
     void skip_to(std::uint32_t bit) {
         if (at_ >= bit) return;

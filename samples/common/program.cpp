@@ -1,5 +1,9 @@
 #include "common/program.hpp"
 
+#include "common/visible_text.hpp"
+
+#include <fcntl.h>
+
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -19,6 +23,13 @@ void note_lost_output() {
     if (output_error == 0) output_error = errno != 0 ? errno : EIO;
 }
 
+// A socket or a file must not get the number of a standard stream that the caller has closed: it would receive the
+// output or the messages. Reading and writing fails as with a closed stream.
+void hold_standard_streams() {
+    for (int fd = 0; fd < 3; ++fd)
+        if (::fcntl(fd, F_GETFD) < 0) (void)::open("/dev/null", fd == 0 ? O_WRONLY : O_RDONLY);
+}
+
 }  // namespace
 
 void write_out(std::string_view text) {
@@ -34,12 +45,15 @@ void flush_out() {
 
 bool output_lost() { return output_error != 0; }
 
-int fail(std::string_view text, int code) {
+void print_text(std::string_view text) { write_out(visible(text)); }
+
+int fail(std::string_view message, int code) {
+    const auto text = visible(message);
     if (message_writer != nullptr) {
         message_writer(text);
         return code;
     }
-    const auto line = program_name + ": " + std::string(text) + "\n";
+    const auto line = program_name + ": " + text + "\n";
     (void)std::fwrite(line.data(), 1, line.size(), stderr);
     return code;
 }
@@ -59,6 +73,7 @@ bool stop_asked() { return signal_seen != 0 || output_lost(); }
 
 int run_program(std::string_view name, const std::function<int()>& body) {
     program_name = name;
+    hold_standard_streams();
     (void)std::signal(SIGPIPE, SIG_IGN);
     int code = exit_code::kSystem;
     try {

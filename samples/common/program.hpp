@@ -28,14 +28,17 @@ void write_out(std::string_view text);
 void flush_out();
 [[nodiscard]] bool output_lost();
 
-// Writes formatted text to standard output, with the format of fmt::print().
+// The same for a text for people: see visible().
+void print_text(std::string_view text);
+// Writes formatted text for people to standard output, with the format of fmt::print().
 template <class... T>
 void print_out(fmt::format_string<T...> format, T&&... values) {
-    write_out(fmt::vformat(format, fmt::make_format_args(values...)));
+    print_text(fmt::vformat(format, fmt::make_format_args(values...)));
 }
 
-// Writes "PROGRAM: TEXT" and a line end to standard error, and returns `code`, for `return fail("…");`. Never throws.
-int fail(std::string_view text, int code = exit_code::kSegment);
+// Writes "PROGRAM: MESSAGE" and a line end to standard error, and returns `code`, for `return fail("…");`. Never
+// throws.
+int fail(std::string_view message, int code = exit_code::kSegment);
 // Writes the same line as fail(), for a program that continues.
 void warn(std::string_view text);
 
@@ -51,7 +54,8 @@ void stop_at_signals();
 [[nodiscard]] bool stop_asked();
 
 // Executes `body` as the program `name` and returns the exit code of `body`, or exit_code::kSystem after an exception
-// (usually out of memory) or lost output. SIGPIPE is ignored: a closed pipe is a write error.
+// (usually out of memory) or lost output. SIGPIPE is ignored: a closed pipe is a write error. Standard streams that the
+// caller has closed are held by /dev/null, so that no file or socket gets their numbers; writing to them is an error.
 int run_program(std::string_view name, const std::function<int()>& body);
 
 }  // namespace margay::samples

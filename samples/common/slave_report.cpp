@@ -1,5 +1,6 @@
 #include "common/slave_report.hpp"
 
+#include "common/visible_text.hpp"
 #include "wire/al_status_code.hpp"
 #include "wire/sii_category.hpp"
 
@@ -187,21 +188,6 @@ void add_line(Context& ctx, const Slave& slave, const std::string& first, const 
     }
 }
 
-// One character of a text in UTF-8.
-std::string_view character_at(std::string_view text, std::size_t at) {
-    const auto lead = static_cast<unsigned char>(text[at]);
-    return text.substr(at, lead < 0x80 ? 1 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : 4);
-}
-
-// Characters that are not seen: they turn the direction of a text, or make it look like another one. The order of texts
-// in UTF-8 is that of their characters.
-bool is_hidden(std::string_view c) {
-    constexpr std::pair<std::string_view, std::string_view> kHidden[] = {
-        {"\u00AD", "\u00AD"}, {"\u061C", "\u061C"}, {"\u200B", "\u200F"}, {"\u2028", "\u202E"},
-        {"\u2060", "\u206F"}, {"\uFEFF", "\uFEFF"}, {"\uFFF9", "\uFFFF"}, {"\U000E0000", "\U000E0FFF"}};
-    return std::ranges::any_of(kHidden, [c](const auto& range) { return range.first <= c && c <= range.second; });
-}
-
 }  // namespace
 
 std::string sentence(const Error& error) {
@@ -225,13 +211,7 @@ std::vector<std::string> take_errors(Context& ctx, const std::string& printed) {
 std::string words_of_slave(std::string_view octets) {
     std::string text(2 * octets.size(), '\0');  // a character of ISO 8859-1 becomes two octets
     text.resize(wire::sii::to_utf8(std::as_bytes(std::span(octets)), text).size());
-    std::string shown;
-    for (std::size_t at = 0; at < text.size();) {
-        const auto character = character_at(text, at);
-        shown += is_hidden(character) ? "?" : character;
-        at += character.size();
-    }
-    return shown;
+    return visible(text);
 }
 
 std::string al_text(const AlStatus& al) { return fmt::format("{}{}", to_text(al.state), al.error ? " + ERROR" : ""); }

@@ -1,6 +1,7 @@
 #include "margayd/log.hpp"
 
 #include "common/program.hpp"
+#include "common/visible_text.hpp"
 
 #include <fmt/format.h>
 
@@ -114,7 +115,7 @@ void begin_log() {
 void log(Priority priority, std::string_view text) {
     auto line =
         fmt::format("{}{}{}{}", to_journal ? fmt::format("<{}>", static_cast<int>(priority)) : "margayd: ", about,
-                    about.empty() ? "" : ": ", text);
+                    about.empty() ? "" : ": ", samples::visible(text));
     // Texts of slaves may contain anything. One message is one line.
     std::ranges::replace_if(
         line, [](char c) { return (c >= 0 && c < ' ') || c == 0x7F; }, ' ');
