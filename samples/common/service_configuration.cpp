@@ -12,6 +12,7 @@
 #include <grp.h>
 #include <net/if.h>
 #include <pwd.h>
+#include <sys/un.h>
 
 #include <map>
 
@@ -136,6 +137,9 @@ class FileReader {
         read_numbers(table, m);
         m.state = state(table, "state", m.state, true);
         m.end_state = state(table, "end_state", m.end_state, false);
+        if (m.end_state > m.state)
+            note(reader_.at(*table.get(table.contains("end_state") ? "end_state" : "state"),
+                            "'end_state' is above 'state': the end of the service would raise slaves"));
         note(reader_.boolean(table, "take_over", m.take_over));
         read_tolerance(table, m);
         read_eni(table, m);
@@ -240,7 +244,7 @@ class FileReader {
 
     void read_socket(const toml::table& table, SocketConfiguration& s) {
         optional_text(table, "path", s.path);
-        if (!s.path.empty() && s.path.front() != '/')
+        if (table.contains("path") && (s.path.empty() || s.path.front() != '/'))
             note(reader_.at(*table.get("path"), "'path' must begin with '/'"));
         optional_text(table, "owner", s.owner);
         optional_text(table, "group", s.group);
@@ -282,6 +286,11 @@ class FileReader {
             if (one->contains("name") && !is_interface_name(wanted.name))
                 note(reader_.at(*one->get("name"),
                                 fmt::format("'{}' is no name of an interface (1 to 15 characters)", wanted.name)));
+            if (wanted.name == "lo") note(reader_.at(each, "'lo' is the interface of the machine itself"));
+            if (std::ranges::any_of(m.eoe_named, [&](const EoeInterface& other) {
+                    return other.position == wanted.position && other.alias == wanted.alias;
+                }))
+                note(reader_.at(each, "a second element of 'eoe' for the same slave"));
             m.eoe_named.push_back(std::move(wanted));
         }
         if (list->empty()) m.eoe = false;
@@ -384,6 +393,10 @@ void check_together(const std::vector<PlacedMaster>& masters, const std::string&
         shared.use("the name", m.name, at);
         const auto socket = socket_path(m, sockets);
         shared.use("the socket", socket, plain(socket), at);
+        constexpr std::size_t kMostPath = sizeof(sockaddr_un::sun_path) - 1;
+        if (socket.size() > kMostPath)
+            errors.push_back(
+                fmt::format("{}: the path of the socket has more than {} octets: {}", to_text(at), kMostPath, socket));
         const auto gateway = parse_listen_address(m.gateway, MailboxGatewaySettings::kPort);
         if (gateway) {
             // The text of the first gateway that cannot be there beside this one stands for both.

@@ -137,14 +137,17 @@ void Service::reload() {
     }
     std::erase(masters_, nullptr);
     for (const auto& master : ended)
-        log(Priority::notice, fmt::format("{}: ends, its configuration has changed", master->configuration().name));
+        log(Priority::notice,
+            fmt::format("{}: ends, its configuration has changed or is gone", master->configuration().name));
     for (const auto& master : ended) master->stop();
     const auto changed = wanted.size();
     ended.clear();  // waits for them: a new master may use the same interface
+    const auto kept = masters_.size();
     const bool well = start(std::move(wanted), true);
     log(well ? Priority::notice : Priority::error,
-        fmt::format("configuration reloaded: {} master{} started{}, {} in all", changed, changed == 1 ? "" : "s",
-                    well ? "" : ", not all of them", masters_.size()));
+        fmt::format("configuration reloaded: {}{} master{} started, {} in all",
+                    well ? "" : fmt::format("{} of ", masters_.size() - kept), changed, changed == 1 ? "" : "s",
+                    masters_.size()));
     notifier_.ready();
 }
 

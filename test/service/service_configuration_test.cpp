@@ -192,5 +192,24 @@ TEST_F(ServiceConfigurationTest, NothingToRunAndWrongArguments) {
     }
 }
 
+TEST_F(ServiceConfigurationTest, WhatCannotStartOrContradictsItselfIsRefused) {
+    const std::string source = "source = \"sim:demo\"\n";
+    configure("a.toml", source + "socket = { path = \"/" + std::string(200, 'x') + "\" }\n");
+    configure("b.toml", source + "eoe = [{ position = 1, name = \"lo\" }, { position = 1, name = \"x1\" }]\n");
+    configure("c.toml", source + "state = \"PREOP\"\nend_state = \"SAFEOP\"\n");
+    configure("d.toml", source + "socket = { path = \"\" }\n");
+    configure("e.toml", source + "state = \"INIT\"\n");
+    const auto ran = shell("margayd --check");
+    EXPECT_EQ(ran.status, 2);
+    for (const std::string text :
+         {"a.toml: line 1: the path of the socket has more than 107 octets: /xxx",
+          "b.toml: line 2: 'lo' is the interface of the machine itself",
+          "b.toml: line 2: a second element of 'eoe' for the same slave",
+          "c.toml: line 3: 'end_state' is above 'state': the end of the service would raise slaves",
+          "d.toml: line 2: 'path' must begin with '/'"})
+        EXPECT_TRUE(contains(ran.err, text)) << text << "\n" << ran.err;
+    EXPECT_FALSE(contains(ran.err, "e.toml")) << ran.err;
+}
+
 }  // namespace
 }  // namespace margay::process
