@@ -157,7 +157,14 @@ int run_download(Call& call) {
     if (!octets) return call.fail(octets.problem());
     const auto done =
         slave->session().download(slave->position(), place->index, place->subindex, place->complete, *octets);
-    if (!done) return call.fail(done.problem());
+    if (!done) {
+        auto problem = done.problem();
+        if (place->complete)
+            problem.text +=
+                " (without SUBINDEX the command writes the whole object by complete access, where subindex 0 "
+                "takes two octets; an object of one value has subindex 0)";
+        return call.fail(std::move(problem));
+    }
     if (!call.json()) return samples::exit_code::kWell;
     Output output;
     output.json = place_json(*slave);

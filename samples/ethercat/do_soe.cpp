@@ -44,6 +44,15 @@ const DataType* type_of(const SoeAttribute& attribute) {
     return type_by_name(fmt::format("{}int{}", is_signed ? "" : "u", 8 * attribute.bytes));
 }
 
+// Whether a value begins with the lengths of a list: the octets that are there, and the most. For slaves that do not
+// say it by an attribute.
+bool looks_like_list(std::span<const std::byte> value) {
+    const auto number = [&](std::size_t at) {
+        return std::to_integer<std::size_t>(value[at]) | std::to_integer<std::size_t>(value[at + 1]) << 8;
+    };
+    return value.size() >= 4 && number(0) == value.size() - 4 && number(2) >= number(0);
+}
+
 }  // namespace
 
 int run_soe_read(Call& call) {
@@ -54,17 +63,19 @@ int run_soe_read(Call& call) {
     const auto slave = call.one_slave();
     if (!slave) return call.fail(slave.problem());
     const DataType* type = *named;
-    bool list_head = false;
+    enum class Head { none, lengths, unknown } head = Head::none;
     if (type == nullptr || type->kind == DataType::Kind::text) {
         const auto attribute = slave->session().soe_attribute(slave->position(), parameter->drive, parameter->idn);
-        if (!attribute) return call.fail(attribute.problem());
+        if (!attribute && type == nullptr) return call.fail(attribute.problem());
         if (type == nullptr) type = type_of(*attribute);
-        list_head = attribute->list;
+        head = !attribute ? Head::unknown : attribute->list ? Head::lengths : Head::none;
     }
     auto value = slave->session().soe_read(slave->position(), parameter->drive, parameter->idn);
     if (!value) return call.fail(value.problem());
     std::span<const std::byte> shown(*value);
-    if (list_head) shown = shown.subspan(std::min<std::size_t>(shown.size(), 4));  // present and greatest length
+    // Present and greatest length.
+    if (head == Head::lengths || (head == Head::unknown && looks_like_list(shown)))
+        shown = shown.subspan(std::min<std::size_t>(shown.size(), 4));
     const auto text = value_text(*type, shown);
     if (!text) return call.fail(text.problem());
     std::array<char, 16> idn{};

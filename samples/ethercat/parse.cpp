@@ -45,6 +45,11 @@ class Parser {
             for (const auto& command : commands()) all += fmt::format("{}{}", all.empty() ? "" : ", ", command.name);
             return usage("the command is missing: " + all);
         }
+        std::string several;
+        for (const auto& command : commands())
+            if (out_.command == nullptr && command.name.starts_with(positional_.front()))
+                several += fmt::format("{}{}", several.empty() ? "" : ", ", command.name);
+        if (!several.empty()) return usage(fmt::format("'{}' may be {}", positional_.front(), several));
         if (out_.command == nullptr)
             return usage(fmt::format("unexpected argument or unknown command '{}'", positional_.front()));
         if (auto problem = check()) return *problem;

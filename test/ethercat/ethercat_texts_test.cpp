@@ -48,7 +48,7 @@ TEST_F(EthercatTexts, ArgumentsAreRefusedInWords) {
     fails("sim:demo", "--nope", 2, "there is no option '--nope'; see ethercat --help");
     fails("sim:demo", "slaves -x", 2, "there is no option '-x'");
     fails("sim:demo", "slave5", 2, "unexpected argument or unknown command 'slave5'");
-    fails("sim:demo", "s", 2, "unknown command 's'");
+    fails("sim:demo", "s", 2, "'s' may be sdos, sii_read, sii_write, slaves, soe_read, soe_write, states");
     fails("sim:demo", "slaves --position", 2, "--position needs a value: LIST; see ethercat slaves --help");
     fails("sim:demo", "slaves --json=1", 2, "--json takes no value");
     fails("sim:demo", "", 2, "the command is missing: alias, analyse, config, ");
@@ -58,6 +58,20 @@ TEST_F(EthercatTexts, ArgumentsAreRefusedInWords) {
 }
 
 // One JSON document on standard output, whatever fails.
+TEST_F(EthercatTexts, AShortNameOfSeveralCommandsNamesThem) {
+    fails("sim:demo", "sii", 2, "'sii' may be sii_read, sii_write");
+    fails("sim:demo", "nothing", 2, "unexpected argument or unknown command 'nothing'");
+}
+
+// A recording or a connection must not get the number of a standard stream that is closed.
+TEST_F(EthercatTexts, AClosedStreamGetsNoOtherFile) {
+    const auto ran = ethercat(
+        "sim:demo", "slaves -p 99 --source sim:demo --record r.pcap 2>&-; " + program + " analyse r.pcap --quiet");
+    EXPECT_EQ(ran.status, 0) << "the recording is whole\n" << ran.err;
+    EXPECT_EQ(ran.err, "");
+    fails("sim:demo", "slaves >&-", 3, "standard output cannot be written");
+}
+
 TEST_F(EthercatTexts, ErrorsAreInTheJsonToo) {
     const auto error_of = [&](const std::string& arguments, int code) {
         const auto ran = ethercat("sim:demo", "--json " + arguments);
@@ -68,7 +82,7 @@ TEST_F(EthercatTexts, ErrorsAreInTheJsonToo) {
         const auto& where = json.contains("masters") ? json["masters"][0] : json;
         EXPECT_TRUE(where.contains("error")) << ran.out;
         const auto text = where.value("error", "");
-EXPECT_TRUE(ran.err.starts_with("ethercat: " + text + "\n")) << ran.err;
+        EXPECT_TRUE(ran.err.starts_with("ethercat: " + text + "\n")) << ran.err;
         return text;
     };
     const std::string unreachable = "missing.sock: no application can be reached: No such file or directory";
