@@ -11,6 +11,8 @@
 #include <iterator>
 #include <memory>
 
+#include <sys/stat.h>
+
 namespace margay::files {
 namespace {
 
@@ -89,6 +91,9 @@ std::string to_text(const Remark& remark) {
 
 FileContent read_file(const std::string& path, std::size_t most_bytes) {
     const auto failed = [&path] { return FileContent{.error = path + ": cannot be read: " + std::strerror(errno)}; };
+    // Opening a FIFO waits for a program that writes. A pipe of the shell has a name that is a link.
+    struct stat found {};
+    if (::lstat(path.c_str(), &found) == 0 && S_ISFIFO(found.st_mode)) return {.error = path + ": is no file"};
     const std::unique_ptr<std::FILE, CloseReadFile> file(std::fopen(path.c_str(), "rb"));
     if (file == nullptr) return failed();
     FileContent content;

@@ -2,6 +2,7 @@
 // it that an application writes by hand: expected slaves with their configuration, groups, clocks.
 //
 //     const auto content = margay::files::read_file("machine.xml");
+//     if (!content.error.empty()) …;                   // the file cannot be read
 //     const auto eni = margay::files::read_eni(content.octets);
 //     if (!eni) …;                                    // to_text(eni.problem) says where and why
 //     for (const auto& remark : eni.remarks) …;       // what of the file is not done, by line

@@ -2,6 +2,7 @@
 // process data, the configuration of a slave, operation modes, modules in slots, and the SII image of a device.
 //
 //     const auto content = margay::files::read_file("device.xml");
+//     if (!content.error.empty()) …;                   // the file cannot be read
 //     const auto esi = margay::files::read_esi(content.octets);
 //     if (!esi) …;                                           // to_text(esi.problem) says where and why
 //     const auto* device = margay::files::find_device(*esi, ctx.slave(1).identity);
