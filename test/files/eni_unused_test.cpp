@@ -271,14 +271,16 @@ TEST(EniUnused, ProcessDataThatTheFileContradictsAreNamed) {
 
 TEST(EniUnused, VariablesOfWrongSizeOrPlaceAreNamed) {
     EXPECT_EQ(more_said(replaced(kExampleEni, "<DataType>USINT</DataType>", "<DataType>UINT</DataType>")),
-              Texts{"line 34, column 49: the variable 'Second.In' has BitSize 8, and a UINT has 16 bits: BitSize is used"});
+              Texts{"line 34, column 49: the variable 'Second.In' has BitSize 8, and a UINT has 16 bits: BitSize is "
+                    "used"});
     EXPECT_EQ(more_said(replaced(kExampleEni, "<DataType>USINT</DataType>", "<DataType>BOOL</DataType>")), Texts());
     EXPECT_EQ(more_said(replaced(kExampleEni, "<DataType>USINT</DataType>", "<DataType>MY_TYPE</DataType>")), Texts());
     const auto with = [](unsigned bit, unsigned bits) {
-        return more_said(replaced(kExampleEni, "<Variable><Name>SlaveCount",
-                                  "<Variable><Name>Member</Name><DataType>T</DataType><BitSize>" + std::to_string(bits) +
-                                      "</BitSize><BitOffs>" + std::to_string(bit) +
-                                      "</BitOffs></Variable><Variable><Name>SlaveCount"));
+        const std::string member = "<Variable><Name>Member</Name><DataType>T</DataType><BitSize>" +
+                                   std::to_string(bits) + "</BitSize><BitOffs>" + std::to_string(bit) +
+                                   "</BitOffs></Variable>";
+        return more_said(
+            replaced(kExampleEni, "<Variable><Name>SlaveCount", member + "<Variable><Name>SlaveCount"));
     };
     EXPECT_EQ(with(320, 8), Texts()) << "the same place";
     EXPECT_EQ(with(324, 4), Texts()) << "inside";
