@@ -22,7 +22,7 @@ struct DatagramStatus {
     bool fresh = false;
     // All slaves that can take part did so: their inputs are in the image, except as said for `fresh`. The inputs of
     // the others are unchanged, also where a device answers in their place.
-    [[nodiscard]] constexpr bool usable() const { return came && (got == accepted || got == full); }
+    [[nodiscard]] constexpr bool usable() const { return fresh && (got == accepted || got == full); }
     // The same, and no slave is missing.
     [[nodiscard]] constexpr bool right() const { return usable() && accepted == expected; }
 };

@@ -248,6 +248,12 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //   slave: one of them), and the inputs of all other slaves are fresh: the application may continue without the lost
 //   slaves. Without this detail it is not yet known which slave is missing, and the inputs of whole datagrams are old:
 //   inputs_fresh() says which slaves have old inputs.
+//   The same holds, with the working counter of the known slaves, where a slave is missing (also an optional one) and
+//   the working counter has changed or a cycle was lost: one slave may have left while another one has come. poll()
+//   then reads the states of the slaves that take part, unless readstate() or the supervision does. After about four
+//   cycles, and those in flight, the inputs are fresh again; later while frames are lost, while the counter goes on to
+//   change, and while a slave is on its way to another state. A slave that does not answer keeps them old until
+//   readstate() or the supervision has found it lost.
 //
 // Overlapping cycles (GroupConfiguration::cycles_in_flight is 2 or more): the next cycle can be sent while earlier
 // cycles are still on the wire. Each receive_processdata() ends the oldest cycle and copies its inputs into the image.

@@ -1,6 +1,7 @@
 // Waiting for requests; poll(); and the owner thread of a context.
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/coincidence.hpp"
 #include "network/doubt.hpp"
 #include "network/search.hpp"
 
@@ -152,8 +153,10 @@ Time poll(Context& ctx, Time now) {
         network.comparing_until = later(now, kPatience);
     }
     master->polled = now;
-    for (const ProcessGroup& group : network.process.groups)
+    for (ProcessGroup& group : network.process.groups) {
         if (group.mapped && group.prepared.empty()) network.engine.link().look_at_cable(now, kCableKnown);
+        if (group.sums_doubted) confirm_sums(network, group);
+    }
     // A request that ends in this poll() may free memory for requests that wait.
     Time queued = serve_queue(*master, now);
     Time next = network.engine.poll(now);

@@ -138,10 +138,12 @@ void Link::drain(Time now) {
 void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data) {
     frame.end = CycleEnd::odd;
     DatagramStatus& status = *datagram.status;
-    status.got = load_le<std::uint16_t>(Bytes(data + datagram.bytes, 2));
+    const auto got = load_le<std::uint16_t>(Bytes(data + datagram.bytes, 2));
+    const bool changed = !frame.degraded || !status.came || status.got != got;  // else overwritten by commit()
+    status.got = got;
     status.came = true;
-    if (status.got != status.accepted && frame.owner != nullptr) frame.owner->update_accepted(frame.group);
-    status.fresh = status.usable();
+    status.fresh = got == status.full || (frame.owner == nullptr ? got == status.accepted
+                                                                 : frame.owner->is_sure(frame.group, status, changed));
     if (!status.fresh) return;
     const std::byte* inputs = data + datagram.input_at;
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());

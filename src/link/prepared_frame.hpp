@@ -49,9 +49,10 @@ struct FrameOwner {
     // Copies the inputs of the slaves that take part, and of no other slave; n is the index in `datagrams`. Called
     // for a degraded frame that is `apart`, or that was regrouped in flight.
     void (*copy_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs);
-    // Called when a working counter is not the accepted one, before the reply is judged: the reply that says why may be
-    // there already, and the sequence that waits for it has not continued yet.
-    void (*update_accepted)(void* group);
+    // Called when a working counter is not that of all slaves: whether exactly the slaves that take part have answered.
+    // It is the accepted one by coincidence where one slave has left and another one has come. `changed`: the cycle
+    // before had another one, or it is not known.
+    bool (*is_sure)(void* group, const DatagramStatus& status, bool changed);
 };
 
 struct PreparedFrame {

@@ -154,6 +154,7 @@ Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     const Error failed = error_of_reply(station, reply, kStep, reg::kFmmuBase);
     // The write fails on a slave without FMMUs, which has nothing to clear.
     if (failed.code != Errc::none && count != 0) co_return failed;
+    network.marks(slave).uncertain = false;
     set_takes_part(network, slave, false);
     co_return Nothing{};
 }
@@ -218,6 +219,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     update_al_status(slave.al, seen);
     if (!state) co_return state.error();
     if (running) {
+        network.marks(slave).uncertain = true;
         co_await required(write_fmmus(station, slave, layout, true));
         set_takes_part(network, slave, true);
     }

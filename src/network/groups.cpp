@@ -1,5 +1,6 @@
 #include "network/groups.hpp"
 
+#include "network/coincidence.hpp"
 #include "network/configure.hpp"
 #include "network/entries.hpp"
 #include "network/group_layout.hpp"

@@ -1,5 +1,6 @@
 #include "network/members.hpp"
 
+#include "network/coincidence.hpp"
 #include "network/expectation.hpp"
 #include "network/mailbox_setup.hpp"
 #include "network/wanted.hpp"
@@ -73,6 +74,7 @@ void count(ProcessGroup& group, const Slave& slave, bool more) {
 void set_takes_part(Network& network, Slave& slave, bool takes_part) {
     if (slave.takes_part == takes_part) return;
     slave.takes_part = takes_part;
+    network.marks(slave).uncertain = false;
     if (takes_part) network.marks(slave).awaited = true;
     ProcessGroup* group = group_of(network, slave);
     if (group == nullptr) return;
@@ -81,7 +83,10 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
         change(group->statuses[n].accepted, working_counter_of(ranges, group->plans[n]), takes_part);
     update_counted(network, slave);
     settle(*group);
-    if (takes_part) note_joining(*group, slave);
+    if (takes_part)
+        note_joining(*group, slave);
+    else
+        note_leaving(*group);
     settle_lost_inputs(*group);
 }
 
@@ -97,16 +102,27 @@ LeavingExchange::~LeavingExchange() {
     *at = next_;
 }
 
-void update_leaving(ProcessGroup& group) {
+void LeavingExchange::update(ProcessGroup& group) {
     for (LeavingExchange* one = group.leaving; one != nullptr; one = one->next_) {
         const Reply reply = one->write_.reply();
         if (reply.ok() && reply.wkc == 1) set_takes_part(one->network_, one->slave_, false);
     }
 }
 
+bool LeavingExchange::any(const ProcessGroup& group) {
+    for (const LeavingExchange* one = group.leaving; one != nullptr; one = one->next_)
+        if (one->slave_.takes_part) return true;
+    return false;
+}
+
 void join_again(Network& network, const Slave& slave) {
-    const ProcessGroup* group = group_of(network, slave);
+    ProcessGroup* group = group_of(network, slave);
     if (group != nullptr && slave.takes_part) note_joining(*group, slave);
+}
+
+void note_reached(Network& network, const Slave& slave, AlState before) {
+    if (slave.takes_part && !network.marks(slave).in_use) network.marks(slave).uncertain = false;
+    if (before < AlState::safeop && slave.al.state >= AlState::safeop) join_again(network, slave);
 }
 
 void update_counted(Network& network, Slave& slave) {
@@ -144,6 +160,7 @@ bool head_is_there(const Network& network, std::uint8_t hot_connect) {
 void leave_exchange(Network& network, Slave& lost) {
     update_mailbox(network, lost);
     set_takes_part(network, lost, false);
+    network.marks(lost).uncertain = false;
     if (lost.wanted == nullptr || lost.wanted->hot_connect == 0) return;
     if (head_is_there(network, lost.wanted->hot_connect)) return;
     for (Slave& slave : network.slaves()) {

@@ -27,9 +27,12 @@ class LeavingExchange {
     LeavingExchange& operator=(const LeavingExchange&) = delete;
     ~LeavingExchange();
 
-  private:
-    friend void update_leaving(ProcessGroup& group);
+    // The slaves whose FMMUs are known to be cleared leave the exchange of the group.
+    static void update(ProcessGroup& group);
+    // Whether a slave still takes part in the exchange of the group that is leaving it.
+    [[nodiscard]] static bool any(const ProcessGroup& group);
 
+  private:
     Network& network_;
     Slave& slave_;
     const Datagram& write_;
@@ -39,6 +42,9 @@ class LeavingExchange {
 
 // Call it when the slave was away and is known to be this slave again: the inputs of earlier cycles were not copied.
 void join_again(Network& network, const Slave& slave);
+
+// Call it when the state of the slave was read. It takes no part in cycles that were sent before it reached SAFEOP.
+void note_reached(Network& network, const Slave& slave, AlState before);
 
 // Adds the slave to the expected working counters, or removes it, according to what is wanted of the slave now.
 void update_counted(Network& network, Slave& slave);

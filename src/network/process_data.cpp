@@ -1,5 +1,6 @@
 #include "network/process_data.hpp"
 
+#include "network/coincidence.hpp"
 #include "network/doubt.hpp"
 #include "network/entries.hpp"
 #include "util/bits.hpp"
@@ -94,7 +95,8 @@ void copy_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes in
 
 constexpr FrameOwner kOwner{
     .copy_inputs = copy_inputs,
-    .update_accepted = [](void* user) { update_leaving(*static_cast<ProcessGroup*>(user)); },
+    .is_sure = [](void* user, const DatagramStatus& status,
+                  bool changed) { return is_sure(*static_cast<ProcessGroup*>(user), status, changed); },
 };
 
 PreparedDatagram append_datagram(ProcessGroup& group, std::size_t n, wire::FrameBuilder& builder) {
@@ -325,13 +327,6 @@ std::uint32_t sent_cycles(const ProcessGroup& group) {
     return group.overlap.sets > 1 ? group.overlap.sent.load(std::memory_order_acquire) : group.cycles_sent;
 }
 
-bool is_joining(const ProcessGroup& group, const Slave& slave) {
-    SlaveMarks& marks = group.marks[slave.number - 1U];
-    // The numbers of cycles wrap: once the slave has joined, they are not compared any more.
-    if (marks.joining) marks.joining = static_cast<std::int32_t>(group.cycle_received - marks.joined_after) <= 0;
-    return marks.joining;
-}
-
 bool is_fresh(const ProcessGroup& group, const Slave& slave) {
     if (!slave.takes_part || !group.mapped || group.mapping || is_joining(group, slave)) return false;
     if (group.marks[slave.number - 1U].was_away) return false;  // another slave may have sent them
@@ -348,12 +343,6 @@ bool is_fresh(const ProcessGroup& group, const Slave& slave) {
         any = true;
     }
     return any;
-}
-
-void note_joining(const ProcessGroup& group, const Slave& slave) {
-    if (!group.mapped) return;  // config_map() has failed: there are no cycles
-    group.marks[slave.number - 1U].joining = true;
-    group.marks[slave.number - 1U].joined_after = sent_cycles(group);
 }
 
 void settle_lost_inputs(ProcessGroup& group) {
@@ -428,9 +417,10 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
         if (d.came) got += d.got;
         right &= d.right();
         fresh &= d.fresh;
-        group.unexpected |= !d.came || d.got != d.accepted;
-        group.fell_short |= d.came && d.got != d.accepted;
+        group.unexpected |= !d.fresh || d.got != d.accepted;
+        group.fell_short |= d.came && (!d.fresh || d.got != d.accepted);
     }
+    note_cycle(group, fresh && missing == 0);
     settle_lost_inputs(group);
     if (missing > 0 || is_silent(group, link, now)) {
         error.code = Errc::no_frame;

@@ -27,6 +27,12 @@ struct Overlap {
     std::uint8_t sets = 1;  // sets of frames, each for one cycle; 1: cycles do not overlap
     std::uint8_t send_set = 0;
     std::uint8_t receive_set = 0;
+    // Also where cycles do not overlap, for the owner's thread; see coincidence.hpp. How often the working counters of
+    // the group were doubted, the low half of the number of the first cycle that can be believed again, and a check
+    // value of the working counters of the last cycle that was not simply right.
+    std::uint8_t doubts = 0;
+    std::uint16_t believed_from = 0;
+    std::uint16_t last_sums = 0;
 };
 
 class LeavingExchange;
@@ -59,14 +65,21 @@ struct ProcessGroup : Group {
     bool short_reported : 1 = false;  // the supervision has reported a working counter that fell short
     bool fell_short : 1 = false;      // without a supervision: a working counter has fallen short
     bool was_right : 1 = false;       // without a supervision: readstate() has found the cycles right since the mapping
-    bool settling = false;            // the counters have changed, and no cycle behind `settled_after` was received
-    bool unexpected = false;          // for the supervision: a cycle was not usable, or a slave is back
+    bool unexpected : 1 = false;      // for the supervision: a cycle was not usable, or a slave is back
+    bool settling : 1 = false;        // the counters have changed, and no cycle behind `settled_after` was received
+    // A working counter was neither the accepted one nor that of all slaves, or did not come, and the states of the
+    // slaves that take part were not read since. See coincidence.hpp.
+    bool sums_doubted : 1 = false;
+    bool sums_confirmed : 1 = false;  // they were read, and the cycles from `overlap.believed_from` on are believed
+    bool confirming : 1 = false;      // they are being read
     std::uint8_t next_place = 0;      // where the logical addresses of the next mapping begin: see next_start()
-    std::uint16_t cycles_lost = 0;    // consecutive cycles with frames that did not come back
+    // The low octet of the number of the last cycle that did not bring the inputs of all slaves that take part.
+    std::uint8_t unfresh_cycle = 0;
+    // Cycles to be received that were sent before a slave took part, or before one left the exchange.
+    std::uint8_t joins_under_way : 4 = 0;
+    std::uint8_t leaves_under_way : 4 = 0;
+    std::uint16_t cycles_lost = 0;  // consecutive cycles with frames that did not come back
 };
-
-// Lets the slaves of the group leave the exchange whose FMMUs are known to be cleared.
-void update_leaving(ProcessGroup& group);
 
 // Whether every wanted slave took part in the last cycle that was received.
 [[nodiscard]] inline bool is_right(const ProcessGroup& group) {
@@ -156,9 +169,7 @@ void set_time_standby(ProcessGroup& group, StationAddress standby);
 // Whether the inputs of the slave (for a slave with outputs only: its outputs) were exchanged with the last cycle that
 // was received. `slave` belongs to `group`.
 [[nodiscard]] bool is_fresh(const ProcessGroup& group, const Slave& slave);
-// Call it when the slave takes part from the next sent cycle on.
 [[nodiscard]] std::uint32_t sent_cycles(const ProcessGroup& group);
-void note_joining(const ProcessGroup& group, const Slave& slave);
 // Whether no cycle was received since the slave takes part. Call it at least once in 2^31 cycles.
 [[nodiscard]] bool is_joining(const ProcessGroup& group, const Slave& slave);
 // Sets the inputs of slaves that do not take part, according to GroupConfiguration::lost_inputs.

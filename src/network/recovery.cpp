@@ -208,11 +208,13 @@ ChangeReport::~ChangeReport() { note_change(network_, slave_, before_); }
 
 // NONE is not stored here: note_lost() does that.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
+    if (slave.al == now) note_reached(network, slave, now.state);
     if (slave.al == now || now.state == AlState::none) return;
     if (!network.marks(slave).repeating)
         network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
     if (now.state == AlState::boot) note_boot(network, slave);
-    slave.al = now;
+    const AlState before = std::exchange(slave.al, now).state;
+    note_reached(network, slave, before);
     update_mailbox(network, slave);
 }
 

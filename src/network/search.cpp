@@ -233,8 +233,10 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
         const bool away = slave.al.state == AlState::none;
         if (is_known(slave) && (away || by_itself)) network.marks(slave).doubt(away);
         if (seen && seen->state == AlState::boot) note_boot(network, slave);
+        const AlState before = slave.al.state;
         update_al_status(slave.al, seen);
         if (slave.al.state == AlState::none) return leave_exchange(network, slave);
+        if (seen) note_reached(network, slave, before);
         // A sequence that starts the slave may have opened the mailbox since.
         if (slave.al.state != AlState::init || !worked_on) update_mailbox(network, slave);
         return;
@@ -328,6 +330,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
         auto same = co_await has_fmmus(network, slave, network.process.groups[slave.image.group].layout);
         mapped = same && *same;
     }
+    network.marks(slave).uncertain = mapped;
     // A slave in BOOT is asked when it leaves BOOT: its firmware may use the EEPROM.
     if (is_known(slave)) network.marks(slave).doubt(true);
     if (now.state != AlState::boot) {
@@ -336,6 +339,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
         if (!same) {
             if (same.error().code != slave.error.code) network.note(slave, same.error());
             co_await completion(unmap(network.station(slave)));  // until then it gets no outputs
+            network.marks(slave).uncertain = false;
             co_return Nothing{};
         }
     }
@@ -344,6 +348,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     update_mailbox(network, slave);
     network.marks(slave).attempts = 0;
     network.group_is_back |= is_head_of_group(network, slave);
+    network.marks(slave).uncertain = false;
     if (!mapped || now.state == AlState::init || !slave.seen) co_return Nothing{};
     set_takes_part(network, slave, true);
     const bool well =

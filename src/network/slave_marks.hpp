@@ -52,7 +52,10 @@ struct SlaveMarks {
     bool pdos_in_doubt : 1 = false;  // it has started again, or was in BOOT, since its PDOs were read from it
     bool new_firmware : 1 = false;   // it was in BOOT since then: its identity may change when its firmware has started
     bool held_back : 1 = false;      // brought to PREOP while it was held: its start-up commands were left out
-    bool boot_read : 1 = false;      // its AL status was read since it was away, and is still BOOT
+    // While it takes part: a state below SAFEOP was requested, and its AL status was not read since. While it does not:
+    // its FMMUs are being written or read. So the working counters may have its share, or not.
+    bool uncertain : 1 = false;
+    bool boot_read : 1 = false;  // its AL status was read since it was away, and is still BOOT
     // Where the slave was seen last in a ring that could be read: below this port of the slave `home` (0: the first
     // NIC), and at the second NIC. See places.hpp.
     bool at_second_nic : 1 = false;

@@ -1,6 +1,7 @@
 #include "network/states.hpp"
 
 #include "network/boot.hpp"
+#include "network/coincidence.hpp"
 #include "network/doubt.hpp"
 #include "network/expectation.hpp"
 #include "network/search.hpp"
@@ -19,10 +20,11 @@ constexpr Duration kLongestPause = std::chrono::milliseconds(5);
 // bite after 100 ms.
 constexpr Duration kControlStaysFull = std::chrono::milliseconds(20);
 
-Task<Result<>> read_state(Network& network, Slave& slave) {
+Task<Result<>> read_state(Network& network, Slave& slave, SumConfirmation& confirmation) {
     if (slave.al.state == AlState::none && !slave.seen) co_return Nothing{};  // an expected slave that has not come yet
     auto seen = co_await read_al_status(network.station(slave));
     note_reading(network, slave, seen);
+    confirmation.note(slave, seen);
     if (!seen && !does_not_answer(seen.error())) co_return seen.error();
     settle_request(network, slave);
     co_return Nothing{};
@@ -59,6 +61,7 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
         }
         network.marks(slave).requested = *which;
     }
+    if (slave.takes_part && state < AlState::safeop) network.marks(slave).uncertain = true;
     const bool acknowledge = slave.al.error && !slave.device_emulation;
     const auto request =
         static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
@@ -160,11 +163,13 @@ Task<Result<>> prove_if_there(Network& network, Slave& slave) {
 
 Task<Result<AlStatus>> read_states(Network& network) {
     const std::uint32_t scans = network.scans;
+    SumConfirmation confirmation(network);
     Error first;
-    const auto read = [&network](Slave& s) { return read_state(network, s); };
+    const auto read = [&network, &confirmation](Slave& s) { return read_state(network, s, confirmation); };
     co_await required(for_each_slave(network, read, &first));
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
+    confirmation.end();
     (void)doubt_after_silence(network);
     network.states_read = network.engine.now();
     // After a pause a reading alone does not show that the slaves are the same.

@@ -2,6 +2,7 @@
 
 #include "network/attempts.hpp"
 #include "network/boot.hpp"
+#include "network/coincidence.hpp"
 #include "network/configure.hpp"
 #include "network/doubt.hpp"
 #include "network/expectation.hpp"
@@ -82,7 +83,7 @@ void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
 }
 
 // Reads the state of one slave.
-Task<Result<>> look_at(Network& network, Slave& slave) {
+Task<Result<>> look_at(Network& network, Slave& slave, SumConfirmation& confirmation) {
     if (slave.al.state == AlState::none && !slave.seen) co_return Nothing{};
     // The mapping, or the request that changes the slave, reads its state; here only that it was away.
     if (is_being_mapped(network, slave) || !may_look_at(network, slave)) {
@@ -111,6 +112,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     if (seen->state == AlState::boot) note_boot(network, slave);
     note_state(network, slave, *seen);
+    confirmation.note(slave, seen);
     if (!network.is_reserved()) settle_request(network, slave);
     co_return Nothing{};
 }
@@ -224,28 +226,25 @@ void report_missing(Watch& watch) {
 }
 
 void report_count(Watch& watch, std::uint16_t count) {
-    if (count == watch.reported_count) return;
-    watch.network.report({.kind = EventKind::slave_count, .expected = watch.reported_count, .actual = count});
-    watch.reported_count = count;
+    const auto before = std::exchange(watch.reported_count, count);
+    if (before != count) watch.network.report({.kind = EventKind::slave_count, .expected = before, .actual = count});
 }
 
-// Reports working counters that fell short, and those that are right again. Returns whether a look at the slaves is
-// needed.
+// Reports working counters that fell short or are right again. Returns whether the slaves must be looked at.
 bool report_working_counters(Watch& watch) {
     bool unexpected = false;
     for (ProcessGroup& group : watch.network.process.groups) {
         if (!group.mapped || group.mapping) continue;
         std::uint32_t got = 0;
-        bool counted = true;  // also by a slave that is lost because it has no station address
-        for (const DatagramStatus& d : group.statuses) {
-            got += d.got;
-            counted &= d.got == d.expected || d.got == d.full;
-        }
+        for (const DatagramStatus& d : group.statuses) got += d.got;
         const bool right = std::ranges::all_of(group.statuses, &DatagramStatus::right);
         const bool came = std::ranges::all_of(group.statuses, &DatagramStatus::came);
-        unexpected |= std::exchange(group.unexpected, false) && group.cycles_lost == 0;
+        const bool right_number = std::ranges::all_of(
+            group.statuses, [](const DatagramStatus& d) { return d.got == d.expected || d.got == d.full; });
+        unexpected |= group.unexpected && group.cycles_lost == 0;
+        group.unexpected = false;
         if (group.settling) group.settling = static_cast<std::int32_t>(group.cycle_received - group.settled_after) <= 0;
-        if (!came || group.settling || right != group.short_reported || right != counted) continue;
+        if (!came || group.settling || right != group.short_reported || right != right_number) continue;
         group.short_reported = !right;
         watch.network.report({.kind = right ? EventKind::right_again : EventKind::fell_short,
                               .group = group.number,
@@ -348,8 +347,10 @@ bool walk_is_due(Watch& watch, const BroadcastState& roll) {
 
 Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool unexpected) {
     Network& network = watch.network;
-    const auto look = [&network](Slave& s) { return look_at(network, s); };
+    SumConfirmation confirmation(network);
+    const auto look = [&network, &confirmation](Slave& s) { return look_at(network, s, confirmation); };
     co_await required(for_each_slave(network, look));
+    confirmation.end();
     if (std::exchange(network.group_is_back, false)) watch.groups_at = later(network.engine.now(), watch.wanted.retry);
     // A slow group may have had no cycle since the last look.
     const bool falls_short = std::ranges::any_of(

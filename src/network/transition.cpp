@@ -4,6 +4,7 @@
 #include "network/boot.hpp"
 #include "network/hooks.hpp"
 #include "network/mailbox_setup.hpp"
+#include "network/members.hpp"
 #include "network/newcomer.hpp"
 #include "network/search.hpp"
 #include "network/settings.hpp"
@@ -197,14 +198,19 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     mark_unfinished(network, slave, which);
     const Time now = network.engine.now();
     const Duration patience = until == kNever ? al_timeout(slave, state) : std::max(until - now, Duration{1});
+    if (slave.takes_part) network.marks(slave).uncertain = state < AlState::safeop;
     auto changed = co_await change_al_state_from(station, slave.al, state, slave.device_emulation, patience);
+    const AlState before = slave.al.state;
     if (!changed) {
         auto seen = co_await read_al_status(station);
         update_al_status(slave.al, seen);
+        if (slave.takes_part && seen) network.marks(slave).uncertain = false;
         update_mailbox(network, slave);
         co_return changed;
     }
     slave.al = *changed;
+    if (slave.takes_part) network.marks(slave).uncertain = false;
+    note_reached(network, slave, before);
     update_mailbox(network, slave);
     mailbox_starts(network, slave, which);
     if (network.boot != nullptr) network.boot->reached(network, slave, from, state);
@@ -265,8 +271,8 @@ Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next)
     co_return co_await required(around_transition(network, slave, requested, Moment::after));
 }
 
-AlState awaited_state(const Network& network, const Slave& slave) {
-    const Row* row = slave.al.error ? nullptr : row_of(network.marks(slave).requested);
+AlState awaited_state(const SlaveMarks& marks, const Slave& slave) {
+    const Row* row = slave.al.error ? nullptr : row_of(marks.requested);
     return row == nullptr || slave.al.state != row->from ? slave.al.state : row->to;  // it may have fallen since
 }
 

@@ -66,7 +66,10 @@ class WorkLimit {
 };
 
 // The state of the slave when it has done what was requested last; slave.al has been read just now.
-[[nodiscard]] AlState awaited_state(const Network& network, const Slave& slave);
+[[nodiscard]] AlState awaited_state(const SlaveMarks& marks, const Slave& slave);
+[[nodiscard]] inline AlState awaited_state(const Network& network, const Slave& slave) {
+    return awaited_state(network.marks(slave), slave);
+}
 
 // Whether writestate() has requested this state, and it is not confirmed yet.
 [[nodiscard]] bool is_requested(const Network& network, const Slave& slave, AlState state);

@@ -190,7 +190,10 @@ class DegradedStatusTest : public testing::Test, protected PreparedGroup {
     DegradedStatusTest() : PreparedGroup({io_slave(1, 8, 8), io_slave(2, 8, 8)}) {
         slaves[0].config.mailbox_status = true;
         slaves[0].mailbox = {.out_start = 0x1800, .out_bytes = 64, .in_start = 0x1880, .in_bytes = 64, .protocols = 4};
-        for (Slave& slave : slaves) slave.takes_part = true;
+        for (Slave& slave : slaves) {
+            slave.takes_part = true;
+            slave.al.state = AlState::op;
+        }
     }
     // Where the mailbox status is in the frame.
     [[nodiscard]] std::size_t status_at() const {

@@ -18,7 +18,10 @@ class OverlapTest : public testing::Test, protected PreparedGroup {
     void SetUp() override {
         group.config.cycles_in_flight = 2;
         group.config.al_status = true;
-        for (Slave& slave : slaves) slave.takes_part = true;
+        for (Slave& slave : slaves) {
+            slave.takes_part = true;
+            slave.al.state = AlState::op;
+        }
         prepare_frames();
     }
     Result<> send() { return send_overlapped(group, engine.link(), now += 1ms); }
