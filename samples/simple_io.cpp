@@ -148,7 +148,7 @@ class SimpleIo {
         }
         while (ctx_.events().take()) {
         }
-        if (!all_in_op && !ends()) warn("not all slaves are in OP after 10 s:");
+        if (!all_in_op && !ends()) warn("not all slaves are in OP yet:");
         return all_in_op;
     }
 

@@ -263,7 +263,10 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
             out << " ("
                 << "used: " << sm_text(e.expected) << "; the other: " << sm_text(e.actual) << ")";
             break;
-        case Errc::clock_not_reached: out << " (reference: slave " << e.expected << ")"; break;
+        case Errc::clock_not_reached:
+            out << (e.detail == Error::kReferenceLost ? " (lost: slave " : " (behind it in the ring: slave ")
+                << e.expected << ")";
+            break;
         case Errc::clock_before_reference: out << " (slave " << e.expected << ")"; break;
         case Errc::not_in_sync: {
             const bool behind = (e.actual & 0x8000'0000) != 0;

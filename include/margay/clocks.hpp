@@ -80,7 +80,8 @@ struct ClockSettings {
     Duration start_delay = std::chrono::milliseconds(100);
     // System time is the time of the osal plus this time, at the moment of configdc().
     Duration system_time_at_zero{0};
-    // A clock is in sync when its difference stays within `limit_ns` for `settle`.
+    // A clock is in sync when its difference stays within `limit_ns` for `settle`; for configdc() also in 32
+    // comparisons, or as many as fit into `timeout`.
     std::uint32_t limit_ns = 200;
     Duration settle = std::chrono::milliseconds(10);
     Duration timeout = std::chrono::seconds(3);  // for all clocks to be in sync
@@ -148,7 +149,7 @@ struct SyncRequest : SlaveRequest {
 // SYNC0 occurs at least ClockSettings::start_delay later, at a whole multiple of the grid plus `shift`, which may be
 // negative. A cycle of 0: one pulse only. The setting replaces SlaveSetup::dc until the next config_init(); it is used
 // again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock,
-// clock_not_reached (the clock is before a chosen reference, expected: that slave), unknown_slave,
+// clock_not_reached (the clock is before a chosen reference, or that is lost; expected: that slave), unknown_slave,
 // invalid_argument (a cycle that is negative, does not fit 32 bits or does not fit ClockSettings::start_grid; a start
 // that has passed, or is over 4.29 s ahead of a clock of 32 bits), working_counter, no_frame.
 Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift = Duration{0});

@@ -119,7 +119,8 @@ enum class Errc : std::uint8_t {
                              // not ended, or were ended early (expected, actual: the state)
     no_clock,                // the slave has no clock that runs; slave 0: no slave has one
     clock_before_reference,  // a slave before the reference clock in the ring has a clock (expected: that slave)
-    clock_not_reached,  // the clock is before the chosen reference clock in the ring (expected: the slave with that)
+    clock_not_reached,  // the reference clock does not synchronise the clock of the slave: it is behind the slave in
+                        // the ring, or lost (detail: Error::kReferenceLost; expected: the slave with the reference)
     not_in_sync,        // a clock differs from the reference clock (expected: the limit, actual: the difference, ns)
     cabling,            // the two NICs of init_redundant() are connected wrongly (detail: CablingFault)
     supervised,  // the supervision keeps the slave in another state, see set_target() (expected: that state, actual:
@@ -263,6 +264,8 @@ struct Error {
     static constexpr std::uint32_t kOthersFresh = 1;
     // Detail of Errc::working_counter from receive_processdata(): config_map() is executing for the group.
     static constexpr std::uint32_t kBeingMapped = 2;
+    // Detail of Errc::clock_not_reached: the slave with the reference clock is lost.
+    static constexpr std::uint32_t kReferenceLost = 1;
     // Details of Errc::wrong_state from ApplicationTime: set() was not called; there is no result yet.
     static constexpr std::uint32_t kNoTime = 4;
     static constexpr std::uint32_t kNotBack = 5;

@@ -78,7 +78,8 @@ struct CycleSettings {
     // False: another thread sends the groups (GroupConfiguration::cycles_in_flight), and the owner only receives them.
     bool send = true;
     // Asked after each cycle when the next one is due. nullptr: once a period of the osal's clock. Without effect where
-    // another thread sends.
+    // another thread sends. With a clock, reach() and run_cycle() continue the phase of the last cycle, if that was at
+    // most a second ago: they wait for their first cycle.
     CycleClock* clock = nullptr;
     // The frames of a cycle leave `send_lead` after the cycle was due, by a NIC that can hold them until then
     // (timed_send.hpp), so that they leave without the jitter of the wake-up. send_lead must be longer than this jitter

@@ -179,6 +179,9 @@ class Schedule {
 void keep_in_step(Context& ctx, const CycleSettings& settings, Schedule& schedule, const Departure& departure) {
     if (settings.clock == nullptr || !settings.send) return;
     schedule.shift(-settings.clock->follow(ctx, departure.at - departure.wanted));
+    Master& master = *master_of(ctx);
+    master.in_step_sent = master.network.engine.link().last_cycle();
+    master.in_step_due = schedule.due();
 }
 
 // Reports an overrun at once, and further overruns once a second at most.
@@ -283,16 +286,25 @@ void poll_until(Context& ctx, Time due) {
     } while (now < due);
 }
 
+// When the last cycle was due; of a cycle of the application, when it was sent, less the time that frames are held.
+Time last_due(Master& master, const CycleSettings& settings) {
+    const Time sent = master.network.engine.link().last_cycle();
+    if (sent == master.in_step_sent) return master.in_step_due;
+    return sender(settings) != nullptr ? later(sent, -settings.send_lead) : sent;
+}
+
 // Where a clock keeps the cycle in step, the first cycle continues the phase of the last one, and is waited for: a jump
 // would lead the clock out of its limit. After a longer pause the phase is a new one.
 Schedule begin_schedule(Context& ctx, const CycleSettings& settings) {
     constexpr Duration kLongest = std::chrono::seconds(1);
-    const Time now = master_of(ctx)->osal.now();
-    const Time last = master_of(ctx)->network.engine.link().last_cycle();
-    if (settings.clock == nullptr || !settings.send || last >= now || later(last, kLongest) < now)
+    Master& master = *master_of(ctx);
+    const Time now = master.osal.now();
+    const Time sent = master.network.engine.link().last_cycle();
+    if (settings.clock == nullptr || !settings.send || sent == Time::min() || later(sent, kLongest) < now)
         return Schedule(now, settings.period);
-    const Duration passed = now - last + (sender(settings) != nullptr ? settings.send_lead : Duration{0});
-    const Time first = later(now - passed, ((passed - Duration{1}) / settings.period + 1) * settings.period);
+    const Time due = last_due(master, settings);
+    const Duration passed = std::max(now - due, Duration{1});
+    const Time first = later(due, ((passed - Duration{1}) / settings.period + 1) * settings.period);
     poll_until(ctx, first);
     return Schedule(first, settings.period);
 }

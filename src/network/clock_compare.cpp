@@ -260,15 +260,20 @@ Task<Result<>> set_late_clock(Network& network) {
     Clocks& clocks = network.clocks;
     constexpr std::uint8_t kRests = 100;
     if (clocks.rests != 0) co_return Nothing{};
-    for (Slave& slave : network.slaves()) {
+    const auto slaves = network.slaves();
+    for (std::size_t n = 0; n < slaves.size(); ++n) {
+        Slave& slave = slaves[(clocks.late_first + n) % slaves.size()];
         const ClockEntry& clock = clocks.of(slave);
         if (clock.synchronised || !is_clock(clock.kind) || !is_settled(network, slave) || clock.beside) continue;
         // return_to_first_clock() does it.
         if (clock.measured && is_before_reference(network, slave)) continue;
         if (slave.number == clocks.reference || note_reach(network, slave)) continue;
         const SlaveToken token(network.marks(slave));
+        clocks.late_first = slave.number;  // the next time the slaves behind it are first
         auto set = co_await prepare_clock(network, slave);
+        const Errc code = set ? Errc::none : set.error().code;
         if (!set) clocks.rests = kRests;
+        if (std::exchange(clocks.late_error, code) != code && !set) network.note(set.error());
         co_return Nothing{};
     }
     co_return Nothing{};

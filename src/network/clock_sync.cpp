@@ -362,6 +362,7 @@ Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync)
         co_return Error{.code = Errc::clock_not_reached,
                         .step = kSyncStep,
                         .slave = slave.number,
+                        .detail = clock.out_of_reach ? 0 : Error::kReferenceLost,
                         .expected = clock.out_of_reach ? network.clocks.settings.reference : network.clocks.reference};
     constexpr unsigned kMostTries = 3;
     Result<> written;

@@ -233,7 +233,7 @@ Task<Result<bool>> are_within_limit(Network& network) {
 }
 
 // Sends the time until every clock has been within the limit for the settle time, and for as many comparisons as its
-// register is the mean of: before, a clock that swings may seem to be within it.
+// register is the mean of (before, a clock that swings may seem to be within it) or as there is time for.
 Task<Result<>> wait_until_in_sync(Network& network) {
     const ClockSettings& settings = network.clocks.settings;
     const Time give_up = later(network.engine.now(), settings.timeout);
@@ -247,8 +247,9 @@ Task<Result<>> wait_until_in_sync(Network& network) {
         if (within && since == kNever) since = now;
         if (!within) since = kNever;
         times = within ? static_cast<std::uint8_t>(std::min(times + 1, UINT8_MAX)) : std::uint8_t{0};
-        settled = times >= ClockEntry::kTimesOfMean && now >= later(since, settings.settle);
-        if (settled || now >= give_up) break;
+        const bool last = now >= give_up;
+        settled = within && now >= later(since, settings.settle) && (last || times >= ClockEntry::kTimesOfMean);
+        if (settled || last) break;
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     }
     co_await required(read_differences(network));

@@ -91,6 +91,8 @@ struct Clocks {
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
     std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
     std::uint8_t rounds_old = 0;    // rounds in which the delay of some clock was old
+    Errc late_error = Errc::none;   // why the clock of a slave that came late was not set the last time
+    std::uint16_t late_first = 0;   // index of the slave whose clock is tried first the next time
     std::uint8_t rests = 0;         // rounds until a clock may be brought to the reference, after this has failed
     bool all_in_sync = false;
     bool is_driven = false;         // times are written to the reference, which follows them

@@ -40,9 +40,10 @@ struct ProcessDataArea {
     std::uint16_t max_bytes = 0;  // 0: the device has no such process data
     // Length in the SII when the application chooses the size at run time; 0: max_bytes.
     std::uint16_t sii_bytes = 0;
-    bool three_buffers = true;       // false: mailbox mode, that is one buffer with handshake
-    bool watchdog = false;           // outputs: the SII and the default control octet enable the watchdog trigger
-    bool watchdog_required = false;  // outputs: SAFEOP is refused when the master has not enabled the watchdog
+    bool three_buffers = true;  // false: mailbox mode, that is one buffer with handshake
+    bool watchdog = false;      // outputs: the SII and the default control octet enable the watchdog trigger
+    // Outputs: SAFEOP is refused when the master has not enabled the watchdog; the SII enables it as `watchdog` does.
+    bool watchdog_required = false;
     [[nodiscard]] constexpr bool present() const { return max_bytes != 0; }
     // The object with the PDO assignment of the SyncManager (ETG.1000.6 "Sync Manager PDO Assignment").
     [[nodiscard]] constexpr std::uint16_t assignment() const {
@@ -171,15 +172,6 @@ inline constexpr std::uint16_t kLeastCoeMailbox = 16;
     for (const MailboxPair& pair : {device.mailbox, device.boot_mailbox})
         for (const MailboxArea& area : {pair.receive, pair.send})
             agree = agree && (!pair.present() || area.allows(area.size_bytes));
-    return agree;
-}
-
-// False: outputs need the watchdog, and the SII of the device has it off.
-[[nodiscard]] constexpr bool watchdogs_agree(const DeviceDescription& device) {
-    bool agree = true;
-    for_each_area(device, true, [&](const ProcessDataArea& area, std::size_t) {
-        agree = agree && (area.watchdog || !area.watchdog_required);
-    });
     return agree;
 }
 

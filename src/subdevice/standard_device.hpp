@@ -289,8 +289,6 @@ class StandardDevice {
                   "DcDescription::required needs DcDescription::supported");
     static_assert(mailbox_sizes_agree(Description),
                   "MailboxArea::size_bytes is not between `min_bytes` and `max_bytes`: the device refuses its own SII");
-    static_assert(watchdogs_agree(Description),
-                  "ProcessDataArea::watchdog_required needs ProcessDataArea::watchdog: the device refuses its own SII");
     static_assert(sync_managers_agree(Description),
                   "ProcessDataArea::sync_manager is that of a mailbox (0, 1) or of another area, or above 15");
     static constexpr auto kPlaces = standard::places_of(Description);

@@ -85,8 +85,8 @@ TEST_F(ChosenReference, TheClocksBeforeItTakeOverNoZeros) {
 TEST_F(ChosenReference, SyncOfAClockBeforeItIsRefused) {
     bring_up();
     const std::string why =
-        "slave 2: activating SYNC: the clock is before the reference clock in the ring, which cannot "
-        "synchronise it (reference: slave 3)";
+        "slave 2: activating SYNC: the reference clock does not synchronise the clock (behind it in the ring: slave "
+        "3)";
     EXPECT_EQ(words(dcsync0(*ctx, 2, true, 1ms).error()), why);
     ctx->slave(2).config.setup = &every_ms;
     const auto mapped = config_map(*ctx, image);

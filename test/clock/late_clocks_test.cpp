@@ -174,6 +174,80 @@ TEST_F(LateClocks, TheCycleKeepsItsPhaseFromCallToCall) {
     }
 }
 
+// Its SYNC signals would run away. The error says that the reference is lost, and not that the slave is before it.
+TEST_F(LateClocks, ASlaveWithSyncFirstSeenWhileTheChosenReferenceIsLost) {
+    hang(0, {.drift_ppb = 50'000});
+    hang(3, {.drift_ppb = 20'000, .start_ns = 7}, true);
+    hang(1, {.drift_ppb = -20'000, .start_ns = 77}, true);
+    hang(2, {.drift_ppb = -70'000, .start_ns = 777});
+    setup = {
+        .dc = {.source = SyncSettings::Source::application, .assign_activate = 0x0300, .sync0_cycle = 1ms}};
+    ClockSettings settings = kFewFrames;
+    settings.reference = 2;
+    settings.replace_lost_reference = false;
+    bring_up(settings, {2});
+    power(1, false);
+    steps(1000);
+    power(2, true);
+    steps(1500);
+    (void)config_map(*ctx, image);
+    steps(2000);
+    const std::string told = joined(events());
+    EXPECT_NE(told.find("slave 3: activating SYNC: the reference clock does not synchronise the clock (lost: slave 2)"),
+              std::string::npos)
+        << told;
+    power(1, true);
+    steps(5000);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::op) << joined(events());
+    EXPECT_TRUE(clock(3).in_sync && clock(3).sync_active);
+}
+
+// Beside a long cycle there is no time for all comparisons.
+TEST_F(LateClocks, AClockThatIsWithinTheLimitBesideALongCycleIsInSync) {
+    for (const int drift : {0, 5000, 10000}) add({.drift_ppb = drift});
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    run();
+    for (const Duration cycle : {4ms, 60ms, 100ms}) {
+        ClockRequest request;
+        request.settings = kFewFrames;
+        request.settings.limit_ns = 10'000;
+        ASSERT_TRUE(submit(*ctx, request).ok());
+        for (Duration passed{}; passed < 30s && request.busy(); passed += cycle) {
+            osal.advance(cycle);
+            (void)send_processdata(*ctx, 0);
+            (void)receive_processdata(*ctx, 300us, 0);
+            (void)poll(*ctx, osal.now());
+        }
+        EXPECT_EQ(request.state(), RequestState::success) << cycle / 1ms << ": " << words(request.error());
+    }
+}
+
+// The cycle before the pause began late: its lateness is no phase.
+TEST_F(LateClocks, TheCycleKeepsItsPhaseAfterALateCycle) {
+    add({});
+    add({.drift_ppb = 30'000, .start_ns = 0x1234'5678'9ABCULL});
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    run();
+    MasterClock master({.set_value = -200us, .phase = {.cycle = 1ms}});
+    for (const Duration late : {0us, 100us, 400us, 800us}) {
+        int left = 5000;
+        const auto work = [&](const CycleInfo&) {
+            if (--left == 1) osal.advance(900us + late);
+            return left > 0;
+        };
+        ASSERT_TRUE(run_cycle(*ctx, {.period = 1ms, .clock = &master}, work).ok());
+        osal.advance(370us);
+        master.reset_statistics();
+        left = 200;
+        const auto on_time = [&](const CycleInfo&) { return --left > 0; };
+        ASSERT_TRUE(run_cycle(*ctx, {.period = 1ms, .clock = &master}, on_time).ok());
+        EXPECT_EQ(master.state(), PhaseState::in_sync) << late / 1us;
+        EXPECT_LE(master.most_ns(), 5000U) << late / 1us;
+    }
+}
+
 // What the new slave is against the chosen reference is not known before that is back.
 TEST_F(LateClocks, AClockFirstSeenWhileTheChosenReferenceIsLost) {
     hang(0, {.drift_ppb = 50'000});

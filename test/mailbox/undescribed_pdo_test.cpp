@@ -34,7 +34,7 @@ TEST_F(UndescribedPdo, WithALengthInTheSiiItIsSaidAndUsed) {
     StackSlave& slave = bus.add_stack();
     assign(slave, 0x1605);
     bus.start();
-    (void)config_map(*bus.ctx, image);
+    EXPECT_TRUE(config_map(*bus.ctx, image).ok());
     const auto told = errors();
     ASSERT_FALSE(told.empty());
     EXPECT_EQ(told.front(),

@@ -102,10 +102,8 @@ static_assert(!mailbox_fits({.size_bytes = 128, .min_bytes = 200, .max_bytes = 1
 constexpr bool outputs_agree(ProcessDataArea area) {
     DeviceDescription device = kLampsDevice;
     device.outputs = area;
-    return watchdogs_agree(device) && sync_managers_agree(device);
+    return sync_managers_agree(device);
 }
-static_assert(outputs_agree({.sync_manager = 2, .max_bytes = 4, .watchdog = true, .watchdog_required = true}));
-static_assert(!outputs_agree({.sync_manager = 2, .max_bytes = 4, .watchdog_required = true}));
 static_assert(outputs_agree({.sync_manager = 15, .max_bytes = 4}) &&
               !outputs_agree({.sync_manager = 16, .max_bytes = 4}));
 static_assert(!outputs_agree({.max_bytes = 4}) && !outputs_agree({.sync_manager = 1, .max_bytes = 4}));
