@@ -49,18 +49,18 @@ void keep_emergencies(Bus& bus, std::uint16_t slave) {
     }
 }
 
-// The supervision keeps the last state of slaves that it cannot ask, and reads the states when they answer again.
+// The supervision keeps the last state of slaves that it cannot ask. It says that they answer before it has read the
+// states again.
 void note_silence(Bus& bus, const Event& event) {
     const bool of_segment = event.slave == 0;
     if (event.kind == EventKind::unsupervised || (event.kind == EventKind::lost && of_segment)) {
         bus.silent = event.kind == EventKind::lost;
-        bus.returning = 0;
+        bus.returning.waited_for = false;
     }
     if (event.kind != EventKind::found || !of_segment) return;
-    if (bus.active)
-        bus.returning = Bus::kUntilRead;
-    else
-        bus.silent = false;
+    bus.returning.waited_for = bus.active;
+    bus.returning.reading = false;
+    if (!bus.active) bus.silent = false;
 }
 
 // Slaves have changed: the copies of them are old.
@@ -159,6 +159,7 @@ Bus::~Bus() {
         close_eoe_interfaces(*this);
         search.scan.cancel();
         search.watch.cancel();
+        returning.states.cancel();
         if (operation != nullptr) operation->cancel();
     }
     operation.reset();

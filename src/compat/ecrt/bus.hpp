@@ -18,6 +18,7 @@
 #include <margay/application_time.hpp>
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
+#include <margay/request.hpp>
 
 #include <ecrt.h>
 
@@ -142,8 +143,13 @@ class Bus {
     Time facts_at{};                // for the owner: when they are copied again; in the past while they are old
     Time refresh_at{};              // for the owner: when a cycle does more than to exchange data
     bool silent = false;            // for the owner: no frame comes back, so no slave responds
-    static constexpr unsigned kUntilRead = 3;  // cycles
-    unsigned returning = 0;                    // for the owner: cycles until the states are read again after a silence
+    // The states are read again after a silence of the segment. For the owner.
+    struct Return {
+        ReadStateRequest states;
+        bool waited_for = false;  // the states that are known are from before the silence
+        bool reading = false;     // `states` has begun after it
+    };
+    Return returning;
     std::atomic<std::uint32_t> responding{0};
     std::atomic<std::uint32_t> al_states{0};
     // Of the two ends of a ring; one NIC: the first.

@@ -109,6 +109,20 @@ void be_steady(Bus& bus) {
                   .domain = exchange.domains.front()};
 }
 
+// Slaves respond again when the states of all have been read since the end of the silence. A reading that has begun
+// before it, or that fails, for example because a frame was lost, does not count.
+void read_after_silence(Bus& bus) {
+    Bus::Return& back = bus.returning;
+    if (back.states.busy()) return;
+    if (!back.reading || back.states.state() != RequestState::success) {
+        back.reading = submit(*bus.ctx, back.states).ok();
+        return;
+    }
+    back.waited_for = false;
+    bus.silent = false;
+    bus.dirty = true;
+}
+
 [[gnu::noinline]] void step_up(Bus& bus, Time now) {
     if (!bus.operation->running())
         bus.operation->step(now);
@@ -116,13 +130,10 @@ void be_steady(Bus& bus) {
         bus.operation->check(now);
     for (const auto& exchange : bus.exchanges)
         if (exchange->held) rest(*bus.ctx, *exchange);
-    if (bus.returning != 0 && --bus.returning == 0) {
-        bus.silent = false;
-        bus.dirty = true;
-    }
+    if (bus.returning.waited_for) read_after_silence(bus);
     const bool changed = bus.dirty;
     if (changed || now >= bus.facts_at) bus.refresh_facts(now);
-    bus.refresh_at = bus.returning != 0 ? Time{} : std::min(bus.facts_at, bus.operation->look_at());
+    bus.refresh_at = bus.returning.waited_for ? Time{} : std::min(bus.facts_at, bus.operation->look_at());
     for (const auto& exchange : bus.exchanges)
         if (changed || exchange->best != Answer::complete) update_best(bus, *exchange);
     be_steady(bus);

@@ -96,7 +96,7 @@ set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
 
 # The same with a segment in virtual time, which these programs open.
-foreach(program flags moved late_outputs early_request)
+foreach(program flags moved late_outputs early_request after_silence)
   add_executable(ecrt_${program} ${folder}/${program}.cpp)
   target_include_directories(ecrt_${program} PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
   target_link_libraries(ecrt_${program} PRIVATE margay_ecrt_facade margay_flags)
@@ -105,6 +105,7 @@ margay_ecrt_test(flags ecrt_flags "")
 margay_ecrt_test(moved ecrt_moved "" sim:${folder}/moved.toml)
 margay_ecrt_test(late_outputs ecrt_late_outputs "")
 margay_ecrt_test(early_request ecrt_early_request "")
+margay_ecrt_test(after_silence ecrt_after_silence "")
 
 # Each function with its signature; the table of the README.
 margay_ecrt_program(ecrt_signatures signatures.c)
