@@ -22,6 +22,10 @@ namespace margay::analyse {
 struct Moment {
     std::uint64_t frame = 0;  // number of the packet, from 1, as in Wireshark
     Duration at{};            // since the first packet of the file; negative: the packet is earlier
+    // By time; at the same time, by the order of the file. Packets that were sorted are not in the order of the file.
+    [[nodiscard]] bool is_before(const Moment& other) const {
+        return at != other.at ? at < other.at : frame < other.frame;
+    }
 };
 
 // A list that stops growing at a limit.

@@ -29,9 +29,9 @@ void CycleWatch::frame(const KeptFrame& request, bool answered, bool late) {
     if (present_ == nullptr) return;
     auto& facts = analysis_.cyclic[present_->number];
     // Replies may overtake each other; the interval is that of the requests in their order.
-    if (facts.count != 0 && request.when.frame > facts.last.frame)
-        present_->intervals.add(request.when.at - facts.last.at, request.when);
-    if (facts.count == 0 || request.when.frame > facts.last.frame) facts.last = request.when;
+    const bool is_next = facts.count == 0 || facts.last.is_before(request.when);
+    if (facts.count != 0 && is_next) present_->intervals.add(request.when.at - facts.last.at, request.when);
+    if (is_next) facts.last = request.when;
     ++facts.count;
     if (!answered) ++facts.lost;
     if (late) ++facts.late;

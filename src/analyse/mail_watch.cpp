@@ -173,7 +173,8 @@ void MailWatch::finish(Moment end) {
         const auto [slave, type] = open_.begin()->first;
         close(slave, type, end, Outcome::unfinished);
     }
-    std::ranges::stable_sort(analysis_.conversations.items, {}, [](const Conversation& c) { return c.begin.frame; });
+    const auto begins_before = [](const Conversation& a, const Conversation& b) { return a.begin.is_before(b.begin); };
+    std::ranges::stable_sort(analysis_.conversations.items, begins_before);
 }
 
 void MailWatch::take_aoe(const Mail& mail) {
@@ -189,7 +190,7 @@ void MailWatch::take_error(const Mail& mail) {
     MailboxType type{};
     for (auto& [key, conversation] : open_)
         if (key.first == mail.slave.number &&
-            (youngest == nullptr || conversation.facts.begin.frame >= youngest->facts.begin.frame)) {
+            (youngest == nullptr || !conversation.facts.begin.is_before(youngest->facts.begin))) {
             youngest = &conversation;
             type = key.second;
         }

@@ -150,6 +150,15 @@ TEST_F(AnalyseFile, PacketsOfOneMasterAreSortedByTime) {
     EXPECT_EQ(a.frames.longest_trip, 30us);
 }
 
+// The numbers of the packets say nothing of their order then.
+TEST_F(AnalyseFile, TheSecondHalfOfAFileBeforeTheFirst) {
+    auto packets = cycles_of(1, 0us, 1ms, 40);
+    std::ranges::rotate(packets, packets.begin() + 41);
+    const auto a = analyse_file(pcap(packets));
+    EXPECT_NE(a.remark.find("were sorted"), std::string::npos) << a.remark;
+    expect_cycle(a, 1ms, 40);
+}
+
 // Both NICs of a ring send each frame; two masters of two interfaces do not.
 TEST_F(AnalyseFile, ARingIsOneMasterAndTwoMastersAreNoRing) {
     for (const bool ring : {true, false}) {
