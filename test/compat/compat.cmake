@@ -145,6 +145,17 @@ endforeach()
 target_compile_definitions(compat_soem2_block_lrw PRIVATE SOEM2)
 set_tests_properties(${virtual} PROPERTIES ENVIRONMENT MARGAY_SIM_TIME=virtual)
 
+# ThreadSanitizer of each compiler sees that the kernel passes the lock on.
+find_program(MARGAY_CLANG_TSAN NAMES clang++-16 clang++)
+foreach(case "gcc ${CMAKE_CXX_COMPILER}" "clang ${MARGAY_CLANG_TSAN}")
+  separate_arguments(case UNIX_COMMAND "${case}")
+  list(GET case 0 label)
+  list(GET case 1 compiler)
+  add_test(NAME compat/priority_lock_${label} COMMAND sh ${compat}/priority_lock.sh ${compiler} ${PROJECT_SOURCE_DIR}
+    ${CMAKE_CURRENT_BINARY_DIR}/priority_lock_${label})
+  set_tests_properties(compat/priority_lock_${label} PROPERTIES SKIP_RETURN_CODE 77)
+endforeach()
+
 # The table of the README names every function.
 add_test(NAME compat/readme
          COMMAND ${CMAKE_COMMAND} -DREADME=${PROJECT_SOURCE_DIR}/src/compat/README.md

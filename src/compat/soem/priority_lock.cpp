@@ -6,16 +6,32 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-// ThreadSanitizer does not see that the kernel passes the lock on.
+// GCC says by a macro that ThreadSanitizer is on, clang by a feature.
 #if defined(__SANITIZE_THREAD__)
+#define MARGAY_SOEM_TSAN
+#elif defined(__has_feature)
+#if __has_feature(thread_sanitizer)
+#define MARGAY_SOEM_TSAN
+#endif
+#endif
+#if defined(MARGAY_SOEM_TSAN)
 #include <sanitizer/tsan_interface.h>
-#else
-#define __tsan_acquire(address) static_cast<void>(address)
-#define __tsan_release(address) static_cast<void>(address)
 #endif
 
 namespace margay::soem {
 namespace {
+
+// ThreadSanitizer does not see that the kernel passes the lock on.
+void tell_taken([[maybe_unused]] void* lock) noexcept {
+#if defined(MARGAY_SOEM_TSAN)
+    __tsan_acquire(lock);
+#endif
+}
+void tell_given([[maybe_unused]] void* lock) noexcept {
+#if defined(MARGAY_SOEM_TSAN)
+    __tsan_release(lock);
+#endif
+}
 
 long futex(std::atomic<std::uint32_t>& word, int operation) noexcept {
     static_assert(sizeof(std::atomic<std::uint32_t>) == sizeof(std::uint32_t));
@@ -40,11 +56,11 @@ void PriorityLock::wait() noexcept {
         sched_yield();
     }
     static_cast<void>(word_.load(std::memory_order_acquire));
-    __tsan_acquire(&word_);
+    tell_taken(&word_);
 }
 
 void PriorityLock::pass_on() noexcept {
-    __tsan_release(&word_);
+    tell_given(&word_);
     futex(word_, FUTEX_UNLOCK_PI);
 }
 
