@@ -157,6 +157,7 @@ TEST_F(AnalyseFile, TheSecondHalfOfAFileBeforeTheFirst) {
     const auto a = analyse_file(pcap(packets));
     EXPECT_NE(a.remark.find("were sorted"), std::string::npos) << a.remark;
     expect_cycle(a, 1ms, 40);
+    EXPECT_EQ(a.cyclic[0].last.at - a.cyclic[0].first.at, 39ms);
 }
 
 // Both NICs of a ring send each frame; two masters of two interfaces do not.
