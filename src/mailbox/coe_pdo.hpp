@@ -12,8 +12,9 @@ namespace margay {
 [[nodiscard]] Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, const MailPatience& patience);
 
 // Finds the length of the PDOs that are assigned to each SyncManager. `entries` (may be nullptr, outlives the task)
-// receives each entry. False, and nothing found, when the dictionary has no assignment: this is not a failure, the SII
-// may contain it. A SyncManager with an undescribed PDO has the length of the SII. Errors: anything but an abort.
+// receives each entry. False, and nothing found, when the dictionary has no assignment or does not describe its PDOs:
+// this is not a failure, the SII may contain them. `undescribed` receives assigned PDOs that the dictionary does not
+// describe; their SyncManagers have the length of the SII. Errors: anything but an abort.
 [[nodiscard]] Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types,
                                                  FoundSms& found, UndescribedPdos& undescribed,
                                                  const MailPatience& patience, EntrySink* entries = nullptr);
