@@ -6,10 +6,13 @@
 namespace margay::samples {
 namespace {
 
-// One character of a text in UTF-8.
+// One character of a text in UTF-8. One that is cut ends before the next character.
 std::string_view character_at(std::string_view text, std::size_t at) {
     const auto lead = static_cast<unsigned char>(text[at]);
-    return text.substr(at, lead < 0xC0 ? 1 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : 4);
+    const auto most = text.substr(at, lead < 0xC0 ? 1 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : 4);
+    std::size_t size = 1;
+    while (size < most.size() && (static_cast<unsigned char>(most[size]) & 0xC0) == 0x80) ++size;
+    return most.substr(0, size);
 }
 
 // The order of texts in UTF-8 is that of their characters.
