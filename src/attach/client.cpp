@@ -9,6 +9,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 namespace margay::attach {
 namespace {
@@ -27,6 +28,7 @@ Client::~Client() {
 
 std::string Client::connect(const std::string& path) {
     path_ = path;
+    given_up_ = false;
     SocketAddress address;
     if (!address.set(path)) return path + ": the path is empty, or too long for a socket";
     fd_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -46,7 +48,7 @@ std::string Client::connect(const std::string& path) {
     return {};
 }
 
-// False: the caller does not want to wait any more.
+// False: the caller does not want to wait any more, and the connection is closed.
 bool Client::wait_for(short events) {
     using Clock = std::chrono::steady_clock;
     constexpr int kLookMs = 1000;
@@ -56,7 +58,12 @@ bool Client::wait_for(short events) {
         const int ready = ::poll(&one, 1, kLookMs);
         if (ready > 0 || (ready < 0 && errno != EINTR)) return true;
         const auto since = std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - begin);
-        if (silence_ && !silence_(since)) return false;
+        if (silence_ && !silence_(since)) {
+            // A request is half sent, or its answer half read: nothing can follow.
+            ::close(std::exchange(fd_, -1));
+            given_up_ = true;
+            return false;
+        }
     }
 }
 
@@ -83,7 +90,7 @@ std::string Client::receive_all(MutableBytes into) {
 }
 
 Reply Client::exchange(Operation operation, Bytes payload, const Progress& progress) {
-    if (fd_ < 0) return refused("not connected");
+    if (fd_ < 0) return refused(given_up_ ? kGivenUp : "not connected");
     const Header request{.bytes = static_cast<std::uint32_t>(payload.size()),
                          .number = ++number_,
                          .what = static_cast<std::uint16_t>(operation)};

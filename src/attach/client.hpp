@@ -31,7 +31,8 @@ class Client {
     [[nodiscard]] std::string connect(const std::string& path);
 
     // Called each second in which the application sends and takes nothing while it is waited for, with the time since
-    // it last did, also after a signal. `false` ends the connection. Before connect().
+    // it last did, also after a signal. `false` ends the connection: this call and all later ones are refused. Before
+    // connect().
     using Silence = std::function<bool(std::chrono::seconds)>;
     void when_silent(Silence silence) { silence_ = std::move(silence); }
 
@@ -52,6 +53,7 @@ class Client {
     [[nodiscard]] bool wait_for(short events);
 
     int fd_ = -1;
+    bool given_up_ = false;  // by silence_
     Silence silence_{};
     std::string path_{};
     std::uint32_t number_ = 0;

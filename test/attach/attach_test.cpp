@@ -246,6 +246,16 @@ TEST_F(Attach, AClientThatIsNotAnsweredIsAskedWhetherItWaits) {
     });
     EXPECT_EQ(client.connect(silent), silent + ": the application has not answered");
     EXPECT_EQ(asked, 2);
+    // The connection has ended: an answer that comes later is read by nobody, and no other request follows.
+    EXPECT_EQ(client.call(Operation::master, {}).text, "the application has not answered");
+    EXPECT_EQ(asked, 2);
+    const int accepted = ::accept(fd, nullptr, nullptr);
+    const timeval most{.tv_sec = 10, .tv_usec = 0};
+    ASSERT_EQ(::setsockopt(accepted, SOL_SOCKET, SO_RCVTIMEO, &most, sizeof(most)), 0);
+    std::array<std::byte, 20> hello{};
+    EXPECT_EQ(::recv(accepted, hello.data(), hello.size(), MSG_WAITALL), 20);
+    EXPECT_EQ(::recv(accepted, hello.data(), hello.size(), 0), 0) << "the connection is still open, or has more";
+    ::close(accepted);
     ::close(fd);
     ::unlink(silent.c_str());
 }
