@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <iterator>
 #include <memory>
@@ -18,6 +19,10 @@ namespace {
 
 struct CloseReadFile {
     void operator()(std::FILE* file) const { (void)std::fclose(file); }
+};
+
+struct FreeText {
+    void operator()(char* text) const { std::free(text); }
 };
 
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r'; }
@@ -82,6 +87,17 @@ std::string from_latin1(std::string_view octets) {
     return utf8;
 }
 
+// Whether opening it waits for a program that writes. Not of a pipe that is open already: the names of the system for
+// descriptors (standard input, a pipe of the shell) are links.
+bool is_fifo(const std::string& path) {
+    struct stat found {};
+    if (::lstat(path.c_str(), &found) != 0) return false;
+    if (S_ISFIFO(found.st_mode)) return true;
+    if (!S_ISLNK(found.st_mode) || path.starts_with("/dev/") || path.starts_with("/proc/")) return false;
+    const std::unique_ptr<char, FreeText> target(::realpath(path.c_str(), nullptr));
+    return target != nullptr && ::lstat(target.get(), &found) == 0 && S_ISFIFO(found.st_mode);
+}
+
 }  // namespace
 
 std::string to_text(const Remark& remark) {
@@ -91,9 +107,7 @@ std::string to_text(const Remark& remark) {
 
 FileContent read_file(const std::string& path, std::size_t most_bytes) {
     const auto failed = [&path] { return FileContent{.error = path + ": cannot be read: " + std::strerror(errno)}; };
-    // Opening a FIFO waits for a program that writes. A pipe of the shell has a name that is a link.
-    struct stat found {};
-    if (::lstat(path.c_str(), &found) == 0 && S_ISFIFO(found.st_mode)) return {.error = path + ": is no file"};
+    if (is_fifo(path)) return {.error = path + ": is no file"};
     const std::unique_ptr<std::FILE, CloseReadFile> file(std::fopen(path.c_str(), "rb"));
     if (file == nullptr) return failed();
     FileContent content;
