@@ -34,7 +34,10 @@ TEST_F(UndescribedPdo, WithALengthInTheSiiItIsSaidAndUsed) {
     StackSlave& slave = bus.add_stack();
     assign(slave, 0x1605);
     bus.start();
-    EXPECT_TRUE(config_map(*bus.ctx, image).ok());
+    EXPECT_EQ(bus.words(config_map(*bus.ctx, image).error()),
+              "slave 1: requesting a state: the slave refused (wanted SAFEOP, is in PREOP, AL status code 0x0025: invalid "
+              "output mapping)")
+        << "as its firmware does not know the PDO either";
     const auto told = errors();
     ASSERT_FALSE(told.empty());
     EXPECT_EQ(told.front(),

@@ -222,8 +222,10 @@ TEST(Programs, AnOverrunSkipsCatchesUpOrStops) {
     const ShellFolder folder;
     const auto stopped = folder.run(kBin + "simple_io sim:demo --cycles 10 --period 50 --overrun stop");
     EXPECT_EQ(stopped.status, 1);
-    EXPECT_EQ(stopped.err,
-              "simple_io: stopped (--overrun stop): cycle 2 could not begin in its period, and 2 cycles were missed\n");
+    // Which cycle it is depends on the moment at which the bring-up ends.
+    EXPECT_TRUE(stopped.err.starts_with("simple_io: stopped (--overrun stop): cycle ")) << stopped.err;
+    EXPECT_TRUE(contains(stopped.err, " could not begin in its period, and ")) << stopped.err;
+    EXPECT_TRUE(stopped.err.ends_with(" missed\n")) << stopped.err;
     const auto skipped = folder.run(kBin + "simple_io sim:demo --cycles 100 --period 50 --histogram h.json");
     EXPECT_EQ(skipped.status, 0) << skipped.err;
     EXPECT_TRUE(contains(skipped.out, "100 cycles, 100 overruns")) << skipped.out;

@@ -88,7 +88,7 @@ TEST_F(EqualSlaves, BesideABridgedOneNobodyIsGuessed) {
     const auto story = events();
     EXPECT_EQ(told(story, "a device at slave 1 port 1 may be slave 2 or slave 3, which are equal and lost"), 1)
         << joined(story);
-    EXPECT_EQ(told(story, "not in the list"), 0) << joined(story);
+    EXPECT_EQ(told(story, "an unexpected slave"), 0) << joined(story);
     // With slave 2 both are there.
     segment.disconnect({line[2], 0});
     put_second_in();
