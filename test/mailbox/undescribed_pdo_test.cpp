@@ -35,8 +35,8 @@ TEST_F(UndescribedPdo, WithALengthInTheSiiItIsSaidAndUsed) {
     assign(slave, 0x1605);
     bus.start();
     EXPECT_EQ(bus.words(config_map(*bus.ctx, image).error()),
-              "slave 1: requesting a state: the slave refused (wanted SAFEOP, is in PREOP, AL status code 0x0025: invalid "
-              "output mapping)")
+              "slave 1: requesting a state: the slave refused (wanted SAFEOP, is in PREOP, AL status code 0x0025: "
+              "invalid output mapping)")
         << "as its firmware does not know the PDO either";
     const auto told = errors();
     ASSERT_FALSE(told.empty());
