@@ -11,6 +11,8 @@ namespace reg = wire::reg;
 constexpr Duration kReadTimeout = std::chrono::milliseconds(100);  // for one block: while busy or not acknowledged
 constexpr Duration kNackPause = std::chrono::microseconds(500);    // after a command that was not acknowledged
 constexpr int kNackTries = 3;                                      // at least, whatever time passes between two polls
+constexpr int kBusyTries = 10;  // at least: frames may take longer than an EEPROM, and frames that are sent twice order
+                                // a block twice
 
 constexpr std::array<std::byte, 6> command(std::uint16_t what, std::uint32_t word) {
     std::array<std::byte, 6> bytes{};
@@ -160,8 +162,8 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
                 ordered_at_ = sent;
                 sure_ = false;
             }
-            busy = std::min(busy + 1, kNackTries);
-            if (busy == kNackTries && sent >= give_up) co_return failure(Errc::sii_busy, at);
+            busy = std::min(busy + 1, kBusyTries);
+            if (busy == kBusyTries && sent >= give_up) co_return failure(Errc::sii_busy, at);
         } else if (waiting && (visit->status & control::kMissingAcknowledge) != 0) {
             nacks_ = nacks_ < kNackTries ? static_cast<std::uint8_t>(nacks_ + 1) : nacks_;
             if (nacks_ == kNackTries && sent >= give_up) co_return failure(Errc::sii_nack, at);
@@ -169,8 +171,8 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
             co_await engine.sleep_for(kNackPause);
         } else if (waiting) {
             if (accept(*visit, order, sent)) continue;
-            busy = std::min(busy + 1, kNackTries);
-            if (busy == kNackTries && sent >= give_up) co_return failure(Errc::sii_busy, at);
+            busy = std::min(busy + 1, kBusyTries);
+            if (busy == kBusyTries && sent >= give_up) co_return failure(Errc::sii_busy, at);
         } else {
             ordered_ = at;
             ordered_at_ = sent;
