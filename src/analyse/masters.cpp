@@ -7,12 +7,6 @@
 #include <algorithm>
 
 namespace margay::analyse {
-namespace {
-
-constexpr std::size_t kMostPlaces = 4096;  // pairs of address and interface that are told apart
-
-}  // namespace
-
 std::optional<Masters::Place> Masters::place_of(Bytes frame, std::uint32_t interface) {
     if (frame.size() < wire::kFramePrefixBytes || !has_datagrams(frame)) return std::nullopt;
     Place place{{}, interface};

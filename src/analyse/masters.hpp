@@ -11,14 +11,17 @@
 
 namespace margay::analyse {
 
+inline constexpr std::size_t kMostPlaces = 4096;  // pairs of address and interface that are told apart
+
 // Show all frames by look(), in the order of the file, then call decide(), then ask.
 class Masters {
   public:
     // `frame`: with an Ethernet header, as FrameFinder returns it.
     void look(Bytes frame, std::uint32_t interface);
     void decide();
-    // The master of a frame, from 0 in the order of the first frames; kMostMasters or more: beyond the limit. nullopt:
-    // the frame has no datagrams that can be read.
+    // The master of a frame, from 0 in the order of the first frames; kMostMasters or more: beyond the limit of
+    // masters, or its address and interface were not among the first kMostPlaces that look() has seen. nullopt: the
+    // frame has no datagrams that can be read.
     [[nodiscard]] std::optional<std::size_t> of(Bytes frame, std::uint32_t interface) const;
     [[nodiscard]] std::size_t count() const { return count_; }
     // The interface of the file, where another master of the file has the same address.

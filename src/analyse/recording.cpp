@@ -1,6 +1,7 @@
 #include "analyse/recording.hpp"
 
 #include "analyse/analyser.hpp"
+#include "analyse/ethercat_frame.hpp"
 #include "analyse/masters.hpp"
 #include "analyse/ring_copies.hpp"
 #include "oshw/pcap/packet_reader.hpp"
@@ -11,6 +12,7 @@
 #include <cstring>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 
 namespace margay::analyse {
@@ -100,10 +102,21 @@ class RingEvidence {
 };
 
 // Finds frames that were recorded twice, as by a mirror port that copies both directions: the same octets as one of the
-// two packets before, and shortly behind it.
+// two packets before, and shortly behind it. Frames without a working counter are no sign of it, because a frame that
+// nobody has processed comes back as it was.
 class Twins {
   public:
-    [[nodiscard]] bool is_second(Duration at, Bytes packet) {
+    // Where the second one of a frame is a copy, by what is_second() has found in the whole file.
+    struct Copies {
+        bool all = false;                         // each frame is there twice
+        std::vector<std::uint32_t> interfaces{};  // only here: nearly all of its frames, or each of them twice
+        [[nodiscard]] bool any() const { return all || !interfaces.empty(); }
+        [[nodiscard]] bool on(std::uint32_t interface) const {
+            return all || std::ranges::count(interfaces, interface) != 0;
+        }
+    };
+
+    [[nodiscard]] bool is_second(Duration at, Bytes packet, Bytes frame, std::uint32_t interface) {
         const bool second = std::ranges::any_of(last_, [&](const Packet& p) {
             return at >= p.at && at - p.at < kTogether && !p.paired && std::ranges::equal(p.bytes, packet);
         });
@@ -111,12 +124,27 @@ class Twins {
         last_[1].at = at;
         last_[1].bytes.assign(packet.begin(), packet.end());
         last_[1].paired = second;
-        ++all_;
-        if (second) ++seconds_;
+        auto& counts = counts_[interface];
+        const bool touched = !is_untouched(frame);
+        ++counts.frames;
+        counts.seconds += second ? 1 : 0;
+        counts.touched += touched ? 1 : 0;
+        counts.touched_seconds += touched && second ? 1 : 0;
         return second;
     }
-    // Nearly all frames are there twice.
-    [[nodiscard]] bool everywhere() const { return seconds_ > 8 && 20 * seconds_ >= 9 * all_; }
+    [[nodiscard]] Copies copies() const {
+        Counts sum;
+        Copies found;
+        for (const auto& [interface, counts] : counts_) {
+            if (counts.nearly_half()) found.interfaces.push_back(interface);
+            sum.frames += counts.frames;
+            sum.seconds += counts.seconds;
+            sum.touched += counts.touched;
+            sum.touched_seconds += counts.touched_seconds;
+        }
+        found.all = sum.nearly_half();
+        return found;
+    }
 
   private:
     static constexpr Duration kTogether = std::chrono::microseconds(20);
@@ -125,8 +153,14 @@ class Twins {
         std::vector<std::byte> bytes{};
         bool paired = false;  // it is a second one itself
     };
+    struct Counts {
+        std::uint64_t frames = 0, seconds = 0, touched = 0, touched_seconds = 0;
+        [[nodiscard]] bool nearly_half() const {
+            return touched_seconds > 4 && 20 * seconds >= 9 * frames && 20 * touched_seconds >= 9 * touched;
+        }
+    };
     std::array<Packet, 2> last_{};
-    std::uint64_t all_ = 0, seconds_ = 0;
+    std::map<std::uint32_t, Counts> counts_{};  // by the interface of the second one
 };
 
 class Recording {
@@ -155,7 +189,7 @@ class Recording {
   private:
     using Reader = std::function<void(const Taken&, std::optional<std::size_t> master)>;
 
-    // Finds the masters. False: the file cannot be opened.
+    // Finds copies and the masters. False: the file cannot be opened.
     bool survey() {
         PacketReader reader;
         if (!reader.open(path_)) {
@@ -163,42 +197,61 @@ class Recording {
             return false;
         }
         origins_ = read_packet_origins(path_);
-        RingEvidence ring;
         Twins twins;
         while (const auto packet = reader.next()) {
             const auto frame = finder_.find(packet->bytes);
             if (!frame || packet->bytes.size() < packet->length_on_wire) continue;
-            if (twins.is_second(packet->at, packet->bytes)) continue;
-            const auto origin = origin_of(packet->number);
-            masters_.look(frame->bytes, origin.interface);
-            ring.look(origin, packet->at, packet->bytes);
+            (void)twins.is_second(packet->at, packet->bytes, frame->bytes, origin_of(packet->number).interface);
         }
-        masters_.decide();
-        twice_ = twins.everywhere();
-        is_ring_ = RingCopies::is_ring(origins_) && ring.is_ring();
+        copies_ = twins.copies();
         packets_ = reader.packets();
         problem_ = reader.problem();
         cut_off_ = reader.cut_off();
+        find_masters();
         return true;
+    }
+
+    void find_masters() {
+        RingEvidence ring;
+        read_packets([&](const Taken& t, Bytes frame) {
+            if (frame.empty()) return;
+            masters_.look(frame, t.origin.interface);
+            ring.look(t.origin, t.when.at, t.bytes);
+        });
+        masters_.decide();
+        is_ring_ = RingCopies::is_ring(origins_) && ring.is_ring();
     }
 
     [[nodiscard]] PacketOrigin origin_of(std::uint64_t number) const {
         return number <= origins_.size() ? origins_[number - 1] : PacketOrigin{};
     }
 
-    void read(const Reader& take) {
+    // Reads the packets that survey() has seen, without the copies: a file may grow. `frame` is empty where the packet
+    // is no EtherCAT frame, or was cut.
+    template <class Take>
+    void read_packets(Take take) {
         PacketReader reader;
         Twins twins;
+        copied_ = 0;
         if (!reader.open(path_)) return;
-        while (const auto packet = reader.next()) {
+        for (auto packet = reader.next(); packet && packet->number <= packets_; packet = reader.next()) {
             const Taken t{
                 {packet->number, packet->at}, origin_of(packet->number), packet->bytes, packet->length_on_wire};
-            const auto frame = finder_.find(packet->bytes);
-            if (twice_ && frame && twins.is_second(packet->at, packet->bytes)) continue;
-            take(t, frame && packet->bytes.size() >= packet->length_on_wire
-                        ? masters_.of(frame->bytes, t.origin.interface)
-                        : std::nullopt);
+            const auto found = finder_.find(packet->bytes);
+            const auto frame = found && t.bytes.size() >= t.length_on_wire ? found->bytes : Bytes();
+            if (copies_.any() && !frame.empty() && twins.is_second(t.when.at, t.bytes, frame, t.origin.interface) &&
+                copies_.on(t.origin.interface)) {
+                ++copied_;
+                continue;
+            }
+            take(t, frame);
         }
+    }
+
+    void read(const Reader& take) {
+        read_packets([&](const Taken& t, Bytes frame) {
+            take(t, frame.empty() ? std::nullopt : masters_.of(frame, t.origin.interface));
+        });
     }
 
     Analysis analyse_ring() {
@@ -280,7 +333,9 @@ class Recording {
         if (left_out_ != 0)
             add("frames of more than " + std::to_string(kMostMasters) + " masters: " + std::to_string(left_out_) +
                 " are not analysed");
-        if (twice_) add("each frame was recorded twice: the second one is left out");
+        if (copies_.any())
+            add((copies_.all ? "each frame was" : std::to_string(copied_) + " frames were") +
+                std::string(" recorded twice: the second one is left out"));
         add(cut_off_);
         analysis.frames.packets = packets_;
         for (auto& other : analysis.others) other.frames.packets = packets_;
@@ -298,8 +353,8 @@ class Recording {
     FrameFinder finder_{};
     Masters masters_{};
     bool is_ring_ = false;
-    bool twice_ = false;  // each frame was recorded twice
-    std::uint64_t packets_ = 0;
+    Twins::Copies copies_{};
+    std::uint64_t packets_ = 0, copied_ = 0;
     std::uint64_t left_out_ = 0;
     std::string problem_{}, cut_off_{};
 };

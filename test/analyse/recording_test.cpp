@@ -195,6 +195,49 @@ TEST_F(AnalyseFile, FramesThatWereRecordedTwiceAreTakenOnce) {
     }
 }
 
+// A second tap that has a part of the frames: of an interface that has nothing of its own.
+TEST_F(AnalyseFile, ATapThatHasOnlyCopiesIsNoOtherMaster) {
+    std::vector<Packet> packets;
+    for (const auto& p : cycles_of(1, 0us, 1ms, 40)) {
+        packets.push_back(p);
+        if (p.at / 1ms % 3 == 0) packets.push_back({p.at + 1us, p.bytes, {.interface = 1}});
+    }
+    const auto a = analyse_file(pcapng(packets));
+    EXPECT_EQ(a.remark, "28 frames were recorded twice: the second one is left out");
+    expect_cycle(a, 1ms, 40);
+    EXPECT_TRUE(a.others.empty());
+}
+
+// A few equal frames beside many others are no copies, and they are still of a master.
+TEST_F(AnalyseFile, FramesOfAnotherInterfaceAreNotLost) {
+    std::vector<Packet> packets;
+    for (const auto& p : cycles_of(1, 0us, 1ms, 40)) {
+        packets.push_back(p);
+        if (p.at / 1ms == 20) packets.push_back({p.at + 1us, p.bytes, {.interface = 1}});
+    }
+    const auto a = analyse_file(pcapng(packets));
+    EXPECT_EQ(a.remark, "");
+    ASSERT_EQ(a.others.size(), 1U);
+    EXPECT_EQ(a.frames.ethercat + a.others[0].frames.ethercat, packets.size());
+}
+
+// Frames that come back as they were: a loop without slaves, and a master with a locally administered address, whose
+// replies have no other mark.
+TEST_F(AnalyseFile, FramesThatNobodyHasProcessedAreNotRecordedTwice) {
+    for (const unsigned first_octet : {0U, 2U}) {
+        std::vector<Packet> packets;
+        for (int n = 0; n < 40; ++n) {
+            const auto request =
+                cycle_frame(1, false, static_cast<std::uint8_t>(n), static_cast<std::uint8_t>(first_octet));
+            packets.push_back({1ms * n, request});
+            packets.push_back({1ms * n + 5us, request});
+        }
+        const auto a = analyse_file(pcap(packets));
+        EXPECT_EQ(a.remark, "");
+        EXPECT_EQ(a.frames.ethercat, packets.size());
+    }
+}
+
 // A master whose frames are alike: its index and its data stay.
 TEST_F(AnalyseFile, EqualFramesOfACycleAreNotTakenForCopies) {
     std::vector<Packet> packets;
