@@ -99,6 +99,9 @@ void serve_octets(int listener, unsigned connections, After after = After::refus
                 into(attach::kMagic, attach::kProtocolVersion, evil, evil, false, std::uint32_t{1024});
             } else if (operation == attach::Operation::slaves) {
                 into(std::uint16_t{1}, std::uint16_t{1}, slave_of(state, written, after));
+            } else if (after != After::refuses &&
+                       (operation == attach::Operation::read_registers || operation == attach::Operation::read_sii)) {
+                into(std::uint8_t{0x5A});  // fewer octets than asked
             } else if (after != After::refuses) {
                 written |= operation == attach::Operation::foe_write;
                 if (operation == attach::Operation::set_target) state = written ? AlState::op : AlState::boot;
@@ -148,6 +151,23 @@ TEST_F(EthercatAttach, AFileThatIsWrittenIsSaidToBeWritten) {
         EXPECT_TRUE(contains(ran.err, std::string("the file was written, but the slave of position 0 ") + text))
             << ran.err;
     }
+}
+
+TEST_F(EthercatAttach, AnswersWithTooFewOctetsAreRefused) {
+    attach::SocketAddress address;
+    ASSERT_TRUE(address.set(folder.path() / "s.sock"));
+    const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
+    ASSERT_EQ(::listen(listener, 4), 0);
+    std::thread server([&] { serve_octets(listener, 3, After::other); });
+    for (const std::string command : {"reg_read -p 0 0 2", "reg_read -p 0 -t uint16 0x10", "sii_read -p 0"}) {
+        const auto ran = folder.run(program + " " + command + " --attach s.sock");
+        EXPECT_EQ(ran.status, 3) << command;
+        EXPECT_EQ(ran.out, "") << command;
+        EXPECT_EQ(ran.err, "ethercat: s.sock: the answer is not complete\n") << command;
+    }
+    server.join();
+    ::close(listener);
 }
 
 TEST_F(EthercatAttach, ObjectsOfADriveAreTheSame) {
