@@ -248,7 +248,7 @@ Answer<std::vector<DomainFacts>> AttachedSession::domains() {
             attach::Reader from(*part);
             from(group);
             const auto octets = from.octets();
-            if (!from.complete()) return Problem{path_ + ": the answer is not complete"};
+            if (!from.complete()) return Problem{path_ + ": the answer is not complete", samples::exit_code::kSystem};
             domain.data.insert(domain.data.end(), octets.begin(), octets.end());
             if (octets.empty()) break;
         } while (domain.data.size() < std::size_t{group.output_bytes} + group.input_bytes);
