@@ -263,59 +263,92 @@ class Judge {
                 "cycles");
     }
 
+    // Of each master in the file.
     void recording() {
         if (!report_.recording) return;
-        const auto& analysis = report_.recording->analysis;
+        const auto& first = report_.recording->analysis;
+        if (first.others.empty()) return recording_of(first, "");
+        recording_of(first, words_of_master(1, first));
+        for (std::size_t n = 0; n < first.others.size(); ++n)
+            recording_of(first.others[n], words_of_master(n + 2, first.others[n]));
+    }
+    static std::string words_of_master(std::size_t number, const analyse::Analysis& analysis) {
+        return fmt::format("Master {} ({}): ", number, fmt::join(analysis.master.addresses, ", "));
+    }
+
+    void recording_of(const analyse::Analysis& analysis, const std::string& of) {
         const bool only = report_.origin == Origin::recording;
         if (!analysis.problem.empty())
-            return add(only ? Severity::fault : Severity::remark, "The recording: " + analysis.problem, "recording");
+            return add(only ? Severity::fault : Severity::remark, of + "The recording: " + analysis.problem,
+                       "recording");
         if (analysis.frames.lost != 0)
             add(Severity::fault,
-                fmt::format("{} of {} frames in the recording did not come back.", analysis.frames.lost,
+                fmt::format("{}{} of {} frames in the recording did not come back.", of, analysis.frames.lost,
                             analysis.frames.requests),
                 "recording");
         if (!only) return;
-        if (analysis.slaves.empty()) add(Severity::fault, "No slave answers in the recording.", "recording");
-        recording_states();
+        if (analysis.slaves.empty()) add(Severity::fault, of + "No slave answers in the recording.", "recording");
+        recording_states(analysis, of);
+        recorded_oddities(analysis, of);
+        if (analysis.frames.lost == 0)
+            add(Severity::good, fmt::format("{}All {} requests have their replies.", of, analysis.frames.requests),
+                "recording");
+    }
+
+    void recorded_oddities(const analyse::Analysis& analysis, const std::string& of) {
         if (!analysis.shortfalls.items.empty())
             add(Severity::remark,
-                fmt::format("Working counters fell short {} times.",
+                fmt::format("{}Working counters fell short {} times.", of,
                             analysis.shortfalls.items.size() + analysis.shortfalls.left_out),
                 "shortfalls");
         if (!analysis.emergencies.items.empty())
             add(Severity::remark,
-                fmt::format("{} emergency messages.",
+                fmt::format("{}{} emergency messages.", of,
                             analysis.emergencies.items.size() + analysis.emergencies.left_out),
                 "emergencies");
         const auto refused = std::ranges::count_if(analysis.conversations.items, [](const auto& c) {
             return c.outcome == analyse::Outcome::refused || c.outcome == analyse::Outcome::unanswered;
         });
         if (refused != 0)
-            add(Severity::remark, fmt::format("{} mailbox requests were refused or not answered.", refused), "mail");
-        if (analysis.frames.lost == 0)
-            add(Severity::good, fmt::format("All {} requests have their replies.", analysis.frames.requests),
-                "recording");
+            add(Severity::remark, fmt::format("{}{} mailbox requests were refused or not answered.", of, refused),
+                "mail");
     }
 
-    void recording_states() {
-        const auto& analysis = report_.recording->analysis;
+    void recording_states(const analyse::Analysis& analysis, const std::string& of) {
         for (const analyse::Slave& slave : analysis.slaves)
             if (slave.state && slave.state->error)
                 add(Severity::fault,
-                    fmt::format("{} ends in {}.",
+                    fmt::format("{}{} ends in {}.", of,
                                 slave.position ? fmt::format("Slave {}", *slave.position)
                                                : fmt::format("Station 0x{:04x}", slave.station.value_or(0)),
                                 state_text(*slave.state)),
                     "states");
     }
 
+    // The frames, the time and the slaves of all masters.
+    [[nodiscard]] std::string recorded_text() const {
+        const auto& first = report_.recording->analysis;
+        std::uint64_t frames = first.frames.ethercat;
+        std::size_t slaves = first.slaves.size();
+        auto end = first.begin + first.duration;
+        auto begin = first.begin;
+        for (const auto& other : first.others) {
+            frames += other.frames.ethercat;
+            slaves += other.slaves.size();
+            begin = std::min(begin, other.begin);
+            end = std::max(end, other.begin + other.duration);
+        }
+        auto text = fmt::format("{} in {:.3f} s, {} seen", counted(frames, "frame"),
+                                static_cast<double>((end - begin).count()) / 1e9, counted(slaves, "slave"));
+        if (!first.others.empty()) text += fmt::format(", {} masters", first.others.size() + 1);
+        return text;
+    }
+
     [[nodiscard]] std::string headline() const {
         std::string text;
         if (!report_.failure.empty()) return "The segment could not be read: " + report_.failure;
         if (report_.origin == Origin::recording)
-            text = fmt::format("{} in {:.3f} s, {} seen", counted(report_.recording->analysis.frames.ethercat, "frame"),
-                               static_cast<double>(report_.recording->analysis.duration.count()) / 1e9,
-                               counted(report_.recording->analysis.slaves.size(), "slave"));
+            text = recorded_text();
         else
             text = states_text();
         std::vector<const Cable*> worst;

@@ -161,6 +161,33 @@ TEST_F(ReportProgram, RecordsBesideThePageAndTheRecordingCanBeReadAgain) {
     EXPECT_TRUE(contains(seen.headline(), "5 slaves seen")) << seen.headline();
 }
 
+// The requests of another master are put behind a recording without faults: none of them was answered.
+TEST_F(ReportProgram, EachMasterOfARecordingIsJudged) {
+    ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:demo --record one.pcap").status, 0);
+    ASSERT_EQ(run("one.pcap -o one.html").status, 0);
+    const std::string one = content_of(folder.path() / "one.pcap");
+    constexpr std::size_t kFileHeader = 24, kPacketHeader = 16, kSource = 6;
+    std::string two = one;
+    for (std::size_t at = kFileHeader; at + kPacketHeader < one.size();) {
+        const auto octet = [&](std::size_t n) { return static_cast<std::size_t>(static_cast<unsigned char>(one[n])); };
+        const std::size_t size = octet(at + 8) | octet(at + 9) << 8;
+        std::string packet = one.substr(at, kPacketHeader + size);
+        at += packet.size();
+        if ((octet(at - size + kSource) & 0x02) != 0) continue;  // it has passed a slave
+        packet[kPacketHeader + kSource + 5] = static_cast<char>(packet[kPacketHeader + kSource + 5] ^ 1);
+        two += packet;
+    }
+    folder.write("two.pcap", two);
+    const auto ran = run("two.pcap -o two.html");
+    EXPECT_EQ(ran.status, 1) << ran.err;
+    const auto read = page("two.html");
+    EXPECT_TRUE(contains(read.headline(), " seen, 2 masters; ")) << read.headline();
+    const auto faults = read.verdicts("fault");
+    ASSERT_FALSE(faults.empty());
+    for (const auto& text : faults) EXPECT_TRUE(contains(text, "Master 2 (")) << text;
+    EXPECT_TRUE(contains(faults[0], "No slave answers in the recording.")) << faults[0];
+}
+
 TEST_F(ReportProgram, RecordingsOfOtherMastersAreAnalysed) {
     const fs::path captures = MARGAY_CAPTURES_DIR;
     if (captures.empty() || !fs::exists(captures)) GTEST_SKIP() << "MARGAY_CAPTURES_DIR is not known";
