@@ -65,17 +65,17 @@ void Esm::control(std::uint16_t al_control, Time now) {
     const auto to = static_cast<AlState>(al_control & al::kStateMask);
     const bool acknowledge = (al_control & al::kErrorAcknowledge) != 0;
     const bool asked = (al_control & al::kDeviceIdentification) != 0;
+    // The error that the master has seen, and none that the client reports meanwhile.
+    const bool acknowledged = acknowledge && status_.error && !(pending_ && to == transition_.to);
+    if (acknowledged) {
+        status_.error = false;
+        status_.code = 0;
+    }
     device_id_ = asked ? client_.device_id() : std::uint16_t{0};
     identifying_ = asked && (device_id_ != 0 || device_.device_id_switch);  // a switch may be at 0
     if (pending_ && to == transition_.to) return;                           // this transition is already pending
     drop_pending();
-    const bool acknowledged = acknowledge && status_.error;
-    if (acknowledge) {
-        status_.error = false;
-        status_.code = 0;
-    } else if (status_.error && known(to) && rank(to) >= rank(status_.state)) {
-        return;
-    }
+    if (status_.error && known(to) && rank(to) >= rank(status_.state)) return;
     request(to, now);
     if (acknowledged && pending_) write_status();  // a master that waits for the new state must not see the old error
 }
@@ -129,11 +129,12 @@ void Esm::ask_again(Time now) {
 void Esm::advance(Time now) {
     holding_ = true;
     const auto verdict = client_.before(transition_, now);
-    if (!std::exchange(holding_, false)) return;  // the client has called init()
+    if (!holding_) return;  // the client has called init()
     if (held_.error) {
         drop_pending();
         return release(now);
     }
+    holding_ = false;
     if (verdict.waits()) {
         again_ = verdict.again();
         return;

@@ -190,6 +190,7 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
         during_safe();
     }
     void after(Transition, Time) override { during_after(); }
+    void dropped(Transition) override { during_dropped(); }
     void sync1(Time) override { ++syncs1; }
     bool pack_inputs(MutableBytes) override {
         spent += copying;
@@ -204,6 +205,7 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
     std::function<void()> during_cycle = [] {};
     std::function<void()> during_safe = [] {};
     std::function<void()> during_after = [] {};
+    std::function<void()> during_dropped = [] {};
     Time slow_until = Time{} + 50ms;
     bool no_time = false;                        // the hooks answer later(kNever)
     std::function<void()> during_hook = [] {};   // called in before_read and before_write,

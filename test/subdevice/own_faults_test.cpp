@@ -142,6 +142,31 @@ TEST_F(OwnFaults, InAfterEndTheNewState) {
     EXPECT_FALSE(process_data.running());
 }
 
+// dropped() is called because of the first fault. The lowest state is executed.
+TEST_F(OwnFaults, OfATransitionThatIsDroppedForAFault) {
+    to_op();
+    ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
+    bench.application.transition_hook = [&](Transition, Time) { return fall(AlState::init), Verdict::go(); };
+    bench.application.during_dropped = [&] { fall(AlState::preop, kOther); };
+    (void)bench.esc.ecat_write(0x1200, raw({1, 2, 3, 0}));
+    EXPECT_EQ(bench.request(8), fault(AlState::init));
+}
+
+// The acknowledge of the master is for what it has seen, and not for what the device reports meanwhile.
+TEST_F(OwnFaults, AreNotAcknowledgedByTheRequestThatRaisesThem) {
+    bench.application.transition_hook = [](Transition, Time) { return Verdict::wait(kNever); };
+    bench.application.during_dropped = [&] { fall(AlState::init); };
+    for (const std::uint16_t other : {std::uint16_t{0x12}, std::uint16_t{0x02}}) {
+        ASSERT_EQ(bench.request(4), (AlStatus{AlState::preop, false, 0}));
+        EXPECT_EQ(bench.request(other), fault(AlState::init)) << other;
+        bench.application.transition_hook = nullptr;
+        (void)bench.request(0x11);
+        bench.configure(128);
+        ASSERT_EQ(bench.request(2), (AlStatus{AlState::preop, false, 0}));
+        bench.application.transition_hook = [](Transition, Time) { return Verdict::wait(kNever); };
+    }
+}
+
 TEST_F(OwnFaults, ARestartInAnyFunctionIsNoTransition) {
     const AlStatus started{AlState::init, false, 0};
     const auto restart = [&] { bench.device->start(bench.esc.time); };
