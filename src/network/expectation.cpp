@@ -174,8 +174,11 @@ Error difference(const Slave& slave, const ExpectedSlave& wanted) {
         differs(wanted.vendor, id.vendor, IdentityField::vendor) ||
         (!newer && differs(wanted.revision, id.revision, IdentityField::revision)) ||
         differs(wanted.serial, id.serial, IdentityField::serial) ||
-        differs(wanted.alias, slave.alias, IdentityField::alias))
-        return error;
+        differs(wanted.alias, slave.alias, IdentityField::alias)) {
+        // Nothing says that it is another slave: its identity could not be read.
+        const bool unread = !slave.sii_read && slave.error.code != Errc::none && id.vendor == 0 && id.product == 0;
+        return unread ? slave.error : error;
+    }
     if (wanted.device_id && !slave.device_id)
         return {.code = Errc::unsupported, .step = Step::identify, .slave = slave.number};
     if (differs(wanted.device_id, slave.device_id.value_or(0), IdentityField::device_id)) return error;

@@ -61,6 +61,17 @@ TEST_F(ExpectationTest, WhatIsNotIsNamedAndTheOthersGoOn) {
     EXPECT_EQ(*bus.cycle(), 9U);
 }
 
+// Nothing shows that it is another slave.
+TEST_F(ExpectationTest, AnIdentityThatCouldNotBeReadIsNotCalledAnother) {
+    bus.segment.slave(1).sii().fail_next(100'000);
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .product = 0x100}, {.number = 3}};
+    const Words told = scan(expected);
+    ASSERT_FALSE(told.empty());
+    for (const auto& text : told) EXPECT_EQ(text.find("another slave"), std::string::npos) << text;
+    EXPECT_EQ(ctx().slave(2).error.code, Errc::sii_nack);
+    EXPECT_EQ(config_map(ctx(), image).error().slave, 2) << "it gets no outputs";
+}
+
 TEST_F(ExpectationTest, AliasFindsItWhereverItIs) {
     bus.segment.slave(1).registers().set<std::uint16_t>(0x0012, 0x0321);
     SlaveConfiguration config;
