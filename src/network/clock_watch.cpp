@@ -235,6 +235,7 @@ Task<Result<>> watch_clocks(Network& network) {
     clocks.watch_at = later(now, clocks.settings.watch_interval);
     note_followed_clocks(network, rounds);
     if (network.silent) co_return Nothing{};
+    const Watching watching(clocks);  // configdc() forgets the reference
     if (network.redundancy != nullptr) {
         co_await required(network.redundancy->watch_clocks(network));
     }

@@ -473,6 +473,7 @@ Task<Result<>> reset_control_loop(Station station) {
 
 Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings settings) {
     Clocks& clocks = network.clocks;
+    while (clocks.watching) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     clocks.forget();
     clocks.settings = settings;
     co_await required(reset_clocks(network));
@@ -493,8 +494,7 @@ Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings set
     if (set) set = co_await send_burst(network);
     if (set) set = co_await improve_delays(network);
     if (set) set = co_await wait_until_in_sync(network);
-    if (!set) co_return set.error();
-    co_return *reference;
+    co_return set ? Result<std::uint16_t>(*reference) : Result<std::uint16_t>(set.error());
 }
 
 }  // namespace margay

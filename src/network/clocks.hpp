@@ -88,6 +88,7 @@ struct Clocks {
     std::uint64_t system_ns = 0;    // a system time that is known,
     Time system_at{};               // at this time
     bool measuring = false;         // receive times are latched, and not all of them are read
+    bool watching = false;          // watch_clocks() is executing
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
     std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
     std::uint8_t rounds_old = 0;    // rounds in which the delay of some clock was old
@@ -157,6 +158,17 @@ class Measuring {
     Measuring(const Measuring&) = delete;
     Measuring& operator=(const Measuring&) = delete;
     ~Measuring() { clocks_.measuring = false; }
+
+  private:
+    Clocks& clocks_;
+};
+
+class Watching {
+  public:
+    explicit Watching(Clocks& clocks) : clocks_(clocks) { clocks_.watching = true; }
+    Watching(const Watching&) = delete;
+    Watching& operator=(const Watching&) = delete;
+    ~Watching() { clocks_.watching = false; }
 
   private:
     Clocks& clocks_;
