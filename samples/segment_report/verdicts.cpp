@@ -287,10 +287,17 @@ class Judge {
                             analysis.frames.requests),
                 "recording");
         if (!only) return;
-        if (analysis.slaves.empty()) add(Severity::fault, of + "No slave answers in the recording.", "recording");
+        const bool answered = std::ranges::any_of(analysis.cyclic, [](const analyse::CyclicFrame& frame) {
+            return std::ranges::any_of(frame.datagrams, [](const auto& d) { return d.most_wkc != 0; });
+        });
+        if (analysis.slaves.empty() && answered)
+            add(Severity::remark, of + "Slaves answer, and the recording does not show which.", "recording");
+        else if (analysis.slaves.empty())
+            add(Severity::fault, of + "No slave answers in the recording.", "recording");
         recording_states(analysis, of);
         recorded_oddities(analysis, of);
-        if (analysis.frames.lost == 0)
+        const bool all = analysis.frames.requests != 0 && analysis.frames.replies >= analysis.frames.requests;
+        if (analysis.frames.lost == 0 && all)
             add(Severity::good, fmt::format("{}All {} requests have their replies.", of, analysis.frames.requests),
                 "recording");
     }

@@ -186,6 +186,30 @@ TEST_F(ReportProgram, EachMasterOfARecordingIsJudged) {
     ASSERT_FALSE(faults.empty());
     for (const auto& text : faults) EXPECT_TRUE(contains(text, "Master 2 (")) << text;
     EXPECT_TRUE(contains(faults[0], "No slave answers in the recording.")) << faults[0];
+    for (const auto& text : read.verdicts("good")) EXPECT_FALSE(contains(text, "Master 2 (")) << text;
+}
+
+// The cycle shows that slaves answer, and nothing shows which.
+TEST_F(ReportProgram, TheMiddleOfARecordingIsNoFault) {
+    ASSERT_EQ(
+        folder.run(std::string(MARGAY_BIN_DIR) + "/simple_io sim:demo --record io.pcap --cycles 600").status, 0);
+    const std::string all = content_of(folder.path() / "io.pcap");
+    constexpr std::size_t kFileHeader = 24, kPacketHeader = 16, kFirst = 752, kLast = 1152;
+    std::string middle = all.substr(0, kFileHeader);
+    std::size_t number = 0;
+    for (std::size_t at = kFileHeader; at + kPacketHeader < all.size(); ++number) {
+        const auto octet = [&](std::size_t n) { return static_cast<std::size_t>(static_cast<unsigned char>(all[n])); };
+        const std::size_t size = kPacketHeader + (octet(at + 8) | octet(at + 9) << 8);
+        if (number >= kFirst && number < kLast) middle += all.substr(at, size);
+        at += size;
+    }
+    ASSERT_GT(number, kLast);
+    folder.write("middle.pcap", middle);
+    const auto ran = run("middle.pcap -o middle.html");
+    EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
+    const auto remarks = page("middle.html").verdicts("look at it");
+    ASSERT_EQ(remarks.size(), 1U);
+    EXPECT_TRUE(contains(remarks[0], "Slaves answer, and the recording does not show which.")) << remarks[0];
 }
 
 TEST_F(ReportProgram, RecordingsOfOtherMastersAreAnalysed) {
