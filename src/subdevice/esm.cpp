@@ -164,7 +164,7 @@ void Esm::release(Time now) {
 }
 
 void Esm::fall_back(AlState to, AlStatusCode why, Time now) {
-    if (holding_) {  // of several calls, the one with the lowest state is executed
+    if (holding_) {  // of several calls in one function, the one with the lowest state is executed
         if (held_.state == AlState::none || rank(to) < rank(held_.state))
             held_ = {to, true, static_cast<std::uint16_t>(why)};
         return;
