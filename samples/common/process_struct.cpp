@@ -1,5 +1,7 @@
 #include "common/process_struct.hpp"
 
+#include "common/slave_report.hpp"
+
 #include <fmt/format.h>
 
 #include <cctype>
