@@ -17,7 +17,7 @@ namespace margay::compat::ecrt {
 namespace {
 
 constexpr Limits kLimits{.slaves = 512,
-                         .tasks = 64,
+                         .tasks = 512,
                          .frames = 128,
                          .groups = 64,
                          .process_frames = 96,

@@ -191,6 +191,9 @@ class Bus {
     static constexpr std::uint8_t kDatagramsWait = 1;  // datagrams for the clocks wait for it
     static constexpr std::uint8_t kTimeWanted = 2;     // it carries the time of the reference clock to the others
     std::uint8_t clocks_due = 0;
+    // Of the last call of ecrt_master_send() that went the long way, and the time since the one before.
+    Time sent_at{};
+    Duration interval{0};
     bool time_rides = true;  // the last send did so in the frames of the first domain
 
   private:

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <utility>
 
 using namespace margay;
 using namespace margay::compat::ecrt;
@@ -99,9 +100,10 @@ void rest(Context& ctx, Exchange& exchange) {
 // The calls of this thread may take the short way.
 void be_steady(Bus& bus) {
     bus.steady.thread = 0;
-    if (!bus.operation->running() || bus.exchanges.size() != 1) return;
+    if (!bus.operation->running() || bus.operation->starting() || bus.exchanges.size() != 1) return;
     Exchange& exchange = *bus.exchanges.front();
     if (!exchange.mapped || exchange.held || exchange.domains.size() != 1) return;
+    bus.ctx->group(exchange.group).config.acyclic_bytes = GroupConfiguration{}.acyclic_bytes;
     bus.steady = {.thread = this_thread(),
                   .ctx = bus.ctx.get(),
                   .osal = &bus.source->osal(),
@@ -159,6 +161,22 @@ void read_after_silence(Bus& bus) {
     poll(*bus.ctx, now);
 }
 
+// How many octets of other datagrams a cycle has room for. While slaves start, which is many messages, they may take
+// half of the time that the domains leave between two cycles.
+std::uint16_t room_beside(Bus& bus, Time now) {
+    constexpr std::uint16_t kUsual = GroupConfiguration{}.acyclic_bytes;
+    constexpr Duration kOctet{80};  // at 100 Mbit/s
+    constexpr Duration::rep kFrame = 84;
+    const Duration before = std::exchange(bus.interval, now - std::exchange(bus.sent_at, now));
+    if (!bus.operation->starting()) return kUsual;
+    Duration::rep left = std::min(before, bus.interval) / kOctet;
+    for (const auto& exchange : bus.exchanges) {
+        left -= kFrame;
+        for (const ec_domain* domain : exchange->domains) left -= static_cast<Duration::rep>(domain->size);
+    }
+    return static_cast<std::uint16_t>(std::clamp<Duration::rep>(left / 2, kUsual, 6 * kUsual));
+}
+
 [[gnu::noinline]] int send_all(const ec_master_t& master) {
     Bus& bus = *master.bus;
     if (!bus.active.load(std::memory_order_relaxed)) return 0;
@@ -166,8 +184,13 @@ void read_after_silence(Bus& bus) {
     const Time now = bus.source->osal().now();
     if (!bus.operation->running()) bus.clocks_due |= Bus::kDatagramsWait;  // the requests of the start-up
     send_for_clocks(bus, now);
-    for (const auto& exchange : bus.exchanges)
-        if (is_sent(*exchange)) send_group(bus, *exchange, now);
+    // All groups together have this room for other datagrams: a cycle must be back before the next one.
+    std::uint16_t room = room_beside(bus, now);
+    for (const auto& exchange : bus.exchanges) {
+        if (!is_sent(*exchange)) continue;
+        bus.ctx->group(exchange->group).config.acyclic_bytes = std::exchange(room, std::uint16_t{0});
+        send_group(bus, *exchange, now);
+    }
     return 0;
 }
 

@@ -5,6 +5,7 @@
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/operation.hpp"
+#include "compat/ecrt/start_up.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -90,6 +91,7 @@ void Operation::hold_moved() {
 
 void Operation::check(Time now) {
     if (stage_ != Stage::running) return;
+    if (now >= starting_until_ || are_started()) starting_until_ = {};
     watch_places(now);
     if (now >= look_at_) {
         look_at_ = now + kLookEvery;
@@ -116,6 +118,7 @@ void Operation::start_again() {
     waited_ = 0;
     again_ = true;
     has_clock_ = false;
+    starting_until_ = {};
     for (const auto& exchange : bus_.exchanges) {
         exchange->mapped = exchange->held = false;
         exchange->answer = exchange->best = Answer::incomplete;
@@ -125,6 +128,7 @@ void Operation::start_again() {
     for (const auto& config : bus_.configs) {
         config->number = 0;
         config->state = 0;
+        if (has_whole_lists(*config)) hold_downloads(*config);
     }
     bus_.dirty = true;
     if (plan_expected() == 0) return;

@@ -4,6 +4,7 @@
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/start_up.hpp"
 
+#include <algorithm>
 #include <chrono>
 
 namespace margay::compat::ecrt {
@@ -13,6 +14,7 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr unsigned kMostWaited = 500;  // cycles for the first application time
+constexpr Duration kStarting = 5s;     // a slave that needs longer waits for something else than frames
 
 // SYNC0 starts where the time since the first application time is a multiple of both cycles together, plus the shift.
 // All sums are modulo 2^64: the application time may have any origin.
@@ -79,7 +81,10 @@ void Operation::step(Time now) {
             if (!map_.busy()) end_map(now);
             return;
         case Stage::supervise:
+            for (const auto& config : bus_.configs)
+                allow_start(bus_.ctx->slave(config->number.load(std::memory_order_relaxed)), *config);
             supervise_.target = target_;
+            starting_until_ = now + kStarting;
             if (submit(*bus_.ctx, supervise_)) stage_ = Stage::running;
             return;
         case Stage::running: return;
@@ -109,7 +114,8 @@ void Operation::end_scan(Time now) {
         for (const auto& config : bus_.configs) {
             if (slave.wanted != config->expected) continue;
             config->number = slave.number;
-            config->late = false;
+            config->late = place_by_lists(slave, *config);
+            if (!config->late && slave.seen) give_downloads(*config);  // they may change what the mapping reads
             prepare_start_up(slave, *config);
         }
     }
@@ -117,6 +123,14 @@ void Operation::end_scan(Time now) {
     bus_.dirty = true;
     map_next_ = 0;
     stage_ = Stage::clock;
+}
+
+// All configured slaves that are there.
+bool Operation::are_started() const {
+    return std::ranges::all_of(bus_.configs, [this](const auto& config) {
+        const Slave& slave = bus_.ctx->slave(config->number.load(std::memory_order_relaxed));
+        return slave.number == 0 || slave.al.state == AlState::none || slave.al.state == AlState::op;
+    });
 }
 
 bool Operation::ctx_has_no_slaves() const {

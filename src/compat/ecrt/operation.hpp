@@ -36,7 +36,11 @@ class Operation {
         changed_ = true;
     }
     // When check() wants to be called next; kNever: now and then.
-    [[nodiscard]] Time look_at() const { return running() && (changed_ || watched_until_ != Time{}) ? Time{} : kNever; }
+    [[nodiscard]] Time look_at() const {
+        return running() && (changed_ || watched_until_ != Time{} || starting()) ? Time{} : kNever;
+    }
+    // Slaves are on their way to OP, in the first seconds after the frames were laid out.
+    [[nodiscard]] bool starting() const { return starting_until_ != Time{}; }
     // The target of the slaves is PREOP from now on.
     void lower() { target_ = AlState::preop; }
     // The slaves have no numbers yet.
@@ -70,6 +74,7 @@ class Operation {
     void begin_clock(Time now);
     void end_map(Time now);
     [[nodiscard]] bool wants_clock() const;
+    [[nodiscard]] bool are_started() const;
     [[nodiscard]] bool ctx_has_no_slaves() const;
 
     Bus& bus_;
@@ -82,8 +87,9 @@ class Operation {
     // The scan of a new start may find slaves with an alias whose place was not known before it.
     static constexpr unsigned kMostRestarts = 2;
     unsigned restarts_left_ = kMostRestarts;
-    bool again_ = false;  // the start-up is not the first one
+    bool again_ = false;    // the start-up is not the first one
     bool changed_ = false;  // slaves have come or gone since the last check()
+    Time starting_until_{};
     Time watched_until_{};  // until then each cycle compares the positions; Time{}: no longer
     Time misplaced_since_{};
     Time look_at_{};  // when it is decided again whether the segment starts again

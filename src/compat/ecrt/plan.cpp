@@ -2,6 +2,7 @@
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/operation.hpp"
+#include "compat/ecrt/start_up.hpp"
 
 #include <algorithm>
 #include <cerrno>
@@ -106,7 +107,7 @@ void Operation::plan_slave(ec_slave_config& config) {
     if (config.watchdog_intervals != 0)
         plan.startup.push_back(write_register(Transition::preop_to_safeop, kWatchdogTime, config.watchdog_intervals));
     if (!plan.sms.empty()) plan.setup.pdos = PdoLists(plan.sms);
-    if (!plan.startup.empty()) plan.setup.startup = StartupCommands(plan.startup);
+    if (!has_whole_lists(config)) give_downloads(config);
     plan.setup.times = config.times;
     if (config.dc.set && config.dc.assign_activate != 0)
         plan.setup.dc = {.source = SyncSettings::Source::application,

@@ -88,7 +88,7 @@ struct ec_slave_config {
     margay::compat::ecrt::SlavePlan plan;
     const margay::ExpectedSlave* expected = nullptr;
     std::uint8_t group = 0;
-    bool late = false;  // the frames were laid out by its lists, before its slave was there
+    bool late = false;  // the frames were laid out by its lists, before its slave was started
 
     std::vector<std::unique_ptr<ec_sdo_request>> sdo_requests;
     std::vector<std::unique_ptr<ec_soe_request>> soe_requests;

@@ -65,10 +65,8 @@ Task<> switch_on(HookedSlave slave, std::uint8_t sm) {
     co_return written;
 }
 
-// The process data of a slave that came after the frames were laid out is that of the program. The slave may have
-// inputs in other SyncManagers: they are switched on, and not exchanged.
-Task<> keep_to_the_lists(HookedSlave hooked, const ec_slave_config& config) {
-    const Slave& slave = hooked.slave();
+// The process data of the lists, at the places of the SII.
+void take_lists(const Slave& slave, const ec_slave_config& config) {
     slave.config.sm_count = 0;
     slave.config.source = ConfigurationSource::application;
     for (const SmPdos& list : config.plan.sms) {
@@ -84,12 +82,51 @@ Task<> keep_to_the_lists(HookedSlave hooked, const ec_slave_config& config) {
                                 .start = info.start,
                                 .bits = bits});
     }
+}
+
+// The process data of a slave that is started after the frames were laid out is that of the program. The slave may have
+// inputs in other SyncManagers: they are switched on, and not exchanged.
+Task<> keep_to_the_lists(HookedSlave hooked, const ec_slave_config& config) {
+    const Slave& slave = hooked.slave();
+    take_lists(slave, config);
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
         if (slave.sync_managers[n].type != SmType::inputs || is_listed(config, n)) continue;
         const auto done = co_await switch_on(hooked, n);
         if (!done) co_return done;
     }
     co_return {};
+}
+
+bool is_whole(const SmPdos& list) {
+    return std::ranges::none_of(list.pdos, [](const Pdo& pdo) { return pdo.entries.empty(); });
+}
+
+// Whether the data of the lists fits into the memory of the slave: the library lays out no frames for a slave where it
+// does not, and other slaves must not suffer from it.
+bool is_apart(const Slave& slave) {
+    struct Area {
+        std::uint32_t begin = 0;
+        std::uint32_t end = 0;
+    };
+    std::array<Area, SlaveConfiguration::kProcessSms + 2> areas{};
+    std::size_t count = 0;
+    const auto add = [&](std::uint32_t start, std::uint32_t bytes) {
+        if (bytes != 0) areas[count++] = {start, start + bytes};
+    };
+    for (const ProcessSm& sm : slave.config.used_sms()) {
+        if (sm.number >= slave.dl.sync_managers) return false;
+        add(sm.start, sm.bytes());
+    }
+    const std::size_t own = count;
+    add(slave.mailbox.out_start, slave.mailbox.out_bytes);
+    add(slave.mailbox.in_start, slave.mailbox.in_bytes);
+    const std::uint32_t memory = slave.dl.ram_kib == 0 ? 0x10000U : 0x1000U + slave.dl.ram_kib * 1024U;
+    for (std::size_t n = 0; n < own; ++n) {
+        if (areas[n].begin < 0x0F00 || areas[n].end > std::min(memory, 0x10000U)) return false;
+        for (std::size_t m = n + 1; m < count; ++m)
+            if (areas[n].begin < areas[m].end && areas[m].begin < areas[n].end) return false;
+    }
+    return true;
 }
 
 Task<> before_safeop(HookedSlave slave, void* user) {
@@ -108,6 +145,40 @@ Task<> before_safeop(HookedSlave slave, void* user) {
 }
 
 }  // namespace
+
+bool has_whole_lists(const ec_slave_config& config) {
+    const auto& lists = config.plan.sms;
+    return !lists.empty() && std::ranges::all_of(lists, is_whole);
+}
+
+void hold_downloads(ec_slave_config& config) { config.plan.setup.startup = {}; }
+
+void give_downloads(ec_slave_config& config) {
+    if (!config.plan.startup.empty()) config.plan.setup.startup = StartupCommands(config.plan.startup);
+}
+
+bool place_by_lists(const Slave& slave, ec_slave_config& config) {
+    const bool known = slave.seen && !slave.held && slave.al.state == AlState::preop;
+    if (!known || !has_whole_lists(config)) return false;
+    const auto lacks = [&](const SmPdos& list) { return !list.pdos.empty() && list.sync_manager >= slave.sm_count; };
+    if (std::ranges::any_of(config.plan.sms, lacks)) return false;
+    for (std::uint8_t n = 0; n < slave.sm_count; ++n)
+        if (slave.sync_managers[n].type == SmType::outputs && !is_listed(config, n)) return false;
+    take_lists(slave, config);
+    const auto wanted = std::ranges::count_if(config.plan.sms, [](const SmPdos& list) { return !list.pdos.empty(); });
+    if (wanted == 0 || slave.config.sm_count != wanted || !is_apart(slave)) {
+        slave.config.sm_count = 0;
+        slave.config.source = ConfigurationSource::none;
+        return false;
+    }
+    slave.config.highest = AlState::preop;
+    return true;
+}
+
+void allow_start(const Slave& slave, ec_slave_config& config) {
+    give_downloads(config);
+    if (config.late && slave.number != 0) slave.config.highest = AlState::op;
+}
 
 void prepare_start_up(const Slave& slave, ec_slave_config& config) {
     if (config.ip == EoeIp{} && config.wait_before_safeop == Duration{0} && !config.late) return;

@@ -96,7 +96,7 @@ set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
 
 # The same with a segment in virtual time, which these programs open.
-foreach(program flags moved late_outputs early_request after_silence)
+foreach(program flags moved late_outputs early_request after_silence starts)
   add_executable(ecrt_${program} ${folder}/${program}.cpp)
   target_include_directories(ecrt_${program} PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
   target_link_libraries(ecrt_${program} PRIVATE margay_ecrt_facade margay_flags)
@@ -106,6 +106,11 @@ margay_ecrt_test(moved ecrt_moved "" sim:${folder}/moved.toml)
 margay_ecrt_test(late_outputs ecrt_late_outputs "")
 margay_ecrt_test(early_request ecrt_early_request "")
 margay_ecrt_test(after_silence ecrt_after_silence "")
+margay_ecrt_test(starts_beside_mute ecrt_starts "" sim:${folder}/mute.toml 4 1 1 500)
+margay_ecrt_test(starts_beside_mute_by_domains ecrt_starts "" sim:${folder}/mute.toml 4 4 1 500)
+string(REPEAT "drive," 60 drives)
+margay_ecrt_test(starts_of_many ecrt_starts "" sim:${drives}drive 61 1 -1 600)
+margay_ecrt_test(starts_of_many_by_domains ecrt_starts "" sim:${drives}drive 61 60 -1 1800)
 
 # Each function with its signature; the table of the README.
 margay_ecrt_program(ecrt_signatures signatures.c)
