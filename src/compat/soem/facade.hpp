@@ -106,6 +106,8 @@ class HookCaller final : public Session::Between {
     ~HookCaller();
     // Makes the library wait in PREOP until the hooks of the slave have been called.
     void attach(std::uint16_t number);
+    // From now on the library does not wait: the hooks have been called.
+    void rest();
     void run() override;
 
   private:

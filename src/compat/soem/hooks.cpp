@@ -4,10 +4,7 @@
 
 namespace margay::soem {
 
-HookCaller::~HookCaller() {
-    const Session::Guard guard(session_);
-    for (Call& call : calls_) session_.slave(call.number).hooks.preop_to_safeop = nullptr;
-}
+HookCaller::~HookCaller() { rest(); }
 
 void HookCaller::attach(std::uint16_t number) {
     const Session::Guard guard(session_);
@@ -17,6 +14,11 @@ void HookCaller::attach(std::uint16_t number) {
     const Slave& slave = session_.slave(number);
     slave.hooks.preop_to_safeop = wait_for_call;
     slave.hooks.user = &call;
+}
+
+void HookCaller::rest() {
+    const Session::Guard guard(session_);
+    for (Call& call : calls_) session_.slave(call.number).hooks.preop_to_safeop = nullptr;
 }
 
 Task<> HookCaller::wait_for_call(HookedSlave slave, void* user) {

@@ -201,6 +201,57 @@ int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std:
     return static_cast<int>(g.Obytes + g.Ibytes + extra);
 }
 
+// Whether the slave has a dictionary that could not be read.
+bool is_unread(const Slave& slave) {
+    return slave.pdos_failed && slave.seen && !slave.held && slave.al.state == AlState::preop &&
+           slave.config.source != ConfigurationSource::application;
+}
+
+// Such a slave has the sizes of its SII, so that the places of all other slaves are those of the original. Returns
+// false: the SII has none.
+bool take_sizes_of_sii(ecx_contextt& context, Session& session, std::uint16_t number) {
+    ec_eepromPDOt outputs;
+    ec_eepromPDOt inputs;
+    const bool any = ecx_siiPDO(&context, number, &outputs, 1) + ecx_siiPDO(&context, number, &inputs, 0) != 0;
+    const Session::Guard guard(session);
+    const Slave& slave = session.slave(number);
+    if (!any || !is_unread(slave)) return false;
+    slave.config.sm_count = 0;
+    for (std::uint8_t n = 0; n < EC_MAXSM; ++n) {
+        const std::uint16_t bits = outputs.SMbitsize[n] != 0 ? outputs.SMbitsize[n] : inputs.SMbitsize[n];
+        if (bits == 0) continue;
+        const SmInfo& sm = slave.sync_managers[n];
+        static_cast<void>(
+            slave.config.add({.number = n,
+                              .direction = outputs.SMbitsize[n] != 0 ? Direction::outputs : Direction::inputs,
+                              .control = sm.control,
+                              .start = sm.start,
+                              .bits = bits}));
+    }
+    slave.config.source = ConfigurationSource::application;
+    return true;
+}
+
+// Maps the group. Slaves whose dictionary cannot be read are found only then: in this case a second time, without the
+// hooks.
+void map(ecx_contextt& context, Session& session, MapRequest& request, HookCaller& hooks) {
+    static_cast<void>(session.run(request, &hooks));
+    bool again = false;
+    for (int n = 1; n <= slave_count(context); ++n) {
+        if (!takes_part(slaves_of(context)[n], request.group)) continue;
+        const auto number = static_cast<std::uint16_t>(n);
+        bool unread = false;
+        {
+            const Session::Guard guard(session);
+            unread = is_unread(session.slave(number));
+        }
+        again |= unread && take_sizes_of_sii(context, session, number);
+    }
+    if (!again) return;
+    hooks.rest();
+    static_cast<void>(session.run(request));
+}
+
 }  // namespace
 
 Writing writing_datagrams(Session& session, std::uint8_t group) {
@@ -301,7 +352,7 @@ int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool over
         if (group != 0) config.start = {static_cast<std::uint32_t>(group) << EC_LOGGROUPOFFSET};
         config.dc_reference = clock_of(context, group);
     }
-    static_cast<void>(session->run(request, &hooks));
+    map(context, *session, request, hooks);
     const int used = show_group(context, *session, group, static_cast<std::uint8_t*>(image), overlapped);
     memory.restore();
     if (context.manualstatechange != 0) {
