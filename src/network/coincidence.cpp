@@ -52,7 +52,9 @@ bool may_be_coincidence(const ProcessGroup& group) {
     const bool was_fresh = group.unfresh_cycle != (group.cycle_received & 0xFFU);
     const bool both = joined || !was_fresh || group.overlap.sets > 1;
     if (group.leaves_under_way > 0 && both) return true;
-    return entering && (both || LeavingExchange::any(group));
+    // The missing slave may be the one that is known to be lost: it answers when its cable is connected again.
+    if (LeavingExchange::any(group)) return true;
+    return entering && both;
 }
 
 struct Confirming {

@@ -7,7 +7,7 @@
 namespace margay {
 namespace {
 
-struct Coincidences : Bus, testing::Test {
+struct Line : Bus {
     std::vector<std::byte> image = std::vector<std::byte>(64);
 
     void bring_up(std::size_t slaves, std::uint8_t in_flight = 1) {
@@ -23,6 +23,9 @@ struct Coincidences : Bus, testing::Test {
         EXPECT_TRUE(send_processdata(*ctx).ok());
         return receive_processdata(*ctx, reply_timeout);
     }
+};
+
+struct Coincidences : Line, testing::Test {
     void expect_not_fresh(const Result<std::uint32_t>& cycle) {
         ASSERT_FALSE(cycle.ok());
         EXPECT_EQ(cycle.error().code, Errc::working_counter);
@@ -92,6 +95,58 @@ TEST_F(Coincidences, ASlaveThatHasLeftHidesNoneWithoutPower) {
     EXPECT_EQ(again.state(), RequestState::success);
     EXPECT_TRUE(hidden) << "the sum was right once";
 }
+
+// Slave 3 has kept its power and its FMMUs behind a cable that was out, and is known to be lost.
+struct Replugged : Line {
+    explicit Replugged(std::uint8_t in_flight) {
+        bring_up(3, in_flight);
+        EXPECT_TRUE(submit(*ctx, supervision).ok());
+        for (int n = 0; n < 10; ++n) (void)cycle();
+        segment.disconnect({1, 1});
+        segment.reconsider();
+        for (int n = 0; n < 100 && (n < 20 || !inputs_fresh(*ctx, 2)); ++n) (void)cycle();
+        EXPECT_TRUE(inputs_fresh(*ctx, 2));
+    }
+    SuperviseRequest supervision;
+    int left_in = 0;      // the cycle of the start-up of slave 2 that was the first without slave 2
+    bool hidden = false;  // the sum was right while slave 3 answered in the place of slave 2
+    // Connects the cable before cycle `when` of the start-up of slave 2.
+    void start_up(int when) {
+        ReconfigRequest again;
+        again.slave = 2;
+        EXPECT_TRUE(submit(*ctx, again).ok());
+        for (int n = 0; again.busy() && n < 10000; ++n) {
+            if (n == when) {
+                EXPECT_TRUE(segment.connect({1, 1}, {2, 0}));
+                segment.reconsider();
+            }
+            const bool answers = segment.slave(1).registers().get<std::uint8_t>(0x060C) != 0;  // its first FMMU is on
+            if (!answers && left_in == 0) left_in = n;
+            (void)cycle_alone();
+            EXPECT_FALSE(!answers && inputs_fresh(*ctx, 2)) << "cable in cycle " << when << ", now cycle " << n;
+            const DatagramStatus& sum = ctx->group(0).datagrams[0];
+            hidden |= !answers && n >= when && sum.came && sum.got == 6 && sum.got == sum.accepted;
+            if (n % 4 != 3) (void)poll(*ctx, osal.now());
+        }
+        EXPECT_EQ(again.state(), RequestState::success);
+    }
+};
+
+class Replug : public testing::TestWithParam<std::uint8_t> {};
+
+TEST_P(Replug, ASlaveThatIsConfiguredHidesNoneBehindItsCable) {
+    Replugged first(GetParam());
+    first.start_up(-1);
+    bool hidden = false;
+    for (int when = first.left_in - 4; when < first.left_in + 4; ++when) {
+        Replugged line(GetParam());
+        line.start_up(when);
+        hidden |= line.hidden;
+    }
+    EXPECT_TRUE(hidden) << "the sum was right once";
+}
+
+INSTANTIATE_TEST_SUITE_P(InFlight, Replug, testing::Values(std::uint8_t{1}, std::uint8_t{3}));
 
 }  // namespace
 }  // namespace margay
