@@ -2,6 +2,7 @@
 #include "api/master.hpp"
 #include "api/operation.hpp"
 #include "network/members.hpp"
+#include "network/newcomer.hpp"
 #include "network/recovery.hpp"
 #include "network/search.hpp"
 #include "network/settings.hpp"
@@ -47,7 +48,7 @@ struct Standing {
 bool can_change(const Network& network, const Slave& slave) {
     if (!is_highest(slave.config.highest)) return false;
     if (slave.al.state == AlState::none) return true;
-    if (slave.held) return false;
+    if (slave.held) return is_unread(slave) || network.marks(slave).in_use;  // it is being read
     if (wanted_state(network, slave) < AlState::safeop || is_to_be_asked(network, slave)) return true;
     return is_mapped(network, slave) && has_place(slave) && may_be_exchanged(network, slave);
 }

@@ -158,6 +158,13 @@ Result<> check_expected(std::span<const ExpectedSlave> expected) {
     return Result<>();
 }
 
+// Nothing says that an unread slave is another one. What prevented the reading, where that is not overwritten.
+static Error reading_error(const Slave& slave) {
+    const bool told = slave.error.step == Step::read_sii || slave.error.step == Step::read_dl_information;
+    if (told && slave.error.code != Errc::none) return slave.error;
+    return {.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
+}
+
 Error difference(const Slave& slave, const ExpectedSlave& wanted) {
     Error error{.code = Errc::other_slave, .step = Step::identify, .slave = slave.number};
     error.detail = slave.identity.vendor;
@@ -174,11 +181,8 @@ Error difference(const Slave& slave, const ExpectedSlave& wanted) {
         differs(wanted.vendor, id.vendor, IdentityField::vendor) ||
         (!newer && differs(wanted.revision, id.revision, IdentityField::revision)) ||
         differs(wanted.serial, id.serial, IdentityField::serial) ||
-        differs(wanted.alias, slave.alias, IdentityField::alias)) {
-        // Nothing says that it is another slave: its identity could not be read.
-        const bool unread = !slave.sii_read && slave.error.code != Errc::none && id.vendor == 0 && id.product == 0;
-        return unread ? slave.error : error;
-    }
+        differs(wanted.alias, slave.alias, IdentityField::alias))
+        return is_unread(slave) ? reading_error(slave) : error;
     if (wanted.device_id && !slave.device_id)
         return {.code = Errc::unsupported, .step = Step::identify, .slave = slave.number};
     if (differs(wanted.device_id, slave.device_id.value_or(0), IdentityField::device_id)) return error;

@@ -115,7 +115,8 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
             co_return Nothing{};
         }
     }
-    const bool unread = !slave.seen && !slave.held && slave.config.group == number && is_there_to_map(slave);
+    const bool readable = !slave.held || is_unread(slave);
+    const bool unread = !slave.seen && readable && slave.config.group == number && is_there_to_map(slave);
     if (unread) {  // it came, or could be read, after the scan
         auto known = co_await read_missing_slave(network, slave);
         if (!known) faults.note(network, slave, known.error());
@@ -153,7 +154,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
                              (slave.wanted == nullptr && !is_known(slave) && !network.expected.empty());
         slave.unplaced = !nobodys && !keep_place(slave);
         // The slave is asked when it comes: perhaps it has no process data.
-        slave.pdos_failed = slave.unplaced && !slave.held;
+        slave.pdos_failed = slave.unplaced && (!slave.held || is_unread(slave));
         if (slave.unplaced && !slave.held && missing_error(network, slave).code == Errc::none)
             network.note({.code = Errc::place_unknown, .step = Step::map_process_data, .slave = slave.number});
         co_return Nothing{};
@@ -213,7 +214,7 @@ Task<Result<>> compare_placed(Network& network, Slave& slave, Pass& pass, FirstF
     auto same = co_await prove(network, slave);
     network.marks(slave).unproved |= !same.ok();
     if (!same) faults.note(network, slave, same.error());
-    if (!same || slave.seen) co_return Nothing{};
+    if (!same || slave.seen || slave.held) co_return Nothing{};
     pass.revised |= !slave.unplaced;
     if (!pass.last && !slave.unplaced) co_return Nothing{};  // the next pass reads it
     // It could not be read before the image was laid out, or is of another revision.

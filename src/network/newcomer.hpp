@@ -36,6 +36,11 @@ namespace margay {
 
 // Whether the identity of the slave is known: the slave was read. One of another revision is to be read again.
 [[nodiscard]] inline bool is_known(const Slave& slave) { return slave.seen || slave.identity != Identity{}; }
+// An expected slave that is there, and whose EEPROM could not be read yet: it is held like another slave, and the next
+// mapping and the supervision read it again.
+[[nodiscard]] inline bool is_unread(const Slave& slave) {
+    return slave.ring_position != 0 && slave.wanted != nullptr && !slave.sii_read && !is_known(slave);
+}
 
 // What the guest can be, by its identity alone:
 // - this slave, or the wanted one in its place;

@@ -7,6 +7,7 @@
 #include "network/hooks.hpp"
 #include "network/mailbox_setup.hpp"
 #include "network/members.hpp"
+#include "network/newcomer.hpp"
 #include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
 #include "network/preop.hpp"
@@ -261,6 +262,9 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     note_state(network, slave, seen);
     if (stays_in_boot(network, slave)) co_return Nothing{};
     co_await required(prove_before_request(network, slave, AlState::none));
+    if (is_unread(slave)) {
+        co_await required(read_missing_slave(network, slave));
+    }
     const AlState to = goal(network, slave);
     const bool process = slave.al.state == AlState::safeop || slave.al.state == AlState::op;
     const bool to_be_asked = is_to_be_asked(network, slave);

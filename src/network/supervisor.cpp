@@ -132,7 +132,7 @@ bool needs_help(const Network& network, const Slave& slave) {
     if (network.marks(slave).in_use || slave.al.state == AlState::none || is_being_mapped(network, slave)) return false;
     if (stays_in_boot(network, slave)) return false;
     if (network.redundancy != nullptr && !network.redundancy->may_restore()) return false;
-    if (network.is_doubted(slave)) return true;
+    if (network.is_doubted(slave) || is_unread(slave)) return true;
     const AlState to = goal(network, slave);
     if (slave.al.error || slave.al.state != to || is_to_be_asked(network, slave)) return true;
     if (is_unfinished(network, slave)) return true;

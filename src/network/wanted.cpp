@@ -67,8 +67,9 @@ Error held_error(const Slave& slave, Step step) {
     if (!slave.held) return {};
     if (slave.unexpected) return fault(slave, Errc::unexpected_slave, step);
     Error error = slave.wanted == nullptr ? Error{} : difference(slave, *slave.wanted);
-    if (error.code == Errc::none) error = fault(slave, Errc::other_slave, step);
-    error.step = step;
+    const bool compared = slave.wanted == nullptr;  // or its EEPROM is being read
+    if (error.code == Errc::none) error = fault(slave, compared ? Errc::other_slave : Errc::identity_unread, step);
+    if (!is_unread(slave)) error.step = step;
     return error;
 }
 

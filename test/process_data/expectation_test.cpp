@@ -1,6 +1,8 @@
 // Comparison of the slaves that were found with the slaves that are expected.
 #include "process_data/plant.hpp"
 
+#include <margay/supervision.hpp>
+
 namespace margay {
 namespace {
 
@@ -69,7 +71,75 @@ TEST_F(ExpectationTest, AnIdentityThatCouldNotBeReadIsNotCalledAnother) {
     ASSERT_FALSE(told.empty());
     for (const auto& text : told) EXPECT_EQ(text.find("another slave"), std::string::npos) << text;
     EXPECT_EQ(ctx().slave(2).error.code, Errc::sii_nack);
-    EXPECT_EQ(config_map(ctx(), image).error().slave, 2) << "it gets no outputs";
+    const auto mapped = config_map(ctx(), image);
+    EXPECT_EQ(mapped.error().slave, 2) << "it gets no outputs";
+    EXPECT_EQ(mapped.error().code, Errc::sii_nack) << "the cause, and not that a place is missing";
+    for (const auto& text : bus.errors()) EXPECT_EQ(text.find("no place"), std::string::npos) << text;
+}
+
+// Slave 2 cannot be read by the scan.
+class UnreadExpected : public ExpectationTest {
+  protected:
+    const ExpectedSlave expected[3] = {{.number = 1}, {.number = 2, .product = 0x100}, {.number = 3}};
+    SuperviseRequest supervision;
+    void scan_in_vain() {
+        bus.segment.slave(1).sii().fail_next(100'000);
+        ASSERT_FALSE(scan(expected).empty());
+        ASSERT_TRUE(ctx().slave(2).held);
+    }
+    void expect_op() {
+        ASSERT_TRUE(config_map(ctx(), image).ok());
+        EXPECT_FALSE(ctx().slave(2).held);
+        EXPECT_TRUE(reach(ctx(), AlState::op, std::chrono::seconds(2)).ok());
+        EXPECT_EQ(ctx().slave(2).al.state, AlState::op);
+        EXPECT_TRUE(all_right(ctx()));
+    }
+};
+
+TEST_F(UnreadExpected, IsReadByTheNextMapping) {
+    scan_in_vain();
+    bus.segment.slave(1).sii().fail_next(0);
+    expect_op();
+}
+
+TEST_F(UnreadExpected, IsReadByTheSupervision) {
+    scan_in_vain();
+    ASSERT_FALSE(config_map(ctx(), image).ok());
+    ASSERT_TRUE(submit(ctx(), supervision).ok());
+    EXPECT_EQ(reach(ctx(), AlState::op, std::chrono::seconds(1)).error().code, Errc::sii_nack);
+    EXPECT_TRUE(ctx().slave(2).held);
+    EXPECT_EQ(bus.device(2).outputs()[0], std::byte{0});
+    bus.segment.slave(1).sii().fail_next(0);
+    EXPECT_EQ(reach(ctx(), AlState::op, std::chrono::seconds(2)).error().code, Errc::no_place) << "and is asked to map";
+    expect_op();
+}
+
+TEST_F(UnreadExpected, IsAnotherOneIfItsEepromSaysSo) {
+    const ExpectedSlave other[] = {{.number = 1}, {.number = 2, .product = 0x999}, {.number = 3}};
+    bus.segment.slave(1).sii().fail_next(100'000);
+    ASSERT_FALSE(scan(other).empty());
+    bus.segment.slave(1).sii().fail_next(0);
+    EXPECT_EQ(config_map(ctx(), image).error().code, Errc::other_slave);
+    EXPECT_TRUE(ctx().slave(2).held);
+    ASSERT_TRUE(submit(ctx(), supervision).ok());
+    EXPECT_EQ(reach(ctx(), AlState::op, std::chrono::seconds(2)).error().code, Errc::other_slave);
+    EXPECT_EQ(ctx().slave(2).al.state, AlState::init);
+}
+
+// The places are kept by the configuration, so that no other mapping is needed.
+TEST_F(UnreadExpected, WithAPlaceGoesToOpWithoutAnotherMapping) {
+    SlaveConfiguration config;
+    config.source = ConfigurationSource::application;
+    config.add({0, Direction::outputs, 0x64, 0x1100, 16});
+    config.add({1, Direction::inputs, 0x20, 0x2000, 16});
+    const ExpectedSlave placed[] = {{.number = 1}, {.number = 2, .product = 0x100, .config = &config}, {.number = 3}};
+    bus.segment.slave(1).sii().fail_next(100'000);
+    ASSERT_FALSE(scan(placed).empty());
+    ASSERT_FALSE(config_map(ctx(), image).ok());
+    bus.segment.slave(1).sii().fail_next(0);
+    ASSERT_TRUE(submit(ctx(), supervision).ok());
+    EXPECT_TRUE(reach(ctx(), AlState::op, std::chrono::seconds(3)).ok());
+    EXPECT_EQ(ctx().slave(2).al.state, AlState::op);
 }
 
 TEST_F(ExpectationTest, AliasFindsItWhereverItIs) {
