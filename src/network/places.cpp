@@ -119,16 +119,20 @@ void add_one(std::array<Slave*, 2>& first_two, Slave& slave) {
     if (next == nullptr) next = &slave;
 }
 
+// The frames of a broken ring pass its branches in another order than those of the whole ring, which gave the numbers.
+bool is_broken(const Network& network) { return network.parts_read.two_nics && !network.parts_read.whole; }
+
 Lost find_lost_slaves(Network& network, const Gap& gap, const Neighbour& neighbour) {
     Lost lost;
     for (Slave& slave : network.slaves()) {
-        if (!gap.includes(slave)) continue;
+        const bool was_here = is_known(slave) && was_at(network, neighbour, slave);
+        if (!gap.includes(slave) && !(was_here && is_broken(network) && of_the_line(slave))) continue;
         if (!is_lost(network, slave)) {
             lost.unsettled |= slave.ring_position == 0 && slave.seen && fits_guest(network, slave);
             continue;
         }
         const bool may_be = guest_may_be(network, slave);
-        const bool here = is_known(slave) && was_at(network, neighbour, slave);
+        const bool here = was_here;
         if (lost.replaced == nullptr || (here && lost.here[0] == nullptr)) lost.replaced = &slave;
         if (lost.count++ == gap.index && may_be) lost.in_order = &slave;
         if (!may_be) continue;

@@ -20,20 +20,27 @@ const Slave* slave_at(Network& network, std::size_t position) {
 }  // namespace
 
 const Slave* last_slave(Network& network, std::uint8_t& port) {
-    for (const Slave& slave : network.slaves())
+    for (const Slave& slave : network.slaves()) {
+        if (slave.ring_position == 0) continue;
         for (std::uint8_t p = 0; p < slave.ports.size(); ++p) {
             if (!slave.ports[p].open || slave.ports[p].neighbour != 0 || p == slave.entry_port) continue;
             port = p;
             return &slave;
         }
+    }
     return nullptr;
 }
 
 namespace {
 
-// The port of a slave that leads to nobody: mostly port 1.
-std::uint8_t closed_port(const Slave& slave) {
-    for (const std::uint8_t port : {std::uint8_t{1}, std::uint8_t{3}, std::uint8_t{2}})
+// The port of the last slave before a break: it leads to a slave that is lost, or it is closed (mostly port 1).
+std::uint8_t broken_port(Network& network, const Slave& slave) {
+    constexpr std::array<std::uint8_t, 3> kPorts{1, 3, 2};
+    for (const std::uint8_t port : kPorts) {
+        const std::uint16_t below = slave.ports[port].neighbour;
+        if (port != slave.entry_port && below != 0 && network.slave(below).ring_position == 0) return port;
+    }
+    for (const std::uint8_t port : kPorts)
         if (port != slave.entry_port && !slave.ports[port].open) return port;
     return 1;
 }
@@ -46,18 +53,17 @@ Event find_break(Network& network, std::size_t front, std::size_t behind) {
         if (const Slave* other = slave_at(network, all - behind + 1)) event.other = other->number;
     if (front == 0) return event;
     const Slave* next = slave_at(network, front + 1);
-    const Slave* const at = slave_at(network, front);
     if (next != nullptr && next->parent != 0) {
         event.slave = next->parent;
         event.port = next->parent_port;
-    } else if (next != nullptr && at != nullptr) {  // the ring was never seen whole
-        event.slave = at->number;
-        event.port = closed_port(*at);
-    } else if (const Slave* last = last_slave(network, event.port)) {
-        event.slave = last->number;
-    } else if (at != nullptr) {
-        event.slave = at->number;
+        return event;
     }
+    // Slaves are lost, or the ring was never seen whole.
+    const Slave* at = slave_at(network, front);
+    if (at != nullptr) event.port = broken_port(network, *at);
+    if (behind == 0)
+        if (const Slave* last = last_slave(network, event.port)) at = last;
+    if (at != nullptr) event.slave = at->number;
     return event;
 }
 

@@ -21,6 +21,23 @@ struct EqualRing : testing::Test {
         bus->run();
         wrong = 0;
     }
+    // A ring of three slaves, and a fourth one behind port 3 or 2 of one of them. Frames of the whole ring pass it right
+    // behind that slave, or as the last one.
+    void build_with_branch(unsigned parent, std::uint8_t port) {
+        bus = std::make_unique<RingBus>();
+        std::uint32_t above = 0;
+        for (unsigned n = 0; n < 3; ++n) {
+            const std::uint32_t at = bus->add_to_ring();
+            if (n != parent) continue;
+            above = at;
+            if (port == 3) (void)bus->add_behind(above, port);
+        }
+        if (port == 2) (void)bus->add_behind(above, port);
+        bus->close_ring();
+        bus->start();
+        bus->run();
+        wrong = 0;
+    }
     void power(unsigned which, bool on) {
         for (std::uint32_t n = 0; n < bus->segment.size(); ++n)
             if ((which >> n & 1U) != 0) bus->segment.set_power(n, on, bus->osal.now());
@@ -59,6 +76,24 @@ TEST_F(EqualRing, WhoeverBootsLaterEverybodyIsItself) {
             build(kInRing, false);
             lose_and_return(off, late);
             if (HasFailure()) return;
+        }
+}
+
+// Frames pass a branch behind port 2 after the rest of the whole ring, and before the break of a broken one: the order of
+// the slaves does not say which slave it is, its place does.
+TEST_F(EqualRing, ASlaveOfABranchIsItselfInABrokenRingToo) {
+    for (const std::uint8_t port : {std::uint8_t{2}, std::uint8_t{3}})
+        for (unsigned parent = 0; parent < 2; ++parent) {
+            const unsigned branch = 1U << (port == 2 ? 3 : parent + 1);
+            for (unsigned off = 1; off < 15; ++off)
+                for (unsigned late = (off - 1) & off; late != 0; late = (late - 1) & off) {
+                    if ((off & branch) == 0) continue;
+                    SCOPED_TRACE("port " + std::to_string(port) + " of slave " + std::to_string(parent + 1) + ", off " +
+                                 std::to_string(off) + ", late " + std::to_string(late));
+                    build_with_branch(parent, port);
+                    lose_and_return(off, late);
+                    if (HasFailure()) return;
+                }
         }
 }
 

@@ -326,5 +326,22 @@ TEST(Ring, OverlappedCycles) {
     EXPECT_EQ(bus.status().breaks, bus.ring_cables.size());
 }
 
+// A slave that the second break cuts off is lost: it is not the slave before the break.
+TEST(RingBroken, ASecondBreakIsBesideASlaveThatIsThere) {
+    RingBus bus;
+    bus.build_line(8);
+    bus.start();
+    bus.run();
+    bus.cable(bus.ring_cables[8], false);
+    (void)bus.stale_cycles(500);
+    EXPECT_NE(bus.joined(bus.events()).find("between slave 8 port 1 and the second NIC"), std::string::npos);
+    bus.cable(bus.ring_cables[7], false);
+    (void)bus.stale_cycles(3000);
+    std::vector<std::string> breaks;
+    for (const std::string& text : bus.events())
+        if (text.find("redundancy broken") != std::string::npos) breaks.push_back(text);
+    EXPECT_EQ(breaks, std::vector<std::string>{"redundancy broken between slave 7 port 1 and the second NIC"});
+}
+
 }  // namespace
 }  // namespace margay
