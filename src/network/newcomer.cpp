@@ -108,6 +108,12 @@ bool guest_may_be(Network& network, const Slave& slave) {
            !(slave.other && is_wanted_elsewhere(network, slave));
 }
 
+bool is_guest_by_serial(const Network& network, const Slave& slave) {
+    const Identity& guest = network.guest.identity;
+    return is_known(slave) && agrees(slave.identity.serial, guest.serial) && slave.identity.vendor == guest.vendor &&
+           slave.identity.product == guest.product;
+}
+
 bool is_guest_by_number(const Network& network, const Slave& slave) {
     const Slave& guest = network.guest;
     if (agrees(slave.identity.serial, guest.identity.serial) || agrees(slave.alias, guest.alias)) return true;

@@ -49,6 +49,8 @@ namespace margay {
 [[nodiscard]] bool guest_may_be(Network& network, const Slave& slave);
 // - the device with the serial number or the alias of this slave.
 [[nodiscard]] bool is_guest_by_number(const Network& network, const Slave& slave);
+// - the device with the serial number of this slave, which was seen: then at whatever place.
+[[nodiscard]] bool is_guest_by_serial(const Network& network, const Slave& slave);
 
 // The result of the identification: the newcomer is `slave`; or it is none of them, but at the place of `instead_of`;
 // or it is one of several lost slaves, at least of these two, and nothing says which.

@@ -100,12 +100,12 @@ bool is_remembered(const Network& network, const Neighbour& neighbour) {
                                [&](const Slave& slave) { return network.marks(slave).at_second_nic; });
 }
 
-// The lost slaves of a gap, in the order of their numbers.
+// The lost slaves of a gap, in the order of their numbers; and those that the newcomer is wherever it is connected.
 struct Lost {
     std::size_t count = 0;
     Slave* in_order = nullptr;  // as many lost slaves are before it as newcomers before the newcomer
     // Those that the newcomer can be:
-    Slave* same = nullptr;         // it has its serial number or its alias
+    std::array<Slave*, 2> same{};  // it has their serial number or their alias: the first two
     std::array<Slave*, 2> here{};  // they were at this neighbour: the first two
     std::array<Slave*, 2> any{};   // the first two
     bool none_was_there = true;    // since the scan
@@ -126,7 +126,8 @@ Lost find_lost_slaves(Network& network, const Gap& gap, const Neighbour& neighbo
     Lost lost;
     for (Slave& slave : network.slaves()) {
         const bool was_here = is_known(slave) && was_at(network, neighbour, slave);
-        if (!gap.includes(slave) && !(was_here && is_broken(network) && of_the_line(slave))) continue;
+        const bool elsewhere = (was_here && is_broken(network)) || is_guest_by_serial(network, slave);
+        if (!gap.includes(slave) && !(elsewhere && of_the_line(slave))) continue;
         if (!is_lost(network, slave)) {
             lost.unsettled |= slave.ring_position == 0 && slave.seen && fits_guest(network, slave);
             continue;
@@ -136,7 +137,7 @@ Lost find_lost_slaves(Network& network, const Gap& gap, const Neighbour& neighbo
         if (lost.replaced == nullptr || (here && lost.here[0] == nullptr)) lost.replaced = &slave;
         if (lost.count++ == gap.index && may_be) lost.in_order = &slave;
         if (!may_be) continue;
-        if (lost.same == nullptr && is_guest_by_number(network, slave)) lost.same = &slave;
+        if (is_guest_by_number(network, slave)) add_one(lost.same, slave);
         if (here) add_one(lost.here, slave);
         add_one(lost.any, slave);
         lost.none_was_there &= !is_known(slave);
@@ -182,7 +183,8 @@ Verdict choose_by_place(Network& network, std::size_t n) {
     const Gap gap = find_gap(network, n);
     const Lost lost = find_lost_slaves(network, gap, neighbour);
     if (lost.unsettled) return {};
-    if (lost.same != nullptr) return {.slave = lost.same};
+    // Devices may all have the same serial number: then it says nothing.
+    if (lost.same[0] != nullptr && lost.same[1] == nullptr) return {.slave = lost.same[0]};
     // An equal device that was there beside the slave, and was reported as a stranger, is not the lost slave.
     const bool stranger = is_marked(network, place, 0);
     const bool all_are_there = !stranger && lost.in_order != nullptr && lost.count == gap.there;

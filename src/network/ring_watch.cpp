@@ -45,8 +45,41 @@ std::uint8_t broken_port(Network& network, const Slave& slave) {
     return 1;
 }
 
-// Where the ring is open. `front` and `behind`: how many slaves the frames reach from its beginning and from its end.
-Event find_break(Network& network, std::size_t front, std::size_t behind) {
+// The place on the way between the two NICs that the frames of the whole ring pass before those of `place`. The places
+// up to `front` are passed on that way, the others are at branches behind it.
+std::size_t on_the_way(std::span<const RingPlace> ring, std::size_t front, std::size_t place) {
+    while (place > front) place = ring[place - 1].parent < place ? ring[place - 1].parent : 0U;
+    return place;
+}
+
+// How many places only the second NIC reaches when the whole ring breaks above this place.
+std::size_t count_behind(std::span<const RingPlace> ring, std::size_t front, std::size_t place) {
+    std::size_t count = front + 1 - place;
+    for (std::size_t n = front + 1; n <= ring.size(); ++n) count += on_the_way(ring, front, n) >= place ? 1U : 0U;
+    return count;
+}
+
+// The slaves before and behind the break by the last places that were read. Returns false when the break is newer than
+// the places, or the slaves are not known.
+bool find_neighbours(Network& network, std::size_t first_behind, Event& event) {
+    const auto ring = network.seen_ring();
+    std::uint16_t at = first_behind == 0 ? std::uint16_t{0} : ring[first_behind - 1].slave;
+    if (at == 0) return false;
+    event.other = at;
+    // The slaves between are lost. Each of them was seen last below the next one.
+    for (std::size_t steps = 0; steps <= network.slaves().size(); ++steps) {
+        const SlaveMarks& marks = network.marks(at);
+        if (marks.home == SlaveMarks::kNoHome) return false;
+        event.slave = marks.home;
+        event.port = marks.home_port;
+        at = marks.home;
+        if (at == 0 || network.slave(at).ring_position != 0) return true;
+    }
+    return false;
+}
+
+// Where the ring is open, by the numbers of slaves that the frames reach from its beginning and from its end.
+Event find_break_by_counts(Network& network, std::size_t front, std::size_t behind) {
     Event event{.kind = EventKind::ring_broken};
     const std::size_t all = std::max<std::size_t>(network.ring_count, front + behind);
     if (behind != 0)
@@ -82,13 +115,56 @@ void note_ends(Network& network, unsigned head, bool whole, const RingWatch& wat
 
 }  // namespace
 
+// The first place behind the break. 0: not known, because the break is newer than the places, or a slave is lost.
+void RingWatch::find_first_behind(Network& network, std::size_t front, std::size_t behind) {
+    const auto ring = network.seen_ring();
+    const RingParts read = network.parts_read;
+    first_behind_ = 0;
+    front_of_break_ = front;
+    if (!read.two_nics || ring.size() != front + behind) return;
+    if (!read.whole) {
+        const auto is_first = [](const RingPlace& place) { return place.behind_break && place.parent == 0; };
+        const auto first = std::ranges::find_if(ring, is_first);
+        if (read.front == front && first != ring.end())
+            first_behind_ = static_cast<std::uint16_t>(first - ring.begin() + 1);
+        return;
+    }
+    std::size_t low = 1;  // count_behind() becomes smaller from place to place
+    std::size_t high = read.front + 1;
+    while (low < high) {
+        const std::size_t middle = (low + high) / 2;
+        if (count_behind(ring, read.front, middle) <= behind)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    if (low <= read.front && count_behind(ring, read.front, low) == behind)
+        first_behind_ = static_cast<std::uint16_t>(low);
+}
+
+bool RingWatch::is_behind_front(Network& network, const Slave& slave) const {
+    const RingParts now = parts();
+    if (!now.two_nics || now.whole || slave.ring_position == 0) return false;
+    const RingParts read = network.parts_read;
+    const bool known = read.whole && first_behind_ != 0 && front_of_break_ == now.front;
+    if (!known || slave.ring_position > network.seen_ring().size()) return slave.ring_position > now.front;
+    return on_the_way(network.seen_ring(), read.front, slave.ring_position) >= first_behind_;
+}
+
+Event RingWatch::find_break(Network& network, std::size_t front, std::size_t behind) const {
+    Event event{.kind = EventKind::ring_broken};
+    if (find_neighbours(network, first_behind_, event)) return event;
+    return find_break_by_counts(network, front, behind);
+}
+
 void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
     const unsigned head = now.swapped ? 1 : 0;
     const std::size_t front = now.cables[head].slaves;
     const std::size_t behind = now.cables[1 - head].slaves;
+    find_first_behind(network, front, behind);
     if (has_beside_) (void)find_sides(network);
     note_ends(network, head, false, *this);
-    Event event = has_beside_ ? find_break_beside(network) : find_break(network, front, behind);
+    Event event = find_break(network, front, behind);
     if (reported_ == RingState::broken && event.slave == before_ && event.other == behind_) return;
     before_ = event.slave;
     behind_ = event.other;

@@ -86,7 +86,9 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> teach(Network& network);
     [[nodiscard]] Task<Result<>> teach_beside(Network& network);
     [[nodiscard]] bool find_sides(Network& network);
-    [[nodiscard]] Event find_break_beside(Network& network) const;
+    void find_first_behind(Network& network, std::size_t front, std::size_t behind);
+    [[nodiscard]] bool is_behind_front(Network& network, const Slave& slave) const;
+    [[nodiscard]] Event find_break(Network& network, std::size_t front, std::size_t behind) const;
     [[nodiscard]] bool is_behind(Network& network, const Slave& slave) const;
     [[nodiscard]] std::int64_t passes_at_ns(Network& network, const Slave& slave) const;
     [[nodiscard]] Task<Result<>> write_delay(Network& network, Slave& slave, std::int64_t earliest_ns);
@@ -110,6 +112,8 @@ class RingWatch final : public RedundancyPart {
     bool ports_of_broken_ = false;  // the topology is that of the broken ring
     std::uint16_t before_ = 0;      // the slaves of the last break
     std::uint16_t behind_ = 0;
+    std::uint16_t first_behind_ = 0;  // the first place behind the break; 0: not known
+    std::size_t front_of_break_ = 0;  // with so many places before it
 
     // The slave with the second reference clock. If it is in step at the moment of the break, the first differences
     // show what the ways of both copies differ by (`constant_ns_`). If it was away before, its ways are measured.

@@ -108,27 +108,10 @@ bool RingWatch::find_sides(Network& network) {
            there_between(network, begin, ring_slaves_) == behind;
 }
 
-// See find_sides().
-Event RingWatch::find_break_beside(Network& network) const {
-    Event event{.kind = EventKind::ring_broken};
-    for (const Slave& slave : network.slaves()) {
-        const ClockEntry& clock = network.clocks.of(slave);
-        if (!clock.in_ring) continue;
-        if (clock.ring_slave == front_end_) event.slave = slave.number;
-        if (clock.ring_slave == behind_begin_) event.other = slave.number;
-        if (clock.ring_slave == front_end_ + 1U && slave.parent != 0) event.port = slave.parent_port;
-    }
-    std::uint8_t port = 0;
-    if (front_end_ != ring_slaves_) return event;
-    if (last_slave(network, port) != nullptr) event.port = port;
-    return event;
-}
-
 bool RingWatch::is_behind(Network& network, const Slave& slave) const {
-    const RingParts now = parts();
-    if (!has_beside_) return now.two_nics && !now.whole && slave.ring_position > now.front;
+    if (!has_beside_) return is_behind_front(network, slave);
     const ClockEntry& clock = network.clocks.of(slave);
-    return behind_begin_ > ring_slaves_ && front_end_ == ring_slaves_ ? now.whole && clock.beside
+    return behind_begin_ > ring_slaves_ && front_end_ == ring_slaves_ ? parts().whole && clock.beside
                                                                       : clock.ring_slave >= behind_begin_;
 }
 

@@ -154,7 +154,8 @@ Task<Result<>> arrange(Network& network) {
         network.ring[slave.ring_position - 1U] = {.slave = slave.number, .dl_status = slave.dl_status};
     }
     network.ring_count = network.count;
-    const auto topology = find_topology(network.seen_ring(), network.ring_parts());
+    network.parts_read = network.ring_parts();
+    const auto topology = find_topology(network.seen_ring(), network.parts_read);
     if (!topology) network.note(topology.error());
     Result<bool> moved = false;
     if (!network.expected.empty()) moved = network.expectation->number(network);

@@ -1,11 +1,15 @@
 // Equal slaves in a ring with two NICs that boot at different times: none of them is driven as another one.
 #include "redundancy/ring_bus.hpp"
 
+#include <bit>
+
 namespace margay {
 namespace {
 
 // A ring of equal slaves. `off` and `late` are sets of slaves: bit 0 is slave 1.
 struct EqualRing : testing::Test {
+    enum class Serials { none, own, equal };
+
     std::unique_ptr<RingBus> bus;
     unsigned wrong = 0;  // cycles in which a device had the outputs of another slave
 
@@ -23,16 +27,22 @@ struct EqualRing : testing::Test {
     }
     // A ring of three slaves, and a fourth one behind port 3 or 2 of one of them. Frames of the whole ring pass it right
     // behind that slave, or as the last one.
-    void build_with_branch(unsigned parent, std::uint8_t port) {
+    void build_with_branch(unsigned parent, std::uint8_t port, Serials serials) {
         bus = std::make_unique<RingBus>();
+        const auto device = [&] {
+            auto one = RingBus::io_device();
+            if (serials == Serials::own) one.sii[0x1C] = static_cast<std::byte>(100 + bus->segment.size());
+            if (serials == Serials::equal) one.sii[0x1C] = std::byte{1};
+            return one;
+        };
         std::uint32_t above = 0;
         for (unsigned n = 0; n < 3; ++n) {
-            const std::uint32_t at = bus->add_to_ring();
+            const std::uint32_t at = bus->add_to_ring(device());
             if (n != parent) continue;
             above = at;
-            if (port == 3) (void)bus->add_behind(above, port);
+            if (port == 3) (void)bus->add_behind(above, port, device());
         }
-        if (port == 2) (void)bus->add_behind(above, port);
+        if (port == 2) (void)bus->add_behind(above, port, device());
         bus->close_ring();
         bus->start();
         bus->run();
@@ -82,15 +92,16 @@ TEST_F(EqualRing, WhoeverBootsLaterEverybodyIsItself) {
 // Frames pass a branch behind port 2 after the rest of the whole ring, and before the break of a broken one: the order of
 // the slaves does not say which slave it is, its place does.
 TEST_F(EqualRing, ASlaveOfABranchIsItselfInABrokenRingToo) {
-    for (const std::uint8_t port : {std::uint8_t{2}, std::uint8_t{3}})
-        for (unsigned parent = 0; parent < 2; ++parent) {
+    for (const Serials serials : {Serials::none, Serials::own, Serials::equal})
+        for (const auto& [parent, port] : {std::pair{0U, 2}, {1U, 2}, {0U, 3}}) {
             const unsigned branch = 1U << (port == 2 ? 3 : parent + 1);
             for (unsigned off = 1; off < 15; ++off)
                 for (unsigned late = (off - 1) & off; late != 0; late = (late - 1) & off) {
-                    if ((off & branch) == 0) continue;
-                    SCOPED_TRACE("port " + std::to_string(port) + " of slave " + std::to_string(parent + 1) + ", off " +
-                                 std::to_string(off) + ", late " + std::to_string(late));
-                    build_with_branch(parent, port);
+                    if ((off & branch) == 0 || (serials != Serials::none && std::popcount(off) > 2)) continue;
+                    SCOPED_TRACE("serials " + std::to_string(static_cast<int>(serials)) + ", port " + std::to_string(port) +
+                                 " of slave " + std::to_string(parent + 1) + ", off " + std::to_string(off) + ", late " +
+                                 std::to_string(late));
+                    build_with_branch(parent, static_cast<std::uint8_t>(port), serials);
                     lose_and_return(off, late);
                     if (HasFailure()) return;
                 }

@@ -343,5 +343,70 @@ TEST(RingBroken, ASecondBreakIsBesideASlaveThatIsThere) {
     EXPECT_EQ(breaks, std::vector<std::string>{"redundancy broken between slave 7 port 1 and the second NIC"});
 }
 
+// Frames pass branches behind port 2 in another order in a broken ring than in the whole one: the event and the end at
+// which each slave hangs do not depend on that.
+struct RingOfBranches : testing::Test {
+    RingBus bus;
+
+    void SetUp() override {
+        (void)bus.add_to_ring();                // slave 1
+        const auto two = bus.add_to_ring();     // slave 2
+        (void)bus.add_behind(two, 3);           // slave 3
+        const auto three = bus.add_to_ring();   // slave 4
+        (void)bus.add_to_ring();                // slave 5
+        (void)bus.add_behind(three, 2);         // slave 6
+        (void)bus.add_behind(0, 2);             // slave 7
+        bus.close_ring();
+        bus.start();
+        bus.run();
+        (void)bus.stale_cycles(10);
+        (void)bus.events();
+    }
+    std::vector<std::string> breaks() {
+        std::vector<std::string> found;
+        for (const std::string& text : bus.events())
+            if (text.find("redundancy broken") != std::string::npos) found.push_back(text);
+        return found;
+    }
+    std::string at_second() {
+        std::string numbers;
+        for (const Slave& slave : bus.ctx->slaves())
+            if (slave.ring == RingEnd::second_nic && slave.al.state != AlState::none) numbers += std::to_string(slave.number);
+        return numbers;
+    }
+};
+
+TEST_F(RingOfBranches, ABrokenCableIsNamedAndTheSlavesBehindIt) {
+    const struct {
+        std::size_t cable;
+        std::string between;
+        std::string behind;
+    } cases[] = {
+        {0, "the first NIC and slave 1", "1234567"},   {1, "slave 1 port 1 and slave 2", "23456"},
+        {2, "slave 2 port 1 and slave 4", "456"},      {3, "slave 4 port 1 and slave 5", "5"},
+        {4, "slave 5 port 1 and the second NIC", ""},
+    };
+    for (const auto& one : cases) {
+        SCOPED_TRACE(one.between);
+        bus.cable(bus.ring_cables[one.cable], false);
+        (void)bus.stale_cycles(300);
+        EXPECT_EQ(breaks(), std::vector<std::string>{"redundancy broken between " + one.between});
+        EXPECT_EQ(at_second(), one.behind);
+        bus.cable(bus.ring_cables[one.cable], true);
+        (void)bus.stale_cycles(300);
+        (void)bus.events();
+        EXPECT_EQ(at_second(), "");
+    }
+}
+
+TEST_F(RingOfBranches, ALostSlaveIsBetweenTheSlavesOfTheBreak) {
+    bus.segment.set_power(3, false, bus.osal.now());
+    (void)bus.stale_cycles(1000);
+    const auto found = breaks();
+    ASSERT_FALSE(found.empty());
+    EXPECT_EQ(found.back(), "redundancy broken between slave 2 port 1 and slave 5");
+    EXPECT_EQ(at_second(), "5");
+}
+
 }  // namespace
 }  // namespace margay
