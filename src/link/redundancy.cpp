@@ -306,7 +306,10 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
 void Redundancy::note_copy(FramePair& pair, unsigned from, Bytes frame) noexcept {
     pair.came |= bit(from);
     if (wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes)).circulating) pair.circulated |= bit(from);
-    if ((pair.idle & bit(from)) != 0) rests_[from] = true;
+    if ((pair.idle & bit(from)) != 0)
+        rests_[from] = true;
+    else if ((pair.crossed & bit(from)) != 0)  // a slave of a branch that only this copy reaches is back
+        rests_[from] = false;
     const std::uint16_t shift = from == pair.head ? std::uint16_t{0} : pair.shift;
     const auto count = count_slaves(Bytes(pair.out).first(pair.size), frame, shift);
     if (!count) return;

@@ -25,8 +25,8 @@ struct EqualRing : testing::Test {
         bus->run();
         wrong = 0;
     }
-    // A ring of three slaves, and a fourth one behind port 3 or 2 of one of them. Frames of the whole ring pass it right
-    // behind that slave, or as the last one.
+    // A ring of three slaves, and a fourth one behind port 3 or 2 of one of them. Frames of the whole ring pass it
+    // right behind that slave, or as the last one.
     void build_with_branch(unsigned parent, std::uint8_t port, Serials serials) {
         bus = std::make_unique<RingBus>();
         const auto device = [&] {
@@ -89,8 +89,8 @@ TEST_F(EqualRing, WhoeverBootsLaterEverybodyIsItself) {
         }
 }
 
-// Frames pass a branch behind port 2 after the rest of the whole ring, and before the break of a broken one: the order of
-// the slaves does not say which slave it is, its place does.
+// Frames pass a branch behind port 2 after the rest of the whole ring, and before the break of a broken one: the order
+// of the slaves does not say which slave it is, its place does.
 TEST_F(EqualRing, ASlaveOfABranchIsItselfInABrokenRingToo) {
     for (const Serials serials : {Serials::none, Serials::own, Serials::equal})
         for (const auto& [parent, port] : {std::pair{0U, 2}, {1U, 2}, {0U, 3}}) {
@@ -98,9 +98,9 @@ TEST_F(EqualRing, ASlaveOfABranchIsItselfInABrokenRingToo) {
             for (unsigned off = 1; off < 15; ++off)
                 for (unsigned late = (off - 1) & off; late != 0; late = (late - 1) & off) {
                     if ((off & branch) == 0 || (serials != Serials::none && std::popcount(off) > 2)) continue;
-                    SCOPED_TRACE("serials " + std::to_string(static_cast<int>(serials)) + ", port " + std::to_string(port) +
-                                 " of slave " + std::to_string(parent + 1) + ", off " + std::to_string(off) + ", late " +
-                                 std::to_string(late));
+                    SCOPED_TRACE("serials " + std::to_string(static_cast<int>(serials)) + ", port " +
+                                 std::to_string(port) + " of slave " + std::to_string(parent + 1) + ", off " +
+                                 std::to_string(off) + ", late " + std::to_string(late));
                     build_with_branch(parent, static_cast<std::uint8_t>(port), serials);
                     lose_and_return(off, late);
                     if (HasFailure()) return;

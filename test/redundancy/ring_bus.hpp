@@ -55,6 +55,7 @@ struct RingBus {
     SuperviseRequest supervision;
     std::vector<sim::PortRef> ring_cables;  // from the first NIC to the second one; one end of each
     std::vector<sim::PortRef> branch_cables;
+    Duration later[2]{};       // by how much later each NIC shows its frames
     std::uint64_t frames = 0;  // sent by both NICs
     std::function<void(std::uint64_t)> on_frame;
     std::uint8_t counter = 0;
@@ -102,6 +103,7 @@ struct RingBus {
         for (unsigned n = 0; n < 2; ++n) {
             SimulatedNic::Options own = options;
             own.master_port = n;
+            own.round_trip += later[n];
             own.mac[5] = static_cast<std::uint8_t>(own.mac[5] + n);
             wires[n] = std::make_unique<SimulatedNic>(segment, osal, own);
             nics[n] = std::make_unique<HookedNic>(*wires[n]);

@@ -371,7 +371,8 @@ struct RingOfBranches : testing::Test {
     std::string at_second() {
         std::string numbers;
         for (const Slave& slave : bus.ctx->slaves())
-            if (slave.ring == RingEnd::second_nic && slave.al.state != AlState::none) numbers += std::to_string(slave.number);
+            if (slave.ring == RingEnd::second_nic && slave.al.state != AlState::none)
+                numbers += std::to_string(slave.number);
         return numbers;
     }
 };
@@ -406,6 +407,27 @@ TEST_F(RingOfBranches, ALostSlaveIsBetweenTheSlavesOfTheBreak) {
     ASSERT_FALSE(found.empty());
     EXPECT_EQ(found.back(), "redundancy broken between slave 2 port 1 and slave 5");
     EXPECT_EQ(at_second(), "5");
+}
+
+// While the only branch that the second NIC reaches is away, no slave processes its copies. The first copy that does so
+// again may come back before that of the first NIC, or behind it.
+TEST(RingWhole, ABranchOfTheSecondNicComesBackWhicheverCopyIsFirst) {
+    for (const unsigned late : {0U, 1U}) {
+        SCOPED_TRACE(late);
+        RingBus bus;
+        bus.later[late] = 20us;
+        (void)bus.add_to_ring();
+        (void)bus.add_to_ring();
+        (void)bus.add_behind(1, 2);
+        bus.close_ring();
+        bus.start();
+        bus.run();
+        bus.segment.set_power(2, false, bus.osal.now());
+        (void)bus.stale_cycles(300);
+        bus.segment.set_power(2, true, bus.osal.now());
+        EXPECT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
+        EXPECT_EQ(bus.stale_cycles(5), 0U);
+    }
 }
 
 }  // namespace
