@@ -1,5 +1,6 @@
 // What other threads, and calls that must not wait, know about the slaves.
 #include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/start_up.hpp"
 
 #include <margay/redundancy.hpp>
 
@@ -61,6 +62,7 @@ void Bus::refresh_facts(Time now) {
         const bool online =
             slave.number != 0 && present(slave) && !silent && !slave.held && same_device(*config, slave);
         config->state.store(state_of(slave, online, true), std::memory_order_relaxed);
+        note_start(slave, *config);
     }
 }
 

@@ -91,7 +91,7 @@ void Operation::hold_moved() {
 
 void Operation::check(Time now) {
     if (stage_ != Stage::running) return;
-    if (now >= starting_until_ || are_started()) starting_until_ = {};
+    if (starting() && (now >= starting_until_ || are_started())) end_starting();
     watch_places(now);
     if (now >= look_at_) {
         look_at_ = now + kLookEvery;
@@ -107,6 +107,11 @@ void Operation::check(Time now) {
     (void)submit(*bus_.ctx, supervise_);
 }
 
+void Operation::end_starting() {
+    starting_until_ = {};
+    for (const auto& config : bus_.configs) config->start_up = StartUp::over;
+}
+
 void Operation::start_again() {
     say("master %u: other slaves are there: the segment starts again", bus_.index);
     --restarts_left_;
@@ -118,7 +123,7 @@ void Operation::start_again() {
     waited_ = 0;
     again_ = true;
     has_clock_ = false;
-    starting_until_ = {};
+    end_starting();
     for (const auto& exchange : bus_.exchanges) {
         exchange->mapped = exchange->held = false;
         exchange->answer = exchange->best = Answer::incomplete;

@@ -115,6 +115,7 @@ void Operation::end_scan(Time now) {
             if (slave.wanted != config->expected) continue;
             config->number = slave.number;
             config->late = place_by_lists(slave, *config);
+            config->start_up = config->late ? StartUp::before_init : StartUp::over;
             if (!config->late && slave.seen) give_downloads(*config);  // they may change what the mapping reads
             prepare_start_up(slave, *config);
         }

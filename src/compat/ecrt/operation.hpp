@@ -70,6 +70,7 @@ class Operation {
     void watch_places(Time now);
     void hold_moved();
     void start_again();
+    void end_starting();
     void end_scan(Time now);
     void begin_clock(Time now);
     void end_map(Time now);

@@ -67,9 +67,16 @@ std::size_t size_of(Transfer last, const Read& read, std::size_t size) {
 
 namespace margay::compat::ecrt {
 
+bool may_have(std::size_t octets) {
+    constexpr std::size_t kMost = std::size_t{1} << 30U;
+    if (octets > kMost) say("a request of %zu octets: %zu are possible", octets, kMost);
+    return octets <= kMost;
+}
+
 bool too_early(const ec_slave_config& config) {
     const Bus& bus = config.bus;
-    return bus.active && (bus.operation->scanning() || (!bus.operation->running() && bus.dirty));
+    return bus.active && (bus.operation->scanning() || (!bus.operation->running() && bus.dirty) ||
+                          config.start_up.load(std::memory_order_acquire) != StartUp::over);
 }
 
 bool before_preop(const ec_slave_config& config) {
@@ -107,6 +114,7 @@ extern "C" {
 
 ec_sdo_request_t* ecrt_slave_config_create_sdo_request(ec_slave_config_t* sc, uint16_t index, uint8_t subindex,
                                                        size_t size) {
+    if (!may_have(size)) return nullptr;
     const std::lock_guard lock(sc->bus.config_mutex);
     auto request = std::make_unique<ec_sdo_request>(*sc);
     request->index = index;
@@ -119,7 +127,7 @@ ec_sdo_request_t* ecrt_slave_config_create_sdo_request(ec_slave_config_t* sc, ui
 
 ec_sdo_request_t* ecrt_slave_config_create_sdo_request_complete(ec_slave_config_t* sc, uint16_t index, size_t size) {
     ec_sdo_request_t* request = ecrt_slave_config_create_sdo_request(sc, index, 0, size);
-    request->complete = true;
+    if (request != nullptr) request->complete = true;
     return request;
 }
 
@@ -183,6 +191,7 @@ int ecrt_sdo_request_read(ec_sdo_request_t* req) {
 
 ec_soe_request_t* ecrt_slave_config_create_soe_request(ec_slave_config_t* sc, uint8_t drive_no, uint16_t idn,
                                                        size_t size) {
+    if (!may_have(size)) return nullptr;
     if (drive_no > 7) {
         say("IDN 0x%04x: there is no drive %u", idn, drive_no);
         return nullptr;
@@ -241,6 +250,7 @@ int ecrt_soe_request_read(ec_soe_request_t* req) {
 // ------------------------------------------------------------------ registers
 
 ec_reg_request_t* ecrt_slave_config_create_reg_request(ec_slave_config_t* sc, size_t size) {
+    if (!may_have(size)) return nullptr;
     const std::lock_guard lock(sc->bus.config_mutex);
     auto request = std::make_unique<ec_reg_request>(*sc);
     request->memory.resize(size);

@@ -30,6 +30,9 @@ namespace margay::compat::ecrt {
 // request sees to that.
 enum class Transfer : std::uint8_t { none, read, write, refused, read_later, write_later, exchange, exchange_later };
 
+// Whether a request may have memory of this size; otherwise it is said.
+[[nodiscard]] bool may_have(std::size_t octets);
+
 // The state of a request that has one object of the library for reading and one for writing.
 template <class Read, class Write>
 [[nodiscard]] ec_request_state_t state_of(Transfer last, const Read& read, const Write& write) {
@@ -43,7 +46,7 @@ template <class Read, class Write>
     }
 }
 
-// The slaves have no numbers yet, because the segment is scanned after activation.
+// The slaves have no numbers yet, because the segment is scanned after activation, or this one goes through INIT yet.
 [[nodiscard]] bool too_early(const ec_slave_config& config);
 
 // The slave is there, and in INIT: it has no mailbox yet.

@@ -31,6 +31,10 @@ struct StartupWrite {
     std::vector<std::byte> data;
 };
 
+// The slave is in PREOP after the scan, and goes through INIT once more before it is started: until then no transfer
+// begins, which INIT would end.
+enum class StartUp : std::uint8_t { before_init, in_init, over };
+
 struct DcWish {
     bool set = false;
     std::uint16_t assign_activate = 0;
@@ -88,6 +92,7 @@ struct ec_slave_config {
     margay::compat::ecrt::SlavePlan plan;
     const margay::ExpectedSlave* expected = nullptr;
     std::uint8_t group = 0;
+    std::atomic<margay::compat::ecrt::StartUp> start_up{margay::compat::ecrt::StartUp::over};
     bool late = false;  // the frames were laid out by its lists, before its slave was started
 
     std::vector<std::unique_ptr<ec_sdo_request>> sdo_requests;

@@ -180,6 +180,17 @@ void allow_start(const Slave& slave, ec_slave_config& config) {
     if (config.late && slave.number != 0) slave.config.highest = AlState::op;
 }
 
+void note_start(const Slave& slave, ec_slave_config& config) {
+    const StartUp before = config.start_up.load(std::memory_order_relaxed);
+    if (before == StartUp::over) return;
+    StartUp now = before;
+    if (slave.al.state == AlState::init)
+        now = StartUp::in_init;
+    else if (before == StartUp::in_init || slave.al.state != AlState::preop)
+        now = StartUp::over;
+    config.start_up.store(now, std::memory_order_release);
+}
+
 void prepare_start_up(const Slave& slave, ec_slave_config& config) {
     if (config.ip == EoeIp{} && config.wait_before_safeop == Duration{0} && !config.late) return;
     slave.hooks.preop_to_safeop = before_safeop;

@@ -24,6 +24,8 @@ void give_downloads(ec_slave_config& config);
 [[nodiscard]] bool place_by_lists(const Slave& slave, ec_slave_config& config);
 // After all mappings: the supervision may start the slave.
 void allow_start(const Slave& slave, ec_slave_config& config);
+// Notes what the slave has reached. For the owner.
+void note_start(const Slave& slave, ec_slave_config& config);
 
 // Sets the IP parameters of a slave with EoE (ip_stack.cpp).
 [[nodiscard]] Task<> set_ip(HookedSlave slave, const ec_slave_config& config);

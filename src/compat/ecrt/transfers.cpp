@@ -2,8 +2,10 @@
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <thread>
 
 using namespace margay;
 using namespace margay::compat::ecrt;
@@ -20,14 +22,27 @@ int errno_of(const Error& error) {
     }
 }
 
+// The slaves have numbers, and the one at the position does not go through INIT any more. Another thread may end the
+// operation meanwhile.
+bool is_ready(Bus& bus, std::uint16_t position) {
+    const std::uint16_t number = bus.number_at(position);
+    const std::lock_guard lock(bus.config_mutex);
+    if (!bus.active) return true;
+    if (bus.operation->scanning() || bus.dirty) return false;
+    return std::ranges::none_of(bus.configs, [&](const auto& config) {
+        return number != 0 && config->number == number &&
+               config->start_up.load(std::memory_order_acquire) != StartUp::over;
+    });
+}
+
 // While the segment is scanned, and while it starts up after activation, its slaves have no numbers or no mailboxes
 // yet: a transfer waits for them.
-void await_scan(Bus& bus) {
+void await_start(Bus& bus, std::uint16_t position) {
     for (int n = 0; !bus.active && bus.scan_busy && n < 3000; ++n)
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     for (int n = 0; bus.active && n < (bus.cycling ? 10000 : 3000); ++n) {
         if (bus.cycling && pthread_equal(bus.owner, pthread_self()) != 0) return;  // waiting would be for ever
-        if (!bus.operation->scanning() && !bus.dirty) return;
+        if (is_ready(bus, position)) return;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
 }
@@ -35,7 +50,7 @@ void await_scan(Bus& bus) {
 // Submits, waits, and says what failed. The request is gone afterwards.
 template <class Request>
 int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
-    await_scan(bus);
+    await_start(bus, position);
     request.slave = bus.number_at(position);
     if (request.slave == 0) {
         say("master %u: there is no slave at position %u", bus.index, position);

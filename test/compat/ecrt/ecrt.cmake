@@ -96,7 +96,7 @@ set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
 
 # The same with a segment in virtual time, which these programs open.
-foreach(program flags moved late_outputs early_request after_silence starts)
+foreach(program flags moved late_outputs early_request after_silence starts requests_at_start)
   add_executable(ecrt_${program} ${folder}/${program}.cpp)
   target_include_directories(ecrt_${program} PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
   target_link_libraries(ecrt_${program} PRIVATE margay_ecrt_facade margay_flags)
@@ -109,6 +109,7 @@ margay_ecrt_test(after_silence ecrt_after_silence "")
 margay_ecrt_test(starts_beside_mute ecrt_starts "" sim:${folder}/mute.toml 4 1 1 500)
 margay_ecrt_test(starts_beside_mute_by_domains ecrt_starts "" sim:${folder}/mute.toml 4 4 1 500)
 string(REPEAT "drive," 60 drives)
+margay_ecrt_test(requests_at_start ecrt_requests_at_start "")
 margay_ecrt_test(starts_of_many ecrt_starts "" sim:${drives}drive 61 1 -1 600)
 margay_ecrt_test(starts_of_many_by_domains ecrt_starts "" sim:${drives}drive 61 60 -1 1800)
 
