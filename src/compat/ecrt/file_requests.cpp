@@ -26,6 +26,7 @@ void start(ec_foe_request& req, FoeRequest& request, Transfer what) {
 extern "C" {
 
 ec_foe_request_t* ecrt_slave_config_create_foe_request(ec_slave_config_t* sc, size_t size) {
+    if (!may_have(size)) return nullptr;
     const std::lock_guard lock(sc->bus.config_mutex);
     auto request = std::make_unique<ec_foe_request>(*sc);
     request->memory.resize(size);
@@ -35,7 +36,7 @@ ec_foe_request_t* ecrt_slave_config_create_foe_request(ec_slave_config_t* sc, si
 
 void ecrt_foe_request_file(ec_foe_request_t* req, const char* file_name, uint32_t password) {
     if (ecrt_foe_request_state(req) == EC_REQUEST_BUSY) return;
-    req->file = file_name;
+    req->file = file_name != nullptr ? file_name : "";
     req->password = password;
 }
 

@@ -189,6 +189,10 @@ int ecrt_master_select_reference_clock(ec_master_t* master, ec_slave_config_t* s
         say("master %u is active: the reference clock stays", bus.index);
         return -EBUSY;
     }
+    if (sc != nullptr && &sc->bus != &bus) {
+        say("master %u: the reference clock must be one of its own slaves", bus.index);
+        return -EINVAL;
+    }
     bus.reference = sc;
     return 0;
 }

@@ -72,6 +72,12 @@ const DomainPart& part_of(ec_domain& domain, ec_slave_config& config, std::uint8
     return domain.parts.back();
 }
 
+bool is_domain_of(const ec_slave_config& config, const ec_domain* domain) {
+    if (domain != nullptr && &domain->bus == &config.bus) return true;
+    say("configuration %u:%u: an entry needs a domain of its own master", config.alias, config.position);
+    return false;
+}
+
 int put(ec_slave_config& config, ec_domain& domain, Place place, unsigned int* bit_position) {
     if (bit_position == nullptr && place.bit % 8 != 0) {
         say("configuration %u:%u: an entry of SyncManager %u does not begin on an octet, and there is no bit position",
@@ -212,6 +218,7 @@ void ecrt_slave_config_overlapping_pdos(ec_slave_config_t* sc, uint8_t allow_ove
 int ecrt_slave_config_reg_pdo_entry(ec_slave_config_t* sc, uint16_t entry_index, uint8_t entry_subindex,
                                     ec_domain_t* domain, unsigned int* bit_position) {
     if (refuse_active(*sc)) return -EBUSY;
+    if (!is_domain_of(*sc, domain)) return -EINVAL;
     auto place = find(*sc, entry_index, entry_subindex);
     if (!place) {
         ask_slave(*sc);
@@ -228,6 +235,7 @@ int ecrt_slave_config_reg_pdo_entry(ec_slave_config_t* sc, uint16_t entry_index,
 int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t* sc, uint8_t sync_index, unsigned int pdo_pos,
                                         unsigned int entry_pos, ec_domain_t* domain, unsigned int* bit_position) {
     if (refuse_active(*sc)) return -EBUSY;
+    if (!is_domain_of(*sc, domain)) return -EINVAL;
     if (!valid_sync(sync_index)) {
         say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, sync_index);
         return -EINVAL;
@@ -252,6 +260,7 @@ int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t* sc, uint8_t sync_inde
 }
 
 int ecrt_domain_reg_pdo_entry_list(ec_domain_t* domain, const ec_pdo_entry_reg_t* pdo_entry_regs) {
+    if (pdo_entry_regs == nullptr) return -EINVAL;
     ec_master handle{std::shared_ptr<Bus>(std::shared_ptr<Bus>(), &domain->bus), true};
     for (const ec_pdo_entry_reg_t* reg = pdo_entry_regs; reg->index != 0; ++reg) {
         ec_slave_config_t* config =

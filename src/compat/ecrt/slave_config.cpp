@@ -25,6 +25,7 @@ namespace {
 
 int add_write(ec_slave_config& config, StartupWrite write, const std::uint8_t* data, std::size_t size) {
     if (data == nullptr && size != 0) return -EINVAL;
+    if (!may_have(size)) return -ENOMEM;
     if (refuse_active(config)) return -EBUSY;
     const auto* octets = reinterpret_cast<const std::byte*>(data);
     write.data.assign(octets, octets + size);

@@ -38,6 +38,7 @@ void Bus::attach_mail() {
 extern "C" {
 
 ec_voe_handler_t* ecrt_slave_config_create_voe_handler(ec_slave_config_t* sc, size_t size) {
+    if (!may_have(size)) return nullptr;
     Bus& bus = sc->bus;
     const std::lock_guard lock(bus.config_mutex);
     if (bus.active) return nullptr;

@@ -47,6 +47,24 @@ static int refused(ec_slave_config_t* sc) {
     return 0;
 }
 
+/* Sizes that no memory has, and no domain. */
+static int impossible(ec_slave_config_t* sc) {
+    const uint8_t octet = 0;
+    const size_t huge = (size_t)-1;
+    CHECK(ecrt_slave_config_create_sdo_request(sc, 0x1000, 0, huge) == NULL);
+    CHECK(ecrt_slave_config_create_sdo_request_complete(sc, 0x1000, huge) == NULL);
+    CHECK(ecrt_slave_config_create_soe_request(sc, 0, 1, huge) == NULL);
+    CHECK(ecrt_slave_config_create_foe_request(sc, huge) == NULL);
+    CHECK(ecrt_slave_config_create_reg_request(sc, huge) == NULL);
+    CHECK(ecrt_slave_config_create_voe_handler(sc, huge) == NULL);
+    CHECK(ecrt_slave_config_sdo(sc, 0x6060, 0, &octet, huge) == -ENOMEM);
+    CHECK(ecrt_slave_config_complete_sdo(sc, 0x6060, &octet, huge) == -ENOMEM);
+    CHECK(ecrt_slave_config_reg_pdo_entry(sc, 0x6041, 0, NULL, NULL) == -EINVAL);
+    CHECK(ecrt_slave_config_reg_pdo_entry_pos(sc, 3, 0, 0, NULL, NULL) == -EINVAL);
+    CHECK(ecrt_domain_reg_pdo_entry_list(first, NULL) == -EINVAL);
+    return 0;
+}
+
 int main(int argc, char** argv) {
     const int links = argc > 1 ? atoi(argv[1]) : 1;
     ec_slave_config_t* a;
@@ -74,6 +92,7 @@ int main(int argc, char** argv) {
         b = ecrt_master_slave_config(master, 0, 1, info.vendor_id, info.product_code);
     }
     CHECK(a != NULL && b != NULL);
+    CHECK(impossible(a) == 0);
     CHECK(ecrt_slave_config_reg_pdo_entry(a, 0x6041, 0, first, NULL) >= 0);
     offset = ecrt_slave_config_reg_pdo_entry(b, 0x6040, 0, second, NULL);
     CHECK(offset >= 0);
