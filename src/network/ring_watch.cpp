@@ -164,6 +164,8 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
     find_first_behind(network, front, behind);
     if (has_beside_) (void)find_sides(network);
     note_ends(network, head, false, *this);
+    // That the ring is broken was told: where it is broken now is told when the places have been read again.
+    if (reported_ == RingState::broken && front + behind != network.ring_count) return;
     Event event = find_break(network, front, behind);
     if (reported_ == RingState::broken && event.slave == before_ && event.other == behind_) return;
     before_ = event.slave;
