@@ -4,6 +4,7 @@
 #include "analyse/ethercat_frame.hpp"
 #include "analyse/masters.hpp"
 #include "analyse/ring_copies.hpp"
+#include "analyse/twins.hpp"
 #include "oshw/pcap/packet_reader.hpp"
 
 #include <algorithm>
@@ -101,68 +102,6 @@ class RingEvidence {
     bool crossed_ = false;
 };
 
-// Finds frames that were recorded twice, as by a mirror port that copies both directions: the same octets as one of the
-// two packets before, and shortly behind it. Frames without a working counter are no sign of it, because a frame that
-// nobody has processed comes back as it was.
-class Twins {
-  public:
-    // Where the second one of a frame is a copy, by what is_second() has found in the whole file.
-    struct Copies {
-        bool all = false;                         // each frame is there twice
-        std::vector<std::uint32_t> interfaces{};  // only here: nearly all of its frames, or each of them twice
-        [[nodiscard]] bool any() const { return all || !interfaces.empty(); }
-        [[nodiscard]] bool on(std::uint32_t interface) const {
-            return all || std::ranges::count(interfaces, interface) != 0;
-        }
-    };
-
-    [[nodiscard]] bool is_second(Duration at, Bytes packet, Bytes frame, std::uint32_t interface) {
-        const bool second = std::ranges::any_of(last_, [&](const Packet& p) {
-            return at >= p.at && at - p.at < kTogether && !p.paired && std::ranges::equal(p.bytes, packet);
-        });
-        std::swap(last_[0], last_[1]);
-        last_[1].at = at;
-        last_[1].bytes.assign(packet.begin(), packet.end());
-        last_[1].paired = second;
-        auto& counts = counts_[interface];
-        const bool touched = !is_untouched(frame);
-        ++counts.frames;
-        counts.seconds += second ? 1 : 0;
-        counts.touched += touched ? 1 : 0;
-        counts.touched_seconds += touched && second ? 1 : 0;
-        return second;
-    }
-    [[nodiscard]] Copies copies() const {
-        Counts sum;
-        Copies found;
-        for (const auto& [interface, counts] : counts_) {
-            if (counts.nearly_half()) found.interfaces.push_back(interface);
-            sum.frames += counts.frames;
-            sum.seconds += counts.seconds;
-            sum.touched += counts.touched;
-            sum.touched_seconds += counts.touched_seconds;
-        }
-        found.all = sum.nearly_half();
-        return found;
-    }
-
-  private:
-    static constexpr Duration kTogether = std::chrono::microseconds(20);
-    struct Packet {
-        Duration at{};
-        std::vector<std::byte> bytes{};
-        bool paired = false;  // it is a second one itself
-    };
-    struct Counts {
-        std::uint64_t frames = 0, seconds = 0, touched = 0, touched_seconds = 0;
-        [[nodiscard]] bool nearly_half() const {
-            return touched_seconds > 4 && 20 * seconds >= 9 * frames && 20 * touched_seconds >= 9 * touched;
-        }
-    };
-    std::array<Packet, 2> last_{};
-    std::map<std::uint32_t, Counts> counts_{};  // by the interface of the second one
-};
-
 class Recording {
   public:
     explicit Recording(const std::string& path) : path_(path) {}
@@ -201,7 +140,7 @@ class Recording {
         while (const auto packet = reader.next()) {
             const auto frame = finder_.find(packet->bytes);
             if (!frame || packet->bytes.size() < packet->length_on_wire) continue;
-            (void)twins.is_second(packet->at, packet->bytes, frame->bytes, origin_of(packet->number).interface);
+            (void)twins.first_of(packet->at, packet->bytes, frame->bytes, origin_of(packet->number).interface);
         }
         copies_ = twins.copies();
         packets_ = reader.packets();
@@ -215,7 +154,7 @@ class Recording {
         RingEvidence ring;
         read_packets([&](const Taken& t, Bytes frame) {
             if (frame.empty()) return;
-            masters_.look(frame, t.origin.interface);
+            masters_.look(frame, copies_.common(t.origin.interface));
             ring.look(t.origin, t.when.at, t.bytes);
         });
         masters_.decide();
@@ -239,10 +178,12 @@ class Recording {
                 {packet->number, packet->at}, origin_of(packet->number), packet->bytes, packet->length_on_wire};
             const auto found = finder_.find(packet->bytes);
             const auto frame = found && t.bytes.size() >= t.length_on_wire ? found->bytes : Bytes();
-            if (copies_.any() && !frame.empty() && twins.is_second(t.when.at, t.bytes, frame, t.origin.interface) &&
-                copies_.on(t.origin.interface)) {
-                ++copied_;
-                continue;
+            if (copies_.any() && !frame.empty()) {
+                const auto first = twins.first_of(t.when.at, t.bytes, frame, t.origin.interface);
+                if (first && copies_.left_out(*first, t.origin.interface)) {
+                    ++copied_;
+                    continue;
+                }
             }
             take(t, frame);
         }
@@ -250,7 +191,7 @@ class Recording {
 
     void read(const Reader& take) {
         read_packets([&](const Taken& t, Bytes frame) {
-            take(t, frame.empty() ? std::nullopt : masters_.of(frame, t.origin.interface));
+            take(t, frame.empty() ? std::nullopt : masters_.of(frame, copies_.common(t.origin.interface)));
         });
     }
 
@@ -307,6 +248,7 @@ class Recording {
         struct Kept {
             Moment when{};
             std::size_t begin = 0, size = 0, length_on_wire = 0;
+            std::uint32_t interface = 0;
         };
         std::vector<Kept> kept;
         std::vector<std::byte> octets;
@@ -315,13 +257,30 @@ class Recording {
             if (of.value_or(0) != master || !finder_.find(t.bytes)) return;
             fits = fits && octets.size() + kept.size() * sizeof(Kept) + t.bytes.size() <= kMostSorted;
             if (!fits) return;
-            kept.push_back({t.when, octets.size(), t.bytes.size(), t.length_on_wire});
+            kept.push_back({t.when, octets.size(), t.bytes.size(), t.length_on_wire, t.origin.interface});
             octets.insert(octets.end(), t.bytes.begin(), t.bytes.end());
         });
         if (!fits) return std::nullopt;
         std::ranges::stable_sort(kept, {}, [](const Kept& k) { return k.when.at; });
+        // Two recordings of the same frames, one behind the other in the file: the copies are together only now.
+        const auto frames = [&](Twins& twins, const auto& take) {
+            for (const auto& k : kept) {
+                const auto packet = Bytes(octets).subspan(k.begin, k.size);
+                const auto frame = k.size < k.length_on_wire ? std::nullopt : finder_.find(packet);
+                take(k, packet, frame ? twins.first_of(k.when.at, packet, frame->bytes, k.interface) : std::nullopt);
+            }
+        };
+        Twins all;
+        frames(all, [](const Kept&, Bytes, std::optional<std::uint32_t>) {});
+        const auto copies = all.copies();
+        Twins again;
         Analyser analyser;
-        for (const auto& k : kept) analyser.packet(k.when, Bytes(octets).subspan(k.begin, k.size), k.length_on_wire);
+        frames(again, [&](const Kept& k, Bytes packet, std::optional<std::uint32_t> first) {
+            if (first && copies.left_out(*first, k.interface))
+                ++sorted_copied_;
+            else
+                analyser.packet(k.when, packet, k.length_on_wire);
+        });
         return analyser.finish();
     }
 
@@ -333,6 +292,8 @@ class Recording {
         if (left_out_ != 0)
             add("frames of more than " + std::to_string(kMostMasters) + " masters: " + std::to_string(left_out_) +
                 " are not analysed");
+        if (sorted_copied_ != 0)
+            add(std::to_string(sorted_copied_) + " frames were recorded twice: the second one is left out");
         if (copies_.any())
             add((copies_.all ? "each frame was" : std::to_string(copied_) + " frames were") +
                 std::string(" recorded twice: the second one is left out"));
@@ -353,8 +314,8 @@ class Recording {
     FrameFinder finder_{};
     Masters masters_{};
     bool is_ring_ = false;
-    Twins::Copies copies_{};
-    std::uint64_t packets_ = 0, copied_ = 0;
+    Copies copies_{};
+    std::uint64_t packets_ = 0, copied_ = 0, sorted_copied_ = 0;
     std::uint64_t left_out_ = 0;
     std::string problem_{}, cut_off_{};
 };
