@@ -60,11 +60,12 @@ struct FrameCounts {
     std::uint64_t damaged = 0;      // EtherCAT frames whose lengths contradict each other
     std::uint64_t requests = 0;
     std::uint64_t replies = 0;
-    std::uint64_t lost = 0;     // requests without a reply
-    std::uint64_t open = 0;     // requests whose reply may come behind the end of the recording
-    std::uint64_t late = 0;     // replies behind the next request with the same process data
-    std::uint64_t unasked = 0;  // replies without a request
-    Duration shortest_trip{};   // between request and reply; all 0: not seen
+    std::uint64_t answered = 0;  // of the replies: a slave has worked, for a working counter is not 0
+    std::uint64_t lost = 0;      // requests without a reply
+    std::uint64_t open = 0;      // requests whose reply may come behind the end of the recording
+    std::uint64_t late = 0;      // replies behind the next request with the same process data
+    std::uint64_t unasked = 0;   // replies without a request
+    Duration shortest_trip{};    // between request and reply; all 0: not seen
     Duration longest_trip{};
     Moment longest_trip_at{};
 };
@@ -243,7 +244,7 @@ struct Analysis {
     Duration begin{};       // of the first EtherCAT frame, since the first packet
     Directions directions = Directions::none;
     bool ring = false;  // of both NICs of a ring: the copies of a frame are counted as one frame
-    std::optional<std::uint32_t> interface{};  // of the file, where two masters of the file have the same address
+    std::optional<std::uint32_t> interface {};  // of the file, where two masters of the file have the same address
     FrameCounts frames{};
     MasterGuess master{};
     std::vector<Slave> slaves{};
@@ -256,7 +257,7 @@ struct Analysis {
     std::uint64_t cyclic_left_out = 0;
     Bounded<Shortfall> shortfalls{};
     ReferenceClock reference{};
-    Deviation worst_deviation{};  // broadcast reads of 0x092C: the values of all slaves, combined by OR
+    Deviation worst_deviation{};     // broadcast reads of 0x092C: the values of all slaves, combined by OR
     std::vector<Analysis> others{};  // of the other masters of the file
 };
 

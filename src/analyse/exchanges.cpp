@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 namespace margay::analyse {
 namespace {
@@ -93,8 +94,9 @@ void Exchanges::decide() {
         for (std::size_t i = 0; i < early_.size(); ++i) {
             if (!is_untouched(early_[i].bytes)) continue;
             ++fresh;
-            for (std::size_t k = i + 1; k < early_.size() && k < i + 9; ++k)
-                if (alike(early_[i].bytes, early_[k].bytes) && !is_untouched(early_[k].bytes)) {
+            for (std::size_t k = i < 8 ? 0 : i - 8; k < early_.size() && k < i + 9; ++k)
+                if (early_[k].when.at >= early_[i].when.at && alike(early_[i].bytes, early_[k].bytes) &&
+                    !is_untouched(early_[k].bytes)) {
                     ++followed;
                     break;
                 }
@@ -108,18 +110,32 @@ void Exchanges::decide() {
 }
 
 void Exchanges::place(Moment when, Bytes frame) {
+    if (!early_replies_.empty() && early_replies_.front().when.at != when.at) give_up_early_replies();
     switch (directions_) {
         case Directions::replies_only: (void)reply(when, frame); return;
         case Directions::same_address:
-            if (find(when, frame))
-                (void)reply(when, frame);
-            else
-                request(when, frame);
-            return;
+            if (reply(when, frame)) return;
+            return is_untouched(frame) ? request(when, frame) : keep_early_reply(when, frame);
         default:
             if (!marked(frame)) return request(when, frame);
             if (directions_ == Directions::requests_only) directions_ = Directions::marked;
-            (void)reply(when, frame);
+            if (!reply(when, frame)) keep_early_reply(when, frame);
+    }
+}
+
+// Where the clock of the recorder is coarse, or two recordings were put together, a reply can be in front of its
+// request with the same time.
+void Exchanges::keep_early_reply(Moment when, Bytes frame) {
+    if (early_replies_.size() >= kSameTime) give_up_early_replies();
+    early_replies_.push_back({when, {frame.begin(), frame.end()}});
+}
+
+void Exchanges::give_up_early_replies() {
+    for (const auto& one : std::exchange(early_replies_, {})) {
+        if (directions_ == Directions::same_address)
+            request(one.when, one.bytes);
+        else
+            unasked(one.when, one.bytes);
     }
 }
 
@@ -137,6 +153,12 @@ void Exchanges::request(Moment when, Bytes frame) {
         give_up(pending_.front());
         pending_.pop_front();
     }
+    const auto early = std::ranges::find_if(
+        early_replies_, [&](const Early& one) { return same_sender(frame, one.bytes) && alike(frame, one.bytes); });
+    if (early == early_replies_.end()) return;
+    const Early answered = std::move(*early);
+    early_replies_.erase(early);
+    answer(pending_.size() - 1, answered.when, answered.bytes);
 }
 
 // The youngest request with these datagrams, because a master repeats a lost request with the same index. An older one
@@ -154,21 +176,31 @@ std::optional<std::size_t> Exchanges::find(Moment when, Bytes frame) const {
 }
 
 bool Exchanges::reply(Moment when, Bytes frame) {
-    ++counts_.replies;
     const auto found = find(when, frame);
-    if (!found) {
-        if (directions_ != Directions::replies_only) ++counts_.unasked;
-        KeptFrame self{.when = when};
-        if (directions_ == Directions::replies_only) {
-            self.bytes.assign(frame.begin(), frame.end());
-            self.process_data = process_data_of(frame);
-        }
-        frame_(self, true, false);
-        spread(nullptr, when, frame);
-        return false;
+    if (found) answer(*found, when, frame);
+    if (!found && directions_ == Directions::replies_only) unasked(when, frame);
+    return found.has_value();
+}
+
+void Exchanges::unasked(Moment when, Bytes frame) {
+    ++counts_.replies;
+    if (!is_untouched(frame)) ++counts_.answered;
+    KeptFrame self{.when = when};
+    if (directions_ == Directions::replies_only) {
+        self.bytes.assign(frame.begin(), frame.end());
+        self.process_data = process_data_of(frame);
+    } else {
+        ++counts_.unasked;
     }
-    const KeptFrame kept = std::move(pending_[*found]);
-    pending_.erase(pending_.begin() + static_cast<std::ptrdiff_t>(*found));
+    frame_(self, true, false);
+    spread(nullptr, when, frame);
+}
+
+void Exchanges::answer(std::size_t pending, Moment when, Bytes frame) {
+    ++counts_.replies;
+    if (!is_untouched(frame)) ++counts_.answered;
+    const KeptFrame kept = std::move(pending_[pending]);
+    pending_.erase(pending_.begin() + static_cast<std::ptrdiff_t>(pending));
     const auto trip = when.at - kept.when.at;
     if (trips_ == 0 || trip < counts_.shortest_trip) counts_.shortest_trip = trip;
     if (trips_ == 0 || trip > counts_.longest_trip) {
@@ -180,7 +212,6 @@ bool Exchanges::reply(Moment when, Bytes frame) {
     if (late) ++counts_.late;
     frame_(kept, true, late);
     spread(&kept, when, frame);
-    return true;
 }
 
 void Exchanges::give_up(const KeptFrame& request) {
@@ -193,6 +224,7 @@ void Exchanges::give_up(const KeptFrame& request) {
 
 void Exchanges::finish(Duration end) {
     if (!decided_) decide();
+    give_up_early_replies();
     for (const auto& kept : pending_) {
         if (directions_ != Directions::requests_only && end - kept.when.at < kPatience) {
             ++counts_.open;

@@ -44,8 +44,9 @@ class Exchanges {
     void finish(Duration end);
     [[nodiscard]] Directions directions() const { return directions_; }
 
-    static constexpr std::size_t kLook = 512;     // frames
-    static constexpr std::size_t kPending = 256;  // a reply that comes behind this number of requests is not found
+    static constexpr std::size_t kLook = 512;      // frames
+    static constexpr std::size_t kPending = 256;   // a reply that comes behind this number of requests is not found
+    static constexpr std::size_t kSameTime = 256;  // replies in front of their requests, with the same time
 
   private:
     struct Early {
@@ -55,7 +56,12 @@ class Exchanges {
     void decide();
     void place(Moment when, Bytes frame);
     void request(Moment when, Bytes frame);
-    [[nodiscard]] bool reply(Moment when, Bytes frame);
+    // False: it has no request.
+    bool reply(Moment when, Bytes frame);
+    void answer(std::size_t pending, Moment when, Bytes frame);
+    void unasked(Moment when, Bytes frame);
+    void keep_early_reply(Moment when, Bytes frame);
+    void give_up_early_replies();
     void give_up(const KeptFrame& request);
     void spread(const KeptFrame* request, Moment when, Bytes reply);
     [[nodiscard]] std::optional<std::size_t> find(Moment when, Bytes frame) const;
@@ -68,6 +74,7 @@ class Exchanges {
     std::vector<Early> early_{};
     bool decided_ = false;
     std::deque<KeptFrame> pending_{};
+    std::vector<Early> early_replies_{};  // of the same time: their requests may come behind them
     std::map<std::uint64_t, std::uint64_t> turns_{};
     std::uint64_t trips_ = 0;
     std::optional<std::uint16_t> ring_{};

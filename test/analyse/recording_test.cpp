@@ -208,6 +208,76 @@ TEST_F(AnalyseFile, ATapThatHasOnlyCopiesIsNoOtherMaster) {
     EXPECT_TRUE(a.others.empty());
 }
 
+// Two taps of one segment, of which now one and now the other has a frame first.
+TEST_F(AnalyseFile, TwoTapsAreOneMasterWhicheverIsFirst) {
+    const auto cycles = cycles_of(1, 10us, 1ms, 40);
+    const auto two_taps = [&](auto has_second, auto is_first) {
+        std::vector<Packet> packets;
+        for (std::size_t n = 0; n < cycles.size(); ++n) {
+            packets.push_back(cycles[n]);
+            if (has_second(n))
+                packets.push_back({cycles[n].at + (is_first(n) ? -1us : 1us), cycles[n].bytes, {.interface = 1}});
+        }
+        return analyse_file(pcapng(in_order(packets)));
+    };
+    const auto all = [](std::size_t) { return true; };
+    for (const std::size_t every : {1U, 2U, 3U, 20U}) {
+        const auto a = two_taps(all, [&](std::size_t n) { return n % every == 0; });
+        EXPECT_EQ(a.remark, "each frame was recorded twice: the second one is left out") << every;
+        EXPECT_TRUE(a.others.empty()) << every;
+        EXPECT_EQ(a.frames.requests, 40U) << every;
+        EXPECT_EQ(a.frames.replies, 40U) << every;
+        EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0U) << every;
+        EXPECT_FALSE(a.interface.has_value()) << every;
+    }
+    // The second tap has a third of the frames, and each of them first.
+    const auto a = two_taps([](std::size_t n) { return n / 2 % 3 == 0; }, all);
+    EXPECT_EQ(a.remark, "28 frames were recorded twice: the second one is left out");
+    EXPECT_TRUE(a.others.empty());
+    EXPECT_EQ(a.frames.requests, 40U);
+    EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0U);
+}
+
+// The recording of the second tap was put behind that of the first one: the copies are together only when sorted.
+TEST_F(AnalyseFile, CopiesBehindTheWholeRecordingAreFound) {
+    auto packets = cycles_of(1, 0us, 1ms, 40);
+    for (const auto& p : cycles_of(1, 1us, 1ms, 40)) packets.push_back(p);
+    const auto a = analyse_file(pcap(packets));
+    EXPECT_TRUE(
+        a.remark.starts_with("80 frames were recorded twice: the second one is left out; the packets are not "
+                             "in order of time (1 time, first at packet #81) and were sorted"))
+        << a.remark;
+    expect_cycle(a, 1ms, 40);
+}
+
+// A recorder with a coarse clock, or two files that were put together.
+TEST_F(AnalyseFile, ARequestBehindItsReplyWithTheSameTimeIsNotLost) {
+    for (const unsigned first_octet : {0U, 2U}) {  // 2: replies have no mark of their own
+        std::vector<Packet> packets;
+        for (int n = 0; n < 40; ++n) {
+            const auto frame = [&](bool reply) {
+                return cycle_frame(1, reply, static_cast<std::uint8_t>(n), static_cast<std::uint8_t>(first_octet));
+            };
+            // The frames of two cycles have one time, in any order.
+            packets.insert(packets.begin() + n / 2 * 4 + (n % 2 == 0 ? 0 : n % 3), {1ms * (n / 2), frame(true)});
+            packets.push_back({1ms * (n / 2), frame(false)});
+        }
+        const auto a = analyse_file(pcap(packets));
+        EXPECT_EQ(a.remark, "") << first_octet;
+        EXPECT_EQ(a.frames.requests, 40U) << first_octet;
+        EXPECT_EQ(a.frames.replies, 40U) << first_octet;
+        EXPECT_EQ(a.frames.answered, 40U) << first_octet;
+        EXPECT_EQ(a.frames.lost + a.frames.unasked + a.frames.open, 0U) << first_octet;
+    }
+    // A reply of a request before the recording, with the time of another request.
+    const auto a = analyse_file(
+        pcap({{0us, cycle_frame(1, true, 9)}, {0us, cycle_frame(1, false, 1)}, {30us, cycle_frame(1, true, 1)}}));
+    EXPECT_EQ(a.frames.requests, 1U);
+    EXPECT_EQ(a.frames.replies, 2U);
+    EXPECT_EQ(a.frames.unasked, 1U);
+    EXPECT_EQ(a.frames.lost, 0U);
+}
+
 // A few equal frames beside many others are no copies, and they are still of a master.
 TEST_F(AnalyseFile, FramesOfAnotherInterfaceAreNotLost) {
     std::vector<Packet> packets;
