@@ -16,9 +16,11 @@ namespace {
 
 constexpr std::size_t kMostPayload = (std::size_t{1} << 30) + 65536;  // a server sends no more
 
+constexpr int kLookMs = 1000;  // between two looks at a silent application
+
 constexpr const char* kGivenUp = "the application has not answered";
 
-Reply refused(std::string text) { return {.status = Status::refused, .text = std::move(text)}; }
+Reply broken(std::string text) { return {.status = Status::refused, .text = std::move(text), .broken = true}; }
 
 }  // namespace
 
@@ -31,9 +33,15 @@ std::string Client::connect(const std::string& path) {
     given_up_ = false;
     SocketAddress address;
     if (!address.set(path)) return path + ": the path is empty, or too long for a socket";
-    fd_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (fd_ < 0 || ::connect(fd_, address.pointer(), address.bytes()) != 0)
-        return path + ": no application can be reached: " + std::strerror(errno);
+    fd_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (fd_ < 0) return path + ": no application can be reached: " + std::strerror(errno);
+    // A stopped application takes no connections: when too many wait already, this one finds no place (EAGAIN).
+    for (const auto begin = Clock::now(); ::connect(fd_, address.pointer(), address.bytes()) != 0;) {
+        const int error = errno;
+        if (error != EAGAIN && error != EINTR) return path + ": no application can be reached: " + std::strerror(error);
+        if (!goes_on(begin)) return path + ": " + kGivenUp;
+        (void)::poll(nullptr, 0, kLookMs / 10);
+    }
     std::array<std::byte, 8> hello{};
     Writer into(hello);
     into(kMagic, kProtocolVersion);
@@ -50,21 +58,21 @@ std::string Client::connect(const std::string& path) {
 
 // False: the caller does not want to wait any more, and the connection is closed.
 bool Client::wait_for(short events) {
-    using Clock = std::chrono::steady_clock;
-    constexpr int kLookMs = 1000;
     const auto begin = Clock::now();
     for (;;) {
         pollfd one{.fd = fd_, .events = events, .revents = 0};
         const int ready = ::poll(&one, 1, kLookMs);
         if (ready > 0 || (ready < 0 && errno != EINTR)) return true;
-        const auto since = std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - begin);
-        if (silence_ && !silence_(since)) {
-            // A request is half sent, or its answer half read: nothing can follow.
-            ::close(std::exchange(fd_, -1));
-            given_up_ = true;
-            return false;
-        }
+        if (!goes_on(begin)) return false;
     }
+}
+
+bool Client::goes_on(Clock::time_point since) {
+    if (!silence_ || silence_(std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - since))) return true;
+    // A request is half sent, or its answer half read: nothing can follow.
+    ::close(std::exchange(fd_, -1));
+    given_up_ = true;
+    return false;
 }
 
 std::string Client::send_all(Bytes octets) {
@@ -82,7 +90,7 @@ std::string Client::receive_all(MutableBytes into) {
     while (!into.empty()) {
         if (!wait_for(POLLIN)) return kGivenUp;
         const auto got = ::recv(fd_, into.data(), into.size(), 0);
-        if (got < 0 && errno == EINTR) continue;
+        if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
         if (got <= 0) return "the application has ended the connection";
         into = into.subspan(static_cast<std::size_t>(got));
     }
@@ -90,7 +98,7 @@ std::string Client::receive_all(MutableBytes into) {
 }
 
 Reply Client::exchange(Operation operation, Bytes payload, const Progress& progress) {
-    if (fd_ < 0) return refused(given_up_ ? kGivenUp : "not connected");
+    if (fd_ < 0) return broken(given_up_ ? kGivenUp : "not connected");
     const Header request{.bytes = static_cast<std::uint32_t>(payload.size()),
                          .number = ++number_,
                          .what = static_cast<std::uint16_t>(operation)};
@@ -99,15 +107,15 @@ Reply Client::exchange(Operation operation, Bytes payload, const Progress& progr
     auto error = send_all(octets);
     if (error.empty()) error = send_all(payload);
     // A server without a free place answers before it reads: look at its answer all the same.
-    if (error == kGivenUp) return refused(error);
+    if (error == kGivenUp) return broken(error);
     for (;;) {
-        if (auto ended = receive_all(octets); !ended.empty()) return refused(error.empty() ? ended : error);
+        if (auto ended = receive_all(octets); !ended.empty()) return broken(error.empty() ? ended : error);
         const auto header = Header::load(octets);
         const bool of_connection = header.number == 0 && header.what == static_cast<std::uint16_t>(Status::refused);
         if (header.bytes > kMostPayload || (header.number != request.number && !of_connection))
-            return refused("the answer does not belong to the request");
+            return broken("the answer does not belong to the request");
         Reply reply{.status = static_cast<Status>(header.what), .payload = std::vector<std::byte>(header.bytes)};
-        if (auto ended = receive_all(reply.payload); !ended.empty()) return refused(ended);
+        if (auto ended = receive_all(reply.payload); !ended.empty()) return broken(ended);
         Reader from(reply.payload);
         switch (reply.status) {
             case Status::done: return reply;
@@ -120,9 +128,9 @@ Reply Client::exchange(Operation operation, Bytes payload, const Progress& progr
                 if (progress && from.complete()) progress(done, total);
                 continue;
             }
-            default: return refused("the answer has an unknown status");
+            default: return broken("the answer has an unknown status");
         }
-        if (!from.complete()) return refused("the answer is not complete");
+        if (!from.complete()) return broken("the answer is not complete");
         return reply;
     }
 }

@@ -17,6 +17,7 @@ struct Reply {
     std::vector<std::byte> payload{};
     Error error{};
     std::string text{};
+    bool broken = false;  // `refused` by the client itself: the connection has ended, or makes no sense
     [[nodiscard]] bool ok() const { return status == Status::done; }
 };
 
@@ -30,9 +31,9 @@ class Client {
     // A sentence when the server does not answer, or speaks another version; empty: connected.
     [[nodiscard]] std::string connect(const std::string& path);
 
-    // Called each second in which the application sends and takes nothing while it is waited for, with the time since
-    // it last did, also after a signal. `false` ends the connection: this call and all later ones are refused. Before
-    // connect().
+    // Called at least each second in which the application sends and takes nothing, or takes no connection, while it is
+    // waited for, with the time since it last did, also after a signal. `false` ends the connection: this call and all
+    // later ones are refused. Before connect().
     using Silence = std::function<bool(std::chrono::seconds)>;
     void when_silent(Silence silence) { silence_ = std::move(silence); }
 
@@ -50,7 +51,10 @@ class Client {
     [[nodiscard]] Reply exchange(Operation operation, Bytes payload, const Progress& progress);
     [[nodiscard]] std::string send_all(Bytes octets);
     [[nodiscard]] std::string receive_all(MutableBytes into);
+    using Clock = std::chrono::steady_clock;
     [[nodiscard]] bool wait_for(short events);
+    // False: the caller does not want to wait any more, and the connection is closed.
+    [[nodiscard]] bool goes_on(Clock::time_point since);
 
     int fd_ = -1;
     bool given_up_ = false;  // by silence_

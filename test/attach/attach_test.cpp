@@ -262,6 +262,46 @@ TEST_F(Attach, AClientThatIsNotAnsweredIsAskedWhetherItWaits) {
 
 // ------------------------------------------------------------------ hostile clients
 
+// A stopped application, before which other clients wait already.
+TEST(AttachClient, AnApplicationThatTakesNoConnectionIsNotWaitedForWithoutAWord) {
+    std::string folder = "/tmp/margay-attach-XXXXXX";
+    ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+    const std::string path = folder + "/s.sock";
+    attach::SocketAddress address;
+    ASSERT_TRUE(address.set(path));
+    const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
+    ASSERT_EQ(::listen(listener, 0), 0);
+    std::vector<int> others;
+    bool full = false;
+    for (int n = 0; n < 100 && !full; ++n) {
+        others.push_back(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+        full = ::connect(others.back(), address.pointer(), address.bytes()) != 0;
+    }
+    ASSERT_TRUE(full);
+    Client client;
+    int asked = 0;
+    client.when_silent([&](std::chrono::seconds) { return ++asked < 3; });
+    EXPECT_EQ(client.connect(path), path + ": the application has not answered");
+    EXPECT_EQ(asked, 3);
+    const auto later = client.call(Operation::master, {});
+    EXPECT_EQ(later.text, "the application has not answered");
+    EXPECT_TRUE(later.broken);
+    // A place becomes free while the client waits.
+    Client patient;
+    patient.when_silent([&](std::chrono::seconds) {
+        if (++asked == 5) ::close(::accept(listener, nullptr, nullptr));
+        return asked < 6;  // a second behind it: connected, and nobody speaks
+    });
+    const auto said = patient.connect(path);
+    EXPECT_TRUE(said.ends_with("the application has not answered")) << said;
+    EXPECT_EQ(asked, 6);
+    for (const int fd : others) ::close(fd);
+    ::close(listener);
+    ::unlink(path.c_str());
+    ::rmdir(folder.c_str());
+}
+
 TEST_F(Attach, WhatIsMalformedEndsItsOwnConnectionOnly) {
     EXPECT_EQ(run({[&] {
                   Client good;
