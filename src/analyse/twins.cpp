@@ -8,7 +8,8 @@ namespace margay::analyse {
 namespace {
 
 constexpr Duration kTogether = std::chrono::microseconds(20);
-constexpr std::uint64_t kFew = 4;  // equal frames are chance
+constexpr std::size_t kMostKept = 64;  // packets
+constexpr std::uint64_t kFew = 4;      // equal frames are chance
 
 }  // namespace
 
@@ -32,6 +33,7 @@ bool Twins::Pairs::nearly_all(const Counts& of) const {
 }
 
 std::optional<std::uint32_t> Twins::first_of(Duration at, Bytes packet, Bytes frame, std::uint32_t interface) {
+    while (!last_.empty() && (last_.size() >= kMostKept || at - last_.front().at >= kTogether)) last_.pop_front();
     const auto first = std::ranges::find_if(last_, [&](const Packet& p) {
         return at >= p.at && at - p.at < kTogether && !p.paired && std::ranges::equal(p.bytes, packet);
     });
@@ -48,11 +50,7 @@ std::optional<std::uint32_t> Twins::first_of(Duration at, Bytes packet, Bytes fr
         ++pairs.all;
         pairs.touched += touched ? 1 : 0;
     }
-    std::swap(last_[0], last_[1]);
-    last_[1].at = at;
-    last_[1].bytes.assign(packet.begin(), packet.end());
-    last_[1].interface = interface;
-    last_[1].paired = found.has_value();
+    last_.push_back({at, {packet.begin(), packet.end()}, interface, found.has_value()});
     return found;
 }
 

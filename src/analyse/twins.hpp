@@ -5,8 +5,8 @@
 
 #include <margay/time.hpp>
 
-#include <array>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <optional>
 #include <utility>
@@ -29,7 +29,8 @@ struct Copies {
 };
 
 // Show all packets with an EtherCAT frame in the order of time. Two packets with the same octets are twins when the
-// second one is shortly behind the first one, and not more than one packet is between them. Frames without a working
+// second one is shortly behind the first one: a kernel may stamp the packets of a NIC in batches, so that others are
+// between them. Frames without a working
 // counter are no sign of it, because a frame that nobody has processed comes back as it was.
 class Twins {
   public:
@@ -53,7 +54,7 @@ class Twins {
         std::uint64_t all = 0, touched = 0;
         [[nodiscard]] bool nearly_all(const Counts& of) const;
     };
-    std::array<Packet, 2> last_{};
+    std::deque<Packet> last_{};
     std::map<std::uint32_t, Counts> counts_{};                          // by the interface of the second one
     std::map<std::pair<std::uint32_t, std::uint32_t>, Pairs> pairs_{};  // by both interfaces, the lower one first
 };

@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <thread>
 
@@ -235,6 +236,24 @@ TEST_F(AnalyseFile, TwoTapsAreOneMasterWhicheverIsFirst) {
     EXPECT_EQ(a.remark, "28 frames were recorded twice: the second one is left out");
     EXPECT_TRUE(a.others.empty());
     EXPECT_EQ(a.frames.requests, 40U);
+    EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0U);
+}
+
+// A kernel stamps the packets of a NIC in batches: several frames come before their copies.
+TEST_F(AnalyseFile, CopiesBehindSeveralFramesAreFound) {
+    std::vector<Packet> packets;
+    for (int n = 0; n < 40; n += 4)
+        for (const std::uint32_t interface : {0U, 1U})
+            for (int frame = n; frame < n + 4; ++frame)
+                for (const bool reply : {false, true})
+                    packets.push_back({1ms * n + 1us * (frame - n) + 5us * interface,
+                                       cycle_frame(1, reply, static_cast<std::uint8_t>(frame)),
+                                       {.interface = interface}});
+    const auto a = analyse_file(pcapng(packets));
+    EXPECT_EQ(a.remark, "each frame was recorded twice: the second one is left out");
+    EXPECT_TRUE(a.others.empty());
+    EXPECT_EQ(a.frames.requests, 40U);
+    EXPECT_EQ(a.frames.replies, 40U);
     EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0U);
 }
 
