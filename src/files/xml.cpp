@@ -93,7 +93,8 @@ bool is_fifo(const std::string& path) {
     struct stat found {};
     if (::lstat(path.c_str(), &found) != 0) return false;
     if (S_ISFIFO(found.st_mode)) return true;
-    if (!S_ISLNK(found.st_mode) || path.starts_with("/dev/") || path.starts_with("/proc/")) return false;
+    if (!S_ISLNK(found.st_mode) || path == "/dev/stdin" || path.starts_with("/dev/fd/") || path.starts_with("/proc/"))
+        return false;
     const std::unique_ptr<char, FreeText> target(::realpath(path.c_str(), nullptr));
     return target != nullptr && ::lstat(target.get(), &found) == 0 && S_ISFIFO(found.st_mode);
 }
@@ -124,11 +125,17 @@ FileContent read_file(const std::string& path, std::size_t most_bytes) {
 
 std::string quoted(std::string_view text) {
     constexpr std::size_t kMost = 40;
+    const auto octet = [text](std::size_t n) { return n < text.size() ? static_cast<unsigned char>(text[n]) : 0U; };
+    std::size_t end = std::min(text.size(), kMost);
+    while (end != 0 && (octet(end) & 0xC0) == 0x80) --end;  // whole characters of UTF-8
     std::string q = "'";
-    for (const char c : text.substr(0, kMost)) q += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-    while (text.size() > kMost && (static_cast<unsigned char>(q.back()) & 0xC0) == 0x80)
-        q.pop_back();  // whole characters
-    return q + (text.size() > kMost ? "…'" : "'");
+    for (std::size_t n = 0; n < end; ++n) {
+        const bool c1 = octet(n) == 0xC2 && octet(n + 1) < 0xA0;  // U+0080 to U+009F: a terminal may obey them
+        const bool control = octet(n) < 0x20 || octet(n) == 0x7F || c1;
+        q += control ? ' ' : text[n];
+        n += c1 ? 1 : 0;
+    }
+    return q + (end < text.size() ? "…'" : "'");
 }
 
 std::string hex(std::uint64_t value, int digits) {

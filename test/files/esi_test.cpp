@@ -95,6 +95,27 @@ TEST(EsiReader, AWrongValueIsNamedByLineAndCause) {
               "line 3, column 12: Id is '99999999999999999999', which is no number of 64 bits");
 }
 
+// A text of the file in a message: cut between two characters, and without what a terminal obeys.
+TEST(EsiReader, AQuotedTextIsWholeAndHarmless) {
+    const auto quoted = [](const std::string& text) {
+        const auto said = problem("<BitLen>16</BitLen>", "<BitLen>" + text + "</BitLen>");
+        const auto begin = said.find('\'');
+        return said.substr(begin, said.rfind('\'') + 1 - begin);
+    };
+    const auto times = [](int n, const std::string& text) {
+        std::string all;
+        for (; n != 0; --n) all += text;
+        return all;
+    };
+    EXPECT_EQ(quoted(times(40, "x")), "'" + times(40, "x") + "'");
+    EXPECT_EQ(quoted(times(41, "x")), "'" + times(40, "x") + "…'");
+    EXPECT_EQ(quoted(times(20, "ä")), "'" + times(20, "ä") + "'");
+    EXPECT_EQ(quoted(times(30, "ä")), "'" + times(20, "ä") + "…'") << "the last character is whole";
+    EXPECT_EQ(quoted(times(20, "€")), "'" + times(13, "€") + "…'");
+    EXPECT_EQ(quoted(times(15, "😀")), "'" + times(10, "😀") + "…'");
+    EXPECT_EQ(quoted("a&#x9b;31m&#x7f;b\xC2\xA0"), "'a 31m b\xC2\xA0'") << "C1 and DEL, not a space of U+00A0";
+}
+
 TEST(EsiReader, MoreThanASlaveCanHaveIsNamed) {
     std::string sms;
     std::string fmmus;

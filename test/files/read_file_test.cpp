@@ -6,8 +6,11 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <atomic>
+#include <filesystem>
+#include <string>
 #include <thread>
 
 namespace margay::files {
@@ -45,6 +48,13 @@ TEST(ReadFile, AFifoAndALinkToItAreNoFiles) {
     std::filesystem::create_symlink(link, far);
     const Waker waker(fifo);
     for (const auto& path : {fifo, link, far}) EXPECT_EQ(read_file(path).error, path + ": is no file");
+    // Of all names below /dev only those of open descriptors may lead to a pipe.
+    const auto shared = "/dev/shm/margay-fifo-" + std::to_string(::getpid());
+    std::error_code error;
+    std::filesystem::create_symlink(fifo, shared, error);
+    if (error) return;
+    EXPECT_EQ(read_file(shared).error, shared + ": is no file");
+    std::filesystem::remove(shared);
 }
 
 TEST(ReadFile, ALinkToAFileAndAPipeThatIsOpenAreRead) {
