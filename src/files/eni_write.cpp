@@ -139,10 +139,11 @@ class EniWriter {
     };
     // Both halves of the image of the file have the logical addresses of the groups, one group behind the other: so one
     // offset of a cyclic command says where the data of all slaves of this command is.
-    Range range_of(std::size_t number) {
-        Range range;
-        for (std::size_t group = 0; group <= number; ++group) {
-            range = {.begin = UINT64_MAX, .before = range.before + (range.end - range.begin)};
+    [[nodiscard]] const Range& range_of(std::size_t number) {
+        for (std::size_t group = ranges_.size(); group <= number; ++group) {
+            const Range last = ranges_.empty() ? Range() : ranges_.back();
+            Range& range =
+                ranges_.emplace_back(Range{.begin = UINT64_MAX, .before = last.before + (last.end - last.begin)});
             for (std::size_t n = 0; n < ctx_.group(group).datagrams.size(); ++n) {
                 const PlannedDatagram datagram = process_datagram(ctx_, n, static_cast<std::uint8_t>(group));
                 range.begin = std::min<std::uint64_t>(range.begin, datagram.address.value);
@@ -150,7 +151,7 @@ class EniWriter {
             }
             if (range.end == 0) range.begin = 0;  // no process data
         }
-        return range;
+        return ranges_[number];
     }
 
     // The first bit of the slave's data in both halves of the image of the file.
@@ -363,6 +364,7 @@ class EniWriter {
     }
 
     Context& ctx_;
+    std::vector<Range> ranges_{};  // of the groups, as far as they were asked for
     const EniSettings& settings_;
     pugi::xml_document document_;
     std::vector<std::pair<std::uint16_t, EsiDevice>> names_;
