@@ -2,6 +2,7 @@
 // follows the reference clock (master shift), and SYNC0 of every drive occurs half a cycle after the frames. At the end
 // the program prints how far the drives were behind their targets, and how synchronous the clocks were.
 #include "common/arguments.hpp"
+#include "common/counted.hpp"
 #include "common/cycle_report.hpp"
 #include "common/frame_times.hpp"
 #include "common/gnuplot.hpp"
@@ -140,8 +141,7 @@ class Motion {
             leave();
             return report(up.error());
         }
-        print_out("{} drive{}, reference clock of slave {}, all in OP\n", axes_.size(), axes_.size() == 1 ? "" : "s",
-                  *reference);
+        print_out("{}, reference clock of slave {}, all in OP\n", samples::counted(axes_.size(), "drive"), *reference);
         const auto work = [this](const CycleInfo& cycle) { return one_cycle(cycle); };
         if (const auto ended = run_cycle(ctx_, settings, work); !ended) warn(sentence(ended.error()));
         leave();
@@ -269,8 +269,8 @@ class Motion {
         print_out("drives apart by {:.0f} increments at most\n", apart);
         print_out("phase of the cycle: {} ns off on average, {} ns at most, drift {:.3f} ppm: {}\n",
                   clock_->average_ns(), clock_->most_ns(), clock_->drift_ppb() / 1000.0, to_text(clock_->state()));
-        print_out("clocks of the slaves: {:.0f} ns apart at most (upper estimate), {} cycles wrong\n",
-                  greatest(differences_), wrong_cycles_);
+        print_out("clocks of the slaves: {:.0f} ns apart at most (upper estimate), {} wrong\n", greatest(differences_),
+                  samples::counted(wrong_cycles_, "cycle"));
         if (wire_.any()) print_out("{}", samples::wire_text(wire_));
         if (const auto frames = missed() - missed_before_; frames != 0) warn(samples::missed_text(frames));
         if (const int failed = write_files(); failed != 0) return failed;

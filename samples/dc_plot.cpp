@@ -1,6 +1,7 @@
 // dc_plot: draws the log of a master clock (dc_motion --log, or the columns of other masters' logs) as SVG.
 #include "common/arguments.hpp"
 #include "common/clock_log_file.hpp"
+#include "common/counted.hpp"
 #include "common/program.hpp"
 
 #include <margay/files/text_place.hpp>
@@ -33,9 +34,9 @@ int run(const Options& options) {
     const auto failed = samples::draw_svg(svg, log.times_s, samples::clock_diagrams(log));
     if (!failed.empty()) return samples::fail(failed, samples::exit_code::kSystem);
     print_out(
-        "{} cycles, {:.3f} s: greatest error {:.0f} ns, drift {:.3f} ppm at the end, greatest difference {:.0f} ns: "
+        "{}, {:.3f} s: greatest error {:.0f} ns, drift {:.3f} ppm at the end, greatest difference {:.0f} ns: "
         "{}\n",
-        log.times_s.size(), log.times_s.back(), greatest(log.error_ns), log.drift_ppm.back(),
+        samples::counted(log.times_s.size(), "cycle"), log.times_s.back(), greatest(log.error_ns), log.drift_ppm.back(),
         greatest(log.difference_ns), svg);
     return samples::exit_code::kWell;
 }

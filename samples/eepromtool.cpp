@@ -1,4 +1,5 @@
 // eepromtool: reads, writes and shows the EEPROM (SII) of a slave. An image file can be used in the place of a slave.
+#include "common/counted.hpp"
 #include "common/eeprom.hpp"
 #include "common/program.hpp"
 #include "common/progress_line.hpp"
@@ -59,13 +60,13 @@ EepromContent read_all(Eeprom& eeprom, const Options& options) {
     ProgressLine line;
     const bool absurd = size.octets > wire::sii::kMostContentBytes;
     if (options.size == 0 && eeprom.known_size() == 0 && absurd) {
-        print_note(fmt::format(
-            "note: word 0x003e of {} gives {} octets; only the part up to the end mark is read, use --size {} to "
-            "read all",
-            eeprom.name(), size.octets, size.octets));
+        print_note(
+            fmt::format("note: word 0x003e of {} gives {}; only the part up to the end mark is read, use --size {} to "
+                        "read all",
+                        eeprom.name(), counted(size.octets, "octet"), size.octets));
         return read_used_part(eeprom, progress_on(line));
     }
-    if (absurd) print_note(fmt::format("note: reading {} octets of {}", size.octets, eeprom.name()));
+    if (absurd) print_note(fmt::format("note: reading {} of {}", counted(size.octets, "octet"), eeprom.name()));
     return read_eeprom(eeprom, size.octets, progress_on(line));
 }
 
@@ -78,7 +79,7 @@ int read(Eeprom& eeprom, const Options& options) {
     if (!error.empty()) return print_system_error(error);
     for (const auto& finding : sii_findings(content.octets)) print_note("warning: " + finding_text(finding));
     if (options.file != "-")
-        print_out("{}: {} octets read into {}\n", eeprom.name(), content.octets.size(), options.file);
+        print_out("{}: {} read into {}\n", eeprom.name(), counted(content.octets.size(), "octet"), options.file);
     return 0;
 }
 
@@ -99,8 +100,9 @@ std::string image_size_fault(Eeprom& eeprom, Bytes image, const Options& options
                            options.force ? "" : " (--force writes it nevertheless)");
     const auto size = options.size != 0 ? EepromSize{options.size} : eeprom_size(eeprom);
     if (size.error.empty() && image.size() > size.octets)
-        return fmt::format("{} is not written: it has {} octets, the EEPROM of {} has {}{}", options.file, image.size(),
-                           eeprom.name(), size.octets, eeprom.known_size() != 0 ? "" : "; use --size if this is wrong");
+        return fmt::format("{} is not written: it has {}, the EEPROM of {} has {}{}", options.file,
+                           counted(image.size(), "octet"), eeprom.name(), size.octets,
+                           eeprom.known_size() != 0 ? "" : "; use --size if this is wrong");
     return {};
 }
 
@@ -115,11 +117,11 @@ int write(Eeprom& eeprom, const Options& options) {
     const auto report = write_eeprom(eeprom, file.octets, progress_on(line));
     line.clear();
     if (!report.error.empty())
-        return print_error(fmt::format("{}: {}\n{} of the {} words that differ were written{}{}", eeprom.name(),
-                                       report.error, report.written, report.different, report.left.empty() ? "" : "; ",
-                                       report.left));
-    print_out("{}: {} of {} words were different and are written, all verified\n", eeprom.name(), report.different,
-              report.words);
+        return print_error(fmt::format("{}: {}\n{} of the {} written{}{}", eeprom.name(), report.error, report.written,
+                                       counted(report.different, "word that differs was", "words that differ were"),
+                                       report.left.empty() ? "" : "; ", report.left));
+    print_out("{}: {} of {}, all verified\n", eeprom.name(), report.different,
+              counted(report.words, "word was different and is written", "words were different and are written"));
     return 0;
 }
 
@@ -229,7 +231,7 @@ int make_image(const EsiOptions& options) {
     const auto error = save_image(options.output, format_by_name(options.output), image.octets);
     if (!error.empty()) return print_system_error(error);
     if (options.output != "-")
-        print_out("{}: the image of {}, {} octets\n", options.output, image.type, image.octets.size());
+        print_out("{}: the image of {}, {}\n", options.output, image.type, counted(image.octets.size(), "octet"));
     return 0;
 }
 

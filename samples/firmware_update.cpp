@@ -1,4 +1,5 @@
 // firmware_update: writes the firmware of a slave by FoE in BOOT, or reads it.
+#include "common/counted.hpp"
 #include "common/firmware_file.hpp"
 #include "common/program.hpp"
 #include "common/progress_line.hpp"
@@ -118,7 +119,9 @@ bool Update::is_in_boot() {
 std::string Update::other_segment() {
     const auto slaves = ctx_.slaves();
     if (slaves.size() != segment_.size())
-        return fmt::format("there are {} slaves, and there were {} before", slaves.size(), segment_.size());
+        return fmt::format("there {}, and there were {} before",
+                           slaves.size() == 1 ? "is 1 slave" : fmt::format("are {} slaves", slaves.size()),
+                           segment_.size());
     for (const Slave& one : slaves) {
         const Identity& before = segment_[one.number - 1U];
         const bool same = one.number == number_ ? one.identity.vendor == before.vendor : one.identity == before;
@@ -167,7 +170,7 @@ void Update::show(const FoeProgress& progress, std::string_view what) {
         const std::size_t part = done * kWidth / total;
         text += fmt::format("[{:#<{}}{:<{}}] {:3} % ", "", part, "", kWidth - part, done * 100 / total);
     }
-    text += fmt::format("{} octets", progress.bytes);
+    text += counted(progress.bytes, "octet");
     if (progress.busy) text += fmt::format("  {}", progress.busy_text.empty() ? "busy" : progress.busy_text);
     if (progress.busy && progress.busy_entire != 0)
         text += fmt::format(" {} %", progress.busy_done * 100 / progress.busy_entire);
@@ -207,7 +210,7 @@ Result<> Update::transfer(FoeRequest& request) {
 // The error in words; `own`: the error of the file, if it has one.
 std::string Update::told(const FoeRequest& request, const std::string& own) {
     if (request.error().code == Errc::stream_failed && !own.empty()) return own;
-    if (request.error().code == Errc::canceled) return fmt::format("stopped after {} octets", request.bytes());
+    if (request.error().code == Errc::canceled) return "stopped after " + counted(request.bytes(), "octet");
     const std::string text = sentence(request.error());
     return request.slave_text().empty() ? text : fmt::format("{}; the device says: {}", text, request.slave_text());
 }
@@ -251,7 +254,7 @@ int Update::write(FirmwareFile& file) {
         const int status = leave_after_failure(sent_ && !refused, written.error());
         return of_file ? exit_code::kSystem : status;
     }
-    print_out("slave {}: {} octets written as '{}'\n", number_, request.bytes(), options_.name);
+    print_out("slave {}: {} written as '{}'\n", number_, counted(request.bytes(), "octet"), options_.name);
     return exit_code::kWell;
 }
 
@@ -269,7 +272,7 @@ std::string Update::read_back(FirmwareFile& file) {
     if (!read) return told(request, file.error());
     const auto difference = comparison.difference();
     if (!difference.empty()) return fmt::format("slave {}: {}", number_, difference);
-    print_out("slave {}: {} octets read back, equal\n", number_, request.bytes());
+    print_out("slave {}: {} read back, equal\n", number_, counted(request.bytes(), "octet"));
     return {};
 }
 
@@ -283,7 +286,8 @@ int Update::read(FirmwareCopy& copy) {
     const bool of_system = of_file || (done && !error.empty());
     if (!error.empty()) fail(error);
     if (error.empty())
-        print_out("slave {}: {} octets of '{}' read into {}\n", number_, request.bytes(), options_.name, options_.file);
+        print_out("slave {}: {} of '{}' read into {}\n", number_, counted(request.bytes(), "octet"), options_.name,
+                  options_.file);
     return leave_after_read(error, of_system);
 }
 

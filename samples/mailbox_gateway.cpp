@@ -1,4 +1,5 @@
 // mailbox_gateway: tools reach the mailboxes of the slaves over UDP and TCP (ETG.8200).
+#include "common/counted.hpp"
 #include "common/listen_address.hpp"
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
@@ -49,8 +50,8 @@ class Program {
         print_out("listening at {}\n", to_text(ListenAddress{settings_.address, gateway.port()}));
         serve();
         const auto counts = gateway.counts();
-        print_out("{} clients, {} messages, {} replies, {} of them errors\n", counts.clients, counts.messages,
-                  counts.replies, counts.errors);
+        print_out("{}, {}, {}, {} of them errors\n", counted(counts.clients, "client"),
+                  counted(counts.messages, "message"), counted(counts.replies, "reply", "replies"), counts.errors);
         supervise_.cancel();
         return exit_code::kWell;
     }

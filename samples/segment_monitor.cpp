@@ -1,6 +1,7 @@
 // segment_monitor: brings a segment to OP, keeps it in OP, and shows a live view: states, working counters, lateness
 // of the cycle, line errors of the ports, and events. Keys: up and down scroll, r clears the figures, q ends the
 // program.
+#include "common/counted.hpp"
 #include "common/cycle_pace.hpp"
 #include "common/monitor_view.hpp"
 #include "common/program.hpp"
@@ -133,9 +134,11 @@ class Monitor {
         for (const auto& error : errors_) samples::warn(error);
         if (!pace_.stopped().empty()) samples::warn(pace_.stopped());
         if (errors_dropped_ + ctx_.errors().dropped() != 0)
-            samples::warn(fmt::format("{} more errors are not shown", errors_dropped_ + ctx_.errors().dropped()));
+            samples::warn(samples::counted(errors_dropped_ + ctx_.errors().dropped(), "more error is not shown",
+                                           "more errors are not shown"));
         if (bad_cycles_ != 0)
-            samples::warn(fmt::format("{} cycles without all frames or with a wrong working counter", bad_cycles_));
+            samples::warn(samples::counted(bad_cycles_, "cycle") +
+                          " without all frames or with a wrong working counter");
         if (const auto failed = pace_.report(); !failed.empty())
             return samples::fail(failed, samples::exit_code::kSystem);
         return bad_cycles_ != 0 || failed_ || !pace_.stopped().empty() ? samples::exit_code::kSegment

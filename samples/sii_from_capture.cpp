@@ -2,6 +2,7 @@
 // and writes a segment description for these images.
 #include "common/arguments.hpp"
 #include "common/capture_slaves.hpp"
+#include "common/counted.hpp"
 #include "common/program.hpp"
 
 #include <fmt/format.h>
@@ -34,7 +35,7 @@ int rebuild(const std::string& recording, const std::string& folder) {
         const auto path = std::filesystem::path(folder) / fmt::format("slave{}.bin", slave.position + 1);
         if (!write_file(path, reinterpret_cast<const char*>(slave.sii.data()), slave.sii.size()))
             return fail(fmt::format("cannot write {}", path.string()), exit_code::kSystem);
-        print_out("{}: {} octets, {} of them read in the recording\n", path.string(), slave.sii.size(),
+        print_out("{}: {}, {} of them read in the recording\n", path.string(), counted(slave.sii.size(), "octet"),
                   slave.sii_octets_read);
     }
     const auto text = describe_segment(slaves, std::filesystem::path(recording).filename().string());

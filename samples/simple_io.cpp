@@ -1,6 +1,7 @@
 // simple_io: brings a segment to OP, exchanges process data, and prints it at the end. All outputs are 0, unless the
 // user asks for a counter in them. It reports events of slaves; the supervision recovers such slaves while the other
 // slaves continue.
+#include "common/counted.hpp"
 #include "common/cycle_pace.hpp"
 #include "common/drives.hpp"
 #include "common/program.hpp"
@@ -63,13 +64,14 @@ class SimpleIo {
         const auto bytes = samples::map_groups(ctx_, eni_, image_);
         if (!bytes) return report_failure(bytes.error());
         const Group& group = ctx_.group(0);
-        print_out("{} slave{}, {} octets out, {} in, {} frame{} a cycle, working counter {}\n", *found,
-                  *found == 1 ? "" : "s", group.output_bytes, group.input_bytes, group.frames,
-                  group.frames == 1 ? "" : "s", group.expected_wkc);
+        print_out("{}, {} out, {} in, {} a cycle, working counter {}\n", samples::counted(*found, "slave"),
+                  samples::counted(group.output_bytes, "octet"), group.input_bytes,
+                  samples::counted(group.frames, "frame"), group.expected_wkc);
         print_errors();
         if (options_.count) choose_outputs();
         if (!reach_op()) {
             if (!ends()) print_states();
+            if (stop_asked()) warn("stopped before all slaves were in OP");
             if (!pace_.stopped().empty()) warn(pace_.stopped());
             leave();
             return 1;
@@ -78,8 +80,8 @@ class SimpleIo {
         if (const auto ring = samples::ring_remark(ctx_); !ring.empty()) warn("warning: " + ring);
         exchange();
         const auto& figures = pace_.figures();
-        print_out("{} cycles, {} without all frames, {} with a wrong working counter\n", cycles_, figures.no_frame,
-                  figures.wrong_wkc);
+        print_out("{}, {} without all frames, {} with a wrong working counter\n", samples::counted(cycles_, "cycle"),
+                  figures.no_frame, figures.wrong_wkc);
         print_image();
         leave();
         if (const auto failed = pace_.report(); !failed.empty())

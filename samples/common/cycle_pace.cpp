@@ -1,5 +1,6 @@
 #include "common/cycle_pace.hpp"
 
+#include "common/counted.hpp"
 #include "common/program.hpp"
 
 #include <margay/margay.hpp>
@@ -102,9 +103,8 @@ Duration CyclePace::wait() {
     counted_ = all;
     figures_.lateness.record(tick.lateness);
     if (tick.stopped && stopped_.empty())
-        stopped_ =
-            fmt::format("stopped (--overrun stop): cycle {} could not begin in its period, and {} cycle{} missed",
-                        tick.cycle - tick.skipped, tick.skipped, tick.skipped == 1 ? " was" : "s were");
+        stopped_ = fmt::format("stopped (--overrun stop): cycle {} could not begin in its period, and {} missed",
+                               tick.cycle - tick.skipped, counted(tick.skipped, "cycle was", "cycles were"));
     tick_ = tick;
     ticked_ = true;
     return tick.lateness;

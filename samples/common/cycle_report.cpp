@@ -1,5 +1,7 @@
 #include "common/cycle_report.hpp"
 
+#include "common/counted.hpp"
+
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -51,11 +53,11 @@ std::string quantiles(const DurationHistogram& h) {
 }
 
 std::string counts(const CycleFigures& f) {
-    auto text = fmt::format("{} cycles, {} overruns, {} without all frames, {} with a wrong working counter", f.cycles,
-                            f.overruns, f.no_frame, f.wrong_wkc);
+    auto text = fmt::format("{}, {}, {} without all frames, {} with a wrong working counter",
+                            counted(f.cycles, "cycle"), counted(f.overruns, "overrun"), f.no_frame, f.wrong_wkc);
     if (f.overruns + f.skipped + f.caught_up != 0)
         text += fmt::format("; after overruns {} left out, {} made up for", f.skipped, f.caught_up);
-    if (f.missed != 0) text += fmt::format("; {} frames not sent at their time", f.missed);
+    if (f.missed != 0) text += "; " + counted(f.missed, "frame not sent at its time", "frames not sent at their time");
     if (f.wire.unstamped != 0) text += fmt::format("; {} without time stamps of the NIC", f.wire.unstamped);
     return text;
 }
@@ -150,7 +152,7 @@ std::string cycle_text(const CycleFigures& figures) {
 std::string wire_text(const WireFigures& wire) {
     auto text = fmt::format("{}: {}\n{}: {}\n", kWirePeriod, quantiles(wire.period), kWireRoundTrip,
                             quantiles(wire.round_trip));
-    if (wire.unstamped != 0) text += fmt::format("{} cycles without time stamps of the NIC\n", wire.unstamped);
+    if (wire.unstamped != 0) text += counted(wire.unstamped, "cycle") + " without time stamps of the NIC\n";
     return text;
 }
 

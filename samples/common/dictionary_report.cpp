@@ -1,5 +1,6 @@
 #include "common/dictionary_report.hpp"
 
+#include "common/counted.hpp"
 #include "common/slave_report.hpp"
 #include "wire/coe.hpp"
 
@@ -202,12 +203,12 @@ std::string value_text(std::uint16_t data_type, std::span<const std::byte> value
     }
     if (value.empty()) return "(empty)";
     if (value.size() <= kMostOctets) return hex(value);
-    return fmt::format("{} … ({} octets)", hex(value.first(kMostOctets)), value.size());
+    return fmt::format("{} … ({})", hex(value.first(kMostOctets)), counted(value.size(), "octet"));
 }
 
 std::string dictionary_text(const Dictionary& dictionary) {
     if (!dictionary.problem.empty()) return fmt::format("  Dictionary        none: {}\n", dictionary.problem);
-    std::string text = fmt::format("  Dictionary        {} objects\n", dictionary.objects.size());
+    std::string text = fmt::format("  Dictionary        {}\n", counted(dictionary.objects.size(), "object"));
     for (const DictionaryObject& object : dictionary.objects) {
         const auto& d = object.description;
         text += fmt::format("    {:#06x}     {:<9} {}\n", d.index, code_text(d.object_code), words_of_slave(d.name()));

@@ -1,5 +1,6 @@
 #include "common/eeprom.hpp"
 
+#include "common/counted.hpp"
 #include "common/sii_text.hpp"
 #include "wire/sii.hpp"
 #include "wire/sii_area.hpp"
@@ -85,7 +86,7 @@ EepromContent read_used_part(Eeprom& eeprom, const Progress& progress) {
 
 std::string image_fault(Bytes image) {
     if (image.size() % sii::kWordBytes != 0)
-        return fmt::format("{} octets are not a whole number of words", image.size());
+        return counted(image.size(), "octet is", "octets are") + " not a whole number of words";
     for (const auto& finding : sii_findings(image)) {
         switch (finding.fault) {
             case sii::Fault::blank:
@@ -216,7 +217,8 @@ class ImageWriter {
             report_.left = "the old content was restored";
             return;
         }
-        report_.left = fmt::format("{} words differ from the old content, the first is word 0x{:04x}", changed, first);
+        report_.left = fmt::format("{} from the old content, the first is word 0x{:04x}",
+                                   counted(changed, "word differs", "words differ"), first);
         if (back.octets.size() >= sii::kConfigurationBytes)
             report_.left += sii::checksum_right(back.octets)
                                 ? "; the checksum of words 0x00 to 0x06 is right"

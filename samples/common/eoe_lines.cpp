@@ -1,5 +1,6 @@
 #include "common/eoe_lines.hpp"
 
+#include "common/counted.hpp"
 #include "common/slave_report.hpp"
 
 #include <fmt/format.h>
@@ -115,9 +116,9 @@ std::string EoeLines::report(const Line& line) {
     const EoeStatistics s = line.port.statistics();
     const auto dropped_out = s.refused + s.not_sent;
     const auto dropped_in = s.overrun + s.incomplete + s.malformed + s.too_long;
-    auto text = fmt::format(
-        "{}: to the slave {} frames, {} octets, {} dropped; from the slave {} frames, {} octets, {} dropped", line.name,
-        s.sent, s.sent_octets, dropped_out, s.received, s.received_octets, dropped_in);
+    auto text = fmt::format("{}: to the slave {}, {}, {} dropped; from the slave {}, {}, {} dropped", line.name,
+                            counted(s.sent, "frame"), counted(s.sent_octets, "octet"), dropped_out,
+                            counted(s.received, "frame"), counted(s.received_octets, "octet"), dropped_in);
     if (dropped_in != 0)
         text += fmt::format(" ({} queue full, {} fragment missing, {} malformed, {} too long)", s.overrun, s.incomplete,
                             s.malformed, s.too_long);

@@ -1,5 +1,6 @@
 #include "common/fidelity.hpp"
 
+#include "common/counted.hpp"
 #include "wire/sync_manager.hpp"
 #include "wire/text.hpp"
 
@@ -134,7 +135,8 @@ std::string to_text(const FidelityReport& report) {
     };
     std::string text;
     auto out = std::back_inserter(text);
-    fmt::format_to(out, "{} frames, {} of them without an answer in the recording\n", report.frames, report.unanswered);
+    fmt::format_to(out, "{}, {} of them without an answer in the recording\n", counted(report.frames, "frame"),
+                   report.unanswered);
     fmt::format_to(out, "working counters  {}\n", equal(report.equal_wkc, report.datagrams, ""));
     fmt::format_to(out, "determined data   {}\n", equal(report.equal_octets, report.data_octets, "octets "));
     for (const auto& [kind, entry] : report.kinds)

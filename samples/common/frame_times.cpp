@@ -1,5 +1,7 @@
 #include "common/frame_times.hpp"
 
+#include "common/counted.hpp"
+
 #include <margay/cycle_stamps.hpp>
 
 #include <fmt/format.h>
@@ -29,8 +31,8 @@ std::string refusal(const FrameTimeOptions& options, unsigned period_us) {
 }
 
 std::string missed_text(std::uint64_t frames) {
-    return fmt::format("{} frame{} did not leave at {} time (--send-at): {} given to the NIC too late", frames,
-                       frames == 1 ? "" : "s", frames == 1 ? "its" : "their", frames == 1 ? "it was" : "they were");
+    return counted(frames, "frame did not leave at its time (--send-at): it was given to the NIC too late",
+                   "frames did not leave at their time (--send-at): they were given to the NIC too late");
 }
 
 void WireWatch::count(Context& ctx, const FrameTiming& nic, WireFigures& into) {

@@ -1,5 +1,6 @@
 #include "common/monitor_view.hpp"
 
+#include "common/counted.hpp"
 #include "common/slave_report.hpp"
 #include "common/visible_text.hpp"
 
@@ -29,7 +30,7 @@ std::string states_text(std::span<const Slave> slaves) {
         return std::count_if(slaves.begin(), slaves.end(), [&](const Slave& s) { return s.al.state == state; });
     };
     const auto errors = std::count_if(slaves.begin(), slaves.end(), [](const Slave& s) { return s.al.error; });
-    std::string text = fmt::format("{} slave{}:", slaves.size(), slaves.size() == 1 ? "" : "s");
+    std::string text = counted(slaves.size(), "slave") + ":";
     for (const auto state : {AlState::op, AlState::safeop, AlState::preop, AlState::init, AlState::boot})
         if (const auto count = in(state); count != 0) text += fmt::format("  {} in {}", count, to_text(state));
     if (const auto lost = in(AlState::none); lost != 0) text += fmt::format("  {} lost", lost);

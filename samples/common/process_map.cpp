@@ -1,5 +1,6 @@
 #include "common/process_map.hpp"
 
+#include "common/counted.hpp"
 #include "common/eeprom.hpp"
 #include "common/process_entries.hpp"
 #include "common/slave_eeprom.hpp"
@@ -148,8 +149,7 @@ const char* direction_text(Direction direction) { return direction == Direction:
 std::string offset_text(std::uint32_t bits) { return fmt::format("{}.{}", bits / 8, bits % 8); }
 
 std::string length_text(std::uint32_t bits) {
-    return bits % 8 == 0 ? fmt::format("{} octet{}", bits / 8, bits == 8 ? "" : "s")
-                         : fmt::format("{} bit{}", bits, bits == 1 ? "" : "s");
+    return bits % 8 == 0 ? counted(bits / 8, "octet") : counted(bits, "bit");
 }
 
 std::string what(const MapEntry& e) {
@@ -186,9 +186,9 @@ ProcessMap read_process_map(Context& ctx, std::uint8_t group) {
 }
 
 std::string map_text(Context& ctx, const ProcessMap& map) {
-    std::string text =
-        fmt::format("Process image: {} octets, outputs 0 to {}, inputs {} to {}\n", map.output_bytes + map.input_bytes,
-                    map.output_bytes, map.output_bytes, map.output_bytes + map.input_bytes);
+    std::string text = fmt::format("Process image: {}, outputs 0 to {}, inputs {} to {}\n",
+                                   counted(map.output_bytes + map.input_bytes, "octet"), map.output_bytes,
+                                   map.output_bytes, map.output_bytes + map.input_bytes);
     std::uint16_t slave = 0;
     auto direction = Direction::outputs;
     for (const MapEntry& e : map.entries) {

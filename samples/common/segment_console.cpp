@@ -1,5 +1,6 @@
 #include "common/segment_console.hpp"
 
+#include "common/counted.hpp"
 #include "sim/process_data.hpp"
 #include "wire/al_status_code.hpp"
 
@@ -166,7 +167,7 @@ class Console {
         const auto offset = number(words[2]);
         const auto inputs = device->inputs();
         if (!offset || *offset + words.size() - 3 > inputs.size())
-            return fmt::format("slave {} has {} octets of inputs now", *n + 1, inputs.size());
+            return fmt::format("slave {} has {} of inputs now", *n + 1, counted(inputs.size(), "octet"));
         std::vector<std::byte> octets;
         for (std::size_t i = 3; i < words.size(); ++i) {
             const auto value = number(words[i]);

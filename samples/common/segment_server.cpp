@@ -1,5 +1,6 @@
 #include "common/segment_server.hpp"
 
+#include "common/counted.hpp"
 #include "common/program.hpp"
 #include "common/segment_console.hpp"
 #include "wire/ethernet.hpp"
@@ -59,8 +60,7 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
     if (signals_ < 0) return fmt::format("cannot receive signals: {}", std::strerror(errno));
     states_.resize(simulated_->segment.size());
     for (const auto& name : ports_.names()) say(name);
-    say(fmt::format("serving {} slave{} on {}", simulated_->segment.size(), simulated_->segment.size() == 1 ? "" : "s",
-                    options.interface));
+    say(fmt::format("serving {} on {}", counted(simulated_->segment.size(), "slave"), options.interface));
     return {};
 }
 
@@ -152,7 +152,7 @@ bool SegmentServer::run() {
         if (files_[2].revents != 0 && handle_signal()) break;
         if (files_[3].revents != 0 && read_commands()) break;
     }
-    say(fmt::format("{} frames answered, {} lost in the segment", answered_, lost_));
+    say(fmt::format("{} answered, {} lost in the segment", counted(answered_, "frame"), lost_));
     if (ring_recorder_ && !ring_recorder_->close()) {
         say(ring_recorder_->problem());
         return false;

@@ -1,5 +1,6 @@
 #include "common/source_arguments.hpp"
 
+#include "common/counted.hpp"
 #include "common/program.hpp"
 #include "common/ready_made.hpp"
 #include "common/segment_look.hpp"
@@ -74,9 +75,9 @@ std::string scan_refusal(Source& source) {
     if (!look.link) return sentence({.code = Errc::link_down, .step = Step::wait_link});
     if (!look.running()) return {};
     return fmt::format(
-        "slaves of this segment are in SAFEOP or OP ({} slaves answer): another master may be running them, and this "
+        "slaves of this segment are in SAFEOP or OP ({}): another master may be running them, and this "
         "program begins by putting all slaves to INIT. Use --take-over to do this.",
-        look.slaves);
+        counted(look.slaves, "slave answers", "slaves answer"));
 }
 
 int run_on_source(const SourceArguments& values, const std::function<int(Source&)>& body) {

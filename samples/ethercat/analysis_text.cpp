@@ -1,5 +1,6 @@
 #include "ethercat/analysis_output.hpp"
 
+#include "common/counted.hpp"
 #include "wire/al_status_code.hpp"
 #include "wire/emergency_code.hpp"
 #include "wire/text.hpp"
@@ -14,6 +15,7 @@ namespace {
 
 using analyse::Analysis;
 using analyse::Moment;
+using samples::counted;
 
 constexpr std::size_t kShown = 200;  // entries of a list without --verbose
 
@@ -22,12 +24,6 @@ std::string micro(double ns) { return fmt::format("{:.1f} us", ns / 1e3); }
 std::string micro(Duration d) { return micro(static_cast<double>(d.count())); }
 std::string when(const Moment& m) { return fmt::format("{:>14} #{:<8}", seconds(m.at), m.frame); }
 std::string place(const Moment& m) { return fmt::format("{} (frame {})", seconds(m.at), m.frame); }
-
-// "1 frame", "2 frames".
-std::string counted(std::uint64_t n, std::string_view one, std::string_view many = {}) {
-    if (n == 1) return fmt::format("1 {}", one);
-    return many.empty() ? fmt::format("{} {}s", n, one) : fmt::format("{} {}", n, many);
-}
 
 std::string slave_name(const Analysis& a, std::size_t number) {
     const auto& s = a.slaves[number];

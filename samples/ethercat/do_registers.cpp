@@ -1,4 +1,5 @@
 // The commands reg_read, reg_write.
+#include "common/counted.hpp"
 #include "ethercat/call.hpp"
 #include "ethercat/commands.hpp"
 #include "ethercat/values.hpp"
@@ -30,9 +31,9 @@ int run_reg_read(Call& call) {
         size = *given;
     }
     if (size == 0 || *address + size > kSpace)
-        return call.fail(
-            {fmt::format("{} octets from 0x{:04x} on: 1 octet or more up to 0xffff can be read", size, *address),
-             samples::exit_code::kUsage});
+        return call.fail({fmt::format("{} from 0x{:04x} on: 1 octet or more up to 0xffff can be read",
+                                      samples::counted(size, "octet"), *address),
+                          samples::exit_code::kUsage});
     const auto slave = call.one_slave();
     if (!slave) return call.fail(slave.problem());
     const auto octets = slave->session().read_registers(slave->position(), static_cast<std::uint16_t>(*address), size);
@@ -63,8 +64,8 @@ int run_reg_write(Call& call) {
     if (!octets) return call.fail(octets.problem());
     constexpr std::size_t kOnce = 1486;  // of one datagram
     if (octets->empty() || octets->size() > kOnce || *address + octets->size() > kSpace)
-        return call.fail({fmt::format("{} octets from 0x{:04x} on: 1 to {} octets up to 0xffff can be written",
-                                      octets->size(), *address, kOnce),
+        return call.fail({fmt::format("{} from 0x{:04x} on: 1 to {} octets up to 0xffff can be written",
+                                      samples::counted(octets->size(), "octet"), *address, kOnce),
                           samples::exit_code::kUsage});
     const auto slave = call.one_slave();
     if (!slave) return call.fail(slave.problem());

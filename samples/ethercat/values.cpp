@@ -1,5 +1,6 @@
 #include "ethercat/values.hpp"
 
+#include "common/counted.hpp"
 #include "ethercat/selection.hpp"
 
 #include <fmt/format.h>
@@ -248,8 +249,8 @@ Answer<Octets> parse_value(const DataType& type, std::string_view text) {
 
 Answer<std::string> value_text(const DataType& type, std::span<const std::byte> value) {
     if (type.bytes != 0 && value.size() != type.bytes)
-        return Problem{fmt::format("the value has {} octet{}, and type {} has {}: {}", value.size(),
-                                   value.size() == 1 ? "" : "s", type.name, type.bytes, octets_text(value))};
+        return Problem{fmt::format("the value has {}, and type {} has {}: {}", samples::counted(value.size(), "octet"),
+                                   type.name, type.bytes, octets_text(value))};
     switch (type.kind) {
         case Kind::boolean:
         case Kind::cardinal: return fmt::format("0x{:0{}x} {}", number(value), 2 * type.bytes, number(value));

@@ -1,5 +1,6 @@
 #include "margayd/companion.hpp"
 
+#include "common/counted.hpp"
 #include "common/slave_report.hpp"
 
 #include <margay/margay.hpp>
@@ -24,7 +25,7 @@ constexpr auto kOverrunsAgain = 60s;    // and overruns
 
 std::string left_out_text(std::uint64_t cycles) {
     return fmt::format("{} left out, because a cycle came too late or lasted too long",
-                       cycles == 1 ? std::string("1 cycle was") : fmt::format("{} cycles were", cycles));
+                       samples::counted(cycles, "cycle was", "cycles were"));
 }
 
 Priority priority_of(EventKind kind) {
@@ -54,7 +55,7 @@ std::string_view state_name(AlState state) {
 
 std::string slaves_text(const Standing& s) {
     const unsigned there = s.slaves - s.elsewhere;
-    auto text = fmt::format("{} slave{} in {}", there, there == 1 ? "" : "s", state_name(s.target));
+    auto text = fmt::format("{} in {}", samples::counted(there, "slave"), state_name(s.target));
     // Nothing is wrong: a client of the socket has set their targets.
     if (s.elsewhere != 0) text += fmt::format(", {} in another state that was asked for", s.elsewhere);
     return text;
@@ -196,11 +197,11 @@ void Companion::forget_repeated() {
 void Companion::report_frames(const Standing& now) {
     const auto before = std::exchange(frames_, now.link);
     if (level_ < debug_level::kAll || now.link.frames_sent == before.frames_sent) return;
-    log(Priority::debug,
-        fmt::format("frames: {} sent, {} received, {} lost, {} datagrams; since the start: {} sent, {} lost",
-                    now.link.frames_sent - before.frames_sent, now.link.frames_received - before.frames_received,
-                    now.link.lost - before.lost, now.link.datagrams_sent - before.datagrams_sent, now.link.frames_sent,
-                    now.link.lost));
+    log(Priority::debug, fmt::format("frames: {} sent, {} received, {} lost, {}; since the start: {} sent, {} lost",
+                                     now.link.frames_sent - before.frames_sent,
+                                     now.link.frames_received - before.frames_received, now.link.lost - before.lost,
+                                     samples::counted(now.link.datagrams_sent - before.datagrams_sent, "datagram"),
+                                     now.link.frames_sent, now.link.lost));
 }
 
 void Companion::report_standing(const Standing& now) {

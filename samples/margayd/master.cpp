@@ -1,5 +1,6 @@
 #include "margayd/master.hpp"
 
+#include "common/counted.hpp"
 #include "common/listen_address.hpp"
 #include "common/slave_report.hpp"
 #include "common/xml_files.hpp"
@@ -183,9 +184,9 @@ std::string Master::obstacle() {
     const bool as_left = configuration_.end_state == AlState::safeop && !has(AlState::op);
     if (is_ours_ || as_left || configuration_.take_over || (!has(AlState::safeop) && !has(AlState::op))) return {};
     return fmt::format(
-        "slaves of this segment are in SAFEOP or OP ({} slaves answer): another master may be running them. With "
+        "slaves of this segment are in SAFEOP or OP ({}): another master may be running them. With "
         "take_over = true they are scanned nevertheless",
-        *slaves);
+        samples::counted(*slaves, "slave answers", "slaves answer"));
 }
 
 bool Master::bring_up() {
@@ -200,7 +201,7 @@ bool Master::bring_up() {
     if (!found && ctx_->slaves().empty()) return false;
     brought_up_ = true;
     const auto present = std::ranges::count_if(ctx_->slaves(), [](const Slave& s) { return s.ring_position != 0; });
-    log(Priority::notice, fmt::format("{} slave{} found", present, present == 1 ? "" : "s"));
+    log(Priority::notice, samples::counted(static_cast<std::uint64_t>(present), "slave") + " found");
     // The errors of these calls are in errors() too, and the companion writes them: what fails for one slave does not
     // keep the others from work.
     if (eni_) {
@@ -227,9 +228,10 @@ void Master::map_groups() {
         const Group& group = ctx_->group(static_cast<std::uint8_t>(n));
         used += group.image.size();
         if (group.mapped)
-            log(Priority::info, fmt::format("{} octets out, {} in, {} frame{} in each cycle of {} µs",
-                                            group.output_bytes, group.input_bytes, group.frames,
-                                            group.frames == 1 ? "" : "s", plan_.period * plan_.every[n] / 1us));
+            log(Priority::info,
+                fmt::format("{} out, {} in, {} in each cycle of {} µs", samples::counted(group.output_bytes, "octet"),
+                            group.input_bytes, samples::counted(group.frames, "frame"),
+                            plan_.period * plan_.every[n] / 1us));
         else if (!mapped)
             log(Priority::error, "no process data: " + samples::sentence(mapped.error()));
     }

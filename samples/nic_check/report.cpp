@@ -1,5 +1,6 @@
 #include "nic_check/findings.hpp"
 
+#include "common/counted.hpp"
 #include "common/json_text.hpp"
 
 #include <fmt/format.h>
@@ -55,11 +56,11 @@ std::vector<Finding> judge_probe(const ProbeFacts& facts) {
     if (facts.returned == 0 && facts.echoes > 0)
         return say(Verdict::not_known, "the frames come back without having passed a slave (a loop or a mirror port)");
     if (facts.returned == 0) return say(Verdict::not_known, "no slave answers");
-    const auto text =
-        fmt::format("{} slave{}; {}", facts.slaves, facts.slaves == 1 ? "" : "s", times(facts.round_trip));
+    const auto text = samples::counted(facts.slaves, "slave") + "; " + times(facts.round_trip);
     if (facts.returned < facts.sent)
-        return say(Verdict::better, fmt::format("{} of {} frames were lost: check cables and connectors; {}",
-                                                facts.sent - facts.returned, facts.sent, text));
+        return say(Verdict::better,
+                   fmt::format("{} of {} lost: check cables and connectors; {}", facts.sent - facts.returned,
+                               samples::counted(facts.sent, "frame was", "frames were"), text));
     if (microseconds(facts.round_trip.quantile(0.99)) > kSlow_us)
         return say(Verdict::better, text + ": too long for a cycle of 1 ms; the findings above say why");
     return say(Verdict::good, text);

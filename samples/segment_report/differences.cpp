@@ -1,5 +1,6 @@
 #include "segment_report/differences.hpp"
 
+#include "common/counted.hpp"
 #include "common/dictionary_report.hpp"
 #include "wire/coe.hpp"
 
@@ -45,7 +46,7 @@ std::string eeprom_text(const SlaveState& slave) {
     for (std::size_t n = 2 * kCommonWords; n < slave.eeprom.used.size(); ++n)
         if (n / 2 != kSerial && n / 2 != kSerial + 1)
             sum = (sum ^ std::to_integer<std::uint64_t>(slave.eeprom.used[n])) * 0x0000'0100'0000'01B3;
-    return fmt::format("{} octets, sum {:08x}", slave.eeprom.used.size(),
+    return fmt::format("{}, sum {:08x}", samples::counted(slave.eeprom.used.size(), "octet"),
                        static_cast<std::uint32_t>(sum ^ (sum >> 32)));
 }
 

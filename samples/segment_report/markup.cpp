@@ -126,8 +126,4 @@ Markup Table::markup(std::string_view id) const {
     return tag("div", "class=\"wide\"", table) + Markup::raw("\n");
 }
 
-std::string counted(std::size_t number, std::string_view what) {
-    return fmt::format("{} {}{}", number, what, number == 1 ? "" : "s");
-}
-
 }  // namespace margay::segment_report

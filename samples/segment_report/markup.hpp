@@ -4,6 +4,8 @@
 // The page is HTML and well-formed XML at the same time, so that programs can read it by either parser.
 #pragma once
 
+#include "common/counted.hpp"
+
 #include <initializer_list>
 #include <string>
 #include <string_view>
@@ -81,7 +83,6 @@ class Facts {
     Markup rows_{};
 };
 
-// "1 slave", "3 slaves".
-[[nodiscard]] std::string counted(std::size_t number, std::string_view what);
+using samples::counted;
 
 }  // namespace margay::segment_report

@@ -75,9 +75,9 @@ Markup run_section(const Report& report) {
     facts.add("Source", report.source);
     if (report.virtual_time) facts.add("Time", "the segment is simulated or replayed: its time is virtual");
     if (report.origin != Origin::recording && report.failure.empty())
-        facts.add("Frames",
-                  fmt::format("{} sent, {} received, {} lost, {} octets on the wire", report.master.frames_sent,
-                              report.master.frames_received, report.master.frames_lost, report.master.bytes_on_wire));
+        facts.add("Frames", fmt::format("{} sent, {} received, {} lost, {} on the wire", report.master.frames_sent,
+                                        report.master.frames_received, report.master.frames_lost,
+                                        counted(report.master.bytes_on_wire, "octet")));
     Markup content = facts.markup();
     if (!report.messages.empty()) content += tag("h3", "Messages of the master") + list_of(report.messages);
     return content;

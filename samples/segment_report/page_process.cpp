@@ -55,7 +55,7 @@ Markup domain_entries(const Report& report, const DomainFacts& domain) {
         content +=
             folded(Markup(fmt::format("{} {}", slave.facts.position, name_at(report, slave.facts.position))) + " " +
                        tag("small", fmt::format("from offset {}.{}, {}", first / 8, first % 8,
-                                                own.size() == 1 ? "1 entry" : fmt::format("{} entries", own.size()))),
+                                                counted(own.size(), "entry", "entries"))),
                    entries_table(own));
     }
     return content;
@@ -96,12 +96,11 @@ Markup group_markup(const AlikeGroup& group) {
     for (const Difference& difference : group.differences)
         (difference.kind == Difference::Kind::live || difference.kind == Difference::Kind::own ? natural : matter)
             .push_back(&difference);
-    content += paragraph(
-        "Vendor " + code(fmt::format("0x{:08x}", group.vendor)) + ", product " +
-        code(fmt::format("0x{:08x}", group.product)) +
-        (group.objects == 0 ? std::string("; no object dictionaries were compared.")
-                            : fmt::format("; {} of the dictionary compared.",
-                                          group.objects == 1 ? "1 entry" : fmt::format("{} entries", group.objects))));
+    content += paragraph("Vendor " + code(fmt::format("0x{:08x}", group.vendor)) + ", product " +
+                         code(fmt::format("0x{:08x}", group.product)) +
+                         (group.objects == 0 ? std::string("; no object dictionaries were compared.")
+                                             : fmt::format("; {} of the dictionary compared.",
+                                                           counted(group.objects, "entry", "entries"))));
     if (matter.empty())
         content += paragraph(tag("span", "class=\"good\"", "Revision, firmware, EEPROM and settings are the same."));
     else

@@ -54,17 +54,19 @@ Markup frame_facts(const Recording& recording) {
     Facts facts;
     facts.add("File", (recording.beside ? Markup(tag("strong", recording.file)) + ", beside this page"
                                         : Markup(recording.file)) +
-                          fmt::format(" ({} octets)", recording.octets));
-    facts.add("Frames", fmt::format("{} EtherCAT frames of {} packets in {:.6f} s", f.ethercat, f.packets,
-                                    static_cast<double>(a.duration.count()) / 1e9));
+                          fmt::format(" ({})", counted(recording.octets, "octet")));
+    facts.add("Frames", fmt::format("{} of {} in {:.6f} s", counted(f.ethercat, "EtherCAT frame"),
+                                    counted(f.packets, "packet"), static_cast<double>(a.duration.count()) / 1e9));
     facts.add("Directions", ethercat::words_of(a.directions));
     if (a.ring) facts.add("NICs", "both NICs of a ring: the copies of a frame are counted as one frame");
-    facts.add("Replies",
-              fmt::format("{} requests, {} replies, {} lost, {} late", f.requests, f.replies, f.lost, f.late));
-    if (f.open != 0) facts.add("At the end", fmt::format("{} requests whose replies may come behind the end", f.open));
+    facts.add("Replies", fmt::format("{}, {}, {} lost, {} late", counted(f.requests, "request"),
+                                     counted(f.replies, "reply", "replies"), f.lost, f.late));
+    if (f.open != 0)
+        facts.add("At the end", counted(f.open, "request whose reply may come behind the end",
+                                        "requests whose replies may come behind the end"));
     if (f.cut + f.damaged != 0)
-        facts.add("Not analysed",
-                  fmt::format("{} frames cut by the recorder, {} with contradicting lengths", f.cut, f.damaged));
+        facts.add("Not analysed", fmt::format("{} cut by the recorder, {} with contradicting lengths",
+                                              counted(f.cut, "frame"), f.damaged));
     if (f.longest_trip.count() != 0)
         facts.add("Round trip", fmt::format("{} to {}", us_text(f.shortest_trip), us_text(f.longest_trip)));
     facts.add("Master", a.master.name.empty() ? std::string("not recognised") : a.master.name);
@@ -121,7 +123,7 @@ Markup cyclic_table(const Analysis& analysis) {
         std::string counters;
         for (const auto& datagram : c.datagrams)
             for (const auto& [wkc, count] : datagram.wkcs)
-                counters += fmt::format("{}{} ({} times)", counters.empty() ? "" : ", ", wkc, count);
+                counters += fmt::format("{}{} ({})", counters.empty() ? "" : ", ", wkc, counted(count, "time"));
         table.add({fmt::format("kind {}, {}", n, counted(c.datagrams.size(), "datagram")), fmt::to_string(c.count),
                    fmt::to_string(c.lost), fmt::to_string(c.late), us_text(c.intervals.median),
                    us_text(c.intervals.low_1) + " to " + us_text(c.intervals.high_99),

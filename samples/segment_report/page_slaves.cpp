@@ -144,14 +144,16 @@ Markup details_of(const SlaveState& slave) {
                                  s.dl.sync_managers, s.dl.ram_kib));
     facts.add("ESC features", fmt::format("{}", fmt::join(feature_list(s.dl.features), "; ")));
     if (s.mailbox.present())
-        facts.add("Mailbox", fmt::format("{} octets out, {} octets in", s.mailbox.out_bytes, s.mailbox.in_bytes));
+        facts.add("Mailbox", fmt::format("{} out, {} in", counted(s.mailbox.out_bytes, "octet"),
+                                         counted(s.mailbox.in_bytes, "octet")));
     facts.add("CoE", fmt::format("{}", fmt::join(samples::coe_detail_names(s.coe_details), ", ")));
     if (s.ebus_current_ma != 0)
         facts.add("E-bus current", s.ebus_current_ma > 0 ? fmt::format("takes {} mA", s.ebus_current_ma)
                                                          : fmt::format("supplies {} mA", -s.ebus_current_ma));
     if (slave.counters)
-        facts.add("Other counters", fmt::format("{} frames not processed, {} PDI errors",
-                                                slave.counters->processing_unit, slave.counters->pdi));
+        facts.add("Other counters",
+                  fmt::format("{} not processed, {}", counted(slave.counters->processing_unit, "frame"),
+                              counted(slave.counters->pdi, "PDI error")));
     Markup content = facts.markup() + ports_table(slave) + sync_managers_table(slave);
     if (!slave.problems.empty()) content += tag("h3", "Could not be read") + list_of(slave.problems);
     return content;

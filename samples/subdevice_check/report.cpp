@@ -1,5 +1,7 @@
 #include "subdevice_check/report.hpp"
 
+#include "common/counted.hpp"
+
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -33,7 +35,7 @@ std::string nothing_text(const Report& report) {
     }
     std::string text = "Nothing was checked, so nothing is known about the device:\n";
     for (const auto& [reason, checks] : reasons)
-        text += fmt::format("    {} ({} {})\n", reason, checks, checks == 1 ? "check" : "checks");
+        text += fmt::format("    {} ({})\n", reason, samples::counted(checks, "check"));
     return text;
 }
 
@@ -74,11 +76,12 @@ std::string report_text(const Report& report, bool all) {
     }
     if (any) text += "\n";
     const auto broken_off = report.count(Outcome::broken_off);
-    text += fmt::format("{} checks: {} passed, {} failed, {} not applicable{}; {} errors, {} remarks\n",
-                        report.checks.size(), report.count(Outcome::passed), report.count(Outcome::failed),
-                        report.count(Outcome::not_applicable),
+    text += fmt::format("{}: {} passed, {} failed, {} not applicable{}; {}, {}\n",
+                        samples::counted(report.checks.size(), "check"), report.count(Outcome::passed),
+                        report.count(Outcome::failed), report.count(Outcome::not_applicable),
                         broken_off == 0 ? std::string() : fmt::format(", {} broken off", broken_off),
-                        report.count(Severity::error), report.count(Severity::remark));
+                        samples::counted(report.count(Severity::error), "error"),
+                        samples::counted(report.count(Severity::remark), "remark"));
     return text + nothing_text(report);
 }
 
