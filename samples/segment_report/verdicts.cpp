@@ -1,5 +1,6 @@
 #include "segment_report/verdicts.hpp"
 
+#include "common/counted.hpp"
 #include "common/slave_report.hpp"
 #include "segment_report/markup.hpp"
 #include "wire/al_status_code.hpp"
@@ -283,41 +284,50 @@ class Judge {
                        "recording");
         if (analysis.frames.lost != 0)
             add(Severity::fault,
-                fmt::format("{}{} of {} frames in the recording did not come back.", of, analysis.frames.lost,
-                            analysis.frames.requests),
+                fmt::format("{}{} of {} in the recording did not come back.", of, analysis.frames.lost,
+                            counted(analysis.frames.requests, "frame")),
                 "recording");
         if (!only) return;
-        const bool answered = std::ranges::any_of(analysis.cyclic, [](const analyse::CyclicFrame& frame) {
-            return std::ranges::any_of(frame.datagrams, [](const auto& d) { return d.most_wkc != 0; });
-        });
-        if (analysis.slaves.empty() && answered)
+        if (analysis.slaves.empty() && analysis.frames.answered != 0)
             add(Severity::remark, of + "Slaves answer, and the recording does not show which.", "recording");
         else if (analysis.slaves.empty())
             add(Severity::fault, of + "No slave answers in the recording.", "recording");
         recording_states(analysis, of);
         recorded_oddities(analysis, of);
-        const bool all = analysis.frames.requests != 0 && analysis.frames.replies >= analysis.frames.requests;
-        if (analysis.frames.lost == 0 && all)
-            add(Severity::good, fmt::format("{}All {} requests have their replies.", of, analysis.frames.requests),
+        const auto& f = analysis.frames;
+        if (f.requests != 0 && f.lost + f.open + f.late == 0 && f.replies >= f.requests + f.unasked)
+            add(Severity::good,
+                of + (analysis.frames.requests == 1
+                          ? "The request has its reply."
+                          : fmt::format("All {} requests have their replies.", analysis.frames.requests)),
                 "recording");
     }
 
     void recorded_oddities(const analyse::Analysis& analysis, const std::string& of) {
+        if (analysis.frames.late != 0)
+            add(Severity::remark,
+                of + counted(analysis.frames.late, "reply", "replies") +
+                    " came behind the next request with the same process data.",
+                "recording");
         if (!analysis.shortfalls.items.empty())
             add(Severity::remark,
-                fmt::format("{}Working counters fell short {} times.", of,
-                            analysis.shortfalls.items.size() + analysis.shortfalls.left_out),
+                fmt::format("{}Working counters fell short {}.", of,
+                            counted(analysis.shortfalls.items.size() + analysis.shortfalls.left_out, "time")),
                 "shortfalls");
         if (!analysis.emergencies.items.empty())
             add(Severity::remark,
-                fmt::format("{}{} emergency messages.", of,
-                            analysis.emergencies.items.size() + analysis.emergencies.left_out),
+                fmt::format(
+                    "{}{}.", of,
+                    counted(analysis.emergencies.items.size() + analysis.emergencies.left_out, "emergency message")),
                 "emergencies");
         const auto refused = std::ranges::count_if(analysis.conversations.items, [](const auto& c) {
             return c.outcome == analyse::Outcome::refused || c.outcome == analyse::Outcome::unanswered;
         });
         if (refused != 0)
-            add(Severity::remark, fmt::format("{}{} mailbox requests were refused or not answered.", of, refused),
+            add(Severity::remark,
+                fmt::format(
+                    "{}{} refused or not answered.", of,
+                    counted(static_cast<std::uint64_t>(refused), "mailbox request was", "mailbox requests were")),
                 "mail");
     }
 

@@ -7,6 +7,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <string>
+#include <tuple>
+#include <vector>
 
 namespace margay::segment_report {
 namespace {
@@ -189,27 +192,65 @@ TEST_F(ReportProgram, EachMasterOfARecordingIsJudged) {
     for (const auto& text : read.verdicts("good")) EXPECT_FALSE(contains(text, "Master 2 (")) << text;
 }
 
-// The cycle shows that slaves answer, and nothing shows which.
-TEST_F(ReportProgram, TheMiddleOfARecordingIsNoFault) {
-    ASSERT_EQ(
-        folder.run(std::string(MARGAY_BIN_DIR) + "/simple_io sim:demo --record io.pcap --cycles 600").status, 0);
-    const std::string all = content_of(folder.path() / "io.pcap");
-    constexpr std::size_t kFileHeader = 24, kPacketHeader = 16, kFirst = 752, kLast = 1152;
-    std::string middle = all.substr(0, kFileHeader);
-    std::size_t number = 0;
-    for (std::size_t at = kFileHeader; at + kPacketHeader < all.size(); ++number) {
-        const auto octet = [&](std::size_t n) { return static_cast<std::size_t>(static_cast<unsigned char>(all[n])); };
-        const std::size_t size = kPacketHeader + (octet(at + 8) | octet(at + 9) << 8);
-        if (number >= kFirst && number < kLast) middle += all.substr(at, size);
-        at += size;
+// The packets of a recording with a place, by number from 0.
+std::vector<std::string> packets_of(const std::string& pcap) {
+    constexpr std::size_t kFileHeader = 24, kPacketHeader = 16;
+    std::vector<std::string> all;
+    for (std::size_t at = kFileHeader; at + kPacketHeader < pcap.size(); at += all.back().size()) {
+        const auto octet = [&](std::size_t n) { return static_cast<std::size_t>(static_cast<unsigned char>(pcap[n])); };
+        all.push_back(pcap.substr(at, kPacketHeader + (octet(at + 8) | octet(at + 9) << 8)));
     }
-    ASSERT_GT(number, kLast);
-    folder.write("middle.pcap", middle);
-    const auto ran = run("middle.pcap -o middle.html");
-    EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
-    const auto remarks = page("middle.html").verdicts("look at it");
-    ASSERT_EQ(remarks.size(), 1U);
-    EXPECT_TRUE(contains(remarks[0], "Slaves answer, and the recording does not show which.")) << remarks[0];
+    return all;
+}
+
+// The cycle, or broadcasts alone, show that slaves answer, and nothing shows which.
+TEST_F(ReportProgram, APartOfARecordingIsNoFault) {
+    ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/simple_io sim:demo --record io.pcap --cycles 600").status, 0);
+    const auto all = content_of(folder.path() / "io.pcap");
+    const auto packets = packets_of(all);
+    ASSERT_GT(packets.size(), 1153U);
+    // From a request to a reply; from a reply to a request; the broadcasts of the scan; a reply and a request.
+    const std::string every = "requests have their replies.";
+    for (const auto& [first, last, good] : {std::tuple(752U, 1152U, every), std::tuple(751U, 1153U, std::string()),
+                                            std::tuple(0U, 10U, every), std::tuple(751U, 753U, std::string())}) {
+        std::string part = all.substr(0, 24);
+        for (auto n = first; n < last; ++n) part += packets[n];
+        folder.write("part.pcap", part);
+        const auto ran = run("part.pcap -o part.html");
+        EXPECT_EQ(ran.status, 0) << first << ran.out << ran.err;
+        const auto read = page("part.html");
+        const auto remarks = read.verdicts("look at it");
+        ASSERT_EQ(remarks.size(), 1U) << first;
+        EXPECT_TRUE(contains(remarks[0], "Slaves answer, and the recording does not show which.")) << remarks[0];
+        const auto well = read.verdicts("good");
+        EXPECT_EQ(well.size(), good.empty() ? 0U : 1U) << first;
+        for (const auto& text : well) EXPECT_TRUE(contains(text, good)) << text;
+    }
+}
+
+// Replies that come after the next request, because something was slow.
+TEST_F(ReportProgram, LateRepliesAreNamed) {
+    ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/simple_io sim:demo --record io.pcap --cycles 600").status, 0);
+    const auto all = content_of(folder.path() / "io.pcap");
+    auto packets = packets_of(all);
+    ASSERT_GT(packets.size(), 1153U);
+    for (std::size_t n = 901; n < 920; n += 4) {  // a reply and the next request change places, their times do not
+        const auto first = packets[n].substr(0, 8);
+        const auto second = packets[n + 1].substr(0, 8);
+        std::swap(packets[n], packets[n + 1]);
+        packets[n].replace(0, 8, first);
+        packets[n + 1].replace(0, 8, second);
+    }
+    auto late = all.substr(0, 24);
+    for (const auto& packet : packets) late += packet;
+    folder.write("late.pcap", late);
+    const auto ran = run("late.pcap -o late.html");
+    const auto read = page("late.html");
+    const auto remarks = read.verdicts("look at it");
+    const std::string text = "5 replies came behind the next request with the same process data.";
+    EXPECT_TRUE(std::ranges::any_of(remarks, [&](const auto& one) { return contains(one, text); })) << ran.out;
+    for (const auto& one : read.verdicts("good")) EXPECT_FALSE(contains(one, "have their replies")) << one;
+    EXPECT_FALSE(contains(read.headline(), "nothing is wrong")) << read.headline();
 }
 
 TEST_F(ReportProgram, RecordingsOfOtherMastersAreAnalysed) {
