@@ -36,6 +36,7 @@ struct PlacedMaster {
     MasterConfiguration master{};
     Place at{};
     Place source{};
+    std::vector<Place> eoe{};  // of the elements of eoe_named
     bool has_number = false;
 };
 
@@ -144,7 +145,7 @@ class FileReader {
         read_tolerance(table, m);
         read_eni(table, m);
         if (const auto* socket = part(table, "socket")) read_socket(*socket, m.socket);
-        read_eoe(table, m);
+        read_eoe(table, m, placed.eoe);
         if (const auto* gateway = part(table, "gateway")) read_gateway(*gateway, m);
         masters_.push_back(std::move(placed));
     }
@@ -266,7 +267,7 @@ class FileReader {
         note(reader_.optional_integer(table, "clients", 1, 32, s.clients));
     }
 
-    void read_eoe(const toml::table& table, MasterConfiguration& m) {
+    void read_eoe(const toml::table& table, MasterConfiguration& m, std::vector<Place>& places) {
         const auto* node = table.get("eoe");
         if (node == nullptr) return;
         if (node->is_boolean()) return note(reader_.boolean(table, "eoe", m.eoe));
@@ -292,6 +293,7 @@ class FileReader {
                 }))
                 note(reader_.at(each, "a second element of 'eoe' for the same slave"));
             m.eoe_named.push_back(std::move(wanted));
+            places.push_back(place(each));
         }
         if (list->empty()) m.eoe = false;
     }
@@ -389,7 +391,7 @@ void check_together(const std::vector<PlacedMaster>& masters, const std::string&
                     std::vector<std::string>& errors) {
     Shared shared(errors);
     std::vector<ListenAddress> gateways;
-    for (const auto& [m, at, source, has_number] : masters) {
+    for (const auto& [m, at, source, eoe, has_number] : masters) {
         shared.use("the name", m.name, at);
         const auto socket = socket_path(m, sockets);
         shared.use("the socket", socket, plain(socket), at);
@@ -408,8 +410,8 @@ void check_together(const std::vector<PlacedMaster>& masters, const std::string&
         }
         if (has_number) shared.use("the number", std::to_string(m.number), at);
         for (const auto& name : hosted::interfaces_of(m.source)) shared.use("the interface", name, source);
-        for (const auto& eoe : m.eoe_named)
-            if (!eoe.name.empty()) shared.use("the interface", eoe.name, at);
+        for (std::size_t n = 0; n < m.eoe_named.size(); ++n)
+            if (!m.eoe_named[n].name.empty()) shared.use("the interface", m.eoe_named[n].name, eoe[n]);
     }
 }
 

@@ -199,10 +199,15 @@ TEST_F(ServiceConfigurationTest, WhatCannotStartOrContradictsItselfIsRefused) {
     configure("c.toml", source + "state = \"PREOP\"\nend_state = \"SAFEOP\"\n");
     configure("d.toml", source + "socket = { path = \"\" }\n");
     configure("e.toml", source + "state = \"INIT\"\n");
+    configure("f.toml", "[f]\n" + source + "eoe = [\n  { position = 1, name = \"twice\" },\n" +
+                            "  { position = 2, name = \"twice\" },\n]\n[g]\n" + source +
+                            "eoe = [{ alias = 3, name = \"twice\" }]\n");
     const auto ran = shell("margayd --check");
     EXPECT_EQ(ran.status, 2);
     for (const std::string text :
-         {"a.toml: line 1: the path of the socket has more than 107 octets: /xxx",
+         {"f.toml: line 5: the interface twice is used in line 4 already",
+          "f.toml: line 9: the interface twice is used in line 4 already",
+          "a.toml: line 1: the path of the socket has more than 107 octets: /xxx",
           "b.toml: line 2: 'lo' is the interface of the machine itself",
           "b.toml: line 2: a second element of 'eoe' for the same slave",
           "c.toml: line 3: 'end_state' is above 'state': the end of the service would raise slaves",
