@@ -1,4 +1,5 @@
 // slaveinfo: prints the slaves of a segment, their process image and their object dictionaries.
+#include "common/counted.hpp"
 #include "common/dictionary_report.hpp"
 #include "common/json_text.hpp"
 #include "common/new_file.hpp"
@@ -52,7 +53,7 @@ void print_segment(margay::Context& ctx, const Options& options, const margay::s
         write_out(json_text(segment));
         return;
     }
-    print_out("{} slave{} found\n\n", ctx.slaves().size(), ctx.slaves().size() == 1 ? "" : "s");
+    print_out("{} found\n\n", counted(ctx.slaves().size(), "slave"));
     for (const margay::Slave& slave : ctx.slaves()) {
         write_out(slave_text(slave));
         if (options.sdo && has_coe(slave)) write_out(dictionary_text(read_dictionary(ctx, slave.number)));
@@ -124,10 +125,13 @@ int scan_and_print(margay::samples::Source& source, const Options& options) {
         status = map_and_print(ctx, options, plan);
     else
         print_segment(ctx, options, nullptr);
+    bool told = found.ok();
     while (const auto error = ctx.errors().take()) {
+        told |= *error == found.error();
         warn(sentence(*error));
         status = exit_code::kSegment;
     }
+    if (!told) status = fail(sentence(found.error()));
     while (const auto odd = ctx.warnings().take()) warn("warning: " + sentence(*odd));
     if (const auto ring = ring_remark(ctx); !ring.empty()) warn("warning: " + ring);
     return status;

@@ -1,5 +1,6 @@
 #include "common/slave_report.hpp"
 
+#include "common/counted.hpp"
 #include "common/visible_text.hpp"
 #include "wire/al_status_code.hpp"
 #include "wire/sii_category.hpp"
@@ -192,7 +193,11 @@ void add_line(Context& ctx, const Slave& slave, const std::string& first, const 
 
 std::string sentence(const Error& error) {
     std::array<char, 400> buffer{};
-    return std::string(describe(error, buffer));
+    std::string text(describe(error, buffer));
+    constexpr std::uint16_t kDetectedModules = 0xF050;  // its subindices count from 1, slots from 0
+    if (error.code == Errc::check_failed && error.index == kDetectedModules && error.subindex != 0)
+        text += fmt::format("; slot {} has another module than the ENI file says", error.subindex - 1);
+    return text;
 }
 
 std::string sentence_without_slave(const Error& error) {
@@ -273,8 +278,8 @@ std::string ring_remark(Context& ctx) {
     if (first.slaves == 0 || second.slaves == 0)
         return fmt::format("the ring is not closed: the {} interface reaches no slave",
                            first.slaves == 0 ? "first" : "second");
-    return fmt::format("the ring is broken: the first interface reaches {} slave{}, the second one {}", first.slaves,
-                       first.slaves == 1 ? "" : "s", second.slaves);
+    return fmt::format("the ring is broken: the first interface reaches {}, the second one {}",
+                       counted(first.slaves, "slave"), second.slaves);
 }
 
 }  // namespace margay::samples

@@ -10,7 +10,7 @@
 
 namespace margay::samples {
 
-// The sentence that describe() writes for an error.
+// The sentence that describe() writes for an error; of another module than the ENI file says with the slot.
 [[nodiscard]] std::string sentence(const Error& error);
 // The same without the number of the slave, for a caller that names the slave itself. (An error without a slave has
 // another sentence: it does not say which register or object it concerns.)

@@ -32,9 +32,10 @@ Result<std::uint16_t> scan_by(Context& ctx, const files::EniConfiguration* eni) 
     if (!found) return found;
     for (const files::Remark& remark : files::remarks_after_scan(ctx, *eni))
         warn(fmt::format("warning: ENI file: {}", to_text(remark)));
-    if (const auto told = files::after_scan(ctx, *eni); !told) return told.error();
-    if (!eni->clocks) return found;
-    if (const auto reference = configdc(ctx, *eni->clocks); !reference) return reference.error();
+    const auto told = files::after_scan(ctx, *eni);
+    if (eni->clocks)
+        if (const auto reference = configdc(ctx, *eni->clocks); !reference) return reference.error();
+    if (!told) return told.error();
     return found;
 }
 

@@ -26,7 +26,8 @@ struct EniFile {
 // Limits with room for the slaves and groups of the file.
 [[nodiscard]] Limits with_room(Limits limits, const files::EniConfiguration* eni);
 
-// Scans the segment; with a file as its slaves and clocks say.
+// Scans the segment; with a file as its slaves and clocks say, and compares the modules of the slaves with it. That
+// error (check_failed) is not in errors().
 [[nodiscard]] Result<std::uint16_t> scan_by(Context& ctx, const files::EniConfiguration* eni);
 
 }  // namespace margay::samples

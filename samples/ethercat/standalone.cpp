@@ -65,6 +65,12 @@ Answer<std::uint16_t> StandaloneSession::scan() {
     sii_.clear();
     const auto found = samples::scan_by(*ctx_, eni_.configuration ? &*eni_.configuration : nullptr);
     if (!found && found.error().slave == 0) return problem_of(*ctx_, found.error());
+    bool told = found.ok();
+    while (const auto error = ctx_->errors().take()) {
+        told |= *error == found.error();
+        note(problem_of(*ctx_, *error).text);
+    }
+    if (!told) note(problem_of(*ctx_, found.error()).text);
     return static_cast<std::uint16_t>(
         std::ranges::count_if(ctx_->slaves(), [](const Slave& slave) { return slave.ring_position != 0; }));
 }
@@ -158,7 +164,7 @@ Answer<const files::EsiDevice*> StandaloneSession::sii_of(std::uint16_t number) 
     if (const auto known = sii_.find(number); known != sii_.end()) return &known->second;
     SessionEeprom eeprom(*this, position_of(number));
     const auto content = samples::read_used_part(eeprom, samples::no_progress());
-    if (!content.error.empty()) return Problem{content.error};
+    if (!content.error.empty()) return eeprom.problem(content.error);
     auto described = files::describe_sii(content.octets);
     if (!described)
         return Problem{fmt::format("position {}: its SII: {}", position_of(number), to_text(described.problem))};

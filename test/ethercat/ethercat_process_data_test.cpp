@@ -103,6 +103,36 @@ TEST_F(EthercatProcessData, ListsConfigurations) {
     fails("sim:demo", "config -a 9", 1, "no configuration is selected by --alias and --position");
 }
 
+// The list of modules in the file says 0x401 for slot 2, where 0x302 is.
+TEST_F(EthercatProcessData, NamesTheSlotWithAnotherModuleThanInTheEni) {
+    const std::string bin = std::string(MARGAY_BIN_DIR) + "/";
+    folder.write("one.toml", "[[slave]]\ndevice = \"modular_io\"\n");
+    const auto command = [](int subindex, const std::string& data) {
+        return "<InitCmd><Transition>PS</Transition><Timeout>0</Timeout><Ccs>1</Ccs><Index>61488</Index><SubIndex>" +
+               std::to_string(subindex) + "</SubIndex><Data>" + data + "</Data></InitCmd>";
+    };
+    const auto list = command(0, "00") + command(1, "04010000") + command(2, "08020000") + command(3, "01040000") +
+                      command(4, "01040000") + command(0, "04");
+    ASSERT_EQ(folder
+                  .run(bin + "slaveinfo sim:one.toml --write-eni one.xml && sed -i 's|</Mailbox>|<CoE><InitCmds>" +
+                       list + "</InitCmds></CoE></Mailbox>|' one.xml")
+                  .status,
+              0);
+    const std::string cause =
+        "SDO upload of 0xf050:3: the value is not the required one (wanted 0x00000401, is 0x00000302); slot 2 has "
+        "another module than the ENI file says\n";
+    const auto once = [&](const std::string& text) {
+        const auto at = text.find(cause);
+        return at != std::string::npos && text.find("0xf050", at + 20) == std::string::npos;
+    };
+    for (const std::string line : {"slaveinfo sim:one.toml", "slaveinfo sim:one.toml --map", "simple_io sim:one.toml",
+                                   "ethercat data --source sim:one.toml", "ethercat slaves --source sim:one.toml"}) {
+        const auto ran = folder.run(bin + line + " --eni one.xml");
+        EXPECT_TRUE(once(ran.err)) << line << "\n" << ran.err;
+        EXPECT_TRUE(line.starts_with("ethercat") || ran.status == 1) << line;
+    }
+}
+
 // An expected slave that is missing, and SDOs of a file.
 TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
     const std::string slaveinfo = std::string(MARGAY_BIN_DIR) + "/slaveinfo";
