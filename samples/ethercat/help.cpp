@@ -2,8 +2,10 @@
 
 #include "common/help_text.hpp"
 #include "common/program.hpp"
+#include "common/ready_made.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -98,6 +100,16 @@ std::string option_words(const Command* command) {
     return words;
 }
 
+// What follows "sim:": the segments that this program knows by name, and files.
+std::string completion_of_segments() {
+    return fmt::format(
+        "_margay_ethercat_segments() {{\n"
+        "    _margay_ethercat_files\n"
+        "    COMPREPLY=($(compgen -W \"{}\" -- \"$current\") \"${{COMPREPLY[@]}}\")\n"
+        "}}\n",
+        fmt::join(samples::ready_made_names(), " "));
+}
+
 }  // namespace
 
 std::string help_text(const Command* command) {
@@ -152,14 +164,15 @@ std::string bash_completion() {
         "    local name\n"
         "    COMPREPLY=($(compgen -W \"$(ls /sys/class/net 2>/dev/null) sim: pcap:\" -- \"$current\"))\n"
         "    for name in \"${COMPREPLY[@]}\"; do [[ $name == *: ]] && compopt -o nospace 2>/dev/null; done\n"
-        "}\n"
+        "}\n" +
+        completion_of_segments() +
         "_margay_ethercat() {\n"
         "    local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD-1]} command= n\n"
         "    COMPREPLY=()\n"
         "    [[ $previous == '=' ]] && previous=${COMP_WORDS[COMP_CWORD-2]}\n"
         "    if [[ $previous == : || $current == : ]]; then\n"
-        "        [[ $current == : ]] && current=\n"
-        "        _margay_ethercat_files\n"
+        "        [[ $current == : ]] && current= || previous=${COMP_WORDS[COMP_CWORD-2]}\n"
+        "        if [[ $previous == sim ]]; then _margay_ethercat_segments; else _margay_ethercat_files; fi\n"
         "        return\n"
         "    fi\n"
         "    case $previous in\n";

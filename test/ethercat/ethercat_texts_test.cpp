@@ -156,6 +156,12 @@ TEST_F(EthercatCompletion, OffersCommandsOptionsValuesAndFiles) {
     EXPECT_EQ(offered("ethercat states -p 1 O", 4), "OP");
     EXPECT_EQ(offered("ethercat graph ''", 2), "DC CRC");
     EXPECT_EQ(offered("ethercat slaves --source si", 3), "sim:");
+    EXPECT_EQ(offered("ethercat slaves --source sim : dr", 5), "drives");
+    EXPECT_TRUE(offered("ethercat slaves --source sim :", 4).starts_with("demo bootloader coupler ")) << "at the colon";
+    EXPECT_EQ(offered("ethercat slaves --source = sim : serv", 6), "servodrives");
+    folder.write("drive.toml", "");
+    EXPECT_EQ(offered("ethercat slaves --source sim : dri", 5), "drives drive.toml") << "files too";
+    EXPECT_EQ(offered("ethercat slaves --source pcap : dri", 5), "drive.toml") << "a recording has no segments";
     EXPECT_EQ(offered("ethercat slaves --source l", 3), "lo") << "an interface of this system";
     folder.write("image.bin", "x");
     EXPECT_EQ(offered("ethercat sii_write ima", 2), "image.bin");
