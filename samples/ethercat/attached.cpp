@@ -1,5 +1,6 @@
 #include "ethercat/attached.hpp"
 
+#include "common/counted.hpp"
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
 #include "oshw/linux/interface.hpp"
@@ -86,7 +87,9 @@ Answer<Octets> AttachedSession::ask(Operation operation, const attach::Arguments
     last_error_ = reply.error.code;
     if (reply.ok()) return std::move(reply.payload);
     // All texts come from another program: a terminal gets no control characters of theirs.
-    if (reply.status == attach::Status::refused) return Problem{samples::words_of_slave(reply.text)};
+    if (reply.status == attach::Status::refused)
+        return Problem{samples::words_of_slave(reply.text),
+                       reply.broken ? samples::exit_code::kSystem : samples::exit_code::kSegment};
     return problem_of(reply.error, reply.text);
 }
 
@@ -223,11 +226,10 @@ Answer<RescanFacts> AttachedSession::rescan() {
     sii_.clear();
     if (found->missing != 0)
         notes_.push_back(
-            fmt::format("{} expected slave{} not answer", found->missing, found->missing == 1 ? " does" : "s do"));
+            samples::counted(found->missing, "expected slave does not answer", "expected slaves do not answer"));
     if (found->unused != 0)
-        notes_.push_back(
-            fmt::format("{} slave{} answer{} that the application does not use: it uses the slaves of its own scan",
-                        found->unused, found->unused == 1 ? "" : "s", found->unused == 1 ? "s" : ""));
+        notes_.push_back(fmt::format("{} that the application does not use: it uses the slaves of its own scan",
+                                     samples::counted(found->unused, "slave answers", "slaves answer")));
     return RescanFacts{
         .slaves = found->slaves, .whole = found->whole, .missing = found->missing, .unused = found->unused};
 }

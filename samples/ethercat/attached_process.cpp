@@ -47,7 +47,7 @@ Answer<const files::EsiDevice*> AttachedSession::sii_of(std::uint16_t position) 
     if (const auto known = sii_.find(position); known != sii_.end()) return &known->second;
     SessionEeprom eeprom(*this, position);
     const auto content = samples::read_used_part(eeprom, samples::no_progress());
-    if (!content.error.empty()) return Problem{content.error};
+    if (!content.error.empty()) return eeprom.problem(content.error);
     auto described = files::describe_sii(content.octets);
     if (!described) return Problem{fmt::format("position {}: its SII: {}", position, to_text(described.problem))};
     return &sii_.emplace(position, std::move(*described)).first->second;

@@ -2,6 +2,7 @@
 #include "ethercat/call.hpp"
 #include "ethercat/commands.hpp"
 
+#include "common/counted.hpp"
 #include "common/sii_text.hpp"
 #include "ethercat/session_eeprom.hpp"
 
@@ -23,7 +24,7 @@ Answer<Session::FileTransfer> transfer_of(const Call& call, std::string name) {
 Answer<> write_one_alias(const Call& call, const SelectedSlave& slave, std::uint16_t alias, Output& output) {
     SessionEeprom eeprom(slave.session(), slave.position());
     const auto report = samples::write_alias(eeprom, alias, call.has("force"));
-    if (!report.error.empty()) return Problem{report.error};
+    if (!report.error.empty()) return eeprom.problem(report.error);
     if (call.has("verbose"))
         output.text += fmt::format("Slave {}: alias {}, it was {}\n", slave.position(), report.after, report.before);
     output.json["slaves"].push_back(
@@ -66,7 +67,8 @@ int run_foe_write(Call& call) {
     output.json = place_json(*slave);
     output.json["name"] = name;
     output.json["bytes"] = content->size();
-    if (call.has("verbose")) output.text = fmt::format("{}: {} octets written\n", name, content->size());
+    if (call.has("verbose"))
+        output.text = fmt::format("{}: {} written\n", name, samples::counted(content->size(), "octet"));
     return call.print(output);
 }
 
@@ -75,7 +77,7 @@ int run_sii_read(Call& call) {
     if (!slave) return call.fail(slave.problem());
     SessionEeprom eeprom(slave->session(), slave->position());
     const auto content = samples::read_used_part(eeprom, samples::no_progress());
-    if (!content.error.empty()) return call.fail({content.error});
+    if (!content.error.empty()) return call.fail(eeprom.problem(content.error));
     Output output;
     output.json = place_json(*slave);
     output.json["octets"] = hex(content.octets);
@@ -87,8 +89,8 @@ int run_sii_write(Call& call) {
     const auto image = samples::load_image(call.words()[0]);
     if (!image.error.empty()) return call.fail({image.error, samples::exit_code::kSystem});
     if (image.octets.size() % 2 != 0)
-        return call.fail(
-            {fmt::format("{}: {} octets are not a whole number of words", call.words()[0], image.octets.size())});
+        return call.fail({fmt::format("{}: {} not a whole number of words", call.words()[0],
+                                      samples::counted(image.octets.size(), "octet is", "octets are"))});
     const auto fault = call.has("force") ? std::string() : samples::image_fault(image.octets);
     if (!fault.empty())
         return call.fail({fmt::format("{}: {}: use --force to write it nevertheless", call.words()[0], fault)});
@@ -96,13 +98,14 @@ int run_sii_write(Call& call) {
     if (!slave) return call.fail(slave.problem());
     SessionEeprom eeprom(slave->session(), slave->position());
     const auto report = samples::write_eeprom(eeprom, image.octets, samples::no_progress());
-    if (!report.error.empty()) return call.fail({report.error + (report.left.empty() ? "" : "; " + report.left)});
+    if (!report.error.empty())
+        return call.fail(eeprom.problem(report.error + (report.left.empty() ? "" : "; " + report.left)));
     Output output;
     output.json = place_json(*slave);
     output.json["words"] = report.words;
     output.json["changed"] = report.different;
     if (call.has("verbose"))
-        output.text = fmt::format("{} words, {} of them changed\n", report.words, report.different);
+        output.text = fmt::format("{}, {} of them changed\n", samples::counted(report.words, "word"), report.different);
     return call.print(output);
 }
 

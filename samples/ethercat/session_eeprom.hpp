@@ -16,7 +16,7 @@ class SessionEeprom final : public samples::Eeprom {
 
     [[nodiscard]] std::string name() const override { return "position " + std::to_string(position_); }
     [[nodiscard]] std::string read(std::uint32_t word, MutableBytes into) override {
-        return session_.read_sii(position_, word, into).problem().text;
+        return said(session_.read_sii(position_, word, into));
     }
     // One word at a time, so that each counted word was read back.
     [[nodiscard]] Written write(std::uint32_t word, Bytes octets) override {
@@ -25,15 +25,26 @@ class SessionEeprom final : public samples::Eeprom {
             const auto done =
                 session_.write_sii(position_, word + static_cast<std::uint32_t>(written.words), octets.first(2));
             if (done) continue;
-            written.error = done.problem().text;
+            written.error = said(done);
             break;
         }
         return written;
     }
+    // The problem of a function that worked on this EEPROM, with the exit code of the first read() or write() that
+    // failed: an application that has gone is a system error, a slave that does not answer is none.
+    [[nodiscard]] Problem problem(std::string text) const { return {std::move(text), code_}; }
 
   private:
+    std::string said(const Answer<>& answer) {
+        if (!answer && !failed_) code_ = answer.problem().code;
+        failed_ |= !answer;
+        return answer.problem().text;
+    }
+
     Session& session_;
     std::uint16_t position_;
+    bool failed_ = false;
+    int code_ = samples::exit_code::kSegment;
 };
 
 }  // namespace margay::ethercat

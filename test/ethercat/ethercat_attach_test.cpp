@@ -81,39 +81,45 @@ attach::SlaveFacts slave_of(AlState state, bool written, After after) {
 }
 
 // A program that speaks the protocol and says what it likes: one slave, and no to every other request, or to none.
+void serve_requests(int fd, unsigned requests, After after) {
+    auto state = AlState::op;
+    bool written = false;
+    std::array<std::byte, attach::Header::kBytes> header{};
+    for (;
+         requests != 0 && ::recv(fd, header.data(), header.size(), MSG_WAITALL) == static_cast<ssize_t>(header.size());
+         --requests) {
+        const auto request = attach::Header::load(header);
+        std::vector<std::byte> payload(request.bytes);
+        (void)::recv(fd, payload.data(), payload.size(), MSG_WAITALL);
+        const auto operation = static_cast<attach::Operation>(request.what);
+        attach::Header answer{.number = request.number};
+        std::vector<std::byte> octets(4096);
+        attach::Writer into(octets);
+        if (operation == attach::Operation::hello) {
+            into(attach::kMagic, attach::kProtocolVersion, evil, evil, false, std::uint32_t{1024});
+        } else if (operation == attach::Operation::slaves) {
+            into(std::uint16_t{1}, std::uint16_t{1}, slave_of(state, written, after));
+        } else if (after != After::refuses &&
+                   (operation == attach::Operation::read_registers || operation == attach::Operation::read_sii)) {
+            into(std::uint8_t{0x5A});  // fewer octets than asked
+        } else if (after != After::refuses) {
+            written |= operation == attach::Operation::foe_write;
+            if (operation == attach::Operation::set_target) state = written ? AlState::op : AlState::boot;
+        } else {
+            answer.what = static_cast<std::uint16_t>(attach::Status::refused);
+            into(evil);
+        }
+        answer.bytes = static_cast<std::uint32_t>(into.written().size());
+        answer.store(header);
+        (void)::send(fd, header.data(), header.size(), MSG_NOSIGNAL);
+        (void)::send(fd, into.written().data(), into.written().size(), MSG_NOSIGNAL);
+    }
+}
+
 void serve_octets(int listener, unsigned connections, After after = After::refuses) {
     for (; connections != 0; --connections) {
-        auto state = AlState::op;
-        bool written = false;
         const int fd = ::accept(listener, nullptr, nullptr);
-        std::array<std::byte, attach::Header::kBytes> header{};
-        while (::recv(fd, header.data(), header.size(), MSG_WAITALL) == static_cast<ssize_t>(header.size())) {
-            const auto request = attach::Header::load(header);
-            std::vector<std::byte> payload(request.bytes);
-            (void)::recv(fd, payload.data(), payload.size(), MSG_WAITALL);
-            const auto operation = static_cast<attach::Operation>(request.what);
-            attach::Header answer{.number = request.number};
-            std::vector<std::byte> octets(4096);
-            attach::Writer into(octets);
-            if (operation == attach::Operation::hello) {
-                into(attach::kMagic, attach::kProtocolVersion, evil, evil, false, std::uint32_t{1024});
-            } else if (operation == attach::Operation::slaves) {
-                into(std::uint16_t{1}, std::uint16_t{1}, slave_of(state, written, after));
-            } else if (after != After::refuses &&
-                       (operation == attach::Operation::read_registers || operation == attach::Operation::read_sii)) {
-                into(std::uint8_t{0x5A});  // fewer octets than asked
-            } else if (after != After::refuses) {
-                written |= operation == attach::Operation::foe_write;
-                if (operation == attach::Operation::set_target) state = written ? AlState::op : AlState::boot;
-            } else {
-                answer.what = static_cast<std::uint16_t>(attach::Status::refused);
-                into(evil);
-            }
-            answer.bytes = static_cast<std::uint32_t>(into.written().size());
-            answer.store(header);
-            (void)::send(fd, header.data(), header.size(), MSG_NOSIGNAL);
-            (void)::send(fd, into.written().data(), into.written().size(), MSG_NOSIGNAL);
-        }
+        serve_requests(fd, UINT_MAX, after);
         ::close(fd);
     }
 }
@@ -162,9 +168,33 @@ TEST_F(EthercatAttach, AnswersWithTooFewOctetsAreRefused) {
     std::thread server([&] { serve_octets(listener, 3, After::other); });
     for (const std::string command : {"reg_read -p 0 0 2", "reg_read -p 0 -t uint16 0x10", "sii_read -p 0"}) {
         const auto ran = folder.run(program + " " + command + " --attach s.sock");
-        EXPECT_EQ(ran.status, command.starts_with("sii") ? 1 : 3) << command;
+        EXPECT_EQ(ran.status, 3) << command << ": the fault is of the other program and not of a slave";
         EXPECT_EQ(ran.out, "") << command;
         EXPECT_EQ(ran.err, "ethercat: s.sock: the answer is not complete\n") << command;
+    }
+    server.join();
+    ::close(listener);
+}
+
+TEST_F(EthercatAttach, AnApplicationThatEndsBeforeItsAnswerIsASystemError) {
+    attach::SocketAddress address;
+    ASSERT_TRUE(address.set(folder.path() / "s.sock"));
+    const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
+    ASSERT_EQ(::listen(listener, 4), 0);
+    const std::vector<std::string> commands{"slaves", "reg_read -p 0 0 2", "sii_read -p 0", "alias -p 0 1"};
+    std::thread server([&] {
+        for (std::size_t n = 0; n < commands.size(); ++n) {
+            const int fd = ::accept(listener, nullptr, nullptr);
+            serve_requests(fd, 1 + n % 2, After::other);  // only the greeting, or the table of slaves too
+            ::close(fd);
+        }
+    });
+    for (const auto& command : commands) {
+        const auto ran = folder.run(program + " " + command + " --attach s.sock");
+        EXPECT_EQ(ran.status, 3) << command;
+        EXPECT_EQ(ran.out, "") << command;
+        EXPECT_EQ(ran.err, "ethercat: the application has ended the connection\n") << command;
     }
     server.join();
     ::close(listener);
