@@ -59,6 +59,22 @@ int Call::each_master(const std::function<Answer<>(Master& master, Output& outpu
     return code;
 }
 
+Answer<> Call::each_slave(std::span<const SlaveFacts> slaves, Output& output,
+                          const std::function<Answer<>(const SlaveFacts& slave)>& work) {
+    Answer<> first;
+    for (const SlaveFacts& slave : slaves) {
+        const auto done = work(slave);
+        if (done) continue;
+        output.json["slaves"].push_back({{"position", slave.position}, {"error", done.problem().text}});
+        if (done.problem().code == samples::exit_code::kSystem) return done;
+        if (!first)
+            samples::fail(done.problem().text);
+        else
+            first = done;
+    }
+    return first;
+}
+
 int Call::print(const Output& output) const {
     samples::write_out(json() ? samples::json_text(output.json) : output.text);
     printed_ = true;

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -61,6 +62,11 @@ class Call {
     // Calls `work` for each master and prints its output; {"masters": [{"master": 0, …}]} with --json. A problem of one
     // master is its key "error" then, and does not stop the others. Returns the greatest exit code.
     int each_master(const std::function<Answer<>(Master& master, Output& output)>& work);
+    // Calls `work` for each of the slaves. What fails for one slave does not keep the others from it: returns the first
+    // problem, and reports the others on standard error. An error of the system ends it: the application has gone.
+    // With --json a slave that failed is in the list "slaves" of `output` with its position and "error".
+    static Answer<> each_slave(std::span<const SlaveFacts> slaves, Output& output,
+                               const std::function<Answer<>(const SlaveFacts& slave)>& work);
     // Prints the result of a command for one slave.
     int print(const Output& output) const;
     // Of a command that has --output-file: `content` goes there, or to standard output. With --json the document is on

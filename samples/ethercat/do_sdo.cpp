@@ -111,14 +111,12 @@ int run_sdos(Call& call) {
         if (selected->size() > 1 && std::ranges::none_of(*selected, has_coe))
             samples::warn(fmt::format("warning: no slave of master {} has an object dictionary (CoE){}", master.index,
                                       hint(call)));
-        for (const SlaveFacts& slave : *selected) {
-            if (!has_coe(slave) && selected->size() > 1) continue;
+        return Call::each_slave(*selected, output, [&](const SlaveFacts& slave) -> Answer<> {
+            if (!has_coe(slave) && selected->size() > 1) return {};
             if (const auto checked = check_coe(call, slave); !checked) return checked;
             if (selected->size() > 1) output.text += slave_heading(master, slave);
-            const auto added = add_dictionary(call, {&master, slave}, output);
-            if (!added) return added;
-        }
-        return {};
+            return add_dictionary(call, {&master, slave}, output);
+        });
     });
 }
 

@@ -176,7 +176,7 @@ int each_slave(Call& call, Render render) {
         const auto selected = call.selected(master);
         if (!selected) return selected.problem();
         output.json["slaves"] = nlohmann::ordered_json::array();
-        for (const SlaveFacts& slave : *selected) {
+        return Call::each_slave(*selected, output, [&](const SlaveFacts& slave) -> Answer<> {
             const auto sms = master.session->sync_managers(slave.position);
             if (!sms) return sms.problem();
             const auto text = render(call, master, slave, *sms, selected->size() > 1);
@@ -184,8 +184,8 @@ int each_slave(Call& call, Render render) {
             nlohmann::ordered_json json{{"position", slave.position}, {"sync_managers", pdos_json(*sms)}};
             if (call.arguments().command->name == "cstruct") json["source"] = text;
             output.json["slaves"].push_back(std::move(json));
-        }
-        return {};
+            return {};
+        });
     });
 }
 

@@ -55,13 +55,13 @@ Answer<> add_counters(const Call& call, Master& master, Output& output) {
     for (int port = 0; port < 4; ++port) output.text += " | CRC PHY FWD NXT";
     output.text += "\n";
     output.json["slaves"] = nlohmann::ordered_json::array();
-    for (const SlaveFacts& slave : *selected) {
+    return Call::each_slave(*selected, output, [&](const SlaveFacts& slave) -> Answer<> {
         const auto counters = master.session->error_counters(slave.position);
         if (!counters) return counters.problem();
         output.text += crc_line(slave, *counters);
         output.json["slaves"].push_back(counters_json(slave, *counters));
-    }
-    return {};
+        return {};
+    });
 }
 
 Answer<> reset_counters(const Call& call, Master& master, Output& output) {

@@ -2,6 +2,7 @@
 #include "ethercat/call.hpp"
 #include "ethercat/commands.hpp"
 
+#include "common/counted.hpp"
 #include "common/slave_report.hpp"
 
 #include <margay/version.hpp>
@@ -83,12 +84,13 @@ std::string_view clock_text(const SlaveFacts& slave, const ClockFacts& clock) {
     return slave.dl.dc_64bit ? "yes, 64 bit" : "yes, 32 bit";
 }
 
-std::string dl_text(const SlaveFacts& s, const ClockFacts& clock) {
+std::string dl_text(const SlaveFacts& s, const Answer<ClockFacts>& known) {
+    const ClockFacts clock = known ? *known : ClockFacts();
     std::string text = fmt::format(
         "DL information:\n  ESC: type 0x{:02x}, revision {}, build {}\n  FMMUs: {}, SyncManagers: {}, RAM: {} KiB\n"
         "  FMMU bit operation: {}\n  Distributed clocks: {}\n  DC system time transmission delay: {} ns{}\n",
         s.dl.type, s.dl.revision, s.dl.build, s.dl.fmmus, s.dl.sync_managers, s.dl.ram_kib,
-        yes((s.dl.features & 1U) == 0), clock_text(s, clock), clock.delay_ns,
+        yes((s.dl.features & 1U) == 0), known ? clock_text(s, clock) : "not known", clock.delay_ns,
         clock.reference ? " (reference clock)" : "");
     text += "Port  Type  Link  Loop    Signal  NextSlave  RxTime [ns]  Diff [ns]\n";
     for (std::size_t n = 0; n < s.ports.size(); ++n) {
@@ -119,7 +121,8 @@ std::string mailboxes_text(const SlaveFacts& s) {
     return text;
 }
 
-std::string details_text(const Master& master, const SlaveFacts& s, const SlaveTexts& texts, const ClockFacts& clock) {
+std::string details_text(const Master& master, const SlaveFacts& s, const Answer<SlaveTexts>& texts,
+                         const Answer<ClockFacts>& clock) {
     std::string text = slave_heading(master, s);
     text += fmt::format("Alias: {}\nStation address: 0x{:04x}\nState: {}\nFlag: {}\n", s.alias, s.station_address,
                         samples::al_text(s.al), flag_of(s));
@@ -129,10 +132,11 @@ std::string details_text(const Master& master, const SlaveFacts& s, const SlaveT
         "  Serial number:   0x{:08x}\n",
         s.identity.vendor, s.identity.product, s.identity.revision, s.identity.serial);
     text += dl_text(s, clock) + mailboxes_text(s);
+    if (!texts) return text + fmt::format("General: not known: {}\n\n", texts.problem().text);
     text += fmt::format(
         "General:\n  Group: {}\n  Order number: {}\n  Device name: {}\n  Enable SafeOp: {}\n  Enable notLRW: {}\n"
         "  Current consumption: {} mA\n",
-        texts.group, texts.order, texts.name, yes(texts.enable_safeop), yes(texts.no_lrw), s.ebus_current_ma);
+        texts->group, texts->order, texts->name, yes(texts->enable_safeop), yes(texts->no_lrw), s.ebus_current_ma);
     return text + "\n";
 }
 
@@ -167,16 +171,21 @@ nlohmann::ordered_json slave_json(const SlaveFacts& s, const AliasAddress& addre
             {"current_ma", s.ebus_current_ma}};
 }
 
+// What the slave says is shown also where its EEPROM or its clock cannot be read.
 Answer<> add_details(const Master& master, const SlaveFacts& slave, Output& output, nlohmann::ordered_json& json) {
     const auto texts = master.session->texts(slave.position);
-    if (!texts) return texts.problem();
     const auto clock = master.session->clock(slave.position);
+    output.text += details_text(master, slave, texts, clock);
+    if (texts) {
+        json["order"] = texts->order;
+        json["group"] = texts->group;
+    }
+    if (clock) {
+        json["delay_ns"] = clock->delay_ns;
+        json["receive_times_ns"] = clock->receive_ns;
+    }
+    if (!texts) return texts.problem();
     if (!clock) return clock.problem();
-    output.text += details_text(master, slave, *texts, *clock);
-    json["order"] = texts->order;
-    json["group"] = texts->group;
-    json["delay_ns"] = clock->delay_ns;
-    json["receive_times_ns"] = clock->receive_ns;
     return {};
 }
 
@@ -204,17 +213,19 @@ int run_slaves(Call& call) {
         if (!selected) return selected.problem();
         const auto addresses = alias_addresses(*all);
         output.json["slaves"] = nlohmann::ordered_json::array();
+        Answer<> first;
         for (const SlaveFacts& slave : *selected) {
             auto json = slave_json(slave, address_of(addresses, slave.position));
             if (call.has("verbose")) {
                 const auto added = add_details(master, slave, output, json);
-                if (!added) return added;
+                if (!added && added.problem().code == samples::exit_code::kSystem) return added;
+                if (!added && first) first = added;
             }
             output.json["slaves"].push_back(std::move(json));
             faulty |= !slave.problem.empty();
         }
         if (!call.has("verbose")) output.text = lines_text(*selected, addresses);
-        return {};
+        return first;
     });
     return code == kNothing && faulty ? samples::exit_code::kSegment : code;
 }
@@ -283,7 +294,7 @@ int run_rescan(Call& call) {
         output.json["unused"] = found->unused;
         if (!call.has("verbose")) return {};
         output.text =
-            fmt::format("{} slave{}{}\n", found->slaves, found->slaves == 1 ? "" : "s",
+            fmt::format("{}{}\n", samples::counted(found->slaves, "slave"),
                         found->whole ? "" : "; compared with those of the application, whose process data goes on");
         return {};
     });

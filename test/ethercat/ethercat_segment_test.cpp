@@ -1,6 +1,8 @@
 // The commands of ethercat about the segment: slaves, master, states, rescan, debug, crc, graph, alias, version.
 #include "ethercat/ethercat_fixture.hpp"
 
+#include <nlohmann/json.hpp>
+
 namespace margay::process {
 namespace {
 
@@ -79,6 +81,33 @@ TEST_F(EthercatSegment, MarksASlaveWhoseScanFailed) {
     EXPECT_TRUE(contains(ran.out, "  E  0x")) << ran.out;
     EXPECT_TRUE(contains(ran.err, "ethercat: warning: position 1: ")) << ran.err;
     EXPECT_EQ(ethercat("sim:b.toml", "slaves -q").err, "");
+}
+
+// What cannot be read of one slave does not hide the others, nor what is known of this one.
+TEST_F(EthercatSegment, ShowsTheOthersBesideASlaveWhoseEepromCannotBeRead) {
+    folder.write("b.toml",
+                 "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_in_8\"\nsii_status = 0x2000\n"
+                 "[[slave]]\ndevice = \"drive\"\n");
+    const std::string cause = "the EEPROM did not acknowledge";
+    const auto details = ethercat("sim:b.toml", "slaves -v");
+    EXPECT_EQ(details.status, 1);
+    for (const std::string text : {"Slave 0 ===", "Slave 1 ===", "Slave 2 ===", "Flag: E\nProblem: ",
+                                   "General: not known: position 1: ", "Device name: Servo drive"})
+        EXPECT_TRUE(contains(details.out, text)) << text << "\n" << details.out;
+    EXPECT_TRUE(contains(details.err, cause)) << details.err;
+    const auto json = nlohmann::json::parse(ethercat("sim:b.toml", "slaves -v --json").out)["masters"][0];
+    ASSERT_EQ(json["slaves"].size(), 3U);
+    EXPECT_EQ(json["slaves"][1]["error"], true);
+    EXPECT_FALSE(json["slaves"][1].contains("order"));
+    EXPECT_EQ(json["slaves"][2]["name"], "Servo drive");
+    const auto pdos = ethercat("sim:b.toml", "pdos");
+    EXPECT_EQ(pdos.status, 1);
+    EXPECT_TRUE(contains(pdos.out, "RxPDO 0x1600")) << "of the drive: " << pdos.out;
+    EXPECT_TRUE(contains(pdos.err, cause)) << pdos.err;
+    const auto listed = nlohmann::json::parse(ethercat("sim:b.toml", "pdos --json").out)["masters"][0]["slaves"];
+    ASSERT_EQ(listed.size(), 3U);
+    EXPECT_TRUE(contains(listed[1]["error"].get<std::string>(), cause)) << listed[1];
+    EXPECT_EQ(listed[2]["position"], 2);
 }
 
 TEST_F(EthercatSegment, WorksOnSeveralMasters) {
