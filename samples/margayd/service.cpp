@@ -1,5 +1,6 @@
 #include "margayd/service.hpp"
 
+#include "common/counted.hpp"
 #include "common/program.hpp"
 #include "margayd/log.hpp"
 
@@ -11,6 +12,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <utility>
 
 namespace margay::service {
 namespace {
@@ -66,8 +68,8 @@ int Service::run() {
     }
     if (!start(std::move(configuration.masters), false)) return exit_code::kSystem;
     notifier_.ready();
-    log(Priority::notice, fmt::format("margayd {} runs {} master{}", MARGAY_VERSION_TEXT, masters_.size(),
-                                      masters_.size() == 1 ? "" : "s"));
+    log(Priority::notice,
+        fmt::format("margayd {} runs {}", MARGAY_VERSION_TEXT, samples::counted(masters_.size(), "master")));
     code = serve();
     notifier_.stopping();
     stop_all();
@@ -80,13 +82,14 @@ bool Service::start(std::vector<MasterConfiguration> configurations, bool all) {
     for (auto& configuration : configurations) {
         const auto name = configuration.name;
         auto socket = samples::socket_path(configuration, options_.sockets);
-        auto master = std::make_unique<Master>(std::move(configuration), std::move(socket));
-        const auto problem = master->open();
+        auto master = std::make_unique<Master>(configuration, std::move(socket));
+        auto problem = master->open();
         if (problem.empty()) {
             opened.push_back(std::move(master));
             continue;
         }
         log(Priority::error, fmt::format("{}: does not start: {}", name, problem));
+        absent_.push_back({std::move(configuration), std::move(problem)});
         well = false;
     }
     if (!well && !all) return false;
@@ -97,9 +100,25 @@ bool Service::start(std::vector<MasterConfiguration> configurations, bool all) {
     return well;
 }
 
+void Service::try_absent() {
+    for (auto& [configuration, problem] : std::exchange(absent_, {})) {
+        auto master = std::make_unique<Master>(configuration, samples::socket_path(configuration, options_.sockets));
+        auto again = master->open();
+        if (again.empty()) {
+            log(Priority::notice, configuration.name + ": starts now");
+            master->begin();
+            masters_.push_back(std::move(master));
+            continue;
+        }
+        if (again != problem) log(Priority::error, fmt::format("{}: does not start: {}", configuration.name, again));
+        absent_.push_back({std::move(configuration), std::move(again)});
+    }
+}
+
 int Service::serve() {
+    constexpr unsigned kTryEach = 5;  // seconds
     const sigset_t signals = service_signals();
-    for (;;) {
+    for (unsigned seconds = 0;; ++seconds) {
         const timespec second{.tv_sec = 1, .tv_nsec = 0};
         const int signal = ::sigtimedwait(&signals, nullptr, &second);
         if (signal == SIGTERM || signal == SIGINT) return exit_code::kWell;
@@ -110,6 +129,7 @@ int Service::serve() {
         }
         if (std::ranges::any_of(masters_, [](const auto& master) { return master->failed(); }))
             return exit_code::kSystem;
+        if (seconds % kTryEach == kTryEach - 1) try_absent();
         notifier_.status(status());
     }
 }
@@ -136,6 +156,7 @@ void Service::reload() {
         wanted.erase(same);
     }
     std::erase(masters_, nullptr);
+    absent_.clear();  // they are among `wanted`, or they are gone
     for (const auto& master : ended)
         log(Priority::notice,
             fmt::format("{}: ends, its configuration has changed or is gone", master->configuration().name));
@@ -145,9 +166,9 @@ void Service::reload() {
     const auto kept = masters_.size();
     const bool well = start(std::move(wanted), true);
     log(well ? Priority::notice : Priority::error,
-        fmt::format("configuration reloaded: {}{} master{} started, {} in all",
-                    well ? "" : fmt::format("{} of ", masters_.size() - kept), changed, changed == 1 ? "" : "s",
-                    masters_.size()));
+        fmt::format("configuration reloaded: {}{} started, {} in all{}",
+                    well ? "" : fmt::format("{} of ", masters_.size() - kept), samples::counted(changed, "master"),
+                    masters_.size(), well ? "" : "; the others are tried again every 5 s"));
     notifier_.ready();
 }
 
@@ -155,6 +176,8 @@ std::string Service::status() const {
     std::string text;
     for (const auto& master : masters_)
         text += fmt::format("{}{}: {}", text.empty() ? "" : "; ", master->configuration().name, master->status());
+    for (const auto& [configuration, problem] : absent_)
+        text += fmt::format("{}{}: does not start: {}", text.empty() ? "" : "; ", configuration.name, problem);
     return text;
 }
 

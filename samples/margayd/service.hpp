@@ -31,12 +31,20 @@ class Service {
     bool start(std::vector<samples::MasterConfiguration> configurations, bool all);
     void reload();
     int serve();
+    // Tries to start the masters that could not start at a reload.
+    void try_absent();
     [[nodiscard]] std::string status() const;
     void stop_all();
 
     ServiceOptions options_;
     Notifier notifier_{};
     std::vector<std::unique_ptr<Master>> masters_{};
+    // What a master needs may be in use for a moment, its port for example: it is not given up.
+    struct Absent {
+        samples::MasterConfiguration configuration{};
+        std::string problem{};
+    };
+    std::vector<Absent> absent_{};
 };
 
 }  // namespace margay::service

@@ -63,7 +63,8 @@ std::string man_signals() {
            man_entry("SIGHUP",
                      "The configuration is read again. Masters whose configuration has changed end and start anew; the "
                      "others go on undisturbed. A configuration with an error is refused, and all masters go on with "
-                     "the old one.");
+                     "the old one. A master that cannot start, because its port is in use for example, is tried again "
+                     "every 5 s.");
 }
 
 std::string man_service() {

@@ -137,6 +137,21 @@ TEST_F(ServiceTest, ASecondServiceIsRefusedAndTheFirstGoesOn) {
     EXPECT_FALSE(contains(content_of(folder.path() / "third"), "found")) << content_of(folder.path() / "third");
 }
 
+// What a new master needs is in use for a moment.
+TEST_F(ServiceTest, AMasterThatCannotStartAtAReloadIsTriedAgain) {
+    configure("a.toml", "source = \"sim:demo\"\n");
+    folder.write("b", "source = \"sim:demo\"\n");
+    const auto ran = shell(
+        "mkdir other; cp b other/b.toml; start; says 'a: all is right'\n" + std::string(MARGAY_BIN_DIR) +
+        "/margayd --config other --sockets run 2>second & s=$!\n"
+        "until grep -q 'b: all is right' second; do sleep 0.05; done\n"
+        "cp b etc/b.toml; kill -HUP $d; says 'b: does not start: run/b.sock: another program serves this socket'\n"
+        "says '0 of 1 master started, 1 in all; the others are tried again every 5 s'; sleep 6; kill $s; wait $s\n"
+        "says 'b: starts now'; says 'b: all is right'; grep -c 'does not start' log; e b slaves -p 0; stop\n");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(ran.out, "1\n0  0:0  OP  +  EtherCAT coupler\n") << "the same reason is written once";
+}
+
 TEST_F(ServiceTest, TheSocketHasTheWantedOwnerAndPermissions) {
     if (::getuid() != 0) GTEST_SKIP() << "only root can give a file to another user";
     configure("a.toml",
