@@ -13,6 +13,7 @@ namespace {
 using wire::Command;
 using namespace std::chrono_literals;
 
+constexpr Duration kEarly = 5us;         // a reply that is so much in front of its request belongs to it
 constexpr auto kPatience = 20ms;         // a reply that takes longer is lost, at the end of a recording
 constexpr std::size_t kMostTurns = 256;  // numbers of process data that are remembered
 
@@ -95,7 +96,7 @@ void Exchanges::decide() {
             if (!is_untouched(early_[i].bytes)) continue;
             ++fresh;
             for (std::size_t k = i < 8 ? 0 : i - 8; k < early_.size() && k < i + 9; ++k)
-                if (early_[k].when.at >= early_[i].when.at && alike(early_[i].bytes, early_[k].bytes) &&
+                if (early_[k].when.at + kEarly >= early_[i].when.at && alike(early_[i].bytes, early_[k].bytes) &&
                     !is_untouched(early_[k].bytes)) {
                     ++followed;
                     break;
@@ -110,7 +111,7 @@ void Exchanges::decide() {
 }
 
 void Exchanges::place(Moment when, Bytes frame) {
-    if (!early_replies_.empty() && early_replies_.front().when.at != when.at) give_up_early_replies();
+    give_up_early_replies(when.at - kEarly);
     switch (directions_) {
         case Directions::replies_only: (void)reply(when, frame); return;
         case Directions::same_address:
@@ -123,15 +124,17 @@ void Exchanges::place(Moment when, Bytes frame) {
     }
 }
 
-// Where the clock of the recorder is coarse, or two recordings were put together, a reply can be in front of its
-// request with the same time.
+// Where the clock of the recorder is coarse, or two recordings were put together, a reply can be shortly in front of
+// its request.
 void Exchanges::keep_early_reply(Moment when, Bytes frame) {
-    if (early_replies_.size() >= kSameTime) give_up_early_replies();
+    if (early_replies_.size() >= kMostEarly) give_up_early_replies(Duration::max());
     early_replies_.push_back({when, {frame.begin(), frame.end()}});
 }
 
-void Exchanges::give_up_early_replies() {
-    for (const auto& one : std::exchange(early_replies_, {})) {
+void Exchanges::give_up_early_replies(Duration before) {
+    while (!early_replies_.empty() && early_replies_.front().when.at < before) {
+        const Early one = std::move(early_replies_.front());
+        early_replies_.pop_front();
         if (directions_ == Directions::same_address)
             request(one.when, one.bytes);
         else
@@ -201,7 +204,7 @@ void Exchanges::answer(std::size_t pending, Moment when, Bytes frame) {
     if (!is_untouched(frame)) ++counts_.answered;
     const KeptFrame kept = std::move(pending_[pending]);
     pending_.erase(pending_.begin() + static_cast<std::ptrdiff_t>(pending));
-    const auto trip = when.at - kept.when.at;
+    const auto trip = std::max(when.at - kept.when.at, Duration{0});
     if (trips_ == 0 || trip < counts_.shortest_trip) counts_.shortest_trip = trip;
     if (trips_ == 0 || trip > counts_.longest_trip) {
         counts_.longest_trip = trip;
@@ -224,7 +227,7 @@ void Exchanges::give_up(const KeptFrame& request) {
 
 void Exchanges::finish(Duration end) {
     if (!decided_) decide();
-    give_up_early_replies();
+    give_up_early_replies(Duration::max());
     for (const auto& kept : pending_) {
         if (directions_ != Directions::requests_only && end - kept.when.at < kPatience) {
             ++counts_.open;

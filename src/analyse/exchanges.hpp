@@ -44,9 +44,9 @@ class Exchanges {
     void finish(Duration end);
     [[nodiscard]] Directions directions() const { return directions_; }
 
-    static constexpr std::size_t kLook = 512;      // frames
-    static constexpr std::size_t kPending = 256;   // a reply that comes behind this number of requests is not found
-    static constexpr std::size_t kSameTime = 256;  // replies in front of their requests, with the same time
+    static constexpr std::size_t kLook = 512;       // frames
+    static constexpr std::size_t kPending = 256;    // a reply that comes behind this number of requests is not found
+    static constexpr std::size_t kMostEarly = 256;  // replies in front of their requests
 
   private:
     struct Early {
@@ -61,7 +61,7 @@ class Exchanges {
     void answer(std::size_t pending, Moment when, Bytes frame);
     void unasked(Moment when, Bytes frame);
     void keep_early_reply(Moment when, Bytes frame);
-    void give_up_early_replies();
+    void give_up_early_replies(Duration before);
     void give_up(const KeptFrame& request);
     void spread(const KeptFrame* request, Moment when, Bytes reply);
     [[nodiscard]] std::optional<std::size_t> find(Moment when, Bytes frame) const;
@@ -74,7 +74,7 @@ class Exchanges {
     std::vector<Early> early_{};
     bool decided_ = false;
     std::deque<KeptFrame> pending_{};
-    std::vector<Early> early_replies_{};  // of the same time: their requests may come behind them
+    std::deque<Early> early_replies_{};  // their requests may come shortly behind them
     std::map<std::uint64_t, std::uint64_t> turns_{};
     std::uint64_t trips_ = 0;
     std::optional<std::uint16_t> ring_{};

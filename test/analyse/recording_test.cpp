@@ -288,6 +288,13 @@ TEST_F(AnalyseFile, ARequestBehindItsReplyWithTheSameTimeIsNotLost) {
         EXPECT_EQ(a.frames.answered, 40U) << first_octet;
         EXPECT_EQ(a.frames.lost + a.frames.unasked + a.frames.open, 0U) << first_octet;
     }
+    // Two taps, of which one is some microseconds ahead.
+    auto ahead = cycles_of(1, 10us, 1ms, 40);
+    for (std::size_t n = 1; n < ahead.size(); n += 2) ahead[n].at = ahead[n - 1].at - 2us;
+    const auto early = analyse_file(pcap(in_order(ahead)));
+    EXPECT_EQ(early.frames.replies, 40U);
+    EXPECT_EQ(early.frames.lost + early.frames.unasked, 0U);
+    EXPECT_EQ(early.frames.shortest_trip, 0us);
     // A reply of a request before the recording, with the time of another request.
     const auto a = analyse_file(
         pcap({{0us, cycle_frame(1, true, 9)}, {0us, cycle_frame(1, false, 1)}, {30us, cycle_frame(1, true, 1)}}));
