@@ -242,6 +242,19 @@ void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterRead
     std::memcpy(time, next.data(), reading.bytes);
 }
 
+// The same where cycles overlap: the sending thread writes the next time, see link/overlap.cpp.
+void take_overlapped_time(const PreparedFrame& sent, PreparedReading& reading, const RegisterReading& before) {
+    RegisterReading& into = *reading.into;
+    const std::byte command = sent.bytes[reading.offset];
+    if (command == static_cast<std::byte>(Command::BRD)) return;
+    const bool only_read = command < kFirstWithTime;
+    const bool lost = !only_read && sent.no_time && (before.slaves <= 1 || into.slaves < before.slaves);
+    if (only_read || lost) ++reading.without;
+    if (!lost) return;
+    into.slaves = 0;
+    into.value = before.value;
+}
+
 }  // namespace
 
 // Whether `frame` contains all datagrams that were sent in the frame of `slot`.
@@ -271,7 +284,9 @@ void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
         copy_reading(r, data);
         if (r.into->slaves == 0)
             read_only(sent, r);  // the time in the frame is too early for the next one
-        else if (!sent.overlapped)
+        else if (sent.overlapped)
+            take_overlapped_time(sent, r, before);
+        else
             take_time(sent, r, before, data);
     }
 }

@@ -84,7 +84,7 @@ class Link {
     void use(Cables& cables) { cables_ = &cables; }
     // Sends frames that the owner has finished with; called by the sending thread. A result other than `sent` is the
     // status of the last frame that could not be sent.
-    [[nodiscard]] SendStatus send_overlapped(std::span<PreparedFrame> frames);
+    [[nodiscard]] SendStatus send_overlapped(std::span<PreparedFrame> frames, Duration since_last);
     // Both are called by the owner's thread. receive_overlapped() receives frames from the NIC until all of these
     // frames are back; false when some are missing. end_overlapped() ends their cycle: copies inputs and working
     // counters, and closes the frames that are not back.

@@ -12,8 +12,28 @@
 namespace margay {
 namespace {
 
+std::byte as_byte(wire::Command command) { return static_cast<std::byte>(command); }
+
+// The time that the reference clock will probably have: that of the reply which the frame contains, or that which was
+// sent, continued for `since_last`. Slaves before the reference take what is sent, and all slaves when the reference is
+// lost. Until a time is known, the frames with APRD or FPRD only read.
+void continue_time(MutableBytes head, std::uint16_t bytes, Duration since_last) {
+    // The reference shows this time by chance only, see Link::keep().
+    constexpr std::uint64_t kBeside_ns = 64;
+    const MutableBytes data = head.subspan(wire::kDatagramHeaderBytes, bytes);
+    std::array<std::byte, 8> value{};
+    std::ranges::copy(data, value.begin());
+    std::uint64_t time = load_le<std::uint64_t>(value);
+    if (time == 0) return;
+    time += static_cast<std::uint64_t>(since_last.count()) + kBeside_ns;
+    store_le<std::uint64_t>(value, 0, time);
+    std::ranges::copy(Bytes(value).first(bytes), data.begin());
+    if (head[0] == as_byte(wire::Command::FPRD)) head[0] = as_byte(wire::Command::FRMW);
+    if (head[0] == as_byte(wire::Command::APRD)) head[0] = as_byte(wire::Command::ARMW);
+}
+
 // Like fill(), for a frame that may contain an old reply. Does not read anything that the owner writes.
-void fill_overlapped(PreparedFrame& frame, std::uint8_t index) {
+void fill_overlapped(PreparedFrame& frame, std::uint8_t index, Duration since_last) {
     const auto clear = [&frame](std::size_t at, std::size_t bytes) {
         std::ranges::fill(MutableBytes(frame.bytes).subspan(at, bytes), std::byte{0});
     };
@@ -25,19 +45,25 @@ void fill_overlapped(PreparedFrame& frame, std::uint8_t index) {
     }
     for (const PreparedReading& r : frame.readings) {
         frame.bytes[r.offset + 1U] = std::byte{index};
-        clear(r.offset + wire::kDatagramHeaderBytes, r.bytes + wire::kWorkingCounterBytes);
+        const std::size_t data = r.offset + wire::kDatagramHeaderBytes;
+        if (frame.bytes[r.offset] == as_byte(wire::Command::BRD))
+            clear(data, r.bytes);
+        else
+            continue_time(MutableBytes(frame.bytes).subspan(r.offset), r.bytes, since_last);
+        clear(data + r.bytes, wire::kWorkingCounterBytes);
     }
+    frame.no_time = false;
 }
 
 }  // namespace
 
-SendStatus Link::send_overlapped(std::span<PreparedFrame> frames) {
+SendStatus Link::send_overlapped(std::span<PreparedFrame> frames, Duration since_last) {
     SendStatus all = SendStatus::sent;
     for (PreparedFrame& frame : frames) {
         const auto index = frames_.free_index();
         SendStatus status = SendStatus::busy;
         if (index) {
-            fill_overlapped(frame, *index);
+            fill_overlapped(frame, *index, since_last);
             frames_.publish(frame.own, *index);
             status = nic_.send(Bytes(frame.bytes).first(frame.size));
             if (status != SendStatus::sent) frames_.release(frame.own);
@@ -56,7 +82,13 @@ void Link::keep(PreparedFrame& sent, Bytes reply) {
         std::ranges::copy(reply.subspan(data, bytes + wire::kWorkingCounterBytes), &sent.bytes[data]);
     };
     for (const PreparedDatagram& d : sent.datagrams) copy(d.offset, d.bytes);
-    for (const PreparedReading& r : sent.readings) copy(r.offset, r.bytes);
+    for (const PreparedReading& r : sent.readings) {
+        const std::size_t data = r.offset + wire::kDatagramHeaderBytes;
+        const bool is_time = sent.bytes[r.offset] != as_byte(wire::Command::BRD);
+        sent.no_time |= is_time && std::ranges::equal(Bytes(sent.bytes).subspan(data, r.bytes),
+                                                      reply.subspan(data, r.bytes));
+        copy(r.offset, r.bytes);
+    }
     sent.parked = true;
 }
 

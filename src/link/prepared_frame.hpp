@@ -70,7 +70,8 @@ struct PreparedFrame {
     bool apart = false;  // inputs are never sent: they overlap outputs in the image, or another thread sends the frame
     bool overlapped = false;  // of a cycle that one thread may send and another receive, see link/overlap.cpp
     bool refused = false;     // overlapped frames only: the NIC has not accepted it
-    bool parked = false;      // overlapped frames only: its reply is in `bytes`
+    bool parked = false;      // overlapped frames only: its reply is in `bytes`,
+    bool no_time = false;     // and has the time that was sent, so that the reference clock has not answered
     std::uint16_t size = wire::kFramePrefixBytes;  // octets without riders
     std::uint16_t last = 0;                        // offset of the last datagram, riders not counted
     std::uint16_t datagram_count = 0;              // readings included, riders not

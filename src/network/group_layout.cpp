@@ -61,8 +61,7 @@ bool is_lost(Network& network, std::uint16_t number) {
 }
 
 // The slave whose time the cycle of the group carries. The frame passes the slaves before it with the time that the
-// master expects, if configdc() has chosen the slave; with zeros otherwise, and where cycles overlap. A lost slave has
-// no place in the ring: the reference clock of configdc() is taken in its place, if there is one.
+// master expects, if configdc() has chosen the slave; with zeros otherwise. A lost slave has no place in the ring: the reference clock of configdc() is taken in its place, if there is one.
 Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& group) {
     const Clocks& clocks = network.clocks;
     const std::uint16_t usual = group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
@@ -71,7 +70,7 @@ Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& g
     if (is_lost(network, wanted)) return clocks.reference != 0 ? clocks.reference : wanted;
     const bool by_configdc =
         group.config.dc_reference == 0 || (wanted == clocks.reference && wanted == clocks.settings.reference);
-    if (by_configdc && (group.config.cycles_in_flight < 2 || clocks.begin_cycles == nullptr)) return wanted;
+    if (by_configdc) return wanted;
     Error error{.code = Errc::clock_before_reference, .step = Step::map_process_data, .slave = wanted};
     error.expected = clock_before(network, wanted);
     return error.expected == 0 ? Result<std::uint16_t>(wanted) : Result<std::uint16_t>(error);

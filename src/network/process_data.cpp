@@ -286,6 +286,16 @@ TimeSource time_source(const ProcessGroup& group) {
     return {};
 }
 
+bool is_time_whole(const ProcessGroup& group) {
+    if (group.dc_reference == 0 || group.dc_reference > group.slaves.size()) return true;
+    const auto found = std::ranges::find(group.readings, &group.dc_time, &PreparedReading::into);
+    const Slave& reference = group.slaves[group.dc_reference - 1U];
+    const TimeSource source = time_source(group);
+    const bool by_position = source.command == wire::Command::ARMW || source.command == wire::Command::APRD;
+    return found != group.readings.end() && found->bytes == sizeof(std::uint64_t) && reference.dl.dc_64bit &&
+           (by_position || source.address == reference.station_address.value);
+}
+
 std::uint16_t cycles_with_time(const ProcessGroup& group) {
     const auto found = std::ranges::find(group.readings, &group.dc_time, &PreparedReading::into);
     const auto without = found == group.readings.end() ? std::uint16_t{0} : found->without;
@@ -454,9 +464,9 @@ Result<> send_overlapped(ProcessGroup& group, Link& link, Time now) {
         return error;
     }
     set_outputs(group);
-    overlap.sent_at[overlap.send_set] = now;
-    const SendStatus status =
-        link.send_overlapped(group.prepared.subspan(std::size_t{overlap.send_set} * group.frames, group.frames));
+    const Duration since_last = now - std::exchange(overlap.sent_at[overlap.send_set], now);
+    const auto frames = group.prepared.subspan(std::size_t{overlap.send_set} * group.frames, group.frames);
+    const SendStatus status = link.send_overlapped(frames, since_last);
     overlap.send_set = static_cast<std::uint8_t>(overlap.send_set + 1 == overlap.sets ? 0 : overlap.send_set + 1);
     ++group.cycles_sent;
     overlap.sent.store(sent + 1, std::memory_order_release);

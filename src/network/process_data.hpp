@@ -160,6 +160,9 @@ void set_time_standby(ProcessGroup& group, StationAddress standby);
 // Command and address of the datagram with the time as it is sent now; command NOP: the cycle carries no time.
 [[nodiscard]] TimeSource time_source(const ProcessGroup& group);
 
+// Whether Group::dc_time has all 64 bits of a clock: not where the reference has 32, nor where it had 32 when the group
+// was mapped, nor while the cycle carries the time of the standby, which may have 32.
+[[nodiscard]] bool is_time_whole(const ProcessGroup& group);
 // How many cycles have brought the time of the reference clock to the other clocks: they came back, and did not only
 // read it. Wraps, and has another origin after config_map().
 [[nodiscard]] std::uint16_t cycles_with_time(const ProcessGroup& group);

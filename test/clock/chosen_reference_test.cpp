@@ -161,18 +161,70 @@ TEST_F(ChosenReference, TheNextOneTakesOverWhenItIsLost) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
-// Frames of overlapping cycles always carry zeros, because another thread may send them.
-TEST_F(ChosenReference, OverlappingCyclesAreRefused) {
+// Overlapping cycles, which another thread may send: each frame carries the time that its last reply lets expect.
+struct OverlappingReference : ChosenReference {
+    // `count` cycles of 1 ms, two of them on the wire.
+    void overlapped(int count) {
+        for (int n = 0; n < count; ++n) {
+            osal.advance(1ms);
+            (void)send_processdata(*ctx);
+            if (n > 0) (void)receive_processdata(*ctx, 300us);
+            (void)poll(*ctx, osal.now());
+            worst_ns_ = std::max(worst_ns_, std::max(difference_register_ns(1), difference_register_ns(2)));
+        }
+        (void)receive_processdata(*ctx, 300us);
+    }
+    void start_overlapped() {
+        limits.process_frames = 8;
+        bring_up();
+        ctx->group(0).config.cycles_in_flight = 2;
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+        ASSERT_TRUE(submit(*ctx, supervision).ok());
+        overlapped(2000);
+    }
+    std::uint32_t worst_ns_ = 0;  // what the clocks before the reference were compared with
+};
+
+TEST_F(OverlappingReference, TheClocksBeforeItTakeOverNoZeros) {
+    start_overlapped();
+    ASSERT_TRUE(all_in_op()) << joined(events());
+    overlapped(2000);
+    expect_running();
+    EXPECT_LE(worst_ns_, 500'000U);
+    EXPECT_EQ(ctx->group(0).dc_time.slaves, 5) << "FRMW: all clocks take the time";
+    for (std::uint16_t n = 1; n <= 2; ++n) EXPECT_LE(std::abs(ahead_ns(n, 3)), 500'000) << n;
+    EXPECT_EQ(told(events(), "clock out of sync"), 0);
+}
+
+// Nobody answers as the reference: the other clocks get the time that the master expects, and its own is none.
+TEST_F(OverlappingReference, ALostReferenceLeavesNoZeros) {
+    settings.replace_lost_reference = false;
+    start_overlapped();
+    (void)events();
+    const std::int64_t before = ahead_ns(2, 1);
+    // Out of reach of the frames, with the slaves behind it.
+    segment.set_cable({2, 0}, false);
+    overlapped(500);
+    EXPECT_EQ(ctx->group(0).dc_time.slaves, 0) << "the time that was sent is no reading";
+    EXPECT_LE(worst_ns_, 500'000U);
+    EXPECT_LE(std::abs(ahead_ns(2, 1) - before), 100'000);
+    segment.set_cable({2, 0}, true);
+    for (int n = 0; n < 10 && !all_in_op(); ++n) overlapped(500);
+    overlapped(2500);
+    expect_running();
+    EXPECT_EQ(ctx->group(0).dc_time.slaves, 5);
+}
+
+// A chosen clock of a group that configdc() has not chosen is refused as before.
+TEST_F(OverlappingReference, AnotherOneIsRefused) {
     limits.process_frames = 8;
     bring_up();
     ctx->group(0).config.cycles_in_flight = 2;
-    const auto mapped = config_map(*ctx, image);
-    EXPECT_EQ(mapped.error().code, Errc::clock_before_reference);
-    EXPECT_EQ(mapped.error().slave, 3);
-    EXPECT_EQ(mapped.error().expected, 1U);
-    ctx->group(0).config.cycles_in_flight = 1;
     ctx->group(0).config.dc_reference = 4;
-    EXPECT_EQ(config_map(*ctx, image).error().code, Errc::clock_before_reference) << "not the one of configdc()";
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().code, Errc::clock_before_reference) << "not the one of configdc()";
+    EXPECT_EQ(mapped.error().slave, 4);
+    EXPECT_EQ(mapped.error().expected, 1U);
     ctx->group(0).config.dc_reference = 3;
     EXPECT_TRUE(config_map(*ctx, image).ok());
 }
