@@ -67,6 +67,7 @@ std::string_view argument_text(Argument argument) {
         case Argument::file_name: return "the name of the file does not fit the mailbox of the slave";
         case Argument::file_time: return "answer_timeout and busy_timeout must be above zero";
         case Argument::sync_grid: return "ClockSettings::start_grid must be a whole multiple of the SYNC cycle";
+        case Argument::sync_pulse: return "the cycle of a SYNC signal must be longer than its pulse";
         case Argument::aoe_time: return "a time of a notification must be 0 to 429 s";
         case Argument::image_place:
             return "SlaveSetup::place overlaps the data of another slave, or begins within an octet";

@@ -222,6 +222,9 @@ void write_argument(TextWriter& out, const Error& e) {
         out << "the start of SYNC0 is more than 4.29 s ahead, and the clock of the slave has 32 bits";
         return;
     }
+    if (argument == Argument::sync_pulse)
+        out << "a cycle of " << e.actual << " ns, and a pulse of " << e.expected
+            << " ns (ESC register 0x0982, from the SII): ";
     if (argument == Argument::command_transition) out << "no. " << unsigned{e.place} << " of the start-up commands ";
     out << text;
     if (argument <= Argument::limit_process_frames)

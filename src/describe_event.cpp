@@ -83,6 +83,7 @@ std::string_view to_text(EventKind kind) {
         case EventKind::nics_on_same_port: return "both NICs on the same port";
         case EventKind::second_segment: return "another segment at the second NIC";
         case EventKind::cables_swapped: return "cables swapped";
+        case EventKind::delays_assumed: return "delays not measured";
     }
     return "unknown event";
 }
@@ -229,6 +230,15 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             break;
         case EventKind::cables_swapped:
             out << "the cables of the NICs are swapped: the second NIC is connected to the first slave";
+            break;
+        case EventKind::delays_assumed:
+            write_slave(out, e);
+            out << "it has branches and no receive times, so the delays of " << e.actual
+                << (e.actual == 1 ? " clock" : " clocks") << " are not measured: ";
+            if (e.detail != 0)
+                out << "they are wrong by all that its cables need, because no slave before it has receive times";
+            else
+                out << "they are right if all its cables are equally long";
             break;
     }
     return out.text();

@@ -22,7 +22,7 @@ namespace margay {
 // off, so it is not used.
 enum class ClockKind : std::uint8_t {
     unknown,        // configdc() has not looked
-    none,           // no clock, no receive times: delays behind it assume that its cables are equally long
+    none,           // no clock, no receive times: delays at its branches assume that its cables are equally long
     receive_times,  // no clock that runs, but receive times: the delay behind the slave can be measured
     bits32,         // a clock of 32 bits: it wraps every 4.29 s
     bits64,
@@ -38,9 +38,14 @@ struct SlaveClock {
     // Its difference was within the limit for the settle time, and was measured since the slave was lost last. Behind a
     // break of a ring with two NICs: see redundancy.hpp. A clock that was in sync remains so while no time reaches it
     // (after a break, or when the reference is lost), for a second at most. A supervision keeps it up to date; without
-    // one, or with a watch_interval of zero, it becomes false when the slave is seen to be lost, and stays false.
+    // one, or with a watch_interval of zero, it becomes false when the slave is seen to be lost, and stays false. While
+    // bus shift moves the reference clock faster than the others follow, they are not in sync.
     bool in_sync = false;
     bool sync_active = false;    // SYNC signals were activated
+    // How long a SYNC signal stays active: ESC register 0x0982, which the chip fills from the SII. Read by configdc()
+    // and when SYNC signals are activated. 0: until the slave's program acknowledges it, by reading register 0x098E or
+    // 0x098F; when it does not, there is no second edge. Negative: the slave has no such register.
+    std::int32_t pulse_ns = -1;
     std::uint32_t delay_ns = 0;  // from the first clock in the ring (ESC register 0x0928)
     // To the reference clock as read last (0x092C); negative: behind. A supervision reads one slave in each
     // watch_interval while all clocks are in sync, and all slaves otherwise. Behind a break of a ring with two NICs: to
@@ -48,14 +53,17 @@ struct SlaveClock {
     std::int32_t difference_ns = 0;
     std::uint64_t offset_ns = 0;      // system time minus the slave's own time (0x0920)
     std::uint64_t sync_start_ns = 0;  // system time of the first SYNC0
+    // The delay is not measured, because a slave with branches and without receive times is between the first clock and
+    // this one: it is wrong by what the delays of that slave's cables differ by, or where no slave before that has
+    // receive times, by these delays (EventKind::delays_assumed). `in_sync` does not know this error.
+    bool delay_assumed = false;
 };
 
 struct ClockSettings {
     // The slave whose clock is the reference clock; 0: the first slave in the ring whose clock runs. The time of the
     // reference clock does not reach the slaves before it in the ring: their clocks are not synchronised
     // (EventKind::clock_not_reached names them), never become the reference, and get no SYNC signals
-    // (Errc::clock_not_reached). They take over what the master expects as the time. With two NICs, and where cycles
-    // overlap (GroupConfiguration::cycles_in_flight), no slave before it may have a clock.
+    // (Errc::clock_not_reached). They take over what the master expects as the time.
     std::uint16_t reference = 0;
     // The group whose cycle carries the time, unless GroupConfiguration::dc_reference of a group says otherwise.
     std::uint8_t group = 0;
@@ -70,7 +78,8 @@ struct ClockSettings {
     // supervision has seen that a slave before the reference clock is lost, the slave that is in its position now is
     // taken for the reference clock: leave this false where a branch without clocks before it may be disconnected.
     bool by_position = false;
-    // The cycle of the SYNC signals of slaves whose SyncSettings do not say it. Only MasterClock knows that of the bus.
+    // The cycle of the SYNC signals of slaves whose SyncSettings do not say it. The cycle of the bus is that of
+    // MasterClock, or else the supervision measures it: SYNC0 that does not fit it is named in Context::errors().
     Duration cycle = std::chrono::milliseconds(1);
     // SYNC0 starts at a whole multiple of this time (of system time), plus the shift of the slave: the same phase for
     // all slaves, also for a slave that comes back. A whole multiple of the cycle of every slave's SYNC signals. Zero:
@@ -92,9 +101,13 @@ struct ClockSettings {
     Duration delay_interval{0};
     // When the slave with the reference clock is lost while a supervision runs: the next clock that is synchronised and
     // not behind the lost slave takes over with the same time and rate (true), or no time is sent until the slave is
-    // back, and all clocks go on at their rates (false). EventKind::reference_lost and reference_clock report it. When
-    // a slave with a clock is back before the reference clock in the ring, its clock becomes the reference again,
-    // without a step of the others (EventKind::reference_clock).
+    // back, and all clocks go on at their rates (false). EventKind::reference_lost and reference_clock report it. The
+    // last frame of the lost clock brings the others a time that was predicted. If this misleads the new reference by
+    // more than the limit (by the jitter of the cycle, or because a branch is lost too and the way is shorter), its
+    // rate begins anew, and the others need about half a second to follow it: they are not in sync, and events say so.
+    // When a slave with a clock is back before the reference clock in the ring, its clock becomes the reference again,
+    // without a step of the others (EventKind::reference_clock). Of a branch with several clocks one after the other
+    // does so, which takes some seconds.
     bool replace_lost_reference = true;
     // Called with the start time of SYNC0 of a slave, in system time; the result is written instead. nullptr: not
     // called. The rules are those of hooks that poll() calls: neither wait nor call the library.
@@ -132,11 +145,11 @@ struct ClockRequest : Request {
 // number of the slave with the reference clock. Call it in PREOP, after config_init() and before config_map(). Waits.
 //
 // Errors: no_clock (no slave, or not the chosen reference, has a clock that runs), missing_slave (the chosen
-// reference), wrong_state (slave: it is in OP with SYNC signals; slave 0: no slaves yet), clock_before_reference (with
-// two NICs; slave: the reference, expected: a slave with a clock before it), not_in_sync (slave: the clock with the
-// greatest difference, expected: the limit, actual: the difference in ns; all other work is done, a cycle may bring it
-// into sync later), unstable (slave: it was lost, or came back; slave 0: others answer), invalid_argument, no_frame,
-// capacity, unsupported (its clock is beside a ring with two NICs, or receive times do not tell what is behind it).
+// reference), wrong_state (slave: it is in OP with SYNC signals; slave 0: no slaves yet), not_in_sync (slave: the clock
+// with the greatest difference, expected: the limit, actual: the difference in ns; all other work is done, a cycle may
+// bring it into sync later), unstable (slave: it was lost, or came back; slave 0: others answer), invalid_argument,
+// no_frame, capacity, unsupported (its clock is beside a ring with two NICs, or receive times do not tell what is
+// behind it).
 Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
 
 // Activates or switches off the SYNC signals of one slave now; see dcsync0().
@@ -150,8 +163,9 @@ struct SyncRequest : SlaveRequest {
 // negative. A cycle of 0: one pulse only. The setting replaces SlaveSetup::dc until the next config_init(); it is used
 // again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock,
 // clock_not_reached (the clock is before a chosen reference, or that is lost; expected: that slave), unknown_slave,
-// invalid_argument (a cycle that is negative, does not fit 32 bits or does not fit ClockSettings::start_grid; a start
-// that has passed, or is over 4.29 s ahead of a clock of 32 bits), working_counter, no_frame.
+// invalid_argument (a cycle that is negative, does not fit 32 bits, does not fit ClockSettings::start_grid or is not
+// longer than the pulse, SlaveClock::pulse_ns; a start that has passed, or is over 4.29 s ahead of a clock of 32 bits),
+// working_counter, no_frame.
 Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift = Duration{0});
 Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1,
                   Duration shift = Duration{0});

@@ -355,6 +355,7 @@ enum class Argument : std::uint8_t {
     sdo_stream,       // an SdoStream without source or sink, or a size that CoE cannot announce
     look_every,       // MailListener::look_every, or the interval of watch_mailboxes()
     command_message,  // the message of a StartupCommand
+    sync_pulse,       // the cycle of a SYNC signal is not longer than its pulse (SlaveClock::pulse_ns)
 };
 
 // Errc::cabling: what is wrong with the cables of two NICs.

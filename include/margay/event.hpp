@@ -62,6 +62,9 @@ enum class EventKind : std::uint8_t {
     nics_on_same_port,     // both NICs hear the same frames: they are connected to the same end of the segment
     second_segment,        // the second NIC is connected to the first slave of another segment
     cables_swapped,        // the first NIC is connected to the end of the ring and the second one to its beginning
+    delays_assumed,  // `slave` has branches and no receive times, and the delays of clocks there assume that its cables
+                     // are equally long, or where no slave before it has receive times, that they need no time
+                     // (actual: how many clocks, SlaveClock::delay_assumed; detail: 1 in the second case)
 };
 
 // One event. Unused members are 0.

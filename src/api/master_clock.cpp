@@ -51,31 +51,12 @@ void MasterClock::check_cycle(std::uint64_t due_ns) {
     if (odd_cycles_ >= kTooOften) fault_ = PhaseState::cycle_wrong;
 }
 
-namespace {
-
-// SYNC0 signals that are neither a whole multiple nor a whole part of the cycle have another phase to each frame.
-void note_sync_cycles(Network& network, std::uint64_t cycle_ns) {
-    if (network.clocks.entries.empty()) return;
-    for (const Slave& slave : network.slaves()) {
-        const ClockEntry& clock = network.clocks.of(slave);
-        const std::uint64_t sync0_ns = clock.sync.sync0_cycle_ns;
-        if (!clock.sync_active || sync0_ns == 0 || sync0_ns % cycle_ns == 0 || cycle_ns % sync0_ns == 0) continue;
-        network.note({.code = Errc::invalid_argument,
-                      .step = Step::configure_sync,
-                      .slave = slave.number,
-                      .detail = static_cast<std::uint32_t>(Argument::sync_cycle),
-                      .expected = static_cast<std::uint32_t>(cycle_ns),
-                      .actual = clock.sync.sync0_cycle_ns});
-    }
-}
-
-}  // namespace
-
 Duration MasterClock::update(Context& ctx, Duration lateness) {
     Master* master = master_of(ctx);
     if (master == nullptr || settings_.group >= master->network.process.groups.size()) return Duration{0};
     if (fault_ == PhaseState::set_value_wrong) return Duration{0};
     Network& network = master->network;
+    network.clocks.is_paced = true;
     const ProcessGroup& group = network.process.groups[settings_.group];
     record_.at = network.engine.link().last_cycle();
     record_.read = group.dc_time.came && group.dc_time.slaves != 0;
@@ -99,7 +80,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     if (in_sync != was_in_sync_)
         network.report({.kind = in_sync ? EventKind::master_in_sync : EventKind::master_out_of_sync,
                         .actual = static_cast<std::uint32_t>(record_.error_ns)});
-    if (in_sync && !was_in_sync_) note_sync_cycles(network, cycle);
+    if (in_sync && !was_in_sync_) note_sync_cycles(network, cycle, cycle);
     was_in_sync_ = in_sync;
     return earlier;
 }

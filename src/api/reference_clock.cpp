@@ -3,6 +3,8 @@
 #include "network/network.hpp"
 #include "network/wanted.hpp"
 
+#include <cstdlib>
+
 namespace margay {
 namespace {
 
@@ -32,6 +34,21 @@ bool has_clock(Network& network) {
            (!network.supervised || state >= AlState::safeop || state == wanted_state(network, reference));
 }
 
+// The other clocks follow the rate of the reference, but a change of this rate only after some milliseconds. So they
+// are not in sync until the supervision has compared them again.
+void note_shift(Network& network, std::int64_t correction_ns) {
+    constexpr std::int32_t kCycles = 16;
+    Clocks& clocks = network.clocks;
+    const auto change = static_cast<std::int32_t>(correction_ns) - clocks.shift_mean / kCycles;
+    clocks.shift_mean += change;
+    clocks.shifted_ns += change;
+    if (!network.supervised || std::abs(std::int64_t{clocks.shifted_ns}) <= 2 * std::int64_t{clocks.settings.limit_ns})
+        return;
+    clocks.shifted_ns = 0;
+    for (const Slave& slave : network.slaves())
+        if (slave.number != clocks.reference) clocks.lose_sync(slave);
+}
+
 }  // namespace
 
 void send_to_reference(Network& network, wire::Register r, std::uint64_t value) {
@@ -40,7 +57,9 @@ void send_to_reference(Network& network, wire::Register r, std::uint64_t value) 
 }
 
 void shift_reference(Network& network, std::int64_t correction_ns) {
-    if (!has_clock(network) || correction_ns == 0) return;
+    if (!has_clock(network)) return;
+    note_shift(network, correction_ns);
+    if (correction_ns == 0) return;
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
     reference.offset_ns -= static_cast<std::uint64_t>(correction_ns);
     send_to_reference(network, wire::reg::kSystemTimeOffset, reference.offset_ns);
@@ -48,8 +67,7 @@ void shift_reference(Network& network, std::int64_t correction_ns) {
 
 std::uint64_t whole_bus_time(Network& network, const ProcessGroup& group, Time at, std::uint64_t last, Time last_at) {
     const std::uint64_t seen = group.dc_time.value;
-    const std::uint16_t source = group.dc_reference;
-    if (source == 0 || source > network.count || network.slave(source).dl.dc_64bit) return seen;
+    if (is_time_whole(group)) return seen;
     const std::uint64_t about =
         last == 0 ? network.clocks.system_at_ns(at) : last + static_cast<std::uint64_t>((at - last_at).count());
     return extend_time_ns(static_cast<std::uint32_t>(seen), about);

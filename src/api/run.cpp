@@ -7,6 +7,7 @@
 #include "network/search.hpp"
 #include "network/settings.hpp"
 #include "network/wanted.hpp"
+#include "util/scoped_flag.hpp"
 
 #include <margay/margay.hpp>
 #include <margay/timed_send.hpp>
@@ -249,18 +250,6 @@ Error unknown_states(const ReadStateRequest& look, const Error& exchanged) {
     return look.busy() ? Error{.code = Errc::timeout, .step = Step::read_state} : look.error();
 }
 
-// While run_cycle() executes.
-class RunningCycle {
-  public:
-    explicit RunningCycle(Network& network) : network_(network) { network_.in_run_cycle = true; }
-    RunningCycle(const RunningCycle&) = delete;
-    RunningCycle& operator=(const RunningCycle&) = delete;
-    ~RunningCycle() { network_.in_run_cycle = false; }
-
-  private:
-    Network& network_;
-};
-
 // The SuperviseRequest that has not begun; nullptr: there is none.
 SuperviseRequest* waiting_supervision(const RequestQueue& queue) {
     for (Request* r = queue.waiting; r != nullptr; r = RequestAccess::next(*r))
@@ -429,7 +418,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
     Network& network = master_of(ctx)->network;
     if (!any_mapped(network)) return not_mapped(0);
     if (work == nullptr) return invalid(Argument::work, Step::exchange_process_data);
-    const RunningCycle running(network);
+    const ScopedFlag running(network.in_run_cycle);
     Osal& osal = master_of(ctx)->osal;
     Schedule schedule = begin_schedule(ctx, settings);
     OverrunNews news(network);

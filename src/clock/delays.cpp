@@ -65,27 +65,32 @@ void place_branch(std::span<DelayNode> nodes, std::size_t first) {
     DelayNode& head = nodes[first];
     std::int64_t arrival = 0;
     std::int64_t cable = 0;
+    std::int64_t cables = 1;
+    std::int64_t stays = 0;
+    for (std::size_t n = first; n < nodes.size(); ++n) {
+        if (!same_branch(head, nodes[n])) continue;
+        stays += stay_ps(nodes[n]);
+        ++cables;
+    }
     if (head.above != 0) {
         const DelayNode& above = nodes[head.above - 1U];
         const std::uint8_t before = port_before(above, head.above_port);
         const std::int64_t left = before == above.entry_port ? 0 : above.times->port_ps(before);
         const std::int64_t through = inner_ps(above, before, head.above_port);
-        std::int64_t rest = above.times->port_ps(head.above_port) - left - through;
-        std::int64_t cables = 1;
-        for (std::size_t n = first; n < nodes.size(); ++n) {
-            if (!same_branch(head, nodes[n])) continue;
-            rest -= stay_ps(nodes[n]);
-            ++cables;
-        }
+        const std::int64_t rest = above.times->port_ps(head.above_port) - left - through - stays;
         cable = rest > 0 ? rest / cables : 0;
         arrival = above.arrival_ps + left + through + cable;
     }
+    const bool one_way = cables == 2;  // there and back
     for (std::size_t n = first; n < nodes.size(); ++n) {
         DelayNode& node = nodes[n];
         if (!same_branch(head, node)) continue;
         node.arrival_ps = arrival;
         arrival += stay_ps(node) + cable;
         node.placed = true;
+        node.assumed = !one_way          ? static_cast<std::uint16_t>(n + 1)
+                       : node.above != 0 ? nodes[node.above - 1U].assumed
+                                         : std::uint16_t{0};
         node.passed_ps = node.arrival_ps;
         if (node.times->has_processing())
             node.passed_ps += node.times->processing_ps();

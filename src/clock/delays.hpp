@@ -29,6 +29,9 @@ struct DelayNode {
     // arrives for the last time; negative: not known.
     std::int64_t arrival_ps = 0;
     std::int64_t passed_ps = 0;
+    // The last place on its way that is at a branch of a slave without receive times; 0: none. The delay between two
+    // places with the same one is measured, any other one assumes that the cables at that slave are equally long.
+    std::uint16_t assumed = 0;
 
     // For the computation: the next place with receive times towards the master, and the port by which it reaches this;
     // and whether the results are filled.
@@ -45,7 +48,7 @@ struct DelayNode {
 }
 
 // Fills the results of all nodes with receive times. Slaves without receive times count as cable: the time that is left
-// is divided equally between the cables. `nodes` are in the order of the ring; parents may follow their children.
+// is divided equally between the cables, which is exact where such a slave has no branches. `nodes` are in the order of the ring; parents may follow their children.
 // Several places may be connected to the master: the frames arrive at all of them at the same time.
 void compute_delays(std::span<DelayNode> nodes);
 

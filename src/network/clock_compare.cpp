@@ -3,6 +3,7 @@
 #include "clock/system_time.hpp"
 #include "network/network.hpp"
 #include "network/wanted.hpp"
+#include "util/scoped_flag.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -38,6 +39,92 @@ bool is_led_away(const Clocks& clocks, const FollowedClock& followed) {
 }
 
 }  // namespace
+
+void Clocks::forget() {
+    for (ClockEntry& entry : entries) entry = {};
+    reference = returning = 0;
+    measuring = all_in_sync = paused = loss_reported = is_driven = is_paced = false;
+    without_time = 0;
+    times_seen = times_sent = 0;
+    greatest_ns = paced_at_ms = 0;
+    shifted_ns = shift_mean = 0;
+    delays_at = Time::min();
+    prepare = nullptr;
+    watch = nullptr;
+    rests = rounds_old = 0;
+    is_near = nullptr;
+    resume = nullptr;
+    begin_cycles = nullptr;
+}
+
+// Before configdc() the features register has to be believed.
+std::uint16_t clock_before(Network& network, std::uint16_t reference) {
+    const Clocks& clocks = network.clocks;
+    if (reference != 0 && reference <= network.count && !network.slave(reference).dl.dc) return 0;
+    for (const RingPlace& place : network.seen_ring()) {
+        if (place.slave == reference) return 0;
+        if (place.slave == 0 || place.slave > network.count) continue;
+        const bool unknown = clocks.entries.empty() || clocks.entries[place.slave - 1U].kind == ClockKind::unknown;
+        const bool has_clock =
+            unknown ? network.slave(place.slave).dl.dc : is_clock(clocks.entries[place.slave - 1U].kind);
+        if (has_clock) return place.slave;
+    }
+    return 0;
+}
+
+void note_sync_cycles(Network& network, std::uint64_t cycle_ns, std::uint64_t parts) {
+    if (cycle_ns == 0 || network.clocks.entries.empty()) return;
+    for (const Slave& slave : network.slaves()) {
+        ClockEntry& clock = network.clocks.of(slave);
+        const std::uint64_t sync0_ns = clock.sync.sync0_cycle_ns;
+        if (!clock.sync_active || clock.sync.misfit_told || sync0_ns == 0) continue;
+        const std::uint64_t longer = std::max(sync0_ns, cycle_ns);
+        const std::uint64_t shorter = std::min(sync0_ns, cycle_ns);
+        const std::uint64_t rest = std::min(longer % shorter, shorter - longer % shorter);
+        if (longer % shorter == 0 || rest <= longer / parts) continue;
+        clock.sync.misfit_told = true;
+        network.note({.code = Errc::invalid_argument,
+                      .step = Step::configure_sync,
+                      .slave = slave.number,
+                      .detail = static_cast<std::uint32_t>(Argument::sync_cycle),
+                      .expected = static_cast<std::uint32_t>(cycle_ns),
+                      .actual = clock.sync.sync0_cycle_ns});
+    }
+}
+
+namespace {
+
+// The last two cycles were as far apart as `mean_ns`: it is not the mean of two different cycles.
+bool keeps_cycle(const CyclePace& pace, std::uint64_t mean_ns) {
+    if (pace.before == Time::min()) return true;  // cycles overlap
+    const auto last_ns = static_cast<std::uint64_t>((pace.last - pace.before).count());
+    const std::uint64_t away = last_ns > mean_ns ? last_ns - mean_ns : mean_ns - last_ns;
+    return away <= mean_ns / 8;
+}
+
+}  // namespace
+
+void note_cycle_time(Network& network) {
+    constexpr std::uint32_t kLong_ms = 2000;
+    constexpr std::uint16_t kMany = 100;
+    constexpr std::uint64_t kParts = 50;
+    constexpr std::uint64_t kMillisecond_ns = 1'000'000;
+    Clocks& clocks = network.clocks;
+    const auto now_ms = static_cast<std::uint32_t>((network.engine.now() - Time{}) / std::chrono::milliseconds(1)) | 1U;
+    for (const ProcessGroup& group : network.process.groups) {
+        if (!group.mapped || group.dc_reference != clocks.reference || clocks.is_paced) continue;
+        const std::uint32_t passed_ms = now_ms - clocks.paced_at_ms;
+        if (clocks.paced_at_ms != 0 && passed_ms < kLong_ms) return;
+        const bool watched = clocks.paced_at_ms != 0 && passed_ms < kLong_ms + kLong_ms / 2;
+        const auto sent = static_cast<std::uint16_t>(sent_cycles(group));
+        const auto cycles = static_cast<std::uint16_t>(sent - std::exchange(clocks.paced_from, sent));
+        clocks.paced_at_ms = now_ms;
+        if (!watched || cycles < kMany) return;
+        const std::uint64_t mean_ns = passed_ms * kMillisecond_ns / cycles;
+        if (keeps_cycle(group.pace, mean_ns)) note_sync_cycles(network, mean_ns, kParts);
+        return;
+    }
+}
 
 // While the chosen reference is lost, it has no place in the ring: where a slave is that was not seen before, is not
 // known until the reference is back, see set_late_clock().
@@ -99,10 +186,12 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
         // What the register shows is older.
         const bool alone =
             clock.rounds_alone == UINT8_MAX || clock.rounds_alone * clocks.settings.watch_interval >= kLongestAlone;
-        if (!is_there(slave))
+        if (!is_there(slave)) {
             clock.lose_sync();  // the clocks that are there may be in sync
-        else if (alone || clock.delay_old || unknown || is_led_away(clocks, followed))
+            clock.told_in_sync = false;
+        } else if (alone || clock.delay_old || unknown || is_led_away(clocks, followed)) {
             clocks.lose_sync(slave);
+        }
     }
 }
 
@@ -110,7 +199,7 @@ Task<Result<std::int64_t>> measure_ahead(Network& network, Slave& slave, Slave& 
     Clocks& clocks = network.clocks;
     const auto way_ns = co_await required(measure_way(network, slave, reference));
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    const Measuring measuring(clocks);
+    const ScopedFlag measuring(clocks.measuring);
     (void)find_frame_ways(network);
     co_await required(latch_receive_times(network));
     co_await required(read_receive_times(network, slave, Keep::no));

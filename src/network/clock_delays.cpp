@@ -79,6 +79,15 @@ const DelayNode* first_timed(std::span<const DelayNode> nodes, std::size_t from)
 // follow the first clock there.
 constexpr std::int64_t kUnknownCable_ns = 500;
 
+// A slave without receive times, and with branches, between both places; 0: none.
+std::uint16_t slave_without_times(std::span<const RingPlace> ring, std::span<const DelayNode> nodes,
+                                  const DelayNode& reference, const DelayNode& node) {
+    if (node.assumed == reference.assumed) return 0;
+    const std::size_t behind = node.assumed != 0 ? node.assumed : reference.assumed;
+    const std::size_t above = nodes[behind - 1].parent;
+    return above == 0 || above > nodes.size() ? std::uint16_t{0} : ring[above - 1].slave;
+}
+
 constexpr std::int64_t kLongest_ps = 100'000'000'000;  // 100 ms: longer than a frame through 65 535 slaves
 
 // A port that the last frame has not passed.
@@ -176,6 +185,8 @@ void compute_clock_delays(Network& network) {
     const DelayNode* const behind = parted ? first_timed(nodes, second) : nullptr;
     std::int64_t farthest = 0;  // before the break
     std::uint16_t way = 0;
+    Event assumed{.kind = EventKind::delays_assumed};
+    bool is_news = false;
     for (std::size_t n = 0; n < nodes.size(); ++n) {
         if (ring[n].slave == 0) continue;
         const std::uint16_t before = way;
@@ -191,6 +202,41 @@ void compute_clock_delays(Network& network) {
         clock.passed_ns = static_cast<std::int32_t>(passed);
         clock.measured = true;
         clock.way = before;
+        if (!is_clock(clock.kind)) continue;
+        const std::uint16_t without = slave_without_times(ring, nodes, nodes[reference - 1], nodes[n]);
+        is_news |= without != 0 && !clock.delay_assumed;
+        clock.delay_assumed = without != 0;
+        if (assumed.slave == 0) {
+            assumed.slave = without;
+            assumed.detail = nodes[n].above == 0 ? 1 : 0;
+        }
+        if (without != 0) ++assumed.actual;
+    }
+    if (is_news) network.report(assumed);
+}
+
+// The DL status does not tell which slave is behind which where frames enter slaves at ports other than 0.
+void correct_topology(Network& network) {
+    const auto ring = network.seen_ring();
+    const auto nodes = network.clocks.nodes.first(std::min(network.clocks.nodes.size(), ring.size()));
+    const auto is_unknown = [](const RingPlace& place) { return place.slave == 0; };
+    if (network.redundancy != nullptr || network.clocks.ways_unknown || std::ranges::any_of(ring, is_unknown)) return;
+    bool differs = false;
+    for (std::size_t n = 0; n < nodes.size(); ++n)
+        differs |= nodes[n].parent != ring[n].parent || nodes[n].parent_port != ring[n].parent_port ||
+                   nodes[n].entry_port != ring[n].entry_port;
+    if (!differs || nodes.size() < ring.size()) return;
+    for (const RingPlace& place : ring)
+        for (Port& port : network.slave(place.slave).ports)
+            if (port.open) port.neighbour = 0;
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        const DelayNode& node = nodes[n];
+        Slave& slave = network.slave(ring[n].slave);
+        slave.parent = node.parent == 0 ? std::uint16_t{0} : ring[node.parent - 1U].slave;
+        slave.parent_port = node.parent_port;
+        slave.entry_port = node.entry_port;
+        slave.ports[node.entry_port & 3].neighbour = slave.parent;
+        if (slave.parent != 0) network.slave(slave.parent).ports[node.parent_port & 3].neighbour = slave.number;
     }
 }
 

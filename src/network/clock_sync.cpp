@@ -2,6 +2,7 @@
 #include "clock/system_time.hpp"
 #include "network/network.hpp"
 #include "station/sii_access.hpp"
+#include "util/scoped_flag.hpp"
 #include "wire/sii.hpp"
 #include "wire/sii_category.hpp"
 
@@ -82,6 +83,21 @@ Task<Result<SyncRegisters>> find_sync(Network& network, Slave& slave) {
     co_return mode;
 }
 
+// invalid_argument where a pulse is as long as the cycle of its signal, which then has no edges.
+Error check_pulse(std::int32_t pulse_ns, const SyncRegisters& sync) {
+    constexpr std::uint16_t kSync0 = wire::sync_activation::kSync0 << 8;
+    constexpr std::uint16_t kSync1 = wire::sync_activation::kSync1 << 8;
+    if ((sync.assign_activate & (kSync0 | kSync1)) == 0) return {};
+    const std::uint64_t cycle = (sync.assign_activate & kSync0) != 0
+                                    ? sync.sync0_cycle_ns
+                                    : sync_period_ns(sync.sync0_cycle_ns, sync.sync1_cycle_ns);
+    if (cycle == 0 || pulse_ns <= 0 || cycle > static_cast<std::uint32_t>(pulse_ns)) return {};
+    Error error = invalid_time(Argument::sync_pulse);
+    error.expected = static_cast<std::uint32_t>(pulse_ns);
+    error.actual = static_cast<std::uint32_t>(cycle);
+    return error;
+}
+
 // The start time lies in the future when the registers are written; when a frame was lost meanwhile, the caller tries
 // again.
 Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
@@ -92,6 +108,9 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     clock.sync_active = false;
     clock.sync_start_ns = 0;
     if (!off || sync.assign_activate == 0) co_return off;
+    co_await required(read_pulse_length(network, slave));
+    const Error no_edges = check_pulse(clock.pulse_ns, sync);
+    if (no_edges.code != Errc::none) co_return no_edges;
     constexpr wire::Register kBothCycles{reg::kSync0CycleTime.address, 8};
     const std::uint64_t cycles = sync.sync0_cycle_ns | std::uint64_t{sync.sync1_cycle_ns} << 32;
     auto written = co_await write_clock_register(station, kBothCycles, cycles);
@@ -202,7 +221,7 @@ Task<Result<bool>> was_reset(Network& network, const Slave& reference, std::uint
 Task<Result<>> restore_reference(Network& network) {
     Clocks& clocks = network.clocks;
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    const Measuring measuring(clocks);
+    const ScopedFlag measuring(clocks.measuring);
     std::uint64_t offset = 0;
     const Slave& reference = network.slave(clocks.reference);
     const auto reset = co_await required(was_reset(network, reference, offset));
@@ -227,7 +246,7 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     Slave& reference = reference_of(network, slave);
     const auto way = co_await required(measure_way(network, slave, reference));
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    const Measuring measuring(clocks);
+    const ScopedFlag measuring(clocks.measuring);
     (void)find_frame_ways(network);
     std::uint64_t offset = 0;
     const auto reset = co_await required(was_reset(network, reference, offset));
@@ -307,10 +326,11 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
         const auto same = co_await required(has_its_clock(network, slave));
         if (same) co_return Result<>();
     }
-    if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
     clock.synchronised = clock.sync_active = false;
     clock.follows = 0;
     clocks.lose_sync(slave);
+    // set_late_clock() sets it when the reference is back, or another one has taken over.
+    if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
     const Slave& reference = network.slave(clocks.reference);
     // 0: its place in the ring is not known yet.
     if (slave.ring_position != 0 && slave.ring_position < reference.ring_position)
@@ -335,6 +355,14 @@ Task<Result<bool>> is_near(Network& network, Slave& slave) {
     }
     co_await required(read_difference(network, slave));
     co_return std::abs(std::int64_t{clock.difference_ns}) <= kNear_ns;
+}
+
+Task<Result<>> read_pulse_length(Network& network, Slave& slave) {
+    constexpr std::int32_t kUnit_ns = 10;
+    auto units = co_await read<std::uint16_t>(network.station(slave), reg::kSyncPulseLength, Step::configure_clocks);
+    if (!units && !does_not_answer(units.error())) co_return units.error();
+    network.clocks.of(slave).pulse_ns = units ? kUnit_ns * std::int32_t{*units} : -1;
+    co_return Nothing{};
 }
 
 Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSettings& clocks) {

@@ -1,6 +1,7 @@
 // The supervision of the clocks: differences, and a reference clock that is lost.
 #include "network/network.hpp"
 #include "network/wanted.hpp"
+#include "util/scoped_flag.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -89,11 +90,16 @@ void note_difference(Network& network, const Slave& slave) {
     if (clock.in_sync != clock.watch.in_sync()) clock.watch.set(clock.in_sync);
     // The register of the reference shows a time that was meant for others, unless the application writes times to it.
     const bool own_time = slave.number == clocks.reference && !clocks.is_driven;
-    const auto change = clock.watch.update(own_time ? 0 : clock.difference_ns, limit, network.engine.now());
+    const std::int32_t difference = own_time ? 0 : clock.difference_ns;
+    const auto change = clock.watch.update(difference, limit, network.engine.now());
     clock.in_sync = clock.watch.in_sync();
     clock.knows_rate |= clock.in_sync;
-    if (change == SyncWatch::Change::none) return;
+    // Perhaps it was not in sync before it was compared: after a loss of the reference, or while the bus is shifted.
+    const bool away = std::abs(std::int64_t{difference}) > limit.limit_ns;
+    const bool out = change == SyncWatch::Change::out_of_sync || (clock.told_in_sync && !clock.in_sync && away);
     const bool in = change == SyncWatch::Change::in_sync;
+    if (!in && !out) return;
+    clock.told_in_sync = in;
     network.report({.kind = in ? EventKind::clock_in_sync : EventKind::clock_out_of_sync,
                     .slave = slave.number,
                     .expected = limit.limit_ns,
@@ -201,7 +207,6 @@ void note_time_of_cycle(Network& network) {
     Clocks& clocks = network.clocks;
     constexpr std::uint8_t kEnough = 20;
     const Slave& reference = network.slave(clocks.reference);
-    const bool wide = clocks.of(reference).kind == ClockKind::bits64;
     // Below SAFEOP, a slave that has come back may not have its clock yet: prepare_clock() gives it back.
     const bool settled =
         reference.al.state >= AlState::safeop || reference.al.state == wanted_state(network, reference);
@@ -215,7 +220,7 @@ void note_time_of_cycle(Network& network) {
             continue;
         }
         if (group.dc_time.slaves != 0 && settled)
-            clocks.note_seen_time(group.dc_time.value, wide && of_reference, network.engine.link().last_cycle());
+            clocks.note_seen_time(group.dc_time.value, is_time_whole(group), network.engine.link().last_cycle());
         if (group.dc_time.slaves != 0 && of_reference)
             clocks.without_time = 0;
         else if (!clocks.paused && settled && ++clocks.without_time >= kEnough)
@@ -233,9 +238,10 @@ Task<Result<>> watch_clocks(Network& network) {
     const std::int64_t rounds =
         clocks.watch_at == Time::min() ? 1 : 1 + (now - clocks.watch_at) / clocks.settings.watch_interval;
     clocks.watch_at = later(now, clocks.settings.watch_interval);
+    clocks.shifted_ns = 0;
     note_followed_clocks(network, rounds);
     if (network.silent) co_return Nothing{};
-    const Watching watching(clocks);  // configdc() forgets the reference
+    const ScopedFlag watching(clocks.watching);  // configdc() forgets the reference
     if (network.redundancy != nullptr) {
         co_await required(network.redundancy->watch_clocks(network));
     }
@@ -247,6 +253,7 @@ Task<Result<>> watch_clocks(Network& network) {
     co_await required(return_to_first_clock(network));
     co_await required(set_late_clock(network));
     note_time_of_cycle(network);
+    note_cycle_time(network);
     choose_standby(network);
     constexpr std::uint8_t kEnoughOld = 5;  // then all slaves of a branch are lost, or back
     const bool old = clocks.rounds_old >= kEnoughOld;

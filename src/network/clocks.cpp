@@ -2,6 +2,7 @@
 
 #include "clock/system_time.hpp"
 #include "network/network.hpp"
+#include "util/scoped_flag.hpp"
 
 #include <algorithm>
 
@@ -51,10 +52,7 @@ Result<std::uint16_t> choose_reference(Network& network, std::uint16_t wanted) {
         if (wanted <= network.count && network.slave(wanted).al.state == AlState::none)
             error.code = Errc::missing_slave;
         if (wanted > network.count || !is_clock(network.clocks.entries[wanted - 1U].kind)) return error;
-        if (network.redundancy == nullptr) return wanted;
-        error.code = Errc::clock_before_reference;
-        error.expected = clock_before(network, wanted);
-        return error.expected == 0 ? Result<std::uint16_t>(wanted) : Result<std::uint16_t>(error);
+        return wanted;
     }
     for (const RingPlace& place : network.seen_ring())
         if (place.slave != 0 && is_clock(network.clocks.entries[place.slave - 1U].kind)) return place.slave;
@@ -106,7 +104,7 @@ Task<Result<>> measure_all(Network& network) {
 }
 
 Task<Result<>> measure(Network& network) {
-    const Measuring measuring(network.clocks);
+    const ScopedFlag measuring(network.clocks.measuring);
     const OpenRing open(network.redundancy);
     for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.times.clear();
     if (network.redundancy != nullptr) {
@@ -124,6 +122,7 @@ Task<Result<>> measure(Network& network) {
     if (changed.code == Errc::none) changed = check_receive_times(network);
     if (changed.code != Errc::none) co_return changed;
     compute_clock_delays(network);
+    correct_topology(network);
     if (network.redundancy != nullptr) network.redundancy->note_ways(network);
     co_return Nothing{};
 }
@@ -257,7 +256,7 @@ Task<Result<>> wait_until_in_sync(Network& network) {
     const Error worst = worst_clock(network, settled ? std::int64_t{settings.limit_ns} : -1);
     if (worst.code != Errc::none) co_return worst;
     for (ClockEntry& clock : network.clocks.entries.first(network.count))
-        clock.in_sync = clock.knows_rate = clock.synchronised;
+        clock.in_sync = clock.knows_rate = clock.told_in_sync = clock.synchronised;
     network.clocks.all_in_sync = true;
     co_return Nothing{};
 }
@@ -291,7 +290,7 @@ Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Sla
     const bool parted = ring != nullptr && ring->are_parted(network, slave, reference);
     if (!parted || before.whole || ring->has_clocks_beside()) co_return of_line;
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    const Measuring measuring(clocks);
+    const ScopedFlag measuring(clocks.measuring);
     for (ClockEntry& clock : clocks.entries.first(network.count)) clock.times.clear();
     (void)find_frame_ways(network);
     co_await required(measure_all(network));
@@ -306,37 +305,6 @@ Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Sla
     if (changed.code != Errc::none) co_return changed;
     compute_delays(nodes);
     co_return delay_between_ns(nodes[from - 1], nodes[to - 1]);
-}
-
-void Clocks::forget() {
-    for (ClockEntry& entry : entries) entry = {};
-    reference = returning = 0;
-    measuring = all_in_sync = paused = loss_reported = is_driven = false;
-    without_time = 0;
-    times_seen = times_sent = 0;
-    greatest_ns = 0;
-    delays_at = Time::min();
-    prepare = nullptr;
-    watch = nullptr;
-    rests = rounds_old = 0;
-    is_near = nullptr;
-    resume = nullptr;
-    begin_cycles = nullptr;
-}
-
-// Before configdc() the features register has to be believed.
-std::uint16_t clock_before(Network& network, std::uint16_t reference) {
-    const Clocks& clocks = network.clocks;
-    if (reference != 0 && reference <= network.count && !network.slave(reference).dl.dc) return 0;
-    for (const RingPlace& place : network.seen_ring()) {
-        if (place.slave == reference) return 0;
-        if (place.slave == 0 || place.slave > network.count) continue;
-        const bool unknown = clocks.entries.empty() || clocks.entries[place.slave - 1U].kind == ClockKind::unknown;
-        const bool has_clock =
-            unknown ? network.slave(place.slave).dl.dc : is_clock(clocks.entries[place.slave - 1U].kind);
-        if (has_clock) return place.slave;
-    }
-    return 0;
 }
 
 Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint64_t value) {
@@ -410,7 +378,7 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     clock.kind = (seen[0] | seen[1]) >> 32 != 0 ? ClockKind::bits64 : ClockKind::bits32;
     slave.dl.dc = true;
     slave.dl.dc_64bit = clock.kind == ClockKind::bits64;
-    co_return Nothing{};
+    co_return co_await required(read_pulse_length(network, slave));
 }
 
 // Where more slaves answer, the ways of the frames are others than those of the ring as it was read last.

@@ -24,6 +24,7 @@ struct ProcessGroup;
 // SYNC signals as the registers have them.
 struct SyncRegisters {
     std::uint16_t assign_activate = 0;  // 0: no SYNC signals
+    bool misfit_told = false;           // that they do not fit the cycle: see note_sync_cycles()
     std::uint32_t sync0_cycle_ns = 0;
     std::uint32_t sync1_cycle_ns = 0;
     std::int64_t shift_ns = 0;
@@ -38,10 +39,16 @@ struct FollowedClock {
 };
 
 struct ClockEntry : SlaveClock {
-    PortTimes times;
-    SyncWatch watch;
+    // The clock whose time arrives, how many frames have brought it since this is so, and how many times
+    // ClockSettings::watch_interval has passed without one.
+    std::uint16_t follows = 0;
+    std::uint8_t times_seen = 0;
+    std::uint8_t rounds_alone = 0;
+    bool told_in_sync = false;  // no event has said since that it is out of sync
     std::uint64_t local_ns = 0;  // register 0x0918 of the last measurement
     SyncRegisters sync;          // by dcsync0(), where `sync_set` is true
+    SyncWatch watch;
+    [[no_unique_address]] PortTimes times;  // the small members behind it fill its last word
     bool sync_set : 1 = false;
     bool measured : 1 = false;     // its delay is known
     bool delay_waits : 1 = false;  // the register of the slave may have another delay (network/ring_ways.cpp)
@@ -62,11 +69,6 @@ struct ClockEntry : SlaveClock {
     std::uint16_t way = 0;         // sum over the slaves before it when its delay was measured, see way_part()
     std::int32_t away_ns = 0;      // of a ring slave: how long the frame is away behind the way to the next ring slave,
     std::int32_t return_ns = 0;    // and from the processing unit until it has left towards the head
-    // The clock whose time arrives, how many frames have brought it since this is so, and how many times
-    // ClockSettings::watch_interval has passed without one.
-    std::uint16_t follows = 0;
-    std::uint8_t times_seen = 0;
-    std::uint8_t rounds_alone = 0;
     // The register with the difference is a mean of 16 comparisons: with fewer, it shows what was before.
     static constexpr std::uint8_t kTimesOfMean = 32;
     [[nodiscard]] bool knows_difference() const { return follows != 0 && times_seen >= kTimesOfMean; }
@@ -87,7 +89,7 @@ struct Clocks {
     Time latched_at{};              // when receive times were latched last
     std::uint64_t system_ns = 0;    // a system time that is known,
     Time system_at{};               // at this time
-    bool measuring = false;         // receive times are latched, and not all of them are read
+    bool measuring = false;         // receive times are latched, not all of them are read: nobody else latches
     bool watching = false;          // watch_clocks() is executing
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
     std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
@@ -97,13 +99,20 @@ struct Clocks {
     std::uint8_t rests = 0;         // rounds until a clock may be brought to the reference, after this has failed
     bool all_in_sync = false;
     bool is_driven = false;         // times are written to the reference, which follows them
+    bool is_paced = false;          // a MasterClock knows the cycle
     bool loss_reported = false;     // that the reference is lost
-    std::uint16_t looked_at = 0;    // the slave whose difference was read last while all clocks were in sync
-    std::uint16_t times_seen = 0;   // cycles_with_time() of the group that carries the time, in the last round
-    std::uint16_t times_sent = 0;   // by send_time() since then
     std::uint8_t odd_times = 0;     // times in succession that note_seen_time() has left out
     bool ways_unknown = false;      // frames enter slaves at other ports, and find_ways() does not know how
     bool unknown_latched = false;   // more slaves have latched receive times last than are known to be in the ring
+    std::uint16_t looked_at = 0;    // the slave whose difference was read last while all clocks were in sync
+    std::uint16_t times_seen = 0;   // cycles_with_time() of the group that carries the time, in the last round
+    std::uint16_t times_sent = 0;   // by send_time() since then
+    std::uint16_t paced_from = 0;   // note_cycle_time(): the number of cycles at `paced_at_ms`; both wrap
+    std::uint32_t paced_at_ms = 0;  // 0: not begun
+    // shift_reference(): by how much the reference was moved since the last round, apart from the rate that the clocks
+    // have learned: `shift_mean` in 16 cycles.
+    std::int32_t shifted_ns = 0;
+    std::int32_t shift_mean = 0;
     std::uint32_t greatest_ns = 0;  // upper estimate of the differences, as read last
     Time watch_at = Time::min();
     Time delays_at = Time::min();  // when the delays are measured again
@@ -151,29 +160,6 @@ struct Clocks {
     void forget();
 };
 
-// Keeps others from latching receive times while these are read.
-class Measuring {
-  public:
-    explicit Measuring(Clocks& clocks) : clocks_(clocks) { clocks_.measuring = true; }
-    Measuring(const Measuring&) = delete;
-    Measuring& operator=(const Measuring&) = delete;
-    ~Measuring() { clocks_.measuring = false; }
-
-  private:
-    Clocks& clocks_;
-};
-
-class Watching {
-  public:
-    explicit Watching(Clocks& clocks) : clocks_(clocks) { clocks_.watching = true; }
-    Watching(const Watching&) = delete;
-    Watching& operator=(const Watching&) = delete;
-    ~Watching() { clocks_.watching = false; }
-
-  private:
-    Clocks& clocks_;
-};
-
 [[nodiscard]] constexpr bool is_clock(ClockKind kind) { return kind == ClockKind::bits32 || kind == ClockKind::bits64; }
 
 // See configdc(). Returns the number of the reference clock.
@@ -207,6 +193,8 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 // Reads register 0x092C of a slave into its entry.
 [[nodiscard]] Task<Result<>> read_difference(Network& network, Slave& slave);
 [[nodiscard]] Task<Result<>> probe_clock(Network& network, Slave& slave);
+// Register 0x0982, into its entry.
+[[nodiscard]] Task<Result<>> read_pulse_length(Network& network, Slave& slave);
 // Latches the receive times of all slaves; read_receive_times() reads the local time of one slave, and adds the receive
 // times to those from which the delays are computed (`yes`).
 enum class Keep : bool { no, yes };
@@ -231,6 +219,9 @@ void find_entry_ports(Network& network);
 bool find_old_delays(Network& network);
 // unstable or unsupported when the receive times of a slave cannot be those of the ways of the frames.
 [[nodiscard]] Error check_receive_times(Network& network);
+// With one NIC: writes what compute_clock_delays() has found into the facts of the slaves where it differs from what the
+// DL status tells.
+void correct_topology(Network& network);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);
 // How much later a frame passes `slave` than `reference`, or its other copy where a break of the ring is between both:
@@ -246,6 +237,11 @@ void compute_clock_delays(Network& network);
 // Once in each round of the watch, `rounds` intervals after the last one: who follows whom, and who is not in sync any
 // more because it is lost, or because no time has reached it for a second.
 void note_followed_clocks(Network& network, std::int64_t rounds);
+// SYNC0 signals that are neither a whole multiple nor a whole part of the cycle have another phase to each frame: said
+// once, also where they differ from that by more than a part of `parts`.
+void note_sync_cycles(Network& network, std::uint64_t cycle_ns, std::uint64_t parts);
+// The same for the mean cycle of two seconds, where no MasterClock knows it. Once in each round of the watch.
+void note_cycle_time(Network& network);
 // The first slave in the ring that has its clock and its state, where this slave is before the reference: it gets what
 // the master has sent. It becomes the reference. Its clock is moved to that of the reference before, in small steps, so
 // that no other clock sees a step; one that is too far away is set, and its SYNC signals start again.

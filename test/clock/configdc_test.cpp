@@ -134,6 +134,75 @@ TEST_F(Configdc, WithoutAnyClockSaysSo) {
     EXPECT_EQ(reference_clock(*ctx), 0);
 }
 
+// A junction whose cables are not equally long.
+TEST_F(Configdc, DelaysThatAreNotMeasuredAreNamed) {
+    add({});
+    add({.start_ns = 5});
+    auto junction = clocked({.unit = DcUnit::none});
+    junction.chip.ports = sim::junction().ports;
+    segment.add(std::move(junction).assemble());
+    ASSERT_TRUE(segment.connect({1, 1}, {2, 0}, kCable));
+    for (const std::uint8_t port : {std::uint8_t{3}, std::uint8_t{1}}) {
+        const auto n = segment.add(clocked({.start_ns = port}).assemble());
+        ASSERT_TRUE(segment.connect({2, port}, {n, 0}, port == 3 ? kCable + 3us : kCable));
+    }
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    const auto all = events();
+    EXPECT_EQ(told(all,
+                   "slave 3: it has branches and no receive times, so the delays of 2 clocks are not measured: they "
+                   "are right if all its cables are equally long"),
+              1)
+        << joined(all);
+    EXPECT_EQ(told(all, "receive times"), 1) << joined(all);
+    EXPECT_FALSE(clock(1).delay_assumed || clock(2).delay_assumed);
+    EXPECT_TRUE(clock(4).delay_assumed && clock(5).delay_assumed);
+    EXPECT_GT(std::abs(ahead_ns(4, 2)), 500) << "as the words say";
+}
+
+TEST_F(Configdc, DelaysAtAFirstJunctionWithoutReceiveTimesAreNamed) {
+    auto junction = clocked({.unit = DcUnit::none});
+    junction.chip.ports = sim::junction().ports;
+    segment.add(std::move(junction).assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    for (const std::uint8_t port : {std::uint8_t{3}, std::uint8_t{1}}) {
+        const auto n = segment.add(clocked({.start_ns = port}).assemble());
+        ASSERT_TRUE(segment.connect({0, port}, {n, 0}, kCable));
+    }
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    EXPECT_EQ(told(events(),
+                   "slave 1: it has branches and no receive times, so the delays of 1 clock are not measured: they are "
+                   "wrong by all that its cables need, because no slave before it has receive times"),
+              1);
+    EXPECT_FALSE(clock(2).delay_assumed) << "the reference";
+    EXPECT_TRUE(clock(3).delay_assumed);
+}
+
+// In a line the cables at both sides may differ: the frame passes each of them there and back.
+TEST_F(Configdc, ASlaveWithoutReceiveTimesInALine) {
+    add({});
+    add({.start_ns = 5});
+    const auto without = segment.add(clocked({.unit = DcUnit::none}).assemble());
+    ASSERT_TRUE(segment.connect({1, 1}, {without, 0}, kCable));
+    const auto behind = segment.add(clocked({.start_ns = 7}).assemble());
+    ASSERT_TRUE(segment.connect({without, 1}, {behind, 0}, kCable + 3us));
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    EXPECT_EQ(told(events(), "receive times"), 0);
+    EXPECT_FALSE(clock(4).delay_assumed);
+    EXPECT_LE(std::abs(ahead_ns(4, 2)), 50) << "the delay of its processing unit is not known";
+}
+
+TEST_F(Configdc, BehindAFirstSlaveWithoutReceiveTimesDelaysAreMeasured) {
+    add({.unit = DcUnit::none});
+    add({});
+    add({.start_ns = 5});
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    EXPECT_FALSE(clock(2).delay_assumed || clock(3).delay_assumed);
+}
+
 TEST_F(Configdc, WithOneClockIsInSync) {
     add({.unit = DcUnit::none});
     add({.drift_ppb = 100'000});

@@ -57,6 +57,17 @@ TEST_F(EntryPorts, OfOneSlaveInALine) {
     const std::array cables{Cable{{0, 1}, {1, 1}}, Cable{{1, 0}, {2, 0}, 5us}};
     connect(3, {0, 0}, cables);
     expect_in_step(3);
+    // The slave behind it answers before it.
+    EXPECT_EQ(ctx->slave(3).parent, 1);
+    EXPECT_EQ(ctx->slave(3).parent_port, 1);
+    EXPECT_EQ(ctx->slave(3).entry_port, 1);
+    EXPECT_EQ(ctx->slave(2).parent, 3);
+    EXPECT_EQ(ctx->slave(2).parent_port, 0);
+    EXPECT_EQ(ctx->slave(2).entry_port, 0);
+    EXPECT_EQ(ctx->slave(1).ports[1].neighbour, 3);
+    EXPECT_EQ(ctx->slave(3).ports[1].neighbour, 1);
+    EXPECT_EQ(ctx->slave(3).ports[0].neighbour, 2);
+    EXPECT_EQ(ctx->slave(2).ports[0].neighbour, 3);
 }
 
 TEST_F(EntryPorts, OfAllSlavesOfALine) {

@@ -300,5 +300,44 @@ TEST_F(ClockHarm, TheNextReferenceTakesOverAfterASilence) {
     EXPECT_EQ(joined(events()), "");
 }
 
+// A scan deletes what is known of the clocks: not while a supervision compares them, and at once after its end.
+TEST_F(ClockHarm, AScanAtAnyMomentOfAComparison) {
+    add_line(4);
+    ClockSettings settings = kFewFrames;
+    settings.watch_interval = 1ms;
+    settings.delay_interval = 3ms;
+    bring_up(settings);
+    for (int moment = 0; moment < 120; ++moment) {
+        const int polls = moment * 5;
+        for (int n = 0; n < polls; ++n) {
+            osal.advance(7us);
+            (void)poll(*ctx, osal.now());
+            if (n % 100 == 99) (void)cycle();
+        }
+        ScanRequest refused;
+        EXPECT_FALSE(submit(*ctx, refused).ok() && !refused.busy()) << "the supervision uses the slaves";
+        refused.cancel();
+        if (moment % 2 == 0) supervision.cancel();
+        ScanRequest scan;
+        if (moment % 2 == 0) (void)submit(*ctx, scan);
+        for (int n = 0; n < 3000 && (scan.busy() || (moment % 2 == 0 && supervision.busy())); ++n) {
+            osal.advance(20us);
+            (void)poll(*ctx, osal.now());
+        }
+        if (moment % 2 != 0) continue;
+        ASSERT_FALSE(scan.busy()) << moment;
+        ASSERT_TRUE(scan.state() == RequestState::success || config_init(*ctx).ok()) << moment;
+        EXPECT_EQ(clock(2).kind, ClockKind::unknown);
+        ASSERT_TRUE(configdc(*ctx, settings).ok());
+        for (std::uint16_t n = 1; n <= 4; ++n) ctx->slave(n).config.setup = &every_ms;
+        (void)config_map(*ctx, image);
+        ASSERT_TRUE(submit(*ctx, supervision).ok()) << moment;
+        cycles(100);
+    }
+    ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+    cycles(500);
+    EXPECT_LE(greatest_error_ns(4), 100);
+}
+
 }  // namespace
 }  // namespace margay

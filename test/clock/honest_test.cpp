@@ -139,6 +139,37 @@ TEST_F(Honest, AReferenceThatWasResetGetsItsDelayWhileTheBusIsShifted) {
     }
 }
 
+// The cycle begins half a cycle away from its phase: the reference moves by 600 ns a cycle, and the others follow late.
+TEST_F(Honest, WhileTheBusIsShiftedNoClockThatLagsIsInSync) {
+    add_line(4);
+    bring_up(kFewFrames);
+    for (const Duration phase : {-200us, -700us, -230us}) {
+        SCOPED_TRACE(phase.count());
+        MasterClock master({.mode = MasterClock::Mode::bus_shift, .set_value = phase, .phase = {.cycle = 1ms}});
+        std::int64_t most = 0;
+        std::int64_t apart = 0;
+        Time next = osal.now();
+        for (int n = 0; n < 4000; ++n) {
+            next += 1ms;
+            while (osal.now() + 50us < next) {
+                osal.advance(50us);
+                (void)poll(*ctx, osal.now());
+            }
+            osal.advance(next - osal.now());
+            (void)send_processdata(*ctx);
+            (void)receive_processdata(*ctx, 300us);
+            (void)master.update(*ctx, 0ms);
+            apart = std::max(apart, greatest_error_ns(4));
+            for (std::uint16_t s = 2; s <= 4; ++s)
+                if (clock(s).in_sync) most = std::max(most, std::abs(ahead_ns(s)));
+        }
+        EXPECT_GT(apart, 2000) << "it seeks";
+        EXPECT_LE(most, 800) << "four times the limit";
+        for (std::uint16_t s = 1; s <= 4; ++s) EXPECT_TRUE(clock(s).in_sync) << s << joined(events());
+        EXPECT_EQ(master.state(), PhaseState::in_sync);
+    }
+}
+
 // A slave that config_init() has not found was put between two others.
 TEST_F(Honest, ASlaveThatWasNotFoundIsNoticed) {
     add({});

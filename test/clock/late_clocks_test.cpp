@@ -272,5 +272,83 @@ TEST_F(LateClocks, AClockFirstSeenWhileTheChosenReferenceIsLost) {
     EXPECT_LE(std::abs(ahead_ns(3, 4)), 300) << told;
 }
 
+// No clock takes over. A slave that was reset meanwhile has a time of its own, until the reference is back.
+TEST_F(LateClocks, ASlaveThatIsResetWhileTheReferenceIsLost) {
+    hang(0, {.drift_ppb = 50'000});
+    hang(3, {.drift_ppb = 20'000, .start_ns = 7});
+    hang(1, {.drift_ppb = -20'000, .start_ns = 77});
+    ClockSettings settings = kFewFrames;
+    settings.reference = 2;
+    settings.replace_lost_reference = false;
+    setup = {};
+    bring_up(settings, {});
+    power(1, false);
+    steps(1000);
+    EXPECT_TRUE(clock(3).synchronised) << "it goes on at its rate";
+    power(2, false);
+    steps(100);
+    power(2, true);
+    steps(3000);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::op) << joined(events());
+    EXPECT_FALSE(clock(3).synchronised || clock(3).in_sync || clock(3).sync_active) << "it has its own time";
+    power(1, true);
+    steps(5000);
+    EXPECT_TRUE(clock(3).synchronised && clock(3).in_sync) << joined(events());
+    EXPECT_LE(std::abs(ahead_ns(3, 2)), 300);
+}
+
+// The first one has 64 bits and the next one 32, or the other way round: the time goes on above 32 bits.
+TEST_F(LateClocks, AReferenceWithAnotherWidthKeepsThePhase) {
+    for (const bool wide_first : {true, false}) {
+        SCOPED_TRACE(wide_first);
+        LateClocksBus bus;
+        const auto unit = [wide_first](bool first) {
+            return first == wide_first ? sim::DcUnit::bits64 : sim::DcUnit::bits32;
+        };
+        bus.hang(0, {.unit = sim::DcUnit::receive_times});
+        bus.hang(3, {.drift_ppb = 10'000, .start_ns = 7, .unit = unit(true)});
+        bus.hang(1, {.drift_ppb = 30'000, .start_ns = 77, .unit = unit(false)});
+        bus.hang(2, {.drift_ppb = -20'000, .start_ns = 777});
+        bus.osal.advance(6s);  // more than 32 bits
+        bus.bring_up(kFewFrames, {});
+        MasterClock master({.set_value = -500us, .phase = {.cycle = 1ms}});
+        int left = 0;
+        ClockRecord last;
+        unsigned steps = 0;
+        const auto work = [&](const CycleInfo&) {
+            const ClockRecord now = master.record();
+            if (!now.read) return --left > 0;
+            const auto passed = static_cast<std::int64_t>(now.bus_time_ns - last.bus_time_ns);
+            steps += last.read && std::abs(passed - (now.at - last.at).count()) > 50'000 ? 1U : 0U;
+            last = now;
+            return --left > 0;
+        };
+        const auto run_for = [&](int count) {
+            left = count;
+            last = {};
+            return run_cycle(*bus.ctx, {.period = 1ms, .clock = &master}, work).ok();
+        };
+        ASSERT_TRUE(run_for(4000));
+        ASSERT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+        const auto phase_ns = [&bus] {  // of SYNC0 of slave 4, in true time
+            bus.segment.advance(bus.osal.now());
+            return (bus.segment.slave(3).sync().next() - bus.osal.now()).count();
+        };
+        const auto before = phase_ns();
+        bus.power(1, false);
+        ASSERT_TRUE(run_for(5000));
+        EXPECT_EQ(reference_clock(*bus.ctx), 3) << bus.joined(bus.events());
+        EXPECT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+        EXPECT_NEAR(static_cast<double>(phase_ns()), static_cast<double>(before), 5000);
+        EXPECT_EQ(master.record().bus_time_ns >> 32, clock_status(*bus.ctx, bus.osal.now()).system_time_ns >> 32);
+        bus.power(1, true);
+        ASSERT_TRUE(run_for(12'000));
+        EXPECT_EQ(reference_clock(*bus.ctx), 2) << bus.joined(bus.events());
+        EXPECT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+        EXPECT_NEAR(static_cast<double>(phase_ns()), static_cast<double>(before), 5000);
+        EXPECT_EQ(steps, 0U) << "the time has no steps";
+    }
+}
+
 }  // namespace
 }  // namespace margay
