@@ -1,6 +1,9 @@
 // A slave assigns a PDO that its dictionary does not have.
 #include "mailbox/mailbox_bus.hpp"
 
+#include <algorithm>
+#include <array>
+
 namespace margay {
 namespace {
 
@@ -52,6 +55,42 @@ TEST_F(UndescribedPdo, AGapInTheAssignmentIsNone) {
     bus.start();
     EXPECT_TRUE(config_map(*bus.ctx, image).ok());
     for (const auto& text : errors()) EXPECT_EQ(text.find("neither the list"), std::string::npos) << text;
+}
+
+// The application lists the PDO without its entries.
+constexpr Pdo kOpen[] = {{0x1605}};
+constexpr SmPdos kOpenList[] = {{2, kOpen}};
+constexpr SlaveSetup kOpenSetup{.pdos = kOpenList};
+
+TEST_F(UndescribedPdo, InAListWithoutItsEntriesItIsAnError) {
+    StackSlave& slave = bus.add_stack();
+    assign(slave, 0x1605);
+    bus.start();
+    bus.ctx->slave(1).config.setup = &kOpenSetup;
+    bus.ctx->slave(1).config.fixed_pdos = true;
+    EXPECT_EQ(bus.words(config_map(*bus.ctx, image).error()),
+              "slave 1: configuring PDOs of 0x1605:0: neither the list nor the slave says which entries the PDO has");
+    EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 0U) << "the length of the SyncManager in the SII is of other PDOs";
+    EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::preop);
+}
+
+// A list names its PDOs, so that the SII may describe them.
+TEST_F(UndescribedPdo, InAListItIsTakenFromTheSii) {
+    StackSlave& slave = bus.add_stack();
+    auto& sii = bus.segment.slave(0).sii().image();
+    const std::array<std::byte, 2> first{std::byte{0x00}, std::byte{0x16}};  // PDO 0x1600 becomes 0x1605 there
+    const auto found = std::ranges::search(sii, first);
+    ASSERT_FALSE(found.empty());
+    found.front() = std::byte{0x05};
+    assign(slave, 0x1605);
+    bus.start();
+    bus.ctx->slave(1).config.setup = &kOpenSetup;
+    bus.ctx->slave(1).config.fixed_pdos = true;
+    EXPECT_EQ(bus.words(config_map(*bus.ctx, image).error()),
+              "slave 1: requesting a state: the slave refused (wanted SAFEOP, is in PREOP, AL status code 0x0025: "
+              "invalid output mapping)")
+        << "as its firmware does not know the PDO";
+    EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 32U);
 }
 
 }  // namespace
