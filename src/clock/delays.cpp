@@ -1,5 +1,7 @@
 #include "clock/delays.hpp"
 
+#include <iterator>
+
 namespace margay {
 namespace {
 
@@ -56,39 +58,80 @@ void find_above(std::span<DelayNode> nodes, DelayNode& node) {
 }
 
 bool same_branch(const DelayNode& a, const DelayNode& b) {
-    return b.timed() && a.above == b.above && (a.above == 0 ? a.root == b.root : a.above_port == b.above_port);
+    return a.above == b.above && (a.above == 0 ? a.root == b.root : a.above_port == b.above_port);
 }
+
+// The way of the frame through a branch: all slaves behind one port of a slave with receive times, down to the next
+// ones with receive times. Each of them has one cable towards the master, which the frame passes there and back.
+class Branch {
+  public:
+    Branch(std::span<const DelayNode> nodes, std::size_t first) : nodes_(nodes), first_(first) {
+        for (std::size_t n = 0; n < nodes.size(); ++n) {
+            if (!contains(n)) continue;
+            ++slaves_;
+            if (nodes[n].timed()) ++timed_;
+            if (nodes[n].timed()) stays_ps_ += stay_ps(nodes[n]);
+        }
+    }
+    // Of the slaves that answer.
+    [[nodiscard]] bool contains(std::size_t n) const {
+        const DelayNode& node = nodes_[n];
+        if (!same_branch(nodes_[first_], node)) return false;
+        return node.timed() || node.parent == 0 || node.parent > nodes_.size() ||
+               has_neighbour(nodes_[node.parent - 1U], node.parent_port);
+    }
+    [[nodiscard]] std::int64_t stays() const { return stays_ps_; }
+    [[nodiscard]] std::int64_t passes() const { return 2 * std::int64_t{slaves_}; }
+    // How often the frame has passed a cable when it arrives at place `n` + 1: it has passed the cable of each slave
+    // before, and all but those towards this slave again on its way back.
+    [[nodiscard]] std::int64_t passes_until(std::size_t n) const {
+        std::int64_t cables = 0;
+        for (std::size_t k = 0; k <= n; ++k)
+            if (contains(k)) ++cables;
+        return 2 * cables - depth(n);
+    }
+    // There is one way through it: the frame passes each cable there and back with nothing but the slave between.
+    [[nodiscard]] bool is_line() const { return timed_ == 1 && depth(first_) == slaves_; }
+
+  private:
+    [[nodiscard]] std::int64_t depth(std::size_t n) const {
+        std::int64_t cables = 1;
+        for (std::uint16_t at = nodes_[n].parent;
+             at != nodes_[n].above && at != 0 && at <= nodes_.size() && cables <= std::ssize(nodes_); ++cables)
+            at = nodes_[at - 1U].parent;
+        return cables;
+    }
+
+    std::span<const DelayNode> nodes_;
+    std::size_t first_;
+    std::int64_t slaves_ = 0;
+    std::int64_t timed_ = 0;
+    std::int64_t stays_ps_ = 0;
+};
 
 // All slaves with receive times behind one port of `above`, beginning with `first`: mostly one, several behind a
 // junction without receive times. The frame passes one after the other.
 void place_branch(std::span<DelayNode> nodes, std::size_t first) {
-    DelayNode& head = nodes[first];
-    std::int64_t arrival = 0;
-    std::int64_t cable = 0;
-    std::int64_t cables = 1;
-    std::int64_t stays = 0;
-    for (std::size_t n = first; n < nodes.size(); ++n) {
-        if (!same_branch(head, nodes[n])) continue;
-        stays += stay_ps(nodes[n]);
-        ++cables;
-    }
+    const DelayNode& head = nodes[first];
+    const Branch branch(nodes, first);
+    const bool is_line = branch.is_line();
+    std::int64_t begin = 0;
+    std::int64_t rest = 0;  // in the cables
     if (head.above != 0) {
         const DelayNode& above = nodes[head.above - 1U];
         const std::uint8_t before = port_before(above, head.above_port);
         const std::int64_t left = before == above.entry_port ? 0 : above.times->port_ps(before);
         const std::int64_t through = inner_ps(above, before, head.above_port);
-        const std::int64_t rest = above.times->port_ps(head.above_port) - left - through - stays;
-        cable = rest > 0 ? rest / cables : 0;
-        arrival = above.arrival_ps + left + through + cable;
+        rest = above.times->port_ps(head.above_port) - left - through - branch.stays();
+        begin = above.arrival_ps + left + through;
     }
-    const bool one_way = cables == 2;  // there and back
     for (std::size_t n = first; n < nodes.size(); ++n) {
         DelayNode& node = nodes[n];
-        if (!same_branch(head, node)) continue;
-        node.arrival_ps = arrival;
-        arrival += stay_ps(node) + cable;
+        if (!node.timed() || !same_branch(head, node)) continue;
+        node.arrival_ps = begin + (rest > 0 ? rest * branch.passes_until(n) / branch.passes() : 0);
+        begin += stay_ps(node);
         node.placed = true;
-        node.assumed = !one_way          ? static_cast<std::uint16_t>(n + 1)
+        node.assumed = !is_line          ? static_cast<std::uint16_t>(n + 1)
                        : node.above != 0 ? nodes[node.above - 1U].assumed
                                          : std::uint16_t{0};
         node.passed_ps = node.arrival_ps;

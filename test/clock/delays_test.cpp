@@ -40,6 +40,12 @@ class Ring {
     }
     void add_without_times(std::uint16_t parent, std::uint8_t parent_port) {
         nodes.push_back({.parent = parent, .parent_port = parent_port});
+        connect(parent, parent_port);
+    }
+    void connect(std::uint16_t parent, std::uint8_t port) {
+        if (parent == 0) return;
+        std::uint8_t& of_parent = nodes[parent - 1U].neighbours;
+        of_parent = static_cast<std::uint8_t>(of_parent | 1U << port);
     }
     std::int64_t delay(std::size_t place, std::size_t reference = 1) {
         compute_delays(nodes);
@@ -110,6 +116,41 @@ TEST(Delays, BehindAJunctionWithoutReceiveTimes) {
     // The 100 ns that every pass has count as cable: (2220 - 3 · 40) / 3 = 700 each.
     EXPECT_EQ(ring.delay(3), 40 + 700);
     EXPECT_EQ(ring.delay(4), 40 + 700 + 40 + 700);
+}
+
+// A junction behind a junction, both without receive times: the frame passes A, J, B, J, K, C, K, J and A. Each of the
+// eight ways between them needs 600 ns, and A, B and C 40 ns through their processing units.
+TEST(Delays, BehindJunctionsWithoutReceiveTimes) {
+    Ring ring;
+    ring.add(0, 0, {{1, 3 * 40 + 8 * 600}});
+    ring.add_without_times(1, 1);
+    ring.add(2, 3, {});
+    ring.add_without_times(2, 1);
+    ring.add(4, 1, {});
+    ring.connect(2, 3);
+    ring.connect(4, 1);
+    EXPECT_EQ(ring.delay(3), 40 + 2 * 600);
+    EXPECT_EQ(ring.delay(5), 40 + 2 * 600 + 40 + 3 * 600);
+    EXPECT_NE(ring.nodes[2].assumed, 0);
+    EXPECT_NE(ring.nodes[4].assumed, ring.nodes[2].assumed);
+}
+
+// The frame passes a slave without receive times, at a branch of another one, before it arrives at B: A, J, X, J, B, J
+// and A.
+TEST(Delays, BehindABranchWithoutReceiveTimes) {
+    Ring ring;
+    ring.add(0, 0, {{1, 2 * 40 + 6 * 600}});
+    ring.add_without_times(1, 1);
+    ring.add_without_times(2, 3);
+    ring.add(2, 1, {});
+    EXPECT_EQ(ring.delay(4), 40 + 4 * 600);
+    EXPECT_NE(ring.nodes[3].assumed, 0);
+    // X is lost: nothing answers at that port.
+    ring.nodes[1].neighbours = 1U << 1;
+    ring.times[0].clear();
+    ring.times[0].add({.port_ns = {1000, 1000 + 2 * 40 + 4 * 600, 0, 0}}, 0);
+    EXPECT_EQ(ring.delay(4), 40 + 2 * 600);
+    EXPECT_EQ(ring.nodes[3].assumed, 0);
 }
 
 TEST(Delays, OfTheFirstSlaveWithTimesAfterOneWithout) {
