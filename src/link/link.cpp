@@ -172,7 +172,7 @@ void Link::close_lost(FrameSlot& slot, Time now) {
 
 void Link::pack(FrameSlot& slot, wire::FrameBuilder& builder) {
     while (Datagram* d = queue_.front()) {
-        if (!builder.fits(d->sent_data_.size()) || (d->alone_ && !slot.datagrams.empty())) break;
+        if (!builder.fits(d->sent_data_.size()) || (d->alone_ && !builder.empty())) break;
         d->offset_ = static_cast<std::uint16_t>(builder.size());
         const auto data = builder.append(d->command_, slot.index, d->address_, d->sent_data_.size());
         std::copy(d->sent_data_.begin(), d->sent_data_.end(), data.begin());

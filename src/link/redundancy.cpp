@@ -203,7 +203,8 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     divide_times(*pair);
     pair->positions = has_positions(Bytes(pair->out).first(pair->size));
     pair->shift = pair->positions ? positions_behind(pair->head) : std::uint16_t{0};
-    const bool head_only = foreign_.load(kRelaxed) || head_only_.load(kRelaxed);
+    const bool opened = opening_.load(kRelaxed) != Opening::none && is_opened_by(frame);
+    const bool head_only = opened || foreign_.load(kRelaxed);
     pair->sent.store(head_only ? bit(pair->head) : static_cast<std::uint8_t>(bit(0) | bit(1)), kRelaxed);
     const bool own = pair >= own_.data() && pair < own_.data() + own_.size();
     const auto number = own ? pair - own_.data() : pair - overlapped_.data() + static_cast<std::ptrdiff_t>(own_.size());
@@ -246,8 +247,10 @@ unsigned Redundancy::sender_of(Bytes frame) const noexcept {
 }
 
 // Whether the copy of `nic` is waited for after the other copy has come. Not when the copies of this NIC do not come
-// back at all; but an idle copy has found the ring whole again.
+// back at all; but an idle copy has found the ring whole again. The port that the library opens may still be closed.
 bool Redundancy::awaits(const FramePair& pair, unsigned nic) const noexcept {
+    const bool closed = opening_.load(kRelaxed) == Opening::closed && nic != pair.head;
+    if (closed && (pair.crossed & bit(pair.head)) == 0) return false;
     return (pair.sent.load(std::memory_order_acquire) & bit(nic)) != 0 && (pair.came & bit(nic)) == 0 &&
            (!silent_[nic].load(kRelaxed) || (pair.idle & bit(1 - nic)) != 0);
 }
@@ -411,7 +414,7 @@ std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned fro
     const unsigned crossing = processed & pair.crossed;
     const bool complete = crossing != 0 && rests_[crossing == bit(0) ? 1 : 0];
     if (changed && complete) processed = crossing;
-    if (!head_only_.load(kRelaxed)) note_ring(pair, processed);
+    if (opening_.load(kRelaxed) == Opening::none) note_ring(pair, processed);
     if (processed == 0) return 0;
     const bool misplaced = is_misplaced(pair, processed);
     const unsigned other = 1U - pair.head;

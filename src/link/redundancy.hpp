@@ -115,9 +115,16 @@ class Redundancy final : public Nic, public Cables {
     [[nodiscard]] std::uint32_t ways() const noexcept { return ways_; }
     // The differences since the last call.
     [[nodiscard]] PartDifference take_difference() noexcept { return std::exchange(difference_, PartDifference{}); }
-    // While `only` is true, only the head sends frames, and replies do not change the state of the ring: the library
-    // has opened the ring itself.
-    void use_head_only(bool only) noexcept { head_only_.store(only, std::memory_order_relaxed); }
+    // The library opens the ring itself: from the next frame on that writes the loop control of a slave, only the head
+    // sends. Until end_opening(), replies do not change the state of the ring. Without `times`, the frames of the open
+    // ring bring no time to the clocks: some times would change the rates of clocks that follow another reference.
+    void begin_opening(bool times) noexcept {
+        without_times_.store(!times, std::memory_order_relaxed);
+        opening_.store(Opening::awaited, std::memory_order_relaxed);
+    }
+    // Behind the next frame that writes the loop control, both NICs send again.
+    void begin_closing() noexcept { opening_.store(Opening::ends, std::memory_order_relaxed); }
+    void end_opening() noexcept { opening_.store(Opening::none, std::memory_order_relaxed); }
 
     [[nodiscard]] RedundancyStatus status() const noexcept;
     // The NIC at the beginning of the ring.
@@ -172,6 +179,7 @@ class Redundancy final : public Nic, public Cables {
         foreign_.store(fault == CablingFault::second_segment, std::memory_order_relaxed);
     }
     [[nodiscard]] std::uint16_t positions_behind(unsigned head) const noexcept;
+    [[nodiscard]] bool is_opened_by(Bytes frame) noexcept;
     [[nodiscard]] SendStatus send_by_head(FramePair& pair, Bytes frame) noexcept;
     void send_probe(unsigned nic) noexcept;
     void note_probe(Bytes frame, unsigned at, unsigned from) noexcept;
@@ -199,7 +207,9 @@ class Redundancy final : public Nic, public Cables {
     }
     std::atomic<std::uint32_t> second_{0};  // see set_second_reference()
     std::atomic<bool> times_held_{false};
-    std::atomic<bool> head_only_{false};
+    enum class Opening : std::uint8_t { none, awaited, open, ends, closed };
+    std::atomic<Opening> opening_{Opening::none};
+    std::atomic<bool> without_times_{false};
     // Another segment is behind the NIC that is not the head. Its slaves must process nothing: that NIC only sends a
     // frame of NOPs now and then, whose return shows when it is connected to the ring again.
     std::atomic<bool> foreign_{false};

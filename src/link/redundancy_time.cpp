@@ -36,7 +36,9 @@ void Redundancy::divide_times(FramePair& pair) const noexcept {
     const std::uint32_t second = second_.load(std::memory_order_relaxed);
     const auto reference = static_cast<std::uint16_t>(second >> 16);
     pair.second_is_first = reference != 0;
-    pair.times_held = times_held_.load(std::memory_order_relaxed);
+    const bool open = opening_.load(std::memory_order_relaxed) != Opening::none;
+    pair.times_held = times_held_.load(std::memory_order_relaxed) ||
+                      (open && without_times_.load(std::memory_order_relaxed));
     pair.second_slaves = 0;
     pair.times = {};
     std::size_t found = 0;

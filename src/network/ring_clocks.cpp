@@ -35,9 +35,23 @@ bool has_clock(Network& network, RingParts parts, bool beside) {
     });
 }
 
+// In a frame of its own: the frames before it and behind it take another way.
+Task<Result<>> write_loops(Station station, int value) {
+    std::array<std::byte, 2> bytes{};
+    store_le<std::uint16_t>(bytes, 0, static_cast<std::uint16_t>(value));
+    Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, kLoops.address}, Bytes(bytes));
+    write.send_alone();
+    const auto reply = co_await write;
+    const Error error = error_of_reply(station, reply, Step::configure_clocks, kLoops.address);
+    if (error.code != Errc::none) co_return error;
+    co_return Nothing{};
+}
+
 }  // namespace
 
-Task<Result<>> RingWatch::open_ring(Network& network) {
+Task<Result<>> RingWatch::open_ring(Network& network) { co_return co_await required(open_ring_with(network, false)); }
+
+Task<Result<>> RingWatch::open_ring_with(Network& network, bool times) {
     const RingParts now = parts();
     last_ = 0;
     measured_whole_ = false;
@@ -69,11 +83,11 @@ Task<Result<>> RingWatch::open_ring(Network& network) {
     measured_last_ = last->ring_position;
     const Station station = network.station(*last);
     const auto control = co_await required(read<std::uint16_t>(station, reg::kDlControl, Step::configure_clocks));
-    ring_.use_head_only(true);
+    ring_.begin_opening(times);
     opened_ = network.engine.now();
     last_ = last->number;
     last_control_ = control;
-    const auto written = co_await write_clock_register(station, kLoops, control | kTemporary | closed(port));
+    const auto written = co_await write_loops(station, control | kTemporary | closed(port));
     if (!written) {  // perhaps only the reply was lost
         co_await completion(close_ring(network));
     }
@@ -82,10 +96,10 @@ Task<Result<>> RingWatch::open_ring(Network& network) {
 
 Task<Result<>> RingWatch::close_ring(Network& network) {
     if (last_ == 0 || last_ > network.count) co_return Nothing{};
-    const auto written =
-        co_await write_clock_register(network.station(network.slave(last_)), kLoops, last_control_ & ~kTemporary);
+    ring_.begin_closing();
+    const auto written = co_await write_loops(network.station(network.slave(last_)), last_control_ & ~kTemporary);
     last_ = 0;
-    ring_.use_head_only(false);
+    ring_.end_opening();
     if (written && network.engine.now() - opened_ > kLongest) co_return ring_error(Errc::unstable);
     if (written) guessed_ = false;
     co_return written;
@@ -148,7 +162,7 @@ Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
 // Returns the greatest difference of a clock beside the ring after the lesson.
 Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
     constexpr Duration kLesson = std::chrono::milliseconds(400);
-    co_await required(open_ring(network));
+    co_await required(open_ring_with(network, true));
     const Time give_up = network.engine.now() + kLesson;
     bool same = true;
     for (std::uint16_t n = 0; n < network.clocks.settings.burst_frames && network.engine.now() < give_up && same; ++n) {

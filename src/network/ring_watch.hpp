@@ -35,7 +35,7 @@ class RingWatch final : public RedundancyPart {
     // Clocks (ring_clocks.cpp)
     [[nodiscard]] Task<Result<>> open_ring(Network& network) override;
     [[nodiscard]] Task<Result<>> close_ring(Network& network) override;
-    void forget_opening() override { ring_.use_head_only(false); }
+    void forget_opening() override { ring_.end_opening(); }
     [[nodiscard]] Task<Result<>> begin_second_part(Network& network) override;
     // Clocks beside the ring (ring_ways.cpp)
     void note_ways(Network& network) override;
@@ -81,6 +81,7 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> teach_rate(Network& network, Slave& second);
     [[nodiscard]] Task<Result<>> set_second_part(Network& network, Slave& second);
     [[nodiscard]] Task<Result<>> change_second(Network& network, std::uint16_t second);
+    [[nodiscard]] Task<Result<>> open_ring_with(Network& network, bool times);
     [[nodiscard]] Task<Result<std::uint32_t>> teach_once(Network& network);
     [[nodiscard]] static bool may_teach(const Network& network);
     [[nodiscard]] Task<Result<>> teach(Network& network);

@@ -150,6 +150,32 @@ TEST_F(ClockBranch, DelaysOfClocksBeforeTheReference) {
     expect_all_in_step();
 }
 
+// The ring is opened for each measurement. The second reference keeps its rate, and no cycle misses the branch.
+TEST_F(ClockBranch, DelaysThatAreMeasuredAgainAndAgain) {
+    add_ring(5);
+    add_branch(3, 2, 2);
+    clock_settings.delay_interval = 100ms;
+    bring_up_ring();
+    EXPECT_NE(status().second_reference, 0);
+    EXPECT_EQ(stale_cycles(1000), 0U);
+    go(4000);
+    expect_all_in_step();
+}
+
+// The clocks beside the ring are taught by the frames of the head, for which the ring is opened and closed.
+TEST_F(ClockBranch, NoCycleIsStaleWhenClocksAreTaught) {
+    add_ring(6);
+    add_branch(2, 2, 2);
+    late_us = 100;
+    bring_up_ring();
+    for (const std::size_t n : {3U, 1U, 4U, 3U}) {
+        cut(n, 30);
+        mend(n, 30);
+        EXPECT_EQ(stale_cycles(2500), 0U) << n;
+    }
+    expect_all_in_step();
+}
+
 // Faults in a ring without branches, some ten milliseconds apart.
 TEST_F(ClockBranch, FaultsBeforeTheClocksAreCompared) {
     add_ring(5);

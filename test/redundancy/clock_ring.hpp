@@ -33,7 +33,8 @@ struct ClockRingBus : RingBus {
         }
         close_ring();
     }
-    Result<std::uint16_t> clocks() { return configdc(*ctx, {.burst_frames = 2000}); }
+    ClockSettings clock_settings{.burst_frames = 2000};
+    Result<std::uint16_t> clocks() { return configdc(*ctx, clock_settings); }
     void bring_up() {
         start();
         if (at.empty()) at = segment.order();

@@ -1,0 +1,28 @@
+// A ring that the library opens itself, see Redundancy::begin_opening().
+#include "link/redundancy.hpp"
+#include "wire/esc.hpp"
+
+namespace margay {
+namespace {
+
+bool writes_loops(Bytes frame) {
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next())
+        if (d->header.command == wire::Command::FPWR && d->header.address.ado() == wire::reg::kDlControl.address)
+            return true;
+    return false;
+}
+
+}  // namespace
+
+// Whether only the head sends the frame. The frame that closes or opens the port finds the port as it was before: the
+// copy of the other NIC could meet it closed.
+bool Redundancy::is_opened_by(Bytes frame) noexcept {
+    constexpr auto kRelaxed = std::memory_order_relaxed;
+    const Opening before = opening_.load(kRelaxed);
+    const bool turns = (before == Opening::awaited || before == Opening::ends) && writes_loops(frame);
+    if (turns) opening_.store(before == Opening::awaited ? Opening::open : Opening::closed, kRelaxed);
+    return turns || before == Opening::open || before == Opening::ends;
+}
+
+}  // namespace margay
