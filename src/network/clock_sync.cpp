@@ -265,6 +265,12 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     co_return co_await required(write_clock(network, slave));
 }
 
+// A clock that is being set is left out when the delays are measured: perhaps they were measured meanwhile.
+Task<Result<>> write_delay_again(Network& network, Slave& slave) {
+    co_return co_await required(
+        write_clock_register(network.station(slave), wire::reg::kSystemTimeDelay, network.clocks.of(slave).delay_ns));
+}
+
 // Sends the time until the slave's clock is within the limit, for kLongest at most. After that the supervision reports
 // the clock.
 Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
@@ -301,6 +307,7 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
     const bool first =
         set && slave.ring_position != 0 && slave.ring_position < network.slave(clocks.reference).ring_position;
     clocks.of(slave).synchronised = set.ok();
+    if (set) set = co_await write_delay_again(network, slave);
     clocks.lose_sync(slave);
     if (first) co_await completion(set_reference(network, slave));
     // It has not learned its rate: the clocks that do not follow it are not in step with it.
@@ -337,6 +344,7 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
         co_return co_await required(become_reference(network, slave, ClockRate::of_reference));
     co_await required(set_clock_by_reference(network, slave));
     clock.synchronised = true;
+    co_await required(write_delay_again(network, slave));
     co_return co_await required(wait_for_clock(network, slave));
 }
 

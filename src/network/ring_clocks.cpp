@@ -35,6 +35,14 @@ bool has_clock(Network& network, RingParts parts, bool beside) {
     });
 }
 
+// A clock was being set when the others were given the delays of the ways as they are.
+bool delay_waits(Network& network) {
+    return std::ranges::any_of(network.slaves(), [&](const Slave& slave) {
+        const ClockEntry& clock = network.clocks.of(slave);
+        return clock.delay_waits && clock.synchronised && slave.al.state != AlState::none;
+    });
+}
+
 // In a frame of its own: the frames before it and behind it take another way.
 Task<Result<>> write_loops(Station station, int value) {
     std::array<std::byte, 2> bytes{};
@@ -430,6 +438,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         if (!taught) co_await completion(teach(network));
         co_return co_await required(arrange(network));
     }
+    if (has_beside_ && delay_waits(network)) co_return co_await required(arrange(network));
     const std::uint16_t wanted = choose_second(network);
     if (wanted != std::exchange(wanted_second_, wanted))
         rounds_seen_ = 0;

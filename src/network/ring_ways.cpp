@@ -128,6 +128,7 @@ std::int64_t RingWatch::passes_at_ns(Network& network, const Slave& slave) const
 
 Task<Result<>> RingWatch::write_delay(Network& network, Slave& slave, std::int64_t earliest_ns) {
     ClockEntry& clock = network.clocks.of(slave);
+    clock.delay_waits |= clock.measured && !clock.synchronised;  // it is being set
     if (!clock.synchronised || !clock.measured) co_return Nothing{};
     // A register of the chip cannot be negative.
     const std::int64_t later = is_behind(network, slave) ? std::max<std::int64_t>(-earliest_ns, 0) : 0;
@@ -135,7 +136,7 @@ Task<Result<>> RingWatch::write_delay(Network& network, Slave& slave, std::int64
     const bool same = clock.delay_ns == delay && !clock.beside && !clock.delay_waits;
     clock.delay_ns = delay;
     if (same) co_return Nothing{};
-    clock.delay_waits = true;  // of a slave that is lost, until it is back
+    clock.delay_waits = true;  // a slave that is lost, until it is back
     if (slave.al.state == AlState::none) co_return Nothing{};
     co_await required(write_clock_register(network.station(slave), wire::reg::kSystemTimeDelay, delay));
     clock.delay_waits = clock.delay_ns != delay;
