@@ -232,10 +232,30 @@ bool take_sizes_of_sii(ecx_contextt& context, Session& session, std::uint16_t nu
     return true;
 }
 
+// Ends the mappings of the other groups that lose all their slaves to this one: the program may use their memory again.
+void empty_others(ecx_contextt& context, Session& session, std::uint8_t group) {
+    for (int n = 0; n < most_groups(context); ++n) {
+        const auto other = static_cast<std::uint8_t>(n);
+        if (other == group || !session.known_group(other)) continue;
+        bool empty = true;
+        {
+            const Session::Guard guard(session);
+            for (int s = 1; s <= slave_count(context); ++s)
+                empty &= session.slave(static_cast<std::size_t>(s)).config.group != other;
+        }
+        MapRequest nothing;
+        nothing.group = other;
+        if (empty) static_cast<void>(session.run(nothing));
+    }
+}
+
 // Maps the group. Slaves whose dictionary cannot be read are found only then: in this case a second time, without the
 // hooks.
 void map(ecx_contextt& context, Session& session, MapRequest& request, HookCaller& hooks) {
-    static_cast<void>(session.run(request, &hooks));
+    empty_others(context, session, request.group);
+    const auto mapped = session.run(request, &hooks);
+    if (!mapped && mapped.error().code == Errc::image_overlaps)
+        say_once("a group is not mapped, because its memory is that of another group with slaves");
     bool again = false;
     for (int n = 1; n <= slave_count(context); ++n) {
         if (!takes_part(slaves_of(context)[n], request.group)) continue;
