@@ -1,6 +1,7 @@
 // Rules about the ends of requests, about slaves that are reported lost, and about the process data of a mapping.
 #include "storm/device_bits.hpp"
 #include "storm/world.hpp"
+#include "util/bytes.hpp"
 
 #include <algorithm>
 
@@ -67,6 +68,11 @@ void World::check_lost(std::uint16_t number, Time at, const char* how) {
         if (is_there(n)) there.push_back(n);
     // Of two devices with one address, nobody knows which one has answered, and both lose it.
     if (there.size() != 1 || renamed_.contains(there[0])) return;
+    // A device that was cut off during a scan comes back with the address that another slave has got: not that slave.
+    constexpr std::size_t kProductAt = 20;  // SII word 0x000A
+    const auto& sii = segment_.slave(there[0]).sii().image();
+    const std::uint32_t known = ctx_->slave(number).identity.product;
+    if (sii.size() >= kProductAt + 4 && known != 0 && load_le<std::uint32_t>(Bytes(sii), kProductAt) != known) return;
     if (presence_[there[0]].since + 2s < at) fail("a slave is lost that answers", place(number) + ": " + how + story());
 }
 
