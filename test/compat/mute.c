@@ -1,5 +1,5 @@
 /* A slave that answers no mail has the process data of its SII, so all others have their usual places; its hook is
-   called once, like those of the others, and all of them reach OP. For SOEM 1.4: mute SOURCE, with drives of one kind */
+   called once, like those of the others, and all of them reach OP. For SOEM 1.4: mute SOURCE, where all are equal */
 #include <ethercat.h>
 
 #include <stdio.h>
