@@ -71,6 +71,7 @@ Answer<> AttachedSession::open() {
 
 Problem AttachedSession::problem_of(const Error& error, std::string_view slave_text) const {
     auto words = samples::sentence_without_slave(error);
+    if (words.find("config_map()") != std::string::npos) words += " (the application does this when it scans again)";
     if (!slave_text.empty()) words += fmt::format(" (the slave: \"{}\")", samples::words_of_slave(slave_text));
     if (error.slave == 0) return {words};
     const auto found = std::ranges::find(known_, error.slave, &attach::SlaveFacts::number);
