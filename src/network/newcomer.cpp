@@ -110,13 +110,17 @@ bool guest_may_be(Network& network, const Slave& slave) {
 
 bool is_guest_by_serial(const Network& network, const Slave& slave) {
     const Identity& guest = network.guest.identity;
-    return is_known(slave) && agrees(slave.identity.serial, guest.serial) && slave.identity.vendor == guest.vendor &&
-           slave.identity.product == guest.product;
+    const auto has_it = [&](const Slave& s) {
+        return agrees(s.identity.serial, guest.serial) && s.identity.vendor == guest.vendor &&
+               s.identity.product == guest.product;
+    };
+    // Devices may all have the same serial number: then it says nothing.
+    return is_known(slave) && has_it(slave) && std::ranges::count_if(network.slaves(), has_it) == 1;
 }
 
 bool is_guest_by_number(const Network& network, const Slave& slave) {
     const Slave& guest = network.guest;
-    if (agrees(slave.identity.serial, guest.identity.serial) || agrees(slave.alias, guest.alias)) return true;
+    if (is_guest_by_serial(network, slave) || agrees(slave.alias, guest.alias)) return true;
     const ExpectedSlave* wanted = slave.wanted;  // the slave was never there: the list has its numbers
     return wanted != nullptr && (agrees(wanted->serial.value_or(0), guest.identity.serial) ||
                                  agrees(wanted->alias.value_or(0), guest.alias));

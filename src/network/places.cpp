@@ -183,7 +183,6 @@ Verdict choose_by_place(Network& network, std::size_t n) {
     const Gap gap = find_gap(network, n);
     const Lost lost = find_lost_slaves(network, gap, neighbour);
     if (lost.unsettled) return {};
-    // Devices may all have the same serial number: then it says nothing.
     if (lost.same[0] != nullptr && lost.same[1] == nullptr) return {.slave = lost.same[0]};
     // An equal device that was there beside the slave, and was reported as a stranger, is not the lost slave.
     const bool stranger = is_marked(network, place, 0);

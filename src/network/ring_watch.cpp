@@ -46,17 +46,28 @@ std::uint8_t broken_port(Network& network, const Slave& slave) {
 }
 
 // The place on the way between the two NICs that the frames of the whole ring pass before those of `place`. The places
-// up to `front` are passed on that way, the others are at branches behind it.
+// up to `front` are passed on that way, the others are at branches behind it, one branch after the other.
 std::size_t on_the_way(std::span<const RingPlace> ring, std::size_t front, std::size_t place) {
-    while (place > front) place = ring[place - 1].parent < place ? ring[place - 1].parent : 0U;
-    return place;
+    while (place > front && ring[place - 1].parent > front) --place;
+    return place > front ? ring[place - 1].parent : place;
 }
 
 // How many places only the second NIC reaches when the whole ring breaks above this place.
 std::size_t count_behind(std::span<const RingPlace> ring, std::size_t front, std::size_t place) {
     std::size_t count = front + 1 - place;
-    for (std::size_t n = front + 1; n <= ring.size(); ++n) count += on_the_way(ring, front, n) >= place ? 1U : 0U;
+    bool behind = false;
+    for (const RingPlace& other : ring.subspan(std::min(front, ring.size()))) {
+        if (other.parent <= front) behind = other.parent >= place;  // a branch begins
+        count += behind ? 1U : 0U;
+    }
     return count;
+}
+
+// Changes with the places and the slaves in them.
+std::uint32_t sum_of_places(std::span<const RingPlace> ring) {
+    std::uint32_t sum = 0;
+    for (const RingPlace& place : ring) sum = sum * 31 + place.slave + std::uint32_t{place.parent} * 7;
+    return sum;
 }
 
 // The slaves before and behind the break by the last places that were read. Returns false when the break is newer than
@@ -120,7 +131,7 @@ void RingWatch::find_first_behind(Network& network, std::size_t front, std::size
     const auto ring = network.seen_ring();
     const RingParts read = network.parts_read;
     first_behind_ = 0;
-    front_of_break_ = front;
+    front_of_break_ = static_cast<std::uint16_t>(front);
     if (!read.two_nics || ring.size() != front + behind) return;
     if (!read.whole) {
         const auto is_first = [](const RingPlace& place) { return place.behind_break && place.parent == 0; };
@@ -161,8 +172,14 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
     const unsigned head = now.swapped ? 1 : 0;
     const std::size_t front = now.cables[head].slaves;
     const std::size_t behind = now.cables[1 - head].slaves;
-    find_first_behind(network, front, behind);
     if (has_beside_) (void)find_sides(network);
+    const std::uint32_t sum = sum_of_places(network.seen_ring()) * 31 + ring_.changes() * 2 + network.parts_read.whole;
+    const bool same = !has_beside_ && reported_ == RingState::broken && sum == places_of_break_ &&
+                      front == front_of_break_ && behind == behind_break_;
+    if (same) return;
+    places_of_break_ = sum;
+    behind_break_ = static_cast<std::uint16_t>(behind);
+    find_first_behind(network, front, behind);
     note_ends(network, head, false, *this);
     // That the ring is broken was told: where it is broken now is told when the places have been read again.
     if (reported_ == RingState::broken && front + behind != network.ring_count) return;

@@ -113,8 +113,10 @@ class RingWatch final : public RedundancyPart {
     bool ports_of_broken_ = false;  // the topology is that of the broken ring
     std::uint16_t before_ = 0;      // the slaves of the last break
     std::uint16_t behind_ = 0;
-    std::uint16_t first_behind_ = 0;  // the first place behind the break; 0: not known
-    std::size_t front_of_break_ = 0;  // with so many places before it
+    std::uint16_t first_behind_ = 0;    // the first place behind the break; 0: not known
+    std::uint16_t front_of_break_ = 0;  // with so many places before it,
+    std::uint16_t behind_break_ = 0;    // and behind it
+    std::uint32_t places_of_break_ = 0;
 
     // The slave with the second reference clock. If it is in step at the moment of the break, the first differences
     // show what the ways of both copies differ by (`constant_ns_`). If it was away before, its ways are measured.

@@ -18,9 +18,13 @@ class EqualSlaves : public testing::Test, protected Plant {
         made.chip = sim::junction();
         return segment.add(std::move(made).assemble());
     }
-    void build(bool serials) {
+    enum class Serials { none, own, equal };
+    static std::uint32_t serial_of(Serials serials, std::uint32_t n) {
+        return serials == Serials::own ? 100U + n : (serials == Serials::equal ? 7U : 0U);
+    }
+    void build(Serials serials) {
         for (std::uint16_t n = 0; n < 5; ++n) {
-            line.push_back(make_equal(serials ? 100U + n : 0U));
+            line.push_back(make_equal(serial_of(serials, n)));
             wanted.push_back({.number = static_cast<std::uint16_t>(n + 1), .product = 0x100, .optional = n == 1});
         }
         ASSERT_TRUE(segment.connect_master({line[0], 0}));
@@ -75,7 +79,7 @@ class EqualSlaves : public testing::Test, protected Plant {
 // Slave 2 is repaired elsewhere, and the others go on without it. Slave 3 loses its power for a moment: the device at
 // slave 1 may be slave 2 as well.
 TEST_F(EqualSlaves, BesideABridgedOneNobodyIsGuessed) {
-    build(false);
+    build(Serials::none);
     bridge_second();
     power(line[2], false);
     drive(300);
@@ -98,7 +102,7 @@ TEST_F(EqualSlaves, BesideABridgedOneNobodyIsGuessed) {
 }
 
 TEST_F(EqualSlaves, BesideABridgedOneASerialNumberDecides) {
-    build(true);
+    build(Serials::own);
     bridge_second();
     power(line[2], false);
     drive(300);
@@ -110,7 +114,7 @@ TEST_F(EqualSlaves, BesideABridgedOneASerialNumberDecides) {
 }
 
 TEST_F(EqualSlaves, AllLoseTheirPowerBesideABridgedOne) {
-    build(true);
+    build(Serials::own);
     bridge_second();
     for (const auto device : line) power(device, false);
     drive(300);
@@ -120,7 +124,7 @@ TEST_F(EqualSlaves, AllLoseTheirPowerBesideABridgedOne) {
     EXPECT_EQ(wrong, 0U);
 }
 TEST_F(EqualSlaves, AllWithoutSerialNumbersLoseTheirPowerBesideABridgedOne) {
-    build(false);
+    build(Serials::none);
     bridge_second();
     for (const auto device : line) power(device, false);
     drive(300);
@@ -135,7 +139,7 @@ TEST_F(EqualSlaves, AllWithoutSerialNumbersLoseTheirPowerBesideABridgedOne) {
 
 // The slaves boot one after the other, from the end of the line and from its beginning.
 TEST_F(EqualSlaves, ThatBootInAnyOrderAreThemselves) {
-    build(false);
+    build(Serials::none);
     for (const bool backwards : {true, false}) {
         for (const auto device : line) power(device, false);
         drive(300);
@@ -149,7 +153,7 @@ TEST_F(EqualSlaves, ThatBootInAnyOrderAreThemselves) {
 
 // The bridged slave is put in again while those behind it have no power: all come at once, and all are there.
 TEST_F(EqualSlaves, ThatComeWithTheBridgedOneAreInTheirOrder) {
-    build(false);
+    build(Serials::none);
     bridge_second();
     for (std::size_t n = 1; n < line.size(); ++n) power(line[n], false);
     drive(300);
@@ -252,6 +256,38 @@ TEST_F(NeverThere, AnOptionalSlaveIsNoRivalElsewhere) {
         ASSERT_TRUE(until([&] { return all_in_op() && all_right(*ctx); }, 6000)) << joined(events());
         EXPECT_TRUE(in_op(4));
     }
+}
+
+// Devices may all have the same serial number in their SII. Then the number says nothing: a new device at another place
+// is not the lost slave.
+TEST_F(EqualSlaves, ANewDeviceElsewhereIsNotTheLostOneByACommonSerialNumber) {
+    build(Serials::equal);
+    power(line[4], false);
+    drive(500);
+    ASSERT_FALSE(in_op(5));
+    const auto fresh = make_equal(serial_of(Serials::equal, 0));
+    power(fresh, true);
+    ASSERT_TRUE(segment.connect({line[0], 3}, {fresh, 0}));
+    segment.reconsider();
+    (void)events();
+    drive(4000);
+    const auto outputs = program(fresh).outputs();
+    EXPECT_TRUE(outputs.empty() || outputs[0] == std::byte{0});
+    EXPECT_FALSE(in_op(5));
+    EXPECT_NE(joined(events()).find("is connected to slave 1 port 3"), std::string::npos);
+}
+
+// The serial number of one slave alone names it, also at another place.
+TEST_F(EqualSlaves, ASlaveThatWasMovedIsKnownByItsSerialNumber) {
+    build(Serials::own);
+    power(line[4], false);
+    drive(500);
+    segment.disconnect({line[4], 0});
+    ASSERT_TRUE(segment.connect({line[0], 3}, {line[4], 0}));
+    power(line[4], true);
+    segment.reconsider();
+    expect_everybody_is_itself();
+    EXPECT_EQ(wrong, 0U);
 }
 
 }  // namespace
