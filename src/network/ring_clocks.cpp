@@ -177,21 +177,43 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
         co_await required(send_time(network));
         same = !find_old_delays(network);
     }
+    std::int64_t greatest = 0;
+    // A clock whose rate is wrong yet passes the right time now and then.
+    for (unsigned looks = 0; looks < 8 && same; ++looks) {
+        for (unsigned times = 0; times < 4; ++times) co_await required(send_time(network));
+        for (Slave& slave : network.slaves()) {
+            const ClockEntry& clock = network.clocks.of(slave);
+            if (!clock.synchronised || !clock.beside || slave.al.state == AlState::none) continue;
+            const auto read = co_await read_difference(network, slave);
+            same = same && read.ok();
+            greatest = std::max(greatest, std::abs(std::int64_t{clock.difference_ns}));
+        }
+    }
     co_await required(close_ring(network));
     // A slave is lost, or back: the times were those of another way.
     if (!same) co_return ring_error(Errc::unstable);
-    std::int64_t greatest = 0;
-    for (Slave& slave : network.slaves()) {
-        const ClockEntry& clock = network.clocks.of(slave);
-        if (!clock.synchronised || !clock.beside || slave.al.state == AlState::none) continue;
-        co_await required(read_difference(network, slave));
-        greatest = std::max(greatest, std::abs(std::int64_t{clock.difference_ns}));
-    }
     co_return static_cast<std::uint32_t>(greatest);
 }
 
+// The clock has not learned the rate, and is kept in step by corrections that are too great.
+bool RingWatch::needs_lesson(const Network& network) const {
+    if (comparison_ == Comparison::unsure) return true;
+    const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
+    return has_beside_ && comparison_ == Comparison::known &&
+           std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000 > network.clocks.settings.limit_ns / 2;
+}
+
 // A search reads the ports, and teach() closes one. The delays are those of the open ring, with the slaves that it has.
-bool RingWatch::may_teach(const Network& network) { return !network.searching && network.clocks.rounds_old == 0; }
+// A slave that frames pass already and that is not brought back yet makes the ways longer; a stranger stays one.
+bool RingWatch::may_teach(Network& network) {
+    constexpr std::uint8_t kMostRounds = 200;
+    if (network.searching || network.clocks.rounds_old != 0) return false;
+    const auto is_there = [](const Slave& one) { return one.ring_position != 0 && one.al.state != AlState::none; };
+    const auto there = static_cast<std::size_t>(std::ranges::count_if(network.slaves(), is_there));
+    const std::size_t seen = std::size_t{ring_.reached_by(0)} + ring_.reached_by(1);
+    if (there >= seen) rounds_unsettled_ = 0;
+    return there >= seen || rounds_unsettled_ >= kMostRounds || ++rounds_unsettled_ >= kMostRounds;
+}
 
 Task<Result<>> RingWatch::teach(Network& network) {
     constexpr unsigned kMostLessons = 5;
@@ -455,7 +477,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         co_await required(change_second(network, wanted));
     }
     if (second_ == 0 || second_is_first_) co_return Nothing{};
-    if (comparison_ == Comparison::unsure && now.whole && may_teach(network) && rests_-- == 0) {
+    if (needs_lesson(network) && now.whole && may_teach(network) && rests_-- == 0) {
         co_await completion(teach(network));
         // If the clocks have learned the time, the constant is measured anew, from what comes after the lesson.
         first_ = {};

@@ -83,7 +83,8 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> change_second(Network& network, std::uint16_t second);
     [[nodiscard]] Task<Result<>> open_ring_with(Network& network, bool times);
     [[nodiscard]] Task<Result<std::uint32_t>> teach_once(Network& network);
-    [[nodiscard]] static bool may_teach(const Network& network);
+    [[nodiscard]] bool needs_lesson(const Network& network) const;
+    [[nodiscard]] bool may_teach(Network& network);
     [[nodiscard]] Task<Result<>> teach(Network& network);
     [[nodiscard]] Task<Result<>> teach_beside(Network& network);
     [[nodiscard]] bool find_sides(Network& network);
@@ -126,6 +127,7 @@ class RingWatch final : public RedundancyPart {
     std::uint16_t compared_behind_ = 0;  // the slaves behind the break, for which the constant is
     std::uint32_t taught_ways_ = 0;      // Redundancy::ways() before the lesson
     std::uint8_t rests_ = 0;             // rounds until they are taught again
+    std::uint8_t rounds_unsettled_ = 0;  // in which frames have passed slaves that are not brought back
     std::int64_t ahead_ns_ = 0;          // mean of the differences of the last round, without the constant,
     std::int64_t change_ns_ = 0;         // and how far it is from that of the round before,
     std::int64_t jitter_ns_ = 0;         // by how much they differ among each other,
