@@ -2,7 +2,7 @@
 // For another board, rewrite board.cpp and the linker script.
 #pragma once
 
-#include "osal/bare/bare_osal.hpp"
+#include <margay/parts/osal/bare/bare_osal.hpp>
 
 #include <cstdint>
 #include <string_view>

@@ -3,11 +3,11 @@
 // answers each frame at once; the cost of this NIC and of the clock is counted separately and subtracted, as
 // test/bench/cycle.cpp does it on a PC.
 #include "board.hpp"
-#include "oshw/filter_nic.hpp"
-#include "oshw/lan9118/lan9118.hpp"
-#include "util/text_writer.hpp"
 
 #include <margay/margay.hpp>
+#include <margay/parts/oshw/filter_nic.hpp>
+#include <margay/parts/oshw/lan9118/lan9118.hpp>
+#include <margay/parts/util/text_writer.hpp>
 
 #include <cstring>
 

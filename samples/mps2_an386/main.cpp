@@ -3,9 +3,9 @@
 #include "board.hpp"
 
 #include <margay/margay.hpp>
-#include "oshw/lan9118/lan9118.hpp"
-#include "util/bytes.hpp"
-#include "util/text_writer.hpp"
+#include <margay/parts/oshw/lan9118/lan9118.hpp>
+#include <margay/parts/util/bytes.hpp>
+#include <margay/parts/util/text_writer.hpp>
 
 using namespace margay;
 

@@ -1,9 +1,9 @@
 // The suite finds faulty NICs: each of these has one fault that drivers really have.
-#include "osal/virtual/virtual_osal.hpp"
-#include "oshw/filter_nic.hpp"
-#include "oshw/frame_queue.hpp"
 #include "port/host.hpp"
 
+#include <margay/parts/osal/virtual/virtual_osal.hpp>
+#include <margay/parts/oshw/filter_nic.hpp>
+#include <margay/parts/oshw/frame_queue.hpp>
 #include <margay/receive_clock.hpp>
 #include <margay/timed_send.hpp>
 
@@ -354,6 +354,89 @@ TEST_F(FaultyNics, TheLinkStaysDown) {
         }
     } nic{wire};
     expect_found(nic, "link_state() follows the cable");
+}
+
+// Frames of one size are lost or damaged, as by a USB adapter that does not end a transfer of a multiple of 64 octets.
+struct OneSize : FilterNic {
+    OneSize(Nic& inner, std::size_t bad_size, bool damages) : FilterNic(inner), size(bad_size), damaged(damages) {}
+    std::size_t size;
+    bool damaged;
+    SendStatus send(Frame frame) noexcept override {
+        if (frame.size() != size) return inner().send(frame);
+        if (!damaged) return SendStatus::sent;
+        std::array<std::byte, 2048> copy{};
+        std::ranges::copy(frame, copy.begin());
+        copy[size - 3] ^= std::byte{1};
+        return inner().send(std::span(copy).first(size));
+    }
+};
+
+TEST_F(FaultyNics, FramesOfOneSizeAreLostOrDamaged) {
+    for (const std::size_t size : {128, 256, 512, 1024, 1400, 1484, 1500, 1512}) {
+        OneSize nic(wire, size, size % 8 == 4);
+        host.lines.clear();
+        expect_found(nic, "frames of every size come back unchanged");
+    }
+}
+
+TEST_F(FaultyNics, FramesWithAVlanTagAreRefused) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        SendStatus send(Frame frame) noexcept override {
+            return frame.size() > 1514 ? SendStatus::failed : inner().send(frame);
+        }
+    } nic{wire};
+    expect_found(nic, "send() takes all that is a frame");
+}
+
+TEST_F(FaultyNics, AFullQueueLosesWhatItSaysItHasSent) {
+    // The queue is longer than a burst.
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        SendStatus send(Frame frame) noexcept override {
+            const auto status = inner().send(frame);
+            return status == SendStatus::busy ? SendStatus::sent : status;
+        }
+    } nic{wire};
+    expect_found(nic, "what send() takes comes back");
+}
+
+TEST_F(FaultyNics, AFrameThatIsThereDoesNotEndAWait) {
+    // An interrupt by the edge, and nothing that remembers it.
+    struct Edge : FilterNic {
+        Edge(Nic& inner, VirtualOsal& osal) : FilterNic(inner), clock(osal) {}
+        VirtualOsal& clock;
+        Time next_arrival() const noexcept override {
+            const Time next = inner().next_arrival();
+            return next > clock.now() ? next : kNever;
+        }
+    } nic{wire, osal};
+    expect_found(nic, "a frame that is there ends a wait()");
+}
+
+TEST_F(FaultyNics, ReceiveOfAFrameWaits) {
+    struct Slow : FilterNic {
+        Slow(Nic& inner, VirtualOsal& osal) : FilterNic(inner), clock(osal) {}
+        VirtualOsal& clock;
+        std::size_t receive(Memory into) noexcept override {
+            const auto length = inner().receive(into);
+            if (length != 0) clock.advance(5ms);
+            return length;
+        }
+    } nic{wire, osal};
+    expect_found(nic, "receive() of a frame does not wait");
+}
+
+TEST_F(FaultyNics, LinkStateWaits) {
+    struct Slow : FilterNic {
+        Slow(Nic& inner, VirtualOsal& osal) : FilterNic(inner), clock(osal) {}
+        VirtualOsal& clock;
+        LinkState link_state() noexcept override {
+            clock.advance(20ms);
+            return inner().link_state();
+        }
+    } nic{wire, osal};
+    expect_found(nic, "link_state() does not wait");
 }
 
 TEST_F(FaultyNics, NothingIsConnected) {

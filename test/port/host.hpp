@@ -2,11 +2,12 @@
 // at the far end of a cable.
 #pragma once
 
-#include "osal/linux/linux_osal.hpp"
-#include "oshw/linux/packet_nic.hpp"
-#include "oshw/simulated/simulated_nic.hpp"
 #include "port/suite/port_suite.hpp"
-#include "sim/devices.hpp"
+
+#include <margay/parts/osal/linux/linux_osal.hpp>
+#include <margay/parts/oshw/linux/packet_nic.hpp>
+#include <margay/parts/oshw/simulated/simulated_nic.hpp>
+#include <margay/parts/sim/devices.hpp>
 
 #include <atomic>
 #include <chrono>
@@ -38,12 +39,14 @@ class Host {
             });
         };
         port.several_threads = true;
+        port.calls_at_once = 2;
         port.second_clock = [](void*) -> Duration { return std::chrono::steady_clock::now().time_since_epoch(); };
         port.latest = std::chrono::milliseconds(50);  // the machine of the tests is busy
         return port;
     }
     [[nodiscard]] Port without_threads(Osal& osal, Nic* nic) {
         Port port;
+        port.watched = {};  // only the checks themselves; in virtual time a test sets more
         port.osal = &osal;
         port.nic = nic;
         port.user = this;
@@ -55,6 +58,11 @@ class Host {
         std::string all;
         for (const auto& line : lines) all += line + "\n";
         return all;
+    }
+    // The name of the check that began last.
+    [[nodiscard]] std::string begun() const {
+        const auto names = names_after("run   ");
+        return names.empty() ? std::string() : names.back();
     }
     // The names of the checks that have failed.
     [[nodiscard]] std::vector<std::string> failed() const { return names_after("FAIL  "); }

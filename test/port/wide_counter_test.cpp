@@ -1,6 +1,6 @@
 // The extension of a hardware counter of 32 bits.
-#include "osal/wide_counter.hpp"
-#include "osal/bare/bare_osal.hpp"
+#include <margay/parts/osal/bare/bare_osal.hpp>
+#include <margay/parts/osal/wide_counter.hpp>
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,9 @@
 // The AF_XDP NIC on a veth pair in network namespaces of the test.
-#include "oshw/xdp/xdp_nic.hpp"
-
 #include "port/host.hpp"
 #include "process/netns.hpp"
-#include "wire/ethernet.hpp"
+
+#include <margay/parts/oshw/xdp/xdp_nic.hpp>
+#include <margay/parts/wire/ethernet.hpp>
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>

@@ -1,12 +1,12 @@
 // A master on FreeRTOS with two tasks. The cycle task owns the context: a hardware timer wakes it every 10 ms, with the
 // higher priority. The reader task reads an object of slave 4 once a second, by calls that sleep until the cycle task
 // has executed the request.
-#include "osal/freertos/freertos_osal.hpp"
-#include "oshw/lan9118/lan9118.hpp"
 #include "tasks.hpp"
-#include "util/bytes.hpp"
 
 #include <margay/margay.hpp>
+#include <margay/parts/osal/freertos/freertos_osal.hpp>
+#include <margay/parts/oshw/lan9118/lan9118.hpp>
+#include <margay/parts/util/bytes.hpp>
 
 using namespace margay;
 using namespace std::chrono_literals;

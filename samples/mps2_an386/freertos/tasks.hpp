@@ -2,7 +2,8 @@
 #pragma once
 
 #include "mps2_an386/board.hpp"
-#include "util/text_writer.hpp"
+
+#include <margay/parts/util/text_writer.hpp>
 
 #include <FreeRTOS.h>
 #include <task.h>
@@ -17,8 +18,8 @@ struct StaticTask {
     TaskHandle_t handle = nullptr;
 
     // A higher priority is a higher number.
-    void start(const char* name, UBaseType_t priority, void (*body)(void*)) {
-        handle = xTaskCreateStatic(body, name, Words, nullptr, priority, stack.data(), &memory);
+    void start(const char* name, UBaseType_t priority, void (*body)(void*), void* argument = nullptr) {
+        handle = xTaskCreateStatic(body, name, Words, argument, priority, stack.data(), &memory);
     }
 };
 

@@ -3,7 +3,7 @@
 #include "mps2_an386/board.hpp"
 
 #include <margay/margay.hpp>
-#include "oshw/lan9118/lan9118.hpp"
+#include <margay/parts/oshw/lan9118/lan9118.hpp>
 
 using namespace margay;
 

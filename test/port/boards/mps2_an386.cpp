@@ -1,9 +1,8 @@
 // Runs the conformance suite for ports (test/port) on the board.
 #include "mps2_an386/board.hpp"
-
 #include "port/suite/port_suite.hpp"
 
-#include "oshw/lan9118/lan9118.hpp"
+#include <margay/parts/oshw/lan9118/lan9118.hpp>
 
 using namespace margay;
 using namespace std::chrono_literals;
@@ -61,6 +60,7 @@ int main() {
     port.longest_call = 2ms;
     port.latest = 200ms;  // QEMU shares the processors of the PC; a real board keeps the default
     port.burst = 6;       // frames of full size in the receive FIFO of 10560 octets
+    port.on_the_way = 6;  // QEMU has no wire: all replies may come at once
     const auto verdict = port::check_port(port);
     board::print(verdict.failed == 0 ? "the port passes" : "the port fails");
     for (;;) osal.wait(kNever, -1);

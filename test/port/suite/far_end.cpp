@@ -13,6 +13,7 @@ constexpr std::size_t kEventField = 24;
 constexpr std::size_t kData = 26;
 constexpr std::size_t kWorkingCounterBytes = 2;
 constexpr std::size_t kShortestOnTheWire = 60;
+constexpr std::size_t kLongestWithoutTag = 1514;
 constexpr std::byte kMark{2};  // the first slave sets this bit of the source address
 
 void put16(std::span<std::byte> at, std::size_t value) {
@@ -29,11 +30,15 @@ bool FarEnd::fault(std::string_view what, std::uint64_t number, std::string_view
     return false;
 }
 
-void FarEnd::fill(std::span<std::byte> frame, std::uint32_t number) const {
+void FarEnd::fill_address(std::span<std::byte> frame) const {
     std::fill(frame.begin(), frame.end(), std::byte{0});
     std::fill_n(frame.begin(), kSource, std::byte{0xFF});
     const auto mac = nic_.source_mac();
     for (std::size_t n = 0; n < mac.size(); ++n) frame[kSource + n] = static_cast<std::byte>(mac[n]);
+}
+
+void FarEnd::fill(std::span<std::byte> frame, std::uint32_t number) const {
+    fill_address(frame);
     frame[kEtherType] = std::byte{0x88};
     frame[kEtherType + 1] = std::byte{0xA4};
     put16(frame.subspan(kHeader), (frame.size() - kHeader - 2) | 0x1000);  // datagrams follow
@@ -66,6 +71,15 @@ SendStatus FarEnd::send_raw(std::size_t size) {
     return nic_.send(std::span(sent_).first(size));
 }
 
+SendStatus FarEnd::send_other(std::size_t size) {
+    const auto frame = std::span(sent_).first(size);
+    fill_address(frame);
+    const bool tagged = size > kLongestWithoutTag;
+    frame[kEtherType] = tagged ? std::byte{0x81} : std::byte{0x88};
+    frame[kEtherType + 1] = tagged ? std::byte{0x00} : std::byte{0xB5};  // without a tag: for local experiments
+    return nic_.send(frame);
+}
+
 bool FarEnd::send_patiently(std::size_t size, std::size_t alignment) {
     const Time until = run_.osal.now() + 10 * run_.port.reply;
     auto status = send(size, alignment);
@@ -90,8 +104,10 @@ void FarEnd::drain() {
 
 FarEnd::Got FarEnd::fetch(std::size_t room) {
     std::fill(received_.begin(), received_.end(), kGuardValue);
+    const Time start = run_.osal.now();
     const auto length = nic_.receive(memory().first(room));
     if (length == 0) return Got::nothing;
+    receive_took_ = run_.osal.now() - start;
     const auto touched = [](std::byte octet) { return octet != kGuardValue; };
     if (std::any_of(received_.begin(), received_.begin() + kGuard, touched) ||
         std::any_of(received_.begin() + static_cast<std::ptrdiff_t>(kGuard + room), received_.end(), touched)) {
@@ -168,6 +184,12 @@ bool FarEnd::collect_rest() {
     } while (got == Got::reply);
     next_received_ = next_sent_;
     losses_ = false;
+    return got == Got::nothing;
+}
+
+bool FarEnd::collect_ready() {
+    auto got = Got::reply;
+    while (got == Got::reply) got = fetch(kMost);
     return got == Got::nothing;
 }
 

@@ -25,6 +25,14 @@ class FarEnd {
     bool collect(std::size_t count);
     // Receives replies until no more comes.
     bool collect_rest();
+    // Receives the replies that are in the NIC, without waiting.
+    bool collect_ready();
+    // How many replies are missing.
+    [[nodiscard]] std::size_t on_the_way() const { return next_sent_ - next_received_; }
+    // Sends a frame with a VLAN tag, or one that is too short for a datagram. Nobody answers to it.
+    SendStatus send_other(std::size_t size);
+    // How long receive() took for the last frame.
+    [[nodiscard]] Duration receive_took() const { return receive_took_; }
     // Receives the next reply into a memory that is too small.
     bool receive_cut(std::size_t bytes);
     bool exchange(std::size_t size, std::size_t alignment) { return send_patiently(size, alignment) && collect(1); }
@@ -59,6 +67,7 @@ class FarEnd {
     enum class Got : std::uint8_t { nothing, reply, fault };
 
     bool fault(std::string_view what, std::uint64_t number = kNoNumber, std::string_view unit = {});
+    void fill_address(std::span<std::byte> frame) const;
     void fill(std::span<std::byte> frame, std::uint32_t number) const;
     Got fetch(std::size_t room);
     Got match(std::size_t length, std::size_t room);
@@ -70,6 +79,7 @@ class FarEnd {
     std::uint32_t next_sent_ = 0;      // number of the next frame; busy frames get no number
     std::uint32_t next_received_ = 0;  // number of the next expected reply
     bool losses_ = false;
+    Duration receive_took_{};
     std::string_view what_;
     std::uint64_t number_ = kNoNumber;
     std::string_view unit_;

@@ -55,8 +55,45 @@ void nothing_to_receive(Run& run) {
 void every_size(Run& run) {
     FarEnd far(run);
     std::size_t alignment = 0;
-    for (std::size_t size = kSmallest; size <= kLargest; size += size < 80 || size > 1500 ? 1 : 61)
+    for (std::size_t size = kSmallest; size <= kLargest; ++size)
         if (!far.exchange(size, alignment++ % 4)) return far.report();
+}
+
+void receive_does_not_wait(Run& run) {
+    FarEnd far(run);
+    Durations taken;
+    while (!taken.full()) {
+        if (!far.exchange(kLargest, 0)) return far.report();
+        taken.add(far.receive_took());
+    }
+    if (taken.median() > run.port.longest_call)
+        run.fail("it takes ", Run::microseconds(taken.median()), " µs; receive() must not wait");
+}
+
+void link_state_does_not_wait(Run& run) {
+    Durations taken;
+    while (!taken.full()) {
+        const Time start = run.osal.now();
+        (void)run.port.nic->link_state();
+        taken.add(run.osal.now() - start);
+    }
+    if (taken.median() > 10 * run.port.longest_call)
+        run.fail("it takes ", Run::microseconds(taken.median()), " µs; link_state() must not wait");
+}
+
+// What is a frame for nic.hpp and has no place for a datagram, or has a VLAN tag.
+void every_frame_is_taken(Run& run) {
+    FarEnd far(run);
+    for (const std::size_t size : {14, 15, 20, 27, 1515, 1516, 1517, 1518}) {
+        const Time until = run.osal.now() + 10 * run.port.reply;
+        auto status = far.send_other(size);
+        while (status == SendStatus::busy && run.osal.now() < until && run.wait_until(run.osal.now() + 100us))
+            status = far.send_other(size);
+        if (status != SendStatus::sent)
+            return run.fail("send() refuses ", std::uint64_t{size}, " octets; 14 to 1518 are a frame");
+    }
+    far.drain();
+    if (!far.exchange(kLargest, 0)) far.report();
 }
 
 void every_size_while_busy(Run& run) {
@@ -103,6 +140,24 @@ void full_is_busy(Run& run) {
     if (!far.exchange(100, 0)) far.report();
 }
 
+void what_is_taken_is_sent(Run& run) {
+    // The queue is filled while all replies are fetched at once, so that nothing is lost at the receiver.
+    FarEnd far(run);
+    for (unsigned round = 0; round < 3; ++round) {
+        auto status = SendStatus::sent;
+        // A NIC that sends as fast as this program is never full.
+        for (unsigned n = 0; n < 100 && status == SendStatus::sent && far.on_the_way() < run.port.on_the_way; ++n) {
+            status = far.send(kLargest, 0);
+            if (!far.collect_ready()) return far.report();
+        }
+        if (status == SendStatus::failed) return run.fail("send() returned failed; a full queue is busy");
+        const auto missing = far.on_the_way();
+        if (!far.collect(missing))
+            return run.fail("of ", std::uint64_t{missing}, " frames that send() took, ",
+                            std::uint64_t{far.on_the_way()}, " did not come back");
+    }
+}
+
 void cut_to_the_memory(Run& run) {
     FarEnd far(run);
     if (!far.send_patiently(1000, 0)) return far.report();
@@ -129,6 +184,60 @@ void frame_ends_wait(Run& run) {
         if (!far.collect(1)) return far.report();
         if (taken > 1500ms) return run.fail("wait() returned ", Run::microseconds(taken), " µs after its begin");
     }
+}
+
+void stored_frame_ends_wait(Run& run) {
+    // A frame that arrives while nobody waits, and is not fetched, ends the next wait().
+    FarEnd far(run);
+    Nic& nic = *run.port.nic;
+    if (!far.send_patiently(60, 0)) return far.report();
+    const Time arrived = run.osal.now() + run.port.reply / 4;
+    if (nic.next_arrival() != kNever) {
+        (void)run.wait_until(arrived);  // in virtual time, which stands still without a wait
+    } else {
+        Run::ClockWatch watch;
+        for (Time now = run.osal.now(); now < arrived && !watch.stands_still(now);) now = run.osal.now();
+    }
+    const Time start = run.osal.now();
+    run.osal.wait(std::min(start + 3s, nic.next_arrival()), nic.wait_handle());
+    const auto taken = run.osal.now() - start;
+    if (!far.collect(1)) return far.report();
+    if (taken > 1500ms)
+        run.fail("wait() returned ", Run::microseconds(taken), " µs after its begin, although a frame was there");
+}
+
+void wait_for_nic_ends_in_time(Run& run) {
+    FarEnd far(run);
+    Durations late;
+    for (unsigned n = 0; n < 21; ++n) {
+        const Time until = run.osal.now() + 3ms;
+        if (run.wait_for(until, [&] { return run.port.nic->receive(far.memory()) != 0; })) continue;
+        late.add(run.osal.now() - until);
+    }
+    if (late.median() > run.port.latest) run.fail("wait() returns ", Run::microseconds(late.median()), " µs late");
+}
+
+void wake_ends_wait_for_nic(Run& run) {
+    if (run.skips_without(1)) return;
+    FarEnd far(run);  // has fetched all frames
+    struct Call {
+        Osal& osal;
+        std::atomic<std::uint32_t> done{0};
+    } call{*run.port.osal};
+    const Time start = run.osal.now();
+    run.port.call_later(
+        run.port.user, 5ms,
+        [](void* self) {
+            static_cast<Call*>(self)->osal.wake();
+            static_cast<Call*>(self)->done.store(1, std::memory_order_release);
+        },
+        &call);
+    run.osal.wait(start + 3s, run.port.nic->wait_handle());
+    const auto taken = run.osal.now() - start;
+    while (call.done.load(std::memory_order_acquire) == 0) {
+    }
+    run.osal.wait(run.osal.now() + 5ms, -1);  // if the wait() returned before the wake()
+    if (taken > 1500ms) run.fail("wait() returned ", Run::microseconds(taken), " µs after its begin");
 }
 
 void cable_is_seen(Run& run) {
@@ -161,15 +270,22 @@ void cable_is_seen(Run& run) {
 void check_nic(Run& run) {
     run.check("source_mac() leaves the mark of the slaves free", address_is_free);
     run.check("link_state() is up with a cable", link_comes_up);
+    run.check("link_state() does not wait", link_state_does_not_wait);
+    run.check("wait() for the NIC returns in time", wait_for_nic_ends_in_time);
+    run.check("wake() ends a wait() for the NIC", wake_ends_wait_for_nic);
     run.check("a slave answers", a_slave_answers);
     run.check("receive() without a frame returns 0 at once", nothing_to_receive);
     run.check("frames of every size come back unchanged", every_size);
+    run.check("receive() of a frame does not wait", receive_does_not_wait);
     run.check("frames of different sizes follow each other", every_size_while_busy);
     run.check("a burst comes back complete and in order", burst_is_complete);
     run.check("send() is busy when the queue is full, and never waits", full_is_busy);
+    run.check("what send() takes comes back", what_is_taken_is_sent);
     run.check("a long frame is cut to the memory, and its rest is gone", cut_to_the_memory);
     run.check("send() refuses what is not a frame", illegal_sizes);
+    run.check("send() takes all that is a frame", every_frame_is_taken);
     run.check("a frame ends a wait()", frame_ends_wait);
+    run.check("a frame that is there ends a wait()", stored_frame_ends_wait);
     run.check("link_state() follows the cable", cable_is_seen);
 }
 

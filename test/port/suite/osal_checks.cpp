@@ -6,7 +6,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::string_view kNoSecondThread = "the port has no call_later()";
+constexpr std::string_view kOneThread = "the port has one thread";
 constexpr std::string_view kStandsStill = "the clock stands still";
 
 // A call from outside the thread of the suite, and what it does there.
@@ -36,13 +36,12 @@ struct LaterCall {
 };
 
 void never_backwards(Run& run) {
-    Time last = run.osal.now();
     for (unsigned n = 0; n < 20'000; ++n) {
-        if (n % 1000 == 0) run.osal.wait(last + 100us, -1);
         const Time now = run.osal.now();
-        if (now < last) return run.fail("the time went back by ", Run::microseconds(last - now), " µs");
-        last = now;
+        if (n % 1000 == 0) run.osal.wait(now + 100us, -1);
     }
+    if (const auto back = run.osal.longest_step_back(); back > 0ns)
+        run.fail("the time went back by ", Run::microseconds(back), " µs");
 }
 
 void advances_in_small_steps(Run& run) {
@@ -60,33 +59,67 @@ void advances_in_small_steps(Run& run) {
         run.fail("a tick of ", Run::microseconds(step), " µs; at most 1000 µs are allowed");
 }
 
-// Reads both clocks at nearly the same time.
-void read_both(Run& run, Time& time, Duration& second) {
-    for (unsigned tries = 0; tries < 50; ++tries) {
-        second = run.port.second_clock(run.port.user);
-        time = run.osal.now();
-        if (run.port.second_clock(run.port.user) - second < 50us) return;
-    }
+// Fails if the two clocks have counted differently since `from`.
+bool counted_alike(Run& run, const Run::Clocks& from, const Run::Clocks& to) {
+    const auto by_osal = (to.time - from.time).count();
+    const auto by_second = (to.second - from.second).count();
+    const auto difference = by_osal > by_second ? by_osal - by_second : by_second - by_osal;
+    if (difference <= by_second / 100 + Duration(200us).count()) return true;
+    run.fail("now() counts ", Run::microseconds(Duration(by_osal)), " µs, the second clock ",
+             Run::microseconds(Duration(by_second)), " µs");
+    return false;
 }
 
 void steady(Run& run) {
     if (run.port.second_clock == nullptr) return run.skip("the port has no second_clock()");
-    Time time{};
-    Duration second{};
-    read_both(run, time, second);
+    auto last = run.read_both();
     for (unsigned n = 0; n < 8; ++n) {
-        const Time time_before = time;
-        const Duration second_before = second;
-        const Time until = time + 40ms;
-        if (!run.wait_until(until)) return run.fail(kStandsStill);
-        read_both(run, time, second);
-        const auto by_osal = (time - time_before).count();
-        const auto by_second = (second - second_before).count();
-        const auto difference = by_osal > by_second ? by_osal - by_second : by_second - by_osal;
-        if (difference > by_second / 100 + Duration(200us).count())
-            return run.fail("now() counts ", Run::microseconds(Duration(by_osal)), " µs, the second clock ",
-                            Run::microseconds(Duration(by_second)), " µs");
+        if (!run.wait_until(last.time + 40ms)) return run.fail(kStandsStill);
+        const auto now = run.read_both();
+        if (!counted_alike(run, last, now)) return;
+        last = now;
     }
+}
+
+// A counter of 32 bits that is not extended goes back only after some time.
+void good_in_the_whole_run(Run& run) {
+    const Time until = run.begin.time + run.port.watched;
+    for (Time now = run.osal.now(); now < until; now = run.osal.now())
+        if (!run.wait_until(std::min(until, now + 50ms))) return run.fail(kStandsStill);
+    if (const auto back = run.osal.longest_step_back(); back > 0ns)
+        return run.fail("the time went back by ", Run::microseconds(back), " µs");
+    if (run.port.second_clock != nullptr) (void)counted_alike(run, run.begin, run.read_both());
+}
+
+// Reads now() again and again for 30 ms. Returns false if the time has gone back. Not by the watched osal, since two
+// threads do this at the same time.
+bool reads_forwards(Osal& osal) {
+    constexpr std::uint32_t kMost = 1'000'000;  // of a clock that stands still
+    const Time until = osal.now() + 30ms;
+    Time last = osal.now();
+    for (std::uint32_t n = 0; n < kMost && last < until; ++n) {
+        const Time now = osal.now();
+        if (now < last) return false;
+        last = now;
+    }
+    return true;
+}
+
+void two_threads_read(Run& run) {
+    if (!run.port.several_threads) return run.skip(kOneThread);
+    if (run.skips_without(1)) return;
+    const auto before = run.read_both();
+    LaterCall call{run, [](LaterCall& self) {
+                       self.word.store(2, std::memory_order_release);  // both begin
+                       self.thread = reads_forwards(*self.run.port.osal) ? 1 : 0;
+                   }};
+    call.begin(1ms);
+    while (call.word.load(std::memory_order_acquire) == 1) {
+    }
+    const bool forwards = reads_forwards(*run.port.osal);
+    call.finish();
+    if (!forwards || call.thread == 0) return run.fail("the time went back; does now() need a lock?");
+    if (run.port.second_clock != nullptr) (void)counted_alike(run, before, run.read_both());
 }
 
 void wait_ends_in_time(Run& run) {
@@ -111,7 +144,7 @@ void past_is_over(Run& run) {
 }
 
 void wake_ends_wait(Run& run) {
-    if (run.port.call_later == nullptr) return run.skip(kNoSecondThread);
+    if (run.skips_without(1)) return;
     LaterCall call{run, [](LaterCall& self) { self.run.osal.wake(); }};
     const Time start = run.osal.now();
     call.begin(5ms);
@@ -124,7 +157,7 @@ void wake_ends_wait(Run& run) {
 }
 
 void wake_is_kept(Run& run) {
-    if (run.port.call_later == nullptr) return run.skip(kNoSecondThread);
+    if (run.skips_without(1)) return;
     run.osal.wake();
     const Time start = run.osal.now();
     run.osal.wait(start + 3s, -1);
@@ -132,7 +165,7 @@ void wake_is_kept(Run& run) {
 }
 
 void wake_is_used_up(Run& run) {
-    if (run.port.call_later == nullptr) return run.skip(kNoSecondThread);
+    if (run.skips_without(1)) return;
     // The wait() after a wake() returns at once. If a port that sleeps returned at once from then on, the processor
     // would never rest. In the last milliseconds a port may poll instead of sleeping, so they do not count.
     const auto calls_in_20_ms = [&] {
@@ -151,7 +184,7 @@ void wake_is_used_up(Run& run) {
 }
 
 void wake_ends_endless_wait(Run& run) {
-    if (run.port.call_later == nullptr) return run.skip(kNoSecondThread);
+    if (run.skips_without(1)) return;
     // Only after a wait() with a limit has shown that wake() works: otherwise the suite would not end.
     LaterCall trial{run, [](LaterCall& self) { self.run.osal.wake(); }};
     const Time start = run.osal.now();
@@ -190,7 +223,8 @@ void sleep_ends_in_time(Run& run) {
 }
 
 void sleepers_wake(Run& run) {
-    if (run.port.call_later == nullptr || !run.port.several_threads) return run.skip("the port has one thread");
+    if (!run.port.several_threads) return run.skip(kOneThread);
+    if (run.skips_without(1)) return;
     LaterCall call{run, [](LaterCall& self) {
                        self.word.store(2, std::memory_order_release);
                        self.run.osal.wake_sleepers(&self.word);
@@ -204,8 +238,55 @@ void sleepers_wake(Run& run) {
     if (taken > 1500ms) run.fail("the sleeper returned ", Run::microseconds(taken), " µs after its begin");
 }
 
+// What sleeping threads share. It stays, because a faulty port lets a thread sleep for ever.
+struct {
+    Osal* osal = nullptr;
+    Time until{};
+    std::atomic<std::uint32_t> word{1};
+    std::atomic<std::uint32_t> awake{0};
+} sleepers;
+
+void sleep_on_the_word(void*) {
+    while (sleepers.word.load(std::memory_order_acquire) == 1 &&
+           (sleepers.until == kNever || sleepers.osal->now() < sleepers.until))
+        sleepers.osal->sleep_while(sleepers.word, 1, sleepers.until);
+    sleepers.awake.fetch_add(1, std::memory_order_acq_rel);
+}
+
+// Lets threads sleep on one word and wakes them all by one call.
+void wake_all(Run& run, unsigned threads, Duration longest) {
+    sleepers.osal = run.port.osal;
+    sleepers.until = later(run.port.osal->now(), longest);
+    sleepers.word.store(1, std::memory_order_release);
+    sleepers.awake.store(0, std::memory_order_release);
+    for (unsigned n = 0; n < threads; ++n) run.port.call_later(run.port.user, 1ms, sleep_on_the_word, nullptr);
+    (void)run.wait_until(run.osal.now() + 20ms);  // now they sleep
+    sleepers.word.store(2, std::memory_order_release);
+    run.osal.wake_sleepers(&sleepers.word);
+    const Time start = run.osal.now();
+    const auto all_return_in = [&](Duration limit) {
+        while (sleepers.awake.load(std::memory_order_acquire) != threads)
+            if (run.osal.now() - start > limit || !run.wait_until(run.osal.now() + 1ms)) return false;
+        return true;
+    };
+    if (all_return_in(1500ms)) return;
+    run.fail("only ", std::uint64_t{sleepers.awake.load()}, " of ", std::uint64_t{threads}, " returned");
+    if (longest == Duration::max() || !all_return_in(longest + 1500ms)) run.lose_call();
+}
+
+void all_sleepers_wake(Run& run) {
+    if (!run.port.several_threads) return run.skip(kOneThread);
+    if (!run.skips_without(2)) wake_all(run, 2, 3s);
+}
+
+void endless_sleep_ends(Run& run) {
+    if (!run.port.several_threads) return run.skip(kOneThread);
+    if (!run.skips_without(1)) wake_all(run, 1, Duration::max());
+}
+
 void threads_have_numbers(Run& run) {
-    if (run.port.call_later == nullptr || !run.port.several_threads) return run.skip("the port has one thread");
+    if (!run.port.several_threads) return run.skip(kOneThread);
+    if (run.skips_without(1)) return;
     const auto mine = run.osal.thread_number();
     LaterCall call{run, [](LaterCall& self) { self.thread = self.run.osal.thread_number(); }};
     call.begin(1ms);
@@ -230,7 +311,12 @@ void check_osal(Run& run) {
     run.check("sleep_while() returns if the word has another value", sleep_of_another_value);
     run.check("sleep_while() returns in time", sleep_ends_in_time);
     run.check("wake_sleepers() ends a sleep", sleepers_wake);
+    run.check("wake_sleepers() ends the sleep of all threads", all_sleepers_wake);
     run.check("threads have different numbers", threads_have_numbers);
+    run.check("now() is right when two threads call it", two_threads_read);
+    run.check("wake_sleepers() ends a sleep without a limit", endless_sleep_ends);  // may not give its thread back
 }
+
+void check_clock_of_run(Run& run) { run.check("now() is right in the whole run", good_in_the_whole_run); }
 
 }  // namespace margay::port

@@ -4,12 +4,13 @@
 // The far end of the cable is any EtherCAT slave: a real one, `virtual_segment` on another computer, or the simulated
 // segment. The suite sends frames with one NOP datagram, which every slave returns with unchanged data.
 //
-// To run it, describe the port and call check_port(). Each check prints one line: "ok", "FAIL" with the reason, or
-// "skip" with what the port would have to provide. README.md beside this folder says more.
+// To run it, describe the port and call check_port(). Each check prints "run" and its name when it begins, and one line
+// at its end: "ok", "FAIL" with the reason, or "skip" with what the port would have to provide. A suite that stops has
+// stopped in the check of its last line. README.md beside this folder says more.
 #pragma once
 
-#include "osal/osal.hpp"
-#include "oshw/nic.hpp"
+#include <margay/parts/osal/osal.hpp>
+#include <margay/parts/oshw/nic.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -32,6 +33,9 @@ struct Port {
     void (*call_later)(void* user, Duration delay, void (*function)(void*), void* argument) = nullptr;
     // call_later() uses another thread or task, not an interrupt. Then threads must have different numbers.
     bool several_threads = false;
+    // How many calls call_later() carries at the same time, each in a thread of its own. With two of them the suite
+    // checks that all sleeping threads are woken.
+    unsigned calls_at_once = 1;
 
     // A second clock that does not depend on the clock of the osal, for example another timer of the board.
     Duration (*second_clock)(void* user) = nullptr;
@@ -40,8 +44,9 @@ struct Port {
     void (*plug)(void* user, bool in) = nullptr;
     Duration longest_plugging = std::chrono::seconds(10);  // a person needs longer
 
-    // How long send() and receive() may take in the median. The default is below the 123 µs that a frame of full size
-    // needs on the wire, so that a send() that waits for the end of the frame is found.
+    // How long send() and receive() may take in the median, and link_state() ten times as long, because it reads the
+    // PHY. The default is below the 123 µs that a frame of full size needs on the wire, so that a send() that waits for
+    // the end of the frame is found.
     Duration longest_call = std::chrono::microseconds(100);
     // How much later than requested wait() and sleep_while() may return in the median.
     Duration latest = std::chrono::milliseconds(2);
@@ -50,6 +55,11 @@ struct Port {
     // How many frames the NIC can store between two calls of receive(): at least as many as the application sends
     // between two polls.
     std::size_t burst = 8;
+    // How many frames of full size may be on the way while the suite fetches all replies at once. More than the NIC can
+    // queue, so that a queue that loses frames is found; fewer if the far end is a program that cannot keep up.
+    std::size_t on_the_way = 64;
+    // How long the clock is watched at least. The default is longer than 32 bits of nanoseconds.
+    Duration watched = std::chrono::seconds(5);
 };
 
 struct Verdict {
@@ -58,8 +68,8 @@ struct Verdict {
     unsigned skipped = 0;
 };
 
-// Runs all checks and prints the verdict. Takes some seconds. `port.osal` and `port.print` are required. The thread
-// that calls it must be the only one that uses the NIC.
+// Runs all checks and prints the verdict. Takes some seconds, `port.watched` at least. `port.osal` and `port.print` are
+// required. The thread that calls it must be the only one that uses the NIC.
 [[nodiscard]] Verdict check_port(const Port& port);
 
 }  // namespace margay::port

@@ -2,7 +2,9 @@
 #pragma once
 
 #include "port_suite.hpp"
-#include "util/text_writer.hpp"
+#include "watched_osal.hpp"
+
+#include <margay/parts/util/text_writer.hpp>
 
 #include <algorithm>
 #include <array>
@@ -13,17 +15,38 @@ namespace margay::port {
 
 class Run {
   public:
-    explicit Run(const Port& described) : port(described), osal(*described.osal) {}
+    explicit Run(const Port& described) : port(described), osal(*described.osal), begin(read_both()) {}
+
+    // Both clocks, read at nearly the same time. Without a second clock its time is zero.
+    struct Clocks {
+        Time time{};
+        Duration second{};
+    };
+    [[nodiscard]] Clocks read_both() {
+        Clocks both{osal.now(), Duration{}};
+        if (port.second_clock == nullptr) return both;
+        for (unsigned tries = 0; tries < 50; ++tries) {
+            both.second = port.second_clock(port.user);
+            both.time = osal.now();
+            if (port.second_clock(port.user) - both.second < std::chrono::microseconds(50)) break;
+        }
+        return both;
+    }
 
     const Port& port;
-    Osal& osal;
+    // The osal of the port, for the thread of the suite. Other threads use the one in `port`.
+    WatchedOsal osal;
+    const Clocks begin;  // of the run
 
-    // Executes one check and prints its line. A check ends with the first failure.
+    // Executes one check and prints its lines. A check ends with the first failure.
     void check(std::string_view name, void (*body)(Run&)) {
         reason_size_ = 0;
         skipped_ = false;
+        print_begin(name);
         body(*this);
         print_result(name);
+        // A second clock that extends a counter of the board must be read now and then.
+        if (port.second_clock != nullptr) (void)port.second_clock(port.user);
     }
 
     // A failure has a reason: text and numbers in turn.
@@ -38,6 +61,16 @@ class Run {
         fail(why);
         skipped_ = true;
     }
+    // True, and the check is skipped, if call_later() does not exist or cannot carry so many calls.
+    [[nodiscard]] bool skips_without(unsigned calls) {
+        if (port.call_later == nullptr)
+            skip("the port has no call_later()");
+        else if (calls_lost_ + calls > std::max(port.calls_at_once, 1U))
+            skip(calls_lost_ == 0 ? "call_later() carries one call at a time" : "a call has not returned");
+        return skipped_;
+    }
+    // A call of call_later() has not returned and never will.
+    void lose_call() { ++calls_lost_; }
     [[nodiscard]] bool failed() const { return reason_size_ != 0; }
     [[nodiscard]] const Verdict& verdict() const { return verdict_; }
 
@@ -89,6 +122,12 @@ class Run {
     }
 
   private:
+    void print_begin(std::string_view name) {
+        std::array<char, 120> line{};
+        TextWriter text(line);
+        text << "run   " << name;
+        print(text.text());
+    }
     void print_result(std::string_view name) {
         std::array<char, 200> line{};
         TextWriter text(line);
@@ -101,6 +140,7 @@ class Run {
     std::array<char, 120> reason_{};
     std::size_t reason_size_ = 0;
     bool skipped_ = false;
+    unsigned calls_lost_ = 0;
     Verdict verdict_;
 };
 
@@ -125,5 +165,7 @@ class Durations {
 void check_osal(Run& run);
 void check_nic(Run& run);
 void check_timing(Run& run);
+// After all others: of the clock in the whole run.
+void check_clock_of_run(Run& run);
 
 }  // namespace margay::port
