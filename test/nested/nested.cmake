@@ -72,6 +72,9 @@ if(TARGET margay_xdp)
   set_tests_properties(install/consumer_of_xdp_runs PROPERTIES FIXTURES_REQUIRED consumer)
 endif()
 
+add_test(NAME install/consumer_port_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_port)
+set_tests_properties(install/consumer_port_runs PROPERTIES FIXTURES_REQUIRED consumer TIMEOUT 60)
+
 # The installation in another place.
 foreach(check pkg_config component programs)
   add_test(NAME install/moved_${check}
@@ -121,7 +124,7 @@ endif()
 set(gcc_Debug SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install FOLDER install_subdirectory_builds
     DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_UNITY=ON MARGAY_PCH=ON MARGAY_WERROR=ON MARGAY_PCAP=ON
            CMAKE_BUILD_TYPE=Debug CMAKE_CXX_FLAGS_DEBUG=-g0)
-margay_nested(install/subdirectory_builds ${gcc_Debug} FIXTURE subdirectory COST 100 TARGETS consumer_linux consumer_readme)
+margay_nested(install/subdirectory_builds ${gcc_Debug} FIXTURE subdirectory COST 100 TARGETS consumer_linux consumer_readme consumer_port)
 
 # The parts for an embedded system, with them the programs for a board that QEMU knows, which test/qemu runs, and a program for
 # each feature of the master. All three use the same archives.
