@@ -3,6 +3,7 @@
 #include "network/expectation.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace margay {
 namespace {
@@ -183,9 +184,9 @@ Verdict choose_by_place(Network& network, std::size_t n) {
     const Gap gap = find_gap(network, n);
     const Lost lost = find_lost_slaves(network, gap, neighbour);
     if (lost.unsettled) return {};
-    if (lost.same[0] != nullptr && lost.same[1] == nullptr) return {.slave = lost.same[0]};
     // An equal device that was there beside the slave, and was reported as a stranger, is not the lost slave.
     const bool stranger = is_marked(network, place, 0);
+    if (!stranger && lost.same[0] != nullptr && lost.same[1] == nullptr) return {.slave = lost.same[0]};
     const bool all_are_there = !stranger && lost.in_order != nullptr && lost.count == gap.there;
     const bool others_were_asked = is_marked(network, place, stranger_mark::kUndecided) ||
                                    is_marked(network, place, stranger_mark::kUndecided + stranger_mark::kSuspect);

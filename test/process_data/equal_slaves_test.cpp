@@ -277,6 +277,25 @@ TEST_F(EqualSlaves, ANewDeviceElsewhereIsNotTheLostOneByACommonSerialNumber) {
     EXPECT_NE(joined(events()).find("is connected to slave 1 port 3"), std::string::npos);
 }
 
+// A device that was reported as unexpected while slave 5 was there is not slave 5 when that is lost, whatever its number.
+TEST_F(EqualSlaves, AnUnexpectedDeviceIsNotTheLostOneByItsSerialNumber) {
+    build(Serials::own);
+    const auto fresh = make_equal(serial_of(Serials::own, 4));
+    power(fresh, true);
+    ASSERT_TRUE(segment.connect({line[0], 3}, {fresh, 0}));
+    segment.reconsider();
+    drive(2000);
+    ASSERT_NE(joined(events()).find("is connected to slave 1 port 3"), std::string::npos);
+    power(line[4], false);
+    drive(3000);
+    const auto outputs = program(fresh).outputs();
+    EXPECT_TRUE(outputs.empty() || outputs[0] == std::byte{0});
+    EXPECT_FALSE(in_op(5));
+    power(line[4], true);
+    expect_everybody_is_itself();
+    EXPECT_EQ(wrong, 0U);
+}
+
 // The serial number of one slave alone names it, also at another place.
 TEST_F(EqualSlaves, ASlaveThatWasMovedIsKnownByItsSerialNumber) {
     build(Serials::own);
