@@ -1,6 +1,7 @@
 #include "common/xml_files.hpp"
 
 #include "common/program.hpp"
+#include "common/slave_report.hpp"
 
 #include <margay/margay.hpp>
 
@@ -34,7 +35,10 @@ Result<std::uint16_t> scan_by(Context& ctx, const files::EniConfiguration* eni) 
         warn(fmt::format("warning: ENI file: {}", to_text(remark)));
     const auto told = files::after_scan(ctx, *eni);
     if (eni->clocks)
-        if (const auto reference = configdc(ctx, *eni->clocks); !reference) return reference.error();
+        if (const auto reference = configdc(ctx, *eni->clocks); !reference) {
+            if (!told) warn(fmt::format("ENI file: {}", sentence(told.error())));  // one error alone can be returned
+            return reference.error();
+        }
     if (!told) return told.error();
     return found;
 }

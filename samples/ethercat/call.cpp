@@ -66,7 +66,10 @@ Answer<> Call::each_slave(std::span<const SlaveFacts> slaves, Output& output,
         const auto done = work(slave);
         if (done) continue;
         output.json["slaves"].push_back({{"position", slave.position}, {"error", done.problem().text}});
-        if (done.problem().code == samples::exit_code::kSystem) return done;
+        if (done.problem().code == samples::exit_code::kSystem) {
+            if (!first) samples::fail(first.problem().text);
+            return done;
+        }
         if (!first)
             samples::fail(done.problem().text);
         else

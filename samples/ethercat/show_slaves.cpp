@@ -218,8 +218,10 @@ int run_slaves(Call& call) {
             auto json = slave_json(slave, address_of(addresses, slave.position));
             if (call.has("verbose")) {
                 const auto added = add_details(master, slave, output, json);
+                if (!added) json["problem"] = added.problem().text;
+                if (!added && !first) samples::fail(first.problem().text);  // the last one is returned
+                if (!added) first = added;
                 if (!added && added.problem().code == samples::exit_code::kSystem) return added;
-                if (!added && first) first = added;
             }
             output.json["slaves"].push_back(std::move(json));
             faulty |= !slave.problem.empty();
