@@ -30,8 +30,8 @@ struct Copies {
 
 // Show all packets with an EtherCAT frame in the order of time. Two packets with the same octets are twins when the
 // second one is shortly behind the first one: a kernel may stamp the packets of a NIC in batches, so that others are
-// between them. Frames without a working
-// counter are no sign of it, because a frame that nobody has processed comes back as it was.
+// between them. Frames without a working counter are no sign of it: a frame that no slave has processed comes back as it
+// was.
 class Twins {
   public:
     // The interface of the first one, if this packet is the second one. `frame`: the EtherCAT frame in it.

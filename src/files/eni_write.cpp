@@ -8,6 +8,7 @@
 #include "wire/fmmu.hpp"
 
 #include <algorithm>
+#include <vector>
 
 namespace margay::files {
 namespace {

@@ -8,6 +8,7 @@
 #include "link/cycle.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace margay {
 namespace {

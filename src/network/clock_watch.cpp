@@ -4,6 +4,7 @@
 #include "util/scoped_flag.hpp"
 
 #include <algorithm>
+#include <cstdlib>
 #include <utility>
 
 namespace margay {

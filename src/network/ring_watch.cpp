@@ -6,6 +6,7 @@
 #include "network/topology.hpp"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 namespace margay {
