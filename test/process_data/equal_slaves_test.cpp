@@ -277,7 +277,8 @@ TEST_F(EqualSlaves, ANewDeviceElsewhereIsNotTheLostOneByACommonSerialNumber) {
     EXPECT_NE(joined(events()).find("is connected to slave 1 port 3"), std::string::npos);
 }
 
-// A device that was reported as unexpected while slave 5 was there is not slave 5 when that is lost, whatever its number.
+// A device that was reported as unexpected while slave 5 was there is not slave 5 when that is lost, whatever its
+// number says.
 TEST_F(EqualSlaves, AnUnexpectedDeviceIsNotTheLostOneByItsSerialNumber) {
     build(Serials::own);
     const auto fresh = make_equal(serial_of(Serials::own, 4));
