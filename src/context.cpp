@@ -122,6 +122,14 @@ Error check_link_settings(const LinkSettings& settings) {
     return {};
 }
 
+// How many slaves one operation processes at the same time: so many that each of their sequences can end.
+std::size_t tasks_at_once(const Limits& limits) {
+    constexpr std::size_t kShareBytes = 1024 * sizeof(void*);  // as in context_bytes()
+    const std::size_t wanted = limits.tasks == 0 ? limits.slaves : limits.tasks;
+    if (limits.arena_bytes == 0) return wanted;
+    return std::clamp<std::size_t>(limits.arena_bytes / kShareBytes, 1, wanted);
+}
+
 }  // namespace
 
 std::span<const Slave> Context::slaves() {
@@ -193,7 +201,7 @@ Result<> init_in(Context& ctx, std::span<std::byte> memory, Nic& nic, Osal& osal
         table.marks.empty() || frames.empty() || mailboxes.empty())
         return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
-    const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
+    const std::size_t tasks = tasks_at_once(limits);
     Master* master = ::new (place) Master(osal, nic, table, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
     Network& network = master->network;
     network.process = process;

@@ -183,6 +183,8 @@ std::string_view capacity_text(const Error& e) {
     if (e.detail == Error::kTasks) return kSequences;
     if (e.detail == Error::kPlaces) return "places for requests of other threads";
     if (e.detail == Error::kRedundancy) return "Limits::redundancy is false";
+    // A buffer that is too small has a size that was needed. Only the size of a file is not known.
+    const bool of_buffer = e.expected != 0 || e.step == Step::foe_read;
     switch (e.step) {
         case Step::count_slaves:
         case Step::identify:
@@ -194,7 +196,7 @@ std::string_view capacity_text(const Error& e) {
         case Step::voe_receive:
         case Step::aoe_read:
         case Step::aoe_read_write:
-        case Step::mailbox_receive: return "the buffer of the call";
+        case Step::mailbox_receive: return of_buffer ? "the buffer of the call" : kSequences;
         case Step::map_process_data: return "SharedImage";
         case Step::configure_clocks: return "Limits::clocks is false";
         default: return kSequences;

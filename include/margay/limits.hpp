@@ -27,10 +27,10 @@ struct Limits {
     std::uint16_t events = 64;
     // Slaves that may be in the ring besides those of `slaves` while the supervision looks for slaves.
     std::uint16_t guests = 16;
-    // Octets of memory for running sequences, and for the hooks of slaves, which are sequences too. 0: as much as
-    // `tasks` sequences at the same time and requests beside them need. Less slows down, since sequences wait for
-    // memory; too little for one sequence ends it with Errc::capacity. Context::arena_peak_bytes() shows what a program
-    // has needed.
+    // Octets of memory for running sequences and hooks. 0: as much as `tasks` sequences at the same time and requests
+    // beside them need. Less slows down: one slave for each 1024 * sizeof(void*) octets is processed at a time, and
+    // at least one. Too little for one sequence (our devices need up to 1024 * sizeof(void*)) ends it with
+    // Errc::capacity. Context::arena_peak_bytes() shows what a program has needed.
     std::uint32_t arena_bytes = 0;
     // False: no memory for distributed clocks (216 octets for each slave); configdc() fails with Errc::capacity.
     bool clocks = true;

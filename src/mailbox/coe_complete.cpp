@@ -49,7 +49,8 @@ Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object,
     std::array<std::byte, 8> now{};
     auto read = co_await sdo_upload_once(channel, object, now, patience);
     if (read) co_return *read;
-    if (read.error().code == Errc::capacity) co_return std::size_t{read.error().expected};
+    if (read.error().code == Errc::capacity && read.error().expected != 0)  // else the arena had no memory
+        co_return std::size_t{read.error().expected};
     if (is(read.error(), coe::Abort::no_subindex)) co_return std::size_t{0};
     co_return read.error();
 }
@@ -97,7 +98,7 @@ Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject o
         auto read = co_await sdo_upload_once(channel, one, into.subspan(at), patience);
         if (read) at += *read;
         if (read || is(read.error(), coe::Abort::no_subindex)) continue;
-        if (read.error().code != Errc::capacity) co_return read;
+        if (read.error().code != Errc::capacity || read.error().expected == 0) co_return read;
         co_return misfit(channel, object, Step::sdo_upload, Errc::capacity, at + read.error().expected, into.size());
     }
     co_return at;

@@ -73,7 +73,8 @@ std::coroutine_handle<> await_completion(PromiseBase* task, PromiseBase& waiting
 
 std::coroutine_handle<> end_of_starving(PromiseBase& task) noexcept {
     if (!task.fails) return task.self();
-    task.error = {.code = Errc::capacity};
+    task.error.code = Errc::capacity;  // nothing has set the error yet
+    task.error.detail = Error::kTasks;
     return end_of_task(task);
 }
 

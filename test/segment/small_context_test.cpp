@@ -20,8 +20,9 @@ class SmallContext : public SegmentTest {
                 .arena_bytes = arena_bytes};
     }
     // Scans, maps, reads an object of slave 4, and asks for OP.
-    Error first_error(std::uint32_t arena_bytes) {
-        HostContext small(limits(arena_bytes));
+    Error first_error(std::uint32_t arena_bytes) { return first_error(limits(arena_bytes)); }
+    Error first_error(const Limits& all) {
+        HostContext small(all);
         std::array<std::byte, 512> image{};
         std::array<std::byte, 4> vendor{};
         if (const auto begun = init(small, wire, osal, {}); !begun) return begun.error();
@@ -43,6 +44,45 @@ TEST_F(SmallContext, TheDeepestSequenceOfABringUpFitsTheArenaOfTheSmallPrograms)
     EXPECT_LE(least, 2U * 7168) << words(first_error(least - 1024));
     EXPECT_EQ(first_error(65536).code, Errc::none) << words(first_error(65536));
     EXPECT_GT(least, 2048U) << "the search has found nothing";
+}
+
+// The sequences of all slaves at once do not fit these arenas: some wait for others, and none waits for ever.
+TEST_F(SmallContext, ASmallerArenaIsSlowerButSucceeds) {
+    plug_line({"coupler", "digital_in_8", "digital_out_8", "odd_device", "analog_in_4", "analog_in_4", "odd_device",
+               "drive", "odd_device", "analog_in_4", "analog_in_4", "odd_device", "drive", "drive", "odd_device",
+               "analog_in_4"});
+    switch_on();
+    const std::uint32_t least = 1024 * sizeof(void*);
+    std::size_t smaller = 0;
+    for (const std::uint16_t tasks : {std::uint16_t{0}, std::uint16_t{2}}) {
+        for (std::uint32_t arena = least; arena < 16 * 4096; arena += 1024 * 3 / 4) {
+            auto small = limits(arena);
+            small.slaves = 16;
+            small.tasks = tasks;
+            const auto error = first_error(small);
+            EXPECT_EQ(error.code, Errc::none) << arena << " octets, tasks " << tasks << ": " << words(error);
+            ++smaller;
+        }
+    }
+    EXPECT_GT(smaller, 100U);
+    const auto error = first_error(1024);
+    EXPECT_EQ(error.code, Errc::capacity);
+    EXPECT_NE(words(error).find("Limits::arena_bytes"), std::string::npos) << words(error);
+}
+
+// What is missing is the arena, not a buffer of the call, and it says so at each size.
+TEST_F(SmallContext, AnArenaThatIsTooSmallIsNamed) {
+    plug_line({"coupler", "digital_in_8", "digital_out_8", "odd_device", "analog_in_4"});
+    switch_on();
+    unsigned failed = 0;
+    for (std::uint32_t arena = 512; arena < 16384; arena += 64) {
+        const auto error = first_error(arena);
+        if (error.code == Errc::none) continue;
+        ++failed;
+        EXPECT_EQ(error.code, Errc::capacity) << arena << ": " << words(error);
+        EXPECT_EQ(words(error).find("the buffer of the call"), std::string::npos) << arena << ": " << words(error);
+    }
+    EXPECT_GT(failed, 10U);
 }
 
 TEST_F(SmallContext, WithoutTheFeatureOverlappingCyclesAreRefused) {
