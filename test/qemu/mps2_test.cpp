@@ -74,7 +74,7 @@ TEST(Mps2, TheInstructionsOfACycleAreCounted) {
     const auto line = all.substr(all.find("instructions of a cycle: "));
     const auto instructions = std::stoul(line.substr(line.find(": ") + 2));
     std::cout << "Cortex-M4, -Os: " << line;
-    // On x86-64 bench_cycle counts 261 for one slave and 379 for ten. A limit with some room keeps it from growing.
+    // Those of x86-64: bench_cycle. A limit with some room keeps it from growing.
     EXPECT_GT(instructions, 100u) << "something was left out";
     EXPECT_LT(instructions, 600u) << line;
 }

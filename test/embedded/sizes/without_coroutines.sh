@@ -5,7 +5,8 @@
 #
 #   sh test/embedded/sizes/without_coroutines.sh BUILD [SOURCE …]
 #
-# BUILD is the folder of a build, which has generated headers. The default is all sources with sequences: about 2 minutes.
+# BUILD is the folder of a build, which has generated headers. The default is all sources with sequences except those of
+# src/api: about 2 minutes. A source that cannot be compiled as blocking functions is left out and named.
 set -eu
 cd "$(dirname "$0")/../../.."
 tree=$PWD
@@ -72,7 +73,10 @@ for source in "$@"; do
     waits=$(grep -c co_await "$source" || true)
     [ "$waits" -gt 0 ] || continue
     blocking=$(size "$copy" "$source")
-    [ -n "$blocking" ] || continue  # it uses handles of coroutines
+    if [ -z "$blocking" ]; then  # it uses handles of coroutines
+        echo "left out: $source, with $waits co_await" >&2
+        continue
+    fi
     coroutines=$(size "$tree" "$source")
     sequences=$(arm-none-eabi-nm "$copy/object.o" | grep -c '\.actor')
     printf '%-32s %10d %9d %10d %10d\n' "$source" "$sequences" "$waits" "$coroutines" "$blocking"
