@@ -90,8 +90,24 @@ bool find_neighbours(Network& network, std::size_t first_behind, Event& event) {
     return false;
 }
 
+// Only the first NIC reaches slaves: the last of them on the way to the end of the ring, as it was seen last.
+bool find_last_before(Network& network, std::uint16_t end, std::uint8_t end_port, Event& event) {
+    if (end == 0) return false;
+    event.slave = end;
+    event.port = end_port;
+    for (std::size_t steps = 0; steps <= network.slaves().size(); ++steps) {
+        if (event.slave == 0 || network.slave(event.slave).ring_position != 0) return true;
+        const SlaveMarks& marks = network.marks(event.slave);
+        if (marks.home == SlaveMarks::kNoHome) return false;
+        event.slave = marks.home;
+        event.port = marks.home_port;
+    }
+    return false;
+}
+
 // Where the ring is open, by the numbers of slaves that the frames reach from its beginning and from its end.
-Event find_break_by_counts(Network& network, std::size_t front, std::size_t behind) {
+Event find_break_by_counts(Network& network, std::size_t front, std::size_t behind, std::uint16_t end,
+                           std::uint8_t end_port) {
     Event event{.kind = EventKind::ring_broken};
     const std::size_t all = std::max<std::size_t>(network.ring_count, front + behind);
     if (behind != 0)
@@ -103,6 +119,7 @@ Event find_break_by_counts(Network& network, std::size_t front, std::size_t behi
         event.port = next->parent_port;
         return event;
     }
+    if (behind == 0 && find_last_before(network, end, end_port, event)) return event;
     // Slaves are lost, or the ring was never seen whole.
     const Slave* at = slave_at(network, front);
     if (at != nullptr) event.port = broken_port(network, *at);
@@ -166,7 +183,7 @@ bool RingWatch::is_behind_front(Network& network, const Slave& slave) const {
 Event RingWatch::find_break(Network& network, std::size_t front, std::size_t behind) const {
     Event event{.kind = EventKind::ring_broken};
     if (find_neighbours(network, first_behind_, event)) return event;
-    return find_break_by_counts(network, front, behind);
+    return find_break_by_counts(network, front, behind, end_, end_port_);
 }
 
 void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
@@ -184,6 +201,10 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
     note_ends(network, head, false, *this);
     // That the ring is broken was told: where it is broken now is told when the places have been read again.
     if (reported_ == RingState::broken && front + behind != network.ring_count) return;
+    if (reported_ != RingState::broken && network.parts_read.whole) {  // the ports are those of the whole ring
+        const Slave* const last = last_slave(network, end_port_);
+        end_ = last != nullptr ? last->number : std::uint16_t{0};
+    }
     Event event = find_break(network, front, behind);
     if (reported_ == RingState::broken && event.slave == before_ && event.other == behind_) return;
     before_ = event.slave;

@@ -152,10 +152,12 @@ class RingWatch final : public RedundancyPart {
     std::uint16_t front_end_ = 0;     // the last ring slave that the head reaches; all while the ring is whole
     std::uint16_t behind_begin_ = 0;  // the first ring slave that only the other NIC reaches
     std::uint8_t rounds_unclear_ = 0;
+    std::uint8_t end_port_ = 0;  // of the slave `end_`
     // The port of the last slave that was closed, and its settings before.
     Time opened_{};
     std::uint16_t last_ = 0;
     std::uint16_t last_control_ = 0;
+    std::uint16_t end_ = 0;  // the slave that the second NIC was connected to before the break
 };
 
 }  // namespace margay
