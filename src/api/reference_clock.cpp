@@ -3,8 +3,6 @@
 #include "network/network.hpp"
 #include "network/wanted.hpp"
 
-#include <cstdlib>
-
 namespace margay {
 namespace {
 

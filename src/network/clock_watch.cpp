@@ -4,7 +4,6 @@
 #include "util/scoped_flag.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 #include <utility>
 
 namespace margay {
