@@ -91,14 +91,16 @@ class Bus {
     // --- Before activation (idle.cpp) ---
     void start_idle();
     void stop_idle();  // the calling thread owns the context afterwards
-    // Executes `work` in the calling thread as owner of the context. Only before activation.
+    // Executes `work` in the calling thread as owner of the context. Only before activation. Afterwards the thread that
+    // polls owns the context again: a caller that remained the owner would poll beside it.
     template <class Work>
     void as_owner(Work work) {
         wanted.fetch_add(1);
-        const std::lock_guard lock(turn);
+        std::unique_lock lock(turn);
         wanted.fetch_sub(1);
         (void)take_ownership(*ctx);
         work();
+        hand_back(lock);
     }
 
     // Reads the receive times of all ports (ports.cpp). For the owner, before activation.
@@ -128,6 +130,9 @@ class Bus {
 
     std::mutex turn;
     std::atomic<int> wanted{0};
+    bool polling = false;     // a thread polls before activation; guarded by `turn`
+    bool handed_over = true;  // it owns the context; guarded by `turn`
+    std::condition_variable taken_over;
     std::atomic<bool> stop{false};
     std::thread idle;
     std::thread reporter;  // says the errors of the context
@@ -200,6 +205,8 @@ class Bus {
     [[nodiscard]] bool lock_interfaces();
     void refresh_links(std::uint32_t count);
     void idle_loop();
+    void hand_back(std::unique_lock<std::mutex>& lock);
+    void take_over();
     void step_search(Time now);
     void report_loop();
 };

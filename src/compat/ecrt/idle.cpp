@@ -13,7 +13,25 @@ using namespace std::chrono_literals;
 void Bus::start_idle() {
     if (idle.joinable()) return;
     stop = false;
+    std::unique_lock lock(turn);
+    polling = true;
     idle = std::thread([this] { idle_loop(); });
+    hand_back(lock);
+}
+
+// Returns when the thread that polls owns the context. `lock` holds `turn`.
+void Bus::hand_back(std::unique_lock<std::mutex>& lock) {
+    if (!polling) return;
+    handed_over = false;
+    source->osal().wake();
+    taken_over.wait(lock, [this] { return handed_over; });
+}
+
+// For the thread that polls, which holds `turn`.
+void Bus::take_over() {
+    (void)take_ownership(*ctx);
+    handed_over = true;
+    taken_over.notify_all();
 }
 
 void Bus::stop_idle() {
@@ -70,7 +88,7 @@ void Bus::step_search(Time now) {
 
 void Bus::idle_loop() {
     std::unique_lock lock(turn);
-    (void)take_ownership(*ctx);
+    take_over();
     Osal& osal = source->osal();
     while (!stop) {
         Time now = osal.now();
@@ -82,8 +100,9 @@ void Bus::idle_loop() {
         osal.wait(next, source->wait_handles());
         while (wanted.load() != 0 && !stop) std::this_thread::yield();
         lock.lock();
-        (void)take_ownership(*ctx);
+        take_over();
     }
+    polling = false;
 }
 
 }  // namespace margay::compat::ecrt

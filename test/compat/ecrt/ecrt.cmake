@@ -95,6 +95,11 @@ margay_ecrt_test(ip_stack ecrt_ip_stack sim:eoe_gateway,drive)
 set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
 
+add_executable(ecrt_before_activation ${folder}/before_activation.cpp)
+target_include_directories(ecrt_before_activation PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src)
+target_link_libraries(ecrt_before_activation PRIVATE margay_ecrt_facade margay_flags)
+margay_ecrt_test(before_activation ecrt_before_activation sim:drive,drive)
+
 # The same with a segment in virtual time, which these programs open.
 foreach(program flags moved late_outputs early_request after_silence starts requests_at_start)
   add_executable(ecrt_${program} ${folder}/${program}.cpp)
