@@ -451,8 +451,9 @@ Task<Result<>> RingWatch::steer(Network& network) {
 Task<Result<>> RingWatch::watch_clocks(Network& network) {
     constexpr std::uint8_t kEnough = 2;
     const RingParts now = parts();
-    // The ring was a line when the delays were measured, and is whole now.
-    if (!ways_known_ && now.whole && !ports_of_broken_ && has_clock(network, now, true)) guessed_ = true;
+    // The ring was a line when the delays were measured, and is whole now; or these clocks were away.
+    const bool unknown = !ways_known_ || !has_beside_;
+    if (unknown && now.whole && !ports_of_broken_ && has_clock(network, now, true)) guessed_ = true;
     if (has_beside_ && (!arranged_ || ring_.are_times_held())) {
         // Measured for the first time in the whole ring: the clocks have followed other delays before.
         const bool taught = !now.whole || second_ != 0 || ring_.are_times_held();
