@@ -42,7 +42,12 @@
 // with receive times are used, which may be wrong by the propagation delay between both slaves. Where configdc() is
 // called while the ring is broken between slaves, this begins when the ring is whole. When the first of these slaves
 // returns from a loss of power, the port of the last slave is closed again for up to two seconds in all, until its
-// clock has learned the rate.
+// clock has learned the rate. A break meanwhile cuts off the slaves behind it, until the timer of the chip has opened
+// the port again: for about a second.
+//
+// Connect the first NIC to the beginning of the ring where a slave of the ring has a branch behind its port to the next
+// slave: with swapped cables the scan numbers such slaves in another order, and a slave of the branch that has lost its
+// power stays lost.
 //
 // Datagrams with addresses by position (auto increment) reach the slave of that position in either part; those that
 // found the ring changed are sent again. If a break has moved to another cable since the last frame that counts slaves,
