@@ -17,7 +17,7 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
     return actual <= constant && constant - actual < 64;
 }
-static_assert(is_size(sizeof(Master), 6576, 4656), "context_bytes(): kFixedBytes");
+static_assert(is_size(sizeof(Master), 6640, 4712), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 448, 376), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 216, 216), "context_bytes(): kClockBytes");

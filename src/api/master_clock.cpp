@@ -57,6 +57,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     if (fault_ == PhaseState::set_value_wrong) return Duration{0};
     Network& network = master->network;
     network.clocks.is_paced = true;
+    network.clocks.paced_ns = 0;
     const ProcessGroup& group = network.process.groups[settings_.group];
     record_.at = network.engine.link().last_cycle();
     record_.read = group.dc_time.came && group.dc_time.slaves != 0;
@@ -80,7 +81,8 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     if (in_sync != was_in_sync_)
         network.report({.kind = in_sync ? EventKind::master_in_sync : EventKind::master_out_of_sync,
                         .actual = static_cast<std::uint32_t>(record_.error_ns)});
-    if (in_sync && !was_in_sync_) note_sync_cycles(network, cycle, cycle);
+    network.clocks.paced_ns = in_sync ? cycle : 0;
+    if (in_sync && !was_in_sync_) note_sync_cycles(network, cycle, UINT64_MAX);
     was_in_sync_ = in_sync;
     return earlier;
 }

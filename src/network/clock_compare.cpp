@@ -46,7 +46,9 @@ void Clocks::forget() {
     measuring = all_in_sync = paused = loss_reported = is_driven = is_paced = false;
     without_time = 0;
     times_seen = times_sent = 0;
-    greatest_ns = paced_at_ms = 0;
+    greatest_ns = 0;
+    paced_ns = 0;
+    cycle = {};
     shifted_ns = shift_mean = 0;
     delays_at = Time::min();
     prepare = nullptr;
@@ -72,7 +74,7 @@ std::uint16_t clock_before(Network& network, std::uint16_t reference) {
     return 0;
 }
 
-void note_sync_cycles(Network& network, std::uint64_t cycle_ns, std::uint64_t parts) {
+void note_sync_cycles(Network& network, std::uint64_t cycle_ns, std::uint64_t tolerance) {
     if (cycle_ns == 0 || network.clocks.entries.empty()) return;
     for (const Slave& slave : network.slaves()) {
         ClockEntry& clock = network.clocks.of(slave);
@@ -81,7 +83,7 @@ void note_sync_cycles(Network& network, std::uint64_t cycle_ns, std::uint64_t pa
         const std::uint64_t longer = std::max(sync0_ns, cycle_ns);
         const std::uint64_t shorter = std::min(sync0_ns, cycle_ns);
         const std::uint64_t rest = std::min(longer % shorter, shorter - longer % shorter);
-        if (longer % shorter == 0 || rest <= longer / parts) continue;
+        if (longer % shorter == 0 || rest <= longer / tolerance) continue;
         clock.sync.misfit_told = true;
         network.note({.code = Errc::invalid_argument,
                       .step = Step::configure_sync,
@@ -92,36 +94,55 @@ void note_sync_cycles(Network& network, std::uint64_t cycle_ns, std::uint64_t pa
     }
 }
 
-namespace {
-
-// The last two cycles were as far apart as `mean_ns`: it is not the mean of two different cycles.
-bool keeps_cycle(const CyclePace& pace, std::uint64_t mean_ns) {
-    if (pace.before == Time::min()) return true;  // cycles overlap
-    const auto last_ns = static_cast<std::uint64_t>((pace.last - pace.before).count());
-    const std::uint64_t away = last_ns > mean_ns ? last_ns - mean_ns : mean_ns - last_ns;
-    return away <= mean_ns / 8;
+void MeasuredCycle::note(Time sent_at, std::uint32_t number) {
+    constexpr std::uint64_t kAlike = 50;
+    const std::uint32_t cycles = number - seen;
+    if (begin != Time::min() && cycles == 0) return;
+    if (begin == Time::min() || sent_at <= last) {
+        *this = {};
+        if (sent_at != Time::min()) begin = last = sent_at;
+        first = seen = number;
+        return;
+    }
+    const std::uint64_t each_ns = static_cast<std::uint64_t>((sent_at - last).count()) / cycles;
+    last = sent_at;
+    seen = number;
+    ++rounds;
+    const std::uint64_t away = each_ns > likely_ns ? each_ns - likely_ns : likely_ns - each_ns;
+    if (votes == 0) likely_ns = each_ns;
+    votes += votes == 0 || away <= likely_ns / kAlike ? 1 : -1;
 }
 
-}  // namespace
+// Where the application has stopped once, or leaves out cycles, the mean is not the cycle that it keeps: then it
+// differs from that of most rounds.
+std::uint64_t MeasuredCycle::steady_ns() const {
+    constexpr std::uint64_t kAlike = 100;
+    if (seen == first || 2 * votes < static_cast<std::int32_t>(rounds)) return 0;
+    const std::uint64_t mean_ns = static_cast<std::uint64_t>((last - begin).count()) / (seen - first);
+    const std::uint64_t away = mean_ns > likely_ns ? mean_ns - likely_ns : likely_ns - mean_ns;
+    return away <= likely_ns / kAlike ? mean_ns : 0;
+}
 
 void note_cycle_time(Network& network) {
-    constexpr std::uint32_t kLong_ms = 2000;
-    constexpr std::uint16_t kMany = 100;
-    constexpr std::uint64_t kParts = 50;
-    constexpr std::uint64_t kMillisecond_ns = 1'000'000;
+    constexpr Duration kLong = std::chrono::seconds(2);
+    constexpr std::uint32_t kManyRounds = 16;
+    constexpr std::uint64_t kMeasured = 50;
     Clocks& clocks = network.clocks;
-    const auto now_ms = static_cast<std::uint32_t>((network.engine.now() - Time{}) / std::chrono::milliseconds(1)) | 1U;
+    MeasuredCycle& cycle = clocks.cycle;
+    // Perhaps MasterClock, and with it this cycle, has ended since: then it is measured from now on.
+    if (std::exchange(clocks.is_paced, false)) {
+        note_sync_cycles(network, clocks.paced_ns, UINT64_MAX);
+        cycle = {};
+        return;
+    }
     for (const ProcessGroup& group : network.process.groups) {
-        if (!group.mapped || group.dc_reference != clocks.reference || clocks.is_paced) continue;
-        const std::uint32_t passed_ms = now_ms - clocks.paced_at_ms;
-        if (clocks.paced_at_ms != 0 && passed_ms < kLong_ms) return;
-        const bool watched = clocks.paced_at_ms != 0 && passed_ms < kLong_ms + kLong_ms / 2;
-        const auto sent = static_cast<std::uint16_t>(sent_cycles(group));
-        const auto cycles = static_cast<std::uint16_t>(sent - std::exchange(clocks.paced_from, sent));
-        clocks.paced_at_ms = now_ms;
-        if (!watched || cycles < kMany) return;
-        const std::uint64_t mean_ns = passed_ms * kMillisecond_ns / cycles;
-        if (keeps_cycle(group.pace, mean_ns)) note_sync_cycles(network, mean_ns, kParts);
+        if (!group.mapped || group.dc_reference != clocks.reference) continue;
+        const bool overlap = group.overlap.sets > 1;
+        const Time sent_at = overlap ? network.engine.link().last_cycle() : group.pace.last;
+        cycle.note(sent_at, overlap ? group.cycle_received : sent_cycles(group));
+        if (cycle.rounds < kManyRounds || cycle.last - cycle.begin < kLong) return;
+        note_sync_cycles(network, cycle.steady_ns(), kMeasured);
+        cycle = {};
         return;
     }
 }

@@ -80,6 +80,21 @@ struct ClockEntry : SlaveClock {
     }
 };
 
+// The cycle of the bus as the rounds of the watch see it: how long a cycle takes, as a mean from round to round.
+struct MeasuredCycle {
+    Time begin = Time::min();  // when the first cycle was sent; min: not begun
+    Time last{};               // and the last one that a round has seen,
+    std::uint32_t first = 0;   // their numbers, which wrap
+    std::uint32_t seen = 0;
+    std::uint64_t likely_ns = 0;  // what most rounds have seen, if there is such a time
+    std::uint32_t rounds = 0;
+    std::int32_t votes = 0;  // rounds that have seen it, less those that have seen another time
+
+    void note(Time sent_at, std::uint32_t number);
+    // The mean cycle; 0: the cycles are too few, or too different.
+    [[nodiscard]] std::uint64_t steady_ns() const;
+};
+
 struct Clocks {
     ClockSettings settings;
     std::uint16_t reference = 0;    // number of the slave; 0: configure_clocks() has not succeeded
@@ -99,7 +114,8 @@ struct Clocks {
     std::uint8_t rests = 0;         // rounds until a clock may be brought to the reference, after this has failed
     bool all_in_sync = false;
     bool is_driven = false;         // times are written to the reference, which follows them
-    bool is_paced = false;          // a MasterClock knows the cycle
+    bool is_paced = false;          // since the last round of the watch, a MasterClock has known the cycle:
+    std::uint64_t paced_ns = 0;     // this one, while it is in sync with it
     bool loss_reported = false;     // that the reference is lost
     std::uint8_t odd_times = 0;     // times in succession that note_seen_time() has left out
     bool ways_unknown = false;      // frames enter slaves at other ports, and find_ways() does not know how
@@ -107,8 +123,7 @@ struct Clocks {
     std::uint16_t looked_at = 0;    // the slave whose difference was read last while all clocks were in sync
     std::uint16_t times_seen = 0;   // cycles_with_time() of the group that carries the time, in the last round
     std::uint16_t times_sent = 0;   // by send_time() since then
-    std::uint16_t paced_from = 0;   // note_cycle_time(): the number of cycles at `paced_at_ms`; both wrap
-    std::uint32_t paced_at_ms = 0;  // 0: not begun
+    MeasuredCycle cycle;
     // shift_reference(): by how much the reference was moved since the last round, apart from the rate that the clocks
     // have learned: `shift_mean` in 16 cycles.
     std::int32_t shifted_ns = 0;
@@ -238,9 +253,11 @@ void compute_clock_delays(Network& network);
 // more because it is lost, or because no time has reached it for a second.
 void note_followed_clocks(Network& network, std::int64_t rounds);
 // SYNC0 signals that are neither a whole multiple nor a whole part of the cycle have another phase to each frame: said
-// once, also where they differ from that by more than a part of `parts`.
-void note_sync_cycles(Network& network, std::uint64_t cycle_ns, std::uint64_t parts);
-// The same for the mean cycle of two seconds, where no MasterClock knows it. Once in each round of the watch.
+// once for each slave. `tolerance`: what part of the longer one of both times the difference from a whole multiple may
+// be, for a cycle that was measured; UINT64_MAX: no difference at all.
+void note_sync_cycles(Network& network, std::uint64_t cycle_ns, std::uint64_t tolerance);
+// The same for the cycle of MasterClock, or for the cycle that was measured where no MasterClock is. Once in each round
+// of the watch.
 void note_cycle_time(Network& network);
 // The first slave in the ring that has its clock and its state, where this slave is before the reference: it gets what
 // the master has sent. It becomes the reference. Its clock is moved to that of the reference before, in small steps, so

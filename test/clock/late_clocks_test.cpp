@@ -151,6 +151,32 @@ TEST_F(LateClocks, SyncThatIsNoMultipleOfTheCycleIsNamed) {
     for (const int right : {1, 3, 4}) EXPECT_EQ(told.find("slave " + std::to_string(right)), std::string::npos) << told;
 }
 
+// The cycle of MasterClock is known exactly, at any time while it is in sync.
+TEST_F(LateClocks, SyncThatComesLaterOrDiffersLittleIsNamed) {
+    for (int n = 0; n < 4; ++n) add({.start_ns = 77});
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    run();
+    EXPECT_TRUE(dcsync0(*ctx, 1, true, Duration(1'000'001)).ok());
+    EXPECT_TRUE(dcsync0(*ctx, 2, true, Duration(10'000'010)).ok());
+    MasterClock master({.set_value = -200us, .phase = {.cycle = 1ms}});
+    int left = 5000;
+    const auto work = [&](const CycleInfo&) { return --left > 0; };
+    ASSERT_TRUE(run_cycle(*ctx, {.period = 1ms, .clock = &master}, work).ok());
+    ASSERT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+    const auto first = errors();
+    EXPECT_EQ(told(first, "slave 1: activating SYNC: argument out of range: SYNC0 each 1000001 ns"), 1)
+        << joined(first);
+    EXPECT_EQ(told(first, "slave 2: "), 1) << joined(first);
+    EXPECT_TRUE(dcsync0(*ctx, 3, true, 1500us).ok());
+    EXPECT_TRUE(dcsync0(*ctx, 4, true, 3ms).ok());
+    left = 500;
+    ASSERT_TRUE(run_cycle(*ctx, {.period = 1ms, .clock = &master}, work).ok());
+    const auto then = errors();
+    EXPECT_EQ(told(then, "slave 3: activating SYNC: argument out of range: SYNC0 each 1500000 ns"), 1) << joined(then);
+    EXPECT_EQ(then.size(), 1U) << joined(then);
+}
+
 // The application stops for an odd time between two calls, as from reach() to run_cycle().
 TEST_F(LateClocks, TheCycleKeepsItsPhaseFromCallToCall) {
     add({});

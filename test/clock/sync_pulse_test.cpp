@@ -116,5 +116,61 @@ TEST_F(SyncPulse, SyncThatDoesNotFitACycleOfTheApplicationIsNamedOnce) {
     EXPECT_EQ(then.size(), 1U) << joined(then);
 }
 
+// The mean cycle of some seconds is not that of the application: it has stopped for a moment, or leaves out cycles.
+TEST_F(SyncPulse, AnApplicationThatStopsForAMomentIsNotBlamed) {
+    for (int n = 0; n < 3; ++n) add({.drift_ppb = 9000, .start_ns = 77});
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    run();
+    for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_TRUE(dcsync0(*ctx, n, true, 1ms).ok());
+    (void)errors();
+    const auto run_with = [this](Duration stall, int each) {
+        Time next = osal.now();
+        for (int n = 0; n < 5000; ++n) {
+            next += n % each == each - 1 ? 1ms + stall : Duration(1ms);
+            while (osal.now() < next) {
+                osal.advance(std::min<Duration>(next - osal.now(), 100us));
+                if (stall <= 1ms || next - osal.now() < 1ms) (void)poll(*ctx, osal.now());
+            }
+            (void)send_processdata(*ctx);
+            (void)receive_processdata(*ctx, 300us);
+        }
+        return joined(errors());
+    };
+    EXPECT_EQ(told(std::vector{run_with(60ms, 2500)}, "SYNC0"), 0);
+    EXPECT_EQ(told(std::vector{run_with(100ms, 1700)}, "SYNC0"), 0);
+    EXPECT_EQ(told(std::vector{run_with(1ms, 25)}, "SYNC0"), 0);
+    EXPECT_TRUE(dcsync0(*ctx, 3, true, 1500us).ok());
+    EXPECT_EQ(told(std::vector{run_with(60ms, 4500)}, "slave 3: "), 1) << "and a wrong cycle is named";
+}
+
+// More than 65 535 cycles lie between two judgements.
+TEST_F(SyncPulse, FastOverlappingCyclesAreCounted) {
+    for (int n = 0; n < 2; ++n) add({.start_ns = 77});
+    limits.process_frames = 8;
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    ctx->group(0).config.cycles_in_flight = 2;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    for (std::uint16_t n = 1; n <= 2; ++n) EXPECT_TRUE(dcsync0(*ctx, n, true, n * 30us).ok());
+    (void)errors();
+    const auto run_for = [this](int count) {
+        Time next = osal.now();
+        for (int n = 0; n < count; ++n) {
+            next += 20us;
+            osal.advance(next - osal.now());
+            (void)send_processdata(*ctx);
+            if (n > 0) (void)receive_processdata(*ctx, 10us);
+            if (n % 10 == 0) (void)poll(*ctx, osal.now());
+        }
+    };
+    run_for(115'000);
+    const auto all = errors();
+    EXPECT_EQ(told(all, "slave 1: activating SYNC: argument out of range: SYNC0 each 30000 ns"), 1) << joined(all);
+    EXPECT_EQ(told(all, "slave 2: "), 0) << joined(all);
+    EXPECT_EQ(told(all, "the cycle of 20"), 1) << joined(all);
+}
+
 }  // namespace
 }  // namespace margay
