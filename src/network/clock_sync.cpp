@@ -104,13 +104,14 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     const Station station = network.station(slave);
     ClockEntry& clock = network.clocks.of(slave);
     const ClockSettings& settings = network.clocks.settings;
+    // SYNC signals that run go on when others are refused.
+    if (sync.assign_activate != 0) co_await required(read_pulse_length(network, slave));
+    const Error no_edges = check_pulse(clock.pulse_ns, sync);
+    if (no_edges.code != Errc::none) co_return no_edges;
     auto off = co_await write_clock_register(station, reg::kSyncActivation, 0);
     clock.sync_active = false;
     clock.sync_start_ns = 0;
     if (!off || sync.assign_activate == 0) co_return off;
-    co_await required(read_pulse_length(network, slave));
-    const Error no_edges = check_pulse(clock.pulse_ns, sync);
-    if (no_edges.code != Errc::none) co_return no_edges;
     constexpr wire::Register kBothCycles{reg::kSync0CycleTime.address, 8};
     const std::uint64_t cycles = sync.sync0_cycle_ns | std::uint64_t{sync.sync1_cycle_ns} << 32;
     auto written = co_await write_clock_register(station, kBothCycles, cycles);

@@ -172,5 +172,20 @@ TEST_F(SyncPulse, FastOverlappingCyclesAreCounted) {
     EXPECT_EQ(told(all, "the cycle of 20"), 1) << joined(all);
 }
 
+// SYNC signals that run go on when others are refused.
+TEST_F(SyncPulse, ARefusedCycleChangesNothing) {
+    add_with(100);
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    ASSERT_TRUE(dcsync0(*ctx, 1, true, 1ms).ok());
+    EXPECT_EQ(dcsync0(*ctx, 1, true, 1us).error().code, Errc::invalid_argument);
+    EXPECT_TRUE(clock(1).sync_active);
+    EXPECT_NE(clock(1).sync_start_ns, 0U);
+    EXPECT_EQ(register_of<std::uint8_t>(1, wire::reg::kSyncActivation), 3);
+    EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSync0CycleTime), 1'000'000U);
+    EXPECT_TRUE(dcsync0(*ctx, 1, false, 0ms).ok());
+    EXPECT_FALSE(clock(1).sync_active);
+}
+
 }  // namespace
 }  // namespace margay
