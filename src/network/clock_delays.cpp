@@ -6,6 +6,7 @@
 #include "network/network.hpp"
 
 #include <algorithm>
+#include <bit>
 
 namespace margay {
 namespace {
@@ -79,13 +80,43 @@ const DelayNode* first_timed(std::span<const DelayNode> nodes, std::size_t from)
 // follow the first clock there.
 constexpr std::int64_t kUnknownCable_ns = 500;
 
-// A slave without receive times, and with branches, between both places; 0: none.
-std::uint16_t slave_without_times(std::span<const RingPlace> ring, std::span<const DelayNode> nodes,
-                                  const DelayNode& reference, const DelayNode& node) {
+// Without receive times, and with branches.
+bool is_unmeasured_junction(const DelayNode& node) { return !node.timed() && std::popcount(node.neighbours) > 1; }
+
+// The place of the first such slave on the way from `node` to `reference`; 0: the delay between both is measured.
+std::size_t junction_between(std::span<const DelayNode> nodes, const DelayNode& reference, const DelayNode& node) {
     if (node.assumed == reference.assumed) return 0;
-    const std::size_t behind = node.assumed != 0 ? node.assumed : reference.assumed;
-    const std::size_t above = nodes[behind - 1].parent;
-    return above == 0 || above > nodes.size() ? std::uint16_t{0} : ring[above - 1].slave;
+    std::size_t at = nodes[(node.assumed != 0 ? node.assumed : reference.assumed) - 1U].parent;
+    for (std::size_t steps = 0; at != 0 && at <= nodes.size() && steps < nodes.size(); ++steps) {
+        if (is_unmeasured_junction(nodes[at - 1])) return at;
+        at = nodes[at - 1].parent;
+    }
+    return 0;
+}
+
+// Sets SlaveClock::delay_assumed. Reports each junction with a clock whose delay was not assumed before.
+void note_assumed_delays(Network& network, std::span<const DelayNode> nodes, const DelayNode& reference) {
+    const auto ring = network.seen_ring();
+    const auto clock_at = [&](std::size_t n) -> ClockEntry* {
+        if (ring[n].slave == 0 || !nodes[n].timed()) return nullptr;
+        ClockEntry& clock = network.clocks.entries[ring[n].slave - 1U];
+        return is_clock(clock.kind) ? &clock : nullptr;
+    };
+    for (std::size_t place = 1; place <= nodes.size(); ++place) {
+        if (ring[place - 1].slave == 0 || !is_unmeasured_junction(nodes[place - 1])) continue;
+        Event assumed{.kind = EventKind::delays_assumed, .slave = ring[place - 1].slave};
+        bool is_news = false;
+        for (std::size_t n = 0; n < nodes.size(); ++n) {
+            const ClockEntry* const clock = clock_at(n);
+            if (clock == nullptr || junction_between(nodes, reference, nodes[n]) != place) continue;
+            if (++assumed.actual == 1) assumed.detail = nodes[n].above == 0 ? 1 : 0;
+            is_news |= !clock->delay_assumed;
+        }
+        if (is_news) network.report(assumed);
+    }
+    for (std::size_t n = 0; n < nodes.size(); ++n)
+        if (ClockEntry* const clock = clock_at(n); clock != nullptr)
+            clock->delay_assumed = junction_between(nodes, reference, nodes[n]) != 0;
 }
 
 constexpr std::int64_t kLongest_ps = 100'000'000'000;  // 100 ms: longer than a frame through 65 535 slaves
@@ -185,8 +216,6 @@ void compute_clock_delays(Network& network) {
     const DelayNode* const behind = parted ? first_timed(nodes, second) : nullptr;
     std::int64_t farthest = 0;  // before the break
     std::uint16_t way = 0;
-    Event assumed{.kind = EventKind::delays_assumed};
-    bool is_news = false;
     for (std::size_t n = 0; n < nodes.size(); ++n) {
         if (ring[n].slave == 0) continue;
         const std::uint16_t before = way;
@@ -202,17 +231,8 @@ void compute_clock_delays(Network& network) {
         clock.passed_ns = static_cast<std::int32_t>(passed);
         clock.measured = true;
         clock.way = before;
-        if (!is_clock(clock.kind)) continue;
-        const std::uint16_t without = slave_without_times(ring, nodes, nodes[reference - 1], nodes[n]);
-        is_news |= without != 0 && !clock.delay_assumed;
-        clock.delay_assumed = without != 0;
-        if (assumed.slave == 0) {
-            assumed.slave = without;
-            assumed.detail = nodes[n].above == 0 ? 1 : 0;
-        }
-        if (without != 0) ++assumed.actual;
     }
-    if (is_news) network.report(assumed);
+    note_assumed_delays(network, nodes, nodes[reference - 1]);
 }
 
 // The DL status does not tell which slave is behind which where frames enter slaves at ports other than 0.

@@ -179,6 +179,38 @@ TEST_F(Configdc, DelaysAtAFirstJunctionWithoutReceiveTimesAreNamed) {
     EXPECT_TRUE(clock(3).delay_assumed);
 }
 
+// A junction without receive times, and behind it a slave without them in a line; and a second junction. The words name
+// the junctions, each with its own clocks.
+TEST_F(Configdc, EachJunctionWithoutReceiveTimesIsNamed) {
+    const auto without = [this](bool junction) {
+        auto made = clocked({.unit = DcUnit::none});
+        if (junction) made.chip.ports = sim::junction().ports;
+        return segment.add(std::move(made).assemble());
+    };
+    add({});
+    const auto first = without(true);  // slave 2
+    ASSERT_TRUE(segment.connect({0, 1}, {first, 0}, kCable));
+    const auto line = without(false);  // slave 3
+    ASSERT_TRUE(segment.connect({first, 3}, {line, 0}, kCable));
+    const auto behind = segment.add(clocked({.start_ns = 7}).assemble());  // slave 4
+    ASSERT_TRUE(segment.connect({line, 1}, {behind, 0}, kCable));
+    const auto beside = segment.add(clocked({.start_ns = 9}).assemble());  // slave 5
+    ASSERT_TRUE(segment.connect({first, 1}, {beside, 0}, kCable));
+    const auto second = without(true);  // slave 6
+    ASSERT_TRUE(segment.connect({beside, 1}, {second, 0}, kCable));
+    for (const std::uint8_t port : {std::uint8_t{3}, std::uint8_t{1}, std::uint8_t{2}}) {
+        const auto n = segment.add(clocked({.start_ns = port}).assemble());  // slaves 7 to 9
+        ASSERT_TRUE(segment.connect({second, port}, {n, 0}, kCable));
+    }
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    const auto all = events();
+    EXPECT_EQ(told(all, "slave 2: it has branches and no receive times, so the delays of 2 clocks"), 1) << joined(all);
+    EXPECT_EQ(told(all, "slave 6: it has branches and no receive times, so the delays of 3 clocks"), 1) << joined(all);
+    EXPECT_EQ(told(all, "receive times"), 2) << joined(all);
+    for (const int n : {4, 5, 7, 8, 9}) EXPECT_TRUE(clock(static_cast<std::uint16_t>(n)).delay_assumed) << n;
+}
+
 // In a line the cables at both sides may differ: the frame passes each of them there and back.
 TEST_F(Configdc, ASlaveWithoutReceiveTimesInALine) {
     add({});
