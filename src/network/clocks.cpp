@@ -357,6 +357,7 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     const Station station = network.station(slave);
     ClockEntry& clock = network.clocks.of(slave);
     clock.kind = ClockKind::none;
+    clock.pulse_ns = -1;
     slave.dl.dc = slave.dl.dc_64bit = false;
     co_await required(read<std::uint8_t>(station, reg::kType, kClockStep));
     auto times = co_await read<std::uint32_t>(station, reg::kPortReceiveTime, kClockStep);

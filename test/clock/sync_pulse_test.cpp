@@ -187,5 +187,16 @@ TEST_F(SyncPulse, ARefusedCycleChangesNothing) {
     EXPECT_FALSE(clock(1).sync_active);
 }
 
+// Without an answer, nothing is known of the register: it is not said to be missing.
+TEST_F(SyncPulse, ASlaveThatDoesNotAnswerKeepsItsLength) {
+    add({});
+    add_with(1000);
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    power(1, false);
+    EXPECT_FALSE(dcsync0(*ctx, 2, true, 1ms).ok());
+    EXPECT_EQ(clock(2).pulse_ns, 10'000);
+}
+
 }  // namespace
 }  // namespace margay
