@@ -29,8 +29,9 @@ struct DelayNode {
     // arrives for the last time; negative: not known.
     std::int64_t arrival_ps = 0;
     std::int64_t passed_ps = 0;
-    // The last place on its way that is at a branch of a slave without receive times; 0: none. The delay between two
-    // places with the same one is measured, any other one assumes that the cables at that slave are equally long.
+    // The last place on its way, or this place itself, to which the delay is not measured but assumed, because a slave
+    // without receive times and with branches is directly or some slaves before that place; 0: none. The delay between
+    // two places with the same value is measured.
     std::uint16_t assumed = 0;
 
     // For the computation: the next place with receive times towards the master, and the port by which it reaches this;
@@ -48,8 +49,9 @@ struct DelayNode {
 }
 
 // Fills the results of all nodes with receive times. Slaves without receive times count as cable: the time that is left
-// is divided equally between the cables, which is exact where such a slave has no branches. `nodes` are in the order of the ring; parents may follow their children.
-// Several places may be connected to the master: the frames arrive at all of them at the same time.
+// is divided equally between the cables, which is exact where such a slave has no branches. `nodes` are in the order of
+// the ring; parents may follow their children. Several places may be connected to the master: the frames arrive at all
+// of them at the same time.
 void compute_delays(std::span<DelayNode> nodes);
 
 // The port at which the frame arrives last before the processing unit of the node.

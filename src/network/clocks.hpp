@@ -104,7 +104,7 @@ struct Clocks {
     Time latched_at{};              // when receive times were latched last
     std::uint64_t system_ns = 0;    // a system time that is known,
     Time system_at{};               // at this time
-    bool measuring = false;         // receive times are latched, not all of them are read: nobody else latches
+    bool measuring = false;         // receive times are latched, not all of them are read: nothing else may latch
     bool watching = false;          // watch_clocks() is executing
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
     std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
@@ -249,8 +249,8 @@ void compute_clock_delays(Network& network);
 [[nodiscard]] Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns);
 // The clock whose time reaches the slave now.
 [[nodiscard]] FollowedClock followed_clock(Network& network, const Slave& slave);
-// Once in each round of the watch, `rounds` intervals after the last one: who follows whom, and who is not in sync any
-// more because it is lost, or because no time has reached it for a second.
+// Once in each round of the watch, `rounds` intervals after the last one: which clock each clock follows, and which
+// clocks are not in sync any more because their slave is lost, or because no time has reached it for a second.
 void note_followed_clocks(Network& network, std::int64_t rounds);
 // SYNC0 signals that are neither a whole multiple nor a whole part of the cycle have another phase to each frame: said
 // once for each slave. `tolerance`: what part of the longer one of both times the difference from a whole multiple may

@@ -61,7 +61,8 @@ bool is_lost(Network& network, std::uint16_t number) {
 }
 
 // The slave whose time the cycle of the group carries. The frame passes the slaves before it with the time that the
-// master expects, if configdc() has chosen the slave; with zeros otherwise. A lost slave has no place in the ring: the reference clock of configdc() is taken in its place, if there is one.
+// master expects, if configdc() has chosen the slave; with zeros otherwise. A lost slave has no place in the ring: the
+// reference clock of configdc() is taken in its place, if there is one.
 Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& group) {
     const Clocks& clocks = network.clocks;
     const std::uint16_t usual = group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
