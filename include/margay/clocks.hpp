@@ -101,10 +101,11 @@ struct ClockSettings {
     Duration delay_interval{0};
     // When the slave with the reference clock is lost while a supervision runs: the next clock that is synchronised and
     // not behind the lost slave takes over with the same time and rate (true), or no time is sent until the slave is
-    // back, and all clocks go on at their rates (false). EventKind::reference_lost and reference_clock report it. The
-    // last frame of the lost clock brings the others a time that was predicted. If this misleads the new reference by
-    // more than the limit (by the jitter of the cycle, or because a branch is lost too and the way is shorter), its
-    // rate begins anew, and the others need about half a second to follow it: they are not in sync, and events say so.
+    // back, and all clocks go on at their rates (false; also where the cycles that carry the time overlap).
+    // EventKind::reference_lost and reference_clock report it. The last frame of the lost clock brings the others a
+    // time that was predicted. If this misleads the new reference by more than the limit (by the jitter of the cycle,
+    // or because a branch is lost too and the way is shorter), its rate begins anew, and the others need about half a
+    // second to follow it: they are not in sync, and events say so.
     // When a slave with a clock is back before the reference clock in the ring, its clock becomes the reference again,
     // without a step of the others (EventKind::reference_clock). Of a branch with several clocks one after the other
     // does so, which takes some seconds.

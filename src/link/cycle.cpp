@@ -22,8 +22,9 @@ constexpr std::byte with_time(std::byte command) {
 void read_only(PreparedFrame& frame, PreparedReading& reading) {
     ++reading.without;
     std::byte& command = frame.bytes[reading.offset];
-    if (frame.overlapped || command == static_cast<std::byte>(Command::BRD)) return;
+    if (command == static_cast<std::byte>(Command::BRD)) return;
     if (command >= kFirstWithTime) command = without_time(command);
+    if (frame.overlapped) return;
     if (command == static_cast<std::byte>(Command::NOP) && reading.standby != 0) {
         command = static_cast<std::byte>(Command::FPRD);
         store_le<std::uint16_t>(frame.bytes, reading.offset + 2U, reading.standby);
@@ -242,17 +243,23 @@ void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterRead
     std::memcpy(time, next.data(), reading.bytes);
 }
 
-// The same where cycles overlap: the sending thread writes the next time, see link/overlap.cpp.
-void take_overlapped_time(const PreparedFrame& sent, PreparedReading& reading, const RegisterReading& before) {
+// The same where cycles overlap. The sending thread continues the time, see link/overlap.cpp, and the owner chooses the
+// command before it returns the frame to that thread. A frame that has brought no time of the reference only reads the
+// next time: a time that was sent is never continued. When the reference answers, the frame carries its time again,
+// unless PreparedReading::held.
+void take_overlapped_time(PreparedFrame& sent, PreparedReading& reading, const RegisterReading& before) {
     RegisterReading& into = *reading.into;
-    const std::byte command = sent.bytes[reading.offset];
+    std::byte& command = sent.bytes[reading.offset];
     if (command == static_cast<std::byte>(Command::BRD)) return;
-    const bool only_read = command < kFirstWithTime;
-    const bool lost = !only_read && sent.no_time && (before.slaves <= 1 || into.slaves < before.slaves);
-    if (only_read || lost) ++reading.without;
-    if (!lost) return;
-    into.slaves = 0;
-    into.value = before.value;
+    if (command < kFirstWithTime) {
+        ++reading.without;
+        if (!reading.held && into.value != 0) command = with_time(command);
+    } else if (sent.no_time && (before.slaves <= 1 || into.slaves < before.slaves)) {
+        ++reading.without;
+        command = without_time(command);
+        into.slaves = 0;
+        into.value = before.value;
+    }
 }
 
 }  // namespace

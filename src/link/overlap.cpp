@@ -15,25 +15,23 @@ namespace {
 
 std::byte as_byte(wire::Command command) { return static_cast<std::byte>(command); }
 
-// The time that the reference clock will probably have: that of the reply which the frame contains, or that which was
-// sent, continued for `since_last`. Slaves before the reference take what is sent, and all slaves when the reference is
-// lost. Until a time is known, the frames with APRD or FPRD only read.
+// The time that the reference clock will probably have: that of the last reply, which the frame contains, continued for
+// `since_last`. Slaves before the reference take what is sent, and all slaves when the reference is lost. A frame that
+// only reads carries no time, see take_overlapped_time() in link/cycle.cpp.
 void continue_time(MutableBytes head, std::uint16_t bytes, Duration since_last) {
     // The reference shows this time by chance only, see Link::keep().
     constexpr std::uint64_t kBeside_ns = 64;
     const MutableBytes data = head.subspan(wire::kDatagramHeaderBytes, bytes);
     std::array<std::byte, 8> value{};
     std::ranges::copy(data, value.begin());
-    std::uint64_t time = load_le<std::uint64_t>(value);
-    if (time == 0) return;
-    time += static_cast<std::uint64_t>(since_last.count()) + kBeside_ns;
+    std::uint64_t time = head[0] < as_byte(wire::Command::ARMW) ? 0 : load_le<std::uint64_t>(value);
+    if (time != 0) time += static_cast<std::uint64_t>(since_last.count()) + kBeside_ns;
     store_le<std::uint64_t>(value, 0, time);
     std::ranges::copy(Bytes(value).first(bytes), data.begin());
-    if (head[0] == as_byte(wire::Command::FPRD)) head[0] = as_byte(wire::Command::FRMW);
-    if (head[0] == as_byte(wire::Command::APRD)) head[0] = as_byte(wire::Command::ARMW);
 }
 
-// Like fill(), for a frame that may contain an old reply. Does not read anything that the owner writes.
+// Like fill(), for a frame that may contain an old reply. The owner wrote the reply and the command of the time before
+// it counted the cycle as received: the frame belongs to the sending thread since then.
 void fill_overlapped(PreparedFrame& frame, std::uint8_t index, Duration since_last) {
     const auto clear = [&frame](std::size_t at, std::size_t bytes) {
         std::ranges::fill(MutableBytes(frame.bytes).subspan(at, bytes), std::byte{0});

@@ -46,6 +46,13 @@ void choose_standby(Network& network) {
             set_time_standby(group, next == 0 ? StationAddress{} : network.slave(next).station_address);
 }
 
+// Frames of overlapping cycles keep their reference.
+bool is_time_overlapped(const Network& network) {
+    return std::ranges::any_of(network.process.groups, [&network](const ProcessGroup& group) {
+        return group.mapped && group.overlap.sets > 1 && group.dc_reference == network.clocks.reference;
+    });
+}
+
 // The new reference shows the time of the lost one: it has followed it, and its register 0x0928 is subtracted when the
 // master reads the time. So all delays stay right, and no clock makes a step. When the old reference was lost, the
 // clocks took the time that the master had sent, and the way of the frame became shorter: see settle_rate().
@@ -53,7 +60,8 @@ Task<Result<>> replace_reference(Network& network) {
     Clocks& clocks = network.clocks;
     const bool known = std::exchange(clocks.loss_reported, true);
     if (!known) network.report({.kind = EventKind::reference_lost, .slave = clocks.reference});
-    const std::uint16_t next = clocks.settings.replace_lost_reference ? next_reference(network, 0) : std::uint16_t{0};
+    const bool replaced = clocks.settings.replace_lost_reference && !is_time_overlapped(network);
+    const std::uint16_t next = replaced ? next_reference(network, 0) : std::uint16_t{0};
     if (next == 0) {
         // A reference that was switched off comes back with another time, which must reach nobody.
         (void)carry_time_of(network, nullptr);

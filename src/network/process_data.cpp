@@ -116,7 +116,9 @@ std::span<PreparedReading> append_readings(ProcessGroup& group, const ReadingPla
     for (std::size_t n = 0; n < plans.count; ++n) {
         const ReadingPlan& plan = plans.at[n];
         group.readings[n] = {
-            .offset = static_cast<std::uint16_t>(builder.size()), .bytes = plan.bytes, .into = &(group.*plan.into)};
+            .offset = static_cast<std::uint16_t>(builder.size()),
+            .bytes = static_cast<std::uint8_t>(plan.bytes),
+            .into = &(group.*plan.into)};
         (void)builder.append(plan.command, 0, plan.address, plan.bytes);
     }
     return std::span(group.readings).first(plans.count);
@@ -303,7 +305,11 @@ std::uint16_t cycles_with_time(const ProcessGroup& group) {
 }
 
 bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns) {
-    if (group.overlap.sets > 1) return false;
+    if (group.overlap.sets > 1) {
+        for (PreparedReading& reading : group.readings)
+            if (reading.into == &group.dc_time) reading.held = reference == nullptr;
+        return false;
+    }
     for (const PreparedFrame& frame : group.prepared)
         if (frame.slot != nullptr) return false;
     const TimeSource source =

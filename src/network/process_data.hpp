@@ -149,7 +149,8 @@ void give_inputs(ProcessGroup& group);
 
 // The cycle carries the time of this slave from now on; nullptr: no time. `about_ns` is the system time, for the slaves
 // before the reference. False while a frame with the time is on the wire, and where cycles overlap (then another thread
-// may be sending).
+// may be sending): these frames keep their reference. Those that only read it, because it has not answered, do so until
+// a slave is named again.
 [[nodiscard]] bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns);
 // The first cycles only read the time, until two of them tell the next time: the clocks before the reference would take
 // over zeros.

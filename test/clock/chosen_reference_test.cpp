@@ -215,6 +215,51 @@ TEST_F(OverlappingReference, ALostReferenceLeavesNoZeros) {
     EXPECT_EQ(ctx->group(0).dc_time.slaves, 5);
 }
 
+// No clock takes over. The time that the master has sent is not continued: the other clocks go on at their rates, and
+// the time of the reference, which has lost its own, reaches no clock before the reference has it again.
+TEST_F(OverlappingReference, WithoutItTheOtherClocksKeepTheirRates) {
+    auto root = clocked({});
+    root.chip.ports = sim::junction().ports;
+    segment.add(std::move(root).assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    for (const std::uint8_t port : {std::uint8_t{3}, std::uint8_t{1}, std::uint8_t{2}}) {
+        const auto n = segment.add(clocked({.drift_ppb = 20'000 * (port - 1), .start_ns = port * 1000U}).assemble());
+        ASSERT_TRUE(segment.connect({0, port}, {n, 0}, kCable));
+    }
+    limits.process_frames = 8;
+    start();
+    settings.reference = 3;
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    ctx->group(0).config.cycles_in_flight = 2;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    overlapped(4000);
+    ASSERT_TRUE(all_in_op()) << joined(events());
+    (void)events();
+    const auto of_master_ns = [this] {
+        segment.advance(osal.now());
+        return static_cast<std::int64_t>(segment.slave(3).clock().copy(osal.now())) - (osal.now() - Time{}).count();
+    };
+    const std::int64_t before = of_master_ns();
+    power(2, false);
+    overlapped(2000);
+    EXPECT_LE(std::abs(of_master_ns() - before), 30'000) << "64 ns in each second cycle are 64 000";
+    EXPECT_EQ(ctx->group(0).dc_time.slaves, 0);
+    const auto lost = events();
+    EXPECT_EQ(reference_clock(*ctx), 3) << joined(lost);
+    EXPECT_EQ(told(lost, "slave 3 with the reference clock is lost"), 1) << joined(lost);
+    power(2, true);
+    for (int n = 0; n < 3000; ++n) {
+        overlapped(1);
+        ASSERT_LE(std::abs(of_master_ns() - before), 60'000) << "a step after " << n << " ms";
+    }
+    EXPECT_TRUE(all_in_op()) << joined(events());
+    EXPECT_EQ(reference_clock(*ctx), 3);
+    EXPECT_LE(std::abs(ahead_ns(4, 3)), 100);
+    EXPECT_EQ(ctx->group(0).dc_time.slaves, 4);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+}
+
 // A chosen clock of a group that configdc() has not chosen is refused as before.
 TEST_F(OverlappingReference, AnotherOneIsRefused) {
     limits.process_frames = 8;
