@@ -163,8 +163,8 @@ struct Slave {
 
     // Topology: every slave except the first is connected to a port of another slave. The DL status of the slaves tells
     // it where frames enter each slave with slaves behind it at port 0. Where cables are swapped, configdc() finds out
-    // by the receive times which slave is behind which, and corrects these members (with one NIC); until then, and
-    // without clocks, they are wrong there.
+    // by the receive times which slave is behind which, and corrects these members (with one NIC); until then,
+    // without clocks, and after a slave there was lost and is back, they are wrong there.
     std::uint16_t parent = 0;  // number of the slave before this one; 0: the master
     std::uint8_t parent_port = 0;
     std::uint8_t entry_port = 0;
