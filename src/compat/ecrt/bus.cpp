@@ -83,8 +83,10 @@ void changed(const Event& event, void* user) {
         case EventKind::other_slave:
         case EventKind::stranger:
         case EventKind::ambiguous:
-            bus.search.again = true;
-            if (bus.active) bus.operation->note_change();
+            if (bus.active)
+                bus.operation->note_change();
+            else
+                bus.scan_again();
             break;
         default: break;
     }

@@ -103,6 +103,9 @@ class Bus {
         hand_back(lock);
     }
 
+    // The segment is scanned again; transfers that have not begun wait for that. For the owner, before activation.
+    void scan_again() { search.again = scan_busy = true; }
+
     // Reads the receive times of all ports (ports.cpp). For the owner, before activation.
     void measure_ports();
 

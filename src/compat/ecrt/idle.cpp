@@ -65,7 +65,7 @@ void Bus::step_search(Time now) {
         // A program that sees the end of the scan sees its result.
         dirty = true;
         while (dirty) refresh_facts(now);
-        scan_busy = false;
+        scan_busy = search.again;  // the next one follows
         const std::lock_guard lock(facts_mutex);
         first_scan_over = true;
         scanned.notify_all();

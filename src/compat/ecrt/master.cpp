@@ -101,8 +101,7 @@ void end_operation(Bus& bus) {
     bus.app_time.known = false;
     bus.clocks_due = 0;
     bus.search.scanning = false;
-    bus.search.again = true;
-    bus.scan_busy = true;  // transfers wait for this scan
+    bus.scan_again();
     (void)expect(*bus.ctx, {});
 }
 

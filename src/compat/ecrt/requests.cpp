@@ -75,8 +75,9 @@ bool may_have(std::size_t octets) {
 
 bool too_early(const ec_slave_config& config) {
     const Bus& bus = config.bus;
-    return bus.active && (bus.operation->scanning() || (!bus.operation->running() && bus.dirty) ||
-                          config.start_up.load(std::memory_order_acquire) != StartUp::over);
+    if (!bus.active) return bus.scan_busy;
+    return bus.operation->scanning() || (!bus.operation->running() && bus.dirty) ||
+           config.start_up.load(std::memory_order_acquire) != StartUp::over;
 }
 
 bool before_preop(const ec_slave_config& config) {

@@ -46,7 +46,7 @@ template <class Read, class Write>
     }
 }
 
-// The slaves have no numbers yet, because the segment is scanned after activation, or this one goes through INIT yet.
+// The segment is scanned, which ends transfers and gives numbers to the slaves, or this slave goes through INIT yet.
 [[nodiscard]] bool too_early(const ec_slave_config& config);
 
 // The slave is there, and in INIT: it has no mailbox yet.
