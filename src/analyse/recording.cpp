@@ -136,13 +136,12 @@ class Recording {
             return false;
         }
         origins_ = read_packet_origins(path_);
-        Twins twins;
         while (const auto packet = reader.next()) {
             const auto frame = finder_.find(packet->bytes);
             if (!frame || packet->bytes.size() < packet->length_on_wire) continue;
-            (void)twins.first_of(packet->at, packet->bytes, frame->bytes, origin_of(packet->number).interface);
+            twins_.look(packet->number, packet->at, frame->bytes, origin_of(packet->number).interface);
         }
-        copies_ = twins.copies();
+        twins_.decide();
         packets_ = reader.packets();
         problem_ = reader.problem();
         cut_off_ = reader.cut_off();
@@ -154,7 +153,7 @@ class Recording {
         RingEvidence ring;
         read_packets([&](const Taken& t, Bytes frame) {
             if (frame.empty()) return;
-            masters_.look(frame, copies_.common(t.origin.interface));
+            masters_.look(frame, twins_.common(t.origin.interface));
             ring.look(t.origin, t.when.at, t.bytes);
         });
         masters_.decide();
@@ -170,28 +169,20 @@ class Recording {
     template <class Take>
     void read_packets(Take take) {
         PacketReader reader;
-        Twins twins;
-        copied_ = 0;
         if (!reader.open(path_)) return;
         for (auto packet = reader.next(); packet && packet->number <= packets_; packet = reader.next()) {
+            if (twins_.is_left_out(packet->number)) continue;
             const Taken t{
                 {packet->number, packet->at}, origin_of(packet->number), packet->bytes, packet->length_on_wire};
             const auto found = finder_.find(packet->bytes);
             const auto frame = found && t.bytes.size() >= t.length_on_wire ? found->bytes : Bytes();
-            if (copies_.any() && !frame.empty()) {
-                const auto first = twins.first_of(t.when.at, t.bytes, frame, t.origin.interface);
-                if (first && copies_.left_out(*first, t.origin.interface)) {
-                    ++copied_;
-                    continue;
-                }
-            }
             take(t, frame);
         }
     }
 
     void read(const Reader& take) {
         read_packets([&](const Taken& t, Bytes frame) {
-            take(t, frame.empty() ? std::nullopt : masters_.of(frame, copies_.common(t.origin.interface)));
+            take(t, frame.empty() ? std::nullopt : masters_.of(frame, twins_.common(t.origin.interface)));
         });
     }
 
@@ -248,7 +239,6 @@ class Recording {
         struct Kept {
             Moment when{};
             std::size_t begin = 0, size = 0, length_on_wire = 0;
-            std::uint32_t interface = 0;
         };
         std::vector<Kept> kept;
         std::vector<std::byte> octets;
@@ -257,30 +247,13 @@ class Recording {
             if (of.value_or(0) != master || !finder_.find(t.bytes)) return;
             fits = fits && octets.size() + kept.size() * sizeof(Kept) + t.bytes.size() <= kMostSorted;
             if (!fits) return;
-            kept.push_back({t.when, octets.size(), t.bytes.size(), t.length_on_wire, t.origin.interface});
+            kept.push_back({t.when, octets.size(), t.bytes.size(), t.length_on_wire});
             octets.insert(octets.end(), t.bytes.begin(), t.bytes.end());
         });
         if (!fits) return std::nullopt;
         std::ranges::stable_sort(kept, {}, [](const Kept& k) { return k.when.at; });
-        // Two recordings of the same frames, one behind the other in the file: the copies are together only now.
-        const auto frames = [&](Twins& twins, const auto& take) {
-            for (const auto& k : kept) {
-                const auto packet = Bytes(octets).subspan(k.begin, k.size);
-                const auto frame = k.size < k.length_on_wire ? std::nullopt : finder_.find(packet);
-                take(k, packet, frame ? twins.first_of(k.when.at, packet, frame->bytes, k.interface) : std::nullopt);
-            }
-        };
-        Twins all;
-        frames(all, [](const Kept&, Bytes, std::optional<std::uint32_t>) {});
-        const auto copies = all.copies();
-        Twins again;
         Analyser analyser;
-        frames(again, [&](const Kept& k, Bytes packet, std::optional<std::uint32_t> first) {
-            if (first && copies.left_out(*first, k.interface))
-                ++sorted_copied_;
-            else
-                analyser.packet(k.when, packet, k.length_on_wire);
-        });
+        for (const auto& k : kept) analyser.packet(k.when, Bytes(octets).subspan(k.begin, k.size), k.length_on_wire);
         return analyser.finish();
     }
 
@@ -292,10 +265,11 @@ class Recording {
         if (left_out_ != 0)
             add("frames of more than " + std::to_string(kMostMasters) + " masters: " + std::to_string(left_out_) +
                 " are not analysed");
-        if (sorted_copied_ != 0)
-            add(std::to_string(sorted_copied_) + " frames were recorded twice: the second one is left out");
-        if (copies_.any())
-            add((copies_.all ? "each frame was" : std::to_string(copied_) + " frames were") +
+        if (twins_.missed() != 0)
+            add("the packets are too many to look for copies of " + std::to_string(twins_.missed()) +
+                " that are not in order of time; put them in order, as reordercap does");
+        if (twins_.copies() != 0)
+            add((twins_.each() ? "each frame was" : std::to_string(twins_.copies()) + " frames were") +
                 std::string(" recorded twice: the second one is left out"));
         add(cut_off_);
         analysis.frames.packets = packets_;
@@ -314,8 +288,8 @@ class Recording {
     FrameFinder finder_{};
     Masters masters_{};
     bool is_ring_ = false;
-    Copies copies_{};
-    std::uint64_t packets_ = 0, copied_ = 0, sorted_copied_ = 0;
+    Twins twins_{};
+    std::uint64_t packets_ = 0;
     std::uint64_t left_out_ = 0;
     std::string problem_{}, cut_off_{};
 };

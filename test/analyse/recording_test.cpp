@@ -257,15 +257,12 @@ TEST_F(AnalyseFile, CopiesBehindSeveralFramesAreFound) {
     EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0U);
 }
 
-// The recording of the second tap was put behind that of the first one: the copies are together only when sorted.
+// The recording of the second tap was put behind that of the first one: the copies are together only in order of time.
 TEST_F(AnalyseFile, CopiesBehindTheWholeRecordingAreFound) {
     auto packets = cycles_of(1, 0us, 1ms, 40);
     for (const auto& p : cycles_of(1, 1us, 1ms, 40)) packets.push_back(p);
     const auto a = analyse_file(pcap(packets));
-    EXPECT_TRUE(
-        a.remark.starts_with("80 frames were recorded twice: the second one is left out; the packets are not "
-                             "in order of time (1 time, first at packet #81) and were sorted"))
-        << a.remark;
+    EXPECT_EQ(a.remark, "each frame was recorded twice: the second one is left out");
     expect_cycle(a, 1ms, 40);
 }
 
