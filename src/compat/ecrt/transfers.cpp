@@ -1,6 +1,7 @@
 // Transfers that wait: objects and drive parameters of a slave, by its position in the ring.
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
+#include "compat/ecrt/requests.hpp"
 
 #include <algorithm>
 #include <cerrno>
@@ -102,6 +103,7 @@ extern "C" {
 
 int ecrt_master_sdo_download(ec_master_t* master, uint16_t slave_position, uint16_t index, uint8_t subindex,
                              const uint8_t* data, size_t data_size, uint32_t* abort_code) {
+    if (!may_have(data_size)) return -ENOMEM;
     SdoDownload request;
     request.index = index;
     request.subindex = subindex;
@@ -111,6 +113,7 @@ int ecrt_master_sdo_download(ec_master_t* master, uint16_t slave_position, uint1
 
 int ecrt_master_sdo_download_complete(ec_master_t* master, uint16_t slave_position, uint16_t index, const uint8_t* data,
                                       size_t data_size, uint32_t* abort_code) {
+    if (!may_have(data_size)) return -ENOMEM;
     SdoDownload request;
     request.index = index;
     request.complete_access = true;
@@ -139,6 +142,7 @@ int ecrt_master_sdo_upload_complete(ec_master_t* master, uint16_t slave_position
 int ecrt_master_write_idn(ec_master_t* master, uint16_t slave_position, uint8_t drive_no, uint16_t idn,
                           const uint8_t* data, size_t data_size, uint16_t* error_code) {
     if (drive_no > 7) return -EINVAL;
+    if (!may_have(data_size)) return -ENOMEM;
     SoeWrite request;
     request.drive = drive_no;
     request.idn = Idn{idn};

@@ -59,6 +59,9 @@ static int impossible(ec_slave_config_t* sc) {
     CHECK(ecrt_slave_config_create_voe_handler(sc, huge) == NULL);
     CHECK(ecrt_slave_config_sdo(sc, 0x6060, 0, &octet, huge) == -ENOMEM);
     CHECK(ecrt_slave_config_complete_sdo(sc, 0x6060, &octet, huge) == -ENOMEM);
+    CHECK(ecrt_master_sdo_download(master, 0, 0x6060, 0, &octet, huge, NULL) == -ENOMEM);
+    CHECK(ecrt_master_sdo_download_complete(master, 0, 0x6060, &octet, huge, NULL) == -ENOMEM);
+    CHECK(ecrt_master_write_idn(master, 0, 0, 1, &octet, huge, NULL) == -ENOMEM);
     CHECK(ecrt_slave_config_reg_pdo_entry(sc, 0x6041, 0, NULL, NULL) == -EINVAL);
     CHECK(ecrt_slave_config_reg_pdo_entry_pos(sc, 3, 0, 0, NULL, NULL) == -EINVAL);
     CHECK(ecrt_domain_reg_pdo_entry_list(first, NULL) == -EINVAL);
