@@ -234,8 +234,8 @@ void find_entry_ports(Network& network);
 bool find_old_delays(Network& network);
 // unstable or unsupported when the receive times of a slave cannot be those of the ways of the frames.
 [[nodiscard]] Error check_receive_times(Network& network);
-// With one NIC: writes what compute_clock_delays() has found into the facts of the slaves where it differs from what the
-// DL status tells.
+// With one NIC: writes what compute_clock_delays() has found into the facts of the slaves where it differs from what
+// the DL status tells.
 void correct_topology(Network& network);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);

@@ -1,6 +1,6 @@
 // Calls of the program's thread while a thread of the facade polls. Ends with 0 when everything is as expected.
-#include "check.h"
 #include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/check.h"
 
 #include <margay/request.hpp>
 
