@@ -1,9 +1,9 @@
 // Calls of the program's thread while a thread of the facade polls. Ends with 0 when everything is as expected.
 #include "compat/ecrt/bus.hpp"
-#include "compat/ecrt/check.h"
 
 #include <margay/request.hpp>
 
+#include <check.h>
 #include <ecrt.h>
 #include <array>
 #include <chrono>

@@ -96,7 +96,7 @@ set_tests_properties(compat/ecrt/ip_stack PROPERTIES
   PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
 
 add_executable(ecrt_before_activation ${folder}/before_activation.cpp)
-target_include_directories(ecrt_before_activation PRIVATE ${PROJECT_SOURCE_DIR}/test ${PROJECT_SOURCE_DIR}/src)
+target_include_directories(ecrt_before_activation PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src)
 target_link_libraries(ecrt_before_activation PRIVATE margay_ecrt_facade margay_flags)
 margay_ecrt_test(before_activation ecrt_before_activation sim:drive,drive)
 
