@@ -108,7 +108,8 @@ TEST_F(UnreadExpected, IsReadByTheSupervision) {
     ASSERT_TRUE(submit(ctx(), supervision).ok());
     EXPECT_EQ(reach(ctx(), AlState::op, std::chrono::seconds(1)).error().code, Errc::sii_nack);
     EXPECT_TRUE(ctx().slave(2).held);
-    EXPECT_EQ(bus.device(2).outputs()[0], std::byte{0});
+    const auto outputs = bus.device(2).outputs();
+    EXPECT_TRUE(outputs.empty() || outputs[0] == std::byte{0});
     bus.segment.slave(1).sii().fail_next(0);
     EXPECT_EQ(reach(ctx(), AlState::op, std::chrono::seconds(2)).error().code, Errc::no_place) << "and is asked to map";
     expect_op();
