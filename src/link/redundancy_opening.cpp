@@ -18,10 +18,9 @@ bool writes_loops(Bytes frame) {
 // Whether only the head sends the frame. The frame that closes or opens the port finds the port as it was before: the
 // copy of the other NIC could meet it closed.
 bool Redundancy::is_opened_by(Bytes frame) noexcept {
-    constexpr auto kRelaxed = std::memory_order_relaxed;
-    const Opening before = opening_.load(kRelaxed);
+    const Opening before = opening_.load(std::memory_order_relaxed);
     const bool turns = (before == Opening::awaited || before == Opening::ends) && writes_loops(frame);
-    if (turns) opening_.store(before == Opening::awaited ? Opening::open : Opening::closed, kRelaxed);
+    if (turns) opening_.store(before == Opening::awaited ? Opening::open : Opening::closed, std::memory_order_relaxed);
     return turns || before == Opening::open || before == Opening::ends;
 }
 
