@@ -120,26 +120,26 @@ void add_one(std::array<Slave*, 2>& first_two, Slave& slave) {
     if (next == nullptr) next = &slave;
 }
 
-// The frames of a broken ring pass its branches in another order than those of the whole ring, which gave the numbers.
-bool is_broken(const Network& network) { return network.parts_read.two_nics && !network.parts_read.whole; }
+// The numbers may have another order than the places: the frames of a broken ring pass its branches in another order
+// than those of the whole ring, and either may have given the numbers.
+bool in_other_order(const Network& network) { return network.parts_read.two_nics; }
 
 Lost find_lost_slaves(Network& network, const Gap& gap, const Neighbour& neighbour) {
     Lost lost;
     for (Slave& slave : network.slaves()) {
         const bool was_here = is_known(slave) && was_at(network, neighbour, slave);
-        const bool elsewhere = (was_here && is_broken(network)) || is_guest_by_serial(network, slave);
+        const bool elsewhere = (was_here && in_other_order(network)) || is_guest_by_serial(network, slave);
         if (!gap.includes(slave) && !(elsewhere && of_the_line(slave))) continue;
         if (!is_lost(network, slave)) {
             lost.unsettled |= slave.ring_position == 0 && slave.seen && fits_guest(network, slave);
             continue;
         }
         const bool may_be = guest_may_be(network, slave);
-        const bool here = was_here;
-        if (lost.replaced == nullptr || (here && lost.here[0] == nullptr)) lost.replaced = &slave;
+        if (lost.replaced == nullptr || (was_here && lost.here[0] == nullptr)) lost.replaced = &slave;
         if (lost.count++ == gap.index && may_be) lost.in_order = &slave;
         if (!may_be) continue;
         if (is_guest_by_number(network, slave)) add_one(lost.same, slave);
-        if (here) add_one(lost.here, slave);
+        if (was_here) add_one(lost.here, slave);
         add_one(lost.any, slave);
         lost.none_was_there &= !is_known(slave);
         if (lost.never == nullptr && !is_known(slave)) lost.never = &slave;
