@@ -45,9 +45,10 @@
 // clock has learned the rate. A break meanwhile cuts off the slaves behind it, until the timer of the chip has opened
 // the port again: for about a second.
 //
-// Connect the first NIC to the beginning of the ring where a slave of the ring has a branch behind its port to the next
-// slave: with swapped cables the scan numbers such slaves in another order, and a slave of the branch that has lost its
-// power stays lost.
+// Either NIC may be at the beginning of the ring, or be plugged there while the machine runs
+// (RedundancyStatus::swapped, EventKind::cables_swapped). Where only frames of the end reach some branches of the whole
+// ring, the frames do not show which NIC is at the beginning: config_init() and each search for lost slaves find it out
+// by the ports of the slaves (DL status).
 //
 // Datagrams with addresses by position (auto increment) reach the slave of that position in either part; those that
 // found the ring changed are sent again. If a break has moved to another cable since the last frame that counts slaves,

@@ -129,6 +129,14 @@ class Redundancy final : public Nic, public Cables {
     [[nodiscard]] RedundancyStatus status() const noexcept;
     // The NIC at the beginning of the ring.
     [[nodiscard]] unsigned head() const noexcept { return head_.load(std::memory_order_relaxed); }
+    // The other NIC is at the beginning of the ring, as the ports of the slaves show. Where both copies reach slaves,
+    // the frames of a whole ring do not show it. For the receiving thread; positions are valid again after the next
+    // frame that counts slaves.
+    void turn_round() noexcept {
+        front_known_.store(false, std::memory_order_relaxed);
+        head_.store(static_cast<std::uint8_t>(1 - head()), std::memory_order_relaxed);
+        ++ways_;
+    }
     // How many slaves the copies of a NIC reach. Known since the last change of the ring: counts_are_new().
     [[nodiscard]] std::uint16_t reached_by(unsigned nic) const noexcept {
         return slaves_[nic].load(std::memory_order_relaxed);

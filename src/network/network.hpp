@@ -64,6 +64,11 @@ class RedundancyPart {
     [[nodiscard]] virtual Error check() const = 0;
     // At which end of the ring its places are, for find_topology().
     [[nodiscard]] virtual RingParts parts() const = 0;
+    // For a scan, before it assigns addresses: finds out which NIC is at the beginning of the ring, where the ports of
+    // the slaves must tell it.
+    [[nodiscard]] virtual Task<Result<>> find_beginning(Network& network) = 0;
+    // The places of the ring were read: false if they count from the wrong NIC. They must be read again then.
+    [[nodiscard]] virtual bool begins_right(Network& network) = 0;
     // Slaves may be started, and delays measured: see set_automatic_restoring().
     [[nodiscard]] virtual bool may_restore() const = 0;
     // How often the ring was broken or closed.

@@ -130,6 +130,8 @@ Task<Result<>> read_places(Network& network) {
     if (!network.parts_read.divides_like(network.ring_parts()))
         co_return Error{.code = Errc::unstable, .step = Step::recover};
     network.ring_count = roll->count;
+    if (network.redundancy != nullptr && !network.redundancy->begins_right(network))
+        co_return Error{.code = Errc::unstable, .step = Step::recover};
     co_return Nothing{};
 }
 

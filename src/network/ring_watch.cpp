@@ -250,6 +250,32 @@ RingParts RingWatch::parts() const {
     return {.two_nics = true, .whole = now.ring == RingState::whole, .front = now.cables[ring_.head()].slaves};
 }
 
+bool RingWatch::begins_right(Network& network) {
+    if (!begins_at_the_end(network.seen_ring(), network.parts_read)) return true;
+    ring_.turn_round();
+    return false;
+}
+
+Task<Result<>> RingWatch::find_beginning(Network& network) {
+    network.parts_read = parts();
+    const bool told = network.parts_read.whole ? network.parts_read.front == network.count
+                                               : network.parts_read.front % network.count != 0;
+    if (!network.parts_read.two_nics || told) co_return Nothing{};
+    network.ring_count = network.count;
+    const auto ring = network.seen_ring();
+    for (std::size_t n = 0; n < ring.size(); ++n) {
+        std::array<std::byte, 2> dl_status{};
+        Datagram look(network.engine.link(), wire::Command::APRD,
+                      {RingPosition{static_cast<std::uint16_t>(n)}, wire::reg::kDlStatus.address},
+                      MutableBytes(dl_status));
+        const auto reply = co_await look;
+        if (!reply.ok() || reply.wkc != 1) co_return Nothing{};  // errors of the scan tell it
+        ring[n] = {.dl_status = load_le<std::uint16_t>(dl_status)};
+    }
+    if (parts().divides_like(network.parts_read) && !begins_right(network)) co_await required(count_slaves(network));
+    co_return Nothing{};
+}
+
 Task<Result<>> RingWatch::read_ports(Network& network) {
     const std::uint32_t changes = ring_.changes();
     const auto read_one = [&network](Slave& s) { return read_dl_status(network, s); };

@@ -18,6 +18,8 @@ class RingWatch final : public RedundancyPart {
     void watch(Network& network) override;
     [[nodiscard]] Error check() const override;
     [[nodiscard]] RingParts parts() const override;
+    [[nodiscard]] Task<Result<>> find_beginning(Network& network) override;
+    [[nodiscard]] bool begins_right(Network& network) override;
     [[nodiscard]] bool may_restore() const override { return automatic_ || ring_.changes() == restored_; }
     void set_automatic(bool on) {
         automatic_ = on;

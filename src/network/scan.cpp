@@ -214,6 +214,7 @@ Task<Result<std::uint16_t>> scan(Network& network) {
                                 static_cast<std::uint32_t>(network.table.size()));
     const auto reset = co_await required(reset_slaves(network));
     begin_table(network, count, reset);
+    if (network.redundancy != nullptr) co_await required(network.redundancy->find_beginning(network));
     const auto assign = [&network](Slave& s) { return assign_address(network, s); };
     co_await required(for_each_slave(network, assign));
     const std::uint32_t changes = network.redundancy == nullptr ? 0 : network.redundancy->changes();

@@ -128,6 +128,24 @@ Result<> find_topology(std::span<RingPlace> ring, RingParts parts) {
     return error.code == Errc::none ? Result<>() : Result<>(error);
 }
 
+bool begins_at_the_end(std::span<RingPlace> ring, RingParts parts) {
+    if (!parts.two_nics || parts.front > ring.size()) return false;
+    if (!parts.whole) {
+        if (parts.front != 0 && parts.front != ring.size()) return false;
+        const RingParts turned{.two_nics = true, .front = ring.size() - parts.front};
+        return !find_topology(ring, parts).ok() && find_topology(ring, turned).ok();
+    }
+    int before = 0;  // open ports of the places before the front, more than two for each
+    int all = 0;
+    for (RingPlace& place : ring) {
+        read_ports(place);
+        for (const RingPlace::Port& port : place.ports) all += port.open ? 1 : 0;
+        all -= 2;
+        if (static_cast<std::size_t>(&place - ring.data()) < parts.front) before = all;
+    }
+    return all == 0 && before < 0;
+}
+
 void store_topology(std::span<const RingPlace> ring, std::span<Slave> slaves) {
     for (Slave& slave : slaves) slave.ring_position = 0;
     for (const RingPlace& place : ring) {

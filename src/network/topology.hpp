@@ -53,6 +53,12 @@ struct RingParts {
 // first place there whose port 0 is closed. The places before it are at branches behind the way to the next slave.
 Result<> find_topology(std::span<RingPlace> ring, RingParts parts = {});
 
+// Whether the places before `parts.front` are not at the beginning of the ring, but at its end: the cables of both NICs
+// are swapped. In a whole ring, frames from the end reach only branches behind the ways to the next ring slaves; such a
+// branch has one open port less than two for each slave, and the ring slaves have these ports more. In a ring of which
+// one NIC reaches all slaves, the ports of the slaves fit only one of both ends. Fills the places as find_topology().
+[[nodiscard]] bool begins_at_the_end(std::span<RingPlace> ring, RingParts parts);
+
 // Copies the topology into the table of slaves, by their numbers. A stranger between two known slaves is left out. A
 // slave that is not in the ring gets `ring` 0 and keeps the last parent. A closed port keeps its last neighbour, until
 // that neighbour is seen at another place.
