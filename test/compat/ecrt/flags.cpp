@@ -1,24 +1,10 @@
 // Flags of configurations, and PDOs that may overlap. What they change is seen in the time of the start-up and in the
 // datagrams, so the test links the objects of the facade, with a segment in virtual time in place of that of the
 // environment. Ends with 0 when everything is as expected.
+#include "drives.hpp"
 #include "virtual_time.hpp"
 
 namespace {
-
-constexpr std::uint32_t kVendor = 0x00004D47;
-constexpr std::uint32_t kDrive = 0x5402;
-
-}  // namespace
-
-namespace {
-
-// What the slaves have by themselves would be read by the thread that polls until activation, in a time of its own.
-constexpr ec_pdo_entry_info_t kEntries[] = {{0x6040, 0, 16}, {0x6060, 0, 8}, {0x607A, 0, 32},
-                                            {0x6041, 0, 16}, {0x6061, 0, 8}, {0x6064, 0, 32}};
-constexpr ec_pdo_info_t kPdos[] = {{0x1600, 3, kEntries}, {0x1A00, 3, kEntries + 3}};
-constexpr ec_sync_info_t kSyncs[] = {{2, EC_DIR_OUTPUT, 1, kPdos, EC_WD_ENABLE},
-                                     {3, EC_DIR_INPUT, 1, kPdos + 1, EC_WD_DISABLE},
-                                     {0xFF, EC_DIR_INVALID, 0, nullptr, EC_WD_DEFAULT}};
 
 struct Program {
     ec_master_t* master = ecrt_request_master(0);
@@ -33,8 +19,8 @@ struct Program {
         domain = ecrt_master_create_domain(master);
         CHECK(domain != nullptr);
         for (unsigned n = 0; n < 2; ++n) {
-            drives[n] = ecrt_master_slave_config(master, 0, static_cast<std::uint16_t>(n), kVendor, kDrive);
-            CHECK(drives[n] != nullptr && ecrt_slave_config_pdos(drives[n], EC_END, kSyncs) == 0);
+            drives[n] = configure_drive(master, static_cast<std::uint16_t>(n));
+            CHECK(drives[n] != nullptr);
             outputs[n] = ecrt_slave_config_reg_pdo_entry(drives[n], 0x6060, 0, domain, nullptr);
             inputs[n] = ecrt_slave_config_reg_pdo_entry(drives[n], 0x6061, 0, domain, nullptr);
             CHECK(outputs[n] >= 0 && inputs[n] >= 0 && outputs[n] != inputs[n]);

@@ -1,5 +1,6 @@
 // Requests that begin in any cycle of the start-up succeed: none is ended by the way of its slave through INIT. Virtual
 // time, cycles of several lengths. Ends with 0 when everything is as expected.
+#include "drives.hpp"
 #include "virtual_time.hpp"
 
 #include <array>
@@ -7,11 +8,6 @@
 namespace {
 
 constexpr std::uint16_t kDrives = 3;
-constexpr ec_pdo_entry_info_t kEntries[] = {{0x6040, 0, 16}, {0x607A, 0, 32}, {0x6041, 0, 16}, {0x6064, 0, 32}};
-constexpr ec_pdo_info_t kPdos[] = {{0x1600, 2, kEntries}, {0x1A00, 2, kEntries + 2}};
-constexpr ec_sync_info_t kSyncs[] = {{2, EC_DIR_OUTPUT, 1, kPdos, EC_WD_ENABLE},
-                                     {3, EC_DIR_INPUT, 1, kPdos + 1, EC_WD_DISABLE},
-                                     {0xFF, EC_DIR_INVALID, 0, nullptr, EC_WD_DEFAULT}};
 
 struct Program {
     ec_master_t* master = ecrt_request_master(0);
@@ -23,8 +19,8 @@ struct Program {
 
     int configure() {
         for (std::uint16_t n = 0; n < kDrives; ++n) {
-            configs[n] = ecrt_master_slave_config(master, 0, n, 0x00004D47, 0x5402);
-            CHECK(configs[n] != nullptr && ecrt_slave_config_pdos(configs[n], EC_END, kSyncs) == 0);
+            configs[n] = configure_drive(master, n);
+            CHECK(configs[n] != nullptr);
             CHECK(ecrt_slave_config_sdo32(configs[n], 0x6081, 0, 4000) == 0);
             CHECK(ecrt_slave_config_reg_pdo_entry(configs[n], 0x607A, 0, domain, nullptr) >= 0);
             objects[n] = ecrt_slave_config_create_sdo_request(configs[n], 0x1000, 0, 4);

@@ -1,6 +1,7 @@
 // Every slave starts by itself: one that answers no mail holds nobody up, and many domains start together. Virtual
 // time counts the cycles. Arguments: segment, number of drives, number of domains, position of the mute drive or -1,
 // the most cycles. Ends with 0 when everything is as expected.
+#include "drives.hpp"
 #include "virtual_time.hpp"
 
 #include <algorithm>
@@ -9,15 +10,7 @@
 
 namespace {
 
-constexpr std::uint32_t kVendor = 0x00004D47;
-constexpr std::uint32_t kDrive = 0x00005402;
 constexpr std::uint32_t kVelocity = 4000;  // the download of a drive is this and its position
-
-constexpr ec_pdo_entry_info_t kEntries[] = {{0x6040, 0, 16}, {0x607A, 0, 32}, {0x6041, 0, 16}, {0x6064, 0, 32}};
-constexpr ec_pdo_info_t kPdos[] = {{0x1600, 2, kEntries}, {0x1A00, 2, kEntries + 2}};
-constexpr ec_sync_info_t kSyncs[] = {{2, EC_DIR_OUTPUT, 1, kPdos, EC_WD_ENABLE},
-                                     {3, EC_DIR_INPUT, 1, kPdos + 1, EC_WD_DISABLE},
-                                     {0xFF, EC_DIR_INVALID, 0, nullptr, EC_WD_DEFAULT}};
 
 struct Program {
     std::size_t drives;
@@ -36,11 +29,9 @@ struct Program {
         for (std::size_t n = 0; n < domain_count; ++n) domains.push_back(ecrt_master_create_domain(master));
         for (std::size_t n = 0; n < drives; ++n) {
             ec_domain_t* const domain = domains[n % domain_count];
-            ec_slave_config_t* const config =
-                ecrt_master_slave_config(master, 0, static_cast<std::uint16_t>(n), kVendor, kDrive);
+            ec_slave_config_t* const config = configure_drive(master, static_cast<std::uint16_t>(n));
             configs.push_back(config);
             CHECK(config != nullptr && domain != nullptr);
-            CHECK(ecrt_slave_config_pdos(config, EC_END, kSyncs) == 0);
             CHECK(ecrt_slave_config_sdo32(config, 0x6081, 0, kVelocity + static_cast<std::uint32_t>(n)) == 0);
             at.push_back(ecrt_slave_config_reg_pdo_entry(config, 0x607A, 0, domain, nullptr));
             CHECK(at.back() >= 0);
