@@ -179,7 +179,7 @@ class Bus {
     std::vector<std::unique_ptr<ec_slave_config>> configs;
     ec_slave_config* reference = nullptr;
     std::mutex known_mutex;
-    std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;             // by position in the ring
+    std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;             // by place in the ring, from 1 on
     std::map<std::uint16_t, std::pair<Identity, std::uint16_t>> known_objects;  // the number of them, likewise
 
     std::atomic<bool> active{false};
@@ -213,6 +213,17 @@ class Bus {
     void step_search(Time now);
     void report_loop();
 };
+
+// Whether the PDOs of the slave stay as they are: those of its configuration are in it, or it has none.
+[[nodiscard]] bool has_its_pdos(Bus& bus, const Slave& slave);
+
+// How far a slave is: the scan has read it; it has passed INIT, so that it takes messages; its PDOs stay as they are,
+// or it cannot be configured.
+enum class Ready : std::uint8_t { read, for_mail, for_pdos };
+
+// While the segment is scanned, and while it starts up after activation, its slaves have no numbers or no mailboxes
+// yet. Waits until the one at this position is ready, 10 s at most. Returns at once in the cyclic thread.
+void await_start(Bus& bus, std::uint16_t position, Ready wanted);
 
 }  // namespace margay::compat::ecrt
 

@@ -55,19 +55,29 @@ std::uint16_t objects_of(Bus& bus, const Slave& slave) {
     request.list = ObjectList::all;
     request.timeout = kPatience;
     if (!submit(*bus.ctx, request)) return 0;
-    const bool listed = wait(*bus.ctx, request).ok();
+    const auto listed = wait(*bus.ctx, request);
+    if (!listed && !is_refusal(listed.error())) return 0;  // it is asked again
     const auto count = static_cast<std::uint16_t>(listed ? request.count : 0U);
     const std::lock_guard lock(bus.known_mutex);
     bus.known_objects[slave.ring_position] = {slave.identity, count};
     return count;
 }
 
-// The SyncManagers of a slave with their PDOs; -ENOENT: no such slave or SyncManager.
+// A SyncManager of a slave with its PDOs; -ENOENT: no such slave or SyncManager, -EIO: the slave could not be asked.
 int sync_at(Bus& bus, std::uint16_t position, std::uint8_t index, SyncWish& sync) {
     Slave slave;
-    if (!bus.slave_at(position, slave)) return -ENOENT;
+    auto known = bus.slave_at(position, slave) ? kept_pdos(bus, slave) : nullptr;
+    if (known == nullptr) {
+        await_start(bus, position, Ready::for_pdos);
+        if (!bus.slave_at(position, slave)) return -ENOENT;
+    }
     if (index >= slave.sm_count || index >= Slave::kSyncManagers) return -ENOENT;
-    sync = pdos_of(bus, slave)->syncs[index];
+    if (known == nullptr) {
+        known = pdos_of(bus, slave, true);
+        if (!bus.slave_at(position, slave) || !has_its_pdos(bus, slave)) forget_pdos(bus, position);
+    }
+    if (known->unread.code != Errc::none) return -EIO;
+    sync = known->syncs[index];
     return 0;
 }
 
@@ -95,7 +105,11 @@ int ecrt_master_scan_progress(ec_master_t* master, ec_master_scan_progress_t* pr
 int ecrt_master_get_slave(ec_master_t* master, uint16_t slave_position, ec_slave_info_t* slave_info) {
     Bus& bus = *master->bus;
     Slave slave;
-    if (!bus.slave_at(slave_position, slave)) return -ENOENT;
+    if (!bus.slave_at(slave_position, slave) || !slave.seen) {
+        await_start(bus, slave_position, Ready::read);
+        if (!bus.slave_at(slave_position, slave)) return -ENOENT;
+        if (!slave.seen && bus.scan_busy) return -EAGAIN;  // in the cyclic thread
+    }
     *slave_info = {};
     slave_info->position = slave_position;
     slave_info->vendor_id = slave.identity.vendor;

@@ -1,10 +1,10 @@
 #include "compat/ecrt/pdos.hpp"
 
 #include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/log.hpp"
 #include "wire/sii_category.hpp"
 
 #include <array>
-#include <optional>
 
 namespace margay::compat::ecrt {
 namespace {
@@ -18,49 +18,60 @@ bool has_dictionary(const Slave& slave) {
 }
 
 template <class T>
-std::optional<T> read_object(Bus& bus, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex) {
+Result<T> read_object(Bus& bus, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex) {
     SdoUpload request;
     std::array<std::byte, sizeof(T)> octets{};
     request.slave = slave;
     request.index = index;
     request.subindex = subindex;
     request.data = octets;
-    if (!submit(*bus.ctx, request) || !wait(*bus.ctx, request) || request.bytes > sizeof(T)) return std::nullopt;
+    auto done = submit(*bus.ctx, request);
+    if (done) done = wait(*bus.ctx, request);
+    if (!done) return done.error();
     return value_from_octets<T>(octets);
 }
 
-std::optional<std::vector<PdoEntry>> read_mapping(Bus& bus, std::uint16_t slave, std::uint16_t pdo) {
+Result<std::vector<PdoEntry>> read_mapping(Bus& bus, std::uint16_t slave, std::uint16_t pdo) {
     const auto count = read_object<std::uint8_t>(bus, slave, pdo, 0);
-    if (!count) return std::nullopt;
+    if (!count) return count.error();
     std::vector<PdoEntry> entries;
     for (unsigned n = 1; n <= *count; ++n) {
         const auto value = read_object<std::uint32_t>(bus, slave, pdo, static_cast<std::uint8_t>(n));
-        if (!value) return std::nullopt;
+        if (!value) return value.error();
         entries.push_back({static_cast<std::uint16_t>(*value >> 16), static_cast<std::uint8_t>(*value >> 8),
                            static_cast<std::uint8_t>(*value)});
     }
     return entries;
 }
 
+// The PDOs of one SyncManager, as many as are assigned to it.
+Result<> read_assignment(Bus& bus, const Slave& slave, std::uint8_t sm, unsigned count, KnownPdos& known) {
+    const auto assignment = static_cast<std::uint16_t>(kFirstAssignment + sm);
+    for (unsigned n = 1; n <= count; ++n) {
+        const auto pdo = read_object<std::uint16_t>(bus, slave.number, assignment, static_cast<std::uint8_t>(n));
+        if (!pdo) return pdo.error();
+        if (*pdo == 0) continue;
+        auto entries = read_mapping(bus, slave.number, *pdo);
+        if (!entries) return entries.error();
+        known.offered[*pdo] = *entries;
+        known.syncs[sm].pdos.push_back({*pdo, true, std::move(*entries)});
+    }
+    return {};
+}
+
 // The assignment of all SyncManagers by the object dictionary; false: it has none.
-bool read_dictionary(Bus& bus, const Slave& slave, KnownPdos& known) {
+Result<bool> read_dictionary(Bus& bus, const Slave& slave, KnownPdos& known) {
     bool any = false;
-    for (unsigned n = 0; n < slave.sm_count && n < Slave::kSyncManagers; ++n) {
+    for (std::uint8_t n = 0; n < slave.sm_count && n < Slave::kSyncManagers; ++n) {
         const SmType type = slave.sync_managers[n].type;
         if (type == SmType::mailbox_out || type == SmType::mailbox_in) continue;
         const auto assignment = static_cast<std::uint16_t>(kFirstAssignment + n);
         const auto count = read_object<std::uint8_t>(bus, slave.number, assignment, 0);
-        if (!count) continue;
+        if (!count && is_refusal(count.error())) continue;
+        const Result<> read = count ? read_assignment(bus, slave, n, *count, known) : Result<>(count.error());
+        if (!read && !is_refusal(read.error())) return read.error();
+        if (!read) return false;
         any = true;
-        for (unsigned m = 1; m <= *count; ++m) {
-            const auto pdo = read_object<std::uint16_t>(bus, slave.number, assignment, static_cast<std::uint8_t>(m));
-            if (!pdo) return false;
-            if (*pdo == 0) continue;
-            auto entries = read_mapping(bus, slave.number, *pdo);
-            if (!entries) return false;
-            known.offered[*pdo] = *entries;
-            known.syncs[n].pdos.push_back({*pdo, true, std::move(*entries)});
-        }
     }
     return any;
 }
@@ -78,21 +89,46 @@ void read_category(Bytes content, KnownPdos& known, bool assign) {
     }
 }
 
-void read_sii_pdos(Bus& bus, const Slave& slave, KnownPdos& known, bool assign) {
+Result<> read_sii_pdos(Bus& bus, const Slave& slave, KnownPdos& known, bool assign) {
     sii::CategoryChain chain(sii::content_end_word(slave.sii_bytes));
     while (chain.more()) {
         std::array<std::byte, sii::kCategoryHeaderBytes> header{};
-        if (!read_sii(*bus.ctx, slave.number, chain.header_word(), header)) return;
+        if (const auto read = read_sii(*bus.ctx, slave.number, chain.header_word(), header); !read) return read;
         const auto place = chain.step(header);
-        if (!place) return;
+        if (!place) break;
         if (place->type != sii::category::kTxPdo && place->type != sii::category::kRxPdo) continue;
         std::vector<std::byte> content(place->words * sii::kWordBytes);
-        if (content.empty() || !read_sii(*bus.ctx, slave.number, place->word, content)) continue;
+        if (content.empty()) continue;
+        if (const auto read = read_sii(*bus.ctx, slave.number, place->word, content); !read) return read;
         read_category(content, known, assign);
     }
+    return {};
+}
+
+KnownPdos read_pdos(Bus& bus, const Slave& slave) {
+    KnownPdos known;
+    known.identity = slave.identity;
+    for (unsigned n = 0; n < slave.sm_count && n < Slave::kSyncManagers; ++n) {
+        known.syncs[n].from_slave = true;
+        known.syncs[n].direction = direction_of(slave.sync_managers[n]);
+    }
+    const Result<bool> dictionary = has_dictionary(slave) ? read_dictionary(bus, slave, known) : Result<bool>(false);
+    const bool assigned = dictionary && *dictionary;
+    known.unread = dictionary.error();
+    if (!assigned)
+        for (SyncWish& sync : known.syncs) sync.pdos.clear();
+    const auto sii = read_sii_pdos(bus, slave, known, !assigned);
+    if (!assigned && known.unread.code == Errc::none) known.unread = sii.error();
+    return known;
 }
 
 }  // namespace
+
+bool is_refusal(const Error& error) {
+    constexpr std::uint32_t kUnsupportedProtocol = 2;  // of a mailbox error
+    return error.code == Errc::sdo_abort || error.code == Errc::unsupported || error.code == Errc::capacity ||
+           (error.code == Errc::mailbox_error && error.detail == kUnsupportedProtocol);
+}
 
 ec_direction_t direction_of(const SmInfo& sm) {
     switch (sm.type) {
@@ -104,38 +140,39 @@ ec_direction_t direction_of(const SmInfo& sm) {
     }
 }
 
-KnownPdos read_pdos(Bus& bus, const Slave& slave) {
-    KnownPdos known;
-    known.identity = slave.identity;
-    for (unsigned n = 0; n < slave.sm_count && n < Slave::kSyncManagers; ++n) {
-        known.syncs[n].from_slave = true;
-        known.syncs[n].direction = direction_of(slave.sync_managers[n]);
-    }
-    const bool by_dictionary = has_dictionary(slave) && read_dictionary(bus, slave, known);
-    if (!by_dictionary)
-        for (SyncWish& sync : known.syncs) sync.pdos.clear();
-    read_sii_pdos(bus, slave, known, !by_dictionary);
-    return known;
-}
-
 std::vector<PdoEntry> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known, std::uint16_t index) {
     if (const auto found = known.offered.find(index); found != known.offered.end()) return found->second;
     if (!has_dictionary(slave)) return {};
     auto entries = read_mapping(bus, slave.number, index);
-    if (!entries) return {};
-    return known.offered[index] = *entries;
+    if (entries) return known.offered[index] = *entries;
+    if (!is_refusal(entries.error())) say_error(bus.index, "a PDO", entries.error());
+    return {};
 }
 
-std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave) {
-    const std::uint16_t position = slave.ring_position;
+std::shared_ptr<KnownPdos> kept_pdos(Bus& bus, const Slave& slave) {
+    const std::lock_guard lock(bus.known_mutex);
+    const auto found = bus.known_pdos.find(slave.ring_position);
+    const bool is_it = found != bus.known_pdos.end() && found->second->identity == slave.identity;
+    return is_it && found->second->unread.code == Errc::none ? found->second : nullptr;
+}
+
+void forget_pdos(Bus& bus, std::uint16_t position) {
+    const std::lock_guard lock(bus.known_mutex);
+    bus.known_pdos.erase(static_cast<std::uint16_t>(position + 1));
+}
+
+std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
     {
         const std::lock_guard lock(bus.known_mutex);
-        const auto found = bus.known_pdos.find(position);
-        if (found != bus.known_pdos.end() && found->second->identity == slave.identity) return found->second;
+        const auto found = bus.known_pdos.find(slave.ring_position);
+        if (found != bus.known_pdos.end() && found->second->identity == slave.identity &&
+            (!again || found->second->unread.code == Errc::none))
+            return found->second;
     }
     auto known = std::make_shared<KnownPdos>(read_pdos(bus, slave));
+    if (known->unread.code != Errc::none) say_error(bus.index, "the PDOs of a slave", known->unread);
     const std::lock_guard lock(bus.known_mutex);
-    return bus.known_pdos[position] = std::move(known);
+    return bus.known_pdos[slave.ring_position] = std::move(known);
 }
 
 }  // namespace margay::compat::ecrt

@@ -1,6 +1,7 @@
 // PDOs of a slave: as a program configures them, and as a slave offers them.
 #pragma once
 
+#include <margay/error.hpp>
 #include <margay/pdo.hpp>
 #include <margay/slave.hpp>
 
@@ -38,17 +39,24 @@ struct KnownPdos {
     Identity identity;
     SyncWishes syncs;
     std::map<std::uint16_t, std::vector<PdoEntry>> offered;
+    Error unread;  // why the slave could not be asked: then `syncs` is not what it has; Errc::none: it is
 };
 
 // The direction of a SyncManager by its SII.
 [[nodiscard]] ec_direction_t direction_of(const SmInfo& sm);
 
-// Asks the slave: its object dictionary, otherwise its SII. Waits; not for the cyclic thread.
-[[nodiscard]] KnownPdos read_pdos(Bus& bus, const Slave& slave);
+// The slave has answered, and does not have what it was asked for. Other errors say nothing about that.
+[[nodiscard]] bool is_refusal(const Error& error);
+
 // The entries of one PDO, from `known` or from the object dictionary; empty: not known. Waits.
 [[nodiscard]] std::vector<PdoEntry> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known, std::uint16_t index);
 
-// What the slave at this position offers: asked once.
-[[nodiscard]] std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave);
+// What the slave at this position offers, by its object dictionary, otherwise by its SII. The slave is asked once; when
+// that has failed, again only with `again`. Waits; not for the cyclic thread.
+[[nodiscard]] std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again = false);
+// What was read before; nullptr: nothing, or the slave could not be asked.
+[[nodiscard]] std::shared_ptr<KnownPdos> kept_pdos(Bus& bus, const Slave& slave);
+// The PDOs of the slave at this position of the ring, the first is 0, are or may be others now.
+void forget_pdos(Bus& bus, std::uint16_t position);
 
 }  // namespace margay::compat::ecrt

@@ -23,35 +23,27 @@ int errno_of(const Error& error) {
     }
 }
 
-// The slaves have numbers, and the one at the position does not go through INIT any more. Another thread may end the
-// operation meanwhile.
-bool is_ready(Bus& bus, std::uint16_t position) {
-    const std::uint16_t number = bus.number_at(position);
+bool is_of(const ec_slave_config& config, const Slave& slave) {
+    return config.number != 0 && config.number == slave.number;
+}
+
+// Another thread may end the operation meanwhile.
+bool is_ready(Bus& bus, std::uint16_t position, Ready wanted) {
+    Slave slave;
+    (void)bus.slave_at(position, slave);
+    if (wanted == Ready::for_pdos && slave.error.code == Errc::none && !has_its_pdos(bus, slave)) return false;
     const std::lock_guard lock(bus.config_mutex);
     if (!bus.active) return true;
     if (bus.operation->scanning() || bus.dirty) return false;
-    return std::ranges::none_of(bus.configs, [&](const auto& config) {
-        return number != 0 && config->number == number &&
-               config->start_up.load(std::memory_order_acquire) != StartUp::over;
-    });
-}
-
-// While the segment is scanned, and while it starts up after activation, its slaves have no numbers or no mailboxes
-// yet: a transfer waits for them.
-void await_start(Bus& bus, std::uint16_t position) {
-    for (int n = 0; !bus.active && bus.scan_busy && n < 3000; ++n)
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    for (int n = 0; bus.active && n < (bus.cycling ? 10000 : 3000); ++n) {
-        if (bus.cycling && pthread_equal(bus.owner, pthread_self()) != 0) return;  // waiting would be for ever
-        if (is_ready(bus, position)) return;
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
+    return wanted == Ready::read || std::ranges::none_of(bus.configs, [&](const auto& config) {
+               return is_of(*config, slave) && config->start_up.load(std::memory_order_acquire) != StartUp::over;
+           });
 }
 
 // Submits, waits, and says what failed. The request is gone afterwards.
 template <class Request>
 int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
-    await_start(bus, position);
+    await_start(bus, position, Ready::for_mail);
     request.slave = bus.number_at(position);
     if (request.slave == 0) {
         say("master %u: there is no slave at position %u", bus.index, position);
@@ -66,18 +58,16 @@ int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
 }
 
 // The PDOs of the slave may be others now.
-void forget_pdos(Bus& bus, std::uint16_t position, std::uint16_t index) {
+void note_download(Bus& bus, std::uint16_t position, std::uint16_t index) {
     const bool concerns = (index >= 0x1600 && index <= 0x1BFF) || (index >= 0x1C10 && index <= 0x1C2F);
-    if (!concerns) return;
-    const std::lock_guard lock(bus.known_mutex);
-    bus.known_pdos.erase(position);
+    if (concerns) forget_pdos(bus, position);
 }
 
 int download(ec_master_t* master, std::uint16_t position, SdoDownload& request, std::uint32_t* abort_code) {
     Error error;
     const int result = transfer(*master->bus, position, request, error);
     if (abort_code != nullptr) *abort_code = error.code == Errc::sdo_abort ? error.detail : 0;
-    forget_pdos(*master->bus, position, request.index);
+    note_download(*master->bus, position, request.index);
     return result;
 }
 
@@ -98,6 +88,30 @@ std::span<std::byte> room(std::uint8_t* target, std::size_t size) {
 }
 
 }  // namespace
+
+namespace margay::compat::ecrt {
+
+bool has_its_pdos(Bus& bus, const Slave& slave) {
+    const std::lock_guard lock(bus.config_mutex);
+    if (!bus.active || slave.al.state >= AlState::safeop) return true;
+    if (bus.operation->scanning()) return false;
+    return std::ranges::none_of(bus.configs, [&](const auto& config) {
+        return is_of(*config, slave) && config->vendor == slave.identity.vendor &&
+               config->product == slave.identity.product;
+    });
+}
+
+void await_start(Bus& bus, std::uint16_t position, Ready wanted) {
+    for (int n = 0; !bus.active && bus.scan_busy && n < 3000; ++n)
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    for (int n = 0; bus.active && n < (bus.cycling ? 10000 : 3000); ++n) {
+        if (bus.cycling && pthread_equal(bus.owner, pthread_self()) != 0) return;  // waiting would be for ever
+        if (is_ready(bus, position, wanted)) return;
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+}
+
+}  // namespace margay::compat::ecrt
 
 extern "C" {
 

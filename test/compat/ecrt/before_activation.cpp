@@ -6,8 +6,10 @@
 #include <check.h>
 #include <ecrt.h>
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <thread>
 
 using namespace margay;
@@ -49,6 +51,37 @@ int read_after_reset(ec_master_t* master, ec_slave_config_t* drive) {
     return 0;
 }
 
+struct Answers {
+    ec_sync_info_t sync{};
+    ec_pdo_info_t pdo{};
+    ec_pdo_entry_info_t entry{};
+    std::array<int, 3> results{};
+
+    Answers(ec_master_t* master, std::uint16_t position)
+        : results{ecrt_master_get_sync_manager(master, position, 3, &sync),
+                  ecrt_master_get_pdo(master, position, 3, 0, &pdo),
+                  ecrt_master_get_pdo_entry(master, position, 3, 0, 1, &entry)} {}
+    [[nodiscard]] bool all_are(int result) const { return results == std::array{result, result, result}; }
+};
+
+// The program has written other PDOs meanwhile.
+int read_pdos(ec_master_t* master, std::uint16_t position) {
+    const Answers before(master, position);
+    CHECK(before.all_are(0) && before.sync.n_pdos == 1 && before.pdo.n_entries == 8 && before.entry.index == 0x6064);
+    const std::array<std::uint8_t, 1> none{};
+    CHECK(ecrt_master_sdo_download(master, position, 0x1C13, 0, none.data(), 1, nullptr) == 0);
+    const Answers after(master, position);
+    CHECK(after.results[0] == 0 && after.sync.n_pdos == 0 && after.results[1] == -ENOENT);
+    return 0;
+}
+
+// A slave that answers no mail is not one without PDOs.
+int read_mute(ec_master_t* master, std::uint16_t mute) {
+    CHECK(Answers(master, mute).all_are(-EIO));
+    CHECK(read_pdos(master, static_cast<std::uint16_t>(mute + 1)) == 0);
+    return 0;
+}
+
 int run(ec_master_t* master) {
     ec_slave_config_t* const drive = ecrt_master_slave_config(master, 0, 0, 0x00004D47, 0x5402);
     CHECK(drive != nullptr && !is_owner(*master));
@@ -58,6 +91,7 @@ int run(ec_master_t* master) {
         CHECK(read_type(master) == 0);
     }
     CHECK(read_after_reset(master, drive) == 0);
+    CHECK(read_pdos(master, 1) == 0);
     CHECK(ecrt_master_activate(master) == 0);
     CHECK(ecrt_master_deactivate(master) == 0);
     CHECK(!is_owner(*master));
@@ -66,10 +100,11 @@ int run(ec_master_t* master) {
 
 }  // namespace
 
-int main() {
+// Argument: the position of a drive that answers no mail.
+int main(int argc, char** argv) {
     ec_master_t* const master = ecrt_request_master(0);
     CHECK(master != nullptr);
-    const int result = run(master);
+    const int result = argc > 1 ? read_mute(master, static_cast<std::uint16_t>(std::atoi(argv[1]))) : run(master);
     ecrt_release_master(master);
     return result;
 }
