@@ -8,14 +8,26 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <iterator>
 #include <map>
 #include <set>
+#include <vector>
 
 namespace margay::compat::ecrt {
 namespace {
 
 constexpr std::size_t kNewcomers = 4;  // devices behind the line that may come later
 constexpr SlaveConfiguration kOnlyPreop{.highest = AlState::preop};
+
+void say_too_far(const Bus& bus, const ec_slave_config& config) {
+    say("configuration %u:%u stays offline: there can be %u slaves with those before it", config.alias, config.position,
+        bus.ctx->limits().slaves);
+}
+
+// Slaves that may appear anywhere; their numbers are behind those of the line.
+std::size_t count_anywhere(const std::vector<ExpectedSlave>& expected) {
+    return static_cast<std::size_t>(std::ranges::count(expected, 0, &ExpectedSlave::number));
+}
 
 }  // namespace
 
@@ -36,6 +48,7 @@ void Operation::add_expected(ec_slave_config& config) {
         if (head == 0) return;  // add_by_alias()
         number += head - 1;
     }
+    if (number > bus_.ctx->limits().slaves) return say_too_far(bus_, config);
     for (const ExpectedSlave& other : expected_)
         if (other.number == number) {
             say("configurations for the same slave at position %d: %u:%u is left out", number - 1, config.alias,
@@ -58,6 +71,12 @@ void Operation::add_by_alias(const ec_slave_config& config) {
         if (at.empty() && other.get() != &config) return;  // the first one adds all
         at[other->position] = other.get();
     }
+    const std::size_t others = line_end() + count_anywhere(expected_);
+    while (!at.empty() && others + at.rbegin()->first + 1 > bus_.ctx->limits().slaves) {
+        say_too_far(bus_, *at.rbegin()->second);
+        at.erase(std::prev(at.end()));
+    }
+    if (at.empty()) return;
     const std::uint16_t last = at.rbegin()->first;
     const bool alone = last == 0;
     std::uint8_t group = 0;
@@ -76,16 +95,22 @@ void Operation::add_by_alias(const ec_slave_config& config) {
     }
 }
 
+// The greatest number of a slave that is expected at its place, or that is there.
+std::size_t Operation::line_end() const {
+    std::size_t last = 0;
+    for (const ExpectedSlave& slave : expected_) last = std::max<std::size_t>(last, slave.number);
+    for (const Slave& slave : bus_.ctx->slaves()) last = std::max<std::size_t>(last, slave.ring_position);
+    return last;
+}
+
 // The positions without a configuration.
 void Operation::add_unconfigured() {
-    const std::size_t room = bus_.ctx->limits().slaves;
+    const std::size_t room = bus_.ctx->limits().slaves - count_anywhere(expected_);
     std::set<std::size_t> used;
-    std::size_t last = 0;
     for (const ExpectedSlave& slave : expected_) used.insert(slave.number);
-    if (!used.empty()) last = *used.rbegin();
-    for (const Slave& slave : bus_.ctx->slaves()) last = std::max<std::size_t>(last, slave.ring_position);
-    for (std::size_t number = 1; number <= last + kNewcomers && expected_.size() < room; ++number)
-        if (number <= room && !used.contains(number))
+    const std::size_t last = std::min(line_end() + kNewcomers, room);
+    for (std::size_t number = 1; number <= last; ++number)
+        if (!used.contains(number))
             expected_.push_back(
                 {.number = static_cast<std::uint16_t>(number), .optional = true, .config = &kOnlyPreop});
 }

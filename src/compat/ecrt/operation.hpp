@@ -60,6 +60,7 @@ class Operation {
     [[nodiscard]] int first_with(std::uint16_t alias) const;
     void add_expected(ec_slave_config& config);
     void add_by_alias(const ec_slave_config& config);
+    [[nodiscard]] std::size_t line_end() const;
     void add_unconfigured();
     void find_expected();
     // Devices at other positions than planned (moves.cpp).
