@@ -90,7 +90,8 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         auto now = co_await read_anew(network, slave);  // nothing may have read the state for long
         if (!now && !does_not_answer(now.error())) faults.note(network, slave, now.error());
     }
-    if (slave.config.group == number) slave.error = {};  // of an earlier attempt
+    const bool unread_before = slave.ring_position != 0 && !slave.seen;  // its error stays until it is read again
+    if (slave.config.group == number && !unread_before) slave.error = {};  // of an earlier attempt
     const bool leaves = slave.config.group != number && slave.image.group == number;
     const bool comes = slave.config.group == number && slave.image.group != number;
     if (slave.image.group != SlaveImage::kNoGroup && (leaves || comes)) {

@@ -181,11 +181,10 @@ bool is_configured(const Slave& slave) {
 }  // namespace
 
 Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
-    slave.error = {};
     // A device of another revision is read again; one of another product is another slave.
     if (!slave.other) co_await required(prove(network, slave));
     co_await required(sii_assign(network.station(slave), false));
-    auto surveyed = co_await survey(network, slave);
+    auto surveyed = co_await survey(network, slave, true);
     auto offered = co_await sii_assign(network.station(slave), true);
     if (!surveyed) co_return surveyed;
     if (!slave.seen) co_return slave.error;

@@ -56,7 +56,7 @@ Task<Result<>> read_esc(Network& network, Slave& slave) {
 
 }  // namespace
 
-Task<Result<>> survey(Network& network, Slave& slave) {
+Task<Result<>> survey(Network& network, Slave& slave, bool again) {
     slave.sm_count = 0;
     slave.fmmu_count = 0;
     slave.name_bytes = 0;
@@ -65,11 +65,13 @@ Task<Result<>> survey(Network& network, Slave& slave) {
     slave.device_id_source = DeviceIdSource::none;
     slave.device_id.reset();
     auto esc = co_await read_esc(network, slave);
+    if (again && !esc) slave.error = {};
     if (!esc) {
         network.note(slave, esc.error());
         co_return Nothing{};
     }
     auto sii = co_await read_sii_contents(network.station(slave), slave);
+    if (again) slave.error = {};
     if (!sii) network.note(slave, sii.error());
     slave.seen = sii || sii.error().step == Step::parse_sii;
     if (network.expected.empty()) co_return Nothing{};

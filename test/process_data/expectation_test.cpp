@@ -115,6 +115,31 @@ TEST_F(UnreadExpected, IsReadByTheSupervision) {
     expect_op();
 }
 
+// Not even while it is read again.
+TEST_F(UnreadExpected, IsNeverWithoutAnErrorUntilItIsRead) {
+    scan_in_vain();
+    unsigned silent = 0;
+    unsigned polls = 0;
+    const auto go_while = [&](auto holds) {
+        for (int n = 0; n < 20'000 && holds(); ++n, ++polls) {
+            bus.osal.advance(std::chrono::microseconds(50));
+            (void)poll(ctx(), bus.osal.now());
+            silent += ctx().slave(2).error.code == Errc::none ? 1 : 0;
+        }
+    };
+    MapRequest map;
+    map.image = image;
+    ASSERT_TRUE(submit(ctx(), map).ok());
+    go_while([&] { return map.busy(); });
+    EXPECT_EQ(map.error().code, Errc::sii_nack);
+    ASSERT_TRUE(submit(ctx(), supervision).ok());
+    go_while([] { return true; });
+    EXPECT_EQ(silent, 0U) << "of " << polls;
+    bus.segment.slave(1).sii().fail_next(0);
+    go_while([&] { return !ctx().slave(2).seen; });
+    EXPECT_TRUE(ctx().slave(2).seen) << "the supervision reads it again";
+}
+
 TEST_F(UnreadExpected, IsAnotherOneIfItsEepromSaysSo) {
     const ExpectedSlave other[] = {{.number = 1}, {.number = 2, .product = 0x999}, {.number = 3}};
     bus.segment.slave(1).sii().fail_next(100'000);
