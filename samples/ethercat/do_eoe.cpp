@@ -19,8 +19,17 @@ namespace {
 
 Problem wrong(std::string text) { return {std::move(text), samples::exit_code::kUsage}; }
 
-// An address with dots, or a host name that this system resolves.
+// An address of four decimal numbers, or a host name that this system resolves. The resolver also takes 1.2.3 for
+// 1.2.0.3 and 010 for 8, a mistake for most people.
 Answer<Ipv4Address> resolve(const std::string& word) {
+    Ipv4Address numbers{};
+    if (::inet_pton(AF_INET, word.c_str(), numbers.data()) == 1) return numbers;
+    const bool is_number = std::ranges::all_of(word, [](char c) { return c == '.' || ('0' <= c && c <= '9'); }) ||
+                           word.starts_with("0x") || word.starts_with("0X");
+    if (is_number)
+        return wrong(fmt::format("'{}' is no IPv4 address: four numbers from 0 to 255 without leading zeros, "
+                                 "192.168.0.10",
+                                 word));
     addrinfo wanted{};
     wanted.ai_family = AF_INET;
     wanted.ai_socktype = SOCK_DGRAM;
