@@ -92,7 +92,6 @@ class AttachedSession final : public Session {
     std::vector<attach::SlaveFacts> known_{};          // the last table()
     std::map<std::uint16_t, files::EsiDevice> sii_{};  // by position
     Errc last_error_ = Errc::none;                     // of the last exchange
-    std::vector<std::string> notes_{};
 };
 
 }  // namespace margay::ethercat

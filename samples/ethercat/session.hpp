@@ -11,6 +11,7 @@
 #include <margay/idn.hpp>
 #include <margay/slave.hpp>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdint>
@@ -324,8 +325,15 @@ class Session {
     virtual void pause(std::chrono::milliseconds time) = 0;
     // Messages of the master since the last call.
     [[nodiscard]] virtual std::vector<std::string> messages() = 0;
+    // Adds a message, unless it is there already.
+    void note(std::string text) {
+        if (std::ranges::find(notes_, text) == notes_.end()) notes_.push_back(std::move(text));
+    }
     // Ends the session. A remark about the session itself, for example an incomplete recording; empty: none.
     [[nodiscard]] virtual Answer<> close() = 0;
+
+  protected:
+    std::vector<std::string> notes_{};
 };
 
 }  // namespace margay::ethercat

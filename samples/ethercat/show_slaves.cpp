@@ -224,7 +224,9 @@ int run_slaves(Call& call) {
                 if (!added && added.problem().code == samples::exit_code::kSystem) return added;
             }
             output.json["slaves"].push_back(std::move(json));
-            faulty |= !slave.problem.empty();
+            if (slave.problem.empty()) continue;
+            faulty = true;
+            master.session->note(slave.problem);
         }
         if (!call.has("verbose")) output.text = lines_text(*selected, addresses);
         return first;

@@ -98,7 +98,6 @@ class StandaloneSession final : public Session {
                                                 const files::EsiDevice& sii);
     [[nodiscard]] DomainFacts domain_facts(std::uint16_t index);
     void add_fmmus(DomainFacts& domain, const Slave& slave);
-    void note(std::string text) { notes_.push_back(std::move(text)); }
     void wait_until(Time end);
 
     StandaloneSettings settings_;
@@ -115,7 +114,6 @@ class StandaloneSession final : public Session {
     bool clocks_measured_ = false;
     std::vector<std::byte> image_{};
     std::map<std::uint16_t, files::EsiDevice> sii_{};  // by number
-    std::vector<std::string> notes_{};
 };
 
 // The error of the library in words. The library counts slaves from 1; the words name the position, which counts from

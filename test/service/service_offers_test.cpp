@@ -1,6 +1,9 @@
 // What margayd offers to ethercat beside facts and slaves: rescan, the level of its messages, its EoE ports.
 #include "service/service_fixture.hpp"
 
+#include <algorithm>
+#include <fstream>
+
 namespace margay::process {
 namespace {
 
@@ -36,6 +39,20 @@ TEST_F(ServiceTest, ARescanNamesWhatIsMissing) {
     EXPECT_TRUE(contains(ran.out, "\"slaves\": 2,\n      \"scanned\": false,\n      \"missing\": 1,")) << ran.out;
     EXPECT_TRUE(contains(ran.err, "1 expected slave does not answer\n")) << ran.err;
     EXPECT_EQ(content_of(folder.path() / "quiet"), "");
+}
+
+// The flag E and exit code 1 come with words, attached, too; once where a source of its own has said them.
+TEST_F(ServiceTest, ASlaveWithAnErrorIsNamed) {
+    std::ofstream(folder.path() / "b.toml")
+        << "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_in_8\"\nsii_status = 0x2000\n";
+    configure("a.toml", "source = \"sim:" + (folder.path() / "b.toml").string() + "\"\n");
+    const auto ran = shell(
+        "start; says 'a: 2 slaves found'; e a slaves; echo \"ends $?\"; e a slaves -q 2>quiet; wc -c <quiet\n"
+        "stop\n");
+    EXPECT_TRUE(contains(ran.out, "  E  ")) << ran.out << content_of(folder.path() / "log");
+    EXPECT_TRUE(ran.out.ends_with("ends 1\n" + ran.out.substr(0, ran.out.find("ends 1\n")) + "0\n")) << ran.out;
+    EXPECT_TRUE(ran.err.starts_with("ethercat: warning: position 1: ")) << ran.err;
+    EXPECT_EQ(std::ranges::count(ran.err, '\n'), 1) << ran.err;
 }
 
 TEST_F(ServiceTest, TheLevelOfMessagesChangesWhileItRuns) {
