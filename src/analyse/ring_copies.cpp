@@ -1,19 +1,22 @@
 #include "analyse/ring_copies.hpp"
 
+#include "analyse/ethercat_frame.hpp"
 #include "wire/datagram.hpp"
 
 #include <algorithm>
+#include <chrono>
+#include <utility>
 
 namespace margay::analyse {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t kLeast = wire::kFramePrefixBytes + wire::kDatagramOverheadBytes;
-constexpr auto kPatience = 500us;  // a part of a reply is passed on alone after this time
+constexpr Duration kOtherThread = 20ms;  // a frame of another thread can be between the copies so long
 
-bool is_ethercat(Bytes packet) {
-    return packet.size() >= kLeast && packet[12] == std::byte{0x88} && packet[13] == std::byte{0xA4};
+bool is_plain_ethercat(Bytes packet) {
+    return packet.size() >= wire::kFramePrefixBytes + wire::kDatagramOverheadBytes && packet[12] == std::byte{0x88} &&
+           packet[13] == std::byte{0xA4} && has_datagrams(packet);
 }
 
 std::uint8_t index_of(Bytes packet) { return std::to_integer<std::uint8_t>(packet[wire::kFramePrefixBytes + 1]); }
@@ -26,26 +29,55 @@ std::array<std::byte, 6> source_of(Bytes packet) {
     return mac;
 }
 
-// Adds the reply to the second copy to the reply to the first one, datagram by datagram: what slaves have changed in
-// either of them, and the sum of the working counters. The time of the reference clock travels in one copy only: the
-// datagram has another command in the other one.
-void merge(MutableBytes into, Bytes into_sent, Bytes from, Bytes from_sent) {
-    const std::size_t size = std::min({into.size(), into_sent.size(), from.size(), from_sent.size()});
-    for (std::size_t at = wire::kFramePrefixBytes; at + wire::kDatagramOverheadBytes <= size;) {
-        const std::uint16_t length = load_le<std::uint16_t>(into_sent, at + 6);
-        const std::size_t data = at + wire::kDatagramHeaderBytes;
-        const std::size_t wkc = data + (length & 0x07FF);
-        if (wkc + 2 > size) return;
-        if (into_sent[at] == from_sent[at]) {
-            for (std::size_t n = data; n < wkc; ++n) {
-                if (from[n] == from_sent[n]) continue;
-                into[n] = into[n] == into_sent[n] ? from[n] : into[n] | from[n];
-            }
-            store_le(into, wkc,
-                     static_cast<std::uint16_t>(load_le<std::uint16_t>(into, wkc) + load_le<std::uint16_t>(from, wkc)));
-        }
-        if ((length & 0x8000) == 0) return;
-        at = wkc + 2;
+bool is_marked(Bytes packet) { return (packet[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}; }
+
+// Whether the packets can be copies of one frame, or replies to them. The time of a reference clock travels in one copy
+// only: its datagram has another command in the other one. Copies have other positions.
+bool are_of_one_frame(Bytes a, Bytes b) {
+    wire::DatagramReader one(a);
+    wire::DatagramReader other(b);
+    for (;;) {
+        const auto d = one.next();
+        const auto e = other.next();
+        if (!d || !e) return !d && !e;
+        if (d->header.index != e->header.index || d->data.size() != e->data.size() ||
+            d->header.address.ado() != e->header.address.ado())
+            return false;
+    }
+}
+
+bool same_access(const wire::DatagramHeader& a, const wire::DatagramHeader& b) {
+    return a.command == b.command && (wire::counts_position(a.command) || a.address == b.address);
+}
+
+// Adds what slaves have changed in a copy to the reply, datagram by datagram: the data, the sum of the working counters
+// and the sum of the slaves that were passed. Of the times of two reference clocks, the reply has that of the request.
+void add_part(MutableBytes reply, Bytes request, Bytes came, Bytes sent) {
+    constexpr std::size_t kAdp = 2;
+    constexpr std::size_t kIrq = 8;
+    wire::DatagramReader asked(request);
+    wire::DatagramReader before(sent);
+    wire::DatagramReader after(came);
+    for (;;) {
+        const auto r = asked.next();
+        const auto s = before.next();
+        const auto c = after.next();
+        if (!r || !s || !c) return;
+        const std::size_t data = r->offset + wire::kDatagramHeaderBytes;
+        const std::size_t counter = data + r->data.size();
+        const auto wkc = load_le<std::uint16_t>(Bytes(reply), counter);
+        const bool same = same_access(r->header, s->header);
+        // Slaves behind a break that take the time of another reference are counted with the others.
+        if (same || (wkc != 0 && r->header.command == s->header.command))
+            store_le(reply, counter, static_cast<std::uint16_t>(wkc + c->wkc));
+        if (!same) continue;
+        for (std::size_t n = 0; n < r->data.size(); ++n)
+            reply[data + n] = r->data[n] ^ ((reply[data + n] ^ r->data[n]) | (c->data[n] ^ s->data[n]));
+        for (std::size_t n = kIrq; n < wire::kDatagramHeaderBytes; ++n) reply[r->offset + n] |= came[c->offset + n];
+        if (!wire::counts_position(r->header.command)) continue;
+        const auto passed = c->header.address.adp() - s->header.address.adp();
+        const auto adp = load_le<std::uint16_t>(Bytes(reply), r->offset + kAdp);
+        store_le(reply, r->offset + kAdp, static_cast<std::uint16_t>(adp + passed));
     }
 }
 
@@ -62,84 +94,201 @@ bool RingCopies::is_ring(const std::vector<PacketOrigin>& origins) {
 
 void RingCopies::packet(const PacketOrigin& origin, Moment when, Bytes packet, std::size_t length_on_wire) {
     using Direction = PacketOrigin::Direction;
-    pass_old(when);
-    if (!is_ethercat(packet) || packet.size() < length_on_wire || origin.direction == Direction::unknown ||
-        origin.interface > 1)
-        return emit_(when, packet, length_on_wire);
-    if (origin.direction == Direction::sent) return sent(origin.interface, when, packet);
-    if (origin.direction == Direction::received) return received(origin.interface, when, packet);
-    ++merged_;  // refused by the NIC: it was not on the wire
-}
-
-void RingCopies::sent(std::uint32_t interface, Moment when, Bytes packet) {
-    macs_[interface] = source_of(packet);
-    Flight& flight = flights_[index_of(packet)];
-    const bool is_copy = interface == 1 && flight.sent[0].there() && !flight.sent[1].there();
-    if (!is_copy) {
-        pass(flight);
-        flight = {};
+    const bool is_of_ring = is_plain_ethercat(packet) && packet.size() >= length_on_wire &&
+                            origin.direction != Direction::unknown && origin.interface < 2;
+    const auto source = is_of_ring ? source_of(packet) : std::array<std::byte, 6>{};
+    if (is_of_ring && origin.direction == Direction::refused) {
+        ++merged_;  // it was not on the wire
+    } else if (is_of_ring && origin.direction == Direction::sent) {
+        macs_[origin.interface] = source;
+        sent(origin.interface, when, packet);
+    } else if (is_of_ring && (source == macs_[0] || source == macs_[1])) {
+        const std::size_t copy = source == macs_[1] ? 1 : 0;
+        received(copy, origin.interface != copy, when, packet);
+    } else {
+        (void)enqueue({when, {packet.begin(), packet.end()}, length_on_wire});
     }
-    flight.sent[interface].keep(when, packet);
-    if (is_copy)
-        ++merged_;
-    else
-        emit_(when, packet, packet.size());
+    flush();
+    make_room();
 }
 
-void RingCopies::received(std::uint32_t interface, Moment when, Bytes packet) {
-    const auto source = source_of(packet);
-    const bool known = source == macs_[0] || source == macs_[1];
-    const bool processed = (packet[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0};
-    if (!known) return emit_(when, packet, packet.size());
-    if (!processed) {
+void RingCopies::sent(std::size_t copy, Moment when, Bytes packet) {
+    note_next(copy);
+    const auto index = index_of(packet);
+    last_[copy] = index;
+    Flights& flights = flights_[index];
+    if (Flight* const flight = other_copy(flights, copy, when, packet)) {
         ++merged_;
+        flight->sent[copy].keep(when, packet);
+        return settle_if_complete(*flight);
+    }
+    open(flights, when).sent[copy].keep(when, packet);
+}
+
+// The NIC sends another frame: if the other NIC has not sent the one before, it will not send it.
+void RingCopies::note_next(std::size_t copy) {
+    if (!last_[copy] || flights_[*last_[copy]].empty()) return;
+    Flight& before = flights_[*last_[copy]].back();
+    if (!before.sent[copy].there() || before.sent[1 - copy].there()) return;
+    before.alone = true;
+    settle_if_complete(before);
+}
+
+RingCopies::Flight* RingCopies::other_copy(Flights& flights, std::size_t copy, Moment when, Bytes packet) const {
+    if (flights.empty()) return nullptr;
+    Flight& flight = flights.back();
+    const Held& other = flight.sent[1 - copy];
+    const bool is_near =
+        flight.alone ? when.at - other.when.at < kOtherThread : opened_ - flight.number < kRepeatedWithin;
+    const bool is_copy =
+        other.there() && !flight.sent[copy].there() && is_near && are_of_one_frame(other.bytes, packet);
+    return is_copy ? &flight : nullptr;
+}
+
+RingCopies::Flight& RingCopies::open(Flights& flights, Moment when) {
+    ++opened_;
+    for (Flight& old : flights)
+        if (opened_ - old.number >= kRepeatedWithin) settle(old);
+    std::erase_if(flights, [](const Flight& old) { return old.over; });
+    if (flights.size() >= kMostRepeated) {
+        settle(flights.front());
+        flights.erase(flights.begin());
+    }
+    flights.push_back({.number = opened_, .request = enqueue({.when = when, .waits = true})});
+    return flights.back();
+}
+
+void RingCopies::received(std::size_t copy, bool crossed, Moment when, Bytes packet) {
+    Flights& flights = flights_[index_of(packet)];
+    const bool processed = is_marked(packet);
+    const auto is_of = [&](const Flight& flight) {
+        const auto& sent = flight.sent[copy].there() ? flight.sent[copy] : flight.sent[1 - copy];
+        return are_of_one_frame(sent.bytes, packet);
+    };
+    if (processed && std::ranges::none_of(flights, is_of)) {  // the request was sent before the recording
+        (void)enqueue({when, {packet.begin(), packet.end()}, packet.size()});
         return;
     }
-    const std::uint32_t copy = source == macs_[1] ? 1 : 0;
-    Flight& flight = flights_[index_of(packet)];
-    if (flight.passed) {
+    if (crossed) rests_[copy] = !processed;
+    const auto awaits = [&](const Flight& flight) {
+        return !flight.over && !flight.came[copy].there() && !flight.untouched[copy] && is_of(flight);
+    };
+    const auto youngest = std::find_if(flights.rbegin(), flights.rend(), awaits);
+    if (!processed || youngest == flights.rend()) {
         ++merged_;
-        return;
+        if (processed || !crossed || youngest == flights.rend()) return;
+        youngest->untouched[copy] = true;
+        return settle_if_complete(*youngest);
     }
-    // It has crossed the whole ring, or it was sent alone: the other copy has no part of the reply.
-    if (interface != copy || !flight.sent[1 - copy].there()) {
-        if (flight.reply[1 - copy].there()) ++merged_;
-        flight = {};
-        return emit_(when, packet, packet.size());
+    Flight& flight = *youngest;
+    flight.came[copy].keep(when, packet);
+    flight.crossed[copy] = crossed;
+    // The reply is complete with its last part.
+    if (flight.reply != 0) {
+        place(flight.reply).waits = false;
+        ++merged_;
     }
-    flight.reply[copy].keep(when, packet);
-    if (flight.reply[1 - copy].there()) return pass(flight);
-    waiting_.push_back(index_of(packet));
+    flight.reply = enqueue({.when = when, .waits = true});
+    settle_if_complete(flight);
 }
 
-// Passes on what is held, as one reply.
-void RingCopies::pass(Flight& flight) {
-    auto& [first, second] = flight.reply;
-    if (first.there() && second.there()) {
-        merge(first.bytes, flight.sent[0].bytes, second.bytes, flight.sent[1].bytes);
-        first.when = std::max(first.when, second.when, [](const Moment& a, const Moment& b) { return a.at < b.at; });
-        ++merged_;
-        forward(first);
-    } else if (first.there() || second.there()) {
-        forward(first.there() ? first : second);
-    }
-    flight = {};
-    flight.passed = true;
+void RingCopies::settle_if_complete(Flight& flight) {
+    if (flight.over || (!flight.alone && (!flight.sent[0].there() || !flight.sent[1].there()))) return;
+    for (std::size_t copy = 0; copy < 2; ++copy)
+        if (flight.sent[copy].there() && !flight.came[copy].there() && !flight.untouched[copy]) return;
+    settle(flight);
 }
 
-void RingCopies::pass_old(Moment now) {
-    std::erase_if(waiting_, [&](std::uint8_t index) {
-        Flight& flight = flights_[index];
-        const Held& held = flight.reply[0].there() ? flight.reply[0] : flight.reply[1];
-        if (held.there() && now.at - held.when.at < kPatience) return false;
-        if (held.there()) pass(flight);
-        return true;
-    });
+// A copy that has passed the whole ring was sent by the NIC at its beginning. The slave behind a break marks what comes
+// from the end of the ring as circulating.
+void RingCopies::note_head(const Flight& flight) {
+    std::array<bool, 2> circulating{};
+    for (std::size_t copy = 0; copy < 2; ++copy) {
+        const auto& came = flight.came[copy];
+        if (!came.there()) continue;
+        if (flight.crossed[copy] && rests_[1 - copy]) head_ = copy;
+        circulating[copy] = wire::load_datagram_header(Bytes(came.bytes).subspan(wire::kFramePrefixBytes)).circulating;
+    }
+    if (flight.came[0].there() && flight.came[1].there() && circulating[0] != circulating[1])
+        head_ = circulating[0] ? 1 : 0;
+}
+
+// The request as the master means it: the positions are those of the copy that is sent at the beginning of the ring,
+// and the time of the reference clock can be in either copy.
+std::vector<std::byte> RingCopies::request_of(const Flight& flight) const {
+    const std::size_t copy = flight.sent[head_].there() ? head_ : 1 - head_;
+    auto request = flight.sent[copy].bytes;
+    const auto& other = flight.sent[1 - copy].bytes;
+    if (other.empty()) return request;
+    std::ranges::copy(source_of(flight.sent[0].bytes), request.begin() + wire::kSourceMacOffset);
+    wire::DatagramReader own(flight.sent[copy].bytes);
+    wire::DatagramReader others(other);
+    for (;;) {
+        const auto d = own.next();
+        const auto e = others.next();
+        if (!d || !e) return request;
+        if (d->header.command != wire::Command::NOP || e->header.command == wire::Command::NOP) continue;
+        std::copy_n(other.begin() + static_cast<std::ptrdiff_t>(e->offset), 6,
+                    request.begin() + static_cast<std::ptrdiff_t>(d->offset));
+    }
+}
+
+// Passes on the request and what is there of the reply.
+void RingCopies::settle(Flight& flight) {
+    if (flight.over) return;
+    flight.over = true;
+    note_head(flight);
+    auto request = request_of(flight);
+    if (flight.reply != 0) {
+        auto reply = request;
+        reply[wire::kSourceMacOffset] |= wire::kPassedEscBit;
+        // One copy has found the ring whole, and the other one broken: the one that has passed all slaves is the reply.
+        const bool changed = flight.came[0].there() && flight.came[1].there() && flight.crossed[0] != flight.crossed[1];
+        for (const std::size_t copy : {head_, 1 - head_}) {
+            const auto& came = flight.came[copy];
+            if (!came.there() || (changed && !flight.crossed[copy])) continue;
+            const auto& before = flight.sent[copy].there() ? flight.sent[copy] : flight.sent[1 - copy];
+            add_part(reply, request, came.bytes, before.bytes);
+        }
+        auto& at = place(flight.reply);
+        at.length_on_wire = reply.size();
+        at.bytes = std::move(reply);
+        at.waits = false;
+    }
+    auto& at = place(flight.request);
+    at.length_on_wire = request.size();
+    at.bytes = std::move(request);
+    at.waits = false;
+}
+
+std::uint64_t RingCopies::enqueue(Place next) {
+    queue_.push_back(std::move(next));
+    return first_ + queue_.size() - 1;
+}
+
+void RingCopies::flush() {
+    while (!queue_.empty() && !queue_.front().waits) {
+        const Place next = std::move(queue_.front());
+        queue_.pop_front();
+        ++first_;
+        if (!next.bytes.empty()) emit_(next.when, next.bytes, next.length_on_wire);
+    }
+}
+
+// Much other traffic behind a request without a reply.
+void RingCopies::make_room() {
+    while (queue_.size() > kMostWaiting) {
+        for (Flights& flights : flights_)
+            for (Flight& flight : flights)
+                if (flight.request == first_ || flight.reply == first_) settle(flight);
+        flush();
+    }
 }
 
 void RingCopies::finish() {
-    for (const std::uint8_t index : waiting_) pass(flights_[index]);
-    waiting_.clear();
+    for (Flights& flights : flights_)
+        for (Flight& flight : flights) settle(flight);
+    flush();
 }
 
 }  // namespace margay::analyse

@@ -7,21 +7,25 @@
 #include "oshw/pcap/pcapng.hpp"
 
 #include <array>
+#include <deque>
 #include <functional>
+#include <optional>
 #include <vector>
 
 namespace margay::analyse {
 
+// What is passed on has the order of the recording: a request waits for its reply, and what is recorded behind it waits
+// too. A part of a reply waits for the other part, however long that takes, until its index is used anew.
 class RingCopies {
   public:
     using Emit = std::function<void(Moment when, Bytes packet, std::size_t length_on_wire)>;
     explicit RingCopies(Emit emit) : emit_(std::move(emit)) {}
 
-    // Whether the packets have exactly two interfaces, and were sent at both. Recordings without directions are not
-    // recognised.
+    // Whether the packets have exactly two interfaces, and were sent at both.
     [[nodiscard]] static bool is_ring(const std::vector<PacketOrigin>& origins);
 
     void packet(const PacketOrigin& origin, Moment when, Bytes packet, std::size_t length_on_wire);
+    // All that waits is passed on.
     void finish();
     // Packets that were not passed on: second copies, copies that no slave has processed, parts of merged replies.
     [[nodiscard]] std::uint64_t merged() const { return merged_; }
@@ -36,22 +40,55 @@ class RingCopies {
             bytes.assign(packet.begin(), packet.end());
         }
     };
-    // A frame on the wire, by the index of its first datagram.
+    // A frame on the wire. All pairs are by the NIC that has sent the copy.
     struct Flight {
-        std::array<Held, 2> sent{};   // by the interface at which the copy was sent
-        std::array<Held, 2> reply{};  // the part of a reply that is held, by the copy
-        bool passed = false;          // a reply was passed on: a part that comes later is left out
+        std::uint64_t number = 0;
+        std::array<Held, 2> sent{};
+        std::array<Held, 2> came{};       // copies that slaves have processed
+        std::array<bool, 2> crossed{};    // of them: it has passed the whole ring
+        std::array<bool, 2> untouched{};  // the copy came back, and no slave has processed it
+        std::uint64_t request = 0;        // its place in the queue
+        std::uint64_t reply = 0;          // 0: there is none
+        bool alone = false;               // its NIC has sent the next frame, and the other copy was not sent
+        bool over = false;                // it was passed on: a copy that comes later is left out
     };
-    void sent(std::uint32_t interface, Moment when, Bytes packet);
-    void received(std::uint32_t interface, Moment when, Bytes packet);
-    void pass(Flight& flight);
-    void pass_old(Moment now);
-    void forward(const Held& held) { emit_(held.when, held.bytes, held.bytes.size()); }
+    // What is passed on when all before it is.
+    struct Place {
+        Moment when{};
+        std::vector<std::byte> bytes{};  // empty: nothing is passed on
+        std::size_t length_on_wire = 0;
+        bool waits = false;
+    };
+    using Flights = std::vector<Flight>;  // with the same index: a master repeats a frame that does not come back
+    void sent(std::size_t copy, Moment when, Bytes packet);
+    void received(std::size_t copy, bool crossed, Moment when, Bytes packet);
+    void note_next(std::size_t copy);
+    // The flight whose other copy was sent just now.
+    [[nodiscard]] Flight* other_copy(Flights& flights, std::size_t copy, Moment when, Bytes packet) const;
+    Flight& open(Flights& flights, Moment when);
+    // Passes the frame on if nothing more is expected to come back.
+    void settle_if_complete(Flight& flight);
+    void settle(Flight& flight);
+    void note_head(const Flight& flight);
+    [[nodiscard]] std::vector<std::byte> request_of(const Flight& flight) const;
+    [[nodiscard]] std::uint64_t enqueue(Place next);
+    [[nodiscard]] Place& place(std::uint64_t number) { return queue_[number - first_]; }
+    void flush();
+    void make_room();
+
+    static constexpr std::size_t kMostWaiting = 16384;
+    static constexpr std::size_t kMostRepeated = 8;        // flights with the same index
+    static constexpr std::uint64_t kRepeatedWithin = 128;  // flights; what is older has the index by chance
 
     Emit emit_;
-    std::array<Flight, 256> flights_{};
-    std::vector<std::uint8_t> waiting_{};  // indices with a held part
+    std::array<Flights, 256> flights_{};                 // by the index of the first datagram, the youngest one last
+    std::array<std::optional<std::uint8_t>, 2> last_{};  // the index that the NIC has sent last
     std::array<std::array<std::byte, 6>, 2> macs_{};
+    std::array<bool, 2> rests_{};  // in the whole ring, no slave processes the copy
+    std::size_t head_ = 0;         // the NIC at the beginning of the ring
+    std::deque<Place> queue_{};
+    std::uint64_t first_ = 1;   // the number of the first place of the queue
+    std::uint64_t opened_ = 0;  // flights
     std::uint64_t merged_ = 0;
 };
 
