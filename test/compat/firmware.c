@@ -68,7 +68,10 @@ int main(int argc, char **argv) {
     if (result <= 0 || reports == 0) return 1;
     result = ec_FOEwrite(slave, (char *)"no such file of this slave", password, 16, file, EC_TIMEOUTSTATE);
     printf("a file that does not exist: %d\n", result);
-    if (result > 0) return 1;
+    if (result != -EC_ERR_TYPE_FOE_FILE_NOTFOUND) return 1;
+    n = sizeof(back);
+    result = ec_FOEread(slave, (char *)"no such file of this slave", password, &n, back, EC_TIMEOUTSTATE);
+    if (result != -EC_ERR_TYPE_FOE_ERROR) return 1;
     n = 10;
     result = ec_FOEread(slave, (char *)"firmware", password, &n, back, EC_TIMEOUTSTATE);
     printf("a buffer that is too small: %d\n", result);

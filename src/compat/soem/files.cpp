@@ -43,10 +43,17 @@ class Progress final : public Session::Between {
     std::vector<int> octets_;
 };
 
-int foe_result(ecx_contextt& context, std::uint16_t slave, const Error& error) {
+int read_result(ecx_contextt& context, std::uint16_t slave, const Error& error) {
     if (error.code == Errc::capacity) return -EC_ERR_TYPE_FOE_BUF2SMALL;
     if (error.code == Errc::protocol) return -EC_ERR_TYPE_PACKET_ERROR;
     if (error.code != Errc::foe_error) return mail_result(context, slave, error, 0, 0);
+    push_unasked(context, slave);
+    return -EC_ERR_TYPE_FOE_ERROR;
+}
+
+// Two errors of the slave have results of their own.
+int write_result(ecx_contextt& context, std::uint16_t slave, const Error& error) {
+    if (error.code != Errc::foe_error) return read_result(context, slave, error);
     push_unasked(context, slave);
     if (error.detail == kFileNotFound) return -EC_ERR_TYPE_FOE_FILE_NOTFOUND;
     return error.detail == kPacketNumber ? -EC_ERR_TYPE_FOE_PACKETNUMBER : -EC_ERR_TYPE_FOE_ERROR;
@@ -79,7 +86,7 @@ int ecx_FOEread(ecx_contextt* context, uint16 slave, char* filename, uint32 pass
     request.user = &progress;
     const auto done = session->run(request, &progress);
     if (done) *psize = static_cast<int>(request.bytes());
-    return foe_result(*context, slave, done.error());
+    return read_result(*context, slave, done.error());
 }
 
 int ecx_FOEwrite(ecx_contextt* context, uint16 slave, char* filename, uint32 password, int psize, void* p,
@@ -97,7 +104,7 @@ int ecx_FOEwrite(ecx_contextt* context, uint16 slave, char* filename, uint32 pas
     request.progressed = Progress::report;
     request.user = &progress;
     const auto done = session->run(request, &progress);
-    return foe_result(*context, slave, done.error());
+    return write_result(*context, slave, done.error());
 }
 
 }  // extern "C"
