@@ -63,6 +63,7 @@ static void drives(void) {
 static void frames(void) {
     eoe_param_t set, got;
     uint8 frame[64];
+    static uint8 huge[5000];
     int size = 10;
     memset(&set, 0, sizeof set);
     memset(&got, 0, sizeof got);
@@ -75,7 +76,19 @@ static void frames(void) {
     MUST(got.ip_set && got.ip.addr == set.ip.addr && got.subnet.addr == set.subnet.addr);
     MUST(ecx_EOEsend(&ecx_context, 3, 0, sizeof frame, frame, EC_TIMEOUTRXM) > 0);
     MUST(ecx_EOEsend(&ecx_context, 3, 0, 0, frame, 1000) <= 0);
+    MUST(ecx_EOEsend(&ecx_context, 3, 0, sizeof huge, huge, EC_TIMEOUTRXM) <= 0);
     MUST(ecx_EOErecv(&ecx_context, 3, 0, &size, frame, 10000) <= 0);
+}
+
+/* Slave 2 has no files, slave 4 no mailbox. */
+static void files(void) {
+    uint8 file[16];
+    ec_errort error;
+    int size = sizeof file;
+    MUST(ec_FOEread(2, (char *)"file", 0, &size, file, EC_TIMEOUTRXM) == 0);
+    MUST(ec_poperror(&error) && error.Etype == EC_ERR_TYPE_MBX_ERROR && error.ErrorCode == 2 && error.Slave == 2);
+    MUST(ec_FOEwrite(4, (char *)"file", 0, size, file, EC_TIMEOUTRXM) == 0);
+    MUST(!ec_poperror(&error));
 }
 
 int main(int argc, char **argv) {
@@ -85,6 +98,7 @@ int main(int argc, char **argv) {
     MUST(ec_statecheck(0, EC_STATE_SAFE_OP, EC_TIMEOUTSTATE) == EC_STATE_SAFE_OP);
     drives();
     frames();
+    files();
     ec_close();
     return wrong != 0;
 }

@@ -8,6 +8,7 @@ namespace {
 
 constexpr std::size_t kEoeHeader = 4;
 constexpr std::size_t kBlock = 32;  // fragments are counted in blocks
+constexpr int kMostOctets = 63 * static_cast<int>(kBlock);
 
 MacAddress mac_of(const eoe_ethaddr_t& address) {
     MacAddress mac{};
@@ -113,7 +114,7 @@ int ecx_EOEgetIp(ecx_contextt* context, uint16 slave, uint8, eoe_param_t* ippara
 
 int ecx_EOEsend(ecx_contextt* context, uint16 slave, uint8 port, int psize, void* p, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave) || psize <= 0) return 0;
+    if (session == nullptr || !is_slave(*context, slave) || psize <= 0 || psize > kMostOctets) return 0;
     const std::size_t mailbox = slaves_of(*context)[slave].mbx_l;
     if (mailbox < kMailHeader + kEoeHeader + kBlock) return 0;
     const std::size_t most = (mailbox - kMailHeader - kEoeHeader) / kBlock * kBlock;

@@ -118,6 +118,11 @@ int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, 
             entry.Etype = EC_ERR_TYPE_MBX_ERROR;
             entry.ErrorCode = static_cast<uint16>(error.detail);
             break;
+        case Errc::unsupported:  // the library does not send it: the answer of such a slave
+            if (slaves_of(context)[slave].mbx_l == 0) return 0;
+            entry.Etype = EC_ERR_TYPE_MBX_ERROR;
+            entry.ErrorCode = static_cast<uint16>(wire::MailboxErrorCode::unsupported_protocol);
+            break;
         case Errc::soe_error:
             entry.Etype = EC_ERR_TYPE_SOE_ERROR;
             entry.ErrorCode = static_cast<uint16>(error.detail);
