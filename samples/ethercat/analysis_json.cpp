@@ -25,12 +25,15 @@ Json json_of(const analyse::Deviation& d) {
             {"least_ns", d.least_ns}, {"most_ns", d.most_ns},   {"largest_at", json_of(d.largest_at)}};
 }
 
-Json frames_json(const analyse::FrameCounts& f) {
+Json lost_json(const Analysis& a, std::uint64_t lost) { return a.losses_known ? Json(lost) : Json(nullptr); }
+
+Json frames_json(const Analysis& a) {
+    const auto& f = a.frames;
     return {{"packets", f.packets},
             {"ethercat", f.ethercat},
             {"requests", f.requests},
             {"replies", f.replies},
-            {"lost", f.lost},
+            {"lost", lost_json(a, f.lost)},
             {"late", f.late},
             {"open", f.open},
             {"unasked", f.unasked},
@@ -110,9 +113,9 @@ Json state_json(const analyse::StateEvent& e) {
 }
 
 Json conversation_json(const analyse::Conversation& c) {
-    Json out{{"begin", json_of(c.begin)},  {"end", json_of(c.end)},       {"slave", c.slave},
-             {"action", key_of(c.action)}, {"text", words_of(c)},         {"index", c.index},
-             {"subindex", c.subindex},     {"complete", c.complete},      {"name", c.name},
+    Json out{{"begin", json_of(c.begin)},  {"end", json_of(c.end)},      {"slave", c.slave},
+             {"action", key_of(c.action)}, {"text", words_of(c)},        {"index", c.index},
+             {"subindex", c.subindex},     {"complete", c.complete},     {"name", c.name},
              {"octets", c.bytes},          {"data", octet_list(c.data)}, {"outcome", words_of(c.outcome)}};
     if (c.outcome == analyse::Outcome::refused) {
         out["code"] = c.code;
@@ -121,7 +124,7 @@ Json conversation_json(const analyse::Conversation& c) {
     return out;
 }
 
-Json cyclic_json(const analyse::CyclicFrame& c) {
+Json cyclic_json(const Analysis& a, const analyse::CyclicFrame& c) {
     auto datagrams = Json::array();
     for (const auto& d : c.datagrams) {
         auto wkcs = Json::array();
@@ -135,7 +138,7 @@ Json cyclic_json(const analyse::CyclicFrame& c) {
     return {{"first", json_of(c.first)},
             {"last", json_of(c.last)},
             {"count", c.count},
-            {"lost", c.lost},
+            {"lost", lost_json(a, c.lost)},
             {"late", c.late},
             {"datagrams", std::move(datagrams)},
             {"intervals",
@@ -168,7 +171,7 @@ Json analysis_json(const Analysis& a) {
              {"ring", a.ring},
              {"interface", json_of(a.interface)},
              {"remark", a.remark},
-             {"frames", frames_json(a.frames)},
+             {"frames", frames_json(a)},
              {"master",
               {{"name", a.master.name.empty() ? "unknown" : a.master.name},
                {"reasons", a.master.reasons},
@@ -191,7 +194,7 @@ Json analysis_json(const Analysis& a) {
                     {"data", octet_list({e.data.begin(), e.data.end()})}};
     });
     auto cyclic = Json::array();
-    for (const auto& c : a.cyclic) cyclic.push_back(cyclic_json(c));
+    for (const auto& c : a.cyclic) cyclic.push_back(cyclic_json(a, c));
     out["cyclic"] = std::move(cyclic);
     out["cyclic_left_out"] = a.cyclic_left_out;
     put(out, "shortfalls", a.shortfalls, [](const auto& s) {

@@ -19,6 +19,8 @@ namespace margay::ethercat {
 [[nodiscard]] std::string state_words(const AlStatus& status);
 // "SDO upload 0x1018:01", "FoE read "firmware.bin""
 [[nodiscard]] std::string words_of(const analyse::Conversation& conversation);
+// "3 lost", "losses not known"
+[[nodiscard]] std::string lost_words(const analyse::Analysis& analysis, std::uint64_t lost);
 // "done", "refused" …
 [[nodiscard]] std::string_view words_of(analyse::Outcome outcome);
 // "sdo_upload" …

@@ -47,10 +47,10 @@ std::string list_text(std::string_view title, const analyse::Bounded<T>& list, b
 
 std::string frames_text(const Analysis& a) {
     const auto& f = a.frames;
-    std::string text =
-        fmt::format("Recording\n  {}, {} in {}\n  {}\n  {}, {}, {} lost, {} late\n", counted(f.packets, "packet"),
-                    counted(f.ethercat, "EtherCAT frame"), seconds(a.duration), words_of(a.directions),
-                    counted(f.requests, "request"), counted(f.replies, "reply", "replies"), f.lost, f.late);
+    std::string text = fmt::format("Recording\n  {}, {} in {}\n  {}\n  {}, {}, {}, {} late\n",
+                                   counted(f.packets, "packet"), counted(f.ethercat, "EtherCAT frame"),
+                                   seconds(a.duration), words_of(a.directions), counted(f.requests, "request"),
+                                   counted(f.replies, "reply", "replies"), lost_words(a, f.lost), f.late);
     const auto count = [&](std::uint64_t n, std::string_view one, std::string_view many) {
         if (n != 0) text += "  " + counted(n, one, many) + "\n";
     };
@@ -156,8 +156,8 @@ std::string cyclic_text(const Analysis& a) {
     for (std::size_t n = 0; n < a.cyclic.size(); ++n) {
         const auto& c = a.cyclic[n];
         const auto& i = c.intervals;
-        text += fmt::format("  kind {}: {} from {} to {}, {} lost, {} late\n", n, counted(c.count, "frame"),
-                            seconds(c.first.at), seconds(c.last.at), c.lost, c.late);
+        text += fmt::format("  kind {}: {} from {} to {}, {}, {} late\n", n, counted(c.count, "frame"),
+                            seconds(c.first.at), seconds(c.last.at), lost_words(a, c.lost), c.late);
         if (i.count != 0)
             text += fmt::format(
                 "    cycle {} (mean {}), jitter: standard deviation {}, 98 % within {} to {}, all within {} to {}\n"

@@ -26,6 +26,10 @@ std::string_view words_of(Directions directions) {
     return "?";
 }
 
+std::string lost_words(const analyse::Analysis& analysis, std::uint64_t lost) {
+    return analysis.losses_known ? fmt::format("{} lost", lost) : std::string("losses not known");
+}
+
 std::string state_words(const AlStatus& status) {
     auto text = std::string(to_text(status.state));
     if (status.state == AlState::none) text = "no state";

@@ -4,6 +4,12 @@
 
 namespace margay::analyse {
 
+void forget_losses(Analysis& analysis) {
+    analysis.losses_known = false;
+    analysis.frames.lost = 0;
+    for (auto& cyclic : analysis.cyclic) cyclic.lost = 0;
+}
+
 Analyser::Analyser()
     : slaves_(analysis_),
       states_(analysis_, slaves_),
@@ -67,6 +73,8 @@ Analysis Analyser::finish() {
     analysis_.duration = last_.at - analysis_.begin;
     mail_.finish(last_);
     cycles_.finish();
+    if (analysis_.directions == Directions::requests_only || analysis_.directions == Directions::replies_only)
+        forget_losses(analysis_);
     clocks_.finish();
     manners_.finish();
     for (const auto& track : slaves_.all()) name_slave(slaves_.facts(track), track);

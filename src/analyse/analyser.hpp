@@ -15,6 +15,9 @@
 
 namespace margay::analyse {
 
+// Where a request without a reply says nothing of the wire.
+void forget_losses(Analysis& analysis);
+
 class Analyser {
   public:
     Analyser();

@@ -218,7 +218,7 @@ void Exchanges::answer(std::size_t pending, Moment when, Bytes frame) {
 }
 
 void Exchanges::give_up(const KeptFrame& request) {
-    if (directions_ != Directions::requests_only) ++counts_.lost;
+    ++counts_.lost;
     frame_(request, false, false);
     wire::DatagramReader reader(request.bytes);
     for (std::size_t number = 0; const auto d = reader.next(); ++number)

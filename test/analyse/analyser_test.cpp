@@ -141,6 +141,32 @@ TEST_F(AnalyserTest, ReadsRepliesOnly) {
     EXPECT_EQ(a.cyclic[0].intervals.median / 100us, 10);
 }
 
+// Nothing says whether the replies were lost, or were not recorded.
+TEST_F(AnalyserTest, LossesAreNotKnownWithoutReplies) {
+    for (int i = 0; i < 600; ++i) packet(1ms * i, frame_of({kCyclic}, false, static_cast<std::uint8_t>(i)));
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.directions, Directions::requests_only);
+    EXPECT_FALSE(a.losses_known);
+    EXPECT_EQ(a.frames.requests, 600u);
+    EXPECT_EQ(a.frames.lost, 0u);
+    EXPECT_EQ(a.cyclic.at(0).count, 600u);
+    EXPECT_EQ(a.cyclic.at(0).lost, 0u);
+}
+
+// The cable was connected while the recording went on.
+TEST_F(AnalyserTest, RequestsBeforeTheFirstReplyAreLost) {
+    for (int i = 0; i < 900; ++i) {
+        packet(1ms * i, frame_of({kCyclic}, false, static_cast<std::uint8_t>(i)));
+        if (i >= 800) packet(1ms * i + 30us, frame_of({kCyclic}, true, static_cast<std::uint8_t>(i)));
+    }
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.directions, Directions::marked);
+    EXPECT_TRUE(a.losses_known);
+    EXPECT_EQ(a.frames.replies, 100u);
+    EXPECT_EQ(a.frames.lost, 800u);
+    EXPECT_EQ(a.cyclic.at(0).lost, 800u);
+}
+
 TEST_F(AnalyserTest, ReadsAMasterWithALocalAddress) {
     for (int i = 0; i < 20; ++i) {
         packet(1ms * i, frame_of({kCyclic}, false, 7, 0x02));
