@@ -117,6 +117,7 @@ KnownPdos read_pdos(Bus& bus, const Slave& slave) {
     known.unread = dictionary.error();
     if (!assigned)
         for (SyncWish& sync : known.syncs) sync.pdos.clear();
+    if (known.unread.code == Errc::not_polled) return known;  // there is no cycle, and the SII needs it too
     const auto sii = read_sii_pdos(bus, slave, known, !assigned);
     if (!assigned && known.unread.code == Errc::none) known.unread = sii.error();
     return known;
