@@ -121,6 +121,7 @@ Json conversation_json(const analyse::Conversation& c) {
         out["code"] = c.code;
         out["reason"] = c.reason;
     }
+    if (c.late) out["late"] = true;  // answered after the next request
     return out;
 }
 

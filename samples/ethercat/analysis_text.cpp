@@ -220,6 +220,7 @@ std::string conversation_line(const Analysis& a, const analyse::Conversation& c)
         for (std::size_t i = 0; i < c.data.size(); ++i) number |= std::to_integer<std::uint64_t>(c.data[i]) << (8 * i);
         text += fmt::format(" 0x{:0{}x} {}", number, c.data.size() * 2, number);
     }
+    if (c.late) text += ", answered after the next request";
     switch (c.outcome) {
         case analyse::Outcome::done: return text;
         case analyse::Outcome::refused: return text + fmt::format(": refused, 0x{:08x}: {}", c.code, c.reason);

@@ -18,7 +18,8 @@ Analyser::Analyser()
       clocks_(analysis_, slaves_),
       manners_(analysis_),
       exchanges_(
-          analysis_.frames, [this](const Exchanged& e, std::size_t) { datagram(e); },
+          analysis_.frames, [this](const Exchanged& e, std::size_t) { mail_.note_sent(e); },
+          [this](const Exchanged& e, std::size_t) { datagram(e); },
           [this](const KeptFrame& request, bool answered, bool late) {
               cycles_.frame(request, answered, late);
               if (!request.bytes.empty()) manners_.frame(request.bytes);
@@ -59,8 +60,8 @@ void Analyser::datagram(const Exchanged& e) {
     states_.look(e, slave);
     clocks_.look(e, slave);
     manners_.datagram(e);
-    if (slave == nullptr) return;
     mail_.look(e, slave);
+    if (slave == nullptr) return;
     if (e.answered && e.wkc == 0 && !MailWatch::is_look(e, slave)) {
         auto& facts = slaves_.facts(*slave);
         if (facts.unanswered++ == 0) facts.first_unanswered = e.at;

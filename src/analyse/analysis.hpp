@@ -172,6 +172,7 @@ struct Conversation {
     std::uint16_t index = 0;    // of the object; the IDN
     std::uint8_t subindex = 0;  // the drive
     bool complete = false;      // complete access
+    bool late = false;          // the answer came after the next request
     std::string name{};         // of the file, object or entry
     std::uint64_t bytes = 0;
     std::vector<std::byte> data{};  // the first kKept octets

@@ -151,6 +151,7 @@ void Exchanges::request(Moment when, Bytes frame) {
     ++counts_.requests;
     KeptFrame kept{.when = when, .bytes = {frame.begin(), frame.end()}, .process_data = process_data_of(frame)};
     if (kept.process_data != 0) kept.turn = ++turn_of(kept.process_data);
+    if (directions_ != Directions::requests_only) tell(sent_, kept);
     pending_.push_back(std::move(kept));
     if (pending_.size() > kPending) {
         give_up(pending_.front());
@@ -220,9 +221,14 @@ void Exchanges::answer(std::size_t pending, Moment when, Bytes frame) {
 void Exchanges::give_up(const KeptFrame& request) {
     ++counts_.lost;
     frame_(request, false, false);
+    tell(datagram_, request);
+}
+
+// A request without its reply.
+void Exchanges::tell(const Listener& listener, const KeptFrame& request) {
     wire::DatagramReader reader(request.bytes);
     for (std::size_t number = 0; const auto d = reader.next(); ++number)
-        datagram_({.header = d->header, .sent = d->data, .sent_at = request.when, .at = request.when}, number);
+        listener({.header = d->header, .sent = d->data, .sent_at = request.when, .at = request.when}, number);
 }
 
 void Exchanges::finish(Duration end) {

@@ -35,8 +35,9 @@ class Exchanges {
     // Called before the datagrams of the frame. A reply without a request has no octets.
     using FrameListener = std::function<void(const KeptFrame& request, bool answered, bool late)>;
 
-    Exchanges(FrameCounts& counts, Listener datagram, FrameListener frame)
-        : counts_(counts), datagram_(std::move(datagram)), frame_(std::move(frame)) {}
+    // `sent` is told of each datagram when its frame is sent, `datagram` when the frame has come back or is given up.
+    Exchanges(FrameCounts& counts, Listener sent, Listener datagram, FrameListener frame)
+        : counts_(counts), sent_(std::move(sent)), datagram_(std::move(datagram)), frame_(std::move(frame)) {}
 
     // The first frames of a recording decide about its directions: see kLook.
     void take(Moment when, Bytes frame);
@@ -63,11 +64,13 @@ class Exchanges {
     void keep_early_reply(Moment when, Bytes frame);
     void give_up_early_replies(Duration before);
     void give_up(const KeptFrame& request);
+    static void tell(const Listener& listener, const KeptFrame& request);
     void spread(const KeptFrame* request, Moment when, Bytes reply);
     [[nodiscard]] std::optional<std::size_t> find(Moment when, Bytes frame) const;
     [[nodiscard]] std::uint64_t& turn_of(std::uint64_t process_data);
 
     FrameCounts& counts_;
+    Listener sent_;
     Listener datagram_;
     FrameListener frame_;
     Directions directions_ = Directions::none;

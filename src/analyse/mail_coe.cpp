@@ -2,6 +2,7 @@
 #include "wire/coe.hpp"
 
 #include <algorithm>
+#include <optional>
 
 namespace margay::analyse {
 
@@ -35,7 +36,46 @@ FirstOctets first_octets(Bytes data, std::uint8_t command) {
     return {value.first(static_cast<std::size_t>(std::min<std::uint64_t>(announced, value.size()))), announced};
 }
 
+bool is_sdo(const OpenConversation& conversation) {
+    return conversation.facts.action == Action::sdo_upload || conversation.facts.action == Action::sdo_download;
+}
+
+// Whether the answer names the object of the conversation. Some slaves leave the index of an abort 0.
+bool is_of(Bytes answer, const OpenConversation& conversation, bool abort) {
+    const auto index = coe::SdoLayout::index::load(answer);
+    const auto subindex = coe::SdoLayout::subindex::load(answer);
+    if (abort && index == 0 && subindex == 0) return !conversation.superseded;
+    const auto& facts = conversation.facts;
+    return index == facts.index && (facts.complete || subindex == facts.subindex);
+}
+
+std::optional<Action> action_of(coe::InfoOpcode opcode) {
+    switch (opcode) {
+        case coe::InfoOpcode::list_response: return Action::object_list;
+        case coe::InfoOpcode::object_response: return Action::object_description;
+        case coe::InfoOpcode::entry_response: return Action::entry_description;
+        default: return {};
+    }
+}
+
+// Whether the first fragment of an information response names what the conversation has asked for.
+bool describes(Bytes payload, const OpenConversation& conversation) {
+    const auto& facts = conversation.facts;
+    if (payload.size() < 2 || load_le<std::uint16_t>(payload) != facts.index) return false;
+    return facts.action != Action::entry_description ||
+           (payload.size() >= 3 && load_le<std::uint8_t>(payload, 2) == facts.subindex);
+}
+
 }  // namespace
+
+template <class Belongs>
+OpenConversation* MailWatch::open(const Mail& mail, Belongs belongs) {
+    const auto found = open_.find({mail.slave.number, mail.header.type});
+    if (found == open_.end()) return nullptr;
+    auto& all = found->second;
+    const auto youngest = std::find_if(all.rbegin(), all.rend(), belongs);
+    return youngest == all.rend() ? nullptr : &*youngest;
+}
 
 void MailWatch::take_coe(const Mail& mail) {
     if (mail.data.size() < coe::kHeaderBytes + 1) return;
@@ -72,31 +112,43 @@ void MailWatch::take_sdo_request(const Mail& mail) {
         conversation.last_sent = first.data.size() >= first.announced;
     } else if (specifier == coe::kAbortSpecifier) {
         const auto code = coe::SdoLayout::complete_size::load(mail.data);
-        end(mail, Outcome::refused, code, "by the master: " + std::string(coe::to_text(static_cast<coe::Abort>(code))));
+        if (auto* conversation = open(mail); conversation != nullptr && is_sdo(*conversation))
+            end(mail, *conversation, Outcome::refused, code,
+                "by the master: " + std::string(coe::to_text(static_cast<coe::Abort>(code))));
     }
 }
 
 void MailWatch::take_sdo_response(const Mail& mail) {
-    auto* conversation = open(mail);
-    if (conversation == nullptr) return;
     const auto command = coe::SdoLayout::command::load(mail.data);
     const auto specifier = coe::sdo::specifier(command);
-    if (specifier == coe::kAbortSpecifier && mail.data.size() >= coe::kSdoBytes) {
+    const bool segment = specifier == coe::response::kUploadSegment || specifier == coe::response::kDownloadSegment;
+    if (!segment && mail.data.size() < coe::kSdoBytes) return;
+    if (specifier == coe::kAbortSpecifier) {
+        auto* refused =
+            open(mail, [&](const OpenConversation& one) { return is_sdo(one) && is_of(mail.data, one, true); });
         const auto code = coe::SdoLayout::complete_size::load(mail.data);
-        return end(mail, Outcome::refused, code, std::string(coe::to_text(static_cast<coe::Abort>(code))));
+        if (refused != nullptr)
+            end(mail, *refused, Outcome::refused, code, std::string(coe::to_text(static_cast<coe::Abort>(code))));
+        return;
     }
-    const auto action = conversation->facts.action;
-    if (action == Action::sdo_upload && specifier == coe::response::kUpload && mail.data.size() >= coe::kSdoBytes) {
+    const bool upload = specifier == coe::response::kUpload || specifier == coe::response::kUploadSegment;
+    if (!upload && specifier != coe::response::kDownload && specifier != coe::response::kDownloadSegment) return;
+    auto* conversation = open(mail, [&](const OpenConversation& one) {
+        if (one.facts.action != (upload ? Action::sdo_upload : Action::sdo_download)) return false;
+        return segment ? one.begun : !one.begun && is_of(mail.data, one, false);
+    });
+    if (conversation == nullptr) return;
+    conversation->begun = true;
+    if (!upload) {
+        if (conversation->last_sent) end(mail, *conversation, Outcome::done);
+    } else if (segment) {
+        append(*conversation, segment_of(mail.data, command));
+        if ((command & coe::sdo::kLastSegment) != 0) end(mail, *conversation, Outcome::done);
+    } else {
         const auto first = first_octets(mail.data, command);
         append(*conversation, first.data);
         conversation->announced = first.announced;
-        if (first.data.size() >= first.announced) end(mail, Outcome::done);
-    } else if (action == Action::sdo_upload && specifier == coe::response::kUploadSegment) {
-        append(*conversation, segment_of(mail.data, command));
-        if ((command & coe::sdo::kLastSegment) != 0) end(mail, Outcome::done);
-    } else if (action == Action::sdo_download &&
-               (specifier == coe::response::kDownload || specifier == coe::response::kDownloadSegment)) {
-        if (conversation->last_sent) end(mail, Outcome::done);
+        if (first.data.size() >= first.announced) end(mail, *conversation, Outcome::done);
     }
 }
 
@@ -120,26 +172,30 @@ void MailWatch::take_sdo_information(const Mail& mail) {
         case coe::InfoOpcode::error:
             if (mail.data.size() >= coe::kInfoErrorBytes) {
                 const auto code = coe::InfoLayout::abort::load(mail.data);
-                end(mail, Outcome::refused, static_cast<std::uint32_t>(code), std::string(coe::to_text(code)));
+                if (auto* refused = open(mail); refused != nullptr && !is_sdo(*refused))
+                    end(mail, *refused, Outcome::refused, static_cast<std::uint32_t>(code),
+                        std::string(coe::to_text(code)));
             }
             return;
         default: break;
     }
-    auto* conversation = open(mail);
+    auto* conversation = open(mail, [&](const OpenConversation& one) {
+        return one.facts.action == action_of(opcode) && (one.begun || describes(payload, one));
+    });
     if (conversation == nullptr) return;
+    conversation->begun = true;
     append(*conversation, payload);
     if ((octet & coe::kInfoIncomplete) != 0) return;
-    take_description(mail);
-    end(mail, Outcome::done);
+    take_description(mail, *conversation);
+    end(mail, *conversation, Outcome::done);
 }
 
 // The name in the whole response, of which the first fragment begins with the index.
-void MailWatch::take_description(const Mail& mail) {
+void MailWatch::take_description(const Mail& mail, OpenConversation& conversation) {
     constexpr std::size_t kObjectName = coe::kObjectResponseBytes - coe::kInfoHeaderBytes;
     constexpr std::size_t kEntryHead = coe::kEntryResponseBytes - coe::kInfoHeaderBytes;
-    auto* conversation = open(mail);
-    const Bytes all = conversation->data;
-    auto& facts = conversation->facts;
+    const Bytes all = conversation.data;
+    auto& facts = conversation.facts;
     std::size_t at = all.size();
     if (facts.action == Action::object_description) {
         at = kObjectName;

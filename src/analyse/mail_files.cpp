@@ -26,16 +26,16 @@ void MailWatch::take_foe(const Mail& mail) {
             append(*conversation, rest);
             // A packet that does not fill the mailbox is the last one.
             conversation->last_sent = mail.data.size() < mail.room;
-            if (reads && conversation->last_sent) end(mail, Outcome::done);
+            if (reads && conversation->last_sent) end(mail, *conversation, Outcome::done);
             return;
         case foe::Opcode::acknowledge:
-            if (!reads && !mail.sent && conversation->last_sent) end(mail, Outcome::done);
+            if (!reads && !mail.sent && conversation->last_sent) end(mail, *conversation, Outcome::done);
             return;
         case foe::Opcode::error: {
             const auto code = foe::Layout::error_code::load(mail.data);
             auto reason = (mail.sent ? "by the master: " : "") + std::string(foe::to_text(code));
             if (const auto text = printable(rest); !text.empty()) reason += " (\"" + text + "\")";
-            return end(mail, Outcome::refused, static_cast<std::uint32_t>(code), reason);
+            return end(mail, *conversation, Outcome::refused, static_cast<std::uint32_t>(code), reason);
         }
         default: return;
     }
@@ -63,15 +63,18 @@ void MailWatch::take_soe(const Mail& mail) {
         return;
     }
     if (conversation == nullptr ||
-        (header.opcode != soe::Opcode::read_response && header.opcode != soe::Opcode::write_response))
+        (header.opcode != soe::Opcode::read_response && header.opcode != soe::Opcode::write_response) ||
+        conversation->facts.subindex != header.drive ||
+        (!header.incomplete && conversation->facts.index != header.number))
         return;
     if (header.error) {
         const auto code = rest.size() >= soe::kErrorBytes ? load_le<soe::ErrorCode>(rest.last(soe::kErrorBytes))
                                                           : soe::ErrorCode::general;
-        return end(mail, Outcome::refused, static_cast<std::uint32_t>(code), std::string(soe::to_text(code)));
+        return end(mail, *conversation, Outcome::refused, static_cast<std::uint32_t>(code),
+                   std::string(soe::to_text(code)));
     }
     if (conversation->facts.action == Action::soe_read) append(*conversation, rest);
-    if (!header.incomplete) end(mail, Outcome::done);
+    if (!header.incomplete) end(mail, *conversation, Outcome::done);
 }
 
 }  // namespace margay::analyse

@@ -87,22 +87,32 @@ bool MailWatch::is_look(const Exchanged& e, const SlaveTrack* slave) {
 void MailWatch::look(const Exchanged& e, SlaveTrack* slave) {
     const auto c = e.header.command;
     const bool sent = c == Command::FPWR || c == Command::APWR;
+    sent_.came_back(e);
     if (slave == nullptr || !e.answered || e.wkc != 1 || (!sent && c != Command::FPRD && c != Command::APRD)) return;
     const auto address = e.header.address.ado();
     if (address < wire::reg::kProcessRam) return;
     const auto data = sent ? e.sent : e.received;
     if (!at_mailbox(*slave, address, sent, data)) return;
+    for (const auto& lost : sent_.take(e.header, e.sent_at)) {
+        if (sent && std::ranges::equal(lost.data, data)) continue;  // the master repeats it
+        const Exchanged before{.header = e.header, .sent_at = lost.when, .at = lost.when};
+        if (at_mailbox(*slave, lost.address, true, lost.data)) pass(before, *slave, true, lost.data);
+    }
+    pass(e, *slave, sent, data);
+}
+
+void MailWatch::pass(const Exchanged& e, SlaveTrack& slave, bool sent, Bytes data) {
     const auto mail = wire::load_mailbox_message(data);
     if (!mail || !known_type(mail->header.type)) return;
     // A message with the counter of the one before is a repetition.
-    if (auto& last = slave->last_counter[sent ? 0 : 1]; mail->header.counter != 0) {
+    if (auto& last = slave.last_counter[sent ? 0 : 1]; mail->header.counter != 0) {
         if (last == mail->header.counter) return;
         last = mail->header.counter;
     }
-    auto& counts = slaves_.facts(*slave).mail[mail->header.type];
+    auto& counts = slaves_.facts(slave).mail[mail->header.type];
     ++(sent ? counts.sent : counts.received);
     (sent ? counts.sent_bytes : counts.received_bytes) += mail->data.size();
-    take({e.at, *slave, sent, mail->header, mail->data, data.size() - wire::kMailboxHeaderBytes});
+    take({e.at, slave, sent, mail->header, mail->data, data.size() - wire::kMailboxHeaderBytes});
 }
 
 void MailWatch::take(const Mail& mail) {
@@ -118,16 +128,22 @@ void MailWatch::take(const Mail& mail) {
 
 OpenConversation* MailWatch::open(const Mail& mail) {
     const auto found = open_.find({mail.slave.number, mail.header.type});
-    return found == open_.end() ? nullptr : &found->second;
+    return found == open_.end() ? nullptr : &found->second.back();
 }
 
+// A slave may answer a request of CoE after the master has given it up, and says which object it answers. Other
+// protocols do not say it in each answer.
 OpenConversation& MailWatch::begin(const Mail& mail, Action action) {
-    close(mail.slave.number, mail.header.type, mail.when, Outcome::unanswered);
-    if (open_.size() >= kMostOpen) {
-        const auto [slave, type] = open_.begin()->first;
-        close(slave, type, mail.when, Outcome::unfinished);
+    constexpr std::size_t kMostSuperseded = 4;
+    const Key key{mail.slave.number, mail.header.type};
+    const std::size_t kept = mail.header.type == MailboxType::coe ? kMostSuperseded : 0;
+    if (const auto found = open_.find(key); found != open_.end()) {
+        for (auto& conversation : found->second) conversation.superseded = true;
+        while (found->second.size() > kept) close(found->second, 0, mail.when, Outcome::unanswered);
+    } else if (open_.size() >= kMostOpen) {
+        close_all(open_.begin(), mail.when);
     }
-    auto& conversation = open_[{mail.slave.number, mail.header.type}];
+    auto& conversation = open_[key].emplace_back();
     conversation.facts = {.begin = mail.when, .end = mail.when, .slave = mail.slave.number, .action = action};
     return conversation;
 }
@@ -139,40 +155,46 @@ void MailWatch::append(OpenConversation& conversation, Bytes data) {
     conversation.data.insert(conversation.data.end(), part.begin(), part.end());
 }
 
-void MailWatch::end(const Mail& mail, Outcome outcome, std::uint32_t code, std::string reason) {
-    auto* conversation = open(mail);
-    if (conversation == nullptr) return;
-    auto& facts = conversation->facts;
+void MailWatch::end(const Mail& mail, OpenConversation& conversation, Outcome outcome, std::uint32_t code,
+                    std::string reason) {
+    auto& facts = conversation.facts;
     facts.code = code;
     facts.reason = std::move(reason);
+    facts.late = conversation.superseded;
     const bool sdo = facts.action == Action::sdo_upload || facts.action == Action::sdo_download;
     constexpr std::size_t kMostObjects = 2048;
     if (sdo && outcome == Outcome::done && is_kept_object(facts.index)) {
         auto& objects = mail.slave.objects;
         const std::uint32_t key = std::uint32_t{facts.index} << 8 | facts.subindex;
-        if (objects.size() < kMostObjects) objects[facts.complete ? key | 0x8000'0000U : key] = conversation->data;
+        if (objects.size() < kMostObjects) objects[facts.complete ? key | 0x8000'0000U : key] = conversation.data;
     }
-    close(mail.slave.number, mail.header.type, mail.when, outcome);
+    const auto found = open_.find({mail.slave.number, mail.header.type});
+    auto& conversations = found->second;
+    close(conversations, static_cast<std::size_t>(&conversation - conversations.data()), mail.when, outcome);
+    if (conversations.empty()) open_.erase(found);
 }
 
-void MailWatch::close(std::size_t slave, MailboxType type, Moment when, Outcome outcome) {
-    const auto found = open_.find({slave, type});
-    if (found == open_.end()) return;
-    auto facts = std::move(found->second.facts);
+void MailWatch::close(Conversations& conversations, std::size_t at, Moment when, Outcome outcome) {
+    const auto closed = conversations.begin() + static_cast<std::ptrdiff_t>(at);
+    auto facts = std::move(closed->facts);
     facts.outcome = outcome;
     if (outcome != Outcome::unanswered) facts.end = when;
-    auto& data = found->second.data;
+    auto& data = closed->data;
     data.resize(std::min(data.size(), Conversation::kKept));
     facts.data = std::move(data);
-    open_.erase(found);
+    conversations.erase(closed);
     analysis_.conversations.add(std::move(facts), kMostConversations);
 }
 
+void MailWatch::close_all(std::map<Key, Conversations>::iterator of, Moment when) {
+    auto& conversations = of->second;
+    while (!conversations.empty())
+        close(conversations, 0, when, conversations[0].superseded ? Outcome::unanswered : Outcome::unfinished);
+    open_.erase(of);
+}
+
 void MailWatch::finish(Moment end) {
-    while (!open_.empty()) {
-        const auto [slave, type] = open_.begin()->first;
-        close(slave, type, end, Outcome::unfinished);
-    }
+    while (!open_.empty()) close_all(open_.begin(), end);
     const auto begins_before = [](const Conversation& a, const Conversation& b) { return a.begin.is_before(b.begin); };
     std::ranges::stable_sort(analysis_.conversations.items, begins_before);
 }
@@ -186,19 +208,17 @@ void MailWatch::take_aoe(const Mail& mail) {
 void MailWatch::take_error(const Mail& mail) {
     ++slaves_.facts(mail.slave).mail[MailboxType::error].errors;
     if (mail.data.size() < wire::kMailboxErrorBytes) return;
-    OpenConversation* youngest = nullptr;
-    MailboxType type{};
-    for (auto& [key, conversation] : open_)
-        if (key.first == mail.slave.number &&
-            (youngest == nullptr || !conversation.facts.begin.is_before(youngest->facts.begin))) {
-            youngest = &conversation;
-            type = key.second;
-        }
-    if (youngest == nullptr) return;
+    auto youngest = open_.end();
+    for (auto at = open_.begin(); at != open_.end(); ++at)
+        if (at->first.first == mail.slave.number &&
+            (youngest == open_.end() || !at->second.back().facts.begin.is_before(youngest->second.back().facts.begin)))
+            youngest = at;
+    if (youngest == open_.end()) return;
     const auto detail = wire::MailboxErrorLayout::detail::load(mail.data);
-    youngest->facts.code = static_cast<std::uint32_t>(detail);
-    youngest->facts.reason = "mailbox error: " + std::string(wire::to_text(detail));
-    close(mail.slave.number, type, mail.when, Outcome::refused);
+    Mail answer = mail;
+    answer.header.type = youngest->first.second;
+    end(answer, youngest->second.back(), Outcome::refused, static_cast<std::uint32_t>(detail),
+        "mailbox error: " + std::string(wire::to_text(detail)));
 }
 
 }  // namespace margay::analyse

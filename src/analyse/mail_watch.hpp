@@ -1,6 +1,7 @@
 // Mailbox messages, put together to conversations.
 #pragma once
 
+#include "analyse/sent_mail.hpp"
 #include "analyse/slave_tracks.hpp"
 #include "wire/mailbox.hpp"
 
@@ -11,12 +12,17 @@ struct OpenConversation {
     Conversation facts{};
     std::vector<std::byte> data{};  // as far as kMostObject
     std::uint64_t announced = 0;    // octets of an SDO
+    bool begun = false;             // the first answer has come
     bool last_sent = false;         // the last octets are on their way
+    bool superseded = false;        // the next request was sent before the answer came
 };
 
 class MailWatch {
   public:
     MailWatch(Analysis& analysis, SlaveTracks& slaves) : analysis_(analysis), slaves_(slaves) {}
+    // A datagram whose frame was sent now.
+    void note_sent(const Exchanged& request) { sent_.note(request); }
+    // A datagram whose frame has come back, or was given up. `slave`: nullptr where it is not known.
     void look(const Exchanged& e, SlaveTrack* slave);
     // Whether the datagram looks for mail; its working counter is 0 where there is none.
     [[nodiscard]] static bool is_look(const Exchanged& e, const SlaveTrack* slave);
@@ -33,18 +39,30 @@ class MailWatch {
         Bytes data{};
         std::size_t room = 0;  // octets of data that fit into the mailbox
     };
+    using Key = std::pair<std::size_t, wire::MailboxType>;
+    // The youngest comes last. The others are superseded; a late answer still belongs to one of them.
+    using Conversations = std::vector<OpenConversation>;
+
+    // The youngest conversation of the slave in this protocol.
     [[nodiscard]] OpenConversation* open(const Mail& mail);
+    // The youngest conversation to which the answer belongs; nullptr: none.
+    template <class Belongs>
+    [[nodiscard]] OpenConversation* open(const Mail& mail, Belongs belongs);
     OpenConversation& begin(const Mail& mail, Action action);
-    void end(const Mail& mail, Outcome outcome, std::uint32_t code = 0, std::string reason = {});
-    void close(std::size_t slave, wire::MailboxType type, Moment when, Outcome outcome);
+    void end(const Mail& mail, OpenConversation& conversation, Outcome outcome, std::uint32_t code = 0,
+             std::string reason = {});
+    void close(Conversations& conversations, std::size_t at, Moment when, Outcome outcome);
+    void close_all(std::map<Key, Conversations>::iterator of, Moment when);
     void append(OpenConversation& conversation, Bytes data);
 
+    // A message that a slave has taken, or has sent.
+    void pass(const Exchanged& e, SlaveTrack& slave, bool sent, Bytes data);
     void take(const Mail& mail);
     void take_coe(const Mail& mail);
     void take_sdo_request(const Mail& mail);
     void take_sdo_response(const Mail& mail);
     void take_sdo_information(const Mail& mail);
-    void take_description(const Mail& mail);
+    void take_description(const Mail& mail, OpenConversation& conversation);
     void take_emergency(const Mail& mail);
     void take_foe(const Mail& mail);
     void take_soe(const Mail& mail);
@@ -53,7 +71,8 @@ class MailWatch {
 
     Analysis& analysis_;
     SlaveTracks& slaves_;
-    std::map<std::pair<std::size_t, wire::MailboxType>, OpenConversation> open_{};
+    SentMail sent_{};
+    std::map<Key, Conversations> open_{};
 };
 
 // Objects whose values tell the identity and the PDOs of a slave.

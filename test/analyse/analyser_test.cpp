@@ -1,8 +1,7 @@
-// Recordings made octet by octet: directions, VLAN tags, UDP, lost and late frames, working counters, mail, and octets
-// that no master sends.
-#include "analyse/analyser.hpp"
+// Recordings made octet by octet: directions, VLAN tags, UDP, lost and late frames, working counters, and octets that
+// no master sends.
+#include "analyse/made_recording.hpp"
 
-#include "replay/files.hpp"
 #include "wire/coe.hpp"
 #include "wire/esc.hpp"
 
@@ -15,44 +14,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using wire::Command;
-
-struct Part {
-    Command command{};
-    wire::DatagramAddress address{};
-    std::vector<std::byte> data{};
-    std::uint16_t wkc = 0;
-};
-
-Frame frame_of(const std::vector<Part>& parts, bool reply, std::uint8_t index = 1, std::uint8_t first_octet = 0) {
-    Frame buffer(wire::kMaxFrameBytes);
-    const auto octet = static_cast<std::uint8_t>(first_octet | (reply ? 2U : 0U));
-    wire::FrameBuilder builder(buffer, {octet, 0x11, 0x22, 0x33, 0x44, 0x55});
-    for (const auto& part : parts) {
-        auto address = part.address;
-        const auto data = builder.append(part.command, index, address, part.data.size());
-        std::ranges::copy(part.data, data.begin());
-        if (reply) store_le(MutableBytes(buffer), builder.size() - 2, part.wkc);
-    }
-    buffer.resize(builder.finish().size());
-    return buffer;
-}
-
-std::vector<std::byte> octets_of(std::initializer_list<unsigned> values) {
-    std::vector<std::byte> all;
-    for (const auto value : values) all.push_back(static_cast<std::byte>(value));
-    return all;
-}
-
-struct AnalyserTest : testing::Test {
-    Analyser analyser;
-    std::uint64_t number = 0;
-
-    void packet(Duration at, const Frame& frame) { analyser.packet({++number, at}, frame, frame.size()); }
-    void exchange(Duration at, const std::vector<Part>& parts, std::uint8_t index = 1) {
-        packet(at, frame_of(parts, false, index));
-        packet(at + 30us, frame_of(parts, true, index));
-    }
-};
 
 const Part kCyclic{Command::LRW, wire::DatagramAddress(0x10000), std::vector<std::byte>(8), 3};
 
@@ -212,56 +173,6 @@ TEST_F(AnalyserTest, LooksIntoVlanTagsAndUdp) {
     EXPECT_EQ(a.frames.vlan, 4u);
     EXPECT_EQ(a.frames.udp, 4u);
     EXPECT_EQ(a.cyclic.at(0).datagrams.at(0).wkcs.at(3), 4u);
-}
-
-std::vector<std::byte> mail(std::uint8_t counter, std::vector<std::byte> coe) {
-    std::vector<std::byte> all(wire::kMailboxHeaderBytes);
-    wire::store_mailbox_header(
-        all, {.length = static_cast<std::uint16_t>(coe.size()), .type = wire::MailboxType::coe, .counter = counter});
-    all.insert(all.end(), coe.begin(), coe.end());
-    all.resize(64);
-    return all;
-}
-
-TEST_F(AnalyserTest, PutsMailTogetherToConversations) {
-    const auto at = [](std::uint16_t ado) { return wire::DatagramAddress(0x1001, ado); };
-    exchange(0ms, {{Command::FPWR, at(0x0800),
-                    octets_of({0, 0x10, 64, 0, 0x26, 0, 1, 0, 0x40, 0x10, 64, 0, 0x22, 0, 1, 0}), 1}});
-    // Segmented upload of 9 octets: 4 in the response, 5 in a segment of 7.
-    exchange(1ms, {{Command::FPWR, at(0x1000), mail(1, octets_of({0, 0x20, 0x40, 0x08, 0x10, 0, 0, 0, 0, 0})), 1}});
-    exchange(2ms, {{Command::FPRD, at(0x1040), std::vector<std::byte>(64), 0}});  // no mail yet
-    exchange(3ms, {{Command::FPRD, at(0x1040),
-                    mail(1, octets_of({0, 0x30, 0x41, 0x08, 0x10, 0, 9, 0, 0, 0, 'D', 'r', 'i', 'v'})), 1}});
-    exchange(4ms, {{Command::FPWR, at(0x1000), mail(2, octets_of({0, 0x20, 0x60, 0, 0, 0, 0, 0, 0, 0})), 1}});
-    exchange(5ms, {{Command::FPRD, at(0x1040), mail(2, octets_of({0, 0x30, 0x05, 'e', ' ', 'o', 'n', 'e', 0, 0})), 1}});
-    // A download that the slave aborts, and an emergency between.
-    exchange(6ms, {{Command::FPWR, at(0x1000), mail(3, octets_of({0, 0x20, 0x2B, 0x40, 0x60, 0, 0x0F, 0, 0, 0})), 1}});
-    exchange(7ms, {{Command::FPRD, at(0x1040), mail(3, octets_of({0, 0x10, 0x10, 0x82, 0x11, 1, 2, 3, 4, 5})), 1}});
-    exchange(8ms, {{Command::FPRD, at(0x1040),
-                    mail(4, octets_of({0, 0x20, 0x80, 0x40, 0x60, 0, 0x02, 0x00, 0x01, 0x06})), 1}});
-    exchange(9ms, {{Command::FPRD, at(0x1040),
-                    mail(4, octets_of({0, 0x30, 0x80, 0x40, 0x60, 0, 0x02, 0x00, 0x01, 0x06})), 1}});  // repeated
-    exchange(10ms, {{Command::FPWR, at(0x1000), mail(4, octets_of({0, 0x20, 0x40, 0, 0x10, 0, 0, 0, 0, 0})), 1}});
-    const auto a = analyser.finish();
-    ASSERT_EQ(a.conversations.items.size(), 3u);
-    const auto& upload = a.conversations.items[0];
-    EXPECT_EQ(upload.outcome, Outcome::done);
-    EXPECT_EQ(upload.index, 0x1008);
-    EXPECT_EQ(upload.bytes, 9u);
-    EXPECT_EQ(printable(upload.data), "Drive one");
-    EXPECT_EQ(a.slaves.at(0).name, "Drive one");
-    const auto& abort = a.conversations.items[1];
-    EXPECT_EQ(abort.action, Action::sdo_download);
-    EXPECT_EQ(abort.data, octets_of({0x0F, 0}));
-    EXPECT_EQ(abort.outcome, Outcome::refused) << "this slave sends its abort as a request";
-    EXPECT_EQ(abort.code, 0x06010002u);
-    EXPECT_FALSE(abort.reason.empty());
-    EXPECT_EQ(a.conversations.items[2].outcome, Outcome::unfinished);
-    ASSERT_EQ(a.emergencies.items.size(), 1u);
-    EXPECT_EQ(a.emergencies.items[0].code, 0x8210);
-    EXPECT_EQ(a.emergencies.items[0].error_register, 0x11);
-    EXPECT_EQ(a.slaves.at(0).mail.at(wire::MailboxType::coe).received, 4u);
-    EXPECT_EQ(a.slaves.at(0).unanswered, 0u) << "a look for mail needs no answer";
 }
 
 TEST_F(AnalyserTest, DamagedAndCutFramesAreCounted) {

@@ -1,0 +1,188 @@
+// Mail in recordings made octet by octet: conversations, and what of them is lost or late.
+#include "analyse/made_recording.hpp"
+
+#include "wire/coe.hpp"
+#include "wire/mailbox.hpp"
+
+namespace margay::analyse {
+namespace {
+
+std::vector<std::byte> mail(std::uint8_t counter, std::vector<std::byte> coe) {
+    std::vector<std::byte> all(wire::kMailboxHeaderBytes);
+    wire::store_mailbox_header(
+        all, {.length = static_cast<std::uint16_t>(coe.size()), .type = wire::MailboxType::coe, .counter = counter});
+    all.insert(all.end(), coe.begin(), coe.end());
+    all.resize(64);
+    return all;
+}
+
+class MailTest : public AnalyserTest {
+  protected:
+    static wire::DatagramAddress at(std::uint16_t ado) { return {0x1001, ado}; }
+    static Part request(std::uint8_t counter, std::uint8_t command, std::uint16_t index, std::uint8_t subindex) {
+        return {
+            Command::FPWR, at(0x1000),
+            mail(counter, octets_of({0, 0x20, command, index & 0xFFU, unsigned{index} >> 8U, subindex, 1, 2, 0, 0})),
+            1};
+    }
+    static Part response(std::uint8_t counter, std::uint8_t command, std::uint16_t index, std::uint8_t subindex,
+                         std::uint8_t value = 0) {
+        return {Command::FPRD, at(0x1040),
+                mail(counter,
+                     octets_of({0, 0x30, command, index & 0xFFU, unsigned{index} >> 8U, subindex, value, 0, 0, 0})),
+                1};
+    }
+    // The frame of the request does not come back.
+    void lost(Duration when, const Part& part) { packet(when, frame_of({part}, false, 9)); }
+    void SetUp() override {
+        exchange(0ms, {{Command::FPWR, at(0x0800),
+                        octets_of({0, 0x10, 64, 0, 0x26, 0, 1, 0, 0x40, 0x10, 64, 0, 0x22, 0, 1, 0}), 1}});
+    }
+    static constexpr std::uint8_t kUpload = 0x40;    // the request
+    static constexpr std::uint8_t kUploaded = 0x43;  // the response of 4 octets
+    static constexpr std::uint8_t kDownload = 0x2B;  // of 2 octets
+    static constexpr std::uint8_t kAbort = 0x80;
+};
+
+TEST_F(MailTest, PutsMailTogetherToConversations) {
+    // Segmented upload of 9 octets: 4 in the response, 5 in a segment of 7.
+    exchange(1ms, {{Command::FPWR, at(0x1000), mail(1, octets_of({0, 0x20, 0x40, 0x08, 0x10, 0, 0, 0, 0, 0})), 1}});
+    exchange(2ms, {{Command::FPRD, at(0x1040), std::vector<std::byte>(64), 0}});  // no mail yet
+    exchange(3ms, {{Command::FPRD, at(0x1040),
+                    mail(1, octets_of({0, 0x30, 0x41, 0x08, 0x10, 0, 9, 0, 0, 0, 'D', 'r', 'i', 'v'})), 1}});
+    exchange(4ms, {{Command::FPWR, at(0x1000), mail(2, octets_of({0, 0x20, 0x60, 0, 0, 0, 0, 0, 0, 0})), 1}});
+    exchange(5ms, {{Command::FPRD, at(0x1040), mail(2, octets_of({0, 0x30, 0x05, 'e', ' ', 'o', 'n', 'e', 0, 0})), 1}});
+    // A download that the slave aborts, and an emergency between.
+    exchange(6ms, {{Command::FPWR, at(0x1000), mail(3, octets_of({0, 0x20, 0x2B, 0x40, 0x60, 0, 0x0F, 0, 0, 0})), 1}});
+    exchange(7ms, {{Command::FPRD, at(0x1040), mail(3, octets_of({0, 0x10, 0x10, 0x82, 0x11, 1, 2, 3, 4, 5})), 1}});
+    exchange(8ms, {{Command::FPRD, at(0x1040),
+                    mail(4, octets_of({0, 0x20, 0x80, 0x40, 0x60, 0, 0x02, 0x00, 0x01, 0x06})), 1}});
+    exchange(9ms, {{Command::FPRD, at(0x1040),
+                    mail(4, octets_of({0, 0x30, 0x80, 0x40, 0x60, 0, 0x02, 0x00, 0x01, 0x06})), 1}});  // repeated
+    exchange(10ms, {{Command::FPWR, at(0x1000), mail(4, octets_of({0, 0x20, 0x40, 0, 0x10, 0, 0, 0, 0, 0})), 1}});
+    const auto a = analyser.finish();
+    ASSERT_EQ(a.conversations.items.size(), 3u);
+    const auto& upload = a.conversations.items[0];
+    EXPECT_EQ(upload.outcome, Outcome::done);
+    EXPECT_EQ(upload.index, 0x1008);
+    EXPECT_EQ(upload.bytes, 9u);
+    EXPECT_EQ(printable(upload.data), "Drive one");
+    EXPECT_EQ(a.slaves.at(0).name, "Drive one");
+    const auto& abort = a.conversations.items[1];
+    EXPECT_EQ(abort.action, Action::sdo_download);
+    EXPECT_EQ(abort.data, octets_of({0x0F, 0}));
+    EXPECT_EQ(abort.outcome, Outcome::refused) << "this slave sends its abort as a request";
+    EXPECT_EQ(abort.code, 0x06010002u);
+    EXPECT_FALSE(abort.reason.empty());
+    EXPECT_EQ(a.conversations.items[2].outcome, Outcome::unfinished);
+    ASSERT_EQ(a.emergencies.items.size(), 1u);
+    EXPECT_EQ(a.emergencies.items[0].code, 0x8210);
+    EXPECT_EQ(a.emergencies.items[0].error_register, 0x11);
+    EXPECT_EQ(a.slaves.at(0).mail.at(wire::MailboxType::coe).received, 4u);
+    EXPECT_EQ(a.slaves.at(0).unanswered, 0u) << "a look for mail needs no answer";
+}
+
+// Field notes: slaves answer after the master has given the request up.
+TEST_F(MailTest, ALateAnswerBelongsToItsOwnRequest) {
+    exchange(1ms, {request(1, kUpload, 0x1018, 1)});
+    exchange(50ms, {request(2, kUpload, 0x6041, 0)});
+    exchange(51ms, {response(1, kUploaded, 0x1018, 1, 0x4D)});
+    exchange(52ms, {response(2, kUploaded, 0x6041, 0, 0x37)});
+    exchange(53ms, {request(3, kUpload, 0x1018, 2)});
+    exchange(90ms, {request(4, kUpload, 0x6041, 0)});
+    exchange(91ms, {response(3, kAbort, 0x1018, 2, 0x11)});
+    exchange(92ms, {response(4, kUploaded, 0x6041, 0, 0x38)});
+    const auto all = analyser.finish().conversations.items;
+    ASSERT_EQ(all.size(), 4U);
+    EXPECT_EQ(all[0].data, octets_of({0x4D, 0, 0, 0}));
+    EXPECT_TRUE(all[0].late);
+    EXPECT_EQ(all[0].end.at, 51ms + 30us);
+    EXPECT_EQ(all[1].data, octets_of({0x37, 0, 0, 0}));
+    EXPECT_FALSE(all[1].late);
+    EXPECT_EQ(all[2].outcome, Outcome::refused);
+    EXPECT_TRUE(all[2].late);
+    EXPECT_EQ(all[3].data, octets_of({0x38, 0, 0, 0}));
+}
+
+TEST_F(MailTest, AnAnswerOfAnotherObjectIsNotTheValue) {
+    exchange(1ms, {request(1, kUpload, 0x6041, 0)});
+    exchange(2ms, {response(1, kUploaded, 0x6064, 0, 1)});
+    exchange(3ms, {response(2, kUploaded, 0x6041, 1, 2)});
+    exchange(4ms, {response(3, kAbort, 0x6040, 0, 3)});
+    const auto all = analyser.finish().conversations.items;
+    ASSERT_EQ(all.size(), 1U);
+    EXPECT_EQ(all[0].outcome, Outcome::unfinished);
+    EXPECT_EQ(all[0].bytes, 0U);
+}
+
+TEST_F(MailTest, AnAbortThatNamesNoObjectIsOfTheYoungestRequest) {
+    exchange(1ms, {request(1, kUpload, 0x6041, 0)});
+    exchange(50ms, {request(2, kUpload, 0x6064, 0)});
+    exchange(51ms, {response(1, kAbort, 0, 0, 0x11)});
+    const auto all = analyser.finish().conversations.items;
+    ASSERT_EQ(all.size(), 2U);
+    EXPECT_EQ(all[0].outcome, Outcome::unanswered);
+    EXPECT_EQ(all[1].outcome, Outcome::refused);
+}
+
+// The slave has the request, and the frame was lost behind it.
+TEST_F(MailTest, ARequestWhoseFrameWasLostIsKnownByItsAnswer) {
+    exchange(1ms, {request(1, kUpload, 0x1018, 1)});  // never answered
+    lost(50ms, request(2, kUpload, 0x6041, 0));
+    exchange(51ms, {response(1, kUploaded, 0x6041, 0, 0x37)});
+    lost(60ms, request(3, kDownload, 0x6060, 0));
+    exchange(61ms, {response(2, kAbort, 0x6060, 0, 0x11)});
+    const auto a = analyser.finish();
+    const auto& all = a.conversations.items;
+    ASSERT_EQ(all.size(), 3U);
+    EXPECT_EQ(all[0].outcome, Outcome::unanswered);
+    EXPECT_EQ(all[0].index, 0x1018);
+    EXPECT_EQ(all[1].index, 0x6041);
+    EXPECT_EQ(all[1].data, octets_of({0x37, 0, 0, 0}));
+    EXPECT_FALSE(all[1].late);
+    EXPECT_EQ(all[2].action, Action::sdo_download);
+    EXPECT_EQ(all[2].outcome, Outcome::refused);
+    EXPECT_EQ(all[2].data, octets_of({1, 2}));
+    EXPECT_EQ(a.slaves.at(0).mail.at(wire::MailboxType::coe).sent, 3U);
+    EXPECT_EQ(a.frames.lost + a.frames.open, 2U);
+}
+
+TEST_F(MailTest, ARequestThatIsSentAgainIsOne) {
+    lost(1ms, request(1, kUpload, 0x6041, 0));
+    exchange(10ms, {request(1, kUpload, 0x6041, 0)});
+    exchange(11ms, {response(1, kUploaded, 0x6041, 0, 0x37)});
+    lost(20ms, request(0, kUpload, 0x6064, 0));  // a master without counters
+    exchange(30ms, {request(0, kUpload, 0x6064, 0)});
+    exchange(31ms, {response(2, kUploaded, 0x6064, 0, 0x38)});
+    lost(40ms, request(2, kUpload, 0x6061, 0));  // the slave has it, and its mailbox is full when it comes again
+    exchange(50ms, {[&] {
+                 auto full = request(2, kUpload, 0x6061, 0);
+                 full.wkc = 0;
+                 return full;
+             }()});
+    exchange(51ms, {response(3, kUploaded, 0x6061, 0, 0x39)});
+    const auto a = analyser.finish();
+    const auto& all = a.conversations.items;
+    ASSERT_EQ(all.size(), 3U);
+    for (const auto& one : all) {
+        EXPECT_EQ(one.outcome, Outcome::done);
+        EXPECT_FALSE(one.late);
+    }
+    EXPECT_EQ(all[2].data, octets_of({0x39, 0, 0, 0}));
+    EXPECT_EQ(a.slaves.at(0).mail.at(wire::MailboxType::coe).sent, 3U);
+}
+
+// In a recording of requests alone nothing is known of the slaves' answers.
+TEST_F(AnalyserTest, RequestsAloneAreNoConversations) {
+    for (int n = 0; n < 600; ++n)
+        packet(1ms * n,
+               frame_of(
+                   {{Command::FPWR, wire::DatagramAddress(0x1001, 0x1000),
+                     mail(static_cast<std::uint8_t>(n % 7 + 1), octets_of({0, 0x20, 0x40, 0x41, 0x60, 0, 0, 0, 0, 0})),
+                     1}},
+                   false));
+    EXPECT_TRUE(analyser.finish().conversations.items.empty());
+}
+
+}  // namespace
+}  // namespace margay::analyse
