@@ -214,8 +214,8 @@ class Bus {
     void report_loop();
 };
 
-// Whether the PDOs of the slave stay as they are: those of its configuration are in it, or it has none.
-[[nodiscard]] bool has_its_pdos(Bus& bus, const Slave& slave);
+// Whether the master is active and configures this slave: below SAFEOP its PDOs may change.
+[[nodiscard]] bool is_configured(Bus& bus, const Slave& slave);
 
 // How far a slave is: the scan has read it; it has passed INIT, so that it takes messages; its PDOs stay as they are,
 // or it cannot be configured.

@@ -72,10 +72,7 @@ int sync_at(Bus& bus, std::uint16_t position, std::uint8_t index, SyncWish& sync
         if (!bus.slave_at(position, slave)) return -ENOENT;
     }
     if (index >= slave.sm_count || index >= Slave::kSyncManagers) return -ENOENT;
-    if (known == nullptr) {
-        known = pdos_of(bus, slave, true);
-        if (!bus.slave_at(position, slave) || !has_its_pdos(bus, slave)) forget_pdos(bus, position);
-    }
+    if (known == nullptr) known = pdos_of(bus, slave, true);
     if (known->unread.code != Errc::none) return -EIO;
     sync = known->syncs[index];
     return 0;

@@ -4,6 +4,8 @@
 #include "compat/ecrt/log.hpp"
 #include "wire/sii_category.hpp"
 
+#include <margay/registers.hpp>
+
 #include <array>
 
 namespace margay::compat::ecrt {
@@ -123,6 +125,34 @@ KnownPdos read_pdos(Bus& bus, const Slave& slave) {
     return known;
 }
 
+// Why the PDOs of the slave may be others soon. Code none: they stay as they are.
+Error check_settled(Bus& bus, const Slave& slave) {
+    constexpr std::uint16_t kAlStatus = 0x0130;
+    constexpr unsigned kState = 0x0F;
+    if (!is_configured(bus, slave)) return {};
+    const auto status = read_register<std::uint8_t>(*bus.ctx, slave.number, kAlStatus);
+    if (!status) return status.error();
+    const auto least = static_cast<std::uint32_t>(AlState::safeop);
+    const std::uint32_t state = *status & kState;
+    if (state >= least) return {};
+    return {.code = Errc::wrong_state,
+            .step = Step::discover_pdos,
+            .slave = slave.number,
+            .expected = least,
+            .actual = state};
+}
+
+// What is read while the slave is configured may be a part of it.
+KnownPdos read_settled(Bus& bus, const Slave& slave) {
+    KnownPdos known;
+    known.identity = slave.identity;
+    known.unread = check_settled(bus, slave);
+    if (known.unread.code != Errc::none) return known;
+    known = read_pdos(bus, slave);
+    if (known.unread.code == Errc::none) known.unread = check_settled(bus, slave);
+    return known;
+}
+
 }  // namespace
 
 bool is_refusal(const Error& error) {
@@ -170,7 +200,7 @@ std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
             (!again || found->second->unread.code == Errc::none))
             return found->second;
     }
-    auto known = std::make_shared<KnownPdos>(read_pdos(bus, slave));
+    auto known = std::make_shared<KnownPdos>(read_settled(bus, slave));
     if (known->unread.code != Errc::none) say_error(bus.index, "the PDOs of a slave", known->unread);
     const std::lock_guard lock(bus.known_mutex);
     return bus.known_pdos[slave.ring_position] = std::move(known);

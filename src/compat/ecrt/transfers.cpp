@@ -31,7 +31,8 @@ bool is_of(const ec_slave_config& config, const Slave& slave) {
 bool is_ready(Bus& bus, std::uint16_t position, Ready wanted) {
     Slave slave;
     (void)bus.slave_at(position, slave);
-    if (wanted == Ready::for_pdos && slave.error.code == Errc::none && !has_its_pdos(bus, slave)) return false;
+    const bool stays = slave.al.state >= AlState::safeop || slave.error.code != Errc::none;
+    if (wanted == Ready::for_pdos && !stays && is_configured(bus, slave)) return false;
     const std::lock_guard lock(bus.config_mutex);
     if (!bus.active) return true;
     if (bus.operation->scanning() || bus.dirty) return false;
@@ -91,14 +92,13 @@ std::span<std::byte> room(std::uint8_t* target, std::size_t size) {
 
 namespace margay::compat::ecrt {
 
-bool has_its_pdos(Bus& bus, const Slave& slave) {
+bool is_configured(Bus& bus, const Slave& slave) {
     const std::lock_guard lock(bus.config_mutex);
-    if (!bus.active || slave.al.state >= AlState::safeop) return true;
-    if (bus.operation->scanning()) return false;
-    return std::ranges::none_of(bus.configs, [&](const auto& config) {
-        return is_of(*config, slave) && config->vendor == slave.identity.vendor &&
-               config->product == slave.identity.product;
-    });
+    if (!bus.active) return false;
+    return bus.operation->scanning() || std::ranges::any_of(bus.configs, [&](const auto& config) {
+               return is_of(*config, slave) && config->vendor == slave.identity.vendor &&
+                      config->product == slave.identity.product;
+           });
 }
 
 void await_start(Bus& bus, std::uint16_t position, Ready wanted) {
