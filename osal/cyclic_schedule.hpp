@@ -35,7 +35,7 @@ struct OverrunCounters {
 
 class CyclicSchedule {
   public:
-    // Deadlines are the times that are `phase` after a multiple of `period`. `period` must not be zero.
+    // Deadlines are the times that are `phase` after a multiple of `period`. `period` must be positive.
     constexpr CyclicSchedule(Duration period, Duration phase) : period_(period), phase_(phase % period) {}
 
     // The default limit of OverrunPolicy::catch_up. After a stop of the whole program (a debugger, a suspended machine)
@@ -60,7 +60,10 @@ class CyclicSchedule {
     [[nodiscard]] constexpr Duration period() const { return period_; }
 
     // Moves all further deadlines: a positive time makes them later, a negative one earlier.
-    constexpr void shift(Duration by) { deadline_ += by; }
+    constexpr void adjust(Duration by) { deadline_ += by; }
+
+    // Ends the task, as OverrunPolicy::stop does: CyclicTick::stopped is true until start().
+    constexpr void stop() { stopped_ = true; }
 
     // The task continues at `now`, which must not be before deadline(), unless it has stopped. With
     // OverrunPolicy::skip, deadlines that are a whole period old or older are skipped: the result is the newest

@@ -13,7 +13,7 @@
 //         const CyclicTick tick = runner.wait();
 //         send_processdata(ctx);
 //         receive_processdata(ctx, timeout);
-//         runner.shift(-clock.update(ctx, tick.lateness));
+//         runner.adjust(-clock.update(ctx, tick.lateness));
 //         …
 //     }
 #pragma once

@@ -1,6 +1,7 @@
 #include "osal/linux/cyclic_runner.hpp"
 
 #include "osal/linux/monotonic_clock.hpp"
+#include "util/text_writer.hpp"
 
 #include <fcntl.h>
 #include <pthread.h>
@@ -14,6 +15,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstdint>
+#include <span>
 
 namespace margay {
 namespace {
@@ -64,6 +66,23 @@ const char* why_no_deadline(int error) noexcept {
     }
 }
 
+const char* find_wrong_option(const CyclicOptions& options) noexcept {
+    if (options.period <= Duration::zero()) return "no cycle: `period` is not more than 0";
+    if (options.spin < Duration::zero()) return "no cycle: `spin` is negative";
+    if (options.runtime < Duration::zero()) return "no cycle: `runtime` is negative";
+    if (options.cpu < -1) return "no cycle: `cpu` is negative (-1: any processor)";
+    return nullptr;
+}
+
+// Whether the system has interfaces, and none of this name.
+bool is_no_interface(const char* name, const IrqThreads::Places& places) noexcept {
+    std::array<char, 256> all{};
+    std::array<char, 256> path{};
+    TextWriter(std::span<char>(all.data(), all.size() - 1)) << places.sys << "/class/net";
+    TextWriter(std::span<char>(path.data(), path.size() - 1)) << all.data() << "/" << name;
+    return ::access(all.data(), F_OK) == 0 && (*name == 0 || ::access(path.data(), F_OK) != 0);
+}
+
 // Each page of the stack that the cycle may use is written once, at most a quarter of what is free.
 constexpr std::size_t kTouchedStack = 256 * 1024;
 constexpr std::size_t kTouchedAtOnce = 4096;
@@ -99,8 +118,15 @@ void pause_processor() noexcept {
 }  // namespace
 
 CyclicRunner::CyclicRunner(const CyclicOptions& options) noexcept
-    : options_(options), schedule_(options.period, phase_off_the_tick(options.period)) {
-    options_.spin = std::clamp(options_.spin, Duration::zero(), options_.period);
+    : options_(options),
+      wrong_option_(find_wrong_option(options)),
+      schedule_(wrong_option_ == nullptr ? options.period : CyclicOptions{}.period,
+                phase_off_the_tick(options.period)) {
+    if (wrong_option_ != nullptr) {
+        schedule_.stop();
+        return;
+    }
+    options_.spin = std::min(options_.spin, options_.period);
     schedule_.set_policy(options_.overrun, options_.catch_up_limit);
 }
 
@@ -112,6 +138,10 @@ CyclicRunner::~CyclicRunner() {
 std::span<const CyclicRefusal> CyclicRunner::prepare() noexcept {
     (void)finish();
     refused_ = 0;
+    if (wrong_option_ != nullptr) {
+        refuse(wrong_option_, EINVAL);
+        return std::span(refusals_).first(refused_);
+    }
     if (options_.lock_memory && ::mlockall(MCL_CURRENT | MCL_FUTURE) != 0)
         refuse("memory is not locked (mlockall; needs CAP_IPC_LOCK or a larger RLIMIT_MEMLOCK)", errno);
     if (options_.lock_memory) touch_stack();
@@ -119,7 +149,7 @@ std::span<const CyclicRefusal> CyclicRunner::prepare() noexcept {
     if (options_.hold_latency) hold_latency();
     if (options_.interface != nullptr) raise_interrupts();
     if (options_.runtime <= Duration::zero() || !take_runtime())
-        if (options_.priority > 0) take_priority();
+        if (options_.priority != 0) take_priority();
     return std::span(refusals_).first(refused_);
 }
 
@@ -141,7 +171,9 @@ bool CyclicRunner::take_runtime() noexcept {
 void CyclicRunner::take_priority() noexcept {
     const sched_param wanted{.sched_priority = options_.priority};
     if (::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &wanted) != 0) {
-        refuse("no real-time policy (SCHED_FIFO; needs CAP_SYS_NICE or RLIMIT_RTPRIO)", errno);
+        refuse(errno == EINVAL ? "no real-time policy (SCHED_FIFO: `priority` is not 1 to 99)"
+                               : "no real-time policy (SCHED_FIFO; needs CAP_SYS_NICE or RLIMIT_RTPRIO)",
+               errno);
         return;
     }
     const long runtime_us = read_number("/proc/sys/kernel/sched_rt_runtime_us", 950'000);
@@ -169,6 +201,9 @@ void CyclicRunner::hold_latency() noexcept {
 
 void CyclicRunner::raise_interrupts() noexcept {
     const bool found = irq_threads_.find(options_.interface, options_.places);
+    if (!found && is_no_interface(options_.interface, options_.places))
+        return refuse("no interrupts of the NIC are found (`interface`: there is no network interface of this name)",
+                      ENODEV);
     if (options_.irq_priority == 0) return;
     if (!found)
         return refuse(
@@ -192,7 +227,9 @@ void CyclicRunner::refuse(const char* what, int error) noexcept { refusals_[refu
 
 Time CyclicRunner::now() noexcept { return monotonic_now(); }
 
-void CyclicRunner::start() noexcept { schedule_.start(now()); }
+void CyclicRunner::start() noexcept {
+    if (wrong_option_ == nullptr) schedule_.start(now());
+}
 
 CyclicTick CyclicRunner::wait() noexcept {
     Time time = now();

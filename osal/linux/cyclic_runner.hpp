@@ -4,6 +4,7 @@
 //     CyclicRunner runner(
 //         {.period = std::chrono::milliseconds(1), .spin = std::chrono::microseconds(50), .priority = 80});
 //     for (const auto& refusal : runner.prepare()) …;      // report what the system did not grant
+//     if (runner.wrong_option() != nullptr) return …;
 //     runner.start();
 //     for (;;) {
 //         const CyclicTick tick = runner.wait();
@@ -22,9 +23,9 @@
 namespace margay {
 
 struct CyclicOptions {
-    Duration period = std::chrono::milliseconds(1);
-    // Time before a deadline at which the thread stops sleeping and polls the clock instead. The spin uses this share
-    // of a processor and hides the wake-up latency of the kernel; 50 to 100 µs cover most of it.
+    Duration period = std::chrono::milliseconds(1);  // more than 0
+    // Time before a deadline at which the thread stops sleeping and polls the clock instead, 0 or more. The spin uses
+    // this share of a processor and hides the wake-up latency of the kernel; 50 to 100 µs cover most of it.
     Duration spin{};
     int priority = 0;  // priority of SCHED_FIFO, 1 to 99; 0: the thread keeps its policy
     // Processor time that SCHED_DEADLINE reserves for the thread in each period; 0: not this policy. It must cover the
@@ -59,6 +60,11 @@ class CyclicRunner {
     CyclicRunner(const CyclicRunner&) = delete;
     CyclicRunner& operator=(const CyclicRunner&) = delete;
 
+    // The option with which there is no cycle, in words; nullptr: none. A period that is not more than 0, a negative
+    // spin or runtime, a `cpu` below -1. Then prepare() applies nothing and returns this text alone (EINVAL), and
+    // wait() returns at once with CyclicTick::stopped.
+    [[nodiscard]] const char* wrong_option() const noexcept { return wrong_option_; }
+
     // Applies the settings to the calling thread, which must also call wait(). The returned span is valid as long as
     // the runner. The policy stays for the life of the thread, the latency setting until the runner is destroyed.
     std::span<const CyclicRefusal> prepare() noexcept;
@@ -74,12 +80,12 @@ class CyclicRunner {
     void start() noexcept;
 
     // Sleeps until the next deadline; returns at once when it has passed, and when OverrunPolicy::stop has ended the
-    // task (CyclicTick::stopped). One system call, none when late.
+    // task (CyclicTick::stopped), or an option is wrong. One system call, none when late.
     CyclicTick wait() noexcept;
 
     // Moves the next deadline and all after it, later or (negative) earlier: for a cycle that follows the reference
     // clock of distributed clocks (margay/master_clock.hpp).
-    void shift(Duration by) noexcept { schedule_.shift(by); }
+    void adjust(Duration by) noexcept { schedule_.adjust(by); }
 
     [[nodiscard]] Time deadline() const { return schedule_.deadline(); }
     [[nodiscard]] static Time now() noexcept;  // CLOCK_MONOTONIC, as LinuxOsal
@@ -99,6 +105,7 @@ class CyclicRunner {
     void raise_interrupts() noexcept;
 
     CyclicOptions options_;
+    const char* wrong_option_;
     CyclicSchedule schedule_;
     std::array<CyclicRefusal, 8> refusals_{};
     std::size_t refused_ = 0;

@@ -110,9 +110,9 @@ Duration CyclePace::wait() {
     return tick.lateness;
 }
 
-void CyclePace::shift(Duration by) {
-    if (!source_.virtual_time()) runner_.shift(by);
-    if (source_.virtual_time()) virtual_.shift(by);
+void CyclePace::adjust(Duration by) {
+    if (!source_.virtual_time()) runner_.adjust(by);
+    if (source_.virtual_time()) virtual_.adjust(by);
 }
 
 Result<std::uint32_t> CyclePace::exchange(Duration timeout) {

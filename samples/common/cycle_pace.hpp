@@ -50,7 +50,7 @@ class CyclePace {
     [[nodiscard]] const std::string& stopped() const { return stopped_; }
 
     // Moves the next cycle and all after it, later or (negative) earlier: MasterClock::update() says by how much.
-    void shift(Duration by);
+    void adjust(Duration by);
 
     // Clears all figures.
     void clear();

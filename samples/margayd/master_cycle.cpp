@@ -45,7 +45,7 @@ void Master::exchange(std::uint64_t number, Duration& lateness) {
 }
 
 void Master::keep_in_step(std::uint64_t number, Duration lateness) {
-    if (clock_ && number % plan_.every[clock_->settings().group] == 0) pace_->shift(-clock_->update(*ctx_, lateness));
+    if (clock_ && number % plan_.every[clock_->settings().group] == 0) pace_->adjust(-clock_->update(*ctx_, lateness));
 }
 
 // Once a second: a few system calls, if the interface seems to be gone.

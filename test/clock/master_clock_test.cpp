@@ -17,7 +17,7 @@ TEST(CyclicScheduleShift, MovesAllFurtherDeadlines) {
     schedule.start(Time{10ms});
     const Time first = schedule.deadline();
     EXPECT_EQ(schedule.wake(first).deadline, first);
-    schedule.shift(-30us);
+    schedule.adjust(-30us);
     EXPECT_EQ(schedule.deadline(), first + 970us);
     const CyclicTick tick = schedule.wake(first + 975us);
     EXPECT_EQ(tick.lateness, 5us);

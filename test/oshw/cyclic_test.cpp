@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <fstream>
+#include <iterator>
 #include <random>
 #include <string_view>
 #include <thread>
@@ -205,6 +206,58 @@ TEST(CyclicRunner, TellsWhatWasRefusedAndRunsNevertheless) {
         EXPECT_GE(runner.wait().cycle, 1U);
     })
         .join();
+}
+
+TEST(CyclicRunner, WithAWrongOptionThereIsNoCycleAndTheOptionIsNamed) {
+    const CyclicOptions right{.lock_memory = false, .hold_latency = false};
+    EXPECT_EQ(CyclicRunner(right).wrong_option(), nullptr);
+    CyclicOptions options[6]{right, right, right, right, right, right};
+    options[0].period = Duration::zero();
+    options[1].period = -1ms;
+    options[2].period = Duration::min();
+    options[3].spin = -1us;
+    options[4].runtime = -1us;
+    options[5].cpu = -2;
+    constexpr const char* kNames[]{"`period`", "`period`", "`period`", "`spin`", "`runtime`", "`cpu`"};
+    for (std::size_t n = 0; n < std::size(options); ++n) {
+        SCOPED_TRACE(n);
+        options[n].priority = n == 0 ? 10 : 0;
+        CyclicRunner runner(options[n]);
+        ASSERT_NE(runner.wrong_option(), nullptr);
+        EXPECT_NE(std::string_view(runner.wrong_option()).find(kNames[n]), std::string_view::npos);
+        const int policy = ::sched_getscheduler(0);
+        const auto refusals = runner.prepare();
+        ASSERT_EQ(refusals.size(), 1U);
+        EXPECT_STREQ(refusals[0].what, runner.wrong_option());
+        EXPECT_EQ(refusals[0].error, EINVAL);
+        EXPECT_EQ(::sched_getscheduler(0), policy) << "nothing is applied";
+        runner.start();
+        const Time before = CyclicRunner::now();
+        for (int more = 0; more < 3; ++more) EXPECT_TRUE(runner.wait().stopped);
+        EXPECT_LT(CyclicRunner::now() - before, 500ms);
+    }
+}
+
+TEST(CyclicRunner, SaysThatThereIsNoSuchInterfaceOrPriority) {
+    for (const int irq_priority : {0, 90}) {
+        CyclicRunner runner(
+            {.lock_memory = false, .hold_latency = false, .interface = "nowhere0", .irq_priority = irq_priority});
+        const auto refusals = runner.prepare();
+        ASSERT_EQ(refusals.size(), 1U);
+        EXPECT_NE(std::string_view(refusals[0].what).find("no network interface of this name"), std::string_view::npos);
+        EXPECT_EQ(refusals[0].error, ENODEV);
+    }
+    CyclicRunner loopback({.lock_memory = false, .hold_latency = false, .interface = "lo"});
+    EXPECT_TRUE(loopback.prepare().empty()) << "without interrupts, and nothing is asked for";
+    for (const int priority : {200, 100, -1}) {
+        std::thread([priority] {
+            CyclicRunner runner({.priority = priority, .lock_memory = false, .hold_latency = false});
+            const auto refusals = runner.prepare();
+            ASSERT_EQ(refusals.size(), 1U);
+            EXPECT_NE(std::string_view(refusals[0].what).find("`priority` is not 1 to 99"), std::string_view::npos);
+            EXPECT_EQ(refusals[0].error, EINVAL);
+        }).join();
+    }
 }
 
 TEST(CyclicRunner, HasTheReservedTimeThatTheKernelGrants) {
