@@ -310,7 +310,8 @@ Slave* first_before_reference(Network& network) {
     for (Slave& slave : network.slaves()) {
         const ClockEntry& clock = network.clocks.of(slave);
         if (!is_settled(network, slave) || !clock.measured || !is_clock(clock.kind) || clock.beside ||
-            !is_before_reference(network, slave) || note_reach(network, slave))
+            !is_before_reference(network, slave) || note_reach(network, slave) ||
+            is_way_unknown(network, slave, network.slave(network.clocks.reference)))
             continue;
         if (first == nullptr || slave.ring_position < first->ring_position) first = &slave;
     }

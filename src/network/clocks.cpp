@@ -282,6 +282,12 @@ Task<Result<>> improve_delays(Network& network) {
     co_return first;
 }
 
+bool is_way_unknown(Network& network, const Slave& slave, const Slave& reference) {
+    const RedundancyPart* const ring = network.redundancy;
+    return ring != nullptr && ring->has_clocks_beside() && !network.ring_parts().whole &&
+           ring->are_parted(network, slave, reference);
+}
+
 Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Slave& reference) {
     Clocks& clocks = network.clocks;
     const RingParts before = network.ring_parts();

@@ -243,6 +243,9 @@ void compute_clock_delays(Network& network);
 // then it is measured, with the ways as they are now, as if both NICs had sent at the same time. Errors: unstable (the
 // ring has changed meanwhile).
 [[nodiscard]] Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Slave& reference);
+// Whether a break of the ring is between both, and the ways of both copies are not measured, because some clocks are
+// beside the ring: neither clock can be set by the other one until the ring is whole.
+[[nodiscard]] bool is_way_unknown(Network& network, const Slave& slave, const Slave& reference);
 // How far the clock of `slave` is ahead of that of `reference`: both latch the same frame, or copies of it.
 [[nodiscard]] Task<Result<std::int64_t>> measure_ahead(Network& network, Slave& slave, Slave& reference);
 // Changes the offset of a clock that runs: its control loop goes on.

@@ -104,7 +104,8 @@ bool RingWatch::find_sides(Network& network) {
     while (begin > 1 && there_between(network, begin, ring_slaves_) < behind) --begin;
     front_end_ = end;
     behind_begin_ = std::max<std::uint16_t>(begin, static_cast<std::uint16_t>(end + 1));
-    return ring_.counts_are_new() && there_between(network, 1, end) == front &&
+    // Where both parts would have the same slave, one that answers is not known to be there.
+    return ring_.counts_are_new() && begin > end && there_between(network, 1, end) == front &&
            there_between(network, begin, ring_slaves_) == behind;
 }
 

@@ -247,5 +247,65 @@ TEST(ClockAwayRing, AShortLossOfPowerOfTheReference) {
     }
 }
 
+// Only the second NIC reaches slaves. A clock that appears before the reference does not move it, whenever it is back
+// in its state, and has become the reference when it is.
+TEST(ClockAwayFirst, ReturnsBehindABreakBeforeTheReference) {
+    for (std::uint16_t first = 1; first <= 4; ++first) {
+        for (const bool power : {true, false}) {
+            SCOPED_TRACE("slave " + std::to_string(first) + (power ? " without power" : " cut off"));
+            AwayBus bus;
+            bus.prepare(6);
+            bus.cable(bus.ring_cables[first - 1U], false);
+            if (first > 1) bus.cable(bus.ring_cables[0], false);
+            EXPECT_EQ(bus.wrong_cycles(2000), 0U);
+            EXPECT_EQ(reference_clock(*bus.ctx), first);
+            if (power) bus.segment.set_power(first - 1U, false, bus.osal.now());
+            if (!power) bus.cable(bus.ring_cables[first], false);
+            EXPECT_EQ(bus.wrong_cycles(8000), 0U);
+            EXPECT_EQ(reference_clock(*bus.ctx), first + 1);
+            const std::int64_t rate = bus.ahead_ns(6, static_cast<std::uint16_t>(first + 1));
+            EXPECT_LE(std::abs(rate), AwayBus::kMost_ns);
+            if (power) bus.segment.set_power(first - 1U, true, bus.osal.now());
+            if (!power) bus.cable(bus.ring_cables[first], true);
+            EXPECT_EQ(bus.wrong_cycles(4000), 0U);
+            EXPECT_EQ(reference_clock(*bus.ctx), first);
+            EXPECT_EQ(bus.status().second_reference, first);
+            if (testing::Test::HasFailure()) return;
+        }
+    }
+}
+
+// With clocks beside the ring, the ways of both copies are not measured: the first clock, which returns at the other side
+// of a break, cannot be set by the reference, and becomes the reference when the ring is whole.
+TEST(ClockAwayFirst, WaitsForTheWholeRingBesideClocks) {
+    for (const bool power : {false, true}) {
+        SCOPED_TRACE(power);
+        AwayBus bus;
+        for (unsigned n = 0; n < 6; ++n) (void)bus.add_to_ring(ClockRingBus::nth(n));
+        (void)bus.add_behind(1, 2, ClockRingBus::nth(6));
+        bus.close_ring();
+        bus.later[1] = 7us;
+        bus.at = {0, 1, 2, 3, 4, 5, 6};
+        bus.prepare(6);
+        bus.cable(bus.ring_cables[4], false);
+        bus.cable(bus.ring_cables[0], false);
+        (void)bus.cycles(2500);
+        EXPECT_EQ(reference_clock(*bus.ctx), 5);
+        if (power) bus.segment.set_power(0, false, bus.osal.now());
+        (void)bus.cycles(10);
+        if (power) bus.segment.set_power(0, true, bus.osal.now());
+        bus.cable(bus.ring_cables[0], true);
+        EXPECT_EQ(bus.wrong_cycles(4000), 0U);
+        EXPECT_EQ(reference_clock(*bus.ctx), 5);
+        EXPECT_FALSE(slave_clock(*bus.ctx, 1).in_sync);
+        EXPECT_FALSE(clock_status(*bus.ctx, bus.osal.now()).in_sync);
+        bus.cable(bus.ring_cables[4], true);
+        (void)bus.cycles(8000);
+        EXPECT_EQ(reference_clock(*bus.ctx), 1);
+        EXPECT_EQ(bus.wrong_cycles(1000), 0U);
+        EXPECT_TRUE(bus.all_in_sync()) << AwayBus::joined(bus.events());
+    }
+}
+
 }  // namespace
 }  // namespace margay
