@@ -122,9 +122,9 @@ std::uint16_t RingWatch::reference_of(Network& network, const Slave& slave) cons
 std::uint16_t RingWatch::first_behind(Network& network, bool only_settled) const {
     std::uint16_t best = 0;
     for (const Slave& slave : network.slaves()) {
-        // Below SAFEOP, a slave that has come back may not have its clock yet.
-        const bool settled = !only_settled || slave.number == second_ || slave.al.state >= AlState::safeop ||
-                             slave.al.state == wanted_state(network, slave);
+        // Below SAFEOP, a slave that has come back may not have its clock yet, unless it is the reference.
+        const bool settled = !only_settled || slave.number == second_ || slave.number == network.clocks.reference ||
+                             slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave);
         const bool candidate = is_behind(network, slave) && slave.al.state != AlState::none && settled &&
                                network.clocks.of(slave).synchronised;
         if (candidate && (best == 0 || passes_at_ns(network, slave) < passes_at_ns(network, network.slave(best))))
