@@ -302,6 +302,14 @@ void write_oversized_mailbox(TextWriter& out, const Error& e) {
     out << " (the " << which << " has " << e.actual << " octets, a frame carries " << e.expected << ")";
 }
 
+// A register that every slave has, or a mailbox, shows that the slave is silent.
+void write_silence(TextWriter& out, const Error& e) {
+    const bool any_register = e.step == Step::read_register || e.step == Step::write_register || is_command(e.step) ||
+                              e.step >= Step::configure_clocks;
+    const bool silent = e.slave != 0 && e.actual == 0 && e.expected != 0 && e.step != Step::exchange_process_data;
+    if (silent) out << ": the slave does not answer" << (any_register ? ", or has no such register" : "");
+}
+
 // How much memory is needed, and how much is available.
 void write_room(TextWriter& out, const Error& e) {
     if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
@@ -351,6 +359,7 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::working_counter:
         case Errc::unstable:
             if (e.expected != e.actual) out << " (expected " << e.expected << ", got " << e.actual << ")";
+            if (e.code == Errc::working_counter) write_silence(out, e);
             if (e.code == Errc::unstable && e.step == Step::configure_clocks)
                 out << (e.detail == Error::kRedundancy ? " (the measurement of the delays took too long)"
                         : e.slave == 0

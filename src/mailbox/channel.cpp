@@ -30,6 +30,12 @@ Time on_grid(Time time, Duration grid) {
     return rest == Duration{0} ? time : time + (grid - rest);
 }
 
+// Of a reading that has not succeeded. Two slaves may answer at the address of one.
+Errc failure_of(Reply reply) {
+    if (!reply.ok()) return reply.errc;
+    return reply.wkc == 0 ? Errc::working_counter : Errc::unstable;
+}
+
 bool has(std::byte octet, std::uint8_t bit) { return (std::to_integer<unsigned>(octet) & bit) != 0; }
 
 }  // namespace
@@ -303,7 +309,7 @@ void MailboxChannel::sent(Reply reply) {
 void MailboxChannel::looked_out(Reply reply, std::byte status) {
     if (unsure_ == nullptr) return;
     if (!reply.ok() || reply.wkc != 1) {
-        last_failure_ = reply.ok() ? Errc::working_counter : reply.errc;
+        last_failure_ = failure_of(reply);
         resend_at_ = now() + mail_timing::kLongestPause;
     } else if (has(status, wire::sm_status::kMailboxFull)) {
         // It may be the message before this one that the slave has not read yet.
@@ -321,7 +327,7 @@ void MailboxChannel::looked_out(Reply reply, std::byte status) {
 void MailboxChannel::looked(Reply reply, Bytes octets) {
     real_look_at_ = now() + kRealLook;
     if (!reply.ok() || reply.wkc != 1) {
-        last_failure_ = reply.ok() ? Errc::working_counter : reply.errc;
+        last_failure_ = failure_of(reply);
         look_at_ = now() + mail_timing::kLongestPause;
         if (silent_looks_ < kMostSilentLooks) ++silent_looks_;
         return;

@@ -98,7 +98,8 @@ Error MailboxChannel::overdue(const MailExchange& exchange) const {
     const bool left = exchange.state_ == MailExchange::State::sent;
     return {.code = last_failure_ == Errc::none ? Errc::timeout : last_failure_,
             .step = left ? Step::mailbox_receive : Step::mailbox_send,
-            .slave = number_};
+            .slave = number_,
+            .expected = last_failure_ == Errc::working_counter};
 }
 
 // ------------------------------------------------------------------ sessions

@@ -29,7 +29,8 @@ TEST(Describe, NamesSlaveStepAndCause) {
     EXPECT_EQ(
         sentence(
             {.code = Errc::working_counter, .step = Step::assign_address, .slave = 2, .index = 0x10, .expected = 1}),
-        "slave 2: assigning station addresses at register 0x0010: wrong working counter (expected 1, got 0)");
+        "slave 2: assigning station addresses at register 0x0010: wrong working counter (expected 1, got 0): the slave "
+        "does not answer");
     EXPECT_EQ(sentence({.code = Errc::capacity, .step = Step::count_slaves, .expected = 100, .actual = 64}),
               "counting slaves: not enough memory: Limits::slaves (needed 100, there is "
               "room for 64)");

@@ -371,7 +371,8 @@ TEST_F(BusTest, AStateIsRequestedOnceOfASlaveThatIsAway) {
     bus.segment.set_power(2, false, bus.osal.now());
     const Time begin = bus.osal.now();
     EXPECT_EQ(words(writestate(ctx(), 0, AlState::safeop).error()),
-              "slave 3: requesting a state at register 0x0120: wrong working counter (expected 1, got 0)");
+              "slave 3: requesting a state at register 0x0120: wrong working counter (expected 1, got 0): the slave "
+              "does not answer");
     EXPECT_LT(bus.osal.now() - begin, 2ms);
     EXPECT_EQ(statecheck(ctx(), 2, AlState::safeop, 100ms)->state, AlState::safeop);
     EXPECT_FALSE(writestate(ctx(), 3, AlState::safeop).ok());

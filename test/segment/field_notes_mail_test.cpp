@@ -180,6 +180,18 @@ TEST_F(FieldNotesMail, AMailboxThatIsNotEnabledIsToldSo) {
 }
 
 // An entry with index 0 is a gap, which occupies bits in the image.
+TEST_F(FieldNotesMail, MailToASlaveWithoutPowerSaysThatItDoesNotAnswer) {
+    plug_odd({});
+    plug_odd({});
+    start();
+    segment.set_power(1, false, osal.now());
+    EXPECT_EQ(words(SDOread<std::uint32_t>(ctx, 2, 0x1018, 1).error()),
+              "slave 2: SDO upload of 0x1018:1: wrong working counter (expected 1, got 0): the slave does not answer");
+    EXPECT_TRUE(readstate(ctx).ok());
+    EXPECT_EQ(words(SDOread<std::uint32_t>(ctx, 2, 0x1018, 1).error()),
+              "slave 2: SDO upload of 0x1018:1: the slave is missing");
+}
+
 TEST_F(FieldNotesMail, GapsOfAMappingTakeTheirBits) {
     plug_odd({});
     start();

@@ -160,7 +160,8 @@ TEST_F(SiiWords, OfASlaveThatDoesNotAnswerAreNamedInFull) {
     const auto silent = wait(ctx, request);
     EXPECT_EQ(silent.error().word(), 0x12'3456U);
     EXPECT_EQ(words(silent.error()),
-              "slave 2: reading the SII at word 0x123456: wrong working counter (expected 1, got 0)");
+              "slave 2: reading the SII at word 0x123456: wrong working counter (expected 1, got 0): the slave does "
+              "not answer");
 }
 
 }  // namespace

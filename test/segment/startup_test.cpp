@@ -134,7 +134,8 @@ TEST_F(Startup, WhatFailsIsNamedWithItsPlaceAndCause) {
         {write_object(preop_to_safeop, 0x7000, 1, std::uint32_t{1}),
          "slave 1: command at PS (no. 2, object 0x7000:1): the slave aborted the transfer"},
         {write_register(preop_to_safeop, 0x5000, std::uint8_t{1}),
-         "slave 1: command at PS (no. 2, register 0x5000): wrong working counter (expected 1, got 0)"},
+         "slave 1: command at PS (no. 2, register 0x5000): wrong working counter (expected 1, got 0): the slave does "
+         "not answer, or has no such register"},
         {check_register(preop_to_safeop, 0x0010, std::uint16_t{0x2222}, std::uint16_t{0x0FFF}),
          "slave 1: command at PS (no. 2, register 0x0010): the value is not the required one (wanted "
          "0x00000222, is 0x00000001)"},
