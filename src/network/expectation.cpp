@@ -269,7 +269,7 @@ void compare_with_expected(Network& network, FirstFault& faults) {
         Error error;
         if (slave.unexpected) error = {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.number};
         if (slave.other) error = difference(slave, *slave.wanted);
-        if (error.code != Errc::none) network.note(slave, error);
+        if (error.code != Errc::none && error != slave.error) network.note(slave, error);  // once
         if (slave.held) faults.keep(error);
     }
 }

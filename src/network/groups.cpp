@@ -90,8 +90,9 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         auto now = co_await read_anew(network, slave);  // nothing may have read the state for long
         if (!now && !does_not_answer(now.error())) faults.note(network, slave, now.error());
     }
-    const bool unread_before = slave.ring_position != 0 && !slave.seen;  // its error stays until it is read again
-    if (slave.config.group == number && !unread_before) slave.error = {};  // of an earlier attempt
+    // The error of a slave that is missing or held stays, and that of an unread one until it is read again.
+    const bool stays = slave.held || slave.al.state == AlState::none || (slave.ring_position != 0 && !slave.seen);
+    if (slave.config.group == number && !stays) slave.error = {};  // of an earlier attempt
     const bool leaves = slave.config.group != number && slave.image.group == number;
     const bool comes = slave.config.group == number && slave.image.group != number;
     if (slave.image.group != SlaveImage::kNoGroup && (leaves || comes)) {
@@ -274,8 +275,8 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
         const bool gone = slave.held && slave.unexpected && slave.al.state == AlState::none;
         if (!gone) faults.keep(held_error(slave, Step::identify));
         const Error missing = slave.al.state == AlState::none ? missing_error(network, slave) : Error{};
-        if (missing.code != Errc::none && slave.seen)
-            faults.note(network, slave, missing);  // it was there when the segment was scanned
+        if (missing.code != Errc::none && (slave.seen || slave.error.code == Errc::none))
+            faults.note(network, slave, missing);  // it was there, or tolerated, when the segment was scanned
         else
             faults.keep(missing);
         if (slave.al.state == AlState::boot) faults.keep(state_error(network, slave));

@@ -217,7 +217,7 @@ Task<Result<>> read_newcomer(Network& network) {
         co_await required(sii_assign(station, false));
         co_await required(survey(network, guest));
         // A failed read is not an answer. A missing device id, or a contradictory SII, is an answer.
-        if (!guest.seen || guest.error.step == Step::identify) co_return guest.error;
+        if (guest.error.step == Step::identify) co_return guest.error;
         co_await required(sii_assign(station, true));
     } else {
         const auto alias = co_await required(read<std::uint16_t>(station, reg::kStationAlias, Step::recover));

@@ -187,7 +187,6 @@ Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
     auto surveyed = co_await survey(network, slave, true);
     auto offered = co_await sii_assign(network.station(slave), true);
     if (!surveyed) co_return surveyed;
-    if (!slave.seen) co_return slave.error;
     slave.other = slave.wanted != nullptr && difference(slave, *slave.wanted).code != Errc::none;
     update_held(network);
     if (slave.other && slave.held) {  // the wanted slave may still come

@@ -65,15 +65,13 @@ Task<Result<>> survey(Network& network, Slave& slave, bool again) {
     slave.device_id_source = DeviceIdSource::none;
     slave.device_id.reset();
     auto esc = co_await read_esc(network, slave);
-    if (again && !esc) slave.error = {};
-    if (!esc) {
-        network.note(slave, esc.error());
-        co_return Nothing{};
-    }
-    auto sii = co_await read_sii_contents(network.station(slave), slave);
-    if (again) slave.error = {};
-    if (!sii) network.note(slave, sii.error());
-    slave.seen = sii || sii.error().step == Step::parse_sii;
+    Result<> read = esc;
+    if (esc) read = co_await read_sii_contents(network.station(slave), slave);
+    const bool parsed = !read && read.error().step == Step::parse_sii;
+    if (again) slave.error = read || parsed ? Error{} : read.error();
+    if (!read && (!again || parsed)) network.note(slave, read.error());
+    slave.seen = read || parsed;
+    if (!slave.seen) co_return read;
     if (network.expected.empty()) co_return Nothing{};
     co_return co_await required(network.expectation->read_id(network, slave));
 }

@@ -342,5 +342,33 @@ TEST(UnreadSlave, HasNoPlaceInItsFirstMapping) {
     EXPECT_TRUE(plant.cycle().ok());
 }
 
+// The errors of an EEPROM that cannot be read: each call has one.
+TEST(UnreadSlave, IsSaidOnceByEachCall) {
+    for (const bool listed : {true, false}) {
+        Plant plant;
+        const auto first = plant.make({.product = 0x100});
+        const auto unread = plant.make({.product = 0x101});
+        ASSERT_TRUE(plant.segment.connect_master({first, 0}));
+        ASSERT_TRUE(plant.segment.connect({first, 1}, {unread, 0}));
+        plant.segment.slave(unread).sii().fail_next(1'000'000);
+        const ExpectedSlave list[] = {{.number = 1, .product = 0x100}, {.number = 2, .product = 0x101}};
+        const auto expected = listed ? std::span<const ExpectedSlave>(list) : std::span<const ExpectedSlave>();
+        const std::string cause = "slave 2: reading the SII at word 0x0000: the EEPROM did not acknowledge";
+        const auto scanned = plant.bring_up(expected);
+        EXPECT_EQ(Plant::told(scanned, cause), 1) << Plant::joined(scanned);
+        EXPECT_EQ(plant.ctx->slave(2).error.step, Step::read_sii);
+        EXPECT_EQ(config_map(*plant.ctx, plant.image).error().step, Step::read_sii);
+        const auto mapped = plant.errors();
+        EXPECT_EQ(Plant::told(mapped, cause), 1) << Plant::joined(mapped);
+        EXPECT_EQ(plant.ctx->slave(2).error.step, Step::read_sii);
+        EXPECT_EQ(reach(*plant.ctx, AlState::op, 3s).error().step, Step::read_sii);
+        const auto reached = plant.errors();
+        EXPECT_EQ(Plant::told(reached, cause), 1) << Plant::joined(reached);
+        plant.segment.slave(unread).sii().fail_next(0);
+        EXPECT_TRUE(config_map(*plant.ctx, plant.image).ok()) << "its sizes were not known";
+        EXPECT_TRUE(reach(*plant.ctx, AlState::op, 3s).ok());
+    }
+}
+
 }  // namespace
 }  // namespace margay

@@ -60,6 +60,25 @@ TEST_F(Wanted, AMissingSlaveIsSaidByEveryResult) {
     EXPECT_EQ(wkc.error().slave, 4);
 }
 
+TEST_F(Wanted, TheErrorOfAMissingOrHeldSlaveStaysInTheSlave) {
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .product = 0x1FF}, {.number = 4}, {.number = 5}};
+    ASSERT_TRUE(tolerate(*ctx, {.missing_slaves = true}).ok());
+    EXPECT_EQ(scan(expected).error().code, Errc::other_slave);
+    (void)errors();
+    ASSERT_TRUE(tolerate(*ctx, {}).ok());
+    for (int n = 0; n < 2; ++n) {
+        EXPECT_EQ(config_map(*ctx, image).error().slave, 2);
+        EXPECT_EQ(ctx->slave(2).error.code, Errc::other_slave);
+        EXPECT_EQ(ctx->slave(3).error.code, Errc::unexpected_slave);
+        EXPECT_EQ(ctx->slave(4).error.code, Errc::missing_slave);
+        EXPECT_EQ(ctx->slave(5).error.code, Errc::missing_slave);
+        const auto said = errors();
+        EXPECT_EQ(std::ranges::count_if(said, [](const auto& one) { return one.ends_with("the slave is missing"); }),
+                  n == 0 ? 2 : 0)
+            << "tolerated at the scan, and said since";
+    }
+}
+
 TEST_F(Wanted, ASlaveThatRefusesItsPdosIsSaidByEveryResult) {
     static constexpr PdoEntry kOther[] = {{0x7000, 1, 13}};
     static constexpr Pdo kRefused[] = {{0x1600, kOther}};
