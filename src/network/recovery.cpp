@@ -66,7 +66,7 @@ class Finding {
           slave_(slave),
           sms_(slave.config.sms),
           content_(marks.pdo_content),
-          kept_(slave.place_kept || marks.pdos_in_doubt) {
+          kept_(slave.place_kept || (marks.pdos_in_doubt && !slave.unplaced)) {
         marks_.finding = true;
         count_ = kept_ ? slave.config.used_sms().size() : 0U;
         slave.place_kept = kept_;

@@ -342,6 +342,39 @@ TEST(UnreadSlave, HasNoPlaceInItsFirstMapping) {
     EXPECT_TRUE(plant.cycle().ok());
 }
 
+// Slave 2 has started again since its PDOs were read, and then the second mapping cannot ask it: it has no place.
+TEST(UnreadSlave, ThatHasStartedAgainHasNoPlace) {
+    Plant plant;
+    const auto first = plant.make({.product = 0x100});
+    const auto drive = plant.segment.add(std::move(*sim::make_device("drive")).assemble());
+    ASSERT_TRUE(plant.segment.connect_master({first, 0}));
+    ASSERT_TRUE(plant.segment.connect({first, 1}, {drive, 0}));
+    ASSERT_TRUE(plant.bring_up({}).empty());
+    ASSERT_TRUE(config_map(*plant.ctx, plant.image).ok());
+    plant.power(drive, false);
+    plant.osal.advance(100ms);
+    plant.power(drive, true);
+    ASSERT_TRUE(readstate(*plant.ctx).ok());
+    ASSERT_TRUE(recover_slave(*plant.ctx, 2).ok());
+    std::pair<Plant*, std::uint32_t> both{&plant, drive};
+    plant.ctx->slave(2).hooks.user = &both;
+    plant.ctx->slave(2).hooks.preop_to_safeop = [](HookedSlave, void* user) -> Result<> {
+        const auto& of = *static_cast<std::pair<Plant*, std::uint32_t>*>(user);
+        of.first->power(of.second, false);
+        return Result<>();
+    };
+    EXPECT_FALSE(config_map(*plant.ctx, plant.image).ok());
+    ASSERT_TRUE(plant.ctx->slave(2).unplaced) << Plant::joined(plant.errors());
+    plant.ctx->slave(2).hooks = {};
+    plant.power(drive, true);
+    ASSERT_TRUE(submit(*plant.ctx, plant.supervision).ok());
+    plant.cycles(3000);
+    EXPECT_EQ(what_is_wrong(*plant.ctx).code, Errc::no_place);
+    EXPECT_EQ(plant.ctx->slave(2).al.state, AlState::preop);
+    EXPECT_TRUE(config_map(*plant.ctx, plant.image).ok());
+    EXPECT_TRUE(plant.until([&] { return plant.in_op(2); }));
+}
+
 // The errors of an EEPROM that cannot be read: each call has one.
 TEST(UnreadSlave, IsSaidOnceByEachCall) {
     for (const bool listed : {true, false}) {
