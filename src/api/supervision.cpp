@@ -61,9 +61,9 @@ static Task<Result<>> run(Network& network, ReconfigRequest& request) {
     Slave& slave = network.slave(request.slave);
     slave.error = {};  // of an earlier attempt
     auto done = co_await reconfigure(network, slave);
-    if (!done) slave.error = done.error();
-    if (!done || !slave.held) co_return done;
-    co_return held_error(slave, Step::recover);
+    const Error error = done ? held_error(slave, Step::recover) : done.error();
+    if (error.code != Errc::none) slave.error = error;
+    co_return error;
 }
 
 // Why the slave does not answer; code none if it answers.
