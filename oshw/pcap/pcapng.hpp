@@ -30,8 +30,9 @@ struct PacketOrigin {
 };
 
 // The origins of all packets, in the order of the file. Empty when the file is no pcapng file. The origins end where
-// the file is damaged: libpcap reports the damage. Allocates memory.
-[[nodiscard]] std::vector<PacketOrigin> read_packet_origins(const std::string& path);
+// the file is damaged: libpcap reports the damage. `dropped`: gets the number of packets that the recorder has dropped,
+// as the file says. Allocates memory.
+[[nodiscard]] std::vector<PacketOrigin> read_packet_origins(const std::string& path, std::uint64_t* dropped = nullptr);
 
 // Writes a pcapng file of Ethernet frames with time stamps in nanoseconds.
 class PcapngWriter {

@@ -150,14 +150,18 @@ std::string slaves_text(const Analysis& a) {
     return text;
 }
 
+std::string late_words(const analyse::CyclicFrame& kind) {
+    return kind.overlapping ? "several on the wire at a time" : fmt::format("{} late", kind.late);
+}
+
 std::string cyclic_text(const Analysis& a) {
     if (a.cyclic.empty()) return {};
     std::string text = "\nProcess data and distributed time\n";
     for (std::size_t n = 0; n < a.cyclic.size(); ++n) {
         const auto& c = a.cyclic[n];
         const auto& i = c.intervals;
-        text += fmt::format("  kind {}: {} from {} to {}, {}, {} late\n", n, counted(c.count, "frame"),
-                            seconds(c.first.at), seconds(c.last.at), lost_words(a, c.lost), c.late);
+        text += fmt::format("  kind {}: {} from {} to {}, {}, {}\n", n, counted(c.count, "frame"), seconds(c.first.at),
+                            seconds(c.last.at), lost_words(a, c.lost), late_words(c));
         if (i.count != 0)
             text += fmt::format(
                 "    cycle {} (mean {}), jitter: standard deviation {}, 98 % within {} to {}, all within {} to {}\n"

@@ -283,9 +283,13 @@ class Judge {
             return add(only ? Severity::fault : Severity::remark, of + "The recording: " + analysis.problem,
                        "recording");
         if (analysis.frames.lost != 0)
-            add(Severity::fault,
-                fmt::format("{}{} of {} in the recording did not come back.", of, analysis.frames.lost,
-                            counted(analysis.frames.requests, "frame")),
+            add(analysis.frames.dropped == 0 ? Severity::fault : Severity::remark,
+                fmt::format("{}{} of {} in the recording did not come back{}.", of, analysis.frames.lost,
+                            counted(analysis.frames.requests, "frame"),
+                            analysis.frames.dropped == 0
+                                ? ""
+                                : fmt::format(", or are among the {} that the recorder has dropped",
+                                              counted(analysis.frames.dropped, "packet"))),
                 "recording");
         if (!only) return;
         if (analysis.slaves.empty() && analysis.frames.answered != 0)

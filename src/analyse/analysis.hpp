@@ -57,13 +57,14 @@ struct FrameCounts {
     std::uint64_t udp = 0;          // of them in UDP
     std::uint64_t other_types = 0;  // EtherCAT frames of another type than datagrams, for example of a mailbox gateway
     std::uint64_t cut = 0;          // EtherCAT frames that the recorder has cut; they are not read
+    std::uint64_t dropped = 0;      // packets that the recorder has dropped, as the file says; of all masters
     std::uint64_t damaged = 0;      // EtherCAT frames whose lengths contradict each other
     std::uint64_t requests = 0;
     std::uint64_t replies = 0;
     std::uint64_t answered = 0;  // of the replies: a slave has worked, for a working counter is not 0
     std::uint64_t lost = 0;      // requests without a reply; 0 where Analysis::losses_known is false
     std::uint64_t open = 0;      // requests whose reply may come behind the end of the recording
-    std::uint64_t late = 0;      // replies behind the next request with the same process data
+    std::uint64_t late = 0;      // replies behind the next request with the same process data, without overlapping kinds
     std::uint64_t unasked = 0;   // replies without a request
     Duration shortest_trip{};    // between request and reply; all 0: not seen
     Duration longest_trip{};
@@ -222,7 +223,8 @@ struct CyclicFrame {
     Moment first{}, last{};
     std::uint64_t count = 0;
     std::uint64_t lost = 0;
-    std::uint64_t late = 0;
+    std::uint64_t late = 0;    // 0 if `overlapping`
+    bool overlapping = false;  // most replies came behind the next request: several frames are on the wire at a time
     Intervals intervals{};
 };
 

@@ -1,6 +1,7 @@
 #include "analyse/cycle_watch.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay::analyse {
 
@@ -73,9 +74,12 @@ void CycleWatch::short_of(Track& track, std::size_t datagram, const Exchanged& e
 }
 
 void CycleWatch::finish() {
+    constexpr std::uint64_t kFewest = 8;
     for (const auto& [key, track] : tracks_) {
-        auto& intervals = analysis_.cyclic[track.number].intervals;
-        intervals = track.intervals.result();
+        auto& facts = analysis_.cyclic[track.number];
+        facts.intervals = track.intervals.result();
+        facts.overlapping = facts.late >= kFewest && 2 * facts.late > facts.count;
+        if (facts.overlapping) analysis_.frames.late -= std::exchange(facts.late, 0);
     }
 }
 

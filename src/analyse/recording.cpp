@@ -135,7 +135,7 @@ class Recording {
             problem_ = reader.problem().empty() ? "it cannot be read" : reader.problem();
             return false;
         }
-        origins_ = read_packet_origins(path_);
+        origins_ = read_packet_origins(path_, &dropped_);
         while (const auto packet = reader.next()) {
             const auto frame = finder_.find(packet->bytes);
             if (!frame || packet->bytes.size() < packet->length_on_wire) continue;
@@ -272,8 +272,15 @@ class Recording {
             add((twins_.each() ? "each frame was" : std::to_string(twins_.copies()) + " frames were") +
                 std::string(" recorded twice: the second one is left out"));
         add(cut_off_);
-        analysis.frames.packets = packets_;
-        for (auto& other : analysis.others) other.frames.packets = packets_;
+        if (dropped_ != 0)
+            add("the recorder has dropped " + std::to_string(dropped_) + (dropped_ == 1 ? " packet" : " packets") +
+                ": what seems to be lost may have been on the wire");
+        const auto of_file = [this](FrameCounts& frames) {
+            frames.packets = packets_;
+            frames.dropped = dropped_;
+        };
+        of_file(analysis.frames);
+        for (auto& other : analysis.others) of_file(other.frames);
         if (!problem_.empty())
             analysis.problem = problem_;
         else if (analysis.frames.ethercat == 0)
@@ -291,6 +298,7 @@ class Recording {
     Twins twins_{};
     std::uint64_t packets_ = 0;
     std::uint64_t left_out_ = 0;
+    std::uint64_t dropped_ = 0;  // by the recorder
     std::string problem_{}, cut_off_{};
 };
 

@@ -67,6 +67,27 @@ TEST_F(AnalyserTest, MeasuresTheCycleAndCountsLostAndLateFrames) {
     EXPECT_EQ(a.shortfalls.items.size(), 0u);
 }
 
+// A master that has two frames on the wire, and one that sends a burst to the clocks.
+TEST_F(AnalyserTest, FramesThatOverlapAreNotLate) {
+    for (int i = 0; i < 100; ++i) {
+        const auto index = static_cast<std::uint8_t>(i);
+        packet(1ms * i, frame_of({kCyclic}, false, index));
+        if (i >= 1) packet(1ms * i + 500us, frame_of({kCyclic}, true, static_cast<std::uint8_t>(i - 1)));
+    }
+    const auto other = Part{Command::LRW, wire::DatagramAddress(0x20000), std::vector<std::byte>(8), 3};
+    packet(200ms, frame_of({other}, false, 1));
+    packet(201ms, frame_of({other}, false, 2));
+    packet(202ms, frame_of({other}, true, 1));
+    packet(203ms, frame_of({other}, true, 2));
+    const auto a = analyser.finish();
+    ASSERT_EQ(a.cyclic.size(), 2U);
+    EXPECT_TRUE(a.cyclic[0].overlapping);
+    EXPECT_EQ(a.cyclic[0].late, 0U);
+    EXPECT_FALSE(a.cyclic[1].overlapping);
+    EXPECT_EQ(a.cyclic[1].late, 1U);
+    EXPECT_EQ(a.frames.late, 1U);
+}
+
 TEST_F(AnalyserTest, SaysWhenAWorkingCounterFellShort) {
     for (int i = 0; i < 30; ++i) exchange(1ms * i, {cyclic(i < 5 ? 1 : i >= 10 && i < 14 ? 2 : i >= 28 ? 0 : 3)});
     const auto a = analyser.finish();

@@ -373,6 +373,38 @@ TEST_F(AnalyseFile, MastersBeyondTheLimitAreRemarked) {
     EXPECT_NE(a.remark.find("frames of more than 16 masters: 4 are not analysed"), std::string::npos) << a.remark;
 }
 
+// dumpcap writes these statistics behind the packets. The last ones of an interface count.
+TEST_F(AnalyseFile, SaysWhatTheRecorderHasDropped) {
+    const auto path = pcapng(cycles_of(1, 0ms, 1ms, 20));
+    EXPECT_EQ(analyse_file(path).remark, "");
+    const auto statistics = [&](std::uint32_t interface, std::uint64_t by_interface, std::uint64_t by_system) {
+        std::vector<std::byte> block(60);
+        store_le(MutableBytes(block), 0, std::uint32_t{5});
+        store_le(MutableBytes(block), 4, std::uint32_t{60});
+        store_le(MutableBytes(block), 8, interface);
+        store_le(MutableBytes(block), 20, std::uint32_t{8 << 16 | 4});  // received
+        store_le(MutableBytes(block), 24, std::uint64_t{1'000'000});
+        store_le(MutableBytes(block), 32, std::uint32_t{8 << 16 | 5});
+        store_le(MutableBytes(block), 36, by_interface);
+        store_le(MutableBytes(block), 44, std::uint32_t{8 << 16 | 7});
+        store_le(MutableBytes(block), 48, by_system);
+        store_le(MutableBytes(block), 56, std::uint32_t{60});  // the options end with the block
+        std::ofstream(path, std::ios::binary | std::ios::app)
+            .write(reinterpret_cast<const char*>(block.data()), static_cast<std::streamsize>(block.size()));
+    };
+    statistics(0, 0, 0);
+    statistics(1, 0, 0);
+    EXPECT_EQ(analyse_file(path).frames.dropped, 0U);
+    EXPECT_EQ(analyse_file(path).remark, "");
+    statistics(0, 3, 1);
+    statistics(1, 0x1'0000'0000, 0);
+    statistics(0, 5, 1);
+    const auto a = analyse_file(path);
+    EXPECT_EQ(a.frames.dropped, 0x1'0000'0006U);
+    EXPECT_EQ(a.remark, "the recorder has dropped 4294967302 packets: what seems to be lost may have been on the wire");
+    EXPECT_EQ(a.frames.requests, 20U);
+}
+
 TEST_F(AnalyseFile, APipeIsReadAsAWhole) {
     const auto path = pcapng(cycles_of(1, 0us, 1ms, 400));
     const auto pipe = folder.file("pipe");
