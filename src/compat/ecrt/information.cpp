@@ -70,6 +70,10 @@ int sync_at(Bus& bus, std::uint16_t position, std::uint8_t index, SyncWish& sync
     if (known == nullptr) {
         await_start(bus, position, Ready::for_pdos);
         if (!bus.slave_at(position, slave)) return -ENOENT;
+        if (bus.active && !bus.cycling) {
+            say("master %u: the PDOs of a slave can be asked for when the cycle has begun", bus.index);
+            return -EIO;
+        }
     }
     if (index >= slave.sm_count || index >= Slave::kSyncManagers) return -ENOENT;
     if (known == nullptr) known = pdos_of(bus, slave, true);

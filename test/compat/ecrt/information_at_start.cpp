@@ -7,6 +7,7 @@
 #include <ecrt.h>
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <cstdio>
 #include <thread>
 
@@ -61,9 +62,11 @@ struct Answers {
     }
 };
 
-int ask_beside_the_cycle(unsigned begin) {
+int ask_beside_the_cycle(unsigned begin, bool also_before) {
     Program program;
     CHECK(program.start() == 0);
+    ec_sync_info_t sync;
+    if (also_before) CHECK(ecrt_master_get_sync_manager(program.master, kPosition, 3, &sync) == -EIO);
     std::atomic<unsigned> cycles{0};
     std::atomic<bool> stop{false};
     std::thread cyclic([&] {
@@ -103,7 +106,7 @@ int ask_in_the_cycle() {
 int main() {
     if (ask_in_the_cycle() != 0) return 1;
     for (unsigned begin = 0; begin < 300; begin += 1 + begin / 4)
-        if (ask_beside_the_cycle(begin) != 0) {
+        if (ask_beside_the_cycle(begin, begin == 0) != 0) {
             std::printf("asked in cycle %u\n", begin);
             return 1;
         }
