@@ -71,6 +71,11 @@ std::optional<CapturedPacket> PacketReader::next() {
         const auto text = "it breaks off or is damaged behind packet " + std::to_string(number_) + " (" + why + ")";
         if (why.find("truncated") != why.npos)
             cut_off_ = text;
+        else if (why.find("different from the type of the first interface") != why.npos)
+            (void)fail(
+                "its interfaces have different link types; record on Ethernet interfaces only, not on \"any\" "
+                "beside them (" +
+                why + ")");
         else
             (void)fail(text);
     }

@@ -57,6 +57,8 @@ Answer<MacAddress> parse_mac(const std::string& word) {
         if (right) mac[n] = static_cast<std::uint8_t>(*octet);
     }
     if (!right) return wrong(fmt::format("'{}' is no MAC address (00:11:22:33:44:55)", word));
+    if ((mac[0] & 1U) != 0 || mac == MacAddress{})
+        return wrong(fmt::format("'{}' is no address of one device: the first octet is odd, or all are 0", word));
     return mac;
 }
 
@@ -139,6 +141,8 @@ int run_ip(Call& call) {
         return call.fail(wrong(fmt::format("'{}' has no value: parameters are pairs of NAME and VALUE", words.back())));
     EoeIp ip;
     for (std::size_t n = 0; n < words.size(); n += 2) {
+        for (std::size_t earlier = 0; earlier < n; earlier += 2)
+            if (words[earlier] == words[n]) return call.fail(wrong(fmt::format("'{}' is there twice", words[n])));
         const auto set = set_parameter(words[n], words[n + 1], ip);
         if (!set) return call.fail(set.problem());
     }

@@ -102,7 +102,7 @@ class Parser {
 
     // Options come before all other complaints, because an unknown option makes the rest of the words uncertain.
     std::optional<Problem> no_option(std::string_view word) {
-        return usage(fmt::format("there is no option '{}'", word));
+        return usage(fmt::format("there is no option '{}'", word), out_.command);
     }
 
     std::optional<Problem> add(const Option& option, std::optional<std::string> value) {

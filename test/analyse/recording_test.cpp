@@ -90,6 +90,16 @@ TEST_F(AnalyseFile, SaysWhatIsWrongAndReadsAFileThatEndsEarly) {
     EXPECT_EQ(cut.frames.replies, 1u);
 }
 
+TEST_F(AnalyseFile, SaysThatAnInterfaceIsNotEthernet) {
+    auto content = read_file(pcapng(cycles_of(1, 0ms, 1ms, 20)));
+    constexpr std::size_t kFirst = 28;  // behind the section header
+    const std::size_t second = kFirst + static_cast<unsigned char>(content[kFirst + 4]);
+    content[second + 8] = 113;  // Linux cooked, of "any"
+    const auto problem = analyse_file(folder.write("mixed.pcapng", content)).problem;
+    EXPECT_TRUE(problem.starts_with("its interfaces have different link types; record on Ethernet interfaces only"))
+        << problem;
+}
+
 void expect_cycle(const Analysis& a, Duration cycle, std::uint64_t count) {
     EXPECT_EQ(a.frames.requests, count);
     EXPECT_EQ(a.frames.replies, count);

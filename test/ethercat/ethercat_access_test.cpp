@@ -155,6 +155,9 @@ TEST_F(EthercatAccess, SetsIpParametersAndCountsFrames) {
         fails("sim:eoe", std::string("ip -p 1 default_gateway ") + shorter, 2,
               std::string("'") + shorter + "' is no IPv4 address: four numbers from 0 to 255 without leading zeros");
     fails("sim:eoe", "ip -p 1 mac_address 02:00", 2, "'02:00' is no MAC address");
+    for (const char* nobody : {"ff:ff:ff:ff:ff:ff", "01:00:5e:00:00:01", "00:00:00:00:00:00"})
+        fails("sim:eoe", std::string("ip -p 1 mac_address ") + nobody, 2, "is no address of one device");
+    fails("sim:eoe", "ip -p 1 hostname a hostname b", 2, "'hostname' is there twice");
     fails("sim:eoe", "ip -p 1 address 1.2.3.4", 2, "there is no parameter 'address'");
     fails("sim:eoe", "ip -p 1 hostname", 2, "arguments are missing");
     fails("sim:eoe", "ip -p 1 hostname a ip_address", 2, "'ip_address' has no value");
