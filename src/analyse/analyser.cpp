@@ -6,7 +6,7 @@ namespace margay::analyse {
 
 void forget_losses(Analysis& analysis) {
     analysis.losses_known = false;
-    analysis.frames.lost = 0;
+    analysis.frames.lost = analysis.frames.open = 0;
     for (auto& cyclic : analysis.cyclic) cyclic.lost = 0;
 }
 

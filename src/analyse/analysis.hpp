@@ -63,7 +63,7 @@ struct FrameCounts {
     std::uint64_t replies = 0;
     std::uint64_t answered = 0;  // of the replies: a slave has worked, for a working counter is not 0
     std::uint64_t lost = 0;      // requests without a reply; 0 where Analysis::losses_known is false
-    std::uint64_t open = 0;      // requests whose reply may come behind the end of the recording
+    std::uint64_t open = 0;      // requests whose reply may come behind the end of the recording; 0 as `lost`
     std::uint64_t late = 0;      // replies behind the next request with the same process data, without overlapping kinds
     std::uint64_t unasked = 0;   // replies without a request
     Duration shortest_trip{};    // between request and reply; all 0: not seen
@@ -246,7 +246,7 @@ struct Analysis {
     Duration duration{};    // from the first to the last EtherCAT frame
     Duration begin{};       // of the first EtherCAT frame, since the first packet
     Directions directions = Directions::none;
-    bool losses_known = true;  // false: the recording has only requests or only replies
+    bool losses_known = true;  // false: the recording has only requests, only replies, or a part of a ring
     bool ring = false;         // of both NICs of a ring: the copies of a frame are counted as one frame
     std::optional<std::uint32_t> interface {};  // of the file, where two masters of the file have the same address
     FrameCounts frames{};

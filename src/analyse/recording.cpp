@@ -4,6 +4,7 @@
 #include "analyse/ethercat_frame.hpp"
 #include "analyse/masters.hpp"
 #include "analyse/ring_copies.hpp"
+#include "analyse/ring_signs.hpp"
 #include "analyse/twins.hpp"
 #include "oshw/pcap/packet_reader.hpp"
 
@@ -109,6 +110,10 @@ class Recording {
     Analysis analyse() {
         if (!survey()) return said(Analysis());
         if (is_ring_) return said(analyse_ring());
+        if (sight_ == RingSigns::Sight::whole || sight_ == RingSigns::Sight::sent) {
+            if (auto analysis = analyse_ring_of_taps()) return said(std::move(*analysis));
+            sight_ = RingSigns::Sight::part;
+        }
         std::vector<std::unique_ptr<Analyser>> analysers;
         for (std::size_t n = 0; n < std::max<std::size_t>(masters_.count(), 1); ++n)
             analysers.push_back(std::make_unique<Analyser>());
@@ -122,6 +127,10 @@ class Recording {
         auto all = finished(analysers);
         auto first = std::move(all.front());
         first.others.assign(std::make_move_iterator(all.begin() + 1), std::make_move_iterator(all.end()));
+        if (sight_ == RingSigns::Sight::part) {
+            forget_losses(first);
+            for (auto& other : first.others) forget_losses(other);
+        }
         return said(std::move(first));
     }
 
@@ -155,9 +164,11 @@ class Recording {
             if (frame.empty()) return;
             masters_.look(frame, twins_.common(t.origin.interface));
             ring.look(t.origin, t.when.at, t.bytes);
+            signs_.look(t.origin, t.when.at, t.bytes);
         });
         masters_.decide();
         is_ring_ = RingCopies::is_ring(origins_) && ring.is_ring();
+        sight_ = signs_.decide();
     }
 
     [[nodiscard]] PacketOrigin origin_of(std::uint64_t number) const {
@@ -202,6 +213,21 @@ class Recording {
         return analysis;
     }
 
+    // Both NICs of a ring, without directions. nullopt: the packets are too many to be put in order.
+    std::optional<Analysis> analyse_ring_of_taps() {
+        Analyser analyser;
+        RingCopies ring([&](Moment when, Bytes packet, std::size_t length) { analyser.packet(when, packet, length); },
+                        signs_);
+        const bool fits = read_sorted([](const Taken&, std::optional<std::size_t>) { return true; },
+                                      [&](const Taken& t) { ring.packet({}, t.when, t.bytes, t.length_on_wire); });
+        if (!fits) return std::nullopt;
+        ring.finish();
+        auto analysis = analyser.finish();
+        analysis.ring = sight_ == RingSigns::Sight::whole;
+        if (!analysis.ring) forget_losses(analysis);
+        return analysis;
+    }
+
     static std::string order_text(const Analyser& analyser) {
         return "the packets are not in order of time (" + std::to_string(analyser.steps_back()) +
                (analyser.steps_back() == 1 ? " time" : " times") + ", first at packet #" +
@@ -236,6 +262,17 @@ class Recording {
 
     // The packets of one master in order of time. nullopt: they are too many.
     std::optional<Analysis> analyse_sorted(std::size_t master) {
+        Analyser analyser;
+        const bool fits =
+            read_sorted([&](const Taken&, std::optional<std::size_t> of) { return of.value_or(0) == master; },
+                        [&](const Taken& t) { analyser.packet(t.when, t.bytes, t.length_on_wire); });
+        if (!fits) return std::nullopt;
+        return analyser.finish();
+    }
+
+    // The EtherCAT packets that `is_one` chooses, in order of time. False: they are too many.
+    template <class IsOne, class Take>
+    bool read_sorted(IsOne is_one, Take take) {
         struct Kept {
             Moment when{};
             std::size_t begin = 0, size = 0, length_on_wire = 0;
@@ -244,17 +281,16 @@ class Recording {
         std::vector<std::byte> octets;
         bool fits = true;
         read([&](const Taken& t, std::optional<std::size_t> of) {
-            if (of.value_or(0) != master || !finder_.find(t.bytes)) return;
+            if (!is_one(t, of) || !finder_.find(t.bytes)) return;
             fits = fits && octets.size() + kept.size() * sizeof(Kept) + t.bytes.size() <= kMostSorted;
             if (!fits) return;
             kept.push_back({t.when, octets.size(), t.bytes.size(), t.length_on_wire});
             octets.insert(octets.end(), t.bytes.begin(), t.bytes.end());
         });
-        if (!fits) return std::nullopt;
+        if (!fits) return false;
         std::ranges::stable_sort(kept, {}, [](const Kept& k) { return k.when.at; });
-        Analyser analyser;
-        for (const auto& k : kept) analyser.packet(k.when, Bytes(octets).subspan(k.begin, k.size), k.length_on_wire);
-        return analyser.finish();
+        for (const auto& k : kept) take({k.when, {}, Bytes(octets).subspan(k.begin, k.size), k.length_on_wire});
+        return true;
     }
 
     // Adds what is said of the file as a whole.
@@ -271,6 +307,7 @@ class Recording {
         if (twins_.copies() != 0)
             add((twins_.each() ? "each frame was" : std::to_string(twins_.copies()) + " frames were") +
                 std::string(" recorded twice: the second one is left out"));
+        add(words_of_sight());
         add(cut_off_);
         if (dropped_ != 0)
             add("the recorder has dropped " + std::to_string(dropped_) + (dropped_ == 1 ? " packet" : " packets") +
@@ -290,11 +327,34 @@ class Recording {
         return analysis;
     }
 
+    [[nodiscard]] std::string words_of_sight() const {
+        switch (sight_) {
+            case RingSigns::Sight::none: return {};
+            case RingSigns::Sight::whole:
+                return "the file has no directions of packets; frames that come by twice show that it is of both NICs "
+                       "of a ring";
+            case RingSigns::Sight::sent:
+                return "two source addresses send the same frames: this looks like a part of a ring, and is counted as "
+                       "one master; losses are not known, and a working counter may be that of one part of the ring; "
+                       "record both NICs in both directions";
+            case RingSigns::Sight::part:
+                return "this looks like a part of a ring, and its NICs are shown as masters of their own: two source "
+                       "addresses send the same frames; losses are not known, and late replies, replies without a "
+                       "request and working counters are those of one part; record both NICs in both directions";
+            case RingSigns::Sight::like:
+                return "two masters send the same frames at the same time: if they are the NICs of a broken ring, they "
+                       "are one master, and each working counter is that of one part of the ring";
+        }
+        return {};
+    }
+
     std::string path_;
     std::vector<PacketOrigin> origins_{};
     FrameFinder finder_{};
     Masters masters_{};
     bool is_ring_ = false;
+    RingSigns signs_{};
+    RingSigns::Sight sight_ = RingSigns::Sight::none;
     Twins twins_{};
     std::uint64_t packets_ = 0;
     std::uint64_t left_out_ = 0;

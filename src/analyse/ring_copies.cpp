@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <initializer_list>
 #include <utility>
 
 namespace margay::analyse {
@@ -12,7 +13,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kOtherThread = 20ms;  // a frame of another thread can be between the copies so long
+constexpr Duration kBeforeRepetition = 10ms;  // a master waits longer before it repeats a frame
+constexpr Duration kOtherThread = 20ms;       // a frame of another thread can be between the copies so long
 
 bool is_plain_ethercat(Bytes packet) {
     return packet.size() >= wire::kFramePrefixBytes + wire::kDatagramOverheadBytes && packet[12] == std::byte{0x88} &&
@@ -94,16 +96,20 @@ bool RingCopies::is_ring(const std::vector<PacketOrigin>& origins) {
 
 void RingCopies::packet(const PacketOrigin& origin, Moment when, Bytes packet, std::size_t length_on_wire) {
     using Direction = PacketOrigin::Direction;
-    const bool is_of_ring = is_plain_ethercat(packet) && packet.size() >= length_on_wire &&
-                            origin.direction != Direction::unknown && origin.interface < 2;
+    const bool has_origin = origin.direction != Direction::unknown && origin.interface < 2;
+    const bool is_of_ring =
+        is_plain_ethercat(packet) && packet.size() >= length_on_wire && (has_origin || !has_directions_);
     const auto source = is_of_ring ? source_of(packet) : std::array<std::byte, 6>{};
-    if (is_of_ring && origin.direction == Direction::refused) {
+    const std::size_t copy = source == macs_[1] ? 1 : 0;
+    const bool is_known = source == macs_[0] || source == macs_[1];
+    if (is_of_ring && is_known && !has_directions_) {
+        is_marked(packet) ? received(copy, false, when, packet) : sent_or_seen_again(copy, when, packet);
+    } else if (is_of_ring && has_directions_ && origin.direction == Direction::refused) {
         ++merged_;  // it was not on the wire
-    } else if (is_of_ring && origin.direction == Direction::sent) {
+    } else if (is_of_ring && has_directions_ && origin.direction == Direction::sent) {
         macs_[origin.interface] = source;
         sent(origin.interface, when, packet);
-    } else if (is_of_ring && (source == macs_[0] || source == macs_[1])) {
-        const std::size_t copy = source == macs_[1] ? 1 : 0;
+    } else if (is_of_ring && is_known) {
         received(copy, origin.interface != copy, when, packet);
     } else {
         (void)enqueue({when, {packet.begin(), packet.end()}, length_on_wire});
@@ -125,9 +131,23 @@ void RingCopies::sent(std::size_t copy, Moment when, Bytes packet) {
     open(flights, when).sent[copy].keep(when, packet);
 }
 
+// The copy that no slave processes in the whole ring comes by again behind it. Both copies can be seen more than once,
+// where more than two places were recorded.
+void RingCopies::sent_or_seen_again(std::size_t copy, Moment when, Bytes packet) {
+    for (const Flight& flight : flights_[index_of(packet)]) {
+        const Held& before = flight.sent[copy];
+        if (!before.there() || opened_ - flight.number >= kRepeatedWithin ||
+            (copy == 0 && when.at - before.when.at >= kBeforeRepetition) || !are_of_one_frame(before.bytes, packet))
+            continue;
+        ++merged_;
+        return;
+    }
+    sent(copy, when, packet);
+}
+
 // The NIC sends another frame: if the other NIC has not sent the one before, it will not send it.
 void RingCopies::note_next(std::size_t copy) {
-    if (!last_[copy] || flights_[*last_[copy]].empty()) return;
+    if (!has_directions_ || !last_[copy] || flights_[*last_[copy]].empty()) return;
     Flight& before = flights_[*last_[copy]].back();
     if (!before.sent[copy].there() || before.sent[1 - copy].there()) return;
     before.alone = true;
@@ -233,6 +253,17 @@ std::vector<std::byte> RingCopies::request_of(const Flight& flight) const {
     }
 }
 
+// One copy has found the ring whole, and the other one broken: the one that has passed all slaves is the reply.
+std::size_t RingCopies::whole_of(const Flight& flight) const {
+    const auto& came = flight.came;
+    if (!came[0].there() || !came[1].there()) return 2;
+    if (has_directions_) return flight.crossed[0] == flight.crossed[1] ? 2 : flight.crossed[0] ? 0 : 1;
+    const auto found = whole_.find(kind_of_copies(came[0].bytes));
+    for (const std::size_t copy : {std::size_t{0}, std::size_t{1}})
+        if (found != whole_.end() && counters_of(came[copy].bytes) == found->second) return copy;
+    return 2;
+}
+
 // Passes on the request and what is there of the reply.
 void RingCopies::settle(Flight& flight) {
     if (flight.over) return;
@@ -242,11 +273,10 @@ void RingCopies::settle(Flight& flight) {
     if (flight.reply != 0) {
         auto reply = request;
         reply[wire::kSourceMacOffset] |= wire::kPassedEscBit;
-        // One copy has found the ring whole, and the other one broken: the one that has passed all slaves is the reply.
-        const bool changed = flight.came[0].there() && flight.came[1].there() && flight.crossed[0] != flight.crossed[1];
+        const std::size_t whole = whole_of(flight);
         for (const std::size_t copy : {head_, 1 - head_}) {
             const auto& came = flight.came[copy];
-            if (!came.there() || (changed && !flight.crossed[copy])) continue;
+            if (!came.there() || whole == 1 - copy) continue;
             const auto& before = flight.sent[copy].there() ? flight.sent[copy] : flight.sent[1 - copy];
             add_part(reply, request, came.bytes, before.bytes);
         }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "analyse/exchanges.hpp"
+#include "analyse/ring_signs.hpp"
 #include "oshw/pcap/pcapng.hpp"
 
 #include <array>
@@ -20,6 +21,9 @@ class RingCopies {
   public:
     using Emit = std::function<void(Moment when, Bytes packet, std::size_t length_on_wire)>;
     explicit RingCopies(Emit emit) : emit_(std::move(emit)) {}
+    // For a recording without directions, with what was seen of it. The packets are in order of time.
+    RingCopies(Emit emit, const RingSigns& signs)
+        : emit_(std::move(emit)), macs_(signs.addresses()), has_directions_(false), whole_(signs.whole()) {}
 
     // Whether the packets have exactly two interfaces, and were sent at both.
     [[nodiscard]] static bool is_ring(const std::vector<PacketOrigin>& origins);
@@ -61,6 +65,8 @@ class RingCopies {
     };
     using Flights = std::vector<Flight>;  // with the same index: a master repeats a frame that does not come back
     void sent(std::size_t copy, Moment when, Bytes packet);
+    // Without directions: a frame that no slave has processed is a request, or one that comes by again.
+    void sent_or_seen_again(std::size_t copy, Moment when, Bytes packet);
     void received(std::size_t copy, bool crossed, Moment when, Bytes packet);
     void note_next(std::size_t copy);
     // The flight whose other copy was sent just now.
@@ -70,6 +76,8 @@ class RingCopies {
     void settle_if_complete(Flight& flight);
     void settle(Flight& flight);
     void note_head(const Flight& flight);
+    // The copy that is the whole reply although the other one came back too; 2: both are parts.
+    [[nodiscard]] std::size_t whole_of(const Flight& flight) const;
     [[nodiscard]] std::vector<std::byte> request_of(const Flight& flight) const;
     [[nodiscard]] std::uint64_t enqueue(Place next);
     [[nodiscard]] Place& place(std::uint64_t number) { return queue_[number - first_]; }
@@ -83,7 +91,9 @@ class RingCopies {
     Emit emit_;
     std::array<Flights, 256> flights_{};                 // by the index of the first datagram, the youngest one last
     std::array<std::optional<std::uint8_t>, 2> last_{};  // the index that the NIC has sent last
-    std::array<std::array<std::byte, 6>, 2> macs_{};
+    std::array<RingSigns::Address, 2> macs_{};
+    bool has_directions_ = true;
+    RingSigns::Counters whole_{};  // without directions
     std::array<bool, 2> rests_{};  // in the whole ring, no slave processes the copy
     std::size_t head_ = 0;         // the NIC at the beginning of the ring
     std::deque<Place> queue_{};

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <map>
 #include <thread>
 
 #include <sys/stat.h>
@@ -189,6 +190,101 @@ TEST_F(AnalyseFile, ARingIsOneMasterAndTwoMastersAreNoRing) {
         expect_cycle(a, 1ms, 40);
         EXPECT_EQ(a.others.size(), ring ? 0u : 1u);
     }
+}
+
+// A ring as taps record it, without directions: the copies of the addresses 1 and 2 at the interfaces 0 and 1. Two
+// thirds of the cycles are in the whole ring, and the last third behind a break between the slaves.
+std::vector<Packet> ring_of_taps(int count, bool breaks) {
+    std::vector<Packet> all;
+    for (int n = 0; n < count; ++n) {
+        const auto index = static_cast<std::uint8_t>(n);
+        const auto at = 1ms * n;
+        const bool broken = breaks && 3 * n >= 2 * count;
+        all.push_back({at, cycle_frame(1, false, index), {.interface = 0}});
+        all.push_back({at + 10us, cycle_frame(2, false, index), {.interface = 1}});
+        auto first = cycle_frame(1, true, index);
+        auto second = cycle_frame(2, broken, index);
+        if (broken) store_le<std::uint16_t>(MutableBytes(first), first.size() - 2, 1);
+        if (broken) store_le<std::uint16_t>(MutableBytes(second), second.size() - 2, 2);
+        all.push_back({at + 40us, first, {.interface = broken ? 0U : 1U}});
+        all.push_back({at + (broken ? 700us : 45us), second, {.interface = broken ? 1U : 0U}});
+    }
+    return all;
+}
+
+void expect_ring_of_taps(const Analysis& a) {
+    EXPECT_TRUE(a.ring);
+    EXPECT_TRUE(a.losses_known);
+    EXPECT_EQ(
+        a.remark,
+        "the file has no directions of packets; frames that come by twice show that it is of both NICs of a ring");
+    EXPECT_TRUE(a.others.empty());
+    expect_cycle(a, 1ms, 90);
+    EXPECT_EQ(a.cyclic.at(0).datagrams.at(0).wkcs, (std::map<std::uint16_t, std::uint64_t>{{3, 90}}));
+    EXPECT_TRUE(a.shortfalls.items.empty());
+}
+
+TEST_F(AnalyseFile, ARingWithoutDirectionsIsOneMaster) {
+    for (const bool breaks : {false, true}) {
+        auto packets = ring_of_taps(90, breaks);
+        expect_ring_of_taps(analyse_file(pcapng(packets)));
+        expect_ring_of_taps(analyse_file(pcap(packets)));
+        // A third place, between the first NIC and the ring.
+        for (const auto& p : ring_of_taps(90, breaks))
+            if (p.origin.interface == 0) packets.push_back({p.at + 3us, p.bytes, {.interface = 2}});
+        packets = in_order(packets);
+        const auto a = analyse_file(pcapng(packets));
+        EXPECT_TRUE(a.ring && a.losses_known && a.others.empty());
+        expect_cycle(a, 1ms, 90);
+    }
+}
+
+// The copy at the break was sent into the whole ring, and the other one behind it into the broken one.
+TEST_F(AnalyseFile, ACopyThatHasPassedTheWholeRingIsTheReplyAlone) {
+    auto packets = ring_of_taps(90, true);
+    for (auto& p : packets)
+        if (p.at == 60ms + 40us) p = {p.at, cycle_frame(1, true, 60), {.interface = 1}};
+    expect_ring_of_taps(analyse_file(pcapng(packets)));
+}
+
+// While the ring is whole, the replies are at the other NIC.
+TEST_F(AnalyseFile, APartOfARingShowsNoLosses) {
+    for (const bool breaks : {false, true}) {
+        auto packets = ring_of_taps(90, breaks);
+        std::erase_if(packets, [](const Packet& p) { return p.origin.interface != 0; });
+        const auto a = analyse_file(pcap(packets));
+        EXPECT_FALSE(a.ring || a.losses_known);
+        EXPECT_NE(a.remark.find("looks like a part of a ring, and is counted as one master"), std::string::npos);
+        EXPECT_TRUE(a.others.empty());
+        EXPECT_EQ(a.frames.requests, 90U);
+        EXPECT_EQ(a.frames.replies, breaks ? 30U : 0U);
+        EXPECT_EQ(a.frames.lost, 0U);
+        EXPECT_EQ(a.cyclic.at(0).lost, 0U);
+        EXPECT_EQ(a.cyclic.at(0).intervals.median, 1ms);
+        packets = ring_of_taps(90, breaks);
+        std::erase_if(packets, [](const Packet& p) { return p.origin.interface != 1; });
+        const auto other = analyse_file(pcap(packets));
+        EXPECT_FALSE(other.losses_known);
+        EXPECT_NE(other.remark.find("looks like a part of a ring, and its NICs are shown as masters"),
+                  std::string::npos);
+        ASSERT_EQ(other.others.size(), 1U);
+        EXPECT_FALSE(other.others[0].losses_known);
+        EXPECT_EQ(other.frames.lost + other.others[0].frames.lost, 0U);
+    }
+}
+
+// One program with two masters, whose segments are alike.
+TEST_F(AnalyseFile, TwoMastersInStepAreNoRing) {
+    const auto a = analyse_file(pcap(in_order(cycles_of(1, 0us, 1ms, 40) + cycles_of(2, 10us, 1ms, 40))));
+    EXPECT_FALSE(a.ring);
+    EXPECT_TRUE(a.losses_known);
+    EXPECT_NE(a.remark.find("two masters send the same frames at the same time: if they are"), std::string::npos);
+    expect_cycle(a, 1ms, 40);
+    ASSERT_EQ(a.others.size(), 1U);
+    expect_cycle(a.others[0], 1ms, 40);
+    // The frames of the second one have another index, or come later.
+    for (const auto begin : {11'010us, 1'500us})
+        EXPECT_EQ(analyse_file(pcap(in_order(cycles_of(1, 0us, 1ms, 40) + cycles_of(2, begin, 1ms, 40)))).remark, "");
 }
 
 // A mirror port that copies both directions, and a recorder on a bridge and its port.
