@@ -96,16 +96,19 @@ void judge(ec_domain& domain) {
     const Exchange& exchange = *domain.exchange;
     const Group& group = bus.ctx->group(exchange.group);
     const bool exchanged = exchange.mapped && !exchange.held;
-    bool came = false;
-    for (const DatagramStatus& datagram : group.datagrams) came |= exchanged && datagram.came && datagram.got != 0;
+    unsigned on_wire = 0;
+    for (const DatagramStatus& datagram : group.datagrams)
+        if (exchanged && datagram.came) on_wire += datagram.got;
+    const bool came = on_wire != 0;
     unsigned counter = 0;
     for (const DomainPart& part : domain.parts) {
         if (!came || part.share == 0 || !part.placed) continue;
         const std::uint16_t number = part.config->number.load(std::memory_order_relaxed);
         if (bus.ctx->slave(number).takes_part && inputs_fresh(*bus.ctx, number)) counter += part.share;
     }
-    // Some slave has answered, and which one is not known yet.
-    if (counter == 0 && came && domain.complete.working_counter > 1) counter = 1;
+    // Some slaves have answered, and which ones is not known yet.
+    if (counter == 0 && came && domain.complete.working_counter > 1)
+        counter = std::min(on_wire, domain.complete.working_counter - 1);
     if (counter != 0) domain.inputs.execute();
     domain.state.working_counter = counter;
     domain.state.wc_state = counter == 0                                 ? EC_WC_ZERO
