@@ -254,11 +254,11 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //   cycles, and those in flight, the inputs are fresh again; later while frames are lost, while the counter goes on to
 //   change, and while a slave is on its way to another state. A slave that does not answer keeps them old until
 //   readstate() or the supervision has found it lost.
-//   One case is not seen. While a slave is missing, a slave of the same share may come in the moment in which another
-//   one leaves: both between the same two cycles, so that the working counter does not change. The slave that comes was
-//   cut off and has kept its power, or is started up again at that time. Then the inputs of the slave that has left
-//   count as fresh, and are not its inputs, until the states are read: with a supervision for one cycle or a few,
-//   without one until readstate().
+//   One case is not seen. While a slave is missing, slaves may come in the moment in which others with the same share
+//   leave: both between the same two cycles, so that the working counter does not change. A slave that comes was cut
+//   off and has kept its power, or is started up again at that time. Then the inputs of the slaves that have left count
+//   as fresh, and are not their inputs, until the states are read: with a supervision for one cycle or a few, without
+//   one until readstate(). Cables that are plugged into other places at running machines are such a case.
 //
 // Overlapping cycles (GroupConfiguration::cycles_in_flight is 2 or more): the next cycle can be sent while earlier
 // cycles are still on the wire. Each receive_processdata() ends the oldest cycle and copies its inputs into the image.
