@@ -10,6 +10,24 @@ void forget_losses(Analysis& analysis) {
     for (auto& cyclic : analysis.cyclic) cyclic.lost = 0;
 }
 
+namespace {
+
+// A tap between slaves shows each frame twice, with the working counters of a part and of all slaves.
+void forget_counters(Analysis& analysis) {
+    analysis.passes_twice = true;
+    analysis.shortfalls = {};
+    analysis.ring_sizes = {};
+    analysis.frames.late = 0;
+    for (auto& slave : analysis.slaves) slave.unanswered = 0;
+    for (auto& cyclic : analysis.cyclic) {
+        cyclic.late = 0;
+        cyclic.intervals = {};
+        for (auto& datagram : cyclic.datagrams) datagram.wkcs.clear();
+    }
+}
+
+}  // namespace
+
 Analyser::Analyser()
     : slaves_(analysis_),
       states_(analysis_, slaves_),
@@ -76,6 +94,7 @@ Analysis Analyser::finish() {
     cycles_.finish();
     if (analysis_.directions == Directions::requests_only || analysis_.directions == Directions::replies_only)
         forget_losses(analysis_);
+    if (exchanges_.passes_twice()) forget_counters(analysis_);
     clocks_.finish();
     manners_.finish();
     for (const auto& track : slaves_.all()) name_slave(slaves_.facts(track), track);

@@ -64,9 +64,9 @@ struct FrameCounts {
     std::uint64_t answered = 0;  // of the replies: a slave has worked, for a working counter is not 0
     std::uint64_t lost = 0;      // requests without a reply; 0 where Analysis::losses_known is false
     std::uint64_t open = 0;      // requests whose reply may come behind the end of the recording; 0 as `lost`
-    std::uint64_t late = 0;      // replies behind the next request with the same process data, without overlapping kinds
-    std::uint64_t unasked = 0;   // replies without a request
-    Duration shortest_trip{};    // between request and reply; all 0: not seen
+    std::uint64_t late = 0;     // replies behind the next request with the same process data, without overlapping kinds
+    std::uint64_t unasked = 0;  // replies without a request
+    Duration shortest_trip{};   // between request and reply; all 0: not seen
     Duration longest_trip{};
     Moment longest_trip_at{};
 };
@@ -246,8 +246,9 @@ struct Analysis {
     Duration duration{};    // from the first to the last EtherCAT frame
     Duration begin{};       // of the first EtherCAT frame, since the first packet
     Directions directions = Directions::none;
-    bool losses_known = true;  // false: the recording has only requests, only replies, or a part of a ring
-    bool ring = false;         // of both NICs of a ring: the copies of a frame are counted as one frame
+    bool losses_known = true;   // false: the recording has only requests, only replies, or a part of a ring
+    bool passes_twice = false;  // of a tap between slaves: cycles and working counters are not told
+    bool ring = false;          // of both NICs of a ring: the copies of a frame are counted as one frame
     std::optional<std::uint32_t> interface {};  // of the file, where two masters of the file have the same address
     FrameCounts frames{};
     MasterGuess master{};

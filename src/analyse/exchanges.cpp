@@ -76,6 +76,35 @@ void Exchanges::take(Moment when, Bytes frame) {
     if (early_.size() >= kLook) decide();
 }
 
+bool Exchanges::come_again() const {
+    constexpr std::size_t kNext = 8;
+    constexpr std::size_t kLeast = 16;
+    const auto counters = [](const Early& e) {
+        std::uint32_t sum = 0;
+        wire::DatagramReader reader(e.bytes);
+        while (const auto d = reader.next()) sum += d->wkc;
+        return sum;
+    };
+    std::vector<bool> taken(early_.size());
+    std::size_t pairs = 0;
+    std::size_t larger = 0;
+    std::size_t smaller = 0;
+    for (std::size_t first = 0; first < early_.size(); ++first) {
+        if (taken[first]) continue;
+        for (auto second = first + 1; second < early_.size() && second <= first + kNext; ++second) {
+            if (taken[second] || !alike(early_[first].bytes, early_[second].bytes)) continue;
+            taken[second] = true;
+            ++pairs;
+            const auto before = counters(early_[first]);
+            const auto behind = counters(early_[second]);
+            larger += behind > before ? 1 : 0;
+            smaller += behind < before ? 1 : 0;
+            break;
+        }
+    }
+    return 10 * pairs >= 4 * early_.size() && larger >= kLeast && 16 * smaller <= larger;
+}
+
 void Exchanges::decide() {
     decided_ = true;
     const auto count =
@@ -105,6 +134,7 @@ void Exchanges::decide() {
         directions_ =
             fresh * 3 >= early_.size() && followed * 2 >= fresh ? Directions::same_address : Directions::replies_only;
     }
+    passes_twice_ = directions_ == Directions::replies_only && come_again();
     auto early = std::move(early_);
     early_.clear();
     for (const auto& e : early) place(e.when, e.bytes);

@@ -44,6 +44,9 @@ class Exchanges {
     // Requests of the last `patience` before `end` are open, others without a reply are lost.
     void finish(Duration end);
     [[nodiscard]] Directions directions() const { return directions_; }
+    // Replies only, and nearly each frame comes again, with working counters that are as large or larger: behind some
+    // slaves, and behind all.
+    [[nodiscard]] bool passes_twice() const { return passes_twice_; }
 
     static constexpr std::size_t kLook = 512;       // frames
     static constexpr std::size_t kPending = 256;    // a reply that comes behind this number of requests is not found
@@ -55,6 +58,7 @@ class Exchanges {
         std::vector<std::byte> bytes{};
     };
     void decide();
+    [[nodiscard]] bool come_again() const;
     void place(Moment when, Bytes frame);
     void request(Moment when, Bytes frame);
     // False: it has no request.
@@ -76,6 +80,7 @@ class Exchanges {
     Directions directions_ = Directions::none;
     std::vector<Early> early_{};
     bool decided_ = false;
+    bool passes_twice_ = false;
     std::deque<KeptFrame> pending_{};
     std::deque<Early> early_replies_{};  // their requests may come shortly behind them
     std::map<std::uint64_t, std::uint64_t> turns_{};

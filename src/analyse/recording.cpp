@@ -253,6 +253,11 @@ class Recording {
                              "reordercap does";
                 }
             }
+            if (analysis.passes_twice)
+                remark =
+                    "each frame passes by twice: this is a tap between slaves; cycle times, working counters and "
+                    "slaves without an answer are not told, and other counts are of both passes" +
+                    (remark.empty() ? remark : "; " + remark);
             analysis.remark = std::move(remark);
             analysis.interface = masters_.interface_of(n);
             all.push_back(std::move(analysis));

@@ -123,6 +123,35 @@ TEST_F(AnalyserTest, ReadsRepliesOnly) {
     EXPECT_EQ(a.cyclic[0].intervals.median / 100us, 10);
 }
 
+TEST_F(AnalyserTest, ATapBetweenSlavesTellsNoCounters) {
+    const Part status{Command::BRD, wire::DatagramAddress(2, 0x0130), octets_of({8, 0}), 2};
+    for (int i = 0; i < 600; ++i) {
+        const auto index = static_cast<std::uint8_t>(i);
+        for (const std::uint16_t wkc : {std::uint16_t{1}, std::uint16_t{3}})
+            packet(1ms * i + 10us * wkc, frame_of({cyclic(wkc)}, true, index));
+    }
+    packet(600ms, frame_of({status}, true));
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.directions, Directions::replies_only);
+    EXPECT_TRUE(a.passes_twice);
+    EXPECT_TRUE(a.shortfalls.items.empty());
+    EXPECT_TRUE(a.ring_sizes.items.empty());
+    ASSERT_EQ(a.cyclic.size(), 1u);
+    EXPECT_EQ(a.cyclic[0].intervals.count, 0u);
+    EXPECT_TRUE(a.cyclic[0].datagrams.at(0).wkcs.empty());
+}
+
+// A short counter now and then, and always the same index.
+TEST_F(AnalyserTest, RepliesOnlyOfAMasterTellTheirCounters) {
+    for (int i = 0; i < 600; ++i)
+        packet(1ms * i, frame_of({cyclic(i % 8 < 7 ? std::uint16_t{3} : std::uint16_t{2})}, true, 5));
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.directions, Directions::replies_only);
+    EXPECT_FALSE(a.passes_twice);
+    EXPECT_EQ(a.cyclic.at(0).intervals.count, 599u);
+    EXPECT_FALSE(a.shortfalls.items.empty());
+}
+
 // Nothing says whether the replies were lost, or were not recorded.
 TEST_F(AnalyserTest, LossesAreNotKnownWithoutReplies) {
     for (int i = 0; i < 600; ++i) packet(1ms * i, frame_of({kCyclic}, false, static_cast<std::uint8_t>(i)));
