@@ -30,7 +30,7 @@ needed='g++ make cmake ccache libgtest-dev libbenchmark-dev libpcap-dev libfmt-d
         libtomlplusplus-dev libncurses-dev libpugixml-dev'
 useful='binutils iproute2 libbpf-dev libxdp-dev valgrind tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib
         pkg-config qemu-system-arm gnuplot-nox gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf g++-s390x-linux-gnu
-        qemu-user-static googletest chromium systemd dpkg-dev'
+        qemu-user-static googletest chromium systemd dpkg-dev ninja-build'
 # shellcheck disable=SC2086  # lists of words
 need_packages $needed || exit 1
 # shellcheck disable=SC2086
@@ -68,13 +68,18 @@ run() {
         shift
     done
     shift
+    # With Ninja the sources of one target do not wait for another target. A folder that make has begun stays with make.
+    if [ ! -e "$folder/CMakeCache.txt" ] && command -v ninja >/dev/null 2>&1; then
+        settings="-G Ninja $settings"
+    fi
     # shellcheck disable=SC2086  # a list of words
     step "$folder: configure" cmake -S . -B "$folder" -DMARGAY_TESTS=ON -DMARGAY_SAMPLES=ON -DMARGAY_TEST_LINES=OFF \
-        -DMARGAY_TEST_PROCESSORS=2 $settings
+        -DMARGAY_TEST_PROCESSORS=2 -DMARGAY_BUILD_ONCE=ON $settings
     step "$folder: build" cmake --build "$folder" --parallel "$(compilers)"
     : >"$records/log"
-    # A test that computes counts as two, so that no more of them run than there are processors, and tests that wait run beside them.
-    step "$folder: tests" ctest --test-dir "$folder" --parallel $((2 * $(nproc))) --output-on-failure \
+    # A test that computes counts as two, so that no more of them run than there are processors. One that waits counts as one, and
+    # has room beside them.
+    step "$folder: tests" ctest --test-dir "$folder" --parallel $((2 * $(nproc) + 1)) --output-on-failure \
         --output-log "$records/log" "$@"
     sed -n "s|^[0-9]*% tests passed.*|$folder: &|p" "$records/log" >>"$records/summaries"
     # ctest names the tests that it skipped. Where an entry of ctest is many tests, their output names them.

@@ -13,6 +13,7 @@ foreach(needed IN LISTS NEEDS)
   endif()
 endforeach()
 
+unset(ENV{CMAKE_GENERATOR})  # Makefiles: one compiler at a time, and they list the targets in the form below
 set(settings)
 foreach(definition IN LISTS DEFINE)
   list(APPEND settings "-D${definition}")

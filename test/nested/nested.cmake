@@ -123,7 +123,7 @@ endif()
 # The same by add_subdirectory(). The parts that these programs link are those of build_types/gcc_Debug.
 set(gcc_Debug SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install FOLDER install_subdirectory_builds
     DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_UNITY=ON MARGAY_PCH=ON MARGAY_WERROR=ON MARGAY_PCAP=ON
-           CMAKE_BUILD_TYPE=Debug CMAKE_CXX_FLAGS_DEBUG=-g0)
+           MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE} CMAKE_BUILD_TYPE=Debug CMAKE_CXX_FLAGS_DEBUG=-g0)
 margay_nested(install/subdirectory_builds ${gcc_Debug} FIXTURE subdirectory COST 100 TARGETS consumer_linux consumer_readme consumer_port)
 
 # The parts for an embedded system, with them the programs for a board that QEMU knows, which test/qemu runs, and a program for
@@ -140,6 +140,7 @@ margay_nested(embedded/sizes_builds ${board} FIXTURE size_programs AFTER arm_arc
 # Cortex-M0+ and RISC-V with 32 bits lack operations that osal/bare/read_modify_write.cpp has.
 set(master SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g++ TARGETS master COST 60
     DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_WERROR=ON MARGAY_PCH=ON MARGAY_UNITY=ON CMAKE_BUILD_TYPE=MinSizeRel
+           MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE}
            CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
 margay_nested(embedded/cortex_m0plus_builds ${master} MARGAY_CPU=cortex-m0plus FIXTURE mps2_images)
 margay_nested(embedded/cortex_m7_builds ${master} MARGAY_CPU=cortex-m7)
@@ -148,7 +149,7 @@ set(rv32 ${CMAKE_CURRENT_SOURCE_DIR}/embedded/rv32)
 margay_nested(embedded/rv32_builds SOURCE ${rv32} FIXTURE rv32_programs COST 60
               NEEDS riscv64-unknown-elf-g++ arm-none-eabi-g++ /usr/lib/picolibc/riscv64-unknown-elf/picolibc.specs
               DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_WERROR=ON MARGAY_PCH=ON MARGAY_UNITY=ON CMAKE_BUILD_TYPE=MinSizeRel
-                     CMAKE_TOOLCHAIN_FILE=${rv32}/rv32.cmake)
+                     MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE} CMAKE_TOOLCHAIN_FILE=${rv32}/rv32.cmake)
 set_tests_properties(embedded/rv32_builds PROPERTIES LABELS build_types)
 margay_emulated(embedded/rv32_read_modify_write ${PROJECT_BINARY_DIR}/nested/embedded_rv32_builds/read_modify_write
                 EMULATOR qemu-riscv32-static FIXTURE rv32_programs)
@@ -156,7 +157,7 @@ margay_emulated(embedded/rv32_read_modify_write ${PROJECT_BINARY_DIR}/nested/emb
 # The unit tests of the layouts, the engine and the master with a simulated segment, on a big-endian processor.
 margay_nested(big_endian/builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/big_endian FIXTURE big_endian_programs COST 300
               NEEDS s390x-linux-gnu-g++ qemu-s390x-static /usr/src/googletest/googletest/src/gtest-all.cc
-              DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} CMAKE_CXX_COMPILER=s390x-linux-gnu-g++
+              DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} CMAKE_CXX_COMPILER=s390x-linux-gnu-g++ MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE}
                      MARGAY_CAPTURES_DIR=${MARGAY_CAPTURES_DIR} MARGAY_SII_DIR=${MARGAY_SII_DIR})
 set_tests_properties(big_endian/builds PROPERTIES LABELS build_types)
 foreach(suite wire engine segment)
@@ -219,6 +220,7 @@ foreach(type Release RelWithDebInfo MinSizeRel Debug)
     elseif(NOT "${family} ${type}" MATCHES "^(gcc RelWithDebInfo|clang Debug)$")
       margay_nested(build_types/${family}_${type} SOURCE ${PROJECT_SOURCE_DIR} NEEDS ${${family}} COST 100
                     DEFINE CMAKE_CXX_COMPILER=${${family}} ${parts_only} CMAKE_BUILD_TYPE=${type} MARGAY_UNITY=ON MARGAY_INSTALL=OFF
+                           MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE}
                            ${flags_of_${family}_${type}})
     endif()
     if("${family} ${type}" STREQUAL "clang Release")

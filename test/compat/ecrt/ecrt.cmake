@@ -15,10 +15,13 @@ function(margay_ecrt_program name)
   set_target_properties(${name} PROPERTIES C_STANDARD 99 C_EXTENSIONS OFF CXX_STANDARD 11)
 endfunction()
 
-# margay_ecrt_test(NAME PROGRAM SEGMENT [ARGUMENT …])
+# margay_ecrt_test(NAME PROGRAM SEGMENT [ARGUMENT …]): a test with a SEGMENT runs in real time, and mainly waits.
 function(margay_ecrt_test name program segment)
   add_test(NAME compat/ecrt/${name} COMMAND ${program} ${ARGN})
   set_tests_properties(compat/ecrt/${name} PROPERTIES TIMEOUT 120 ENVIRONMENT MARGAY_MASTER0=${segment})
+  if(segment)
+    margay_waits(compat/ecrt/${name})
+  endif()
 endfunction()
 
 foreach(program user information dc two_domains requests later mail rules masters eoe request_rules machine places settings silent)
