@@ -1,5 +1,7 @@
 #include "argument_text.hpp"
 
+#include <margay/features.hpp>
+
 namespace margay {
 
 std::string_view argument_text(Argument argument) {
@@ -79,6 +81,23 @@ std::string_view argument_text(Argument argument) {
         case Argument::sync_start: return "ClockSettings::start_time has returned a time that has passed";
     }
     return {};
+}
+
+bool needs_feature(const Error& e) {
+    const bool by_step =
+        e.step == Step::discover_pdos || e.step == Step::map_process_data || e.step == Step::request_state;
+    return e.code == Errc::unsupported && by_step && e.detail != 0;
+}
+
+std::string_view feature_text(const Error& e) {
+    switch (static_cast<Feature>(e.detail)) {
+        case Feature::coe: return "init() was not given kCoeFeature, so the object dictionary is not read";
+        case Feature::soe: return "init() was not given kSoeFeature, so the parameters of the drives are not read";
+        case Feature::overlap: return "init() was not given kOverlapFeature, so cycles_in_flight must be 1";
+        case Feature::boot: return "init() was not given kBootFeature, so slaves cannot be brought to BOOT";
+        case Feature::none: break;
+    }
+    return "init() was not given the feature";
 }
 
 }  // namespace margay

@@ -1,4 +1,4 @@
-// The texts of invalid arguments.
+// The texts of what an application has given wrongly or not at all: arguments, features.
 #pragma once
 
 #include <margay/error.hpp>
@@ -9,5 +9,9 @@ namespace margay {
 
 // The name of an argument in the API, and the values that it may have; empty: not known. A static string.
 [[nodiscard]] std::string_view argument_text(Argument argument);
+
+// Whether a feature that the context does not have would be needed; feature_text() is then the cause.
+[[nodiscard]] bool needs_feature(const Error& e);
+[[nodiscard]] std::string_view feature_text(const Error& e);
 
 }  // namespace margay

@@ -17,7 +17,7 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
     return actual <= constant && constant - actual < 64;
 }
-static_assert(is_size(sizeof(Master), 6640, 4712), "context_bytes(): kFixedBytes");
+static_assert(is_size(sizeof(Master), 6648, 4720), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 448, 376), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 216, 216), "context_bytes(): kClockBytes");
@@ -208,6 +208,7 @@ Result<> init_in(Context& ctx, std::span<std::byte> memory, Nic& nic, Osal& osal
     network.errors.use(errors);
     network.warnings.use(warnings);
     network.events.use(events);
+    network.coe = features.coe;
     network.mailboxes.soe = features.soe;
     network.mailboxes.routing = features.routing;
     network.overlap = features.overlap;

@@ -324,7 +324,14 @@ void write_aoe(TextWriter& out, const Error& e) {
     out << ")";
 }
 
+// What is used instead of PDOs that the slave was not asked for.
+void write_instead(TextWriter& out, const Error& e) {
+    if (e.expected != 0) out << " (used: " << e.expected << " octets, as the SII says)";
+    if (e.step == Step::discover_pdos && e.expected == 0) out << ", and the SII has no sizes";
+}
+
 std::string_view code_text(const Error& e) {
+    if (needs_feature(e)) return feature_text(e);
     if (e.code == Errc::configuration_lost && e.slave != 0)
         return "the new scan has deleted its config and its hooks: set them again, or use expect()";
     if (e.code == Errc::missing_slave && e.step == Step::recover)
@@ -430,6 +437,7 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.step == Step::recover && e.slave != 0) out << ": check its power and its cable";
             break;
         case Errc::unsupported:
+            if (needs_feature(e)) return write_instead(out, e);
             if (e.step == Step::identify) out << " (an explicit device id)";
             if (e.step == Step::configure_sync) out << " (its SII has no DC operation mode " << e.subindex << ")";
             if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)

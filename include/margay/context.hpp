@@ -12,6 +12,7 @@
 #include <margay/statistics.hpp>
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 
 namespace margay {
@@ -20,12 +21,13 @@ class Nic;
 class Osal;
 struct Master;
 
-// How many octets of memory a context with these limits needs.
+// How many octets of memory a context with these limits needs; SIZE_MAX if they are more than the processor can
+// address.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
     // Sizes of the parts of the library, for both sizes of pointers; context.cpp checks that they are not too small and
     // hardly too large.
     constexpr bool kWide = sizeof(void*) == 8;
-    constexpr std::size_t kFixedBytes = kWide ? 6640 : 4712;  // the engine, the queue of requests, one frame buffer
+    constexpr std::size_t kFixedBytes = kWide ? 6648 : 4720;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
     // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as much on a processor with
     // pointers of half the size.
@@ -39,16 +41,19 @@ struct Master;
     constexpr std::size_t kAlignmentBytes = 256;               // between the parts
     constexpr std::size_t kCablesBytes = kWide ? 1216 : 1152;  // the merging of two cables
     constexpr std::size_t kPairBytes = 3136;                   // a frame on both cables
-    const std::size_t pairs = limits.redundancy ? limits.frames + 2U * limits.process_frames : 0;
-    const std::size_t cables = limits.redundancy ? kCablesBytes + pairs * kPairBytes : 0;
-    const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
-    const std::size_t clock = limits.clocks ? kClockBytes : 0;
-    const std::size_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;
-    const std::size_t slave =
-        clock + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
-    return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
-           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + limits.guests * (kRingBytes + clock) +
-           2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event) + kAlignmentBytes + cables;
+    const std::uint64_t pairs = limits.redundancy ? limits.frames + 2U * limits.process_frames : 0;
+    const std::uint64_t cables = limits.redundancy ? kCablesBytes + pairs * kPairBytes : 0;
+    const std::uint64_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
+    const std::uint64_t clock = limits.clocks ? kClockBytes : 0;
+    const std::uint64_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;
+    const std::uint64_t slave = clock + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes +
+                                std::uint64_t{limits.emergencies} * sizeof(Emergency);
+    const std::uint64_t all = kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes +
+                              limits.groups * kGroupBytes + std::uint64_t{limits.process_frames} * kProcessFrameBytes +
+                              arena + arena / 64 + limits.guests * (kRingBytes + clock) +
+                              2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event) + kAlignmentBytes +
+                              cables;
+    return all > SIZE_MAX ? SIZE_MAX : static_cast<std::size_t>(all);
 }
 
 // One master. Not copyable. One thread owns a context and makes all calls, unless a function says otherwise.
@@ -123,6 +128,7 @@ class StaticContext : public Context {
     ~StaticContext() { close(); }
 
   private:
+    static_assert(context_bytes(L) <= PTRDIFF_MAX, "the limits need more memory than the processor can address");
     alignas(std::max_align_t) std::byte bytes_[context_bytes(L)];
 };
 

@@ -49,7 +49,7 @@ enum class Errc : std::uint8_t {
                        // the code, expected: index group, actual: index offset)
     aoe_result,        // the device has executed the AoE command, and its result is an error (the same members)
     eoe_error,         // the slave refused an EoE request (detail: the result code)
-    unsupported,       // the slave does not support it
+    unsupported,       // the slave does not support it, or the program has not given the Feature to init() (detail)
     // the identity of a slave that was away was not compared yet, or could not be read: it may be another device
     identity_unread,
     other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:

@@ -3,20 +3,32 @@
 // that its slaves need; the linker leaves out the others:
 //
 //     init(ctx, nic, osal, {});                            // none of them
-//     init(ctx, nic, osal, {.soe = &margay::kSoeFeature});
+//     init(ctx, nic, osal, {.coe = &margay::kCoeFeature});
 //
 // Every other part of the library is linked only when the program calls a function of that part, or contains a request
 // or a list of that part.
 #pragma once
 
+#include <cstdint>
+
 namespace margay {
 
+struct CoeFeature;
 struct SoeFeature;
 struct RoutingFeature;
 struct OverlapFeature;
 struct BootFeature;
 
-// The process data of SoE drives is read from their parameters. Without it, sizes come from the SII.
+// Which feature the context would need: the detail of Errc::unsupported from the steps discover_pdos, map_process_data
+// and request_state. describe() names it.
+enum class Feature : std::uint8_t { none, coe, soe, overlap, boot };
+
+// The PDOs of a slave with an object dictionary are read from it (0x1C00, 0x1C12, 0x1C13 …). Without it the SII says
+// the sizes of such a slave, unless the application lists its PDOs for each SyncManager: warnings() then has
+// Errc::unsupported once for the slave, with the octets that are used. Where the SII has no sizes, config_map() fails
+// with this error. The slave may refuse SAFEOP if it has other PDOs than its SII says.
+extern const CoeFeature kCoeFeature;
+// The process data of SoE drives is read from their parameters. Without it the same as without kCoeFeature.
 extern const SoeFeature kSoeFeature;
 // Mail from one slave to another is forwarded. Without it such mail is counted as unexpected.
 extern const RoutingFeature kRoutingFeature;
@@ -28,13 +40,17 @@ extern const OverlapFeature kOverlapFeature;
 extern const BootFeature kBootFeature;
 
 struct Features {
+    const CoeFeature* coe = nullptr;
     const SoeFeature* soe = nullptr;
     const RoutingFeature* routing = nullptr;
     const OverlapFeature* overlap = nullptr;
     const BootFeature* boot = nullptr;
 };
 
-inline constexpr Features kAllFeatures{
-    .soe = &kSoeFeature, .routing = &kRoutingFeature, .overlap = &kOverlapFeature, .boot = &kBootFeature};
+inline constexpr Features kAllFeatures{.coe = &kCoeFeature,
+                                       .soe = &kSoeFeature,
+                                       .routing = &kRoutingFeature,
+                                       .overlap = &kOverlapFeature,
+                                       .boot = &kBootFeature};
 
 }  // namespace margay

@@ -47,6 +47,17 @@ inline constexpr Duration kFinalPatience = std::chrono::seconds(1);
 inline constexpr Duration kFencePatience = std::chrono::seconds(9);
 }  // namespace mail_timing
 
+class MailboxChannel;
+
+// What a channel that is interrupted does about its exchanges. The first exchange gives it to Mailboxes, so that a
+// program without exchanges has no pump either.
+struct ExchangePart {
+    // The channel is interrupted: the slave still answers what it has received.
+    void (*interrupt)(MailboxChannel& channel);
+    // The channel is there again: tells the slave which transfers have ended.
+    void (*resume)(MailboxChannel& channel);
+};
+
 class MailboxChannel {
   public:
     MailboxChannel();
@@ -241,6 +252,9 @@ class MailboxChannel {
     void wait_turn(MailSession& session);
     void leave(MailSession& session);
     void end_exchanges(Errc why);
+    void owe_all_answers();
+    void end_transfers();
+    static const ExchangePart kExchanges;
 
     // channel.cpp: the pump
     Task<Result<>> pump();

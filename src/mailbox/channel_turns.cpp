@@ -60,6 +60,7 @@ void MailboxChannel::enqueue(MailExchange& exchange) {
         look_soon();
     }
     queue_.push_back(exchange);
+    mailboxes_->exchanges = &kExchanges;
     ensure_pump();
     kick();
 }
@@ -200,10 +201,7 @@ void MailboxChannel::interrupt(Errc reason) {
     if (!is_reachable()) return;
     // The slave may have the message on the wire: the next one needs another counter.
     if (sending_ != nullptr) out_counter_ = trial_counter_;
-    // It still answers what it has received, also long after it is back.
-    for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn))
-        owe_answer_to(static_cast<MailExchange&>(*turn));
-    if (sending_ != nullptr && sending_->state_ == MailExchange::State::queued) owe_answer_to(*sending_);
+    if (mailboxes_->exchanges != nullptr) mailboxes_->exchanges->interrupt(*this);
     auto still = owed_;
     for (Owed& owed : still) {
         if (!is_current(owed, now()) && !owed.lasts) owed = {};
@@ -223,11 +221,26 @@ void MailboxChannel::resume() {
     late_until_ = now() + mail_timing::kOwedPatience;
     for (Owed& owed : owed_)
         if (owed.mails != 0) owed.until = std::max(owed.until, late_until_);
-    // Nobody has told the slave that its file transfer has ended. A slave that works on one message at a time takes
-    // this one when it has answered.
-    if (owed_[1].mails != 0) send_final_message(wire::MailboxType::foe, kEndOfTransfer);
+    if (mailboxes_->exchanges != nullptr) mailboxes_->exchanges->resume(*this);
     if (unfinished_ != 0) end_unfinished_(*this, unfinished_);
 }
+
+// It still answers what it has received, also long after it is back.
+void MailboxChannel::owe_all_answers() {
+    for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn))
+        owe_answer_to(static_cast<MailExchange&>(*turn));
+    if (sending_ != nullptr && sending_->state_ == MailExchange::State::queued) owe_answer_to(*sending_);
+}
+
+// Nobody has told the slave that its file transfer has ended. A slave that works on one message at a time takes this
+// one when it has answered.
+void MailboxChannel::end_transfers() {
+    if (owed_[1].mails != 0) send_final_message(wire::MailboxType::foe, kEndOfTransfer);
+}
+
+constinit const ExchangePart MailboxChannel::kExchanges{
+    .interrupt = [](MailboxChannel& channel) { channel.owe_all_answers(); },
+    .resume = [](MailboxChannel& channel) { channel.end_transfers(); }};
 
 void MailboxChannel::end_exchanges(Errc why) {
     ++epoch_;

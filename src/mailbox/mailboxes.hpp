@@ -49,6 +49,7 @@ class Mailboxes {
     // Features that the context has, see <margay/features.hpp>.
     const SoeFeature* soe = nullptr;
     const RoutingFeature* routing = nullptr;
+    const ExchangePart* exchanges = nullptr;  // given by the first exchange
 
     void close_all();
     void forget_all();

@@ -4,6 +4,7 @@
 #include "network/settings.hpp"
 #include "network/wanted.hpp"
 
+#include <margay/features.hpp>
 #include <margay/shared_image.hpp>
 
 #include <algorithm>
@@ -100,7 +101,11 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (wrong.code != Errc::none) return wrong;
     const auto layout = lay_out(network.slaves(), number, group.config, image);
     if (!layout) return layout.error();
-    if (group.config.cycles_in_flight > 1 && network.overlap == nullptr) return group_fault(Errc::unsupported, number);
+    if (group.config.cycles_in_flight > 1 && network.overlap == nullptr) {
+        Error error = group_fault(Errc::unsupported, number);
+        error.detail = static_cast<std::uint32_t>(Feature::overlap);
+        return error;
+    }
     group.layout = *layout;
     group.layout.start = next_start(tables, group);
     if (++group.mappings == 0) group.mappings = 1;

@@ -51,6 +51,7 @@ struct SlaveWork : ListNode {
 };
 
 struct Expectation;
+struct CoeFeature;
 struct OverlapFeature;
 struct BootFeature;
 struct Network;
@@ -140,7 +141,8 @@ struct Network {
     EventQueue events;
     Mailboxes mailboxes;
     EmergencyListener emergency_listener{*this};
-    const OverlapFeature* overlap = nullptr;       // see <margay/features.hpp>
+    const CoeFeature* coe = nullptr;               // see <margay/features.hpp>
+    const OverlapFeature* overlap = nullptr;       // the same
     const BootFeature* boot = nullptr;             // the same
     RedundancyPart* redundancy = nullptr;          // given by init_redundant()
     const Expectation* expectation = nullptr;      // given by expect()

@@ -11,9 +11,27 @@
 #include "network/transition.hpp"
 #include "util/check_value.hpp"
 
+#include <margay/features.hpp>
+
 #include <algorithm>
 
 namespace margay {
+
+// The process data found: by the source that counts (`source`), and by the SII.
+struct PdoFindings {
+    FoundSms counts{};
+    FoundSms sii{};
+    UndescribedPdos undescribed{};
+    ConfigurationSource source = ConfigurationSource::sii;
+    bool sii_read = false;
+    Feature not_asked = Feature::none;  // the context does not have the feature that could ask the slave
+    CheckValue by_soe;
+};
+
+struct CoeFeature {
+    Task<Result<>> (*ask)(Network& network, Slave& slave, PdoFindings& found, bool compare, EntrySink* entries);
+};
+
 namespace {
 
 // Also a mailbox that is closed because the slave has fallen to INIT: its sizes must not be guessed.
@@ -23,6 +41,10 @@ bool has_mailbox(Network& network, const Slave& slave) {
 
 bool has_dictionary(Network& network, const Slave& slave) {
     return has_mailbox(network, slave) && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0;
+}
+
+bool has_drives(Network& network, const Slave& slave) {
+    return has_mailbox(network, slave) && (slave.mailbox.protocols & mailbox_protocol::kSoE) != 0;
 }
 
 // Reports a difference as a warning. It is not an error of the slave.
@@ -49,18 +71,8 @@ void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
     }
 }
 
-// The process data found: by the source that counts (`source`), and by the SII.
-struct Findings {
-    FoundSms counts{};
-    FoundSms sii{};
-    UndescribedPdos undescribed{};
-    ConfigurationSource source = ConfigurationSource::sii;
-    bool sii_read = false;
-    CheckValue by_soe;
-};
-
-Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, bool compare, EntrySink* entries) {
-    if (!has_dictionary(network, slave)) co_return Nothing{};
+// CoeFeature::ask for a slave with a dictionary.
+Task<Result<>> ask_dictionary(Network& network, Slave& slave, PdoFindings& found, bool compare, EntrySink* entries) {
     MailboxChannel& channel = network.mailbox(slave);
     SmTypes types{};
     const auto said = co_await required(read_sm_types(channel, types, startup_patience(slave)));
@@ -80,12 +92,17 @@ void note_refusal(Network& network, Slave& slave, const Error& refusal) {
 
 // Reads the dictionary, otherwise the drives. A refusal is not an error, because the SII may contain the process data.
 // A missing or invalid answer is an error: it does not show that the slave has no process data.
-Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool compare, EntrySink* entries) {
-    auto by_coe = co_await ask_dictionary(network, slave, found, compare, entries);
-    if (!by_coe && !is_refusal(by_coe.error())) co_return by_coe;
-    if (!by_coe) note_refusal(network, slave, by_coe.error());
-    if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Nothing{};
+Task<Result<>> ask_by_mail(Network& network, Slave& slave, PdoFindings& found, bool compare, EntrySink* entries) {
+    const bool by_dictionary = has_dictionary(network, slave);
     const SoeFeature* const soe = network.mailboxes.soe;
+    if (soe == nullptr && has_drives(network, slave)) found.not_asked = Feature::soe;
+    if (network.coe == nullptr && by_dictionary) found.not_asked = Feature::coe;
+    if (network.coe != nullptr && by_dictionary) {
+        auto by_coe = co_await network.coe->ask(network, slave, found, compare, entries);
+        if (!by_coe && !is_refusal(by_coe.error())) co_return by_coe;
+        if (!by_coe) note_refusal(network, slave, by_coe.error());
+    }
+    if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Nothing{};
     if (soe == nullptr) co_return Nothing{};
     auto by_soe = co_await soe->find_sms(network.mailbox(slave), slave, found.counts, found.by_soe);
     if (!by_soe && !is_refusal(by_soe.error()) && by_soe.error().code != Errc::soe_error) co_return by_soe.error();
@@ -96,7 +113,7 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool
 
 // Reads the process data of the SII. If the SII is the source that counts, the matcher gets its entries, otherwise only
 // their data types.
-Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntrySink* sink) {
+Task<Result<>> read_sii(Network& network, Slave& slave, PdoFindings& found, EntrySink* sink) {
     if (sink != nullptr && found.source != ConfigurationSource::sii) {
         EntryTypes types(*sink);
         auto compared = co_await find_sms_by_sii(network.station(slave), slave, found.sii, &types);
@@ -112,7 +129,7 @@ Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntrySi
 
 // The bits of a list: its own sum if it contains all entries, otherwise with the sizes of the other PDOs from the
 // slave.
-Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const Findings& found) {
+Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const PdoFindings& found) {
     const ListedBits listed = listed_bits(list);
     const FoundSm& slaves = found.counts[list.sync_manager];
     if (listed.open == 0) return listed.bits;
@@ -128,7 +145,7 @@ Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const Find
 }
 
 // Fills slave.config.sms from the lists, otherwise from what was found.
-Result<> fill_process_sms(Network& network, Slave& slave, const Findings& found) {
+Result<> fill_process_sms(Network& network, Slave& slave, const PdoFindings& found) {
     SlaveConfiguration& config = slave.config;
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
         FoundSm sm = found.counts[n];
@@ -149,7 +166,7 @@ Result<> fill_process_sms(Network& network, Slave& slave, const Findings& found)
 static_assert(Slave::kSyncManagers <= SlaveConfiguration::kProcessSms);
 
 // Reports where the slave's own values differ from those of the application.
-void compare_with_application(Network& network, const Slave& slave, const Findings& found) {
+void compare_with_application(Network& network, const Slave& slave, const PdoFindings& found) {
     const auto bits_of = [&](std::uint8_t n) {
         std::uint32_t bits = 0;
         for (const ProcessSm& sm : slave.config.used_sms()) bits += sm.number == n ? sm.bits : 0;
@@ -163,7 +180,7 @@ void compare_with_application(Network& network, const Slave& slave, const Findin
 
 // The dictionary has precedence; the SII contains the maker's default. Where the application selects PDOs, by a list or
 // a hook, the default does not apply.
-void compare_with_sii(Network& network, const Slave& slave, const Findings& found) {
+void compare_with_sii(Network& network, const Slave& slave, const PdoFindings& found) {
     if (slave.hooks.preop_to_safeop || found.source != ConfigurationSource::coe) return;
     for (std::uint8_t n = 0; n < slave.sm_count; ++n)
         if (find_list(slave, n) == nullptr)
@@ -173,7 +190,7 @@ void compare_with_sii(Network& network, const Slave& slave, const Findings& foun
 
 // An assigned PDO that the dictionary does not describe may be in the SII. If it is not, the size of the process data
 // is not known, which is an error. Otherwise the size of the SII is used, and this is said once.
-Result<> settle_undescribed(Network& network, const Slave& slave, Findings& found, bool compare) {
+Result<> settle_undescribed(Network& network, const Slave& slave, PdoFindings& found, bool compare) {
     if (found.source == ConfigurationSource::soe) return Result<>();
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
         if (found.undescribed[n] == 0 || find_list(slave, n) != nullptr) continue;
@@ -188,8 +205,29 @@ Result<> settle_undescribed(Network& network, const Slave& slave, Findings& foun
     return Result<>();
 }
 
+// The slave could say its PDOs, but the context does not have the feature that asks it. The SII may say other PDOs,
+// which is told once; where it says none, it is not known whether the slave has any.
+Result<> settle_not_asked(Network& network, const Slave& slave, const PdoFindings& found, bool compare) {
+    if (found.not_asked == Feature::none || found.source != ConfigurationSource::sii) return Result<>();
+    std::uint32_t bits = 0;
+    bool needed = false;
+    for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
+        const SmType type = slave.sync_managers[n].type;
+        if (type == SmType::mailbox_out || type == SmType::mailbox_in || find_list(slave, n) != nullptr) continue;
+        needed = true;
+        bits += found.sii[n].bits;
+    }
+    if (!needed) return Result<>();
+    Error error{.code = Errc::unsupported, .step = Step::discover_pdos, .slave = slave.number};
+    error.detail = static_cast<std::uint32_t>(found.not_asked);
+    error.expected = bits / 8 + (bits % 8 != 0 ? 1 : 0);
+    if (bits == 0) return error;
+    if (compare && !network.marks(slave).repeating) (void)network.warnings.add(error);
+    return Result<>();
+}
+
 // Selects the source that counts, and reports differences to the others. `read`: the result of reading the SII.
-Result<> select_source(Network& network, Slave& slave, Findings& found, const Result<>& read, bool compare) {
+Result<> select_source(Network& network, Slave& slave, PdoFindings& found, const Result<>& read, bool compare) {
     const bool by_slave = found.source != ConfigurationSource::sii;
     if (!by_slave) found.counts = found.sii;
     if (is_by_application(slave.config)) {
@@ -198,7 +236,8 @@ Result<> select_source(Network& network, Slave& slave, Findings& found, const Re
     }
     if (!read && !by_slave) return read;
     if (!read) network.note(read.error());
-    const auto settled = settle_undescribed(network, slave, found, compare);
+    auto settled = settle_undescribed(network, slave, found, compare);
+    if (settled) settled = settle_not_asked(network, slave, found, compare);
     if (!settled) {
         slave.config.sm_count = 0;
         return settled;
@@ -291,7 +330,7 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     Result<> written;
     if (lists != nullptr) written = co_await lists->write(network, slave);
     if (!written || known || (said && !compare && sink == nullptr)) co_return written;
-    Findings found;
+    PdoFindings found;
     PdoContent content(sink);
     network.marks(slave).pdos_refused = false;
     auto asked = co_await ask_by_mail(network, slave, found, compare, &content);
@@ -320,6 +359,8 @@ Task<Result<>> discover_with_entries(Network& network, Slave& slave) {
 
 }  // namespace
 
+const CoeFeature kCoeFeature{.ask = ask_dictionary};
+
 constinit const detail::EntryPart detail::kEntryPart{.discover = discover_with_entries, .place = place_entries};
 
 Task<Result<>> discover_pdos(Network& network, Slave& slave) {
@@ -329,7 +370,7 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
 }
 
 Task<Result<>> find_entries(Network& network, Slave& slave, EntryMatcher& entries) {
-    Findings found;
+    PdoFindings found;
     auto asked = co_await ask_by_mail(network, slave, found, false, &entries);
     // The data types of the SII are left out here: to read it would take the EEPROM from a slave in operation.
     if (!asked || found.source != ConfigurationSource::sii) co_return asked;

@@ -12,6 +12,8 @@
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
 
+#include <margay/features.hpp>
+
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -319,7 +321,9 @@ bool crosses_boot(Network& network, const Slave& slave, AlState to) {
 
 Error boot_refusal(const Network& network, const Slave& slave) {
     if (network.boot != nullptr && slave.boot_mailbox.present()) return {};
-    return {.code = Errc::unsupported, .step = Step::request_state, .slave = slave.number};
+    Error error{.code = Errc::unsupported, .step = Step::request_state, .slave = slave.number};
+    if (network.boot == nullptr) error.detail = static_cast<std::uint32_t>(Feature::boot);
+    return error;
 }
 
 Error above_highest(const Slave& slave, AlState state) {

@@ -209,7 +209,9 @@ TEST(BootFeature, IsLeftOutOfASmallProgram) {
     HostContext ctx({.slaves = 1});
     ASSERT_TRUE(init(ctx, nic, bus.osal, {}).ok());
     ASSERT_TRUE(config_init(ctx).ok());
-    EXPECT_EQ(writestate(ctx, 1, AlState::boot).error().code, Errc::unsupported);
+    const Error refused = writestate(ctx, 1, AlState::boot).error();
+    EXPECT_EQ(refused.code, Errc::unsupported);
+    EXPECT_NE(bus.words(refused).find("kBootFeature"), std::string::npos) << bus.words(refused);
     EXPECT_EQ(ctx.slave(1).al.state, AlState::preop);
 }
 

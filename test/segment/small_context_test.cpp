@@ -1,5 +1,8 @@
 // A context for a small system: limits as low as possible, and no feature that the slaves do not need.
 #include "segment/bench.hpp"
+#include "sim/library/quirks.hpp"
+
+#include <margay/features.hpp>
 
 namespace margay {
 namespace {
@@ -25,7 +28,7 @@ class SmallContext : public SegmentTest {
         HostContext small(all);
         std::array<std::byte, 512> image{};
         std::array<std::byte, 4> vendor{};
-        if (const auto begun = init(small, wire, osal, {}); !begun) return begun.error();
+        if (const auto begun = init(small, wire, osal, {.coe = &kCoeFeature}); !begun) return begun.error();
         if (const auto found = config_init(small); !found) return found.error();
         if (const auto mapped = config_map(small, image); !mapped) return mapped.error();
         if (const auto read = SDOread(small, 4, 0x1018, 1, false, vendor); !read) return read.error();
@@ -93,9 +96,101 @@ TEST_F(SmallContext, WithoutTheFeatureOverlappingCyclesAreRefused) {
     ASSERT_TRUE(init(small, wire, osal, {}));
     ASSERT_TRUE(config_init(small));
     small.group(0).config.cycles_in_flight = 2;
-    EXPECT_EQ(config_map(small, image).error().code, Errc::unsupported);
+    EXPECT_EQ(words(config_map(small, image).error()),
+              "mapping process data: init() was not given kOverlapFeature, so cycles_in_flight must be 1");
     small.group(0).config.cycles_in_flight = 1;
     EXPECT_TRUE(config_map(small, image));
+}
+
+// Without the feature the dictionary is not read: the SII says the PDOs, and this is told.
+TEST_F(SmallContext, WithoutTheFeatureTheSiiSaysThePdosAndThisIsTold) {
+    plug_line({"coupler", "digital_out_8", "analog_io_4_2"});
+    switch_on();
+    std::array<std::byte, 64> image{};
+    HostContext usual(limits(0));
+    ASSERT_TRUE(init(usual, wire, osal));
+    ASSERT_TRUE(config_init(usual));
+    const auto by_dictionary = config_map(usual, image);
+    ASSERT_TRUE(by_dictionary);
+    EXPECT_EQ(usual.slave(3).config.source, ConfigurationSource::coe);
+    EXPECT_FALSE(usual.warnings().take());
+
+    HostContext small(limits(0));
+    ASSERT_TRUE(init(small, wire, osal, {}));
+    ASSERT_TRUE(config_init(small));
+    const auto by_sii = config_map(small, image);
+    ASSERT_TRUE(by_sii) << words(by_sii.error());
+    EXPECT_EQ(*by_sii, *by_dictionary);
+    EXPECT_EQ(small.slave(3).config.source, ConfigurationSource::sii);
+    EXPECT_EQ(small.slave(3).al.state, AlState::safeop);
+    const auto told = small.warnings().take();
+    ASSERT_TRUE(told);
+    EXPECT_EQ(words(*told),
+              "slave 3: finding the PDOs: init() was not given kCoeFeature, so the object dictionary is not "
+              "read (used: 20 octets, as the SII says)");
+    EXPECT_FALSE(small.warnings().take()) << "the terminal without a dictionary needs no feature";
+    ASSERT_TRUE(config_map(small, image));
+    EXPECT_FALSE(small.warnings().take()) << "it is told once";
+    EXPECT_FALSE(small.errors().take());
+    std::array<std::byte, 4> vendor{};
+    EXPECT_TRUE(SDOread(small, 3, 0x1018, 1, false, vendor)) << "an SDO brings the mailbox with it";
+}
+
+TEST_F(SmallContext, WithoutTheFeatureAndWithoutSizesInTheSiiTheMappingFails) {
+    auto device = sim::make_device("analog_io_4_2").value();
+    ASSERT_TRUE(sim::add_quirk(device, "sii_no_pdos"));
+    ASSERT_TRUE(sim::add_quirk(device, "sii_sync_managers_off"));
+    plug("digital_out_8");
+    plug(std::move(device));
+    switch_on();
+    std::array<std::byte, 128> image{};
+    HostContext small(limits(0));
+    ASSERT_TRUE(init(small, wire, osal, {}));
+    ASSERT_TRUE(config_init(small));
+    const auto mapped = config_map(small, image);
+    EXPECT_EQ(mapped.error().code, Errc::unsupported);
+    EXPECT_EQ(words(small.slave(2).error),
+              "slave 2: finding the PDOs: init() was not given kCoeFeature, so the object dictionary is not read, and "
+              "the SII has no sizes");
+    EXPECT_EQ(small.slave(2).al.state, AlState::preop);
+    EXPECT_EQ(small.slave(1).al.state, AlState::safeop);
+
+    static constexpr SmPdos kNothing[] = {{2, {}}, {3, {}}};
+    static constexpr SlaveSetup kSetup{.pdos = kNothing};
+    small.slave(2).config.setup = &kSetup;
+    ASSERT_TRUE(clear_error(small, 2));
+    (void)config_map(small, image);
+    EXPECT_NE(small.slave(2).error.code, Errc::unsupported) << "the application says the PDOs itself";
+}
+
+TEST_F(SmallContext, WithoutTheFeatureTheParametersOfDrivesAreNotReadAndThisIsTold) {
+    plug("soe_drive");
+    switch_on();
+    std::array<std::byte, 128> image{};
+    HostContext small(limits(0));
+    ASSERT_TRUE(init(small, wire, osal, {.coe = &kCoeFeature}));
+    ASSERT_TRUE(config_init(small));
+    (void)config_map(small, image);
+    const auto told = small.warnings().take();
+    ASSERT_TRUE(told);
+    EXPECT_EQ(words(*told),
+              "slave 1: finding the PDOs: init() was not given kSoeFeature, so the parameters of the "
+              "drives are not read (used: 32 octets, as the SII says)");
+}
+
+TEST_F(SmallContext, WithTheFeatureTheSmallProgramReadsTheDictionary) {
+    auto device = sim::make_device("analog_io_4_2").value();
+    ASSERT_TRUE(sim::add_quirk(device, "sii_no_pdos"));
+    plug(std::move(device));
+    switch_on();
+    std::array<std::byte, 64> image{};
+    HostContext small(limits(0));
+    ASSERT_TRUE(init(small, wire, osal, {.coe = &kCoeFeature}));
+    ASSERT_TRUE(config_init(small));
+    const auto mapped = config_map(small, image);
+    ASSERT_TRUE(mapped) << words(mapped.error());
+    EXPECT_EQ(*mapped, 20U);
+    EXPECT_EQ(small.slave(1).config.source, ConfigurationSource::coe);
 }
 
 TEST_F(SmallContext, ErrorsAndEventsAreKeptAsTheLimitsSay) {

@@ -39,6 +39,8 @@ Result<> start() {
     board::allow_ethernet_interrupt();
 #ifdef WITH_ALL_FEATURES
     return init(ctx, nic, osal);
+#elif defined(WITH_DICTIONARY)
+    return init(ctx, nic, osal, {.coe = &kCoeFeature});
 #else
     return init(ctx, nic, osal, {});
 #endif

@@ -59,7 +59,9 @@ endfunction()
 
 measure(sdo)
 message("Programs for a Cortex-M4, -Os, 8 slaves; in parentheses: more than with SDO reading alone")
-row(cycle "Scan and process data")
+row(cycle "Scan and process data, PDOs from the SII")
+row(sdo_alone "… and SDO reading, PDOs from the SII")
+row(dictionary "Scan and process data, PDOs from the dictionary")
 row(sdo "… and SDO reading")
 row(sdo_write "… and SDO writing")
 row(sdo_information "… and SDO information")
@@ -77,7 +79,9 @@ set(by_name soe_ eoe_ Eoe write_sm_pdos run_commands supervise find_lost address
             read_device_id forward_mail send_overlapped Redundancy RingWatch "describe\\(" compare_group identify_as_expected
             read_places prove_in_boot invalid_commands place_entries)
 without(sdo ${by_name} sdo_download ${heap})
-without(cycle ${by_name} sdo_download ${heap})
+set(dictionary ask_dictionary find_sms_by_coe read_sm_types SdoList)
+without(sdo_alone ${by_name} ${dictionary} sdo_download ${heap})
+without(cycle ${by_name} ${dictionary} "MailboxChannel::pump" MailExchange:: MailSession sdo_ run_transfer watch_all owe_ "deliver\\(margay::MailboxChannel::FinalMessage" ${heap})
 without(everything ${heap})
 
 include(${CMAKE_CURRENT_LIST_DIR}/bounds.cmake)
