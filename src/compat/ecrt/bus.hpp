@@ -177,6 +177,7 @@ class Bus {
     std::mutex config_mutex;
     std::vector<std::unique_ptr<ec_domain>> domains;
     std::vector<std::unique_ptr<ec_slave_config>> configs;
+    std::atomic<bool> requests_wait{false};  // some requests of the configurations begin later
     ec_slave_config* reference = nullptr;
     std::mutex known_mutex;
     std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;             // by place in the ring, from 1 on

@@ -1,5 +1,6 @@
 // The cyclic calls. None of them waits, and in the running state none allocates.
 #include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/requests.hpp"
 
 #include <algorithm>
 #include <cerrno>
@@ -135,6 +136,7 @@ void read_after_silence(Bus& bus) {
     if (bus.returning.waited_for) read_after_silence(bus);
     const bool changed = bus.dirty;
     if (changed || now >= bus.facts_at) bus.refresh_facts(now);
+    begin_waiting(bus);
     bus.refresh_at = bus.returning.waited_for ? Time{} : std::min(bus.facts_at, bus.operation->look_at());
     for (const auto& exchange : bus.exchanges)
         if (changed || exchange->best != Answer::complete) update_best(bus, *exchange);

@@ -56,7 +56,7 @@ ec_request_state_t ecrt_foe_request_state(ec_foe_request_t* req) {
 ec_foe_error_t ecrt_foe_request_result(const ec_foe_request_t* req) {
     if (req->last == Transfer::none) return FOE_IDLE;
     if (req->last == Transfer::refused) return FOE_WC_ERROR;
-    if (req->last == Transfer::read_later || req->last == Transfer::write_later) return FOE_BUSY;
+    if (is_waiting(req->last)) return FOE_BUSY;
     const FoeRequest& request = last_of(*req);
     if (request.busy()) return FOE_BUSY;
     switch (request.error().code) {

@@ -2,6 +2,7 @@
 // requests of other threads.
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
+#include "compat/ecrt/requests.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -95,6 +96,7 @@ void Bus::idle_loop() {
         Time next = poll(*ctx, now);
         step_search(now);
         if (dirty || now >= refresh_at) refresh_facts(now);
+        begin_waiting(*this);
         next = std::min({next, source->next_arrival(), now + 50ms});
         lock.unlock();
         osal.wait(next, source->wait_handles());

@@ -26,12 +26,11 @@ int start(Wish& wish, SlaveRequest& request, Transfer what) {
 
 template <class Wish>
 bool busy(const Wish& wish, const Request& one, const Request& other) {
-    if (wish.last == Transfer::read_later || wish.last == Transfer::write_later) return true;
+    if (is_waiting(wish.last)) return true;
     return (wish.last == Transfer::read || wish.last == Transfer::write) && (one.busy() || other.busy());
 }
 
 bool busy(const ec_reg_request& request) {
-    if (request.last == Transfer::exchange_later) return true;
     if (request.last == Transfer::exchange) return request.exchange.busy();
     return busy(request, request.read, request.write);
 }
@@ -43,14 +42,22 @@ constexpr std::uint16_t kExchanged = 3;
 void exchange_or_later(ec_reg_request& request) {
     if (too_early(request.config)) {
         request.last = Transfer::exchange_later;
+        note_waiting(request.config);
         return;
     }
-    request.last = Transfer::refused;
     const std::uint16_t number = slave_number(request.config);
     Context& ctx = *request.config.bus.ctx;
-    if (number == 0) return;
     request.exchange.adp = ctx.slave(number).station_address.value;
-    if (submit(ctx, request.exchange)) request.last = Transfer::exchange;
+    const bool begun = number != 0 && submit(ctx, request.exchange).ok();
+    request.last = begun ? Transfer::exchange : Transfer::refused;
+}
+
+void begin_registers_if_due(ec_reg_request& request) {
+    Transfer later = Transfer::exchange_later;
+    if (request.last.compare_exchange_strong(later, Transfer::beginning))
+        exchange_or_later(request);
+    else
+        begin_if_due(request, request.read, request.write);
 }
 
 std::uint8_t* memory_of(const std::vector<std::byte>& memory) {
@@ -105,6 +112,21 @@ std::uint16_t slave_number(ec_slave_config& config) {
 bool begin(ec_slave_config& config, SlaveRequest& request) {
     request.slave = slave_number(config);
     return request.slave != 0 && submit(*config.bus.ctx, request).ok();
+}
+
+void note_waiting(ec_slave_config& config) { config.bus.requests_wait = true; }
+
+void begin_waiting(Bus& bus) {
+    if (!bus.requests_wait.load(std::memory_order_relaxed)) return;
+    const std::unique_lock lock(bus.config_mutex, std::try_to_lock);
+    if (!lock.owns_lock()) return;  // the next call does it
+    bus.requests_wait = false;
+    for (const auto& config : bus.configs) {
+        for (const auto& one : config->sdo_requests) begin_if_due(*one, one->upload, one->download);
+        for (const auto& one : config->soe_requests) begin_if_due(*one, one->read, one->write);
+        for (const auto& one : config->foe_requests) begin_if_due(*one, one->read, one->write);
+        for (const auto& one : config->reg_requests) begin_registers_if_due(*one);
+    }
 }
 
 }  // namespace margay::compat::ecrt
@@ -262,15 +284,11 @@ ec_reg_request_t* ecrt_slave_config_create_reg_request(ec_slave_config_t* sc, si
 uint8_t* ecrt_reg_request_data(const ec_reg_request_t* req) { return memory_of(req->memory); }
 
 ec_request_state_t ecrt_reg_request_state(const ec_reg_request_t* req) {
-    auto& request = const_cast<ec_reg_request&>(*req);
-    if (request.last == Transfer::exchange_later) exchange_or_later(request);
-    if (request.last == Transfer::exchange_later) return EC_REQUEST_BUSY;
-    if (request.last == Transfer::exchange) {
-        const ec_request_state_t state = to_ec(request.exchange.state());
-        return state == EC_REQUEST_SUCCESS && request.exchange.wkc != kExchanged ? EC_REQUEST_ERROR : state;
-    }
-    begin_if_due(request, request.read, request.write);
-    return state_of(req->last, req->read, req->write);
+    begin_registers_if_due(const_cast<ec_reg_request&>(*req));
+    const Transfer last = req->last;
+    if (last != Transfer::exchange) return state_of(last, req->read, req->write);
+    const ec_request_state_t state = to_ec(req->exchange.state());
+    return state == EC_REQUEST_SUCCESS && req->exchange.wkc != kExchanged ? EC_REQUEST_ERROR : state;
 }
 
 int ecrt_reg_request_write(ec_reg_request_t* req, uint16_t address, size_t size) {

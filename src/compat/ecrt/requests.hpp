@@ -10,11 +10,14 @@
 
 #include <ecrt.h>
 
+#include <atomic>
 #include <cstddef>
 #include <string>
 #include <vector>
 
 namespace margay::compat::ecrt {
+
+class Bus;
 
 [[nodiscard]] inline ec_request_state_t to_ec(RequestState state) {
     switch (state) {
@@ -26,9 +29,24 @@ namespace margay::compat::ecrt {
 }
 
 // What the last transfer of a request was, and whether it could not even begin.
-// …_later: it begins when the scan of the start-up is over, or when the slave is in PREOP; the state function of the
-// request sees to that.
-enum class Transfer : std::uint8_t { none, read, write, refused, read_later, write_later, exchange, exchange_later };
+// …_later: it begins when the scan of the start-up is over, or when the slave is in PREOP. begin_waiting() and the
+// state function of the request see to that; `beginning`: one of them is at it.
+enum class Transfer : std::uint8_t {
+    none,
+    read,
+    write,
+    refused,
+    read_later,
+    write_later,
+    exchange,
+    exchange_later,
+    beginning
+};
+
+[[nodiscard]] inline bool is_waiting(Transfer last) {
+    return last == Transfer::read_later || last == Transfer::write_later || last == Transfer::exchange_later ||
+           last == Transfer::beginning;
+}
 
 // Whether a request may have memory of this size; otherwise it is said.
 [[nodiscard]] bool may_have(std::size_t octets);
@@ -40,9 +58,7 @@ template <class Read, class Write>
         case Transfer::read: return to_ec(read.state());
         case Transfer::write: return to_ec(write.state());
         case Transfer::refused: return EC_REQUEST_ERROR;
-        case Transfer::read_later:
-        case Transfer::write_later: return EC_REQUEST_BUSY;
-        default: return EC_REQUEST_UNUSED;
+        default: return is_waiting(last) ? EC_REQUEST_BUSY : EC_REQUEST_UNUSED;
     }
 }
 
@@ -67,23 +83,35 @@ concept Timed = requires(Wish& wish) {
     wish.timeout_ms;
 };
 
+// Begins the requests of all configurations that wait, as far as their slaves are ready. For the owner; does not wait.
+void begin_waiting(Bus& bus);
+// A request waits: begin_waiting() looks for it.
+void note_waiting(ec_slave_config& config);
+
+template <class Wish>
+[[nodiscard]] bool has_to_wait(const Wish& wish) {
+    return too_early(wish.config) || (Timed<Wish> && before_preop(wish.config));
+}
+
 // `what` is read or write.
 template <class Wish>
 void begin_or_later(Wish& wish, SlaveRequest& request, Transfer what) {
-    if (too_early(wish.config) || (Timed<Wish> && before_preop(wish.config))) {
-        if constexpr (Timed<Wish>)
-            if (wish.last != Transfer::read_later && wish.last != Transfer::write_later)
-                wish.give_up = time_to_give_up(wish.config, wish.timeout_ms);
-        wish.last = what == Transfer::read ? Transfer::read_later : Transfer::write_later;
-    } else {
+    if (!has_to_wait(wish)) {
         wish.last = begin(wish.config, request) ? what : Transfer::refused;
+        return;
     }
+    if constexpr (Timed<Wish>) wish.give_up = time_to_give_up(wish.config, wish.timeout_ms);
+    wish.last = what == Transfer::read ? Transfer::read_later : Transfer::write_later;
+    note_waiting(wish.config);
 }
-// The timeout counts from the start of the request on.
+
+// The timeout counts from the start of the request on. Of two threads one begins it.
 template <class Wish, class Read, class Write>
 void begin_if_due(Wish& wish, Read& read, Write& write) {
-    if (wish.last != Transfer::read_later && wish.last != Transfer::write_later) return;
-    const bool reads = wish.last == Transfer::read_later;
+    Transfer later = wish.last;
+    if (later != Transfer::read_later && later != Transfer::write_later) return;
+    if (!wish.last.compare_exchange_strong(later, Transfer::beginning)) return;
+    const bool reads = later == Transfer::read_later;
     SlaveRequest& request = reads ? static_cast<SlaveRequest&>(read) : static_cast<SlaveRequest&>(write);
     if constexpr (Timed<Wish>)
         if (wish.timeout_ms != 0) {
@@ -93,7 +121,12 @@ void begin_if_due(Wish& wish, Read& read, Write& write) {
                 return;
             }
         }
-    begin_or_later(wish, request, reads ? Transfer::read : Transfer::write);
+    if (has_to_wait(wish)) {
+        wish.last = later;
+        note_waiting(wish.config);
+        return;
+    }
+    wish.last = !begin(wish.config, request) ? Transfer::refused : reads ? Transfer::read : Transfer::write;
 }
 
 }  // namespace margay::compat::ecrt
@@ -108,7 +141,7 @@ struct ec_sdo_request {
     margay::Time give_up{};
     std::vector<std::byte> memory;
     std::size_t size = 0;  // of a write
-    margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
+    std::atomic<margay::compat::ecrt::Transfer> last{margay::compat::ecrt::Transfer::none};
     margay::SdoUpload upload;
     margay::SdoDownload download;
 };
@@ -122,7 +155,7 @@ struct ec_soe_request {
     margay::Time give_up{};
     std::vector<std::byte> memory;
     std::size_t size = 0;
-    margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
+    std::atomic<margay::compat::ecrt::Transfer> last{margay::compat::ecrt::Transfer::none};
     margay::SoeRead read;
     margay::SoeWrite write;
 };
@@ -136,7 +169,7 @@ struct ec_foe_request {
     margay::Time give_up{};
     std::vector<std::byte> memory;
     std::size_t size = 0;
-    margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
+    std::atomic<margay::compat::ecrt::Transfer> last{margay::compat::ecrt::Transfer::none};
     margay::FoeRead read;
     margay::FoeWrite write;
 };
@@ -145,7 +178,7 @@ struct ec_reg_request {
     explicit ec_reg_request(ec_slave_config& owner) : config(owner) {}
     ec_slave_config& config;
     std::vector<std::byte> memory;
-    margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
+    std::atomic<margay::compat::ecrt::Transfer> last{margay::compat::ecrt::Transfer::none};
     margay::RegisterReadRequest read;
     margay::RegisterWriteRequest write;
     margay::DatagramRequest exchange;

@@ -92,8 +92,9 @@ int ecrt_voe_handler_read_nosync(ec_voe_handler_t* voe) { return ecrt_voe_handle
 ec_request_state_t ecrt_voe_handler_execute(ec_voe_handler_t* voe) {
     switch (voe->last) {
         case Transfer::none:
-        case Transfer::exchange:  // only of registers
-        case Transfer::exchange_later: return EC_REQUEST_UNUSED;
+        case Transfer::exchange:  // these three only of other requests
+        case Transfer::exchange_later:
+        case Transfer::beginning: return EC_REQUEST_UNUSED;
         case Transfer::refused: return EC_REQUEST_ERROR;
         case Transfer::write: return to_ec(voe->send.state());
         case Transfer::read_later: return EC_REQUEST_BUSY;

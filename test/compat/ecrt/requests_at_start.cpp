@@ -44,15 +44,16 @@ struct Program {
     }
 };
 
-// The requests begin in this cycle.
-int run(unsigned begin, Duration length) {
+// The requests begin in this cycle. They proceed also when the program does not ask for their states.
+int run(unsigned begin, Duration length, bool asks) {
     Program program;
     go_to(*program.master, Duration{0});
     CHECK(program.configure() == 0);
     for (unsigned n = 0; n < begin; ++n) program.cycle(length);
     for (ec_sdo_request_t* one : program.objects) CHECK(ecrt_sdo_request_read(one) == 0);
     for (ec_reg_request_t* one : program.registers) CHECK(ecrt_reg_request_read(one, 0x0130, 2) == 0);
-    for (unsigned n = 0; n < 2000 && program.count(EC_REQUEST_BUSY) != 0; ++n) program.cycle(length);
+    for (unsigned n = 0; n < 600 && !asks; ++n) program.cycle(length);
+    for (unsigned n = 0; n < 2000 && asks && program.count(EC_REQUEST_BUSY) != 0; ++n) program.cycle(length);
     CHECK(program.count(EC_REQUEST_SUCCESS) == 2 * kDrives);
     for (ec_sdo_request_t* one : program.objects) CHECK(EC_READ_U16(ecrt_sdo_request_data(one)) == 402);
     return 0;
@@ -64,7 +65,7 @@ int main() {
     segment = "sim:drive,drive,drive";
     for (const int length_us : {250, 1000, 10000})
         for (unsigned begin = 0; begin < 240; ++begin)
-            if (run(begin, std::chrono::microseconds(length_us)) != 0) {
+            if (run(begin, std::chrono::microseconds(length_us), length_us != 1000 || begin % 4 != 0) != 0) {
                 std::printf("requests of cycle %u, cycles of %d us\n", begin, length_us);
                 return 1;
             }
