@@ -275,8 +275,8 @@ TEST(ClockAwayFirst, ReturnsBehindABreakBeforeTheReference) {
     }
 }
 
-// With clocks beside the ring, the ways of both copies are not measured: the first clock, which returns at the other side
-// of a break, cannot be set by the reference, and becomes the reference when the ring is whole.
+// With clocks beside the ring, the ways of both copies are not measured: the first clock, which returns at the other
+// side of a break, cannot be set by the reference, and becomes the reference when the ring is whole.
 TEST(ClockAwayFirst, WaitsForTheWholeRingBesideClocks) {
     for (const bool power : {false, true}) {
         SCOPED_TRACE(power);
