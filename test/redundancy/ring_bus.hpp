@@ -55,8 +55,9 @@ struct RingBus {
     SuperviseRequest supervision;
     std::vector<sim::PortRef> ring_cables;  // from the first NIC to the second one; one end of each
     std::vector<sim::PortRef> branch_cables;
-    Duration later[2]{};       // by how much later each NIC shows its frames
-    std::uint64_t frames = 0;  // sent by both NICs
+    std::vector<std::uint16_t> numbers;  // of the slave, by its place in the segment; empty: in that order
+    Duration later[2]{};                // by how much later each NIC shows its frames
+    std::uint64_t frames = 0;           // sent by both NICs
     std::function<void(std::uint64_t)> on_frame;
     std::uint8_t counter = 0;
 
@@ -141,28 +142,42 @@ struct RingBus {
     sim::ProcessDataFirmware* io(std::size_t number) {
         return segment.slave(static_cast<std::uint32_t>(number - 1)).firmware()->process_data();
     }
-    // A cycle in which every device shows a new value. Returns the number of slaves whose inputs are not new, or whose
-    // device has not got the new outputs; absent slaves count.
-    unsigned cycle() {
+    // The slave at a place of the segment.
+    [[nodiscard]] std::uint16_t number_at(std::size_t place) const {
+        return numbers.empty() ? static_cast<std::uint16_t>(place + 1) : numbers[place];
+    }
+    // Every device with power shows a new value, and every slave gets new outputs: the counter, and whose they are.
+    void show_values() {
         ++counter;
-        const std::size_t count = ctx->slaves().size();
-        for (std::size_t n = 1; n <= count; ++n) {
-            auto* const device = io(n);
+        for (std::size_t place = 0; place < ctx->slaves().size(); ++place) {
+            auto* const device = io(place + 1);
             if (device == nullptr) continue;
             auto inputs = device->inputs();
-            if (inputs.size() >= 2) {
+            if (inputs.size() >= 2 && segment.powered(static_cast<std::uint32_t>(place))) {
                 inputs[0] = static_cast<std::byte>(counter);
-                inputs[1] = static_cast<std::byte>(n);
+                inputs[1] = mark_of_inputs(place);
                 device->poke();
             }
-            auto outputs = ctx->slave(n).image.outputs.bytes;
+            auto outputs = ctx->slave(number_at(place)).image.outputs.bytes;
             if (outputs.size() < 2) continue;
             outputs[0] = static_cast<std::byte>(counter);
-            outputs[1] = static_cast<std::byte>(0x80 + n);
+            outputs[1] = mark_of_outputs(place);
         }
+    }
+    static std::byte mark_of_inputs(std::size_t place) { return static_cast<std::byte>(place + 1); }
+    static std::byte mark_of_outputs(std::size_t place) { return static_cast<std::byte>(0x81 + place); }
+    // Sends and receives, one millisecond later.
+    void exchange() {
         osal.advance(1ms);
         const auto sent = send_processdata(*ctx);
         wkc = sent ? receive_processdata(*ctx, 500us) : Result<std::uint32_t>(sent.error());
+    }
+    // A cycle in which every device shows a new value. Returns the number of slaves whose inputs are not new, or whose
+    // device has not got the new outputs; absent slaves count.
+    unsigned cycle() {
+        show_values();
+        exchange();
+        const std::size_t count = ctx->slaves().size();
         (void)poll(*ctx, osal.now());
         segment.advance(osal.now());
         unsigned stale = 0;
@@ -171,10 +186,10 @@ struct RingBus {
             if (device == nullptr) continue;
             const auto seen = ctx->slave(n).image.inputs.bytes;
             const bool in =
-                seen.size() >= 2 && seen[0] == static_cast<std::byte>(counter) && seen[1] == static_cast<std::byte>(n);
+                seen.size() >= 2 && seen[0] == static_cast<std::byte>(counter) && seen[1] == mark_of_inputs(n - 1);
             const auto got = device->outputs();
-            const bool out = got.size() >= 2 && got[0] == static_cast<std::byte>(counter) &&
-                             got[1] == static_cast<std::byte>(0x80 + n);
+            const bool out =
+                got.size() >= 2 && got[0] == static_cast<std::byte>(counter) && got[1] == mark_of_outputs(n - 1);
             if (!in || !out || !inputs_fresh(*ctx, static_cast<std::uint16_t>(n))) ++stale;
         }
         return stale;
