@@ -42,19 +42,17 @@ struct Watch {
     bool ring_moved = false;           // since the last search: the ring was closed, or is broken at another place
     Time retry_at = Time::min();
     Time look_at = Time::min();  // when the state of all slaves is read again, whatever the roll says
-    std::size_t next_helped =
-        0;  // index of the slave that the next choice starts with, so that no slave blocks another one
+    std::size_t next_helped = 0;  // index of the slave that the next choice starts with: no slave blocks another one
+    bool unplaced = false;        // a slave answers, and its place in the ring is not known
     Time search_at = Time::min();
     Time lines_at = Time::min();
     Time groups_at = kNever;  // when a hot connect group should be complete
-
     [[nodiscard]] Arena& arena() { return network.arena(); }
 };
 
 std::uint16_t answering(Network& network) {
-    const auto slaves = network.slaves();
     return static_cast<std::uint16_t>(
-        std::ranges::count_if(slaves, [](const Slave& s) { return s.al.state != AlState::none; }));
+        std::ranges::count_if(network.slaves(), [](const Slave& s) { return s.al.state != AlState::none; }));
 }
 
 // Whether the supervision may look at the slave: nobody changes it now, or the work on it executes commands and hooks
@@ -365,9 +363,11 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
         co_await required(for_each_slave(network, doubt));
     }
     report_count(watch, roll.count);
-    // A slave in the place of another one leaves the number of slaves as it was.
-    const auto unplaced = [](const Slave& s) { return s.al.state != AlState::none && s.ring_position == 0; };
-    if (roll.count == watch.walked && std::ranges::any_of(network.slaves(), unplaced)) watch.walked = kNotWalked;
+    // A slave in the place of another one leaves the number of slaves as it was. The first search does not wait.
+    const auto has_no_place = [](const Slave& s) { return s.al.state != AlState::none && s.ring_position == 0; };
+    const bool before = std::exchange(watch.unplaced, std::ranges::any_of(network.slaves(), has_no_place));
+    if (roll.count == watch.walked && watch.unplaced) watch.walked = kNotWalked;
+    if (watch.unplaced && !before) watch.search_at = network.engine.now();
     if (walk_is_due(watch, roll)) (void)crew.start(search(watch));
     co_return Nothing{};
 }
