@@ -269,7 +269,8 @@ void compare_with_expected(Network& network, FirstFault& faults) {
         Error error;
         if (slave.unexpected) error = {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.number};
         if (slave.other) error = difference(slave, *slave.wanted);
-        if (error.code != Errc::none && error != slave.error) network.note(slave, error);  // once
+        // What has prevented the reading of the slave was noted.
+        if (error.code != Errc::none && error.code != slave.error.code) network.note(slave, error);
         if (slave.held) faults.keep(error);
     }
 }
