@@ -37,15 +37,17 @@
 // next ring slave) follow a second reference too, the first of them; `second_reference` then is never 0 in the whole
 // ring. Their delays change with each break. So the frames bring no clock a time after a break or a repair
 // (Group::dc_time has 1 slave), until the SuperviseRequest has written the delays: some rounds of its clock
-// supervision. If the time that the master had sent has disturbed clocks behind a break, or they had no power, they are
-// not in sync until the ring is whole. A reference clock behind a break stays the reference until then, although a
-// clock before it is back, and the clocks at the other side of the break are not in sync. Beside a break at a slave
-// without receive times, the delays of the nearest slave with receive times are used, which may be wrong by the
-// propagation delay between both slaves. Where configdc() is called while the ring is broken between slaves, this
-// begins when the ring is whole. After a repair, and when the first of these slaves returns from a loss of power, the
-// port of the last slave is closed again for up to two seconds in all, until the clocks there have learned the rate. A
-// break meanwhile cuts off the slaves behind it, until the timer of the chip has opened the port again: for about a
-// second. No NIC can open the port then, because the frames of the second one end at it.
+// supervision. The frames that were on the wire at the break still bring the time by the old way: one, or with
+// overlapping cycles several, after which clocks in sync may be up to some microseconds away for some tens of
+// milliseconds until SlaveClock::in_sync tells it. If the time that the master had sent has disturbed clocks behind a
+// break, or they had no power, they are not in sync until the ring is whole. A reference clock behind a break stays the
+// reference until then, although a clock before it is back, and the clocks at the other side of the break are not in
+// sync. Beside a break at a slave without receive times, the delays of the nearest slave with receive times are used,
+// which may be wrong by the propagation delay between both slaves. Where configdc() is called while the ring is broken
+// between slaves, this begins when the ring is whole. After a repair, and when the first of these slaves returns from a
+// loss of power, the port of the last slave is closed again for up to two seconds in all, until the clocks there have
+// learned the rate. A break meanwhile cuts off the slaves behind it, until the timer of the chip has opened the port
+// again: for about a second. No NIC can open the port then, because the frames of the second one end at it.
 //
 // Either NIC may be at the beginning of the ring, or be plugged there while the machine runs
 // (RedundancyStatus::swapped, EventKind::cables_swapped). Where only frames of the end reach some branches of the whole
