@@ -36,7 +36,7 @@ Analyser::Analyser()
       clocks_(analysis_, slaves_),
       manners_(analysis_),
       exchanges_(
-          analysis_.frames, [this](const Exchanged& e, std::size_t) { mail_.note_sent(e); },
+          analysis_.frames, [this](const KeptFrame& request) { sent(request); },
           [this](const Exchanged& e, std::size_t) { datagram(e); },
           [this](const KeptFrame& request, bool answered, bool late) {
               cycles_.frame(request, answered, late);
@@ -68,6 +68,13 @@ void Analyser::packet(Moment when, Bytes packet, std::size_t length_on_wire) {
     if (frame->vlan) ++counts.vlan;
     if (frame->udp) ++counts.udp;
     exchanges_.take(when, frame->bytes);
+}
+
+void Analyser::sent(const KeptFrame& request) {
+    cycles_.sent(request);
+    const auto directions = exchanges_.directions();
+    if (directions == Directions::requests_only || directions == Directions::replies_only) return;
+    Exchanges::datagrams_of(request, [this](const Exchanged& e, std::size_t) { mail_.note_sent(e); });
 }
 
 void Analyser::datagram(const Exchanged& e) {

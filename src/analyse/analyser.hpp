@@ -34,6 +34,7 @@ class Analyser {
     [[nodiscard]] std::uint64_t first_step_back() const { return first_step_back_; }
 
   private:
+    void sent(const KeptFrame& request);
     void datagram(const Exchanged& e);
 
     Analysis analysis_{};

@@ -24,16 +24,21 @@ CycleWatch::Track* CycleWatch::track_of(const KeptFrame& request) {
     return &track;
 }
 
+void CycleWatch::sent(const KeptFrame& request) {
+    auto* track = request.process_data != 0 ? track_of(request) : nullptr;
+    if (track == nullptr) return;
+    auto& facts = analysis_.cyclic[track->number];
+    if (facts.count != 0) track->intervals.add(request.when.at - facts.last.at, request.when);
+    facts.last = request.when;
+    ++facts.count;
+}
+
 void CycleWatch::frame(const KeptFrame& request, bool answered, bool late) {
-    present_ = request.process_data != 0 ? track_of(request) : nullptr;
+    const auto found = tracks_.find(request.process_data);
+    present_ = found != tracks_.end() ? &found->second : nullptr;
     next_ = 0;
     if (present_ == nullptr) return;
     auto& facts = analysis_.cyclic[present_->number];
-    // Replies may overtake each other; the interval is that of the requests in their order.
-    const bool is_next = facts.count == 0 || facts.last.is_before(request.when);
-    if (facts.count != 0 && is_next) present_->intervals.add(request.when.at - facts.last.at, request.when);
-    if (is_next) facts.last = request.when;
-    ++facts.count;
     if (!answered) ++facts.lost;
     if (late) ++facts.late;
 }

@@ -9,7 +9,9 @@ namespace margay::analyse {
 class CycleWatch {
   public:
     explicit CycleWatch(Analysis& analysis) : analysis_(analysis) {}
-    // A frame: as sent, or with replies only as it came back.
+    // A frame was sent; with replies only, it came back.
+    void sent(const KeptFrame& request);
+    // A frame has come back, or was given up.
     void frame(const KeptFrame& request, bool answered, bool late);
     // A datagram of the frame of the last call of frame().
     void datagram(const Exchanged& e);

@@ -181,7 +181,7 @@ void Exchanges::request(Moment when, Bytes frame) {
     ++counts_.requests;
     KeptFrame kept{.when = when, .bytes = {frame.begin(), frame.end()}, .process_data = process_data_of(frame)};
     if (kept.process_data != 0) kept.turn = ++turn_of(kept.process_data);
-    if (directions_ != Directions::requests_only) tell(sent_, kept);
+    sent_(kept);
     pending_.push_back(std::move(kept));
     if (pending_.size() > kPending) {
         give_up(pending_.front());
@@ -223,6 +223,7 @@ void Exchanges::unasked(Moment when, Bytes frame) {
     if (directions_ == Directions::replies_only) {
         self.bytes.assign(frame.begin(), frame.end());
         self.process_data = process_data_of(frame);
+        sent_(self);
     } else {
         ++counts_.unasked;
     }
@@ -251,11 +252,10 @@ void Exchanges::answer(std::size_t pending, Moment when, Bytes frame) {
 void Exchanges::give_up(const KeptFrame& request) {
     ++counts_.lost;
     frame_(request, false, false);
-    tell(datagram_, request);
+    datagrams_of(request, datagram_);
 }
 
-// A request without its reply.
-void Exchanges::tell(const Listener& listener, const KeptFrame& request) {
+void Exchanges::datagrams_of(const KeptFrame& request, const Listener& listener) {
     wire::DatagramReader reader(request.bytes);
     for (std::size_t number = 0; const auto d = reader.next(); ++number)
         listener({.header = d->header, .sent = d->data, .sent_at = request.when, .at = request.when}, number);

@@ -35,8 +35,11 @@ class Exchanges {
     // Called before the datagrams of the frame. A reply without a request has no octets.
     using FrameListener = std::function<void(const KeptFrame& request, bool answered, bool late)>;
 
-    // `sent` is told of each datagram when its frame is sent, `datagram` when the frame has come back or is given up.
-    Exchanges(FrameCounts& counts, Listener sent, Listener datagram, FrameListener frame)
+    using SentListener = std::function<void(const KeptFrame& request)>;
+
+    // `sent` is told of each frame when it is sent (with replies only: when it comes back), `frame` and `datagram` when
+    // it has come back or is given up.
+    Exchanges(FrameCounts& counts, SentListener sent, Listener datagram, FrameListener frame)
         : counts_(counts), sent_(std::move(sent)), datagram_(std::move(datagram)), frame_(std::move(frame)) {}
 
     // The first frames of a recording decide about its directions: see kLook.
@@ -47,6 +50,8 @@ class Exchanges {
     // Replies only, and nearly each frame comes again, with working counters that are as large or larger: behind some
     // slaves, and behind all.
     [[nodiscard]] bool passes_twice() const { return passes_twice_; }
+    // The datagrams of a request, as of one without a reply.
+    static void datagrams_of(const KeptFrame& request, const Listener& listener);
 
     static constexpr std::size_t kLook = 512;       // frames
     static constexpr std::size_t kPending = 256;    // a reply that comes behind this number of requests is not found
@@ -68,13 +73,12 @@ class Exchanges {
     void keep_early_reply(Moment when, Bytes frame);
     void give_up_early_replies(Duration before);
     void give_up(const KeptFrame& request);
-    static void tell(const Listener& listener, const KeptFrame& request);
     void spread(const KeptFrame* request, Moment when, Bytes reply);
     [[nodiscard]] std::optional<std::size_t> find(Moment when, Bytes frame) const;
     [[nodiscard]] std::uint64_t& turn_of(std::uint64_t process_data);
 
     FrameCounts& counts_;
-    Listener sent_;
+    SentListener sent_;
     Listener datagram_;
     FrameListener frame_;
     Directions directions_ = Directions::none;

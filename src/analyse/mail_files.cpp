@@ -23,7 +23,11 @@ void MailWatch::take_foe(const Mail& mail) {
     switch (opcode) {
         case foe::Opcode::data:
             if (reads == mail.sent) return;
-            append(*conversation, rest);
+            // After "busy" and after a loss a packet comes again.
+            if (const auto packet = foe::Layout::packet_number::load(mail.data); packet > conversation->packet) {
+                conversation->packet = packet;
+                append(*conversation, rest);
+            }
             // A packet that does not fill the mailbox is the last one.
             conversation->last_sent = mail.data.size() < mail.room;
             if (reads && conversation->last_sent) end(mail, *conversation, Outcome::done);

@@ -104,10 +104,11 @@ void MailWatch::look(const Exchanged& e, SlaveTrack* slave) {
 void MailWatch::pass(const Exchanged& e, SlaveTrack& slave, bool sent, Bytes data) {
     const auto mail = wire::load_mailbox_message(data);
     if (!mail || !known_type(mail->header.type)) return;
-    // A message with the counter of the one before is a repetition.
-    if (auto& last = slave.last_counter[sent ? 0 : 1]; mail->header.counter != 0) {
-        if (last == mail->header.counter) return;
-        last = mail->header.counter;
+    // The message before once more, with its counter, is a repetition.
+    if (auto& last = slave.last_mail[sent ? 0 : 1]; mail->header.counter != 0) {
+        const auto whole = data.first(wire::kMailboxHeaderBytes + mail->data.size());
+        if (std::ranges::equal(last, whole)) return;
+        last.assign(whole.begin(), whole.end());
     }
     auto& counts = slaves_.facts(slave).mail[mail->header.type];
     ++(sent ? counts.sent : counts.received);

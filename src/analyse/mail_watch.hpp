@@ -12,6 +12,7 @@ struct OpenConversation {
     Conversation facts{};
     std::vector<std::byte> data{};  // as far as kMostObject
     std::uint64_t announced = 0;    // octets of an SDO
+    std::uint32_t packet = 0;       // of FoE, the last one
     bool begun = false;             // the first answer has come
     bool last_sent = false;         // the last octets are on their way
     bool superseded = false;        // the next request was sent before the answer came

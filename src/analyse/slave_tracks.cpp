@@ -166,7 +166,10 @@ void SlaveTracks::look_at_sync_managers(const Exchanged& e, SlaveTrack& slave) {
     };
     const std::uint32_t ado = e.header.address.ado();
     if (ado + e.sent.size() <= reg::kSyncManagerBase || ado >= reg::sync_manager(kMost).address) return;
-    if (writes_registers(e.header.command)) take(e.sent);
+    if (writes_registers(e.header.command)) {
+        take(e.sent);
+        for (auto& mail : slave.last_mail) mail.clear();  // the counters may begin again
+    }
     if (reads_registers(e.header.command)) take(e.received);
 }
 

@@ -15,7 +15,7 @@ struct SlaveTrack {
     bool sii_reading = false;
     bool sii_eight = false;  // the slave reads 8 octets at once
     std::map<unsigned, wire::SyncManager> sync_managers{};
-    std::optional<std::uint8_t> last_counter[2]{};              // of mail to and from the slave
+    std::vector<std::byte> last_mail[2]{};                      // to and from the slave, since its mailbox was set up
     std::map<std::uint32_t, std::vector<std::byte>> objects{};  // identity, PDOs: index << 8 | subindex
     std::map<std::uint32_t, std::string> names{};               // of objects (subindex 0xFFF) and entries
     [[nodiscard]] bool sii_has(std::size_t from, std::size_t octets) const;

@@ -67,6 +67,22 @@ TEST_F(AnalyserTest, MeasuresTheCycleAndCountsLostAndLateFrames) {
     EXPECT_EQ(a.shortfalls.items.size(), 0u);
 }
 
+// The master sent the lost requests in time, too.
+TEST_F(AnalyserTest, AnIntervalEndsWithARequestThatIsLost) {
+    for (int i = 0; i < 600; ++i) {
+        packet(1ms * i, frame_of({kCyclic}, false, static_cast<std::uint8_t>(i)));
+        if (i % 5 != 0) packet(1ms * i + 30us, frame_of({kCyclic}, true, static_cast<std::uint8_t>(i)));
+    }
+    const auto a = analyser.finish();
+    ASSERT_EQ(a.cyclic.size(), 1U);
+    EXPECT_EQ(a.cyclic[0].count, 600U);
+    EXPECT_EQ(a.cyclic[0].intervals.count, 599U);
+    EXPECT_EQ(a.cyclic[0].intervals.most, 1ms);
+    EXPECT_EQ(a.cyclic[0].intervals.late, 0U);
+    EXPECT_EQ(a.frames.lost, 116U);
+    EXPECT_EQ(a.frames.open, 4U) << "of the last 20 ms";
+}
+
 // A master that has two frames on the wire, and one that sends a burst to the clocks.
 TEST_F(AnalyserTest, FramesThatOverlapAreNotLate) {
     for (int i = 0; i < 100; ++i) {

@@ -58,7 +58,7 @@ TEST_F(MailTest, PutsMailTogetherToConversations) {
     exchange(8ms, {{Command::FPRD, at(0x1040),
                     mail(4, octets_of({0, 0x20, 0x80, 0x40, 0x60, 0, 0x02, 0x00, 0x01, 0x06})), 1}});
     exchange(9ms, {{Command::FPRD, at(0x1040),
-                    mail(4, octets_of({0, 0x30, 0x80, 0x40, 0x60, 0, 0x02, 0x00, 0x01, 0x06})), 1}});  // repeated
+                    mail(4, octets_of({0, 0x20, 0x80, 0x40, 0x60, 0, 0x02, 0x00, 0x01, 0x06})), 1}});  // repeated
     exchange(10ms, {{Command::FPWR, at(0x1000), mail(4, octets_of({0, 0x20, 0x40, 0, 0x10, 0, 0, 0, 0, 0})), 1}});
     const auto a = analyser.finish();
     ASSERT_EQ(a.conversations.items.size(), 3u);
@@ -170,6 +170,53 @@ TEST_F(MailTest, ARequestThatIsSentAgainIsOne) {
     }
     EXPECT_EQ(all[2].data, octets_of({0x39, 0, 0, 0}));
     EXPECT_EQ(a.slaves.at(0).mail.at(wire::MailboxType::coe).sent, 3U);
+}
+
+// Each run of a program begins with counter 1, behind INIT.
+TEST_F(MailTest, CountersBeginAgainWhenTheMailboxIsSetUp) {
+    for (int run = 0; run < 3; ++run) {
+        SetUp();
+        exchange(10ms * run + 1ms, {request(1, kUpload, 0x6041, 0)});
+        exchange(10ms * run + 2ms, {response(1, kUploaded, 0x6041, 0, 0x37)});
+    }
+    EXPECT_EQ(analyser.finish().conversations.items.size(), 3U);
+}
+
+TEST_F(MailTest, ACounterThatComesAgainWithOtherOctetsIsAnotherMessage) {
+    exchange(1ms, {request(1, kUpload, 0x6041, 0)});
+    exchange(2ms, {response(1, kUploaded, 0x6041, 0, 0x37)});
+    exchange(3ms, {request(1, kUpload, 0x6064, 0)});
+    exchange(4ms, {response(1, kUploaded, 0x6064, 0, 0x38)});
+    const auto all = analyser.finish().conversations.items;
+    ASSERT_EQ(all.size(), 2U);
+    EXPECT_EQ(all[1].data, octets_of({0x38, 0, 0, 0}));
+}
+
+// After "busy", and after a loss.
+TEST_F(MailTest, APacketOfFoeThatComesAgainCountsOnce) {
+    const auto foe = [](bool sent, std::uint8_t counter, std::uint8_t opcode, std::uint8_t packet_number,
+                        std::size_t octets) {
+        std::vector<std::byte> all(64);
+        wire::store_mailbox_header(
+            all,
+            {.length = static_cast<std::uint16_t>(6 + octets), .type = wire::MailboxType::foe, .counter = counter});
+        all[wire::kMailboxHeaderBytes] = static_cast<std::byte>(opcode);
+        all[wire::kMailboxHeaderBytes + 2] = static_cast<std::byte>(packet_number);
+        return Part{sent ? Command::FPWR : Command::FPRD, at(sent ? 0x1000 : 0x1040), all, 1};
+    };
+    constexpr std::size_t kFull = 64 - 6 - 6;
+    exchange(1ms, {foe(true, 1, 2, 0, 1)});      // write
+    exchange(2ms, {foe(false, 1, 4, 0, 0)});     // acknowledge
+    exchange(3ms, {foe(true, 2, 3, 1, kFull)});  // data
+    exchange(4ms, {foe(false, 2, 6, 0, 0)});     // busy
+    exchange(5ms, {foe(true, 3, 3, 1, kFull)});
+    exchange(6ms, {foe(false, 3, 4, 1, 0)});
+    exchange(7ms, {foe(true, 4, 3, 2, 10)});
+    exchange(8ms, {foe(false, 4, 4, 2, 0)});
+    const auto all = analyser.finish().conversations.items;
+    ASSERT_EQ(all.size(), 1U);
+    EXPECT_EQ(all[0].outcome, Outcome::done);
+    EXPECT_EQ(all[0].bytes, kFull + 10);
 }
 
 // In a recording of requests alone nothing is known of the slaves' answers.
