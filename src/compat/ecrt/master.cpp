@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <chrono>
 #include <map>
+#include <thread>
 
 using namespace margay;
 using namespace margay::compat;
@@ -218,6 +219,8 @@ int ecrt_master_activate(ec_master_t* master) {
         say("master %u is active already", bus.index);
         return 0;
     }
+    // The start-up would end them.
+    for (int n = 0; n < 1000 && are_under_way(bus); ++n) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     bus.stop_idle();
     bus.search.scan.cancel();
     bus.search.watch.cancel();

@@ -116,6 +116,16 @@ bool begin(ec_slave_config& config, SlaveRequest& request) {
 
 void note_waiting(ec_slave_config& config) { config.bus.requests_wait = true; }
 
+bool are_under_way(const Bus& bus) {
+    const auto any = [](const auto& requests, const auto& is_busy) { return std::ranges::any_of(requests, is_busy); };
+    const auto transfers = [](const auto& one) { return one->read.busy() || one->write.busy(); };
+    return std::ranges::any_of(bus.configs, [&](const auto& config) {
+        return any(config->sdo_requests, [](const auto& one) { return one->upload.busy() || one->download.busy(); }) ||
+               any(config->soe_requests, transfers) || any(config->foe_requests, transfers) ||
+               any(config->reg_requests, [&](const auto& one) { return transfers(one) || one->exchange.busy(); });
+    });
+}
+
 void begin_waiting(Bus& bus) {
     if (!bus.requests_wait.load(std::memory_order_relaxed)) return;
     const std::unique_lock lock(bus.config_mutex, std::try_to_lock);

@@ -85,6 +85,8 @@ concept Timed = requires(Wish& wish) {
 
 // Begins the requests of all configurations that wait, as far as their slaves are ready. For the owner; does not wait.
 void begin_waiting(Bus& bus);
+// Whether some request of the configurations is under way.
+[[nodiscard]] bool are_under_way(const Bus& bus);
 // A request waits: begin_waiting() looks for it.
 void note_waiting(ec_slave_config& config);
 

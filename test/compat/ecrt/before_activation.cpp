@@ -92,7 +92,11 @@ int run(ec_master_t* master) {
     }
     CHECK(read_after_reset(master, drive) == 0);
     CHECK(read_pdos(master, 1) == 0);
+    // Under way at the activation.
+    ec_sdo_request_t* const object = ecrt_slave_config_create_sdo_request(drive, 0x1000, 0, 4);
+    CHECK(ecrt_sdo_request_read(object) == 0);
     CHECK(ecrt_master_activate(master) == 0);
+    CHECK(ecrt_sdo_request_state(object) == EC_REQUEST_SUCCESS);
     CHECK(ecrt_master_deactivate(master) == 0);
     CHECK(!is_owner(*master));
     return read_type(master);
