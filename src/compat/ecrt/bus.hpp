@@ -218,7 +218,13 @@ class Bus {
 // Whether the master is active and configures this slave: below SAFEOP its PDOs may change.
 [[nodiscard]] bool is_configured(Bus& bus, const Slave& slave);
 
-// How far a slave is: the scan has read it; it has passed INIT, so that it takes messages; its PDOs stay as they are,
+// The slave is there, and its SII is being read: after the scan only its identity was.
+[[nodiscard]] inline bool is_unread(const Slave& slave) {
+    const bool failed = slave.error.code != Errc::none && slave.error.code != Errc::missing_slave;
+    return !failed && (!slave.seen || (!slave.sii_read && slave.al.state == AlState::init));
+}
+
+// How far a slave is: its SII was read; it has passed INIT, so that it takes messages; its PDOs stay as they are,
 // or it cannot be configured.
 enum class Ready : std::uint8_t { read, for_mail, for_pdos };
 

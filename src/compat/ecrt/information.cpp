@@ -106,10 +106,10 @@ int ecrt_master_scan_progress(ec_master_t* master, ec_master_scan_progress_t* pr
 int ecrt_master_get_slave(ec_master_t* master, uint16_t slave_position, ec_slave_info_t* slave_info) {
     Bus& bus = *master->bus;
     Slave slave;
-    if (!bus.slave_at(slave_position, slave) || !slave.seen) {
+    if (!bus.slave_at(slave_position, slave) || is_unread(slave)) {
         await_start(bus, slave_position, Ready::read);
         if (!bus.slave_at(slave_position, slave)) return -ENOENT;
-        if (!slave.seen && bus.scan_busy) return -EAGAIN;  // in the cyclic thread
+        if (is_unread(slave) && (bus.active || bus.scan_busy)) return -EAGAIN;  // in the cyclic thread
     }
     *slave_info = {};
     slave_info->position = slave_position;

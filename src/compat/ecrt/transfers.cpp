@@ -30,7 +30,7 @@ bool is_of(const ec_slave_config& config, const Slave& slave) {
 // Another thread may end the operation meanwhile.
 bool is_ready(Bus& bus, std::uint16_t position, Ready wanted) {
     Slave slave;
-    (void)bus.slave_at(position, slave);
+    if (bus.slave_at(position, slave) && bus.active && is_unread(slave)) return false;
     const bool stays = slave.al.state >= AlState::safeop || slave.error.code != Errc::none;
     if (wanted == Ready::for_pdos && !stays && is_configured(bus, slave)) return false;
     const std::lock_guard lock(bus.config_mutex);

@@ -41,11 +41,18 @@ int run() {
     CHECK(program.state.online && program.state.al_state == EC_AL_STATE_INIT);
     for (ec_sdo_request_t* const one : {patient, second, hasty}) ecrt_sdo_request_read(one);
     int hasty_for = 0;
+    int unread = 0;
     while (program.state.al_state == EC_AL_STATE_INIT) {
+        // Its SII is being read: it is not a slave without SyncManagers.
+        ec_slave_info_t info;
+        const int known = ecrt_master_get_slave(program.master, 1, &info);
+        CHECK(known == -EAGAIN || (known == 0 && info.sync_count == 4 && info.name[0] != '\0'));
+        if (known != 0) ++unread;
         for (ec_sdo_request_t* const one : {patient, second}) CHECK(ecrt_sdo_request_state(one) == EC_REQUEST_BUSY);
         if (ecrt_sdo_request_state(hasty) == EC_REQUEST_BUSY) ++hasty_for;
         program.cycle();
     }
+    CHECK(unread > 0);
     CHECK(hasty_for >= 18 && hasty_for <= 22 && ecrt_sdo_request_state(hasty) == EC_REQUEST_ERROR);
     const auto any_busy = [&] {
         return ecrt_sdo_request_state(patient) == EC_REQUEST_BUSY || ecrt_sdo_request_state(second) == EC_REQUEST_BUSY;
