@@ -1,4 +1,4 @@
-// The texts of what an application has given wrongly or not at all: arguments, features.
+// The texts of what an application has given wrongly or not at all: arguments, features, memory.
 #pragma once
 
 #include <margay/error.hpp>
@@ -13,5 +13,8 @@ namespace margay {
 // Whether a feature that the context does not have would be needed; feature_text() is then the cause.
 [[nodiscard]] bool needs_feature(const Error& e);
 [[nodiscard]] std::string_view feature_text(const Error& e);
+
+// The memory of the application that is too small, by its name in the API.
+[[nodiscard]] std::string_view capacity_text(const Error& e);
 
 }  // namespace margay

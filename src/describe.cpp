@@ -177,32 +177,6 @@ std::string_view pdo_list_text(PdoListFault why) {
     return "reason unknown";
 }
 
-// Names the memory of the application that is too small, by its name in the API.
-std::string_view capacity_text(const Error& e) {
-    constexpr std::string_view kSequences = "Limits::tasks, or Limits::arena_bytes";
-    if (e.detail == Error::kTasks) return kSequences;
-    if (e.detail == Error::kPlaces) return "places for requests of other threads";
-    if (e.detail == Error::kRedundancy) return "Limits::redundancy is false";
-    // A buffer that is too small has a size that was needed. Only the size of a file is not known.
-    const bool of_buffer = e.expected != 0 || e.step == Step::foe_read;
-    switch (e.step) {
-        case Step::count_slaves:
-        case Step::identify:
-        case Step::recover: return "Limits::slaves";
-        case Step::open_nic: return "the memory of the context";
-        case Step::sdo_upload:
-        case Step::soe_read:
-        case Step::foe_read:
-        case Step::voe_receive:
-        case Step::aoe_read:
-        case Step::aoe_read_write:
-        case Step::mailbox_receive: return of_buffer ? "the buffer of the call" : kSequences;
-        case Step::map_process_data: return "SharedImage";
-        case Step::configure_clocks: return "Limits::clocks is false";
-        default: return kSequences;
-    }
-}
-
 void write_argument(TextWriter& out, const Error& e) {
     if (e.step == Step::identify && e.actual != 0) {
         out << " (entry " << e.actual

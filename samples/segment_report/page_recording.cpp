@@ -125,8 +125,9 @@ Markup cyclic_table(const Analysis& analysis) {
             for (const auto& [wkc, count] : datagram.wkcs)
                 counters += fmt::format("{}{} ({})", counters.empty() ? "" : ", ", wkc, counted(count, "time"));
         table.add({fmt::format("kind {}, {}", n, counted(c.datagrams.size(), "datagram")), fmt::to_string(c.count),
-                   analysis.losses_known ? fmt::to_string(c.lost) : "not known", c.overlapping ? "overlapping" : fmt::to_string(c.late),
-                   us_text(c.intervals.median), us_text(c.intervals.low_1) + " to " + us_text(c.intervals.high_99),
+                   analysis.losses_known ? fmt::to_string(c.lost) : "not known",
+                   c.overlapping ? "overlapping" : fmt::to_string(c.late), us_text(c.intervals.median),
+                   us_text(c.intervals.low_1) + " to " + us_text(c.intervals.high_99),
                    us_text(c.intervals.least) + " to " + us_text(c.intervals.most), counters},
                   c.lost != 0 ? "fault" : "");
     }

@@ -1,9 +1,9 @@
 // What a slave has is asked for the first time in some cycle of the start-up: the answer is right, or it is an error,
 // and an error is not kept. Ends with 0 when everything is as expected.
-#include "check.h"
-#include "cycle.h"
 #include "drives.hpp"
 
+#include <check.h>
+#include <cycle.h>
 #include <ecrt.h>
 #include <array>
 #include <atomic>
