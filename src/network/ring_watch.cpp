@@ -251,9 +251,13 @@ RingParts RingWatch::parts() const {
 }
 
 bool RingWatch::begins_right(Network& network) {
-    if (!begins_at_the_end(network.seen_ring(), network.parts_read)) return true;
-    ring_.turn_round();
-    return false;
+    if (begins_at_the_end(network.seen_ring(), network.parts_read)) {
+        ring_.turn_round();
+        return false;
+    }
+    // A search behind a break has read them, too: delays that are measured by them in the whole ring would be wrong.
+    ports_of_broken_ = network.parts_read.two_nics && !network.parts_read.whole;
+    return true;
 }
 
 Task<Result<>> RingWatch::find_beginning(Network& network) {

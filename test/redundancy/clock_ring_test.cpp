@@ -120,6 +120,37 @@ TEST_F(ClockRing, WithLostFrames) {
     EXPECT_LE(cycles(300), 100);
 }
 
+// The second NIC is out and in while a cable is broken, so a search has read the ports of the broken ring. When the
+// ring is whole, the delays are measured by the ways of the whole ring, also if frames are lost meanwhile.
+TEST(ClockRingSearch, BehindABreakDoesNotChangeTheDelays) {
+    for (const std::uint64_t seed : {1U, 2U, 3U, 4U, 5U, 6U}) {
+        SCOPED_TRACE(seed);
+        ClockRingBus bus;
+        bus.build(5);
+        bus.bring_up();
+        std::vector<std::uint32_t> right;
+        for (std::uint16_t n = 1; n <= 7; ++n) right.push_back(slave_clock(*bus.ctx, n).delay_ns);
+        const sim::PortRef broken = bus.ring_cables[3];
+        bus.cable(broken, false);
+        (void)bus.cycles(250);
+        bus.cable(bus.ring_cables.back(), false);
+        (void)bus.cycles(290);
+        EXPECT_EQ(bus.ctx->slave(7).al.state, AlState::none);
+        bus.cable(bus.ring_cables.back(), true);
+        (void)bus.cycles(100);
+        ASSERT_TRUE(bus.all_in_op());
+        bus.segment.set_noise({.lost = 0.05, .seed = seed});
+        (void)bus.cycles(100);
+        bus.cable(broken, true);
+        (void)bus.cycles(1500);
+        bus.segment.set_noise({});
+        (void)bus.cycles(2000);
+        EXPECT_EQ(bus.status().ring, RingState::whole);
+        for (std::uint16_t n = 1; n <= 7; ++n) EXPECT_NEAR(slave_clock(*bus.ctx, n).delay_ns, right[n - 1U], 2) << n;
+        EXPECT_LE(bus.cycles(300), 100);
+    }
+}
+
 // The NICs are interchanged: the ring begins at the second one.
 TEST_F(ClockRing, WithInterchangedCables) {
     for (unsigned n = 0; n < 5; ++n) (void)add_to_ring(nth(n));
