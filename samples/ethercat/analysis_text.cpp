@@ -150,7 +150,8 @@ std::string slaves_text(const Analysis& a) {
     return text;
 }
 
-std::string late_words(const analyse::CyclicFrame& kind) {
+std::string late_words(const Analysis& a, const analyse::CyclicFrame& kind) {
+    if (a.passes_twice) return "late replies not told";
     return kind.overlapping ? "several on the wire at a time" : fmt::format("{} late", kind.late);
 }
 
@@ -161,7 +162,7 @@ std::string cyclic_text(const Analysis& a) {
         const auto& c = a.cyclic[n];
         const auto& i = c.intervals;
         text += fmt::format("  kind {}: {} from {} to {}, {}, {}\n", n, counted(c.count, "frame"), seconds(c.first.at),
-                            seconds(c.last.at), lost_words(a, c.lost), late_words(c));
+                            seconds(c.last.at), lost_words(a, c.lost), late_words(a, c));
         if (i.count != 0)
             text += fmt::format(
                 "    cycle {} (mean {}), jitter: standard deviation {}, 98 % within {} to {}, all within {} to {}\n"
@@ -175,6 +176,7 @@ std::string cyclic_text(const Analysis& a) {
             text += wire::is_logical(d.command) ? fmt::format("0x{:08x}", d.address)
                                                 : fmt::format("0x{:04x} 0x{:04x}", d.address & 0xFFFF, d.address >> 16);
             text += fmt::format(", {}, working counter", counted(d.length, "octet"));
+            if (a.passes_twice) text += " not told";
             for (const auto& [wkc, count] : d.wkcs) text += fmt::format(" {} ({})", wkc, counted(count, "time"));
             text += "\n";
         }

@@ -120,15 +120,20 @@ Markup cyclic_table(const Analysis& analysis) {
                  {"Working counters"}});
     for (std::size_t n = 0; n < analysis.cyclic.size(); ++n) {
         const auto& c = analysis.cyclic[n];
+        const auto cycle = [&](std::string text) { return c.intervals.count != 0 ? text : "not told"; };
         std::string counters;
         for (const auto& datagram : c.datagrams)
             for (const auto& [wkc, count] : datagram.wkcs)
                 counters += fmt::format("{}{} ({})", counters.empty() ? "" : ", ", wkc, counted(count, "time"));
         table.add({fmt::format("kind {}, {}", n, counted(c.datagrams.size(), "datagram")), fmt::to_string(c.count),
                    analysis.losses_known ? fmt::to_string(c.lost) : "not known",
-                   c.overlapping ? "overlapping" : fmt::to_string(c.late), us_text(c.intervals.median),
-                   us_text(c.intervals.low_1) + " to " + us_text(c.intervals.high_99),
-                   us_text(c.intervals.least) + " to " + us_text(c.intervals.most), counters},
+                   analysis.passes_twice ? "not told"
+                   : c.overlapping       ? "overlapping"
+                                         : fmt::to_string(c.late),
+                   cycle(us_text(c.intervals.median)),
+                   cycle(us_text(c.intervals.low_1) + " to " + us_text(c.intervals.high_99)),
+                   cycle(us_text(c.intervals.least) + " to " + us_text(c.intervals.most)),
+                   analysis.passes_twice ? "not told" : counters},
                   c.lost != 0 ? "fault" : "");
     }
     return tag("h3", "Process data") + table.markup();

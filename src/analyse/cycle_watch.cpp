@@ -83,7 +83,7 @@ void CycleWatch::finish() {
     for (const auto& [key, track] : tracks_) {
         auto& facts = analysis_.cyclic[track.number];
         facts.intervals = track.intervals.result();
-        facts.overlapping = facts.late >= kFewest && 2 * facts.late > facts.count;
+        facts.overlapping = facts.late >= kFewest && 2 * facts.late >= facts.count;
         if (facts.overlapping) analysis_.frames.late -= std::exchange(facts.late, 0);
     }
 }

@@ -1,6 +1,7 @@
 #include "analyse/exchanges.hpp"
 
 #include "analyse/ethercat_frame.hpp"
+#include "analyse/ring_signs.hpp"
 #include "wire/esc.hpp"
 
 #include <algorithm>
@@ -79,30 +80,28 @@ void Exchanges::take(Moment when, Bytes frame) {
 bool Exchanges::come_again() const {
     constexpr std::size_t kNext = 8;
     constexpr std::size_t kLeast = 16;
-    const auto counters = [](const Early& e) {
-        std::uint32_t sum = 0;
-        wire::DatagramReader reader(e.bytes);
-        while (const auto d = reader.next()) sum += d->wkc;
-        return sum;
-    };
     std::vector<bool> taken(early_.size());
     std::size_t pairs = 0;
     std::size_t larger = 0;
     std::size_t smaller = 0;
+    std::size_t near = 0;  // the frames that follow come much later than the second time
     for (std::size_t first = 0; first < early_.size(); ++first) {
         if (taken[first]) continue;
         for (auto second = first + 1; second < early_.size() && second <= first + kNext; ++second) {
             if (taken[second] || !alike(early_[first].bytes, early_[second].bytes)) continue;
             taken[second] = true;
             ++pairs;
-            const auto before = counters(early_[first]);
-            const auto behind = counters(early_[second]);
+            const auto before = counters_of(early_[first].bytes);
+            const auto behind = counters_of(early_[second].bytes);
             larger += behind > before ? 1 : 0;
             smaller += behind < before ? 1 : 0;
+            const auto passed = early_[second].when.at - early_[first].when.at;
+            const bool last = second + 1 == early_.size();
+            near += !last && early_[second + 1].when.at - early_[second].when.at > 2 * passed ? 1 : 0;
             break;
         }
     }
-    return 10 * pairs >= 4 * early_.size() && larger >= kLeast && 16 * smaller <= larger;
+    return 10 * pairs >= 4 * early_.size() && larger >= kLeast && 16 * smaller <= larger && 2 * near > pairs;
 }
 
 void Exchanges::decide() {

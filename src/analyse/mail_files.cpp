@@ -24,7 +24,7 @@ void MailWatch::take_foe(const Mail& mail) {
         case foe::Opcode::data:
             if (reads == mail.sent) return;
             // After "busy" and after a loss a packet comes again.
-            if (const auto packet = foe::Layout::packet_number::load(mail.data); packet > conversation->packet) {
+            if (const auto packet = foe::Layout::packet_number::load(mail.data); packet != conversation->packet) {
                 conversation->packet = packet;
                 append(*conversation, rest);
             }
@@ -66,10 +66,13 @@ void MailWatch::take_soe(const Mail& mail) {
         if (!header.incomplete) conversation->facts.index = header.number;
         return;
     }
+    // The IDN of a write stands in its last fragment.
+    const bool idn_known =
+        conversation != nullptr && (conversation->facts.action == Action::soe_read || conversation->last_sent);
     if (conversation == nullptr ||
         (header.opcode != soe::Opcode::read_response && header.opcode != soe::Opcode::write_response) ||
         conversation->facts.subindex != header.drive ||
-        (!header.incomplete && conversation->facts.index != header.number))
+        (idn_known && !header.incomplete && conversation->facts.index != header.number))
         return;
     if (header.error) {
         const auto code = rest.size() >= soe::kErrorBytes ? load_le<soe::ErrorCode>(rest.last(soe::kErrorBytes))

@@ -10,12 +10,12 @@ namespace margay::analyse {
 // A conversation that is not over.
 struct OpenConversation {
     Conversation facts{};
-    std::vector<std::byte> data{};  // as far as kMostObject
-    std::uint64_t announced = 0;    // octets of an SDO
-    std::uint32_t packet = 0;       // of FoE, the last one
-    bool begun = false;             // the first answer has come
-    bool last_sent = false;         // the last octets are on their way
-    bool superseded = false;        // the next request was sent before the answer came
+    std::vector<std::byte> data{};          // as far as kMostObject
+    std::uint64_t announced = 0;            // octets of an SDO
+    std::optional<std::uint32_t> packet{};  // of FoE, the last one
+    bool begun = false;                     // the first answer has come
+    bool last_sent = false;                 // the last octets are on their way
+    bool superseded = false;                // the next request was sent before the answer came
 };
 
 class MailWatch {

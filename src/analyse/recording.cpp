@@ -103,6 +103,16 @@ class RingEvidence {
     bool crossed_ = false;
 };
 
+// Counts the packets that are earlier than the one before.
+struct Order {
+    std::optional<Duration> last{};
+    std::uint64_t steps_back = 0, first = 0;
+    void look(const Moment& when) {
+        if (last && when.at < *last && steps_back++ == 0) first = when.frame;
+        last = when.at;
+    }
+};
+
 class Recording {
   public:
     explicit Recording(const std::string& path) : path_(path) {}
@@ -113,6 +123,7 @@ class Recording {
         if (sight_ == RingSigns::Sight::whole || sight_ == RingSigns::Sight::sent) {
             if (auto analysis = analyse_ring_of_taps()) return said(std::move(*analysis));
             sight_ = RingSigns::Sight::part;
+            too_many_ = true;
         }
         std::vector<std::unique_ptr<Analyser>> analysers;
         for (std::size_t n = 0; n < std::max<std::size_t>(masters_.count(), 1); ++n)
@@ -207,7 +218,7 @@ class Recording {
         auto analysis = analyser.finish();
         analysis.ring = true;
         if (analyser.steps_back() != 0)
-            analysis.remark = order_text(analyser) +
+            analysis.remark = order_text(analyser.steps_back(), analyser.first_step_back()) +
                               ": replies and times may be wrong; put them in order, as "
                               "reordercap does";
         return analysis;
@@ -218,20 +229,28 @@ class Recording {
         Analyser analyser;
         RingCopies ring([&](Moment when, Bytes packet, std::size_t length) { analyser.packet(when, packet, length); },
                         signs_);
-        const bool fits = read_sorted([](const Taken&, std::optional<std::size_t>) { return true; },
-                                      [&](const Taken& t) { ring.packet({}, t.when, t.bytes, t.length_on_wire); });
+        Order order;
+        const auto every = [&](const Taken& t, std::optional<std::size_t>) {
+            order.look(t.when);
+            return true;
+        };
+        const bool fits =
+            read_sorted(every, [&](const Taken& t) { ring.packet({}, t.when, t.bytes, t.length_on_wire); });
         if (!fits) return std::nullopt;
         ring.finish();
         auto analysis = analyser.finish();
         analysis.ring = sight_ == RingSigns::Sight::whole;
         if (!analysis.ring) forget_losses(analysis);
+        if (order.steps_back != 0) analysis.remark = order_text(order.steps_back, order.first) + sorted_text();
         return analysis;
     }
 
-    static std::string order_text(const Analyser& analyser) {
-        return "the packets are not in order of time (" + std::to_string(analyser.steps_back()) +
-               (analyser.steps_back() == 1 ? " time" : " times") + ", first at packet #" +
-               std::to_string(analyser.first_step_back()) + ")";
+    static std::string order_text(std::uint64_t steps_back, std::uint64_t first) {
+        return "the packets are not in order of time (" + std::to_string(steps_back) +
+               (steps_back == 1 ? " time" : " times") + ", first at packet #" + std::to_string(first) + ")";
+    }
+    static std::string sorted_text() {
+        return " and were sorted; if the clock of the recorder was set back, replies and times near there are wrong";
     }
 
     std::vector<Analysis> finished(std::vector<std::unique_ptr<Analyser>>& analysers) {
@@ -241,12 +260,10 @@ class Recording {
             auto analysis = analysers[n]->finish();
             std::string remark;
             if (analyser.steps_back() != 0) {
-                const auto text = order_text(analyser);
+                const auto text = order_text(analyser.steps_back(), analyser.first_step_back());
                 if (auto sorted = analyse_sorted(n)) {
                     analysis = std::move(*sorted);
-                    remark = text +
-                             " and were sorted; if the clock of the recorder was set back, replies and times "
-                             "near there are wrong";
+                    remark = text + sorted_text();
                 } else {
                     remark = text +
                              " and too many to sort: replies and times may be wrong; put them in order, as "
@@ -343,6 +360,10 @@ class Recording {
                        "one master; losses are not known, and a working counter may be that of one part of the ring; "
                        "record both NICs in both directions";
             case RingSigns::Sight::part:
+                if (too_many_)
+                    return "the packets of a ring without directions are too many to be put in order, so its NICs are "
+                           "shown as masters of their own, and losses are not known: analyse parts of the file, as "
+                           "editcap makes them";
                 return "this looks like a part of a ring, and its NICs are shown as masters of their own: two source "
                        "addresses send the same frames; losses are not known, and late replies, replies without a "
                        "request and working counters are those of one part; record both NICs in both directions";
@@ -360,6 +381,7 @@ class Recording {
     bool is_ring_ = false;
     RingSigns signs_{};
     RingSigns::Sight sight_ = RingSigns::Sight::none;
+    bool too_many_ = false;  // packets of a ring without directions
     Twins twins_{};
     std::uint64_t packets_ = 0;
     std::uint64_t left_out_ = 0;

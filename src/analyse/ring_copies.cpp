@@ -137,12 +137,22 @@ void RingCopies::sent_or_seen_again(std::size_t copy, Moment when, Bytes packet)
     for (const Flight& flight : flights_[index_of(packet)]) {
         const Held& before = flight.sent[copy];
         if (!before.there() || opened_ - flight.number >= kRepeatedWithin ||
-            (copy == 0 && when.at - before.when.at >= kBeforeRepetition) || !are_of_one_frame(before.bytes, packet))
+            when.at - before.when.at >= seen_again_within(flight) || !are_of_one_frame(before.bytes, packet))
             continue;
         ++merged_;
         return;
     }
     sent(copy, when, packet);
+}
+
+// An index may come anew in each cycle: all sights of a frame are within its trip around the ring, and another place
+// that was recorded is not much farther away.
+Duration RingCopies::seen_again_within(const Flight& flight) const {
+    Duration trip{};
+    for (std::size_t copy = 0; copy < 2; ++copy)
+        if (flight.came[copy].there() && flight.sent[copy].there())
+            trip = std::max(trip, flight.came[copy].when.at - flight.sent[copy].when.at);
+    return trip > Duration{} ? 2 * trip : std::min(kBeforeRepetition, 4 * trip_);
 }
 
 // The NIC sends another frame: if the other NIC has not sent the one before, it will not send it.
@@ -203,6 +213,7 @@ void RingCopies::received(std::size_t copy, bool crossed, Moment when, Bytes pac
     Flight& flight = *youngest;
     flight.came[copy].keep(when, packet);
     flight.crossed[copy] = crossed;
+    if (flight.sent[copy].there()) trip_ = std::max(when.at - flight.sent[copy].when.at, Duration{1});
     // The reply is complete with its last part.
     if (flight.reply != 0) {
         place(flight.reply).waits = false;

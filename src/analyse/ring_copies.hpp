@@ -8,6 +8,7 @@
 #include "oshw/pcap/pcapng.hpp"
 
 #include <array>
+#include <chrono>
 #include <deque>
 #include <functional>
 #include <optional>
@@ -67,6 +68,7 @@ class RingCopies {
     void sent(std::size_t copy, Moment when, Bytes packet);
     // Without directions: a frame that no slave has processed is a request, or one that comes by again.
     void sent_or_seen_again(std::size_t copy, Moment when, Bytes packet);
+    [[nodiscard]] Duration seen_again_within(const Flight& flight) const;
     void received(std::size_t copy, bool crossed, Moment when, Bytes packet);
     void note_next(std::size_t copy);
     // The flight whose other copy was sent just now.
@@ -97,8 +99,9 @@ class RingCopies {
     std::array<bool, 2> rests_{};  // in the whole ring, no slave processes the copy
     std::size_t head_ = 0;         // the NIC at the beginning of the ring
     std::deque<Place> queue_{};
-    std::uint64_t first_ = 1;   // the number of the first place of the queue
-    std::uint64_t opened_ = 0;  // flights
+    std::uint64_t first_ = 1;                       // the number of the first place of the queue
+    Duration trip_ = std::chrono::milliseconds(5);  // of the last reply; before it, long
+    std::uint64_t opened_ = 0;                      // flights
     std::uint64_t merged_ = 0;
 };
 

@@ -168,6 +168,16 @@ TEST_F(AnalyserTest, RepliesOnlyOfAMasterTellTheirCounters) {
     EXPECT_FALSE(a.shortfalls.items.empty());
 }
 
+// Replies with one index in all cycles, where a slave answers in every second one.
+TEST_F(AnalyserTest, RepliesOfEveryCycleAreNoTapBetweenSlaves) {
+    for (int i = 0; i < 600; ++i) packet(1ms * i + 7us * (i % 5), frame_of({cyclic(i % 2 == 0 ? 1 : 2)}, true));
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.directions, Directions::replies_only);
+    EXPECT_FALSE(a.passes_twice);
+    ASSERT_EQ(a.cyclic.size(), 1U);
+    EXPECT_EQ(a.cyclic[0].datagrams[0].wkcs.size(), 2U);
+}
+
 // Nothing says whether the replies were lost, or were not recorded.
 TEST_F(AnalyserTest, LossesAreNotKnownWithoutReplies) {
     for (int i = 0; i < 600; ++i) packet(1ms * i, frame_of({kCyclic}, false, static_cast<std::uint8_t>(i)));

@@ -213,10 +213,34 @@ TEST_F(MailTest, APacketOfFoeThatComesAgainCountsOnce) {
     exchange(6ms, {foe(false, 3, 4, 1, 0)});
     exchange(7ms, {foe(true, 4, 3, 2, 10)});
     exchange(8ms, {foe(false, 4, 4, 2, 0)});
+    // Some loaders begin with packet 0.
+    exchange(11ms, {foe(true, 5, 1, 0, 1)});  // read
+    exchange(12ms, {foe(false, 5, 3, 0, kFull)});
+    exchange(13ms, {foe(true, 6, 4, 0, 0)});
+    exchange(14ms, {foe(false, 6, 3, 1, 10)});
+    const auto all = analyser.finish().conversations.items;
+    ASSERT_EQ(all.size(), 2U);
+    for (const auto& one : all) {
+        EXPECT_EQ(one.outcome, Outcome::done);
+        EXPECT_EQ(one.bytes, kFull + 10);
+    }
+}
+
+TEST_F(MailTest, ADriveRefusesTheFirstFragmentOfAWrite) {
+    const auto soe = [](bool sent, std::uint8_t counter, std::vector<std::byte> octets) {
+        std::vector<std::byte> all(64);
+        wire::store_mailbox_header(
+            all,
+            {.length = static_cast<std::uint16_t>(octets.size()), .type = wire::MailboxType::soe, .counter = counter});
+        std::ranges::copy(octets, all.begin() + wire::kMailboxHeaderBytes);
+        return Part{sent ? Command::FPWR : Command::FPRD, at(sent ? 0x1000 : 0x1040), all, 1};
+    };
+    exchange(1ms, {soe(true, 1, octets_of({0x0B, 0x40, 1, 0, 1, 2, 3, 4}))});      // write request, 1 more fragment
+    exchange(2ms, {soe(false, 1, octets_of({0x14, 0x40, 0x2F, 0, 0x04, 0x70}))});  // refused: IDN 47, 0x7004
     const auto all = analyser.finish().conversations.items;
     ASSERT_EQ(all.size(), 1U);
-    EXPECT_EQ(all[0].outcome, Outcome::done);
-    EXPECT_EQ(all[0].bytes, kFull + 10);
+    EXPECT_EQ(all[0].outcome, Outcome::refused);
+    EXPECT_EQ(all[0].code, 0x7004U);
 }
 
 // In a recording of requests alone nothing is known of the slaves' answers.

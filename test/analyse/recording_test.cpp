@@ -224,6 +224,27 @@ void expect_ring_of_taps(const Analysis& a) {
     EXPECT_TRUE(a.shortfalls.items.empty());
 }
 
+// Some masters give their cyclic frame one index, and with datagrams of their own the 256 are used up soon.
+TEST_F(AnalyseFile, ARingOfTapsWhoseIndexComesAnewInEachCycle) {
+    for (const bool breaks : {false, true}) {
+        auto packets = ring_of_taps(90, breaks);
+        for (auto& p : packets) p.bytes[wire::kFramePrefixBytes + 1] = std::byte{7};
+        expect_ring_of_taps(analyse_file(pcapng(packets)));
+    }
+}
+
+TEST_F(AnalyseFile, ARingOfTapsThatIsNotInOrderIsSortedAndThatIsSaid) {
+    auto packets = ring_of_taps(90, false);
+    std::rotate(packets.begin(), packets.begin() + 100, packets.end());
+    auto a = analyse_file(pcapng(packets));
+    constexpr std::string_view kOrder =
+        "; the packets are not in order of time (1 time, first at packet #261) and were sorted; if the clock of the "
+        "recorder was set back, replies and times near there are wrong";
+    ASSERT_TRUE(a.remark.ends_with(kOrder)) << a.remark;
+    a.remark.resize(a.remark.size() - kOrder.size());
+    expect_ring_of_taps(a);
+}
+
 TEST_F(AnalyseFile, ARingWithoutDirectionsIsOneMaster) {
     for (const bool breaks : {false, true}) {
         auto packets = ring_of_taps(90, breaks);
