@@ -235,13 +235,19 @@ class Recording {
             return true;
         };
         const bool fits =
-            read_sorted(every, [&](const Taken& t) { ring.packet({}, t.when, t.bytes, t.length_on_wire); });
+            read_sorted(every, [&](const Taken& t) { ring.packet(t.origin, t.when, t.bytes, t.length_on_wire); });
         if (!fits) return std::nullopt;
         ring.finish();
         auto analysis = analyser.finish();
         analysis.ring = sight_ == RingSigns::Sight::whole;
         if (!analysis.ring) forget_losses(analysis);
-        if (order.steps_back != 0) analysis.remark = order_text(order.steps_back, order.first) + sorted_text();
+        if (ring.may_be_incomplete())
+            analysis.remark =
+                "an index comes anew so soon that frames were taken for copies of others, and are missing here: record "
+                "a pcapng file with an interface for each place";
+        if (order.steps_back != 0)
+            analysis.remark +=
+                (analysis.remark.empty() ? "" : "; ") + order_text(order.steps_back, order.first) + sorted_text();
         return analysis;
     }
 
@@ -297,6 +303,7 @@ class Recording {
     bool read_sorted(IsOne is_one, Take take) {
         struct Kept {
             Moment when{};
+            std::uint32_t interface = 0;
             std::size_t begin = 0, size = 0, length_on_wire = 0;
         };
         std::vector<Kept> kept;
@@ -306,12 +313,13 @@ class Recording {
             if (!is_one(t, of) || !finder_.find(t.bytes)) return;
             fits = fits && octets.size() + kept.size() * sizeof(Kept) + t.bytes.size() <= kMostSorted;
             if (!fits) return;
-            kept.push_back({t.when, octets.size(), t.bytes.size(), t.length_on_wire});
+            kept.push_back({t.when, t.origin.interface, octets.size(), t.bytes.size(), t.length_on_wire});
             octets.insert(octets.end(), t.bytes.begin(), t.bytes.end());
         });
         if (!fits) return false;
         std::ranges::stable_sort(kept, {}, [](const Kept& k) { return k.when.at; });
-        for (const auto& k : kept) take({k.when, {}, Bytes(octets).subspan(k.begin, k.size), k.length_on_wire});
+        for (const auto& k : kept)
+            take({k.when, {.interface = k.interface}, Bytes(octets).subspan(k.begin, k.size), k.length_on_wire});
         return true;
     }
 

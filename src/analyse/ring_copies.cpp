@@ -4,6 +4,7 @@
 #include "wire/datagram.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <initializer_list>
 #include <utility>
@@ -14,6 +15,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kBeforeRepetition = 10ms;  // a master waits longer before it repeats a frame
+constexpr Duration kLongAfter = 500us;        // after its reply, a copy that comes by again does not come so late
 constexpr Duration kOtherThread = 20ms;       // a frame of another thread can be between the copies so long
 
 bool is_plain_ethercat(Bytes packet) {
@@ -103,7 +105,8 @@ void RingCopies::packet(const PacketOrigin& origin, Moment when, Bytes packet, s
     const std::size_t copy = source == macs_[1] ? 1 : 0;
     const bool is_known = source == macs_[0] || source == macs_[1];
     if (is_of_ring && is_known && !has_directions_) {
-        is_marked(packet) ? received(copy, false, when, packet) : sent_or_seen_again(copy, when, packet);
+        is_marked(packet) ? received(copy, false, when, packet)
+                          : sent_or_seen_again(copy, origin.interface, when, packet);
     } else if (is_of_ring && has_directions_ && origin.direction == Direction::refused) {
         ++merged_;  // it was not on the wire
     } else if (is_of_ring && has_directions_ && origin.direction == Direction::sent) {
@@ -132,28 +135,30 @@ void RingCopies::sent(std::size_t copy, Moment when, Bytes packet) {
 }
 
 // The copy that no slave processes in the whole ring comes by again behind it. Both copies can be seen more than once,
-// where more than two places were recorded.
-void RingCopies::sent_or_seen_again(std::size_t copy, Moment when, Bytes packet) {
-    for (const Flight& flight : flights_[index_of(packet)]) {
+// where more than two places were recorded. Each interface sees a copy once: what it sees again is another frame with
+// the same index. Where the file has one interface, the time decides.
+void RingCopies::sent_or_seen_again(std::size_t copy, std::uint32_t interface, Moment when, Bytes packet) {
+    const std::uint64_t place = std::uint64_t{1} << std::min<std::uint32_t>(interface, 63);
+    interfaces_ |= place;
+    const bool by_interface = std::popcount(interfaces_) > 1;
+    for (Flight& flight : flights_[index_of(packet)]) {
         const Held& before = flight.sent[copy];
         if (!before.there() || opened_ - flight.number >= kRepeatedWithin ||
-            when.at - before.when.at >= seen_again_within(flight) || !are_of_one_frame(before.bytes, packet))
+            (copy == 0 && when.at - before.when.at >= kBeforeRepetition) ||
+            (by_interface && (flight.seen_at[copy] & place) != 0) || !are_of_one_frame(before.bytes, packet))
             continue;
+        if (!by_interface && flight.came[copy].there() && when.at - flight.came[copy].when.at > kLongAfter)
+            ++seen_late_;
+        flight.seen_at[copy] |= place;
         ++merged_;
         return;
     }
     sent(copy, when, packet);
+    const auto& flights = flights_[index_of(packet)];
+    if (!flights.empty() && flights.back().sent[copy].there()) flights_[index_of(packet)].back().seen_at[copy] |= place;
 }
 
-// An index may come anew in each cycle: all sights of a frame are within its trip around the ring, and another place
-// that was recorded is not much farther away.
-Duration RingCopies::seen_again_within(const Flight& flight) const {
-    Duration trip{};
-    for (std::size_t copy = 0; copy < 2; ++copy)
-        if (flight.came[copy].there() && flight.sent[copy].there())
-            trip = std::max(trip, flight.came[copy].when.at - flight.sent[copy].when.at);
-    return trip > Duration{} ? 2 * trip : std::min(kBeforeRepetition, 4 * trip_);
-}
+bool RingCopies::may_be_incomplete() const { return 5 * seen_late_ > opened_; }
 
 // The NIC sends another frame: if the other NIC has not sent the one before, it will not send it.
 void RingCopies::note_next(std::size_t copy) {
@@ -213,7 +218,6 @@ void RingCopies::received(std::size_t copy, bool crossed, Moment when, Bytes pac
     Flight& flight = *youngest;
     flight.came[copy].keep(when, packet);
     flight.crossed[copy] = crossed;
-    if (flight.sent[copy].there()) trip_ = std::max(when.at - flight.sent[copy].when.at, Duration{1});
     // The reply is complete with its last part.
     if (flight.reply != 0) {
         place(flight.reply).waits = false;

@@ -8,7 +8,6 @@
 #include "oshw/pcap/pcapng.hpp"
 
 #include <array>
-#include <chrono>
 #include <deque>
 #include <functional>
 #include <optional>
@@ -34,6 +33,9 @@ class RingCopies {
     void finish();
     // Packets that were not passed on: second copies, copies that no slave has processed, parts of merged replies.
     [[nodiscard]] std::uint64_t merged() const { return merged_; }
+    // Without directions and interfaces, frames whose index comes anew too soon are taken for copies that come by
+    // again.
+    [[nodiscard]] bool may_be_incomplete() const;
 
   private:
     struct Held {
@@ -49,13 +51,14 @@ class RingCopies {
     struct Flight {
         std::uint64_t number = 0;
         std::array<Held, 2> sent{};
-        std::array<Held, 2> came{};       // copies that slaves have processed
-        std::array<bool, 2> crossed{};    // of them: it has passed the whole ring
-        std::array<bool, 2> untouched{};  // the copy came back, and no slave has processed it
-        std::uint64_t request = 0;        // its place in the queue
-        std::uint64_t reply = 0;          // 0: there is none
-        bool alone = false;               // its NIC has sent the next frame, and the other copy was not sent
-        bool over = false;                // it was passed on: a copy that comes later is left out
+        std::array<Held, 2> came{};              // copies that slaves have processed
+        std::array<std::uint64_t, 2> seen_at{};  // interfaces that have seen the copy before slaves have processed it
+        std::array<bool, 2> crossed{};           // of them: it has passed the whole ring
+        std::array<bool, 2> untouched{};         // the copy came back, and no slave has processed it
+        std::uint64_t request = 0;               // its place in the queue
+        std::uint64_t reply = 0;                 // 0: there is none
+        bool alone = false;                      // its NIC has sent the next frame, and the other copy was not sent
+        bool over = false;                       // it was passed on: a copy that comes later is left out
     };
     // What is passed on when all before it is.
     struct Place {
@@ -67,8 +70,7 @@ class RingCopies {
     using Flights = std::vector<Flight>;  // with the same index: a master repeats a frame that does not come back
     void sent(std::size_t copy, Moment when, Bytes packet);
     // Without directions: a frame that no slave has processed is a request, or one that comes by again.
-    void sent_or_seen_again(std::size_t copy, Moment when, Bytes packet);
-    [[nodiscard]] Duration seen_again_within(const Flight& flight) const;
+    void sent_or_seen_again(std::size_t copy, std::uint32_t interface, Moment when, Bytes packet);
     void received(std::size_t copy, bool crossed, Moment when, Bytes packet);
     void note_next(std::size_t copy);
     // The flight whose other copy was sent just now.
@@ -99,10 +101,11 @@ class RingCopies {
     std::array<bool, 2> rests_{};  // in the whole ring, no slave processes the copy
     std::size_t head_ = 0;         // the NIC at the beginning of the ring
     std::deque<Place> queue_{};
-    std::uint64_t first_ = 1;                       // the number of the first place of the queue
-    Duration trip_ = std::chrono::milliseconds(5);  // of the last reply; before it, long
-    std::uint64_t opened_ = 0;                      // flights
+    std::uint64_t first_ = 1;   // the number of the first place of the queue
+    std::uint64_t opened_ = 0;  // flights
     std::uint64_t merged_ = 0;
+    std::uint64_t interfaces_ = 0;  // that were seen
+    std::uint64_t seen_late_ = 0;   // copies that came by again, see may_be_incomplete()
 };
 
 }  // namespace margay::analyse
