@@ -29,8 +29,8 @@ struct Master;
     constexpr bool kWide = sizeof(void*) == 8;
     constexpr std::size_t kFixedBytes = kWide ? 6648 : 4720;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
-    // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as much on a processor with
-    // pointers of half the size.
+    // The share of one slave in the memory of the running sequences, with a mailbox of 1 KiB. On a processor with
+    // pointers of 32 bits the deepest sequence needs more than one share: see Limits::arena_bytes.
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
     constexpr std::size_t kGroupBytes = kWide ? 424 : 328;
     constexpr std::size_t kProcessFrameBytes = kWide ? 1984 : 1892;  // a prepared frame with its datagrams

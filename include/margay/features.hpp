@@ -28,7 +28,8 @@ enum class Feature : std::uint8_t { none, coe, soe, overlap, boot };
 // Errc::unsupported once for the slave, with the octets that are used. Where the SII has no sizes, config_map() fails
 // with this error. The slave may refuse SAFEOP if it has other PDOs than its SII says.
 extern const CoeFeature kCoeFeature;
-// The process data of SoE drives is read from their parameters. Without it the same as without kCoeFeature.
+// The process data of SoE drives is read from their parameters. Without it, the SII says the sizes of such a drive,
+// with the same warning and the same error as without kCoeFeature.
 extern const SoeFeature kSoeFeature;
 // Mail from one slave to another is forwarded. Without it such mail is counted as unexpected.
 extern const RoutingFeature kRoutingFeature;

@@ -26,8 +26,9 @@ SentMail::Key SentMail::key_of(const wire::DatagramHeader& header) {
 
 void SentMail::note(const Exchanged& request) {
     if (!writes_memory(request.header)) return;
-    if (messages_.size() >= kMostReceivers) messages_.clear();
-    auto& messages = messages_[key_of(request.header)];
+    const Key key = key_of(request.header);
+    if (messages_.size() >= kMostReceivers && !messages_.contains(key)) messages_.clear();
+    auto& messages = messages_[key];
     messages.push_back({request.sent_at, request.header.address.ado(), {request.sent.begin(), request.sent.end()}});
     if (messages.size() > kMostForOne) messages.pop_front();
 }

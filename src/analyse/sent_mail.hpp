@@ -1,5 +1,6 @@
 // Messages to slaves whose frames have not come back. The reply of a frame can be lost although the slave has taken its
-// message: then the answer of the slave, or the next message, shows that the message was sent.
+// message: then the answer of the slave, or the next message, shows that the message was sent. A frame that another
+// one overtakes is taken for lost until it comes.
 #pragma once
 
 #include "analyse/exchanges.hpp"

@@ -36,8 +36,7 @@ class SmallContext : public SegmentTest {
     }
 };
 
-// A processor with pointers of half the size needs about half as much: that is Limits::arena_bytes of
-// test/embedded/sizes.
+// A processor with pointers of 32 bits needs less, but more than half: see Limits::arena_bytes in test/embedded/sizes.
 TEST_F(SmallContext, TheDeepestSequenceOfABringUpFitsTheArenaOfTheSmallPrograms) {
     plug_line({"coupler", "digital_in_8", "digital_out_8", "odd_device", "odd_device", "digital_in_8", "analog_in_4"});
     switch_on();
