@@ -119,8 +119,8 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // Success means: every wanted slave of the group is in SAFEOP, or in the lower state that its configuration or
 // set_target() requires. config_map() does for all slaves what can be done, and then returns the error of the first
 // failed slave. slave(n).error has the first error of each slave; errors() has them too, each missing or held slave
-// once since the scan. group(n).mapped says whether process data can be exchanged without the failed slaves. While a mapping executes,
-// cycles of its group are not right (working_counter). Such errors are:
+// once since the scan. group(n).mapped says whether process data can be exchanged without the failed slaves. While a
+// mapping executes, cycles of its group are not right (working_counter). Such errors are:
 // - missing_slave, other_slave, unexpected_slave: held or missing slaves of this group (an unexpected slave belongs to
 //   group 0);
 // - every error of the slave's hook, of the search for its PDOs, or of its configuration;
