@@ -77,9 +77,8 @@ run() {
         -DMARGAY_TEST_PROCESSORS=2 -DMARGAY_BUILD_ONCE=ON $settings
     step "$folder: build" cmake --build "$folder" --parallel "$(compilers)"
     : >"$records/log"
-    # A test that computes counts as two, so that no more of them run than there are processors. One that waits counts as one, and
-    # has room beside them.
-    step "$folder: tests" ctest --test-dir "$folder" --parallel $((2 * $(nproc) + 1)) --output-on-failure \
+    # A test that computes counts as two, so that no more of them run than there are processors. One that waits counts as one.
+    step "$folder: tests" ctest --test-dir "$folder" --parallel $((2 * $(nproc))) --output-on-failure \
         --output-log "$records/log" "$@"
     sed -n "s|^[0-9]*% tests passed.*|$folder: &|p" "$records/log" >>"$records/summaries"
     # ctest names the tests that it skipped. Where an entry of ctest is many tests, their output names them.
