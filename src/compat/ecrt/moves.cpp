@@ -54,11 +54,13 @@ bool Operation::may_attach(const ec_slave_config& config) const {
     return bus_.answering > config.position && std::ranges::any_of(bus_.strangers, fits);
 }
 
-// It came after the process data was laid out, and has outputs that the program has not named: nothing is reserved for
-// them, and without them the slave may refuse OP. Where the slave is there, a mapping places them.
+// It came after the process data was laid out, and has process data that the program has not named: nothing is
+// reserved for it, and the slave may refuse OP without. Where the slave is there, a mapping places it.
 bool Operation::lacks_place(const ec_slave_config& config) const {
     const Slave& own = bus_.ctx->slave(config.number.load(std::memory_order_relaxed));
-    if (own.number == 0 || !is_there(own) || own.held || !config.late) return false;
+    if (own.number == 0 || !is_there(own) || own.held) return false;
+    if (own.unplaced && own.seen) return true;
+    if (!config.late) return false;
     for (std::uint8_t n = 0; n < own.sm_count; ++n)
         if (own.sync_managers[n].type == SmType::outputs &&
             std::ranges::find(config.plan.sms, n, &SmPdos::sync_manager) == config.plan.sms.end())

@@ -67,9 +67,33 @@ int run() {
     return 0;
 }
 
+// A configuration names no PDO at all. Nothing is reserved for the slave: the segment starts again.
+int run_unnamed() {
+    const Program program;
+    ec_master_t* const master = program.master;
+    CHECK(master != nullptr);
+    go_to(*master, std::chrono::minutes(60) - std::chrono::seconds(3));
+    ec_domain_t* const domain = ecrt_master_create_domain(master);
+    ec_slave_config_t* const drive = ecrt_master_slave_config(master, 0, 1, 0x00004D47, 0x5402);
+    CHECK(domain != nullptr && drive != nullptr && ecrt_master_activate(master) == 0);
+    ec_slave_config_state_t state{};
+    for (int n = 0; n < 20000 && !state.operational; ++n) {
+        osal->advance(std::chrono::milliseconds(1));
+        ecrt_master_receive(master);
+        ecrt_domain_process(domain);
+        ecrt_slave_config_state(drive, &state);
+        CHECK(n > 1000 || !state.online);
+        ecrt_domain_queue(domain);
+        ecrt_master_send(master);
+    }
+    CHECK(state.online && state.operational && state.al_state == 8);
+    return 0;
+}
+
 }  // namespace
 
 int main() {
     segment = "sim:digital_in_8,drive@3600s";
-    return run();
+    const int named = run();
+    return named != 0 ? named : run_unnamed();
 }
