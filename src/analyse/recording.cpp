@@ -241,10 +241,12 @@ class Recording {
         auto analysis = analyser.finish();
         analysis.ring = sight_ == RingSigns::Sight::whole;
         if (!analysis.ring) forget_losses(analysis);
-        if (ring.may_be_incomplete())
-            analysis.remark =
-                "an index comes anew so soon that frames were taken for copies of others, and are missing here: record "
-                "a pcapng file with an interface for each place";
+        constexpr std::uint64_t kFew = 16;  // copies that a recorder has delayed
+        if (ring.seen_late() >= kFew)
+            analysis.remark = std::to_string(ring.seen_late()) +
+                              " packets were taken for copies that come by late; where an index comes anew so soon, "
+                              "they are frames that are missing here: record a pcapng file with an interface for each "
+                              "place";
         if (order.steps_back != 0)
             analysis.remark +=
                 (analysis.remark.empty() ? "" : "; ") + order_text(order.steps_back, order.first) + sorted_text();

@@ -158,8 +158,6 @@ void RingCopies::sent_or_seen_again(std::size_t copy, std::uint32_t interface, M
     if (!flights.empty() && flights.back().sent[copy].there()) flights_[index_of(packet)].back().seen_at[copy] |= place;
 }
 
-bool RingCopies::may_be_incomplete() const { return 5 * seen_late_ > opened_; }
-
 // The NIC sends another frame: if the other NIC has not sent the one before, it will not send it.
 void RingCopies::note_next(std::size_t copy) {
     if (!has_directions_ || !last_[copy] || flights_[*last_[copy]].empty()) return;

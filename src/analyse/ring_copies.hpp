@@ -33,9 +33,9 @@ class RingCopies {
     void finish();
     // Packets that were not passed on: second copies, copies that no slave has processed, parts of merged replies.
     [[nodiscard]] std::uint64_t merged() const { return merged_; }
-    // Without directions and interfaces, frames whose index comes anew too soon are taken for copies that come by
-    // again.
-    [[nodiscard]] bool may_be_incomplete() const;
+    // Without directions and interfaces: copies that came by again long after the reply. They may be other frames,
+    // whose index came anew so soon.
+    [[nodiscard]] std::uint64_t seen_late() const { return seen_late_; }
 
   private:
     struct Held {
@@ -105,7 +105,7 @@ class RingCopies {
     std::uint64_t opened_ = 0;  // flights
     std::uint64_t merged_ = 0;
     std::uint64_t interfaces_ = 0;  // that were seen
-    std::uint64_t seen_late_ = 0;   // copies that came by again, see may_be_incomplete()
+    std::uint64_t seen_late_ = 0;   // see seen_late()
 };
 
 }  // namespace margay::analyse
