@@ -84,7 +84,7 @@ bool Exchanges::come_again() const {
     std::size_t pairs = 0;
     std::size_t larger = 0;
     std::size_t smaller = 0;
-    std::size_t near = 0;  // the frames that follow come much later than the second time
+    std::size_t near = 0;  // the next frame with these datagrams comes much later than the second time
     for (std::size_t first = 0; first < early_.size(); ++first) {
         if (taken[first]) continue;
         for (auto second = first + 1; second < early_.size() && second <= first + kNext; ++second) {
@@ -96,8 +96,11 @@ bool Exchanges::come_again() const {
             larger += behind > before ? 1 : 0;
             smaller += behind < before ? 1 : 0;
             const auto passed = early_[second].when.at - early_[first].when.at;
-            const bool last = second + 1 == early_.size();
-            near += !last && early_[second + 1].when.at - early_[second].when.at > 2 * passed ? 1 : 0;
+            auto next = second + 1;
+            while (next < early_.size() && next <= second + kNext && !alike(early_[first].bytes, early_[next].bytes))
+                ++next;
+            const bool is_other = next >= early_.size() || next > second + kNext;
+            near += is_other || early_[next].when.at - early_[second].when.at > 2 * passed ? 1 : 0;
             break;
         }
     }
