@@ -95,13 +95,12 @@ void MailWatch::look(const Exchanged& e, SlaveTrack* slave) {
     if (!at_mailbox(*slave, address, sent, data)) return;
     for (const auto& lost : sent_.take(e.header, e.sent_at)) {
         if (sent && std::ranges::equal(lost.data, data)) continue;  // the master repeats it
-        const Exchanged before{.header = e.header, .sent_at = lost.when, .at = lost.when};
-        if (at_mailbox(*slave, lost.address, true, lost.data)) pass(before, *slave, true, lost.data);
+        if (at_mailbox(*slave, lost.address, true, lost.data)) pass(lost.when, *slave, true, lost.data);
     }
-    pass(e, *slave, sent, data);
+    pass(e.at, *slave, sent, data);
 }
 
-void MailWatch::pass(const Exchanged& e, SlaveTrack& slave, bool sent, Bytes data) {
+void MailWatch::pass(Moment when, SlaveTrack& slave, bool sent, Bytes data) {
     const auto mail = wire::load_mailbox_message(data);
     if (!mail || !known_type(mail->header.type)) return;
     // The message before once more, with its counter, is a repetition.
@@ -113,7 +112,7 @@ void MailWatch::pass(const Exchanged& e, SlaveTrack& slave, bool sent, Bytes dat
     auto& counts = slaves_.facts(slave).mail[mail->header.type];
     ++(sent ? counts.sent : counts.received);
     (sent ? counts.sent_bytes : counts.received_bytes) += mail->data.size();
-    take({e.at, slave, sent, mail->header, mail->data, data.size() - wire::kMailboxHeaderBytes});
+    take({when, slave, sent, mail->header, mail->data, data.size() - wire::kMailboxHeaderBytes});
 }
 
 void MailWatch::take(const Mail& mail) {

@@ -57,7 +57,7 @@ class MailWatch {
     void append(OpenConversation& conversation, Bytes data);
 
     // A message that a slave has taken, or has sent.
-    void pass(const Exchanged& e, SlaveTrack& slave, bool sent, Bytes data);
+    void pass(Moment when, SlaveTrack& slave, bool sent, Bytes data);
     void take(const Mail& mail);
     void take_coe(const Mail& mail);
     void take_sdo_request(const Mail& mail);

@@ -141,7 +141,8 @@ void RingCopies::sent_or_seen_again(std::size_t copy, std::uint32_t interface, M
     const std::uint64_t place = std::uint64_t{1} << std::min<std::uint32_t>(interface, 63);
     interfaces_ |= place;
     const bool by_interface = std::popcount(interfaces_) > 1;
-    for (Flight& flight : flights_[index_of(packet)]) {
+    Flights& flights = flights_[index_of(packet)];
+    for (Flight& flight : flights) {
         const Held& before = flight.sent[copy];
         if (!before.there() || opened_ - flight.number >= kRepeatedWithin ||
             (copy == 0 && when.at - before.when.at >= kBeforeRepetition) ||
@@ -154,8 +155,7 @@ void RingCopies::sent_or_seen_again(std::size_t copy, std::uint32_t interface, M
         return;
     }
     sent(copy, when, packet);
-    const auto& flights = flights_[index_of(packet)];
-    if (!flights.empty() && flights.back().sent[copy].there()) flights_[index_of(packet)].back().seen_at[copy] |= place;
+    flights.back().seen_at[copy] |= place;  // sent() has opened it, or added this copy to it
 }
 
 // The NIC sends another frame: if the other NIC has not sent the one before, it will not send it.
