@@ -93,13 +93,14 @@ void read_category(Bytes content, KnownPdos& known, bool assign) {
 
 Result<> read_sii_pdos(Bus& bus, const Slave& slave, KnownPdos& known, bool assign) {
     sii::CategoryChain chain(sii::content_end_word(slave.sii_bytes));
+    std::vector<std::byte> content;
     while (chain.more()) {
         std::array<std::byte, sii::kCategoryHeaderBytes> header{};
         if (const auto read = read_sii(*bus.ctx, slave.number, chain.header_word(), header); !read) return read;
         const auto place = chain.step(header);
         if (!place) break;
         if (place->type != sii::category::kTxPdo && place->type != sii::category::kRxPdo) continue;
-        std::vector<std::byte> content(place->words * sii::kWordBytes);
+        content.resize(place->words * sii::kWordBytes);
         if (content.empty()) continue;
         if (const auto read = read_sii(*bus.ctx, slave.number, place->word, content); !read) return read;
         read_category(content, known, assign);
