@@ -3,8 +3,39 @@
 #include <array>
 #include <cstdarg>
 #include <cstdio>
+#include <string_view>
 
 namespace margay::compat::ecrt {
+namespace {
+
+// For errors whose words in the library name functions that a program for ecrt.h does not have. Empty: there are none.
+std::string_view words_without_functions(Errc code) {
+    switch (code) {
+        case Errc::identity_unread: return "the slave was away, and its identity was not compared since";
+        case Errc::no_place: return "the slave has process data, and the frames have no place for it";
+        case Errc::remapping_needed: return "its revision, SyncManagers or PDOs have changed since activation";
+        case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
+        case Errc::place_unknown:
+            return "no place in the frames, the sizes of its process data are not known (ecrt_slave_config_pdos())";
+        case Errc::not_polled: return "the cyclic thread does not call ecrt_master_receive() and ecrt_master_send()";
+        case Errc::not_supervised: return "the states of the slaves were read more than a second ago";
+        case Errc::no_cycle: return "no cycle is on the wire";
+        case Errc::supervised: return "the master keeps the slave in another state";
+        default: return {};
+    }
+}
+
+}  // namespace
+
+std::string words_of(const Error& error) {
+    std::array<char, 384> text{};
+    std::string words(describe(error, text));
+    const auto ours = words_without_functions(error.code);
+    if (ours.empty()) return words;
+    const auto theirs = to_text(error.code);
+    const auto at = words.find(theirs);
+    return at == std::string::npos ? words : words.replace(at, theirs.size(), ours);
+}
 
 void say(const char* format, ...) {
     std::array<char, 512> line{};
@@ -16,9 +47,7 @@ void say(const char* format, ...) {
 }
 
 void say_error(unsigned master, const char* what, const Error& error) {
-    std::array<char, 256> text{};
-    const auto words = describe(error, text);
-    say("master %u: %s: %.*s", master, what, static_cast<int>(words.size()), words.data());
+    say("master %u: %s: %s", master, what, words_of(error).c_str());
 }
 
 }  // namespace margay::compat::ecrt

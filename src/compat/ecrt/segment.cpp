@@ -14,13 +14,20 @@ std::string trimmed(std::string_view text) {
     return std::string(text.substr(first, text.find_last_not_of(kBlank) - first + 1));
 }
 
+// A # behind a blank begins a comment. A # without a blank before it belongs to the source: drive#16.
+std::string_view without_comment(std::string_view line) {
+    for (std::size_t n = 0; n < line.size(); ++n)
+        if (line[n] == '#' && (n == 0 || line[n - 1] == ' ' || line[n - 1] == '\t')) return line.substr(0, n);
+    return line;
+}
+
 std::string source_in_file(const char* file, const std::string& key) {
     std::ifstream in(file);
-    for (std::string line; std::getline(in, line);) {
+    for (std::string text; std::getline(in, text);) {
+        const auto line = without_comment(text);
         const auto equals = line.find('=');
-        if (equals == std::string::npos || trimmed(line).starts_with('#')) continue;
-        if (trimmed(std::string_view(line).substr(0, equals)) == key)
-            return trimmed(std::string_view(line).substr(equals + 1));
+        if (equals == std::string_view::npos) continue;
+        if (trimmed(line.substr(0, equals)) == key) return trimmed(line.substr(equals + 1));
     }
     return {};
 }

@@ -107,6 +107,11 @@ target_link_libraries(ecrt_before_activation PRIVATE margay_ecrt_facade margay_f
 margay_ecrt_test(before_activation ecrt_before_activation sim:drive,drive)
 margay_ecrt_test(information_of_mute ecrt_before_activation sim:${folder}/mute.toml 1)
 
+add_executable(ecrt_words ${folder}/words.cpp)
+target_include_directories(ecrt_words PRIVATE ${PROJECT_SOURCE_DIR}/src)
+target_link_libraries(ecrt_words PRIVATE margay_ecrt_facade margay_flags)
+margay_ecrt_test(words ecrt_words "")
+
 # The same with a segment in virtual time, which these programs open.
 foreach(program flags moved late_outputs early_request after_silence starts requests_at_start far missing)
   add_executable(ecrt_${program} ${folder}/${program}.cpp)

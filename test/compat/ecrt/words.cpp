@@ -1,0 +1,71 @@
+// What ecrt programs read: no error names a function of the library, because these programs do not have it. And the
+// file that binds masters to segments: comments, blanks, aliases.
+#include "compat/ecrt/log.hpp"
+#include "compat/ecrt/segment.hpp"
+
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <string>
+
+using margay::Errc;
+using margay::Error;
+using margay::Step;
+using margay::compat::ecrt::bound_source;
+using margay::compat::ecrt::words_of;
+
+namespace {
+
+unsigned wrong = 0;
+
+void must(bool condition, const std::string& what) {
+    if (condition) return;
+    std::fprintf(stderr, "%s\n", what.c_str());
+    ++wrong;
+}
+
+// The names in front of "()" that do not begin with ecrt_.
+bool names_other_functions(const std::string& words) {
+    for (auto at = words.find("()"); at != std::string::npos; at = words.find("()", at + 1)) {
+        const auto name = words.find_last_of(" (", at - 1) + 1;
+        if (words.compare(name, 5, "ecrt_") != 0) return true;
+    }
+    return false;
+}
+
+void words_name_no_other_function() {
+    for (const auto code :
+         {Errc::identity_unread, Errc::no_place, Errc::remapping_needed, Errc::unknown_group, Errc::place_unknown,
+          Errc::not_polled, Errc::not_supervised, Errc::no_cycle, Errc::supervised}) {
+        const Error error{.code = code, .step = Step::request_state, .slave = 7};
+        const auto words = words_of(error);
+        must(words.starts_with("slave 7: " + std::string(to_text(Step::request_state))), words);
+        must(!names_other_functions(words), words);
+    }
+    must(names_other_functions("slave 7: call config_map() again"), "the test sees no function");
+    const Error timeout{.code = Errc::timeout, .step = Step::request_state, .slave = 7};
+    must(words_of(timeout).ends_with(std::string(to_text(Errc::timeout))), words_of(timeout));
+}
+
+void a_file_may_have_comments(const std::string& path) {
+    std::ofstream(path) << "# MARGAY_MASTER0=sim:wrong\n"
+                           "  #MARGAY_MASTER0=sim:wrong\n"
+                           "MARGAY_MASTER0 = sim:drive,drive#16   # two drives, the second one has alias 16\n"
+                           "MARGAY_MASTER1=\"eth0+eth1\"\t# = a ring\n"
+                           "no equals sign # MARGAY_MASTER2=sim:wrong\n"
+                           "MARGAY_MASTER3=sim:drive#7\n";
+    setenv("MARGAY_MASTERS", path.c_str(), 1);
+    for (unsigned n = 0; n < 4; ++n) unsetenv(("MARGAY_MASTER" + std::to_string(n)).c_str());
+    must(bound_source(0) == "sim:drive,drive#16", bound_source(0));
+    must(bound_source(1) == "eth0+eth1", bound_source(1));
+    must(bound_source(2).empty(), bound_source(2));
+    must(bound_source(3) == "sim:drive#7", bound_source(3));
+}
+
+}  // namespace
+
+int main(int, char** argv) {
+    words_name_no_other_function();
+    a_file_may_have_comments(std::string(argv[0]) + ".conf");
+    return wrong == 0 ? 0 : 1;
+}
