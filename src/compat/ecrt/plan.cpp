@@ -65,6 +65,10 @@ void Operation::plan_groups() {
             const auto [known, added] = first.try_emplace(part.config, domain.get());
             if (!added) root[find(domain.get())] = find(known->second);
         }
+    // A domain without entries needs no frames: it belongs to the exchange of the first one that has some.
+    const auto filled = std::ranges::find_if(bus_.domains, [](const auto& domain) { return !domain->parts.empty(); });
+    for (const auto& domain : bus_.domains)
+        if (domain->parts.empty() && filled != bus_.domains.end()) root[domain.get()] = find(filled->get());
     std::map<ec_domain*, Exchange*> exchange_of;
     for (const auto& domain : bus_.domains) {
         Exchange*& exchange = exchange_of[find(domain.get())];
