@@ -125,7 +125,7 @@ bool Bus::open() {
     ctx->events().user = this;
     const auto ready = source->begin(*ctx);
     if (!ready) {
-        say_error(index, "init", ready.error());
+        say_error(*this, "init", ready.error());
         return false;
     }
     clocks = std::make_unique<ApplicationTime>(*ctx);
@@ -146,7 +146,7 @@ void Bus::report_loop() {
             if (error->code == Errc::unexpected_slave) continue;
             // Process data that the program does not exchange: see start_up.cpp.
             if (error->code == Errc::sizes_differ && error->expected == 0) continue;
-            say_error(index, error->code == Errc::missing_slave ? "waiting" : "error", *error);
+            say_error(*this, error->code == Errc::missing_slave ? "waiting" : "error", *error);
         }
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }

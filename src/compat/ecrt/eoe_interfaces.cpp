@@ -216,7 +216,7 @@ int add_interface(Bus& bus, std::uint16_t alias, std::uint16_t position) {
     interface->port.slave = slave.number;
     interface->port.set_interface_name(name);
     if (const auto begun = submit(*bus.ctx, interface->port); !begun) {
-        say_error(bus.index, name.c_str(), begun.error());
+        say_error(bus, name.c_str(), begun.error());
         return begun.error().code == Errc::busy ? -EBUSY : -EIO;
     }
     interfaces.add(std::move(interface));

@@ -137,7 +137,7 @@ int Operation::plan_expected() {
     (void)tolerate(*bus_.ctx, {.unexpected_slaves = true});
     const auto told = expect(*bus_.ctx, expected_);
     if (!told) {
-        say_error(bus_.index, "the configured slaves", told.error());
+        say_error(bus_, "the configured slaves", told.error());
         return -EINVAL;
     }
     return 0;

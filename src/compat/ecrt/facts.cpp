@@ -89,6 +89,17 @@ std::uint16_t Bus::number_at(std::uint16_t position) {
     return 0;
 }
 
+std::string Bus::place_of(const Error& error) {
+    if (error.slave == 0) return {};
+    const bool anywhere =
+        error.code == Errc::missing_slave && error.subindex == static_cast<unsigned>(IdentityField::alias);
+    if (anywhere) return {};
+    const std::lock_guard lock(facts_mutex);
+    const auto found = std::ranges::find(facts, error.slave, &Slave::number);
+    const bool placed = found != facts.end() && found->ring_position != 0;
+    return "position " + std::to_string((placed ? found->ring_position : error.slave) - 1);
+}
+
 bool Bus::slave_at(std::uint16_t position, Slave& copy) {
     const std::lock_guard lock(facts_mutex);
     for (const Slave& slave : facts)

@@ -1,5 +1,7 @@
 #include "compat/ecrt/log.hpp"
 
+#include "compat/ecrt/bus.hpp"
+
 #include <array>
 #include <cstdarg>
 #include <cstdio>
@@ -27,9 +29,12 @@ std::string_view words_without_functions(Errc code) {
 
 }  // namespace
 
-std::string words_of(const Error& error) {
+std::string words_of(const Error& error, std::string_view place) {
     std::array<char, 384> text{};
-    std::string words(describe(error, text));
+    Error rest = error;
+    rest.slave = 0;
+    std::string words(describe(rest, text));
+    if (!place.empty()) words.insert(0, std::string(place) + ": ");
     const auto ours = words_without_functions(error.code);
     if (ours.empty()) return words;
     const auto theirs = to_text(error.code);
@@ -46,8 +51,8 @@ void say(const char* format, ...) {
     std::fprintf(stderr, "margay ecrt: %s\n", line.data());
 }
 
-void say_error(unsigned master, const char* what, const Error& error) {
-    say("master %u: %s: %s", master, what, words_of(error).c_str());
+void say_error(Bus& bus, const char* what, const Error& error) {
+    say("master %u: %s: %s", bus.index, what, words_of(error, bus.place_of(error)).c_str());
 }
 
 }  // namespace margay::compat::ecrt

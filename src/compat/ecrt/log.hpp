@@ -2,18 +2,22 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include <margay/error.hpp>
 
 namespace margay::compat::ecrt {
 
+class Bus;
+
 // One line, in the manner of printf.
 [[gnu::format(printf, 1, 2)]] void say(const char* format, ...);
 
-// The error in words, without the names of functions of the library, which a program for ecrt.h does not have.
-[[nodiscard]] std::string words_of(const Error& error);
+// The error in words of a program for ecrt.h, which has no functions of the library and no numbers of slaves. `place`
+// is what the program calls the slave of the error; empty: it has no name for it.
+[[nodiscard]] std::string words_of(const Error& error, std::string_view place);
 
 // "MASTER: WHAT: the error in words".
-void say_error(unsigned master, const char* what, const Error& error);
+void say_error(Bus& bus, const char* what, const Error& error);
 
 }  // namespace margay::compat::ecrt

@@ -65,7 +65,7 @@ void Operation::step(Time now) {
             has_clock_ = clock_.reference != 0;
             stage_ = Stage::map;
             if (clock_.state() == RequestState::error && clock_.error().code != Errc::no_clock) {
-                say_error(bus_.index, "clocks", clock_.error());
+                say_error(bus_, "clocks", clock_.error());
                 if (clock_.settings.reference == 0) return;
                 say("master %u: the first clock of the ring is the reference clock", bus_.index);
                 bus_.reference = nullptr;
@@ -168,7 +168,7 @@ void Operation::end_map(Time now) {
     Exchange& exchange = *bus_.exchanges[map_next_];
     exchange.mapped = bus_.ctx->group(exchange.group).mapped;
     if (!exchange.mapped && map_.state() == RequestState::error && map_.error().code != Errc::invalid_argument) {
-        say_error(bus_.index, "process data", map_.error());
+        say_error(bus_, "process data", map_.error());
         retry_ = now + kRetry;
     }
     for (ec_domain* domain : exchange.domains) {

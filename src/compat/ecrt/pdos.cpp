@@ -177,7 +177,7 @@ std::vector<PdoEntry> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known, s
     if (!has_dictionary(slave)) return {};
     auto entries = read_mapping(bus, slave.number, index);
     if (entries) return known.offered[index] = *entries;
-    if (!is_refusal(entries.error())) say_error(bus.index, "a PDO", entries.error());
+    if (!is_refusal(entries.error())) say_error(bus, "a PDO", entries.error());
     return {};
 }
 
@@ -202,7 +202,7 @@ std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
             return found->second;
     }
     auto known = std::make_shared<KnownPdos>(read_settled(bus, slave));
-    if (known->unread.code != Errc::none) say_error(bus.index, "the PDOs of a slave", known->unread);
+    if (known->unread.code != Errc::none) say_error(bus, "the PDOs of a slave", known->unread);
     const std::lock_guard lock(bus.known_mutex);
     return bus.known_pdos[slave.ring_position] = std::move(known);
 }

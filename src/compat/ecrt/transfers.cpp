@@ -54,7 +54,7 @@ int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
     if (done) done = wait(*bus.ctx, request);
     if (done) return 0;
     error = done.error();
-    say_error(bus.index, "transfer", error);
+    say_error(bus, "transfer", error);
     return errno_of(error);
 }
 

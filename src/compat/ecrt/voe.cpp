@@ -41,7 +41,7 @@ ec_voe_handler_t* ecrt_slave_config_create_voe_handler(ec_slave_config_t* sc, si
     if (!may_have(size)) return nullptr;
     Bus& bus = sc->bus;
     const std::lock_guard lock(bus.config_mutex);
-    if (bus.active) return nullptr;
+    if (refuse_active(*sc)) return nullptr;
     auto handler = std::make_unique<ec_voe_handler>(*sc);
     handler->memory.resize(std::max<std::size_t>(size, 1486));  // the longest message that a mailbox can have
     Slave slave;

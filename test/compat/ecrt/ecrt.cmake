@@ -24,7 +24,7 @@ function(margay_ecrt_test name program segment)
   endif()
 endfunction()
 
-foreach(program user information dc two_domains requests later mail rules masters eoe request_rules machine places settings silent)
+foreach(program user information dc two_domains requests later mail rules masters eoe request_rules machine places settings silent said)
   margay_ecrt_program(ecrt_${program} ${program}.c)
 endforeach()
 margay_ecrt_program(ecrt_mixed mixed.cpp)
@@ -61,6 +61,11 @@ endforeach()
 margay_ecrt_test(places_newcomer ecrt_places sim:drive,drive@2500ms newcomer)
 margay_ecrt_test(settings ecrt_settings sim:${folder}/settings.toml)
 margay_ecrt_test(silent ecrt_silent sim:${folder}/silent.toml)
+
+margay_ecrt_test(said ecrt_said sim:drive,drive)
+set_tests_properties(compat/ecrt/said PROPERTIES
+  PASS_REGULAR_EXPRESSION "position 1: [^\n]*0x9999.*position 5: [^\n]*missing.*0x0037.*everything was said"
+  FAIL_REGULAR_EXPRESSION "slave [0-9];out of range")
 
 # The same programs at a cable, with the segment in another process.
 include(${folder}/../over_veth.cmake)
@@ -99,7 +104,7 @@ target_include_directories(ecrt_ip_stack PRIVATE ${folder} ${PROJECT_SOURCE_DIR}
 target_link_libraries(ecrt_ip_stack PRIVATE margay_ecrt_facade margay_flags)
 margay_ecrt_test(ip_stack ecrt_ip_stack sim:eoe_gateway,drive)
 set_tests_properties(compat/ecrt/ip_stack PROPERTIES
-  PASS_REGULAR_EXPRESSION "not set: slave 2: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "slave 1")
+  PASS_REGULAR_EXPRESSION "not set: position 1: [^\n]*not supported by the slave\nthe parameters are as set" FAIL_REGULAR_EXPRESSION "position 0")
 
 add_executable(ecrt_before_activation ${folder}/before_activation.cpp)
 target_include_directories(ecrt_before_activation PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src)

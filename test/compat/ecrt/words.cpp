@@ -38,13 +38,15 @@ void words_name_no_other_function() {
          {Errc::identity_unread, Errc::no_place, Errc::remapping_needed, Errc::unknown_group, Errc::place_unknown,
           Errc::not_polled, Errc::not_supervised, Errc::no_cycle, Errc::supervised}) {
         const Error error{.code = code, .step = Step::request_state, .slave = 7};
-        const auto words = words_of(error);
-        must(words.starts_with("slave 7: " + std::string(to_text(Step::request_state))), words);
+        const auto words = words_of(error, "position 6");
+        must(words.starts_with("position 6: " + std::string(to_text(Step::request_state))), words);
         must(!names_other_functions(words), words);
     }
+    const Error mistake{.code = Errc::pdo_unknown, .step = Step::map_process_data, .slave = 7};
+    must(words_of(mistake, "").starts_with(to_text(Step::map_process_data)), words_of(mistake, ""));
     must(names_other_functions("slave 7: call config_map() again"), "the test sees no function");
     const Error timeout{.code = Errc::timeout, .step = Step::request_state, .slave = 7};
-    must(words_of(timeout).ends_with(std::string(to_text(Errc::timeout))), words_of(timeout));
+    must(words_of(timeout, "").ends_with(std::string(to_text(Errc::timeout))), words_of(timeout, ""));
 }
 
 void a_file_may_have_comments(const std::string& path) {

@@ -4,7 +4,9 @@
  * C++11 and later. README.md beside this folder says for every row how far it works.
  *
  * Results: functions that return int return 0 (or a value that is not negative) or the negative of an errno value; a
- * pointer is NULL on failure. The reason of each failure goes to stderr. Phases:
+ * pointer is NULL on failure. The reason of a failure goes to stderr where the
+ * result does not say it: for -ENOENT (what was asked for is not there) and arguments out of range there may be no
+ * line. Phases:
  *   [cfg] between ecrt_request_master() and ecrt_master_activate(), not in the cyclic thread; may wait
  *   [rt]  in the cyclic thread; never waits
  *   [any] in any thread; functions that talk to a slave wait for it

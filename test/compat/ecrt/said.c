@@ -1,0 +1,47 @@
+/* What goes to stderr: slaves have the positions of the interface, a missing one without a position has its alias, and a domain
+ * without entries beside one with entries is no error. The test reads stderr; this program checks what works meanwhile. */
+#include "cycle.h"
+
+#include <ecrt.h>
+
+#include <stdint.h>
+#include <stdio.h>
+
+int main(void) {
+    ec_master_t* master = ecrt_request_master(0);
+    ec_domain_t *domain, *empty;
+    ec_slave_config_t *drive, *far_off, *by_alias;
+    ec_slave_config_state_t state = {0};
+    ec_domain_state_t of_domain = {0}, of_empty = {0};
+    uint8_t octets[4];
+    size_t size = 0;
+    uint32_t abort_code = 0;
+    int n;
+    if (master == NULL) return 1;
+    if (ecrt_master_sdo_upload(master, 1, 0x9999, 1, octets, sizeof octets, &size, &abort_code) == 0) return 1;
+    domain = ecrt_master_create_domain(master);
+    empty = ecrt_master_create_domain(master);
+    drive = ecrt_master_slave_config(master, 0, 0, 0x4d47, 0x5402);
+    far_off = ecrt_master_slave_config(master, 0, 5, 0x4d47, 0x5402);
+    by_alias = ecrt_master_slave_config(master, 55, 0, 0x4d47, 0x1008);
+    if (domain == NULL || empty == NULL || drive == NULL || far_off == NULL || by_alias == NULL) return 1;
+    if (ecrt_slave_config_reg_pdo_entry(drive, 0x6041, 0, domain, NULL) < 0) return 1;
+    if (ecrt_master_activate(master) != 0) return 1;
+    for (n = 0; n < 8000 && !(state.operational && of_domain.wc_state == EC_WC_COMPLETE); ++n) {
+        next_cycle();
+        ecrt_master_receive(master);
+        ecrt_domain_process(domain);
+        ecrt_domain_process(empty);
+        ecrt_slave_config_state(drive, &state);
+        ecrt_domain_state(domain, &of_domain);
+        ecrt_domain_state(empty, &of_empty);
+        ecrt_domain_queue(domain);
+        ecrt_domain_queue(empty);
+        ecrt_master_send(master);
+    }
+    for (n = 0; n < 200; ++n) next_cycle(); /* the lines of stderr come from a thread of their own */
+    ecrt_release_master(master);
+    if (!state.operational || of_domain.wc_state != EC_WC_COMPLETE || of_empty.wc_state != EC_WC_ZERO) return 1;
+    fprintf(stderr, "everything was said\n");
+    return 0;
+}
