@@ -74,7 +74,7 @@ run() {
     fi
     # shellcheck disable=SC2086  # a list of words
     step "$folder: configure" cmake -S . -B "$folder" -DMARGAY_TESTS=ON -DMARGAY_SAMPLES=ON -DMARGAY_TEST_LINES=OFF \
-        -DMARGAY_TEST_PROCESSORS=2 -DMARGAY_BUILD_ONCE=ON $settings
+        -DMARGAY_TEST_PROCESSORS=2 -DMARGAY_BUILD_ONCE=ON -DMARGAY_WERROR=ON $settings
     step "$folder: build" cmake --build "$folder" --parallel "$(compilers)"
     : >"$records/log"
     # A test that computes counts as two, so that no more of them run than there are processors. One that waits counts as one.

@@ -1,5 +1,5 @@
 # Configures SOURCE in FOLDER with DEFINE and builds TARGETS (empty: all targets). Skips when a program of NEEDS, or
-# a file where the name begins with "/", is missing.
+# a file where the name begins with "/", is missing. With MARGAY_WERROR=ON in DEFINE, fails when a warning would not be an error.
 foreach(needed IN LISTS NEEDS)
   if(needed MATCHES "^/")
     set(found ${needed})
@@ -19,6 +19,10 @@ foreach(definition IN LISTS DEFINE)
   list(APPEND settings "-D${definition}")
 endforeach()
 execute_process(COMMAND ${CMAKE_COMMAND} -S ${SOURCE} -B ${FOLDER} ${settings} COMMAND_ERROR_IS_FATAL ANY)
+if("MARGAY_WERROR=ON" IN_LIST DEFINE)
+  set(COMMANDS ${FOLDER}/compile_commands.json)
+  include(${CMAKE_CURRENT_LIST_DIR}/warnings_are_errors.cmake)
+endif()
 
 set(only)
 if(TARGETS)

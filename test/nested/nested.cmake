@@ -185,12 +185,12 @@ set_tests_properties(embedded/footprint_table PROPERTIES FIXTURES_REQUIRED arm_a
 
 # The other compiler.
 margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16 COST 400
-              DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_TESTS=OFF CMAKE_BUILD_TYPE=Debug MARGAY_UNITY=ON
+              DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_WERROR=ON MARGAY_TESTS=OFF CMAKE_BUILD_TYPE=Debug MARGAY_UNITY=ON
                      CMAKE_CXX_FLAGS_DEBUG=-g0)
 set_tests_properties(clang/builds PROPERTIES LABELS build_types)
 
-# The parts in each build type by both compilers, warnings being errors. The two that are missing here are the build that
-# this file belongs to (GCC, RelWithDebInfo) and clang/builds (Debug). Debug information takes time and causes no warning.
+# The parts in each build type by both compilers, warnings being errors. Two have no folder of their own: GCC's RelWithDebInfo
+# is the build that this file belongs to, clang's Debug is clang/builds. Debug information takes time and causes no warning.
 # GCC reports warnings at each level of optimisation, so it compiles each type completely. The warnings of clang come from its
 # front end: Debug is compiled completely, Release by the front end alone. RelWithDebInfo and MinSizeRel are the same for the front
 # end as Release, which tests show: the first has the same macros, the second one macro more, which no source and no header names.
@@ -217,10 +217,14 @@ foreach(type Release RelWithDebInfo MinSizeRel Debug)
       add_test(NAME build_types/clang_${type} COMMAND ${CMAKE_COMMAND} -DCOMPILER=${clang} "-DONE=-O3 -DNDEBUG" ${other}
                -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/same_macros.cmake)
       set_tests_properties(build_types/clang_${type} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED" FIXTURES_REQUIRED clang_release)
-    elseif(NOT "${family} ${type}" MATCHES "^(gcc RelWithDebInfo|clang Debug)$")
+    elseif("${family} ${type}" STREQUAL "gcc RelWithDebInfo")
+      add_test(NAME build_types/gcc_RelWithDebInfo COMMAND ${CMAKE_COMMAND} -DCOMMANDS=${PROJECT_BINARY_DIR}/compile_commands.json
+               -DSTRICT=${MARGAY_WERROR} -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/warnings_are_errors.cmake)
+      set_tests_properties(build_types/gcc_RelWithDebInfo PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
+    elseif(NOT "${family} ${type}" STREQUAL "clang Debug")
       margay_nested(build_types/${family}_${type} SOURCE ${PROJECT_SOURCE_DIR} NEEDS ${${family}} COST 100
                     DEFINE CMAKE_CXX_COMPILER=${${family}} ${parts_only} CMAKE_BUILD_TYPE=${type} MARGAY_UNITY=ON MARGAY_INSTALL=OFF
-                           MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE}
+                           MARGAY_WERROR=ON MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE}
                            ${flags_of_${family}_${type}})
     endif()
     if("${family} ${type}" STREQUAL "clang Release")
