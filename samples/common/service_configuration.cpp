@@ -122,7 +122,8 @@ class FileReader {
     }
 
     void master(const toml::table& table, std::string name) {
-        PlacedMaster placed{.at = place(table)};
+        PlacedMaster placed;
+        placed.at = place(table);
         MasterConfiguration& m = placed.master;
         if (!is_name(name))
             note(

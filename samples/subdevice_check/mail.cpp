@@ -259,7 +259,8 @@ void MailBench::unasked(const Mail& mail) {
         ++emergency_count_;
         const bool reset = load_le<std::uint16_t>(mail.data, 2) == 0;  // all errors are gone, and may come again
         if (reset) emergencies_.clear();
-        if (!reset && ++emergencies_[mail.data] > 1) note(Oddity::repeated_emergency, "emergency " + hex(mail.data));
+        if (!reset && !emergencies_.insert(hex(mail.data, mail.data.size())).second)
+            note(Oddity::repeated_emergency, "emergency " + hex(mail.data));
     } else if (mail.header.type == MailboxType::error) {
         note(Oddity::unasked_reply, "a mailbox error, " + hex(mail.data));
     } else if (is_coe(mail, coe::Service::sdo_response) || is_coe(mail, coe::Service::sdo_request)) {

@@ -5,7 +5,7 @@
 #include "subdevice_check/bench.hpp"
 #include "wire/mailbox.hpp"
 
-#include <map>
+#include <set>
 
 namespace margay::samples::conformance {
 
@@ -111,8 +111,8 @@ class MailBench {
     std::uint8_t counter_ = 0;
     std::optional<std::uint8_t> last_received_;
     std::array<Record, kOddities> records_{};
-    std::map<std::vector<std::byte>, std::size_t> emergencies_;  // since the mailboxes are new, or an error reset
-    std::optional<Mail> other_;                                  // came in the place of a reply
+    std::set<std::string> emergencies_;  // hexadecimal; since the mailboxes are new, or an error reset
+    std::optional<Mail> other_;          // came in the place of a reply
     std::size_t messages_ = 0;
     std::size_t replies_ = 0;
     std::size_t emergency_count_ = 0;
