@@ -12,7 +12,7 @@ namespace margay {
 // too long or because the system did not wake it up.
 enum class OverrunPolicy : std::uint8_t {
     skip,      // the missed deadlines are left out, and the task continues with the newest one
-    catch_up,  // the missed deadlines follow each other without waiting, up to a limit; those before are left out
+    catch_up,  // the missed deadlines follow each other without waiting, up to a limit; earlier deadlines are left out
     stop       // the task ends: CyclicTick::stopped is true, and no further deadline comes until start()
 };
 

@@ -33,9 +33,9 @@ class DurationHistogram {
     }
     constexpr void clear() { *this = {}; }
 
-    // Takes the content of another histogram, for example of one in a file: its buckets that have a count, in their
-    // order, and its shortest, mean and longest duration. False when the buckets are not those of this class, or when
-    // the durations contradict them; then the histogram is empty. Not for the cycle.
+    // Copies the content of another histogram, for example from a file: its buckets that have a count, in their order,
+    // and its shortest, mean and longest duration. False when this class has no such buckets, or when the durations
+    // contradict the buckets; then the histogram is empty. Not for the cycle.
     [[nodiscard]] constexpr bool restore(std::span<const Bucket> buckets, Duration least, Duration mean,
                                          Duration most) {
         clear();

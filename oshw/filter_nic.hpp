@@ -1,5 +1,5 @@
 // Base class of all filters: a NIC that contains another NIC and forwards all calls to it. A filter overrides the
-// functions that it changes. The times of frames are those of the inner NIC.
+// functions that it changes. The times of frames come from the inner NIC.
 #pragma once
 
 #include "oshw/nic.hpp"

@@ -11,11 +11,11 @@
 //     margay::submit(ctx, request);                    // from any thread, beside the cycle
 //
 // Any number of commands to a slave may be busy at the same time: each has a number (the invoke ID) by which its answer
-// is found, whatever the order of the answers is. A command and its answer must fit into the mailbox of the slave;
-// longer ones (AoE fragments) are not supported.
+// is found, in whatever order the answers come. A command and its answer must fit into the mailbox of the slave;
+// longer messages (AoE fragments) are not supported.
 //
-// Two codes tell an error: error_code is the one of the AoE header (no device executed the command: no route, wrong
-// port …), result_code is the answer of the device. describe() puts both in words.
+// An error has two codes: error_code comes from the AoE header (no device executed the command: no route, wrong port
+// …), result_code is the answer of the device. describe() writes both in words.
 #pragma once
 
 #include <margay/aoe_address.hpp>
@@ -146,8 +146,8 @@ class AoeListener : public MailListener {
 
   protected:
     ~AoeListener() = default;
-    // Called for each value of a notification. The rules are those of MailListener::take(), but the listener must not
-    // be destroyed here: more values may follow in the same message. After unlisten() they still come.
+    // Called for each value of a notification. The rules of MailListener::take() apply, but the listener must not
+    // be destroyed here: more values may follow in the same message, even after unlisten().
     virtual void notified(std::uint16_t slave, const AoeNotification& notification) = 0;
 
   private:

@@ -63,7 +63,7 @@ class ApplicationTime {
 
     // The reference clock follows the time of the last set(): its time is written to register 0x0910 of the reference
     // clock, and the control loop of the chip follows. Errors: wrong_state (no set() yet), busy (the last datagram of
-    // this kind is still under way; it counts), and those of submit().
+    // this kind is still under way; it counts), and the errors of submit().
     Result<> sync_reference_clock();
     // The same with a time that is right when the datagram passes.
     Result<> sync_reference_clock_to(std::uint64_t time_ns);

@@ -53,9 +53,9 @@ struct SlaveClock {
     std::int32_t difference_ns = 0;
     std::uint64_t offset_ns = 0;      // system time minus the slave's own time (0x0920)
     std::uint64_t sync_start_ns = 0;  // system time of the first SYNC0
-    // The delay is not measured, because a slave with branches and without receive times is between the first clock and
-    // this one: it is wrong by what the delays of that slave's cables differ by, or where no slave before that has
-    // receive times, by these delays (EventKind::delays_assumed). `in_sync` does not know this error.
+    // The delay is not measured: a slave with branches and without receive times is between the first clock and this
+    // clock. The error of the delay is the difference of the delays of that slave's cables, or these delays themselves
+    // where no slave before has receive times (EventKind::delays_assumed). `in_sync` does not include this error.
     bool delay_assumed = false;
 };
 
@@ -78,8 +78,8 @@ struct ClockSettings {
     // supervision has seen that a slave before the reference clock is lost, the slave that is in its position now is
     // taken for the reference clock: leave this false where a branch without clocks before it may be disconnected.
     bool by_position = false;
-    // The cycle of the SYNC signals of slaves whose SyncSettings do not say it. The cycle of the bus is that of
-    // MasterClock, or else the supervision measures it: SYNC0 that does not fit it is named in Context::errors().
+    // The cycle of the SYNC signals of slaves whose SyncSettings do not set a cycle. The bus has the cycle of the
+    // MasterClock; without one the supervision measures it. A SYNC0 that does not fit is named in Context::errors().
     Duration cycle = std::chrono::milliseconds(1);
     // SYNC0 starts at a whole multiple of this time (of system time), plus the shift of the slave: the same phase for
     // all slaves, also for a slave that comes back. A whole multiple of the cycle of every slave's SYNC signals. Zero:
@@ -107,11 +107,11 @@ struct ClockSettings {
     // or because a branch is lost too and the way is shorter), its rate begins anew, and the others need about half a
     // second to follow it: they are not in sync, and events say so.
     // When a slave with a clock is back before the reference clock in the ring, its clock becomes the reference again,
-    // without a step of the others (EventKind::reference_clock). Of a branch with several clocks one after the other
-    // does so, which takes some seconds.
+    // without a step of the other clocks (EventKind::reference_clock). Several clocks of a branch become the reference
+    // one after the other, which takes some seconds.
     bool replace_lost_reference = true;
     // Called with the start time of SYNC0 of a slave, in system time; the result is written instead. nullptr: not
-    // called. The rules are those of hooks that poll() calls: neither wait nor call the library.
+    // called. The rules of hooks apply, which poll() calls: neither wait nor call the library.
     std::uint64_t (*start_time)(std::uint16_t slave, std::uint64_t proposed_ns, void* user) = nullptr;
     void* start_time_user = nullptr;
 };
@@ -119,7 +119,7 @@ struct ClockSettings {
 // All clocks together, as configdc() or the supervision has seen them last.
 struct ClockStatus {
     std::uint16_t reference = 0;    // the slave with the reference clock; 0: none
-    bool in_sync = false;           // every clock that is there is in sync, except those before a chosen reference
+    bool in_sync = false;           // every present clock is in sync, except the clocks before a chosen reference
     // Less than twice the greatest difference of any of these clocks (ESC registers 0x092C, OR), or the difference of
     // both references of a ring with two NICs.
     std::uint32_t greatest_ns = 0;
@@ -149,7 +149,7 @@ struct ClockRequest : Request {
 // reference), wrong_state (slave: it is in OP with SYNC signals; slave 0: no slaves yet), not_in_sync (slave: the clock
 // with the greatest difference, expected: the limit, actual: the difference in ns; all other work is done, a cycle may
 // bring it into sync later), unstable (slave: it was lost, or came back; slave 0: others answer), invalid_argument,
-// no_frame, capacity, unsupported (its clock is beside a ring with two NICs, or receive times do not tell what is
+// no_frame, capacity, unsupported (its clock is beside a ring with two NICs, or receive times do not show what is
 // behind it).
 Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
 

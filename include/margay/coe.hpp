@@ -154,7 +154,7 @@ class MailPdoListener : public MailListener {
 
   protected:
     ~MailPdoListener() = default;
-    // A TxPDO that no request waits for (CoE service TxPDO). The rules are those of MailListener::take(); `data` is
+    // A TxPDO that no request waits for (CoE service TxPDO). The rules of MailListener::take() apply; `data` is
     // valid until the function returns.
     virtual void received(std::uint16_t slave, std::uint16_t number, std::span<const std::byte> data) = 0;
     // The slave asks for an RxPDO (CoE service RxPDO remote request); to answer, submit a MailPdoSend.

@@ -20,7 +20,7 @@ namespace margay {
 class Context;
 
 // The common members of SdoUploadStream and SdoDownloadStream. If the slave refuses complete access, the request ends
-// with its abort. All other SDOs of the slave, also those of its start-up, wait until the transfer has ended. If an
+// with its abort. All other SDOs of the slave, also the SDOs of its start-up, wait until the transfer has ended. If an
 // answer of the slave is lost on the wire and the slave cannot repeat it, the library starts the transfer again as long
 // as no octet has gone to the sink, or none was acknowledged by the slave; later the request ends with
 // Errc::reply_lost. If the slave starts again, the request ends with Errc::mailbox_closed. `timeout` zero: no limit for
@@ -46,7 +46,7 @@ class SdoStream : public MailRequest {
     std::atomic<std::size_t> total_{0};
 };
 
-// Reads an object into `sink`. Errors: those of SDOread(), stream_failed (detail: the number that the sink has
+// Reads an object into `sink`. Errors: as SDOread(), stream_failed (detail: the number that the sink has
 // returned), invalid_argument (no sink).
 struct SdoUploadStream : SdoStream {
     SdoUploadStream();
@@ -54,7 +54,7 @@ struct SdoUploadStream : SdoStream {
 };
 
 // Writes an object of `size` octets from `source`. CoE announces the size before the first octet; octets that the
-// source would give beyond `size` are not asked for. Errors: those of SDOwrite(), stream_failed (detail: the number
+// source would give beyond `size` are not asked for. Errors: as SDOwrite(), stream_failed (detail: the number
 // that the source has returned), wrong_size (the source has ended early; expected: `size`, actual: octets that it
 // gave), invalid_argument (no source, or a size of more than 4 294 967 295 octets).
 struct SdoDownloadStream : SdoStream {

@@ -148,7 +148,7 @@ struct SlaveConfiguration {
     // Timeout of the slave's process data watchdog: the time without outputs after which the watchdog expires. In
     // steps of the watchdogs' unit (SlaveTimes::watchdog_divider), at most 65535 of them: by default steps of 100 µs,
     // at most 6.5535 s. Zero switches the watchdog off. Not set: the slave keeps its own value. If it is set, all
-    // SyncManagers of outputs trigger the watchdog, also those for which the SII does not say so.
+    // SyncManagers of outputs trigger the watchdog, also where the SII does not enable it.
     std::optional<Watchdog> process_data_watchdog{};
     const SlaveSetup* setup = nullptr;
 

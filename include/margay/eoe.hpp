@@ -13,10 +13,10 @@
 //     port.send(frame);                                // from one thread, never waits
 //     while (auto frame = port.receive(buffer)) use(buffer, frame->bytes);               // from one thread
 //
-// After a timeout or cancel() of a request for parameters the slave may still answer. The next one waits for that (100
-// ms; after cancel() the rest of the `timeout`, 3 s if it is zero). Then the library reads another parameter, since a
-// slave answers in order. A slow slave gets the request after this answer: a few requests may end with timeout, unsent.
-// A slave that never answers this gets the request once more for each late answer (14 at most): the last one counts.
+// After a timeout or cancel() of a request for parameters the slave may still answer. The next request waits for this
+// answer (100 ms; after cancel() the rest of the `timeout`, 3 s if it is zero). Then the library reads another
+// parameter, as a slave answers in order. The request follows this answer: with a slow slave a few requests may end
+// with timeout, unsent. Without it, each late answer (14 at most) repeats the request; the last counts.
 //
 // A frame is an Ethernet II frame from its destination address to the last octet before the FCS.
 #pragma once
@@ -98,7 +98,7 @@ struct EoePortMemory {
 // A received frame.
 struct EoeFrame {
     std::size_t bytes = 0;                      // its size; a buffer that is smaller contains the first octets
-    std::uint8_t port = 0;                      // Ethernet port of the slave, the first is 1; 0: not told
+    std::uint8_t port = 0;                      // Ethernet port of the slave, the first is 1; 0: unknown
     std::optional<std::uint32_t> time_stamp{};  // if the slave appends them: the lower 32 bits of its system time, ns
 };
 
@@ -115,7 +115,7 @@ struct EoeFrame {
 // unsupported (no EoE), busy (another port of the slave is busy), wrong_state, unknown_slave.
 //
 // Threads: poll() works in the thread of the owner. One thread may call send(), and one receive() and
-// take_sending_time(); both may be any threads, also those of the cycle. No call waits.
+// take_sending_time(); both may be any threads, also the thread of the cycle. No call waits.
 class EoePort final : public MailRequest {
   public:
     // All memory outlives the request. `parts`: for a frame that a slave has begun, kEoeFrameBytes each, at most
@@ -151,7 +151,7 @@ class EoePort final : public MailRequest {
 
     // Removes the oldest received frame and copies its octets to `into`, as far as they fit.
     std::optional<EoeFrame> receive(std::span<std::byte> into);
-    // Removes the oldest time that the slave has told for a frame with `want_time`. The port keeps four.
+    // Removes the oldest time that the slave has reported for a frame with `want_time`. The port keeps four times.
     std::optional<std::uint32_t> take_sending_time() { return sending_times_.take(); }
 
     // From any thread.

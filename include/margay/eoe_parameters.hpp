@@ -1,5 +1,5 @@
-// Parameters that a slave with EoE (Ethernet over EtherCAT, ETG.1000.6) takes from the master: those of its IP stack,
-// and the filter for the frames that it passes on. Both ends use these types.
+// Parameters that the master sets in a slave with EoE (Ethernet over EtherCAT, ETG.1000.6): parameters of the slave's
+// IP stack, and the filter for the frames that the slave passes on. Both ends use these types.
 #pragma once
 
 #include <margay/mac_address.hpp>

@@ -28,7 +28,7 @@ enum class EventKind : std::uint8_t {
     missing,    // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
     recovered,  // a slave has reached its target state again
     recovery_failed,  // bringing a slave back has failed (`error`: the reason); the supervision will try again
-    fell_short,   // the working counter of a group's cycle is below that of the slaves that should take part (expected,
+    fell_short,   // the working counter of a group's cycle is too low for the slaves that should take part (expected,
                   // actual)
     right_again,  // the working counter of the group is right again
     slave_count,  // the number of slaves that answer has changed (expected: before, actual: now)

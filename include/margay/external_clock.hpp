@@ -25,10 +25,10 @@ struct ExternalClockSettings {
     // How the cycle of this segment follows the reference clock of this segment: master_shift, or off. The modes that
     // steer the reference clock are not possible here (PhaseState::mode_wrong).
     MasterClockSettings cycle{};
-    // The controller of the reference clock against the other segment. Its `cycle` is set to that of the member above.
+    // The controller of the reference clock against the other segment. The library sets its `cycle` to the cycle above.
     PhaseSettings phase{};
-    // The system time of this segment minus that of the other segment, when both are in sync: within `grid`. So both
-    // segments have SYNC signals at the same time, or by `offset` later.
+    // The system time of this segment minus the system time of the other segment, when both are in sync: within `grid`.
+    // So the SYNC signals of this segment come at the same time as in the other segment, or `offset` later.
     Duration offset{0};
     Duration grid{0};  // a multiple of the SYNC cycles of both segments; zero: the cycle
 };
@@ -59,7 +59,7 @@ class ExternalClock : public CycleClock {
     [[nodiscard]] std::int64_t error_ns() const { return reference_.error_ns(); }
     // Time stamps have come with the last cycles.
     [[nodiscard]] bool connected() const { return silent_ < kSilent; }
-    // The system time of this segment minus that of the other segment, as the bridge has noted both last.
+    // The system time of this segment minus the system time of the other segment, by the bridge's last time stamps.
     [[nodiscard]] std::int64_t difference_ns() const { return difference_ns_; }
     [[nodiscard]] const PhaseController& reference() const { return reference_; }
     // The cycle against the reference clock of this segment.

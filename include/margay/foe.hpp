@@ -18,11 +18,11 @@
 // that keeps messages in a queue and answers a read more than 100 ms after its timeout; one that works on several
 // protocols at a time, whose mailbox error (which names no message) ends a read that the slave answers more than 100 ms
 // later; and any slave that answers more than 9 s after the timeout. As long as such an answer may come, the first
-// packet of a file may be that of the earlier file. So a file of one packet is then read again, as often as answers may
+// packet of a file may belong to the earlier file. So a file of one packet is then read again, as often as answers may
 // be late, and the request of a write is sent again (behind an error message): the slave answers in order, so the last
 // of these answers belongs to the file. A read of several packets ends with Errc::protocol when the late packet was
-// taken for its first one, and an error of the slave that comes late is reported as that of the next transfer; both may
-// be tried again. Set an `answer_timeout` that is longer than such a slave needs.
+// taken for its first packet, and a late error of the slave is reported as an error of the next transfer; both may be
+// tried again. Set an `answer_timeout` that is longer than such a slave needs.
 //
 // Most slaves accept firmware in BOOT only: bring the slave to BOOT before (StateRequest, or set_target() while a
 // supervision is busy), and to INIT afterwards.

@@ -13,7 +13,7 @@ class TimedSend;     // timed_send.hpp: a frame leaves at a given time
 // The objects belong to the NIC.
 struct FrameTiming {
     SendClock* sent = nullptr;
-    ReceiveClock* received = nullptr;  // the times are those of the same clock as the times of `sent`
+    ReceiveClock* received = nullptr;  // the times come from the same clock as the times of `sent`
     TimedSend* send_at = nullptr;
 };
 

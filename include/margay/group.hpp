@@ -13,7 +13,7 @@ namespace margay {
 struct DatagramStatus {
     std::uint16_t expected = 0;  // working counter if all slaves take part, except missing optional slaves
     std::uint16_t got = 0;       // working counter of the received datagram
-    // Working counter if all slaves take part except those that are known to be lost or to need their configuration.
+    // Working counter if all slaves take part except slaves that are known to be lost or to need their configuration.
     std::uint16_t accepted = 0;
     std::uint16_t full = 0;  // working counter if all slaves take part, optional ones included
     bool came = false;       // its frame came back; otherwise `got` has no meaning

@@ -1,7 +1,7 @@
 // A function of the application that the library calls while it works on one slave. A hook has one of two forms.
 //
 // A plain function does its work at once and returns a Result. For example, it fills in the configuration of the slave.
-// It must not wait: functions that wait return Errc::in_callback (those of another context stop the cycle). It may
+// It must not wait: functions that wait return Errc::in_callback (with another context they stop the cycle). It may
 // return Errc::busy: then the library calls it again after a millisecond, for at most 10 seconds; after that, the hook
 // has failed with Errc::timeout.
 //

@@ -25,7 +25,7 @@ struct Limits {
     std::uint16_t errors = 64;
     // Events that events() keeps until they are read.
     std::uint16_t events = 64;
-    // Slaves that may be in the ring besides those of `slaves` while the supervision looks for slaves.
+    // Slaves that may be in the ring in addition to `slaves` while the supervision looks for slaves.
     std::uint16_t guests = 16;
     // Octets of memory for running sequences and hooks. 0: as much as `tasks` sequences at the same time and requests
     // beside them need. Less slows down: one slave for each 1024 * sizeof(void*) octets is processed at a time, and

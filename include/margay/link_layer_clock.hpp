@@ -53,7 +53,7 @@ class LinkLayerClock : public CycleClock {
     [[nodiscard]] const PhaseController& cycle() const { return cycle_; }
     // Cycles that have brought the time of the reference clock, but no time stamp.
     [[nodiscard]] std::uint64_t without_stamp() const { return without_stamp_; }
-    // For the log (write_clock_log()). adjust_ns and drift_ppb are those of the reference clock.
+    // For the log (write_clock_log()). adjust_ns and drift_ppb belong to the reference clock.
     [[nodiscard]] const ClockRecord& record() const { return record_; }
 
   private:

@@ -12,7 +12,7 @@
 // to. The next request of this protocol waits for the late answer for 100 ms; after cancel(), until the `timeout` of
 // the cancelled request is over (3 s if it is zero). It also fetches what has come since. CoE: the library asks the
 // slave for an object of its own choice, as SDO requests do (coe.hpp). An answer of another protocol that comes later
-// cannot be told from the answer to the next message: it is taken for it, and success is then no news of that message.
+// cannot be distinguished from the answer to the next message: success then says nothing about the next message.
 // So set a `timeout` longer than the slave needs, or let `is_answer` compare what message and answer have in common.
 #pragma once
 
@@ -28,7 +28,7 @@ namespace margay {
 // the mailbox of the slave; neither message nor answer; the protocol is none), mailbox_error (the slave has answered
 // with a mailbox error), capacity (the answer is longer than `answer`; expected: its size), timeout, unsupported (the
 // slave has no mailbox), wrong_state (the slave has not reached PREOP), unknown_slave (no slave has the number, or the
-// slave has another address than `station`; detail: the wanted one, actual: that of the slave) …
+// slave has another address than `station`; detail: the wanted address, actual: the slave's address) …
 struct RawMail : MailRequest {
     RawMail();
     // Any protocol from 1 to 15. A message of the type `error` cannot be sent.

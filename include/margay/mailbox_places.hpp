@@ -1,9 +1,9 @@
-// Where the mailboxes of a slave are, for a slave whose SII does not tell it, or tells it wrongly. A program that
-// writes firmware may know the mailboxes of BOOT from somewhere else.
+// The places of a slave's mailboxes, for a slave whose SII does not describe them, or describes them wrongly. A program
+// that writes firmware may know the mailboxes of BOOT from another source.
 //
 //     const margay::MailboxInfo boot{.out_start = 0x1000, .out_bytes = 256, .in_start = 0x1400, .in_bytes = 256};
 //     margay::place_mailboxes(ctx, 2, margay::AlState::boot, boot);
-//     // then request BOOT: Errc::unsupported if neither the SII nor the program tells the mailboxes
+//     // then request BOOT: Errc::unsupported if neither the SII nor the program describes the mailboxes
 #pragma once
 
 #include <margay/slave.hpp>

@@ -172,8 +172,8 @@ Result<> replan_processdata(Context& ctx, std::uint8_t group = 0);
 // after the other since the last reading; the application has sent no cycle and read no states for more than a second;
 // or the cycles of a group were right, fell short and are right again. Errors: wrong_state (no slaves yet), unstable (a
 // scan has begun meanwhile), other_slave, identity_unread (another request uses the slave, and has not compared it
-// yet; or the slave is in BOOT and was away, and mail to it is under way or its firmware uses the EEPROM), those of
-// reading the register and the identity.
+// yet; or the slave is in BOOT and was away, and mail to it is under way or its firmware uses the EEPROM), the errors
+// of reading the register and the identity.
 //
 // writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
 // it is allowed. It reads the state of each slave, executes the start-up commands and the hook before the transition,
@@ -254,11 +254,11 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //   cycles, and those in flight, the inputs are fresh again; later while frames are lost, while the counter goes on to
 //   change, and while a slave is on its way to another state. A slave that does not answer keeps them old until
 //   readstate() or the supervision has found it lost.
-//   One case is not seen. While a slave is missing, slaves may come in the moment in which others with the same share
-//   leave: both between the same two cycles, so that the working counter does not change. A slave that comes was cut
-//   off and has kept its power, or is started up again at that time. Then the inputs of the slaves that have left count
-//   as fresh, and are not their inputs, until the states are read: with a supervision for one cycle or a few, without
-//   one until readstate(). Cables that are plugged into other places at running machines are such a case.
+//   One case is not detected. While a slave is missing, slaves may come when other slaves with the same share of the
+//   working counter leave: both between the same two cycles, so that the counter does not change. A slave that comes
+//   was cut off and has kept its power, or is started up again at that time. Then the inputs of the slaves that have
+//   left count as fresh, although they are not, until the states are read: with a supervision for a few cycles,
+//   otherwise until readstate(). Cables that are plugged into other places at running machines are such a case.
 //
 // Overlapping cycles (GroupConfiguration::cycles_in_flight is 2 or more): the next cycle can be sent while earlier
 // cycles are still on the wire. Each receive_processdata() ends the oldest cycle and copies its inputs into the image.
@@ -280,9 +280,9 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 // destroyed.
 Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::uint8_t group = 0);
 
-// Whether the inputs of this slave in the image are those of the last received cycle: the slave takes part, and all
+// Whether the inputs of this slave in the image come from the last received cycle: the slave takes part, and all
 // slaves that take part did so in every datagram that carries inputs of this slave. For a slave that has only outputs:
-// the same of the datagrams of its outputs. False before the first cycle, for an unknown slave, and for a slave that
+// the same for the datagrams of its outputs. False before the first cycle, for an unknown slave, and for a slave that
 // has no process data or no place in the image. False after a send_processdata() whose frame with these inputs was
 // refused (overlapping cycles: when that cycle is received). False from the moment when the slave is known to be lost
 // until it takes part again and its identity was compared; GroupConfiguration::lost_inputs decides what its inputs are

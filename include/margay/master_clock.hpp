@@ -68,7 +68,7 @@ struct ClockRecord {
 };
 
 // A log of records as CSV: the head line, and the line of one record, each with a line feed. Written into `out` (cut if
-// it does not fit; 300 octets are enough). The columns are those that other masters' logs have: Time[ms], SyncSetVal
+// it does not fit; 300 octets are enough). The columns are as in logs of other masters: Time[ms], SyncSetVal
 // [ns], BusTime [ns], BusTimeOff [ns], CtlAdj [ns], CtlErr [ns], CtlErrFilt [ns], Drift [ppm], CtlErr [1/10 pmil] (the
 // error in tenths of a thousandth of the cycle), CtlOutSum [ns] (the drift that is corrected in one cycle), CtlOutTot
 // [ns] (the sum of all corrections), DCStartTime [ns], DCMErrorCode (PhaseState), DCMInSync, DCInSync,
@@ -86,7 +86,7 @@ class MasterClock : public CycleClock {
     // Call it after each receive_processdata(); run_cycle() and reach() do it for CycleSettings::clock. `lateness`: how
     // much later than due the cycle was sent; the library takes it out of the reading, so that the jitter of the
     // wake-up does not disturb. Returns by how much the next cycle must come earlier (negative: later); 0 unless the
-    // mode is master_shift. An application with a timer of its own applies it itself. When the phase comes into sync,
+    // mode is master_shift. An application with its own timer applies the result. When the phase comes into sync,
     // or leaves the limit, the library reports an event. Callable from the cycle, by the owner; never waits.
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
 

@@ -6,10 +6,10 @@
 // Everything else is as with one NIC. Each frame is sent by both NICs. While the ring is whole, each frame comes back
 // at the other NIC, and every slave processes one of the two. When a cable breaks, each NIC gets its own frame back
 // from the slaves at its end; the two replies are merged datagram by datagram, and their working counters are added. So
-// no cycle lacks fresh inputs, except those whose frames were on the broken cable. What is connected to a ring slave by
-// a port that frames reach before the way to the next ring slave (in the order 0, 3, 1, 2) is numbered as without
-// redundancy. Other branches are numbered after all ring slaves; while the ring is broken, config_init() numbers those
-// in the part of the first NIC after the slaves of this part, and those behind the break before the slaves there. Hot
+// no cycle lacks fresh inputs, except cycles whose frames were on the broken cable. A branch at a port before the way
+// to the next ring slave (frames pass the ports in the order 0, 3, 1, 2) is numbered as without redundancy. Other
+// branches are numbered after all ring slaves. While the ring is broken, config_init() numbers such branches of the
+// first NIC's part after the slaves of this part, and such branches behind the break before the slaves there. Hot
 // connect groups may appear at any port of either part.
 //
 // Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
@@ -23,7 +23,7 @@
 //
 // When a cable breaks, the clocks behind the break follow the first clock there (EventKind::second_reference). A
 // SuperviseRequest compares this clock with the reference clock by the two copies of each frame, and steers its
-// offset, so that both parts keep in step, and SlaveClock::in_sync tells it. When the ring is whole again, all clocks
+// offset, so that both parts keep in step; see SlaveClock::in_sync. When the ring is whole again, all clocks
 // follow the reference clock. Group::dc_time always has the time of the reference clock; its `slaves` counts only the
 // slaves on the same side of the break as the reference clock.
 //
@@ -39,7 +39,7 @@
 // (Group::dc_time has 1 slave), until the SuperviseRequest has written the delays: some rounds of its clock
 // supervision. The frames that were on the wire at the break still bring the time by the old way: one, or with
 // overlapping cycles several, after which clocks in sync may be up to some microseconds away for some tens of
-// milliseconds until SlaveClock::in_sync tells it. If the time that the master had sent has disturbed clocks behind a
+// milliseconds until SlaveClock::in_sync is false. If the time that the master had sent has disturbed clocks behind a
 // break, or they had no power, they are not in sync until the ring is whole. A reference clock behind a break stays the
 // reference until then, although a clock before it is back, and the clocks at the other side of the break are not in
 // sync. Beside a break at a slave without receive times, the delays of the nearest slave with receive times are used,
@@ -54,9 +54,9 @@
 // ring, the frames do not show which NIC is at the beginning: config_init() and each search for lost slaves find it out
 // by the ports of the slaves (DL status).
 //
-// Datagrams with addresses by position (auto increment) reach the slave of that position in either part; those that
-// found the ring changed are sent again. If a break has moved to another cable since the last frame that counts slaves,
-// a write may meet another slave than the one that was meant: then its reply has working counter 0, which is an error.
+// Datagrams with addresses by position (auto increment) reach the slave of that position in either part; if the ring
+// has changed meanwhile, they are sent again. If a break has moved to another cable since the last frame that counts
+// slaves, a write may reach a wrong slave: then its reply has working counter 0, which is an error.
 //
 // When another segment is behind the second NIC (CablingFault::second_segment, EventKind::second_segment), its slaves
 // get no commands. With each 64th frame the second NIC sends a frame without commands (NOP); when this frame comes back

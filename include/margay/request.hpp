@@ -147,8 +147,8 @@ struct SiiWriteRequest : SlaveRequest {
     Borrowed<std::byte> data;
 };
 
-// Brings one slave to a state. BOOT: the slave goes to INIT first, its process data is cleared, and its mailboxes are
-// those of BOOT (Errc::unsupported if its SII describes none); from BOOT to PREOP it goes through INIT. After BOOT the
+// Brings one slave to a state. BOOT: the slave goes to INIT first, its process data is cleared, and it gets the
+// mailboxes of BOOT (Errc::unsupported if its SII describes none); from BOOT to PREOP it goes through INIT. Then the
 // process data must be configured again: reconfigure_slave(), or the supervision; a slave whose revision has changed
 // needs config_map() (Errc::remapping_needed), and so does one whose process data has another size now (pdo_size).
 // `timeout` zero: the time that the standard allows for the transition. A hook that executes when the time is over is

@@ -50,9 +50,9 @@ class TripleBuffer {
 
 // The image of a group for one other thread than the thread of the cycle. Set GroupConfiguration::shared before
 // config_map(); after that each send_processdata() sends the outputs that were published last, and each
-// receive_processdata() that receives all inputs (except those of slaves that are known to be lost) publishes them.
+// receive_processdata() that receives all inputs (except inputs of slaves that are known to be lost) publishes them.
 //
-//     // Sizes: those that config_map() will need, or more.
+//     // Sizes: at least the sizes that config_map() will need.
 //     std::vector<std::byte> memory(SharedImage::memory_bytes(outputs, inputs));
 //     SharedImage shared(memory);
 //     ctx.group(0).config.shared = &shared;

@@ -100,7 +100,7 @@ inline constexpr std::uint8_t kUploadAtStartup = 0x10;
 inline constexpr std::uint8_t kCompleteAccess = 0x20;
 }  // namespace coe_detail
 
-// The end of a ring with two NICs at which a slave hangs: whose frames reach it.
+// The end of a ring with two NICs to which a slave is connected: the NIC whose frames reach the slave.
 enum class RingEnd : std::uint8_t { first_nic, second_nic };
 
 // How a slave reports its explicit device id, according to its SII.
@@ -161,10 +161,10 @@ struct Slave {
     // The target that set_target() has set for this slave; NONE: none, the target of all slaves applies.
     AlState target = AlState::none;
 
-    // Topology: every slave except the first is connected to a port of another slave. The DL status of the slaves tells
-    // it where frames enter each slave with slaves behind it at port 0. Where cables are swapped, configdc() finds out
-    // by the receive times which slave is behind which, and corrects these members (with one NIC); until then,
-    // without clocks, and after a slave there was lost and is back, they are wrong there.
+    // Topology: every slave except the first is connected to a port of another slave. The DL status of the slaves shows
+    // it where frames enter each slave that has slaves behind it by port 0. Where cables are swapped, configdc() finds
+    // the order by the receive times, and corrects these members (with one NIC). Until then, without clocks, and after
+    // a slave there was lost and is back, these members are wrong for the slaves at the swapped cables.
     std::uint16_t parent = 0;  // number of the slave before this one; 0: the master
     std::uint8_t parent_port = 0;
     std::uint8_t entry_port = 0;
@@ -175,7 +175,7 @@ struct Slave {
     // dropped.
     std::uint32_t sii_bytes = 0;  // size of the EEPROM, as SII word 0x003E reports it
     MailboxInfo mailbox;
-    MailboxInfo boot_mailbox;      // `protocols` is that of `mailbox`
+    MailboxInfo boot_mailbox;      // `protocols` as in `mailbox`
     std::uint8_t coe_details = 0;  // coe_detail bits
     std::uint8_t foe_details = 0;
     std::uint8_t eoe_details = 0;

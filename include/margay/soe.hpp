@@ -76,7 +76,7 @@ class SoeListener : public MailListener {
 
   protected:
     ~SoeListener() = default;
-    // The rules are those of MailListener::take().
+    // The rules of MailListener::take() apply.
     virtual void notified(std::uint16_t slave, const SoeNotification& notification) = 0;
 
   private:
@@ -98,7 +98,7 @@ Result<std::size_t> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t driv
 Result<> SoEwrite(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, std::uint8_t elements,
                   std::span<const std::byte> value, Duration timeout = Duration{0});
 
-// Executes a procedure command. Errors: those of SoEread(), command_failed (detail: the data state).
+// Executes a procedure command. Errors: as SoEread(), command_failed (detail: the data state).
 Result<> SoEcommand(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, Duration timeout = Duration{0});
 
 // Reads the attribute of a parameter: the type and the format of its value.

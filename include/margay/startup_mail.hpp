@@ -29,7 +29,7 @@ extern const StartupMail kEoeStartup;
     return {.kind = StartupCommand::Kind::send_aoe, .transitions = when, .data = command, .mail = &detail::kAoeStartup};
 }
 // Sets IP parameters or the address filter. `message` is the request from the EoE header on. The IP parameters occupy
-// all places that the standard gives them, or only those of the parameters that are set (EoeSetIp::packed).
+// all places that the standard gives them, or only the places of the parameters that are set (EoeSetIp::packed).
 [[nodiscard]] constexpr StartupCommand send_eoe(Transition when, Borrowed<std::byte> message) {
     return {.kind = StartupCommand::Kind::send_eoe, .transitions = when, .data = message, .mail = &detail::kEoeStartup};
 }

@@ -18,14 +18,14 @@ struct LinkStatistics {
     std::uint64_t foreign = 0;       // other protocols, other EtherCAT frame types
     std::uint64_t malformed = 0;     // truncated or contradictory
     std::uint64_t unexpected = 0;    // late, duplicated or unknown: no such frame is on the wire
-    std::uint64_t mismatched = 0;    // the index is that of a frame on the wire, but the datagrams differ
+    std::uint64_t mismatched = 0;    // the index belongs to a frame on the wire, but the datagrams differ
     std::uint64_t send_refused = 0;  // frames that the NIC did not accept
 };
 
 // Counters of the mailbox of one slave.
 struct MailboxStatistics {
     std::uint32_t sent = 0;
-    std::uint32_t received = 0;    // all fetched messages, including those that the counters below count again
+    std::uint32_t received = 0;    // all fetched messages, including the messages that the counters below count again
     std::uint32_t resent = 0;      // messages that were sent again because they had not arrived
     std::uint32_t repeats = 0;     // replies that were requested again
     std::uint32_t duplicates = 0;  // replies that arrived twice

@@ -55,9 +55,9 @@ class TimedPair final : public TimedSend {
 };
 
 // As send_processdata(ctx, at, group), but the frames leave at `at`. `nic`: of the NIC, or of the filter, that the
-// context sends by. Acyclic datagrams in frames of the cycle leave with them. The timeout of receive_processdata(), and
-// those of the datagrams, count from `at`. If `at` has passed, the frames leave at once, and nic.missed() counts them.
-// Callable from the cycle; never waits. For the thread that owns the context. Errors: those of send_processdata(), and
+// context sends by. Acyclic datagrams in frames of the cycle leave with them. The timeouts of receive_processdata() and
+// of the datagrams count from `at`. If `at` has passed, the frames leave at once, and nic.missed() counts them.
+// Callable from the cycle; never waits. For the thread that owns the context. Errors: as send_processdata(), and
 // not_owner also where another thread may send the group (GroupConfiguration::cycles_in_flight).
 Result<> send_processdata_at(Context& ctx, TimedSend& nic, Time at, std::uint8_t group = 0);
 

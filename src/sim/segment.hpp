@@ -183,8 +183,8 @@ class Segment {
     void keep_events();
 
     std::vector<Node> nodes_;
-    // Esc::next_event() of all slaves, kNever of those without power: close together, because it is searched each time
-    // that any slave has work to do.
+    // Esc::next_event() of all slaves, kNever of a slave without power. In an array of its own: it is searched each
+    // time that a slave has work to do.
     std::vector<Time> due_;
     std::array<Cable, kMasterPorts> masters_{};
     std::array<Route, kMasterPorts> routes_;

@@ -123,7 +123,7 @@ class SyncManagers {
     unsigned count_ = 0;
     std::uint32_t enabled_ = 0;        // channels that own their memory, including locked channels
     std::uint32_t singles_ = 0;        // active channels of one octet
-    std::uint32_t triggered_ = 0;      // those that were written in this frame
+    std::uint32_t triggered_ = 0;      // channels that were written in this frame
     std::uint32_t closing_ = 0;        // channels whose last octet was accessed in this frame
     mutable std::uint32_t stale_ = 0;  // channels whose status octets are not up to date
     std::array<Channel, kMaxSyncManagers> channels_{};

@@ -187,7 +187,7 @@ inline constexpr std::uint16_t kLeastCoeMailbox = 16;
     return agree;
 }
 
-// The SyncManagers of a device: two of the mailboxes, and those of the process data.
+// The SyncManagers of a device: two for the mailboxes, the others for process data.
 inline constexpr std::size_t kMostSyncManagers = 2 + 2 * (1 + kMostMoreAreas);
 
 // The largest number of octets of all areas of a direction.

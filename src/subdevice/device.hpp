@@ -75,7 +75,7 @@ class Device final : private EsmClient {
     // `why`. From the context of step() only: not from Application::cycle() in an interrupt handler. In a function of
     // the author that a transition calls (Application::before(), cycle(), safe_outputs()), and in each cycle() that
     // step() calls, the effect comes when that function has returned: before() has refused, and the state after a
-    // transition is reported with the error indication at once. So the master is not told of a success first.
+    // transition is reported with the error indication at once. So the master does not see a success first.
     void fall_back(AlState to, AlStatusCode why, Time now) { esm_.fall_back(to, why, now); }
 
     [[nodiscard]] const AlStatus& al_status() const { return esm_.status(); }

@@ -81,8 +81,8 @@ class FoeStore {
     ~FoeStore() = default;
 };
 
-// The texts of errors. wire::foe::to_text has those of the standard: a device that does not name it does not contain
-// them.
+// The texts of errors. wire::foe::to_text has the texts of the standard: a device that does not name this function does
+// not contain these texts.
 using FoeTexts = std::string_view (*)(FoeError code);
 
 class FoeServer final : public MailboxServer {

@@ -19,8 +19,8 @@
 
 namespace margay::subdevice {
 
-// How a lamp flashes. The values are those of the override registers (0x0138, 0x0139): 1 to 12 are that number of
-// flashes, then a pause.
+// How a lamp flashes. The values are as in the override registers (0x0138, 0x0139): 1 to 12 are the number of flashes
+// before a pause.
 enum class Flashing : std::uint8_t { off = 0, single = 1, twice = 2, blinking = 13, flickering = 14, on = 15 };
 
 // Whether a lamp is lit, `since` after the flashing has begun, and how long it stays so (kNever: no change).

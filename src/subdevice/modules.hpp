@@ -67,7 +67,7 @@ struct ModularDevice {
     std::uint8_t slots = 0;               // 1 to 254
     std::uint16_t index_distance = 0x10;  // between the indices of the objects of two slots that follow each other
     std::uint16_t pdo_distance = 1;       // the same for the PDOs
-    // PDOs that the device has besides those of the modules; they are assigned first.
+    // PDOs of the device itself; they are assigned before the PDOs of the modules.
     std::span<const std::uint16_t> own_rx_pdos{};
     std::span<const std::uint16_t> own_tx_pdos{};
 
@@ -235,7 +235,7 @@ struct ModuleTables {
         array(kDetectedModules, "Detected module ident list", kDetected)};
 };
 
-// The values of a modular device: its own, and behind them those of the lists and the modules (Modules::values()).
+// The values of a modular device: its own values, then the values of the lists and of the modules (Modules::values()).
 template <class Own, class Tables>
 struct ModularValues {
     static_assert(Tables::kOffset == sizeof(Own), "ModuleTables begin behind the values of the device itself");

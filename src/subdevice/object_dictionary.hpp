@@ -239,7 +239,7 @@ constexpr std::size_t largest_value(std::span<const Object> objects) {
 
 // ------------------------------------------------------------------ at run time
 
-// The objects of a dictionary, ascending by index: those of the table, and those of the modules.
+// The objects of a dictionary, ascending by index: from the table and from the modules.
 class ObjectRange {
   public:
     class Iterator {
@@ -278,7 +278,7 @@ class ObjectDictionary {
     // False: the hook of the object says that the device does not have it.
     [[nodiscard]] bool exists(const Object& object);
 
-    // Sets entries in the image to their initial values: all, or those that have these access bits (od::kBackup).
+    // Sets entries in the image to their initial values: all, or only entries with these access bits (od::kBackup).
     void restore_defaults(std::uint16_t access = 0);
     void restore_defaults(const Object& object, std::uint16_t access = 0);
 
@@ -290,7 +290,7 @@ class ObjectDictionary {
         module_distance_ = distance;
         module_idents_ = idents;
     }
-    // The objects of the device itself (slot 0), or those of all modules, and the number of slots.
+    // The objects of the device itself (slot 0), or of all modules, and the number of slots.
     [[nodiscard]] std::span<const Object> objects_of(unsigned slot) const { return slot == 0 ? objects_ : modules_; }
     [[nodiscard]] unsigned slots() const { return static_cast<unsigned>(module_idents_.size()); }
     // Of the module that has the object; 0: the object belongs to the device.

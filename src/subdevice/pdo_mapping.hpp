@@ -100,7 +100,7 @@ class PdoMapping {
 // Subindex 0 is the count (one octet in the image), the other subindices are values of equal size in the image. The
 // hooks check each download: kPdoMappingHooks belongs to the objects 0x16xx and 0x1Axx, kPdoAssignmentHooks to 0x1C10
 // to 0x1C1F. Without an application, the hooks do not know the largest size of the process data, and do not check it;
-// then 0x1C12 is that of the outputs, and the others are those of inputs.
+// then 0x1C12 belongs to the outputs, and the other assignments belong to inputs.
 namespace pdo_rules {
 [[nodiscard]] HookAnswer mapping(const ObjectAccess& access, Bytes data);
 [[nodiscard]] HookAnswer assignment(const ObjectAccess& access, Bytes data);

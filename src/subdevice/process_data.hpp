@@ -42,8 +42,8 @@ inline constexpr unsigned kAll = 7;
 class ProcessData {
   public:
     struct Counters {
-        // SYNC0 signals that were not seen, by the time between those that were. One that is served late, but before
-        // the next one (up to 7/8 of the cycle), is not missed.
+        // SYNC0 signals that were not seen, computed from the time between seen signals. A signal that is served late,
+        // but before the next signal (up to 7/8 of the cycle), is not missed.
         std::uint32_t missed_syncs = 0;
         std::uint32_t missed_frames = 0;  // frame periods (see syncs_per_frame()) in OP in which outputs did not arrive
         // Outputs in OP that were outside of the limits of their entry (Entry::within()) and were not applied.
@@ -64,8 +64,8 @@ class ProcessData {
     }
 
     // The sizes from assignment (0x1C10 + number of the SyncManager) and mapping. When the dictionary does not have the
-    // assignment object, the size is that of Application::process_data_sizes(), or the maximum of the description. In
-    // SAFEOP and OP the sizes stay those of the transition to SAFEOP.
+    // assignment object, Application::process_data_sizes() says the size, or else it is the maximum of the description.
+    // In SAFEOP and OP the sizes stay as they were at the transition to SAFEOP.
     [[nodiscard]] ProcessDataSizes sizes();
 
     // PREOP→SAFEOP: compares the synchronization types of 0x1C32 and its kin with the device, with the SYNC signals,

@@ -48,8 +48,8 @@ struct SiiWorkspace {
     std::array<wire::sii::PdoEntryDescription, Entries> entries{};
 };
 
-// Writes the image into `eeprom` (the size is a multiple of 128 octets) and returns the number of used octets. Errors
-// are those of wire::sii::write_image() and wire::sii::mailbox_fault(), Fault::sync_manager_outside when
+// Writes the image into `eeprom` (the size is a multiple of 128 octets) and returns the number of used octets. Errors:
+// as wire::sii::write_image() and wire::sii::mailbox_fault(), also Fault::sync_manager_outside when
 // SyncManagers are not in the process RAM, Fault::sync_manager_overlap when two of them share memory or have one number
 // (or a number above 15), Fault::mailbox_too_short when a mailbox has no room for an error reply (with CoE: for an SDO
 // request), Fault::cycle_limits, and Fault::no_room when the workspace is too small. PDOs, their assignment and sizes

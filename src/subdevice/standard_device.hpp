@@ -267,7 +267,7 @@ class StandardObjects {
 
 // A device with CoE. `Values`: the struct of the values (values.hpp), or std::array<std::byte, N>. `More`: other
 // mailbox protocols besides CoE. `MostMapped`: how many entries the master may map in one direction, for PDOs that it
-// can change, and for those of modules: with more entries SAFEOP is refused with 0x0002 "no memory". `LargestValue`:
+// can change, and for PDOs of modules: with more entries SAFEOP is refused with 0x0002 "no memory". `LargestValue`:
 // ModuleTables::kLargestValue, for a modular device. An object with a large value in the memory of a hook
 // (ObjectHooks::memory) needs ObjectHooks::in_pieces.
 template <const DeviceDescription& Description, const auto& Own, class Values, std::size_t More = 0,

@@ -1,5 +1,5 @@
 // Values that survive a loss of power: objects 0x1010 "Store parameters", 0x1011 "Restore default parameters" and
-// 0x10F0 "Backup parameter handling" (ETG.1020). The values are those of all entries with od::kBackup.
+// 0x10F0 "Backup parameter handling" (ETG.1020). They are the values of all entries with od::kBackup.
 //
 //     struct Flash final : ValueStore { … };
 //     struct Lamps final : Application { … StoredValues* stored_values() override { return &stored; } };

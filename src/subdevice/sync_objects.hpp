@@ -27,7 +27,7 @@
 // that of the first one. In SAFEOP and OP, the objects show the type in use; in PREOP, the one that was written.
 //
 // Each further SyncManager of a device (DeviceDescription::more_outputs, more_inputs) has such an object, too: 0x1C30 +
-// number, from more_sync_output_entries() or more_sync_input_entries(). Type, cycle time and missed frames are those of
+// number, from more_sync_output_entries() or more_sync_input_entries(). Type, cycle time and missed frames belong to
 // the SyncManager. The rest belongs to the whole device and is the memory of the first object: a device has one update.
 #pragma once
 
@@ -44,7 +44,7 @@ namespace sync_subindex {
 // 0: no limit. It is taken over at PREOP→SAFEOP.
 inline constexpr std::uint8_t kErrorLimit = 2;
 inline constexpr std::uint8_t kErrorReaction = 1;  // DeviceDescription::local_error_reaction
-// 0x1C32, 0x1C33, and those of further SyncManagers.
+// 0x1C32, 0x1C33, and the objects of further SyncManagers.
 inline constexpr std::uint8_t kType = 1;       // see sync_type
 inline constexpr std::uint8_t kCycle = 2;      // cycle time of the master in ns; 0: unknown
 inline constexpr std::uint8_t kShift = 3;      // in ns: SyncTimes::shift
@@ -137,7 +137,7 @@ template <std::size_t Offset>
 }
 
 namespace sync_entry {
-// `Device`: the values of the device; the other fields are those of the SyncManager.
+// `Device`: the values of the device; the other fields belong to the SyncManager.
 template <class Device, class Type, class Cycle, class Missed>
 [[nodiscard]] constexpr std::array<Entry, 15> of_outputs(const DeviceDescription& d) {
     using namespace sync_subindex;

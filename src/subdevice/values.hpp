@@ -128,7 +128,7 @@ template <class Struct>
     return std::as_writable_bytes(std::span(&values, 1));
 }
 
-// Copies a struct of values from the octets of an image, or into them: those of a module (Modules::values()).
+// Copies a struct of values, for example of a module (Modules::values()), from the octets of an image or into them.
 template <class Struct>
 [[nodiscard]] Struct values_in(Bytes octets) {
     Struct values{};

@@ -78,8 +78,8 @@ void store_header(MutableBytes at, const Header& header);
 struct IndexLayout {
     using group = Field<std::uint32_t, 0>;
     using offset = Field<std::uint32_t, 4>;
-    using bytes = Field<std::uint32_t, 8>;           // read: wanted; write: those that follow; read_write: wanted
-    using written_bytes = Field<std::uint32_t, 12>;  // read_write: those that follow
+    using bytes = Field<std::uint32_t, 8>;           // read, read_write: wanted octets; write: octets that follow
+    using written_bytes = Field<std::uint32_t, 12>;  // read_write: octets that follow
 };
 inline constexpr std::size_t kIndexBytes = 12;
 inline constexpr std::size_t kReadWriteBytes = 16;

@@ -30,7 +30,7 @@ inline constexpr std::size_t kLeastFrameBytes = 14;  // the Ethernet header
 // A fragment carries whole blocks, and the header counts offsets in blocks. So a mailbox needs room for one of them.
 inline constexpr std::size_t kLeastRoom = kHeaderBytes + kBlockBytes;
 
-// The members after `time_requested` are those of fragments; other messages have `result` in their place.
+// The members after `time_requested` belong to fragments; other messages have `result` in their place.
 struct Header {
     Type type = Type::fragment;
     std::uint8_t port = 0;  // 4 bits; 0: no particular port

@@ -160,7 +160,7 @@ constexpr void store_identity(MutableBytes at, const Identity& identity) {
 // The mailboxes of the states PREOP to OP, and the mailboxes of BOOT. The receive mailbox of the standard is the
 // mailbox that the slave receives with; for the master it is `out`.
 struct Mailboxes {
-    MailboxInfo boot;  // its protocols are those of `standard`
+    MailboxInfo boot;  // its protocols are as in `standard`
     MailboxInfo standard;
 };
 

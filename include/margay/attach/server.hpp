@@ -8,7 +8,7 @@
 //     …                                                 // the cycle runs
 //
 // The server has a thread of its own. The cycle never waits for it: the thread only submits requests (request.hpp), at
-// most one for each client, and poll() executes them between the cycles as those of any other thread. What a client
+// most one for each client, and poll() executes them between the cycles like requests of any thread. What a client
 // sends has no other effect on the application: a message that is malformed or too long, a client that is slow, floods
 // or goes away ends its own connection, and the memory of the server is bounded by AttachSettings.
 //

@@ -12,11 +12,11 @@
 //
 // For systems with a heap.
 //
-// What of a file the library does in its own way, so that its commands are not sent as they stand: the scan, the
-// assignment of the station addresses (of those that the file gives), the access to the SII, requests and checks of AL
-// states (their timeouts are used), the mailbox SyncManagers (from the SII of the slave; remarks_after_scan()
-// compares), clearing of FMMUs and SyncManagers, and the clocks. All other init commands become start-up commands of
-// their slaves; those that broadcast a value become one command for each slave.
+// The library does some work in its own way and does not send the file's commands for it: the scan, the assignment of
+// the station addresses that the file gives, the access to the SII, requests and checks of AL states (their timeouts
+// are used), the mailbox SyncManagers (from the SII of the slave; remarks_after_scan() compares), clearing of FMMUs and
+// SyncManagers, and the clocks. All other init commands become start-up commands of their slaves; a command that
+// broadcasts a value becomes one command for each slave.
 #pragma once
 
 #include <margay/clocks.hpp>
@@ -51,7 +51,7 @@ struct EniSyncManager {
     Remark place{};
 };
 
-// A slave of the file. `number` is that of the slave in the context after config_init().
+// A slave of the file. `number` is the number of this slave in the context after config_init().
 struct EniSlave {
     std::uint16_t number = 0;
     std::string name{};
@@ -62,8 +62,8 @@ struct EniSlave {
     // The modules that the file writes to the list of configured modules (object 0xF030), from slot 0 on, by their
     // idents; 0: an empty slot.
     std::vector<std::uint32_t> modules{};
-    // The mailboxes of the file and those of BOOT, without protocols, its SyncManagers, and the ports that the slave
-    // may hang at (PreviousPort). They are not required, remarks_after_scan() compares them. The places have no text.
+    // From the file: the mailboxes, the mailboxes of BOOT, both without protocols, the SyncManagers, and the ports to
+    // which the slave may be connected (PreviousPort). Only compared: see remarks_after_scan(). Places have no text.
     MailboxInfo mailbox{};
     Remark mailbox_place{};
     MailboxInfo boot_mailbox{};
@@ -124,19 +124,19 @@ struct EniConfiguration {
 [[nodiscard]] Read<EniConfiguration> read_eni(std::string_view octets);
 
 // Sets the configuration of the groups and the list of expected slaves. Call it after init() and before config_init().
-// Errors: those of expect(), unknown_group (limits().groups).
+// Errors: as expect(), unknown_group (limits().groups).
 Result<> apply(Context& ctx, const EniConfiguration& eni);
 
-// Compares the modules that a slave has detected (0xF050) with those of the file, where the slave is in PREOP and has
+// Compares the modules that a slave has detected (0xF050) with the file's modules, where the slave is in PREOP and has
 // this list. Call it after each config_init() and before config_map(), in the thread of the owner. Waits. Does this for
-// all slaves; returns the first error: that of reading the list, or check_failed with index 0xF050 and the subindex of
+// all slaves; returns the first error: from reading the list, or check_failed with index 0xF050 and the subindex of
 // the first slot with another module (expected and actual: the idents).
 Result<> after_scan(Context& ctx, const EniConfiguration& eni);
 
-// What of the file is not done, and is known only when the slaves are: a remark for each slave whose mailboxes, also
-// those of BOOT, are others in the file than in its SII, of which the library takes them; for each SyncManager whose
-// control octet is another one than in the SII (mode, direction, interrupt to the slave's processor, watchdog); and for
-// each slave that hangs at another port.
+// Contents of the file that the library does not apply, found after the scan. One remark for each slave whose
+// mailboxes, also of BOOT, differ from its SII (the library uses the SII); for each SyncManager whose control octet
+// differs from the SII (mode, direction, interrupt to the slave's processor, watchdog); and for each slave that is
+// connected to another port.
 // Call it after config_init(). Never waits.
 [[nodiscard]] std::vector<Remark> remarks_after_scan(Context& ctx, const EniConfiguration& eni);
 

@@ -186,7 +186,7 @@ struct EsiModule {
     std::vector<EsiCommand> commands{};
 };
 
-// How the revision of a device that is found is compared with that of the file (CheckRevisionNo).
+// How the revision of a found device is compared with the revision in the file (CheckRevisionNo).
 enum class RevisionCheck : std::uint8_t { none, equal, equal_or_greater, low_equal, low_equal_high_equal_or_greater };
 [[nodiscard]] bool revision_fits(RevisionCheck check, std::uint32_t described, std::uint32_t found);
 
@@ -196,7 +196,7 @@ struct EsiDevice {
     std::string name{};
     std::string group{};  // GroupType
     std::string group_name{};
-    Identity identity{};  // the vendor is that of the file
+    Identity identity{};  // the vendor of the file
     RevisionCheck revision_check = RevisionCheck::none;
     std::array<PortType, 4> ports{};
     bool no_lrw = false;  // the device cannot be exchanged by LRW
@@ -278,7 +278,7 @@ struct EsiChoice {
 // signals, and with modules the list 0xF030. The library writes the PDOs only where the device allows that.
 struct EsiConfiguration {
     const SlaveConfiguration* config = nullptr;  // belongs to the HostConfiguration; nullptr: see `error`
-    std::vector<EsiPdo> pdos{};                  // those that are assigned, in their order, those of modules included
+    std::vector<EsiPdo> pdos{};                  // the assigned PDOs in their order, also of modules
     std::string error{};
     std::vector<std::string> remarks{};
 };

@@ -14,12 +14,12 @@
 // src/gateway/README.md has the rules of each protocol, the error codes, and what is not there.
 //
 // The gateway has a thread of its own. The cycle never waits for it: the thread only submits requests (request.hpp),
-// and poll() executes them between the cycles as those of any other thread, after the same checks: nothing goes to a
+// and poll() executes them between the cycles like requests of any thread, after the same checks: nothing goes to a
 // slave that is lost, below PREOP, or was away and not identified since. What a client sends has no other effect on the
 // application, and the memory of the gateway is bounded by MailboxGatewaySettings.
 //
 // Access. The protocol has no authentication: every program that reaches the port can write what the application could
-// write by the mailbox. So the default address is that of this machine. `read_only` refuses everything that may change
+// write by the mailbox. So by default only this machine reaches it. `read_only` refuses everything that may change
 // a slave.
 #pragma once
 
@@ -60,7 +60,7 @@ struct MailboxGatewayCounts {
     std::uint64_t refused = 0;    // clients beyond MailboxGatewaySettings::clients
     std::uint64_t messages = 0;   // mailbox messages from clients
     std::uint64_t replies = 0;    // to clients, error replies included
-    std::uint64_t errors = 0;     // error replies, those of slaves included
+    std::uint64_t errors = 0;     // error replies, also from slaves
     std::uint64_t malformed = 0;  // datagrams that were dropped and connections that were closed for what they sent
     std::uint64_t stalled = 0;  // connections that were closed: a frame was not whole, or the replies not read, in 10 s
     std::uint64_t lost = 0;     // replies that the system did not take, or whose client was gone

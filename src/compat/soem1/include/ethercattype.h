@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-/* The functions and variables of one global master; with EC_VER2 only those with a context */
+/* The functions and variables of one global master; with EC_VER2 only the functions with a context */
 #ifndef EC_VER2
 #ifndef EC_VER1
 #define EC_VER1

@@ -18,7 +18,7 @@
 #define OSAL_THREAD_FUNC void
 #define OSAL_THREAD_FUNC_RT void
 
-/* Times and mutexes are those of the system */
+/* Times and mutexes of the system */
 #define ec_timet struct timespec
 #define osal_mutext pthread_mutex_t
 #define osal_timespec_from_usec(usec, result) \

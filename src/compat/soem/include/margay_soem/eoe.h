@@ -93,7 +93,7 @@ typedef struct MARGAY_SOEM_PACKED {
     uint8_t addr[EOE_ETHADDR_LENGTH];
 } eoe_ethaddr_t;
 
-/* Parameters of an IP stack; a bit tells which are set */
+/* Parameters of an IP stack; a bit for each parameter that is set */
 typedef struct {
     __extension__ uint8_t mac_set : 1;
     __extension__ uint8_t ip_set : 1;

@@ -1,5 +1,5 @@
-/* Sizes, and timeouts in microseconds. A program may have other timeouts. The sizes are those of the library. The number of slaves is
-   chosen when the library is built (the variable MARGAY_SOEM2_MAXSLAVE of CMake), and the package tells it to programs */
+/* Sizes, and timeouts in microseconds. A program may have other timeouts. It must have the sizes of the library. The number of slaves is
+   chosen when the library is built (the variable MARGAY_SOEM2_MAXSLAVE of CMake), and the package defines it for programs */
 #ifndef MARGAY_SOEM2_SOEM_EC_OPTIONS_H
 #define MARGAY_SOEM2_SOEM_EC_OPTIONS_H
 
@@ -100,7 +100,7 @@
 #define EC_SECONDARY_MAC_ARRAY { 0x0404, 0x0404, 0x0404 }
 #endif
 
-/* Structures of another size than those of the library would be overwritten */
+/* The library would write beyond structures that are smaller than its own */
 #if EC_MAXSLAVE != MARGAY_SOEM2_MAXSLAVE
 #error "EC_MAXSLAVE is not that of the library: build the library with the CMake variable MARGAY_SOEM2_MAXSLAVE"
 #endif
