@@ -55,10 +55,11 @@ bool Operation::may_attach(const ec_slave_config& config) const {
 }
 
 // It came after the process data was laid out, and has process data that the program has not named: nothing is
-// reserved for it, and the slave may refuse OP without. Where the slave is there, a mapping places it.
+// reserved for it, and the slave may refuse OP without. Where the slave is there, a mapping places it, unless its
+// process data could not be found: then the mapping would fail in the same way.
 bool Operation::lacks_place(const ec_slave_config& config) const {
     const Slave& own = bus_.ctx->slave(config.number.load(std::memory_order_relaxed));
-    if (own.number == 0 || !is_there(own) || own.held) return false;
+    if (own.number == 0 || !is_there(own) || own.held || own.pdos_failed) return false;
     if (own.unplaced && own.seen) return true;
     if (!config.late) return false;
     for (std::uint8_t n = 0; n < own.sm_count; ++n)
@@ -115,7 +116,10 @@ void Operation::end_starting() {
 }
 
 void Operation::start_again() {
-    say("master %u: other slaves are there: the segment starts again", bus_.index);
+    const auto unplaced = [this](const auto& config) { return lacks_place(*config); };
+    const bool place = std::ranges::any_of(bus_.configs, unplaced);
+    say("master %u: %s: the segment starts again", bus_.index,
+        place ? "the frames have no place for a slave that came late" : "other slaves are there");
     --restarts_left_;
     misplaced_since_ = {};
     cancel();

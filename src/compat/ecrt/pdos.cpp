@@ -202,7 +202,11 @@ std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
             return found->second;
     }
     auto known = std::make_shared<KnownPdos>(read_settled(bus, slave));
-    if (known->unread.code != Errc::none) say_error(bus, "the PDOs of a slave", known->unread);
+    if (known->unread.code == Errc::wrong_state)
+        say("master %u: position %d: it is configured, and its PDOs can be asked for when it has reached SAFEOP",
+            bus.index, slave.ring_position - 1);
+    else if (known->unread.code != Errc::none)
+        say_error(bus, "the PDOs of a slave", known->unread);
     const std::lock_guard lock(bus.known_mutex);
     return bus.known_pdos[slave.ring_position] = std::move(known);
 }
