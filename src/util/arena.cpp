@@ -7,6 +7,25 @@ namespace {
 
 constexpr std::uint8_t kFree = 0x80;
 constexpr std::uint8_t kInside = 0x40;  // not the first block of a run
+constexpr std::uint8_t kMore = 0x20;    // the run belongs to the same allocation as the run before it
+constexpr std::uint8_t kOrder = 0x0F;
+// An arena of at most so many blocks is searched from its beginning, and an allocation takes only the blocks that it
+// needs: memory is scarcer than time. In a larger one, an allocation takes a power of two, from a list.
+constexpr std::size_t kFewBlocks = 256;
+
+// The lowest place with so many free blocks, of one run or of several that follow each other; `all`: there is none.
+std::size_t lowest_fit(const std::uint8_t* state, std::size_t all, std::size_t blocks) {
+    std::size_t first = 0;
+    for (std::size_t at = 0; at < all;) {
+        const bool free = (state[at] & kFree) != 0;
+        at += std::size_t{1} << (state[at] & kOrder);
+        if (!free)
+            first = at;
+        else if (at - first >= blocks)
+            return first;
+    }
+    return all;
+}
 
 }  // namespace
 
@@ -32,37 +51,58 @@ void Arena::put_free(std::size_t index, unsigned order) {
 }
 
 void* Arena::allocate(std::size_t bytes) noexcept {
-    unsigned wanted = 0;
-    while (wanted < kOrders && (kBlockBytes << wanted) < bytes) ++wanted;
-    unsigned order = wanted;
-    while (order < kOrders && free_[order].empty()) ++order;
-    if (order >= kOrders) return nullptr;
-    FreeBlock* found = free_[order].pop_front();
-    const auto index = static_cast<std::size_t>(reinterpret_cast<std::byte*>(found) - base_) / kBlockBytes;
-    while (order > wanted) {
-        --order;
-        put_free(index + (std::size_t{1} << order), order);
+    std::size_t blocks = bytes <= kBlockBytes ? 1 : (bytes - 1) / kBlockBytes + 1;
+    std::size_t index = blocks_;
+    if (blocks_ <= kFewBlocks) {
+        index = lowest_fit(state_, blocks_, blocks);
+    } else {
+        unsigned order = 0;
+        while (order < kOrders && (std::size_t{1} << order) < blocks) ++order;
+        blocks = std::size_t{1} << order;
+        while (order < kOrders && free_[order].empty()) ++order;
+        if (order < kOrders)
+            index = static_cast<std::size_t>(reinterpret_cast<std::byte*>(free_[order].front()) - base_) / kBlockBytes;
     }
-    state_[index] = static_cast<std::uint8_t>(wanted);
-    used_ += std::size_t{1} << wanted;
+    if (index == blocks_) return nullptr;
+    void* const memory = block(index);
+    std::uint8_t more = 0;
+    for (std::size_t left = blocks; left != 0;) {
+        // `index` begins a free run: all of it is taken, or its second half stays free.
+        unsigned order = state_[index] & kOrder;
+        reinterpret_cast<FreeBlock*>(block(index))->unlink();
+        while (std::size_t{1} << order > left) {
+            --order;
+            put_free(index + (std::size_t{1} << order), order);
+        }
+        state_[index] = static_cast<std::uint8_t>(order | more);
+        more = kMore;
+        index += std::size_t{1} << order;
+        left -= std::size_t{1} << order;
+    }
+    used_ += blocks;
     if (used_ > peak_) peak_ = used_;
-    return found;
+    return memory;
 }
 
 void Arena::release(void* memory) noexcept {
     if (memory == nullptr) return;
-    auto index = static_cast<std::size_t>(static_cast<std::byte*>(memory) - base_) / kBlockBytes;
-    unsigned order = state_[index];
-    used_ -= std::size_t{1} << order;
-    while (order + 1 < kOrders) {
-        const std::size_t buddy = index ^ (std::size_t{1} << order);
-        if (buddy >= blocks_ || state_[buddy] != (kFree | order)) break;
-        reinterpret_cast<FreeBlock*>(block(buddy))->unlink();
-        state_[index] = state_[buddy] = kInside;
-        if (buddy < index) index = buddy;
-        ++order;
+    auto next = static_cast<std::size_t>(static_cast<std::byte*>(memory) - base_) / kBlockBytes;
+    for (bool more = true; more;) {
+        std::size_t index = next;
+        unsigned order = state_[index] & kOrder;
+        next += std::size_t{1} << order;
+        more = next < blocks_ && (state_[next] & kMore) != 0;
+        used_ -= next - index;
+        while (order + 1 < kOrders) {
+            const std::size_t buddy = index ^ (std::size_t{1} << order);
+            if (buddy >= blocks_ || state_[buddy] != (kFree | order)) break;
+            reinterpret_cast<FreeBlock*>(block(buddy))->unlink();
+            state_[index] = state_[buddy] = kInside;
+            if (buddy < index) index = buddy;
+            ++order;
+        }
+        put_free(index, order);
     }
-    put_free(index, order);
 }
 
 }  // namespace margay

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <random>
 #include <string>
 #include <vector>
@@ -14,34 +15,76 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Arena, GivesBackWhatItGaveUntilItIsWholeAgain) {
-    std::vector<std::byte> memory(Arena::memory_for(256 * 1024));
+// A small arena searches its memory from the beginning and gives whole blocks; a large one has lists of powers of two.
+class ArenaOfSize : public testing::TestWithParam<std::size_t> {};
+
+TEST_P(ArenaOfSize, GivesBackWhatItGaveUntilItIsWholeAgain) {
+    std::vector<std::byte> memory(Arena::memory_for(GetParam()));
     Arena arena(memory);
     const std::size_t whole = arena.capacity_bytes();
-    EXPECT_GE(whole, 256U * 1024U);
+    EXPECT_GE(whole, GetParam());
     std::mt19937 random(7);
     std::vector<std::pair<std::byte*, std::size_t>> held;
+    std::size_t used = 0;
+    const auto taken = [&](std::size_t bytes) {
+        const std::size_t blocks = (bytes + 63) / 64;
+        return (whole <= 16 * 1024 ? blocks : std::bit_ceil(blocks)) * 64;
+    };
     for (int step = 0; step < 20000; ++step) {
         if (random() % 2 == 0 || held.empty()) {
             const std::size_t bytes = 1 + random() % 3000;
             auto* at = static_cast<std::byte*>(arena.allocate(bytes));
             if (at == nullptr) continue;
             EXPECT_EQ(reinterpret_cast<std::uintptr_t>(at) % alignof(std::max_align_t), 0U);
+            ASSERT_GE(at, memory.data());
+            ASSERT_LE(at + bytes, memory.data() + memory.size());
             std::fill_n(at, bytes, static_cast<std::byte>(bytes));
             held.emplace_back(at, bytes);
+            used += taken(bytes);
         } else {
             const std::size_t which = random() % held.size();
             const auto [at, bytes] = held[which];
             for (std::size_t i = 0; i < bytes; ++i) ASSERT_EQ(at[i], static_cast<std::byte>(bytes)) << "overlap";
             arena.release(at);
             held.erase(held.begin() + static_cast<std::ptrdiff_t>(which));
+            used -= taken(bytes);
         }
+        ASSERT_EQ(arena.used_bytes(), used);
     }
     for (const auto& [at, bytes] : held) arena.release(at);
     EXPECT_EQ(arena.used_bytes(), 0U);
-    void* large = arena.allocate(128 * 1024);
+    std::size_t run = 128 * 1024;
+    while (run > whole) run /= 2;
+    void* large = arena.allocate(run);
     EXPECT_NE(large, nullptr) << "the pieces have joined again";
     arena.release(large);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, ArenaOfSize, testing::Values(5000, 16 * 1024 - 64, 17 * 1024, 256 * 1024));
+
+// The frames of a program with one task need no more memory than they have octets, in whole blocks.
+TEST(Arena, ASmallOneIsUsedToItsLastBlock) {
+    std::vector<std::byte> memory(Arena::memory_for(40 * 64));
+    Arena arena(memory);
+    const std::size_t all = arena.capacity_bytes() / 64;
+    std::vector<void*> held;
+    for (std::size_t left = all; left >= 8;) {
+        for (const std::size_t blocks : {5U, 3U}) {
+            held.push_back(arena.allocate(blocks * 64));
+            ASSERT_NE(held.back(), nullptr) << left << " blocks are free";
+            left -= blocks;
+        }
+    }
+    // Two neighbours leave a place that no power of two fits.
+    arena.release(held[1]);
+    arena.release(held[2]);
+    void* between = arena.allocate(8 * 64);
+    EXPECT_EQ(between, held[1]);
+    for (void* at : {between, held[0]}) arena.release(at);
+    for (std::size_t n = 3; n < held.size(); ++n) arena.release(held[n]);
+    EXPECT_EQ(arena.used_bytes(), 0U);
+    EXPECT_NE(arena.allocate(all * 64), nullptr);
+    EXPECT_EQ(arena.allocate(1), nullptr);
 }
 
 TEST(Arena, RefusesWhatDoesNotFit) {

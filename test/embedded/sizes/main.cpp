@@ -18,7 +18,7 @@ constexpr Limits kLimits{.slaves = 8,
                          .errors = 8,
                          .events = 4,
                          .guests = 0,
-                         .arena_bytes = 7168,
+                         .arena_bytes = 5632,
                          .clocks = false};
 
 BareOsal osal(board::description());
