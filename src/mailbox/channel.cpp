@@ -72,18 +72,70 @@ class MailboxChannel::Doze {
     Time until_;
 };
 
-// Awaitable: sends one datagram, or two in the same frame.
+// Awaitable: the datagram of one action, and a look in the same frame as a message. There is one for all actions: each
+// datagram in the pump would cost code, and memory of its frame.
 class MailboxChannel::OneOrTwo : public DatagramWait {
   public:
-    OneOrTwo(Datagram& one, Datagram* other) : datagrams_{&one, other} {}
+    OneOrTwo(MailboxChannel& channel, Action action, MutableBytes memory)
+        : channel_(channel),
+          action_(action),
+          looks_(action == Action::send && channel.looks_beside()),
+          memory_(memory),
+          datagram_(datagram_of(action)),
+          look_(datagram_of(Action::look)) {}
     bool await_suspend(std::coroutine_handle<> h) noexcept {
-        return submit(h, std::span(datagrams_).first(datagrams_[1] == nullptr ? 1 : 2));
+        return submit(h, std::span(datagrams_).first(looks_ ? 2 : 1));
     }
     void await_resume() const noexcept {}
+    // Processes the replies.
+    void finish();
 
   private:
-    std::array<Datagram*, 2> datagrams_;
+    [[nodiscard]] Datagram datagram_of(Action action);
+
+    MailboxChannel& channel_;
+    Action action_;
+    bool looks_;
+    std::array<std::byte, kLookBytes> octets_{};
+    MutableBytes memory_;
+    Datagram datagram_;
+    Datagram look_;
+    std::array<Datagram*, 2> datagrams_{&datagram_, &look_};
 };
+
+Datagram MailboxChannel::OneOrTwo::datagram_of(Action action) {
+    using enum wire::Command;
+    Link& link = channel_.engine_->link();
+    const StationAddress to = channel_.address_;
+    const MailboxInfo& info = channel_.info_;
+    switch (action) {
+        case Action::send: return {link, FPWR, {to, info.out_start}, Bytes(memory_).first(info.out_bytes), Repeat::no};
+        case Action::fetch: return {link, FPRD, {to, info.in_start}, memory_.first(info.in_bytes), Repeat::no};
+        case Action::look_out: return {link, FPRD, {to, kOutStatus}, MutableBytes(octets_).first(1)};
+        case Action::ask_repeat:
+            octets_[0] = std::byte{channel_.activate_};
+            return {link, FPWR, {to, kInActivate}, Bytes(octets_).first(1)};
+        default: return {link, FPRD, {to, kInStatus}, MutableBytes(octets_)};
+    }
+}
+
+void MailboxChannel::OneOrTwo::finish() {
+    const Reply reply = datagram_.reply();
+    switch (action_) {
+        case Action::send:
+            channel_.sent(reply);
+            if (looks_ && look_.reply().ok()) channel_.looked(look_.reply(), octets_);
+            return;
+        case Action::fetch: return channel_.fetched(reply, Bytes(memory_).first(channel_.info_.in_bytes));
+        case Action::look_out: return channel_.looked_out(reply, octets_[0]);
+        case Action::ask_repeat:
+            channel_.repeat_ = Repeated::requested;
+            channel_.repeat_until_ = channel_.now() + mail_timing::kRepeatPatience;
+            ++channel_.statistics_.repeats;
+            return channel_.look_soon();
+        default: return channel_.looked(reply, octets_);
+    }
+}
 
 void MailboxChannel::ensure_pump() {
     if (pump_) return;
@@ -104,48 +156,16 @@ void MailboxChannel::kick() {
 Task<Result<>> MailboxChannel::pump() {
     PumpGuard guard(*this);
     ArenaBuffer memory(arena());
-    Link& link = engine_->link();
     for (Action action = next_action(); action != Action::stop; action = next_action()) {
         const bool carries = action == Action::send || action == Action::fetch;
-        if (carries && !memory.reserve(std::max(info_.out_bytes, info_.in_bytes))) {
-            last_failure_ = Errc::capacity;  // wait until others return memory
-            co_await Doze(*this, now() + mail_timing::kLongestPause);
-        } else if (action == Action::send) {
-            if (!compose(memory.bytes())) continue;
-            const bool looks = looks_beside();
-            std::array<std::byte, kLookBytes> octets{};
-            Datagram write(link, wire::Command::FPWR, {address_, info_.out_start},
-                           Bytes(memory.bytes()).first(info_.out_bytes), Repeat::no);
-            Datagram look(link, wire::Command::FPRD, {address_, kInStatus}, MutableBytes(octets));
-            OneOrTwo both(write, looks ? &look : nullptr);
-            co_await both;
-            sent(write.reply());
-            if (looks && look.reply().ok()) looked(look.reply(), octets);
-        } else if (action == Action::fetch) {
-            Datagram read(link, wire::Command::FPRD, {address_, info_.in_start}, memory.bytes().first(info_.in_bytes),
-                          Repeat::no);
-            auto reply = co_await read;
-            fetched(reply, Bytes(memory.bytes()).first(info_.in_bytes));
-        } else if (action == Action::look) {
-            std::array<std::byte, kLookBytes> octets{};
-            Datagram look(link, wire::Command::FPRD, {address_, kInStatus}, MutableBytes(octets));
-            auto reply = co_await look;
-            looked(reply, octets);
-        } else if (action == Action::look_out) {
-            std::array<std::byte, 1> status{};
-            Datagram look(link, wire::Command::FPRD, {address_, kOutStatus}, MutableBytes(status));
-            auto reply = co_await look;
-            looked_out(reply, status[0]);
-        } else if (action == Action::ask_repeat) {
-            const std::array<std::byte, 1> activate{std::byte{activate_}};
-            Datagram ask(link, wire::Command::FPWR, {address_, kInActivate}, Bytes(activate));
-            co_await ask;
-            repeat_ = Repeated::requested;
-            repeat_until_ = now() + mail_timing::kRepeatPatience;
-            ++statistics_.repeats;
-            look_soon();
-        } else {
-            co_await Doze(*this, doze_until());
+        const bool starves = carries && !memory.reserve(std::max(info_.out_bytes, info_.in_bytes));
+        if (starves) last_failure_ = Errc::capacity;
+        if (starves || action == Action::doze) {
+            co_await Doze(*this, starves ? now() + mail_timing::kLongestPause : doze_until());
+        } else if (action != Action::send || compose(memory.bytes())) {
+            OneOrTwo exchange(*this, action, memory.bytes());
+            co_await exchange;
+            exchange.finish();
         }
     }
     co_return Nothing{};
