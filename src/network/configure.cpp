@@ -58,19 +58,25 @@ static_assert(sizeof(FmmuBytes) <= sizeof(kClearedRegisters));
 
 std::size_t fmmu_count(const Slave& slave) { return std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost); }
 
-void store(FmmuBytes& bytes, const SlaveFmmus& fmmus) {
-    for (std::size_t n = 0; n < fmmus.at.size(); ++n)
-        wire::store_fmmu(MutableBytes(bytes).subspan(n * reg::kFmmuStride, reg::kFmmuStride), fmmus.at[n]);
+MutableBytes bytes_of_fmmu(FmmuBytes& bytes, std::size_t n) {
+    return MutableBytes(bytes).subspan(n * reg::kFmmuStride, reg::kFmmuStride);
+}
+
+// Not in the sequences: the FMMUs would be kept in their memory while they wait.
+Error store_fmmus(FmmuBytes& bytes, const Slave& slave, const ImageLayout& layout, bool active) {
+    const auto fmmus = make_fmmus(slave, layout);
+    for (std::size_t n = 0; fmmus && active && n < fmmus->at.size(); ++n)
+        wire::store_fmmu(bytes_of_fmmu(bytes, n), fmmus->at[n]);
+    return fmmus.error();
 }
 
 // Writes all FMMUs that the ESC has, so that none of an older mapping remains.
 Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayout& layout, bool active) {
-    const auto fmmus = make_fmmus(slave, layout);
-    if (!fmmus) co_return fmmus.error();
+    FmmuBytes bytes{};
+    const Error refused = store_fmmus(bytes, slave, layout, active);
+    if (refused.code != Errc::none) co_return refused;
     const std::size_t count = fmmu_count(slave);
     if (count == 0) co_return Nothing{};
-    FmmuBytes bytes{};
-    if (active) store(bytes, *fmmus);
     Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
                        Bytes(bytes).first(count * reg::kFmmuStride));
     auto reply = co_await write_all;

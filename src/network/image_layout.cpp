@@ -335,6 +335,15 @@ std::size_t pick(const Slave& slave, const SlaveFmmus& taken, std::size_t availa
     return n;
 }
 
+// In the place of the result: a second copy would be what needs the most stack.
+Result<SlaveFmmus> number_fmmus(const Slave& slave, const FmmuList& list, std::size_t available, LogicalAddress start) {
+    Result<SlaveFmmus> fmmus;
+    for (const auto& entry : list.entries())
+        fmmus->at[pick(slave, *fmmus, available, entry.use)] = to_fmmu(entry, start);
+    fmmus->count = static_cast<std::uint8_t>(list.entries().size());
+    return fmmus;
+}
+
 }  // namespace
 
 Result<> check_found(Slave& slave) {
@@ -389,17 +398,11 @@ Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout) {
     const FmmuList list = needed_fmmus(slave, layout);
     const std::size_t available =
         not_asked(slave) ? SlaveFmmus::kMost : std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost);
-    if (list.entries().size() > available) {
-        Error error = fault(Errc::fmmu_shortage, slave);
-        error.expected = static_cast<std::uint32_t>(list.entries().size());
-        error.actual = static_cast<std::uint32_t>(available);
-        return error;
-    }
-    SlaveFmmus fmmus;
-    for (const auto& entry : list.entries())
-        fmmus.at[pick(slave, fmmus, available, entry.use)] = to_fmmu(entry, layout.start);
-    fmmus.count = static_cast<std::uint8_t>(list.entries().size());
-    return fmmus;
+    if (list.entries().size() <= available) return number_fmmus(slave, list, available, layout.start);
+    Error error = fault(Errc::fmmu_shortage, slave);
+    error.expected = static_cast<std::uint32_t>(list.entries().size());
+    error.actual = static_cast<std::uint32_t>(available);
+    return error;
 }
 
 Result<> check_place(const Slave& slave, const ImageLayout& layout, bool lrw) {
