@@ -164,6 +164,11 @@ void write_difference(TextWriter& out, const Error& e) {
         << e.actual << " bits)";
 }
 
+// The size of process data by the SII, which is used although the slave itself does not say it; 0: none.
+void write_used_size(TextWriter& out, std::uint32_t octets) {
+    if (octets != 0) out << " (used: " << octets << (octets == 1 ? " octet" : " octets") << ", as the SII says)";
+}
+
 std::string_view pdo_list_text(PdoListFault why) {
     switch (why) {
         case PdoListFault::sync_manager_twice: return "two lists name this SyncManager";
@@ -233,9 +238,7 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
         case Errc::pdo_list: out << " (" << pdo_list_text(static_cast<PdoListFault>(e.detail)) << ")"; break;
         case Errc::image_overlaps: out << " (group " << e.index << ")"; break;
         case Errc::invalid_argument: write_argument(out, e); break;
-        case Errc::pdo_unknown:
-            if (e.expected != 0) out << " (used: " << e.expected << " octets, as the SII says)";
-            break;
+        case Errc::pdo_unknown: write_used_size(out, e.expected); break;
         case Errc::pdo_size: out << " (the SyncManager " << e.expected << ", the PDOs " << e.actual << ")"; break;
         case Errc::sizes_differ: write_difference(out, e); break;
         case Errc::types_differ:
@@ -300,7 +303,7 @@ void write_aoe(TextWriter& out, const Error& e) {
 
 // What is used instead of PDOs that the slave was not asked for.
 void write_instead(TextWriter& out, const Error& e) {
-    if (e.expected != 0) out << " (used: " << e.expected << " octets, as the SII says)";
+    write_used_size(out, e.expected);
     if (e.step == Step::discover_pdos && e.expected == 0) out << ", and the SII has no sizes";
 }
 

@@ -209,19 +209,19 @@ Result<> settle_undescribed(Network& network, const Slave& slave, PdoFindings& f
 // which is told once; where it says none, it is not known whether the slave has any.
 Result<> settle_not_asked(Network& network, const Slave& slave, const PdoFindings& found, bool compare) {
     if (found.not_asked == Feature::none || found.source != ConfigurationSource::sii) return Result<>();
-    std::uint32_t bits = 0;
+    std::uint32_t octets = 0;
     bool needed = false;
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
         const SmType type = slave.sync_managers[n].type;
         if (type == SmType::mailbox_out || type == SmType::mailbox_in || find_list(slave, n) != nullptr) continue;
         needed = true;
-        bits += found.sii[n].bits;
+        octets += (found.sii[n].bits + 7) / 8;  // a SyncManager has whole octets
     }
     if (!needed) return Result<>();
     Error error{.code = Errc::unsupported, .step = Step::discover_pdos, .slave = slave.number};
     error.detail = static_cast<std::uint32_t>(found.not_asked);
-    error.expected = bits / 8 + (bits % 8 != 0 ? 1 : 0);
-    if (bits == 0) return error;
+    error.expected = octets;
+    if (octets == 0) return error;
     if (compare && !network.marks(slave).repeating) (void)network.warnings.add(error);
     return Result<>();
 }

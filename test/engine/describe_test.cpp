@@ -85,6 +85,15 @@ TEST(Describe, DistinguishesASilentSlaveFromOneThatDoesNotExist) {
               "recovering the slave: no lost slave was found");
 }
 
+TEST(Describe, OneOctetIsNotSeveral) {
+    EXPECT_NE(sentence({.code = Errc::pdo_unknown, .step = Step::discover_pdos, .slave = 1, .expected = 1})
+                  .find("(used: 1 octet, as the SII says)"),
+              std::string::npos);
+    EXPECT_NE(sentence({.code = Errc::pdo_unknown, .step = Step::discover_pdos, .slave = 1, .expected = 2})
+                  .find("(used: 2 octets, as the SII says)"),
+              std::string::npos);
+}
+
 TEST(Describe, EveryCodeAndStepHasWords) {
     for (int code = 1; code <= static_cast<int>(Errc::supervised); ++code)
         EXPECT_NE(to_text(static_cast<Errc>(code)), "unknown error") << code;
