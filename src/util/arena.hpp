@@ -1,6 +1,7 @@
-// A fixed piece of memory for coroutine frames: a buddy allocator with blocks of 64 octets times a power of two.
-// Allocation and release take a bounded number of steps (one per power of two). A released block is merged with its
-// free neighbour, so fragmentation does not grow over time.
+// A fixed piece of memory for coroutine frames: a buddy allocator with blocks of 64 octets times a power of two. In an
+// arena of at most 16 KiB an allocation takes only the blocks that it needs, as low as possible; in a larger one it
+// takes a power of two. Allocation and release take a bounded number of steps. A released block is merged with its free
+// neighbour, so fragmentation does not grow over time.
 #pragma once
 
 #include <margay/detail/list.hpp>
@@ -49,7 +50,7 @@ class Arena {
     void put_free(std::size_t index, unsigned order);
 
     std::byte* base_ = nullptr;
-    std::uint8_t* state_ = nullptr;  // for the first block of each run: its order, and kFree
+    std::uint8_t* state_ = nullptr;  // for the first block of each run: its order, and marks
     std::size_t blocks_ = 0;
     std::size_t used_ = 0;
     std::size_t peak_ = 0;
