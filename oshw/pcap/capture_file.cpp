@@ -1,6 +1,5 @@
 #include "oshw/pcap/capture_file.hpp"
 
-#include "oshw/pcap/packet_reader.hpp"
 #include "wire/ethernet.hpp"
 
 #include <cstring>
@@ -31,7 +30,7 @@ Result<> CaptureFile::load(const std::string& path, CutOff cut_off) {
     PacketReader reader;
     if (!reader.open(path)) return fail(path, reader.problem());
     while (const auto packet = reader.next()) {
-        const auto problem = add(packet->at, packet->number, packet->bytes, packet->length_on_wire);
+        const auto problem = add(*packet);
         if (!problem.empty()) return fail(path, "packet " + std::to_string(packet->number) + " " + problem);
     }
     if (!reader.problem().empty()) return fail(path, reader.problem());
@@ -40,15 +39,12 @@ Result<> CaptureFile::load(const std::string& path, CutOff cut_off) {
         remark_ = "recording " + path + ": it ends in the middle of a packet; the " + std::to_string(reader.packets()) +
                   " packets before are used";
     }
-    if (frames_.empty()) return fail(path, "it holds no EtherCAT frame");
-    take_origins(path);
+    if (const auto left_out = reader.left_out(); !left_out.empty())
+        remark_ = (remark_.empty() ? "recording " + path + ": " : remark_ + "; ") +
+                  "left out is what is not Ethernet: " + left_out;
+    if (frames_.empty())
+        return fail(path, "it holds no EtherCAT frame" + (remark_.empty() ? std::string() : " (" + remark_ + ")"));
     return {};
-}
-
-void CaptureFile::take_origins(const std::string& path) {
-    const auto origins = read_packet_origins(path);
-    for (auto& frame : frames_)
-        if (frame.number <= origins.size()) frame.origin = origins[frame.number - 1];
 }
 
 // The first frame of a NIC is one that it has sent.
@@ -65,7 +61,9 @@ bool CaptureFile::is_of_ring(std::array<MacAddress, 2>& macs) const noexcept {
     return known[0] && known[1] && macs[0] != macs[1];
 }
 
-std::string CaptureFile::add(Duration at, std::uint64_t number, Bytes packet, std::size_t length_on_wire) {
+std::string CaptureFile::add(const CapturedPacket& captured) {
+    const Bytes packet = captured.bytes;
+    const std::size_t length_on_wire = captured.length_on_wire;
     if (packet.size() < wire::kEthernetHeaderBytes) {
         ++skipped_;
         return {};
@@ -82,7 +80,7 @@ std::string CaptureFile::add(Duration at, std::uint64_t number, Bytes packet, st
         return "was recorded cut to " + std::to_string(packet.size()) + " of its " + std::to_string(length_on_wire) +
                " octets; record with full length";
     const bool reply = (packet[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0};
-    frames_.push_back({at, reply, number, bytes_.size(), packet.size()});
+    frames_.push_back({captured.at, reply, captured.number, bytes_.size(), packet.size(), captured.origin});
     bytes_.insert(bytes_.end(), packet.begin(), packet.end());
     return {};
 }

@@ -1,6 +1,7 @@
 // Reads all EtherCAT frames of a recording: pcap or pcapng, with microseconds or nanoseconds.
 #pragma once
 
+#include "oshw/pcap/packet_reader.hpp"
 #include "oshw/pcap/pcapng.hpp"
 #include "util/bytes.hpp"
 
@@ -31,16 +32,17 @@ class CaptureFile {
     enum class CutOff : std::uint8_t { refuse, accept };
 
     // Reads the file. problem() describes the reason and the place of an error. These files are refused: files that are
-    // not recordings or end in the middle of a packet, link types other than Ethernet, EtherCAT frames in VLAN tags,
-    // packets that were cut by the recorder, and files without any EtherCAT frame. Packets that are not EtherCAT are
-    // skipped. Allocates memory. With CutOff::accept, the complete packets of a file that ends in the middle of a
-    // packet are read, and remark() reports this.
+    // not recordings or end in the middle of a packet, files without an Ethernet interface, EtherCAT frames in VLAN
+    // tags, packets that were cut by the recorder, and files without any EtherCAT frame. Packets that are not EtherCAT
+    // are skipped; remark() names interfaces that are left out because they are not Ethernet. Allocates memory. With
+    // CutOff::accept, the complete packets of a file that ends in the middle of a packet are read, and remark() reports
+    // this.
     [[nodiscard]] Result<> load(const std::string& path, CutOff cut_off = CutOff::refuse);
 
     // One sentence about the last load() if it failed, otherwise empty.
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
-    // One sentence about the incomplete end found by the last load(); empty if the file is complete.
+    // One sentence about the incomplete end and the left out interfaces found by the last load(); empty: neither.
     [[nodiscard]] const std::string& remark() const noexcept { return remark_; }
 
     [[nodiscard]] const std::vector<CapturedFrame>& frames() const noexcept { return frames_; }
@@ -58,8 +60,7 @@ class CaptureFile {
   private:
     [[nodiscard]] Result<> fail(const std::string& path, const std::string& what);
     // Returns an empty string when the packet was read or skipped, otherwise the error.
-    [[nodiscard]] std::string add(Duration at, std::uint64_t number, Bytes packet, std::size_t length_on_wire);
-    void take_origins(const std::string& path);
+    [[nodiscard]] std::string add(const CapturedPacket& captured);
 
     std::string problem_;
     std::string remark_;

@@ -1,41 +1,18 @@
 #include "oshw/pcap/pcapng.hpp"
 
+#include "oshw/pcap/pcapng_format.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <map>
 #include <utility>
 
 namespace margay {
 namespace {
 
-// Block types, option codes and the meaning of epb_flags: draft-ietf-opsawg-pcapng, sections 3 and 4.
-constexpr std::uint32_t kSectionHeader = 0x0A0D0D0A;
-constexpr std::uint32_t kInterface = 1;
-constexpr std::uint32_t kObsoletePacket = 2;  // libpcap reads it, too
-constexpr std::uint32_t kSimplePacket = 3;
-constexpr std::uint32_t kStatistics = 5;  // of an interface
-constexpr std::uint32_t kEnhancedPacket = 6;
-constexpr std::uint32_t kByteOrderMagic = 0x1A2B3C4D;
-constexpr std::uint16_t kOptionEnd = 0;
-constexpr std::uint16_t kComment = 1;
-constexpr std::uint16_t kFlags = 2;          // of a packet
-constexpr std::uint16_t kInterfaceName = 2;  // of an interface
-constexpr std::uint16_t kTimeResolution = 9;
-constexpr std::uint16_t kDroppedByInterface = 5;  // of statistics: packets since the recording began
-constexpr std::uint16_t kDroppedBySystem = 7;
-constexpr std::uint32_t kReceived = 1;  // of epb_flags
-constexpr std::uint32_t kSent = 2;
-constexpr std::uint32_t kDirectionBits = 3;
-constexpr std::uint16_t kEthernet = 1;  // link type
-constexpr std::size_t kEnhancedHead = 28;
-constexpr std::size_t kStatisticsHead = 20;
-constexpr std::size_t kSmallestBlock = 12;
-constexpr std::size_t kLargestBlock = std::size_t{16} << 20;  // larger than any packet of libpcap
-constexpr std::string_view kRefusedText = "not accepted by the NIC";
+using namespace pcapng;
 
-constexpr std::size_t padded(std::size_t octets) { return (octets + 3) / 4 * 4; }
 Bytes octets_of(std::string_view text) { return std::as_bytes(std::span(text)); }
 
 // A block: type, length, body, and the length again. The file is little-endian.
@@ -73,118 +50,7 @@ class Block {
     std::size_t size_ = 0;
 };
 
-class OriginReader {
-  public:
-    explicit OriginReader(std::FILE* file) : file_(file) {}
-
-    std::vector<PacketOrigin> read() {
-        while (next_block()) {
-            const std::uint32_t type = word(0);
-            if (type == kEnhancedPacket && block_.size() >= kEnhancedHead + 4)
-                all_.push_back(enhanced());
-            else if (type == kObsoletePacket)
-                all_.push_back({.interface = half(8)});
-            else if (type == kSimplePacket)
-                all_.push_back({});
-            else if (type == kStatistics && block_.size() >= kStatisticsHead + 4)
-                note_dropped();
-        }
-        return std::move(all_);
-    }
-    [[nodiscard]] std::uint64_t dropped() const {
-        std::uint64_t sum = 0;
-        for (const auto& [interface, count] : dropped_) sum += count;
-        return sum;
-    }
-
-  private:
-    [[nodiscard]] std::uint32_t word(std::size_t at) const {
-        return big_endian_ ? static_cast<std::uint32_t>(swapped(at)) << 16 | swapped(at + 2)
-                           : load_le<std::uint32_t>(block_, at);
-    }
-    [[nodiscard]] std::uint16_t half(std::size_t at) const {
-        return big_endian_ ? swapped(at) : load_le<std::uint16_t>(block_, at);
-    }
-    [[nodiscard]] std::uint16_t swapped(std::size_t at) const {
-        const auto value = load_le<std::uint16_t>(block_, at);
-        return static_cast<std::uint16_t>(value << 8 | value >> 8);
-    }
-    bool fill(std::size_t octets) {
-        const std::size_t before = block_.size();
-        block_.resize(before + octets);
-        return std::fread(block_.data() + before, 1, octets, file_) == octets;
-    }
-    // False at the end, and where the file is damaged.
-    bool next_block() {
-        block_.clear();
-        if (!fill(kSmallestBlock)) return false;
-        if (load_le<std::uint32_t>(block_) == kSectionHeader) {  // the same octets in both byte orders
-            const auto magic = load_le<std::uint32_t>(block_, 8);
-            big_endian_ = magic != kByteOrderMagic;
-            in_section_ = true;
-            ++section_;
-        }
-        const std::size_t length = word(4);
-        if (!in_section_ || length < kSmallestBlock || length > kLargestBlock || length % 4 != 0) return false;
-        return fill(length - kSmallestBlock);
-    }
-    // Calls take(code, place, length) for each option of the block.
-    template <class Take>
-    void options(std::size_t at, Take take) const {
-        while (at + 4 <= block_.size() - 4 && half(at) != kOptionEnd) {
-            const std::size_t length = half(at + 2);
-            if (at + 4 + padded(length) > block_.size() - 4) break;
-            take(half(at), at + 4, length);
-            at += 4 + padded(length);
-        }
-    }
-    PacketOrigin enhanced() const {
-        PacketOrigin origin{.interface = word(8)};
-        options(kEnhancedHead + padded(word(20)), [&](std::uint16_t code, std::size_t at, std::size_t length) {
-            if (code == kFlags && length == 4 && origin.direction != PacketOrigin::Direction::refused) {
-                const std::uint32_t direction = word(at) & kDirectionBits;
-                if (direction == kReceived) origin.direction = PacketOrigin::Direction::received;
-                if (direction == kSent) origin.direction = PacketOrigin::Direction::sent;
-            }
-            const auto text = octets_of(kRefusedText);
-            if (code == kComment && length == text.size() && std::memcmp(block_.data() + at, text.data(), length) == 0)
-                origin.direction = PacketOrigin::Direction::refused;
-        });
-        return origin;
-    }
-    // The last block of an interface counts, because each one counts from the beginning.
-    void note_dropped() {
-        std::uint64_t all = 0;
-        options(kStatisticsHead, [&](std::uint16_t code, std::size_t at, std::size_t length) {
-            if (length != 8 || (code != kDroppedByInterface && code != kDroppedBySystem)) return;
-            const std::uint64_t first = word(at);
-            const std::uint64_t second = word(at + 4);
-            all += big_endian_ ? first << 32 | second : second << 32 | first;
-        });
-        constexpr std::size_t kMostInterfaces = 4096;
-        const std::pair interface(section_, word(8));
-        if (dropped_.size() < kMostInterfaces || dropped_.contains(interface)) dropped_[interface] = all;
-    }
-
-    std::FILE* file_;
-    bool big_endian_ = false;
-    bool in_section_ = false;
-    std::uint64_t section_ = 0;
-    std::map<std::pair<std::uint64_t, std::uint32_t>, std::uint64_t> dropped_;
-    std::vector<std::byte> block_;
-    std::vector<PacketOrigin> all_;
-};
-
 }  // namespace
-
-std::vector<PacketOrigin> read_packet_origins(const std::string& path, std::uint64_t* dropped) {
-    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rbe"), &std::fclose);
-    if (!file) return {};
-    OriginReader reader(file.get());
-    auto all = reader.read();
-    if (dropped != nullptr) *dropped = reader.dropped();
-    return all;
-}
 
 Result<> PcapngWriter::fail(const std::string& what) {
     problem_ = "recording to " + path_ + ": " + what;

@@ -1,5 +1,5 @@
-// The parts of the pcapng format that libpcap neither writes nor shows: packets of several interfaces in one file, and
-// for each packet its interface and its direction.
+// Packets of several interfaces in one file, and for each packet its interface and its direction, which libpcap neither
+// writes nor shows.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -13,7 +13,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
 
 namespace margay {
 
@@ -25,14 +24,9 @@ struct PacketOrigin {
         sent,
         refused  // the NIC has not accepted the frame; the file contains it as a sent frame with a comment
     };
-    std::uint32_t interface = 0;  // number of the interface in the file
+    std::uint32_t interface = 0;  // number among the Ethernet interfaces of the file
     Direction direction = Direction::unknown;
 };
-
-// The origins of all packets, in the order of the file. Empty when the file is no pcapng file. The origins end where
-// the file is damaged: libpcap reports the damage. `dropped`: gets the number of packets that the recorder has dropped,
-// as the file says. Allocates memory.
-[[nodiscard]] std::vector<PacketOrigin> read_packet_origins(const std::string& path, std::uint64_t* dropped = nullptr);
 
 // Writes a pcapng file of Ethernet frames with time stamps in nanoseconds.
 class PcapngWriter {

@@ -155,18 +155,29 @@ class Recording {
             problem_ = reader.problem().empty() ? "it cannot be read" : reader.problem();
             return false;
         }
-        origins_ = read_packet_origins(path_, &dropped_);
+        std::vector<PacketOrigin> origins;
         while (const auto packet = reader.next()) {
+            origins.push_back(packet->origin);
             const auto frame = finder_.find(packet->bytes);
             if (!frame || packet->bytes.size() < packet->length_on_wire) continue;
-            twins_.look(packet->number, packet->at, frame->bytes, origin_of(packet->number).interface);
+            twins_.look(packet->number, packet->at, frame->bytes, packet->origin.interface);
         }
         twins_.decide();
-        packets_ = reader.packets();
         problem_ = reader.problem();
-        cut_off_ = reader.cut_off();
+        note(reader);
         find_masters();
+        is_ring_ = is_ring_ && RingCopies::is_ring(origins);
         return true;
+    }
+
+    // What the file says beside its packets.
+    void note(const PacketReader& reader) {
+        packets_ = reader.packets();
+        dropped_ = reader.dropped();
+        cut_off_ = reader.cut_off();
+        left_out_interfaces_ = reader.left_out();
+        untimed_ = reader.untimed();
+        interfaces_ = reader.interfaces();
     }
 
     void find_masters() {
@@ -178,12 +189,8 @@ class Recording {
             signs_.look(t.origin, t.when.at, t.bytes);
         });
         masters_.decide();
-        is_ring_ = RingCopies::is_ring(origins_) && ring.is_ring();
+        is_ring_ = ring.is_ring();
         sight_ = signs_.decide();
-    }
-
-    [[nodiscard]] PacketOrigin origin_of(std::uint64_t number) const {
-        return number <= origins_.size() ? origins_[number - 1] : PacketOrigin{};
     }
 
     // Reads the packets that survey() has seen, without the copies: a file may grow. `frame` is empty where the packet
@@ -194,8 +201,7 @@ class Recording {
         if (!reader.open(path_)) return;
         for (auto packet = reader.next(); packet && packet->number <= packets_; packet = reader.next()) {
             if (twins_.is_left_out(packet->number)) continue;
-            const Taken t{
-                {packet->number, packet->at}, origin_of(packet->number), packet->bytes, packet->length_on_wire};
+            const Taken t{{packet->number, packet->at}, packet->origin, packet->bytes, packet->length_on_wire};
             const auto found = finder_.find(packet->bytes);
             const auto frame = found && t.bytes.size() >= t.length_on_wire ? found->bytes : Bytes();
             take(t, frame);
@@ -285,6 +291,8 @@ class Recording {
                     (remark.empty() ? remark : "; " + remark);
             analysis.remark = std::move(remark);
             analysis.interface = masters_.interface_of(n);
+            if (analysis.interface && *analysis.interface < interfaces_.size())
+                analysis.interface = interfaces_[*analysis.interface];
             all.push_back(std::move(analysis));
         }
         return all;
@@ -341,6 +349,10 @@ class Recording {
                 std::string(" recorded twice: the second one is left out"));
         add(words_of_sight());
         add(cut_off_);
+        if (untimed_ != 0)
+            add(std::to_string(untimed_) + (untimed_ == 1 ? " packet has" : " packets have") +
+                " no time in the file and got that of the packet before: times and losses near there are wrong");
+        if (!left_out_interfaces_.empty()) add("left out is what is not Ethernet: " + left_out_interfaces_);
         if (dropped_ != 0)
             add("the recorder has dropped " + std::to_string(dropped_) + (dropped_ == 1 ? " packet" : " packets") +
                 ": what seems to be lost may have been on the wire");
@@ -355,7 +367,10 @@ class Recording {
         else if (analysis.frames.ethercat == 0)
             analysis.problem = analysis.frames.cut != 0
                                    ? "every EtherCAT frame was cut by the recorder; record with full length"
-                                   : "it holds no EtherCAT frame";
+                                   : "it holds no EtherCAT frame" +
+                                         (left_out_interfaces_.empty()
+                                              ? std::string()
+                                              : "; left out is what is not Ethernet: " + left_out_interfaces_);
         return analysis;
     }
 
@@ -385,7 +400,7 @@ class Recording {
     }
 
     std::string path_;
-    std::vector<PacketOrigin> origins_{};
+    std::vector<std::uint32_t> interfaces_{};  // numbers in the file, by PacketOrigin::interface
     FrameFinder finder_{};
     Masters masters_{};
     bool is_ring_ = false;
@@ -396,6 +411,8 @@ class Recording {
     std::uint64_t packets_ = 0;
     std::uint64_t left_out_ = 0;
     std::uint64_t dropped_ = 0;  // by the recorder
+    std::uint64_t untimed_ = 0;
+    std::string left_out_interfaces_{};
     std::string problem_{}, cut_off_{};
 };
 

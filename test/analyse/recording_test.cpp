@@ -91,16 +91,6 @@ TEST_F(AnalyseFile, SaysWhatIsWrongAndReadsAFileThatEndsEarly) {
     EXPECT_EQ(cut.frames.replies, 1u);
 }
 
-TEST_F(AnalyseFile, SaysThatAnInterfaceIsNotEthernet) {
-    auto content = read_file(pcapng(cycles_of(1, 0ms, 1ms, 20)));
-    constexpr std::size_t kFirst = 28;  // behind the section header
-    const std::size_t second = kFirst + static_cast<unsigned char>(content[kFirst + 4]);
-    content[second + 8] = 113;  // Linux cooked, of "any"
-    const auto problem = analyse_file(folder.write("mixed.pcapng", content)).problem;
-    EXPECT_TRUE(problem.starts_with("its interfaces have different link types; record on Ethernet interfaces only"))
-        << problem;
-}
-
 void expect_cycle(const Analysis& a, Duration cycle, std::uint64_t count) {
     EXPECT_EQ(a.frames.requests, count);
     EXPECT_EQ(a.frames.replies, count);
@@ -108,6 +98,55 @@ void expect_cycle(const Analysis& a, Duration cycle, std::uint64_t count) {
     ASSERT_EQ(a.cyclic.size(), 1u);
     EXPECT_EQ(a.cyclic[0].intervals.median, cycle);
     EXPECT_EQ(a.cyclic[0].intervals.most, cycle);
+}
+
+// An interface of Linux "any" beside Ethernet interfaces, before or behind them.
+TEST_F(AnalyseFile, InterfacesThatAreNotEthernetAreLeftOutAndNamed) {
+    for (const std::uint32_t cooked : {0U, 1U, 2U}) {
+        std::vector<Packet> packets;
+        std::vector<std::uint32_t> others;
+        for (std::uint32_t n = 0; n < 3; ++n)
+            if (n != cooked) others.push_back(n);
+        for (const auto& p : in_order(cycles_of(1, 0us, 1ms, 40, others[0]) + cycles_of(1, 10us, 2ms, 20, others[1]))) {
+            packets.push_back(p);
+            packets.push_back({p.at, Frame(70, std::byte{0x88}), {.interface = cooked}});
+        }
+        auto content = read_file(pcapng(packets));
+        std::size_t at = 28;  // behind the section header
+        for (std::uint32_t n = 0; n < cooked; ++n) at += static_cast<unsigned char>(content[at + 4]);
+        content[at + 8] = 113;
+        const auto a = analyse_file(folder.write("mixed.pcapng", content));
+        EXPECT_EQ(a.problem, "");
+        EXPECT_EQ(a.remark, std::string("left out is what is not Ethernet: interface ") + "012"[cooked] + " (" +
+                                "abc"[cooked] + ", link type Linux cooked v1, 120 packets)");
+        EXPECT_EQ(a.frames.packets, 240U);
+        EXPECT_EQ(a.frames.ethercat, 80U);
+        expect_cycle(a, 1ms, 40);
+        EXPECT_EQ(a.interface, others[0]);
+        EXPECT_EQ(a.cyclic.at(0).first.frame, 1U);
+        EXPECT_EQ(a.cyclic.at(0).last.frame, 237U);
+        ASSERT_EQ(a.others.size(), 1U);
+        EXPECT_EQ(a.others[0].interface, others[1]);
+        expect_cycle(a.others[0], 2ms, 20);
+    }
+}
+
+// The NICs of a ring are recognised behind an interface that is left out.
+TEST_F(AnalyseFile, ARingBesideAnInterfaceThatIsLeftOut) {
+    std::vector<Packet> packets;
+    for (int n = 0; n < 40; ++n) {
+        const auto index = static_cast<std::uint8_t>(n);
+        packets.push_back({1ms * n, cycle_frame(1, false, index), {1, Direction::sent}});
+        packets.push_back({1ms * n + 2us, cycle_frame(2, false, index), {2, Direction::sent}});
+        packets.push_back({1ms * n + 30us, cycle_frame(1, true, index), {2, Direction::received}});
+        packets.push_back({1ms * n + 32us, cycle_frame(2, false, index), {1, Direction::received}});
+    }
+    auto content = read_file(pcapng(packets));
+    content[28 + 8] = 113;
+    const auto a = analyse_file(folder.write("mixed.pcapng", content));
+    EXPECT_TRUE(a.ring);
+    expect_cycle(a, 1ms, 40);
+    EXPECT_TRUE(a.remark.starts_with("left out is what is not Ethernet: interface 0 (a,")) << a.remark;
 }
 
 TEST_F(AnalyseFile, TwoMastersAreToldByTheirAddresses) {

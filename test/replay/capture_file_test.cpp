@@ -128,6 +128,19 @@ TEST_F(CaptureFileTest, AFileCutOffAtItsEndGivesItsWholePacketsWhereThatIsAskedF
     EXPECT_FALSE(capture.load(folder.write("none.pcap", whole.substr(0, 30)), CaptureFile::CutOff::accept).ok());
 }
 
+// Linux "any" beside Ethernet interfaces: the file can be replayed, and says what is missing.
+TEST_F(CaptureFileTest, NamesInterfacesThatAreLeftOut) {
+    const auto frame = ethercat_frame();
+    const auto cooked = pcapng_block(1, word16(113) + word16(0) + word32(0));
+    EXPECT_EQ(load(pcapng_header(6) + cooked + pcapng_packet(1, frame)), "");
+    EXPECT_NE(capture.remark().find(": left out is what is not Ethernet: interface 1 (link type Linux cooked v1"),
+              std::string::npos)
+        << capture.remark();
+    EXPECT_EQ(capture.frames().size(), 1U);
+    EXPECT_NE(load(pcapng_header(6) + cooked).find("no EtherCAT frame (recording"), std::string::npos)
+        << capture.problem();
+}
+
 TEST_F(CaptureFileTest, SurvivesTurnedBits) {
     const auto frame = ethercat_frame();
     for (const auto& whole : {pcap_header() + pcap_packet(0, 0, frame) + pcap_packet(0, 9, frame),
