@@ -171,7 +171,9 @@ struct Conversation {
     std::size_t slave = 0;
     Action action{};
     std::uint16_t index = 0;    // of the object; the IDN
+    bool index_known = true;    // false: the recording does not show the IDN
     std::uint8_t subindex = 0;  // the drive
+    std::uint8_t elements = 0;  // of SoE: bits of soe_element
     bool complete = false;      // complete access
     bool late = false;          // the answer came after the next request
     std::string name{};         // of the file, object or entry
@@ -197,7 +199,7 @@ struct Intervals {
     Moment most_at{};
     double mean_ns = 0, deviation_ns = 0;   // standard deviation
     Duration median{}, low_1{}, high_99{};  // within 1 per cent
-    std::uint64_t late = 0;                 // longer than one and a half medians
+    std::uint64_t late = 0;                 // longer than one and a half medians, from 1 per cent above on
     std::uint64_t pauses = 0;               // of more than a second, which are not counted above
 };
 

@@ -78,7 +78,7 @@ void Exchanges::take(Moment when, Bytes frame) {
 }
 
 bool Exchanges::come_again() const {
-    constexpr std::size_t kNext = 8;
+    constexpr std::size_t kNext = 64;
     constexpr std::size_t kLeast = 16;
     std::vector<bool> taken(early_.size());
     std::size_t pairs = 0;

@@ -58,11 +58,13 @@ void MailWatch::take_soe(const Mail& mail) {
                           !conversation->last_sent;
         if (!more) conversation = &begin(mail, reads ? Action::soe_read : Action::soe_write);
         conversation->facts.subindex = header.drive;
+        conversation->facts.elements = header.elements;
         if (!reads) {
             append(*conversation, rest);
             conversation->last_sent = !header.incomplete;
         }
         // In an incomplete message the number of fragments that follow stands in the place of the IDN.
+        conversation->facts.index_known = !header.incomplete;
         if (!header.incomplete) conversation->facts.index = header.number;
         return;
     }

@@ -168,7 +168,15 @@ void SlaveTracks::look_at_sync_managers(const Exchanged& e, SlaveTrack& slave) {
     if (ado + e.sent.size() <= reg::kSyncManagerBase || ado >= reg::sync_manager(kMost).address) return;
     if (writes_registers(e.header.command)) {
         take(e.sent);
-        for (auto& mail : slave.last_mail) mail.clear();  // the counters may begin again
+        // The counters may begin again where a SyncManager is set up or switched off. A write of the activate octet
+        // alone asks the slave to repeat its message.
+        for (unsigned n = 0; n < kMost; ++n) {
+            const auto address = reg::sync_manager(n).address;
+            const auto activate = octets_at(e, e.sent, address + wire::SyncManagerLayout::activate::offset, 1);
+            if (octets_at(e, e.sent, address, 1) ||
+                (activate && (std::to_integer<unsigned>(activate->front()) & wire::sm_activate::kEnable) == 0))
+                for (auto& mail : slave.last_mail) mail.clear();
+        }
     }
     if (reads_registers(e.header.command)) take(e.received);
 }

@@ -157,6 +157,23 @@ TEST_F(AnalyserTest, ATapBetweenSlavesTellsNoCounters) {
     EXPECT_TRUE(a.cyclic[0].datagrams.at(0).wkcs.empty());
 }
 
+TEST_F(AnalyserTest, ATapBetweenSlavesIsNoticedWithManyFramesInACycle) {
+    for (int i = 0; i < 40; ++i)
+        for (const std::uint16_t wkc : {std::uint16_t{1}, std::uint16_t{3}})
+            for (int n = 0; n < 20; ++n)
+                packet(1ms * i + 100us * wkc + 5us * n,
+                       frame_of({cyclic(wkc)}, true, static_cast<std::uint8_t>(20 * i + n)));
+    EXPECT_TRUE(analyser.finish().passes_twice);
+}
+
+// Twenty frames in each cycle, each with an index of its own that is the same in all cycles.
+TEST_F(AnalyserTest, RepliesOfManyFramesInACycleAreNoTapBetweenSlaves) {
+    for (int i = 0; i < 40; ++i)
+        for (int n = 0; n < 20; ++n)
+            packet(1ms * i + 5us * n, frame_of({cyclic(i % 2 == 0 ? 1 : 2)}, true, static_cast<std::uint8_t>(n)));
+    EXPECT_FALSE(analyser.finish().passes_twice);
+}
+
 // A short counter now and then, and always the same index.
 TEST_F(AnalyserTest, RepliesOnlyOfAMasterTellTheirCounters) {
     for (int i = 0; i < 600; ++i)

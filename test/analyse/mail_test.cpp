@@ -226,21 +226,67 @@ TEST_F(MailTest, APacketOfFoeThatComesAgainCountsOnce) {
     }
 }
 
-TEST_F(MailTest, ADriveRefusesTheFirstFragmentOfAWrite) {
-    const auto soe = [](bool sent, std::uint8_t counter, std::vector<std::byte> octets) {
+class DriveTest : public MailTest {
+  protected:
+    static Part soe(bool sent, std::uint8_t counter, const std::vector<std::byte>& octets) {
         std::vector<std::byte> all(64);
         wire::store_mailbox_header(
             all,
             {.length = static_cast<std::uint16_t>(octets.size()), .type = wire::MailboxType::soe, .counter = counter});
         std::ranges::copy(octets, all.begin() + wire::kMailboxHeaderBytes);
         return Part{sent ? Command::FPWR : Command::FPRD, at(sent ? 0x1000 : 0x1040), all, 1};
-    };
+    }
+};
+
+TEST_F(DriveTest, ADriveRefusesTheFirstFragmentOfAWrite) {
     exchange(1ms, {soe(true, 1, octets_of({0x0B, 0x40, 1, 0, 1, 2, 3, 4}))});      // write request, 1 more fragment
     exchange(2ms, {soe(false, 1, octets_of({0x14, 0x40, 0x2F, 0, 0x04, 0x70}))});  // refused: IDN 47, 0x7004
     const auto all = analyser.finish().conversations.items;
     ASSERT_EQ(all.size(), 1U);
     EXPECT_EQ(all[0].outcome, Outcome::refused);
     EXPECT_EQ(all[0].code, 0x7004U);
+    EXPECT_FALSE(all[0].index_known) << "it stands in the last fragment";
+}
+
+TEST_F(DriveTest, TheElementsOfAParameterAreTold) {
+    exchange(1ms, {soe(true, 1, octets_of({0x01, 0x04, 36, 0}))});  // read request of the attribute
+    exchange(2ms, {soe(false, 1, octets_of({0x02, 0x04, 36, 0, 1, 0, 0x22, 0}))});
+    exchange(3ms, {soe(true, 2, octets_of({0x0B, 0x40, 1, 0, 1, 2}))});  // write request of the value, 2 fragments
+    exchange(4ms, {soe(true, 3, octets_of({0x03, 0x40, 47, 0, 3, 4}))});
+    exchange(5ms, {soe(false, 2, octets_of({0x04, 0x40, 47, 0}))});
+    const auto all = analyser.finish().conversations.items;
+    ASSERT_EQ(all.size(), 2U);
+    EXPECT_EQ(all[0].elements, 0x04);
+    EXPECT_EQ(all[0].index, 36);
+    EXPECT_TRUE(all[0].index_known);
+    EXPECT_EQ(all[1].elements, 0x40);
+    EXPECT_EQ(all[1].index, 47);
+    EXPECT_TRUE(all[1].index_known);
+    EXPECT_EQ(all[1].bytes, 4U);
+}
+
+// The master toggles the repeat request in the activate octet of SyncManager 1, and the slave sends its message again.
+// A mailbox that is switched off and on begins anew, so the same message is another one.
+TEST_F(DriveTest, AMessageThatIsRepeatedOnRequestCountsOnce) {
+    const Part fragment = soe(false, 1, octets_of({0x0A, 0x40, 1, 0, 1, 2, 3, 4}));
+    const auto activate = [&](unsigned octet) {
+        return std::vector<Part>{{Command::FPWR, at(0x080E), octets_of({octet}), 1}};
+    };
+    exchange(1ms, {soe(true, 1, octets_of({0x01, 0x40, 30, 0}))});
+    exchange(2ms, {fragment});
+    exchange(3ms, activate(3));
+    exchange(4ms, {fragment});
+    exchange(5ms, {soe(false, 2, octets_of({0x02, 0x40, 30, 0, 5, 6}))});
+    exchange(6ms, {soe(true, 2, octets_of({0x01, 0x40, 31, 0}))});
+    exchange(7ms, {soe(false, 1, octets_of({0x02, 0x40, 31, 0, 7}))});
+    exchange(8ms, activate(0));
+    exchange(9ms, activate(1));
+    exchange(10ms, {soe(true, 3, octets_of({0x01, 0x40, 31, 0}))});
+    exchange(11ms, {soe(false, 1, octets_of({0x02, 0x40, 31, 0, 7}))});
+    const auto all = analyser.finish().conversations.items;
+    ASSERT_EQ(all.size(), 3U);
+    EXPECT_EQ(all[0].bytes, 6U);
+    for (const auto& one : all) EXPECT_EQ(one.outcome, Outcome::done) << one.index;
 }
 
 // In a recording of requests alone nothing is known of the slaves' answers.
