@@ -27,6 +27,8 @@ Json json_of(const analyse::Deviation& d) {
 
 Json lost_json(const Analysis& a, std::uint64_t lost) { return a.losses_known ? Json(lost) : Json(nullptr); }
 
+Json late_json(const Analysis& a, std::uint64_t late) { return late_known(a) ? Json(late) : Json(nullptr); }
+
 Json frames_json(const Analysis& a) {
     const auto& f = a.frames;
     return {{"packets", f.packets},
@@ -34,7 +36,7 @@ Json frames_json(const Analysis& a) {
             {"requests", f.requests},
             {"replies", f.replies},
             {"lost", lost_json(a, f.lost)},
-            {"late", f.late},
+            {"late", late_json(a, f.late)},
             {"open", f.open},
             {"unasked", f.unasked},
             {"vlan", f.vlan},
@@ -114,16 +116,39 @@ Json state_json(const analyse::StateEvent& e) {
 }
 
 Json conversation_json(const analyse::Conversation& c) {
-    Json out{{"begin", json_of(c.begin)},  {"end", json_of(c.end)},      {"slave", c.slave},
-             {"action", key_of(c.action)}, {"text", words_of(c)},        {"index", c.index},
-             {"subindex", c.subindex},     {"complete", c.complete},     {"name", c.name},
-             {"octets", c.bytes},          {"data", octet_list(c.data)}, {"outcome", words_of(c.outcome)}};
+    Json out{{"begin", json_of(c.begin)},
+             {"end", json_of(c.end)},
+             {"slave", c.slave},
+             {"action", key_of(c.action)},
+             {"text", words_of(c)},
+             {"index", c.index_known ? Json(c.index) : Json(nullptr)},
+             {"subindex", c.subindex},
+             {"complete", c.complete},
+             {"name", c.name},
+             {"octets", c.bytes},
+             {"data", octet_list(c.data)},
+             {"outcome", words_of(c.outcome)}};
     if (c.outcome == analyse::Outcome::refused) {
         out["code"] = c.code;
         out["reason"] = c.reason;
     }
+    if (c.action == analyse::Action::soe_read || c.action == analyse::Action::soe_write) out["elements"] = c.elements;
     if (c.late) out["late"] = true;  // answered after the next request
     return out;
+}
+
+Json intervals_json(const analyse::Intervals& i) {
+    return {{"count", i.count},
+            {"median_ns", i.median.count()},
+            {"mean_ns", i.mean_ns},
+            {"deviation_ns", i.deviation_ns},
+            {"least_ns", i.least.count()},
+            {"low_1_ns", i.low_1.count()},
+            {"high_99_ns", i.high_99.count()},
+            {"most_ns", i.most.count()},
+            {"most_at", json_of(i.most_at)},
+            {"late", i.late},
+            {"pauses", i.pauses}};
 }
 
 Json cyclic_json(const Analysis& a, const analyse::CyclicFrame& c) {
@@ -131,31 +156,20 @@ Json cyclic_json(const Analysis& a, const analyse::CyclicFrame& c) {
     for (const auto& d : c.datagrams) {
         auto wkcs = Json::array();
         for (const auto& [wkc, count] : d.wkcs) wkcs.push_back({{"wkc", wkc}, {"count", count}});
+        if (a.passes_twice) wkcs = nullptr;
         datagrams.push_back({{"command", wire::to_text(d.command)},
                              {"address", d.address},
                              {"length", d.length},
                              {"working_counters", std::move(wkcs)}});
     }
-    const auto& i = c.intervals;
     return {{"first", json_of(c.first)},
             {"last", json_of(c.last)},
             {"count", c.count},
             {"lost", lost_json(a, c.lost)},
-            {"late", c.late},
+            {"late", late_json(a, c.late)},
             {"overlapping", c.overlapping},
             {"datagrams", std::move(datagrams)},
-            {"intervals",
-             {{"count", i.count},
-              {"median_ns", i.median.count()},
-              {"mean_ns", i.mean_ns},
-              {"deviation_ns", i.deviation_ns},
-              {"least_ns", i.least.count()},
-              {"low_1_ns", i.low_1.count()},
-              {"high_99_ns", i.high_99.count()},
-              {"most_ns", i.most.count()},
-              {"most_at", json_of(i.most_at)},
-              {"late", i.late},
-              {"pauses", i.pauses}}}};
+            {"intervals", a.passes_twice ? Json(nullptr) : intervals_json(c.intervals)}};
 }
 
 template <class T, class Convert>
@@ -172,6 +186,7 @@ Json analysis_json(const Analysis& a) {
     Json out{{"duration_ns", a.duration.count()},
              {"directions", words_of(a.directions)},
              {"ring", a.ring},
+             {"passes_twice", a.passes_twice},
              {"interface", json_of(a.interface)},
              {"remark", a.remark},
              {"frames", frames_json(a)},

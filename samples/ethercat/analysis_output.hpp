@@ -21,6 +21,10 @@ namespace margay::ethercat {
 [[nodiscard]] std::string words_of(const analyse::Conversation& conversation);
 // "3 lost", "losses not known"
 [[nodiscard]] std::string lost_words(const analyse::Analysis& analysis, std::uint64_t lost);
+// False: the recording has only requests, or only replies.
+[[nodiscard]] bool late_known(const analyse::Analysis& analysis);
+// "3 late", "late replies not known"
+[[nodiscard]] std::string late_words(const analyse::Analysis& analysis, std::uint64_t late);
 // "done", "refused" …
 [[nodiscard]] std::string_view words_of(analyse::Outcome outcome);
 // "sdo_upload" …

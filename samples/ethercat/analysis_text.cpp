@@ -47,10 +47,10 @@ std::string list_text(std::string_view title, const analyse::Bounded<T>& list, b
 
 std::string frames_text(const Analysis& a) {
     const auto& f = a.frames;
-    std::string text = fmt::format("Recording\n  {}, {} in {}\n  {}\n  {}, {}, {}, {} late\n",
-                                   counted(f.packets, "packet"), counted(f.ethercat, "EtherCAT frame"),
-                                   seconds(a.duration), words_of(a.directions), counted(f.requests, "request"),
-                                   counted(f.replies, "reply", "replies"), lost_words(a, f.lost), f.late);
+    std::string text = fmt::format("Recording\n  {}, {} in {}\n  {}\n  {}, {}, {}, {}\n", counted(f.packets, "packet"),
+                                   counted(f.ethercat, "EtherCAT frame"), seconds(a.duration), words_of(a.directions),
+                                   counted(f.requests, "request"), counted(f.replies, "reply", "replies"),
+                                   lost_words(a, f.lost), late_words(a, f.late));
     const auto count = [&](std::uint64_t n, std::string_view one, std::string_view many) {
         if (n != 0) text += "  " + counted(n, one, many) + "\n";
     };
@@ -150,9 +150,8 @@ std::string slaves_text(const Analysis& a) {
     return text;
 }
 
-std::string late_words(const Analysis& a, const analyse::CyclicFrame& kind) {
-    if (a.passes_twice) return "late replies not told";
-    return kind.overlapping ? "several on the wire at a time" : fmt::format("{} late", kind.late);
+std::string kind_late_words(const Analysis& a, const analyse::CyclicFrame& kind) {
+    return kind.overlapping ? "several on the wire at a time" : late_words(a, kind.late);
 }
 
 std::string cyclic_text(const Analysis& a) {
@@ -162,7 +161,7 @@ std::string cyclic_text(const Analysis& a) {
         const auto& c = a.cyclic[n];
         const auto& i = c.intervals;
         text += fmt::format("  kind {}: {} from {} to {}, {}, {}\n", n, counted(c.count, "frame"), seconds(c.first.at),
-                            seconds(c.last.at), lost_words(a, c.lost), late_words(a, c));
+                            seconds(c.last.at), lost_words(a, c.lost), kind_late_words(a, c));
         if (i.count != 0)
             text += fmt::format(
                 "    cycle {} (mean {}), jitter: standard deviation {}, 98 % within {} to {}, all within {} to {}\n"

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <utility>
 
 namespace margay::ethercat {
 
@@ -28,6 +29,15 @@ std::string_view words_of(Directions directions) {
 
 std::string lost_words(const analyse::Analysis& analysis, std::uint64_t lost) {
     return analysis.losses_known ? fmt::format("{} lost", lost) : std::string("losses not known");
+}
+
+bool late_known(const analyse::Analysis& analysis) {
+    return analysis.directions != analyse::Directions::requests_only &&
+           analysis.directions != analyse::Directions::replies_only;
+}
+
+std::string late_words(const analyse::Analysis& analysis, std::uint64_t late) {
+    return late_known(analysis) ? fmt::format("{} late", late) : std::string("late replies not known");
 }
 
 std::string state_words(const AlStatus& status) {
@@ -62,6 +72,25 @@ std::string_view key_of(Action action) {
     return "?";
 }
 
+// What of a parameter is read or written, where it is not the value alone.
+static std::string elements_words(std::uint8_t elements) {
+    constexpr std::array<std::pair<std::uint8_t, std::string_view>, 8> kNames{
+        {{soe_element::kDataState, "the state"},
+         {soe_element::kName, "the name"},
+         {soe_element::kAttribute, "the attribute"},
+         {soe_element::kUnit, "the unit"},
+         {soe_element::kMinimum, "the minimum"},
+         {soe_element::kMaximum, "the maximum"},
+         {soe_element::kValue, "the value"},
+         {soe_element::kDefault, "the default"}}};
+    if (elements == soe_element::kValue) return {};
+    if (elements == 0) return "no element of ";
+    std::string text;
+    for (const auto& [bit, name] : kNames)
+        if ((elements & bit) != 0) text += (text.empty() ? "" : " and ") + std::string(name);
+    return text + " of ";
+}
+
 std::string words_of(const analyse::Conversation& c) {
     const auto entry = [&] {
         return c.complete ? fmt::format("0x{:04x} (complete access from subindex {})", c.index, c.subindex)
@@ -69,7 +98,8 @@ std::string words_of(const analyse::Conversation& c) {
     };
     const auto idn = [&] {
         std::array<char, 32> text{};
-        return fmt::format("{} of drive {}", to_text(Idn{c.index}, text), c.subindex);
+        return fmt::format("{}{} of drive {}", elements_words(c.elements),
+                           c.index_known ? to_text(Idn{c.index}, text) : "an IDN that is not known", c.subindex);
     };
     const auto named = c.name.empty() ? std::string() : fmt::format(" \"{}\"", c.name);
     switch (c.action) {

@@ -59,8 +59,9 @@ Markup frame_facts(const Recording& recording) {
                                     counted(f.packets, "packet"), static_cast<double>(a.duration.count()) / 1e9));
     facts.add("Directions", ethercat::words_of(a.directions));
     if (a.ring) facts.add("NICs", "both NICs of a ring: the copies of a frame are counted as one frame");
-    facts.add("Replies", fmt::format("{}, {}, {}, {} late", counted(f.requests, "request"),
-                                     counted(f.replies, "reply", "replies"), ethercat::lost_words(a, f.lost), f.late));
+    facts.add("Replies",
+              fmt::format("{}, {}, {}, {}", counted(f.requests, "request"), counted(f.replies, "reply", "replies"),
+                          ethercat::lost_words(a, f.lost), ethercat::late_words(a, f.late)));
     if (f.open != 0)
         facts.add("At the end", counted(f.open, "request whose reply may come behind the end",
                                         "requests whose replies may come behind the end"));
@@ -127,9 +128,9 @@ Markup cyclic_table(const Analysis& analysis) {
                 counters += fmt::format("{}{} ({})", counters.empty() ? "" : ", ", wkc, counted(count, "time"));
         table.add({fmt::format("kind {}, {}", n, counted(c.datagrams.size(), "datagram")), fmt::to_string(c.count),
                    analysis.losses_known ? fmt::to_string(c.lost) : "not known",
-                   analysis.passes_twice ? "not told"
-                   : c.overlapping       ? "overlapping"
-                                         : fmt::to_string(c.late),
+                   !ethercat::late_known(analysis) ? "not known"
+                   : c.overlapping                 ? "overlapping"
+                                                   : fmt::to_string(c.late),
                    cycle(us_text(c.intervals.median)),
                    cycle(us_text(c.intervals.low_1) + " to " + us_text(c.intervals.high_99)),
                    cycle(us_text(c.intervals.least) + " to " + us_text(c.intervals.most)),
