@@ -323,12 +323,28 @@ Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint
     co_return Nothing{};
 }
 
+// When the group is exchanged the next time, if it keeps the interval.
+static Time next_cycle(const ProcessGroup& group) { return group.pace.last + (group.pace.last - group.pace.before); }
+
+// The group whose next cycle takes queued datagrams with it; nullptr: they are sent at once.
+static const ProcessGroup* next_carrier(Network& network) {
+    const ProcessGroup* next = nullptr;
+    if (!network.engine.link().cycling(network.engine.now())) return next;
+    for (const ProcessGroup& group : network.process.groups)
+        if (group.mapped && group.pace.budget_bytes != 0 && group.pace.before != Time::min() &&
+            (next == nullptr || next_cycle(group) < next_cycle(*next)))
+            next = &group;
+    return next;
+}
+
 Task<Result<>> send_time(Network& network) {
     const Slave& reference = network.slave(network.clocks.reference);
     const bool wide = network.clocks.of(reference).kind == ClockKind::bits64;
     std::array<std::byte, 8> time{};
     const Time now = network.engine.now();
-    store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(now));  // taken by all if the reference is lost
+    const ProcessGroup* const carrier = next_carrier(network);
+    const Time leaves = carrier == nullptr ? now : std::max(now, next_cycle(*carrier));
+    store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(leaves));  // taken by all if the reference is lost
     const TimeSource source = time_source_of(network.slaves(), reference, network.clocks.settings.by_position);
     Datagram carry(network.engine.link(), source.command, {source.address, reg::kSystemTime.address},
                    MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
@@ -336,7 +352,8 @@ Task<Result<>> send_time(Network& network) {
     auto reply = co_await carry;
     if (reply.ok() && reply.wkc != 0) {
         ++network.clocks.times_sent;
-        network.clocks.note_seen_time(load_le<std::uint64_t>(time), wide, now);
+        const Time left = carrier == nullptr ? now : std::max(now, carrier->pace.last);
+        network.clocks.note_seen_time(load_le<std::uint64_t>(time), wide, left);
     }
     co_return Nothing{};  // a lost frame is one of many
 }
