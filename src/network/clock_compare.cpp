@@ -267,11 +267,10 @@ Task<Result<>> teach_time(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-}  // namespace
-
-// The other clocks run at the rate of the reference: a new reference with another rate would lead them out of the limit
-// until they have learned it. Receive times show the rate without the jitter of the master.
-Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference) {
+// Teaches the slave the rate of the reference. The other clocks run at that rate: a new reference with another one
+// would lead them out of the limit until they have learned it. Receive times show the rate without the jitter of the
+// master. Returns how far the slave is ahead.
+Task<Result<std::int64_t>> teach_rate(Network& network, Slave& slave, Slave& reference) {
     constexpr Duration kLook = std::chrono::milliseconds(20);
     constexpr std::int64_t kMostChange_ns = 50;  // 2.5 ppm
     constexpr unsigned kMostLessons = 8;
@@ -291,8 +290,15 @@ Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference) {
             continue;
         }
         if (!learned) co_await required(reset_control_loop(network.station(slave)));
-        co_return co_await required(move_clock(network, slave, -ahead));
+        co_return ahead;
     }
+}
+
+}  // namespace
+
+Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference) {
+    const auto ahead = co_await required(teach_rate(network, slave, reference));
+    co_return co_await required(move_clock(network, slave, -ahead));
 }
 
 namespace {
@@ -322,11 +328,15 @@ Slave* first_before_reference(Network& network) {
 Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
     constexpr std::int64_t kMostStep_ns = 6'000;
     Clocks& clocks = network.clocks;
-    if (clocks.returning != slave.number) {
+    const bool begins = clocks.returning != slave.number;
+    if (begins) {
+        // Perhaps a slave that is being recovered becomes the reference now.
+        if (network.redundancy == nullptr && clocks.paused)
+            co_return Error{.code = Errc::busy, .slave = slave.number};
         clocks.returning = slave.number;
         if (!carry_time_of(network, nullptr)) co_return Error{.code = Errc::busy, .slave = slave.number};
         // While it got what the master has sent, its rate has followed the jitter of the master.
-        co_await required(settle_rate(network, slave));
+        if (network.redundancy != nullptr) co_await required(settle_rate(network, slave));
     }
     const std::uint16_t reference = clocks.reference;
     const auto ahead = co_await required(measure_ahead(network, slave, network.slave(reference)));
@@ -341,8 +351,12 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
         if (sync) co_await required(prepare_clock(network, slave));
         co_return false;
     }
-    co_await required(move_clock(network, slave, -std::clamp(ahead, -kMostStep_ns, kMostStep_ns)));
-    co_return std::abs(ahead) <= kMostStep_ns;
+    const bool learns = begins && network.redundancy == nullptr;
+    const std::int64_t away = learns ? co_await required(teach_rate(network, slave, network.slave(reference))) : ahead;
+    if (clocks.reference != reference || !is_there(slave) || !is_before_reference(network, slave))
+        co_return Error{.code = Errc::unstable, .slave = slave.number};
+    co_await required(move_clock(network, slave, -std::clamp(away, -kMostStep_ns, kMostStep_ns)));
+    co_return std::abs(away) <= kMostStep_ns;
 }
 
 }  // namespace
@@ -370,7 +384,7 @@ Task<Result<>> return_to_first_clock(Network& network) {
 Task<Result<>> set_late_clock(Network& network) {
     Clocks& clocks = network.clocks;
     constexpr std::uint8_t kRests = 100;
-    if (clocks.rests != 0) co_return Nothing{};
+    if (clocks.rests != 0 || clocks.returning != 0) co_return Nothing{};
     const auto slaves = network.slaves();
     for (std::size_t n = 0; n < slaves.size(); ++n) {
         Slave& slave = slaves[(clocks.late_first + n) % slaves.size()];

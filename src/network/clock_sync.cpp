@@ -297,8 +297,12 @@ Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
 Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) {
     Clocks& clocks = network.clocks;
     constexpr unsigned kMostTries = 100;
+    constexpr Duration kLongestOther = std::chrono::seconds(8);
     // With long cycles this takes long: the others have the time meanwhile.
     if (!clocks.of(slave).measured) co_await required(improve_delays(network));
+    const Time give_up = later(network.engine.now(), kLongestOther);
+    while (network.redundancy == nullptr && clocks.paused && network.engine.now() < give_up)
+        co_await network.engine.sleep_for(std::chrono::milliseconds(1));  // another slave becomes the reference now
     for (unsigned n = 0; !carry_time_of(network, nullptr) && n < kMostTries; ++n) co_await network.engine.next_poll();
     // After a loss of power it has followed the system time as fast as it can, and would go on while it is set.
     auto set = co_await reset_control_loop(network.station(slave));
@@ -322,6 +326,28 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
 
 namespace {
 
+// Of a branch that is back before the reference: a slave that is there before this one becomes the reference, and this
+// one follows it. Until then it gets what the master sends. Where that slave does not reach its state,
+// return_to_first_clock() brings this one to the reference.
+bool follows_another(Network& network, const Slave& slave) {
+    if (network.redundancy != nullptr) return false;
+    return std::ranges::any_of(network.slaves(), [&network, &slave](const Slave& other) {
+        return other.ring_position != 0 && other.ring_position < slave.ring_position &&
+               other.al.state != AlState::none && is_clock(network.clocks.of(other).kind) &&
+               !note_reach(network, network.slave(other.number));
+    });
+}
+
+// A slave that was lost while it was made the reference may have the deepest filter: see calm_rate().
+Task<Result<>> restore_filter(Network& network, const Slave& slave) {
+    constexpr std::uint8_t kDeepest = 15;
+    constexpr std::uint8_t kUsual = 4;
+    const wire::Register filter = wire::reg::kSystemTimeDifferenceFilter;
+    const auto depth = co_await required(read<std::uint8_t>(network.station(slave), filter, Step::configure_clocks));
+    if (depth != kDeepest) co_return Nothing{};
+    co_return co_await required(write_clock_register(network.station(slave), filter, kUsual));
+}
+
 Task<Result<>> restore_clock(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
     ClockEntry& clock = clocks.of(slave);
@@ -331,6 +357,7 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     if (!is_clock(clock.kind) || clocks.reference == 0 || note_reach(network, slave)) co_return Result<>();
     if (clocks.reference == slave.number) co_return co_await required(restore_reference(network));
     if (clock.synchronised) {
+        co_await required(restore_filter(network, slave));
         const auto same = co_await required(has_its_clock(network, slave));
         if (same) co_return Result<>();
     }
@@ -342,11 +369,12 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     const Slave& reference = network.slave(clocks.reference);
     // 0: its place in the ring is not known yet.
     const bool before = slave.ring_position != 0 && slave.ring_position < reference.ring_position;
-    if (before && !is_way_unknown(network, slave, reference))
+    if (before && !is_way_unknown(network, slave, reference) && !follows_another(network, slave))
         co_return co_await required(become_reference(network, slave, ClockRate::of_reference));
     co_await required(set_clock_by_reference(network, slave));
     clock.synchronised = true;
     co_await required(write_delay_again(network, slave));
+    if (before && network.redundancy == nullptr) co_return Result<>();
     co_return co_await required(wait_for_clock(network, slave));
 }
 

@@ -53,9 +53,52 @@ bool is_time_overlapped(const Network& network) {
     });
 }
 
+// Sends the slave its own time: what it shows now, and continued until it gets it. False: a frame was lost.
+Task<Result<bool>> compare_with_itself(Network& network, const Slave& slave) {
+    const Station station = network.station(slave);
+    const bool wide = network.clocks.of(slave).kind == ClockKind::bits64;
+    std::array<std::byte, 8> time{};
+    const auto bytes = MutableBytes(time).first(wide ? 8U : 4U);
+    const wire::DatagramAddress own{station.address, reg::kSystemTime.address};
+    const Time seen_at = network.engine.now();
+    Datagram look(station.engine.link(), wire::Command::FPRD, own, bytes, Repeat::no);
+    const auto seen = co_await look;
+    if (!seen.ok() || seen.wkc == 0) co_return false;
+    const Duration since = network.engine.now() - seen_at;
+    store_le<std::uint64_t>(time, 0, load_le<std::uint64_t>(time) + static_cast<std::uint64_t>(since.count()));
+    Datagram show(station.engine.link(), wire::Command::FPWR, own, Bytes(bytes), Repeat::no);
+    const auto shown = co_await show;
+    co_return shown.ok() && shown.wkc != 0;
+}
+
+// When the reference was lost, the clocks took the time that the master had sent, and the way of the frame became
+// shorter perhaps: the mean of the differences leads the slave away from its rate, and nothing corrects a reference. A
+// write to the depth of its filter clears the mean. One comparison, through a filter so deep that its jitter does not
+// count, brings the rate back that the slave has learned. False: it may have another rate.
+Task<Result<bool>> calm_rate(Network& network, Slave& slave) {
+    constexpr unsigned kMostTries = 3;
+    constexpr std::int64_t kMostAway = 16;  // limits: by more, what it has learned is spoilt too
+    constexpr std::uint8_t kDeepestFilter = 15;
+    constexpr std::uint8_t kUsualFilter = 4;
+    const Station station = network.station(slave);
+    const std::int64_t near_ns = network.clocks.settings.limit_ns / 8;
+    const auto found =
+        co_await required(read<std::uint8_t>(station, reg::kSystemTimeDifferenceFilter, Step::configure_clocks));
+    const std::uint8_t depth = found == kDeepestFilter ? kUsualFilter : found;  // this sequence may have ended early
+    co_await required(read_difference(network, slave));
+    const std::int64_t away_ns = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
+    if (found == depth && away_ns <= near_ns) co_return true;
+    if (found == depth && away_ns > kMostAway * network.clocks.settings.limit_ns) co_return false;
+    co_await required(write_clock_register(station, reg::kSystemTimeDifferenceFilter, kDeepestFilter));
+    bool compared = false;
+    for (unsigned n = 0; n < kMostTries && !compared; ++n)
+        compared = co_await required(compare_with_itself(network, slave));
+    co_await required(write_clock_register(station, reg::kSystemTimeDifferenceFilter, depth));
+    co_return compared;
+}
+
 // The new reference shows the time of the lost one: it has followed it, and its register 0x0928 is subtracted when the
-// master reads the time. So all delays stay right, and no clock makes a step. When the old reference was lost, the
-// clocks took the time that the master had sent, and the way of the frame became shorter: see settle_rate().
+// master reads the time. So all delays stay right, and no clock makes a step.
 Task<Result<>> replace_reference(Network& network) {
     Clocks& clocks = network.clocks;
     const bool known = std::exchange(clocks.loss_reported, true);
@@ -69,7 +112,9 @@ Task<Result<>> replace_reference(Network& network) {
         co_return Nothing{};
     }
     Slave& slave = network.slave(next);
-    const auto restarted = co_await required(settle_rate(network, slave));
+    const bool is_ring = network.redundancy != nullptr;  // a frame has two copies there
+    const bool calm = is_ring ? false : co_await required(calm_rate(network, slave));
+    const bool restarted = calm ? false : co_await required(settle_rate(network, slave));
     if (restarted)
         for (const Slave& other : network.slaves())
             if (other.number != next) clocks.lose_sync(other);

@@ -43,8 +43,9 @@ struct LateClocksBus : ClockBus {
         steps(2000);
         (void)events();
     }
-    void step() {
-        osal.advance(period);
+    void step() { step(period); }
+    void step(Duration after) {
+        osal.advance(after);
         if (send_processdata(*ctx, 0)) (void)receive_processdata(*ctx, reply_timeout, 0);
         (void)poll(*ctx, osal.now());
     }
@@ -84,6 +85,93 @@ TEST(LateReference, LearnsWithLongCyclesWhileTheOthersStayInSync) {
         // A rate that is right within 2.5 ppm is too far from the limit only for clocks that are compared each 10 ms.
         EXPECT_LE(out, cycle < 10ms ? 0U : 150U) << bus.joined(bus.events());
         EXPECT_LE(most, 300);
+    }
+}
+
+// A junction with slaves 2 to 5 at the one port and slaves 6 and 7 at the other: slave 2 has the reference clock. The
+// cycles are up to 10 µs late.
+struct LostBranch : LateClocksBus {
+    static constexpr std::array<std::uint16_t, 2> kOthers{6, 7};
+    static constexpr sim::PortRef kBranch{1, 0};
+    std::uint32_t random = 1;
+    std::int64_t most_ns = 0;
+    unsigned out = 0;
+
+    void add_slave(sim::PortRef at, const ClockOf& clock) {
+        ExpectedSlave slave;
+        slave.number = static_cast<std::uint16_t>(wanted.size() + 1);
+        wanted.push_back(slave);
+        const auto n = segment.add(clocked(clock).assemble());
+        EXPECT_TRUE(segment.connect(at, {n, 0}, kCable));
+    }
+    void bring_up_branches() {
+        hang(0, {.unit = sim::DcUnit::receive_times});
+        add_slave({0, 3}, {.drift_ppb = 50'000, .start_ns = 123});
+        for (const std::uint32_t n : {1U, 2U, 3U}) add_slave({n, 1}, {.drift_ppb = 40'000, .start_ns = n});
+        add_slave({0, 1}, {.drift_ppb = -50'000, .start_ns = 1234});
+        add_slave({5, 1}, {.drift_ppb = -30'000, .start_ns = 12345});
+        bring_up(kFewFrames, {});
+        ASSERT_EQ(reference_clock(*ctx), 2);
+    }
+    // Each cycle is sent up to 10 µs after it was due.
+    void run_late(Duration how_long) {
+        Duration late{};
+        for (Duration passed{}; passed < how_long; passed += period) {
+            random = random * 1'664'525 + 1'013'904'223;
+            const Duration now(random % 10'000);
+            step(period + now - late);
+            late = now;
+            most_ns = std::max(most_ns, std::abs(ahead_ns(7, 6)));
+            for (const std::uint16_t n : kOthers) out += clock(n).in_sync ? 0U : 1U;
+        }
+    }
+};
+
+// The last frame of a lost reference misleads the next one: by the jitter of the cycle, and by the way to the branch.
+TEST(LostBranch, TheOtherBranchStaysInSync) {
+    for (const Duration cycle : {1ms, 4ms, 10ms}) {
+        SCOPED_TRACE(cycle / 1ms);
+        LostBranch bus;
+        bus.period = cycle;
+        bus.bring_up_branches();
+        for (int times = 0; times < 3; ++times) {
+            bus.segment.set_cable(LostBranch::kBranch, false);
+            bus.run_late(1500ms);
+            EXPECT_EQ(reference_clock(*bus.ctx), 6);
+            EXPECT_EQ(bus.out, 0U) << bus.joined(bus.events());
+            EXPECT_LE(bus.most_ns, 250);
+            bus.segment.set_cable(LostBranch::kBranch, true);
+            bus.run_late(6s);
+            EXPECT_EQ(reference_clock(*bus.ctx), 2);
+            // With cycles of 10 ms, nobody compares the clocks for a while when the branch is back.
+            EXPECT_LE(bus.out, cycle < 10ms ? 0U : 150U) << bus.joined(bus.events());
+            EXPECT_LE(bus.most_ns, 250);
+            bus.most_ns = bus.out = 0;
+        }
+    }
+}
+
+// The first slave of the branch becomes the reference, and the slaves behind it follow it.
+TEST(LostBranch, IsBackWithinASecond) {
+    for (const bool power : {false, true}) {
+        SCOPED_TRACE(power);
+        LostBranch bus;
+        bus.bring_up_branches();
+        for (std::uint32_t n = 1; n <= 4; ++n)
+            if (power) bus.power(n, false);
+        if (!power) bus.segment.set_cable(LostBranch::kBranch, false);
+        bus.run_late(2s);
+        for (std::uint32_t n = 1; n <= 4; ++n)
+            if (power) bus.power(n, true);
+        if (!power) bus.segment.set_cable(LostBranch::kBranch, true);
+        (void)bus.events();
+        bus.run_late(1s);
+        EXPECT_EQ(reference_clock(*bus.ctx), 2);
+        EXPECT_EQ(bus.told(bus.events(), "is the reference clock now"), 1);
+        EXPECT_TRUE(clock_status(*bus.ctx, bus.osal.now()).in_sync);
+        for (std::uint16_t n = 2; n <= 7; ++n) EXPECT_TRUE(bus.clock(n).in_sync && bus.in_op(n)) << n;
+        EXPECT_LE(bus.greatest_error_ns(7), 200);
+        EXPECT_EQ(bus.out, 0U);
     }
 }
 
