@@ -1,5 +1,5 @@
 // segment_fidelity: sends the frames of the master in a recording to a simulated segment and reports how the answers
-// differ from those of the hardware.
+// differ from the hardware.
 #include "common/arguments.hpp"
 #include "common/fidelity.hpp"
 #include "common/program.hpp"

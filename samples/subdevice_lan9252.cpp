@@ -57,7 +57,7 @@ constexpr Entry kDimming[] = {value<&Values::dimming>(0, "Dimming", od::kReadWri
 constexpr Entry kSwitches[] = {value<&Values::switches>(0, "Switches", od::kRead | od::kTxMappable)};
 constexpr Entry kLamps[] = {value<&Values::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
 
-// The objects of the device itself. StandardDevice adds those of every device, and the PDOs.
+// The objects of the device itself. StandardDevice adds the objects that every device has, and the PDOs.
 constexpr Object kObjects[] = {
     array(0x1003, "Pre-defined error field", kErrors, &kErrorHistoryHooks),
     variable(0x2000, "Dimming", kDimming),

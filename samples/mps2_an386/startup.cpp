@@ -32,7 +32,7 @@ void fault_handler() {
 }
 void unused_handler() {}
 
-// A program defines those that it needs.
+// A program defines the functions that it needs.
 [[gnu::weak, gnu::alias("unused_handler")]] void svcall_handler();
 [[gnu::weak, gnu::alias("unused_handler")]] void pendsv_handler();
 [[gnu::weak, gnu::alias("unused_handler")]] void systick_handler();

@@ -36,7 +36,7 @@ ProbeFacts probe(const std::string& name, unsigned frames) {
             }
             wire::DatagramReader reader(Bytes(in).first(std::min(length, in.size())));
             const auto reply = reader.next();
-            // Late frames, and those of another master.
+            // Late frames, and frames of another master.
             if (!reply || reply->header.command != wire::Command::BRD || reply->header.index != index) continue;
             back = true;
             if (reply->wkc == 0) {

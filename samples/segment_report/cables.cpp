@@ -32,7 +32,7 @@ unsigned growth_of(const EndCounts& before, const EndCounts& now) {
 
 void add_end(const Report& report, const CableEnd& end, Cable& cable, EndCounts& counts) {
     const SlaveState* slave = slave_at(report, end.slave);
-    if (slave == nullptr) return;  // the counters of the master's NIC are not those of an ESC
+    if (slave == nullptr) return;  // the master's NIC has no counters of an ESC
     cable.known &= slave->counters.has_value();
     counts = counts_of(slave->counters, end.port);
     if (!slave->counters) return;

@@ -163,7 +163,7 @@ class Collector {
             known[revision] = std::move(*objects);
         }
         dictionary.objects = known[revision];
-        // A session of our own has the slaves in PREOP; those of an application can be in any state.
+        // In a session of our own the slaves are in PREOP; slaves of an application can be in any state.
         const auto readable =
             report_.origin == Origin::application ? wire::coe::access::kRead : wire::coe::access::kReadPreop;
         for (const auto& object : dictionary.objects)

@@ -31,7 +31,7 @@ struct Point {
     double x = 0, y = 0;
 };
 
-// Boxes have numbers: those of the slaves are their places in Report::slaves, those of the master's NICs follow.
+// Boxes have numbers: the number of a slave is its place in Report::slaves, the numbers of the master's NICs follow.
 struct Link {
     std::size_t from = 0;
     std::size_t to = 0;

@@ -164,7 +164,7 @@ bool refuses_cycle(const AlStatus& status) {
            (code == AlStatusCode::invalid_dc_sync_cycle_time || code == AlStatusCode::invalid_dc_sync0_cycle_time);
 }
 
-// The shortest SYNC0 cycle that the slave tells: 0x1C32:05, without outputs 0x1C33:05, or those of another SyncManager.
+// The shortest SYNC0 cycle of the slave: 0x1C32:05, without outputs 0x1C33:05, or the objects of another SyncManager.
 std::optional<Duration> shortest_cycle(Session& session) {
     std::uint32_t shortest = 0;
     for (const auto& area : session.bench.areas())
@@ -182,7 +182,7 @@ std::vector<Duration> in_order(std::vector<Duration> cycles, const sii::DcOpMode
     return cycles;
 }
 
-// The cycles for a mode: that of the SII, or those of the master. The slave may tell its shortest cycle.
+// The cycles for a mode: from the SII, or else the choice of the master. The slave may report its shortest cycle.
 std::vector<Duration> bus_cycles(Session& session, const sii::DcOpMode& mode) {
     if (mode.sync0_cycle_time_ns != 0) return {kBusCycles[0]};
     std::vector<Duration> cycles(std::begin(kBusCycles), std::end(kBusCycles));

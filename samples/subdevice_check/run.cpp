@@ -42,7 +42,7 @@ CheckResult execute(Session& session, const Check& check) {
             result.outcome = Outcome::broken_off;
             result.reason = "the line loses frames: " + fault.reason;
         }
-        // A second try would take the values of the first one for those of the device.
+        // A second try would take the values of the first try for values of the device.
         if (const auto left = std::exchange(session.left_changed, {}); !left.empty()) {
             if (result.outcome != Outcome::failed) result.outcome = Outcome::broken_off;
             result.reason = result.reason.empty() ? left : left + "; " + result.reason;

@@ -428,7 +428,7 @@ Result<> submit(Context& ctx, Request& request) {
     return refused;
 }
 
-// Ends a sequence outside poll(). The callbacks of events that this causes are bound as those in poll().
+// Ends a sequence outside poll(). The callbacks of its events have the same limits as in poll().
 static void destroy_sequence(Master& master, TaskReference sequence) {
     master.in_poll = true;
     sequence.end();

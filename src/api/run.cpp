@@ -86,7 +86,7 @@ bool is_left_out(ProcessGroup& group, Time now) {
 
 Error cycles_trouble(Network& network) {
     const Time now = network.engine.link().last_cycle();
-    // After a silence the slaves may be those of another machine, until the supervision has looked.
+    // After a silence the slaves may belong to another machine, until the supervision has looked.
     if (network.supervised && network.silent) return {.code = Errc::no_frame, .step = Step::exchange_process_data};
     for (ProcessGroup& group : network.process.groups) {
         if (!group.mapped) continue;

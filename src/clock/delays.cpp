@@ -83,7 +83,7 @@ class Branch {
     [[nodiscard]] std::int64_t stays() const { return stays_ps_; }
     [[nodiscard]] std::int64_t passes() const { return 2 * std::int64_t{slaves_}; }
     // How often the frame has passed a cable when it arrives at place `n` + 1: it has passed the cable of each slave
-    // before, and all but those towards this slave again on its way back.
+    // before, and on its way back again all of them except the cables towards this slave.
     [[nodiscard]] std::int64_t passes_until(std::size_t n) const {
         std::int64_t cables = 0;
         for (std::size_t k = 0; k <= n; ++k)

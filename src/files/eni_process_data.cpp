@@ -266,7 +266,7 @@ class CycleReader {
             }
     }
 
-    // The counters of the file against those that the library expects (ETG.1000.4, working counter).
+    // Compares the counters of the file with the counters that the library expects (ETG.1000.4, working counter).
     void check_counters(std::uint8_t number) {
         for (const CyclicCmd& one : commands_) {
             if (!one.counter) continue;
@@ -300,7 +300,7 @@ class CycleReader {
     BitStarts placed_{};                                             // by InputOffs or OutputOffs
     std::map<std::pair<std::ptrdiff_t, bool>, BitStarts> beside_{};  // of a command and direction without them
 
-    // The distance that most have, of those that are allowed.
+    // The most frequent one of the allowed distances.
     static std::int64_t usual_distance(const BitStarts& all, std::initializer_list<std::int64_t> allowed) {
         std::map<std::int64_t, std::size_t> counts;
         for (const std::int64_t one : allowed) counts[one] = 0;

@@ -279,7 +279,7 @@ void read_mailbox(Reader& r, Node mailbox, EniSlaveData& s) {
     s.slave.modules = configured_modules(s.mail);
 }
 
-// The PDOs that SyncManager `number` has by Sm<n>/Pdo; without such a list those with the attribute Sm.
+// The PDOs that SyncManager `number` has by Sm<n>/Pdo; without such a list the PDOs with the attribute Sm.
 void read_pdos(Reader& r, Node data, EniSlaveData& s) {
     std::map<std::uint16_t, EsiPdo> known;
     std::map<unsigned, std::vector<std::uint16_t>> assigned;

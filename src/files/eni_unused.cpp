@@ -101,7 +101,7 @@ Range range_of(Reader& r, Node node) {
     return {r.number<std::uint16_t>(child(node, "Start")), r.number<std::uint16_t>(child(node, "Length"))};
 }
 
-// The mailboxes of a slave, or those of BOOT, for which tools write the init commands without an element, too.
+// The mailboxes of a slave, also for BOOT, for which tools write the init commands without an element, too.
 class MailboxReader {
   public:
     MailboxReader(Reader& r, EniSlaveData& s, bool boot)

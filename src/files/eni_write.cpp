@@ -203,7 +203,7 @@ class EniWriter {
         }
     }
 
-    // The PDOs of the configuration, otherwise those of the SII; only where they have the size of the SyncManager.
+    // The PDOs of the configuration, otherwise of the SII; only where they have the size of the SyncManager.
     static std::vector<EsiPdo> assigned_pdos(const Slave& slave, const EsiDevice& described) {
         std::vector<EsiPdo> all;
         for (const ProcessSm& sm : slave.config.used_sms()) {

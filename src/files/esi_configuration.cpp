@@ -65,7 +65,7 @@ class Configurator {
         return times;
     }
 
-    // The PDOs of the device: those of the operation mode where it names some, otherwise those assigned by default.
+    // The PDOs of the device: from the operation mode if it names PDOs, otherwise the PDOs assigned by default.
     void assign_pdos() {
         static const EsiMode kNone;
         const EsiMode& mode = device_.modes.empty() ? kNone : device_.modes[choice_.mode];

@@ -27,7 +27,7 @@ bool FrameTable::too_many_rest(unsigned first, unsigned count) const {
     return static_cast<unsigned>(rest) > count / 2;
 }
 
-// Indices are used in turn, and those that rest are left out. When most of them rest, none is left out: then an index
+// Indices are used in turn, and resting indices are left out. When most of them rest, none is left out: then an index
 // is used again after all others, and otherwise after at least half of them.
 bool FrameTable::claim_free(FrameSlot& slot, Time now) {
     refresh(now);

@@ -72,7 +72,7 @@ void Redundancy::set_times(const FramePair& pair, MutableBytes frame, TimeDatagr
         if (time.offset != 0) std::ranges::copy(time.forms[form], frame.begin() + time.offset);
 }
 
-// Whether the datagrams of the reply are those of the copy that was sent by `from`.
+// Whether the datagrams of the reply belong to the copy that was sent by `from`.
 bool Redundancy::is_reply_to(const FramePair& pair, Bytes reply, unsigned from) noexcept {
     const auto sent = Bytes(pair.out).first(pair.size);
     if (reply.size() < sent.size()) return false;

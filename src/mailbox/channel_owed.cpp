@@ -230,9 +230,9 @@ void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
     if (!is_owed()) late_until_ = Time::min();
 }
 
-// The exchanges of a session follow each other, so this one was sent after those that were given up. A TxPDO may be one
-// that the slave has sent on its own; the first reply to a file may be the late one. A question (key 0) may have ended
-// by a late reply.
+// The exchanges of a session follow each other, so this exchange was sent after the abandoned exchanges. But the slave
+// may have sent a TxPDO on its own, the first reply to a file may be the late reply, and a late reply may have ended
+// a question (key 0).
 void MailboxChannel::note_answered(const MailExchange& exchange) {
     if (exchange.session_ == nullptr || exchange.options_.key == 0) return;
     const bool coe = exchange.type_ == wire::MailboxType::coe;

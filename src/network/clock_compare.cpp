@@ -17,7 +17,7 @@ bool is_before_reference(Network& network, const Slave& slave) {
     return slave.ring_position != 0 && slave.ring_position < network.slave(network.clocks.reference).ring_position;
 }
 
-// How many frames have brought the time of the reference since the last round: those of the cycle, and others.
+// How many frames have brought the time of the reference since the last round: frames of the cycle, and others.
 std::uint32_t times_since_last_round(Network& network) {
     // A round may lie between the end of a cycle and the count of its lost frame: then the next round counts one less.
     constexpr std::int16_t kUncounted = -1;

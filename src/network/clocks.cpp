@@ -405,7 +405,7 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     co_return co_await required(read_pulse_length(network, slave));
 }
 
-// Where more slaves answer, the ways of the frames are others than those of the ring as it was read last.
+// Where more slaves answer, the frames go other ways than in the ring as it was read last.
 static std::ptrdiff_t most_answers(Network& network) {
     return std::ranges::count_if(network.seen_ring(), [&network](const RingPlace& place) {
         return place.slave == 0 || network.slave(place.slave).al.state != AlState::none;

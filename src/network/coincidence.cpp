@@ -35,7 +35,7 @@ bool is_doubted(ProcessGroup& group) {
     return false;
 }
 
-// Whether the accepted working counter may be the sum over other slaves than those that take part.
+// Whether the accepted working counter may be a sum of slaves of which some do not take part.
 bool may_be_coincidence(const ProcessGroup& group) {
     bool entering = false;
     for (const Slave& slave : group.slaves) {
@@ -102,7 +102,7 @@ Task<Result<>> read_members(Network& network, ProcessGroup& group) {
 void note_joining(ProcessGroup& group, const Slave& slave) {
     if (!group.mapped) return;  // config_map() has failed: there are no cycles
     group.joins_under_way = cycles_under_way(group) & 0xFU;
-    ++group.overlap.doubts;  // its state was not among those that are being read
+    ++group.overlap.doubts;  // its state is not being read
     group.marks[slave.number - 1U].joining = true;
     group.marks[slave.number - 1U].joined_after = sent_cycles(group);
 }

@@ -17,7 +17,7 @@ namespace {
 namespace reg = wire::reg;
 constexpr Step kStep = Step::configure_process_data;
 
-// Which SyncManagers trigger the slave's process data watchdog: those whose control octet says so, or all outputs.
+// The SyncManagers that trigger the slave's process data watchdog: by their control octets, or all outputs.
 enum class Fed : std::uint8_t { as_described, by_all_outputs };
 
 // A watchdog that the application has set must be triggered, and in some SIIs the control octets of the outputs do not

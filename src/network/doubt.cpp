@@ -20,7 +20,7 @@ bool is_shown_by_cycles(Network& network, const Slave& slave) {
     return pace.last <= later(pace.before, Link::kPause) && network.engine.now() <= later(pace.last, Link::kPause);
 }
 
-// While the cycles of other slaves go on: those that no cycle shows may have been exchanged.
+// While the cycles of other slaves go on: a slave that no cycle shows may have been exchanged.
 bool doubt_unshown(Network& network) {
     bool any = false;
     for (const Slave& slave : network.slaves()) {

@@ -130,7 +130,7 @@ class Layer {
         const ImagePlace fixed = slave.config.place();
         const bool next = fixed.outputs_bit == ImagePlace::kNext && fixed.inputs_bit == ImagePlace::kNext;
         if (wanted_.overlapped && next) {
-            // Outputs and inputs start at the same bit of their halves, and so do those of the next slave.
+            // Outputs and inputs start at the same bit of their halves, also of the next slave.
             const std::uint64_t shift = inputs_at_ - outputs_at_;
             const auto outputs = extent(slave, wanted_.packing, Direction::outputs, outputs_at_);
             const auto inputs = extent(slave, wanted_.packing, Direction::inputs, outputs_at_);

@@ -165,7 +165,7 @@ Result<> fill_process_sms(Network& network, Slave& slave, const PdoFindings& fou
 }
 static_assert(Slave::kSyncManagers <= SlaveConfiguration::kProcessSms);
 
-// Reports where the slave's own values differ from those of the application.
+// Reports where the slave's own values differ from the values of the application.
 void compare_with_application(Network& network, const Slave& slave, const PdoFindings& found) {
     const auto bits_of = [&](std::uint8_t n) {
         std::uint32_t bits = 0;

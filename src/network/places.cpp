@@ -101,7 +101,7 @@ bool is_remembered(const Network& network, const Neighbour& neighbour) {
                                [&](const Slave& slave) { return network.marks(slave).at_second_nic; });
 }
 
-// The lost slaves of a gap, in the order of their numbers; and those that the newcomer is wherever it is connected.
+// The lost slaves of a gap, in the order of their numbers; and the lost slaves that the newcomer is at any place.
 struct Lost {
     std::size_t count = 0;
     Slave* in_order = nullptr;  // as many lost slaves are before it as newcomers before the newcomer
@@ -121,7 +121,7 @@ void add_one(std::array<Slave*, 2>& first_two, Slave& slave) {
 }
 
 // The numbers may have another order than the places: the frames of a broken ring pass its branches in another order
-// than those of the whole ring, and either may have given the numbers.
+// than the frames of the whole ring, and the numbers may come from either order.
 bool in_other_order(const Network& network) { return network.parts_read.two_nics; }
 
 Lost find_lost_slaves(Network& network, const Gap& gap, const Neighbour& neighbour) {

@@ -56,7 +56,7 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
 }
 
 // While the process data of a slave that comes back is being found: its configuration is not complete. The values of a
-// reserved place, and those of its former firmware, are taken out of the configuration, so that the hook and the search
+// reserved place, and of its former firmware, are taken out of the configuration, so that the hook and the search
 // for PDOs find it empty, as at the first start-up. They are put back unless accept() was called, or the application
 // has set others meanwhile.
 class Finding {
@@ -235,7 +235,7 @@ Task<Result<>> restart(Network& network, Slave& slave) {
     if (slave.al.state != AlState::boot) same = co_await prove(network, slave);
     if (same && !slave.seen) same = co_await read_missing_slave(network, slave);
     if (!same) co_return same;
-    // In INIT, a device may take over other modules or settings than those of the mapping.
+    // In INIT, a device may take over other modules or settings than the mapping has.
     doubt_pdos(network, slave);
     co_await required(back_to_init(network, slave));
     const ChangeReport report(network, slave);

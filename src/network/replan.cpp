@@ -61,7 +61,7 @@ void send_time_as(ProcessGroup& group, const SentTime& sent) {
     });
 }
 
-// Gives up frames in flight and builds others. The working counters are those of all slaves afterwards. After an error
+// Gives up frames in flight and builds others. Then the working counters count all slaves. After an error
 // the group has no frames.
 Result<> prepare_again(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link, Time now) {
     for (PreparedFrame& frame : group.prepared) link.give_up_prepared(frame, now);
@@ -104,7 +104,7 @@ Result<> replan(Network& network, std::uint8_t number) {
     if (!count) return count.error();
     Engine& engine = network.engine;
     const auto built = prepare_again(network.process, group, *count, engine.link(), engine.now());
-    if (!built) {  // the frames of the group are free now: there is room for those that it had
+    if (!built) {  // the frames of the group are free now: there is room for its old frames
         const auto before = plan_frames(network, group, blocked);
         if (before) static_cast<void>(prepare_again(network.process, group, *before, engine.link(), engine.now()));
     }

@@ -190,7 +190,7 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
         }
     }
     co_await required(close_ring(network));
-    // A slave is lost, or back: the times were those of another way.
+    // A slave is lost, or back: the times belong to another way.
     if (!same) co_return ring_error(Errc::unstable);
     co_return static_cast<std::uint32_t>(greatest);
 }
@@ -203,7 +203,7 @@ bool RingWatch::needs_lesson(const Network& network) const {
            std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000 > network.clocks.settings.limit_ns / 2;
 }
 
-// A search reads the ports, and teach() closes one. The delays are those of the open ring, with the slaves that it has.
+// A search reads the ports, and teach() closes one. The delays belong to the open ring with its present slaves.
 // A slave that frames pass already and that is not brought back yet makes the ways longer; a stranger stays one.
 bool RingWatch::may_teach(Network& network) {
     constexpr std::uint8_t kMostRounds = 200;
@@ -268,7 +268,7 @@ Task<Result<>> RingWatch::set_second_part(Network& network, Slave& second) {
 std::uint16_t RingWatch::choose_second(Network& network) const {
     const RingParts now = parts();
     if (!now.two_nics || (now.whole && !has_beside_) || network.clocks.reference == 0) return 0;
-    // A NIC whose copies were lost some times is taken for silent: then the counts are not those of the ring.
+    // A NIC whose copies were lost some times is taken for silent: then the counts do not describe the ring.
     std::size_t there = 0;
     for (const Slave& slave : network.slaves())
         if (slave.al.state != AlState::none && slave.ring_position != 0) ++there;

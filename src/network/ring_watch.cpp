@@ -46,7 +46,7 @@ std::uint8_t broken_port(Network& network, const Slave& slave) {
     return 1;
 }
 
-// The place on the way between the two NICs that the frames of the whole ring pass before those of `place`. The places
+// The place on the way between the two NICs that the frames of the whole ring pass before `place`. The places
 // up to `front` are passed on that way, the others are at branches behind it, one branch after the other.
 std::size_t on_the_way(std::span<const RingPlace> ring, std::size_t front, std::size_t place) {
     while (place > front && ring[place - 1].parent > front) --place;

@@ -10,7 +10,7 @@
 // - The break is before its ring slave: the other copy reaches the branch before the ring slaves, which it passes when
 //   it has turned at the break (`return_ns` of the ring slave behind the break).
 //
-// The delays of the ring slaves to each other are always those of the line.
+// The delays of the ring slaves to each other are always as in the line.
 #include "network/ring_watch.hpp"
 
 #include <algorithm>

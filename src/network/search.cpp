@@ -163,7 +163,7 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* v
 }
 
 // A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group.
-// Behind a break the slaves of the way are asked before those above them.
+// Behind a break the slaves of the way are asked before the slaves above them.
 bool below_unasked(Network& network, std::size_t n) {
     if (network.ring[n].behind_break) return false;
     for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
@@ -171,8 +171,8 @@ bool below_unasked(Network& network, std::size_t n) {
     return false;
 }
 
-// The places are asked from the NICs on: those before a break in their order; those on the way from the second NIC to
-// the break in the opposite order; then their branches. Each of these three rounds has one turn for each place.
+// The places are asked from the NICs on: the places before a break in their order; the places on the way from the
+// second NIC to the break in the opposite order; then their branches. Each round has one turn for each place.
 constexpr std::uint16_t kNoPlace = UINT16_MAX;  // not in this round
 std::uint16_t place_of_turn(Network& network, std::size_t turn) {
     const auto ring = network.seen_ring();
@@ -218,7 +218,7 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
             continue;
         auto ours = co_await receive_newcomer(network, n);
         network.ring[n].unasked = !ours;
-        if (!ours) error = ours.error();  // of this newcomer; those behind it may be correct
+        if (!ours) error = ours.error();  // of this newcomer; the slaves behind it may be correct
         if (ours && *ours) ++found;
     }
     co_return found == 0 && error.code != Errc::none ? Result<std::uint16_t>(error) : Result<std::uint16_t>(found);

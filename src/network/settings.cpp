@@ -27,7 +27,7 @@ Argument invalid_configuration(const SlaveConfiguration& config) {
     return invalid_time(config.times());
 }
 
-// Of the SyncManagers that the application has set, not those that the slave has named.
+// Checks the SyncManagers that the application has set, not the SyncManagers that the slave has named.
 Argument invalid_sync_manager(const Slave& slave) {
     const ConfigurationSource source = slave.config.source;
     if (source >= ConfigurationSource::sii && source <= ConfigurationSource::coe) return Argument::unknown;

@@ -9,7 +9,7 @@ namespace eoe = wire::eoe;
 namespace {
 
 // IP parameters with at least one of them, and of exactly the size that their flags announce: with all places, or only
-// with those of the parameters that are set.
+// with the places of the parameters that are set.
 bool is_ip(Bytes parameters) {
     constexpr std::uint32_t kFlags = 0x1'003F;  // six parameters, and the time stamp
     if (parameters.size() < sizeof(std::uint32_t)) return false;

@@ -241,7 +241,7 @@ void SoeServer::write(const soe::Header& header, Bytes data, Outbox& out, Time n
     answer(Opcode::write_response, error, out);
 }
 
-// The fragments before the silence are dropped if only those behind it are a value of the parameter.
+// The fragments before the silence are dropped if the fragments behind it alone are a value of the parameter.
 SoeError SoeServer::store_fragments(Time now) {
     const Bytes all = staging_.first(used_);
     const bool restarted =

@@ -97,7 +97,7 @@ std::uint32_t checksum_of(Bytes values) {
 
 }  // namespace
 
-// The values of a block for this table: those of the device itself, and the parts of modules. Empty: there are none.
+// The values of a block for this table: of the device itself, and of the parts of modules. Empty: there are none.
 Bytes StoredValues::block(std::size_t own_bytes, std::uint32_t layout) {
     if (buffer_.size() < Head::bytes) return {};
     outdated_ = std::exchange(collected_, false) || outdated_;

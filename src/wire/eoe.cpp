@@ -43,7 +43,7 @@ constexpr std::size_t size_of_parameter(unsigned n) {
     return n == 0 ? std::tuple_size_v<Mac> : n < 5 ? std::tuple_size_v<Ipv4Address> : EoeIp::kHostNameBytes;
 }
 
-// Where the parameters are: those that `flags` lacks occupy octets too unless `compact`.
+// The places of the parameters. Unless `compact`, parameters that `flags` lacks occupy octets too.
 class IpPlaces {
   public:
     IpPlaces(std::uint32_t flags, bool compact) : flags_(flags), compact_(compact) {}

@@ -1,4 +1,4 @@
-// Mapping a group: the sizes, places and pointers of the interface from those of the library.
+// Mapping a group: computes the sizes, places and pointers of the interface from the mapping of the library.
 #include "compat/soem/facade.hpp"
 
 #include <vector>
@@ -87,7 +87,7 @@ Direct sum(const Slave& slave, Direction direction, const ImagePart& part) {
     return d;
 }
 
-// How many slaves count in a direction. In the packed mode of SOEM 2.0 only those whose data ends an octet do.
+// How many slaves count in a direction. In the packed mode of SOEM 2.0 only slaves whose data ends an octet count.
 bool counts(const ecx_contextt& context, const ImagePart& part) {
     if (part.bits == 0) return false;
     if (!kBytesUnlessPacked || !packed(context)) return true;
@@ -128,8 +128,8 @@ int place_status(ecx_contextt& context, Session& session, std::uint8_t group, st
     return count;
 }
 
-// The working counters of the group, so that twice those of the outputs and those of the inputs are what a cycle
-// returns.
+// The working counters of the group: a cycle returns twice the counter of the outputs plus the counter of the
+// inputs.
 void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) {
     ec_groupt& g = groups_of(context)[group];
     const Group& mapped = session.context().group(group);
@@ -207,7 +207,7 @@ bool is_unread(const Slave& slave) {
            slave.config.source != ConfigurationSource::application;
 }
 
-// Such a slave has the sizes of its SII, so that the places of all other slaves are those of the original. Returns
+// Such a slave has the sizes of its SII, so that all other slaves have the same places as in the original. Returns
 // false: the SII has none.
 bool take_sizes_of_sii(ecx_contextt& context, Session& session, std::uint16_t number) {
     ec_eepromPDOt outputs;

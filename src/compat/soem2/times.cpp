@@ -1,4 +1,4 @@
-// Times and mutexes of SOEM 2.0: those of the system.
+// Times and mutexes of SOEM 2.0, by functions of the system.
 #include <soem_version.hpp>
 
 #include <pthread.h>

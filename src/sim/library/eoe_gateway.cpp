@@ -1,5 +1,5 @@
-// "eoe_gateway": a gateway with one Ethernet port and EoE. It passes the frames of the master on to the port, and those
-// of the port on to the master if they pass its address filter. It keeps the IP parameters that the master sets. Its
+// "eoe_gateway": a gateway with one Ethernet port and EoE. It passes the frames of the master on to the port, and
+// frames of the port on to the master if they pass its address filter. It keeps the IP parameters of the master. Its
 // inputs repeat its outputs.
 #include "sim/library/device_tables.hpp"
 

@@ -40,7 +40,7 @@ constexpr DeviceDescription split_device() {
                              .input_bytes = 2});
     device.more_outputs = kSplitMoreOutputs;
     device.more_inputs = kSplitMoreInputs;
-    device.free_run_cycle = {};  // updates are those of the master
+    device.free_run_cycle = {};  // only the master causes updates
     return device;
 }
 constexpr auto kSplitDevice = split_device();
