@@ -20,7 +20,7 @@ foreach(definition IN LISTS DEFINE)
 endforeach()
 execute_process(COMMAND ${CMAKE_COMMAND} -S ${SOURCE} -B ${FOLDER} ${settings} COMMAND_ERROR_IS_FATAL ANY)
 if("MARGAY_WERROR=ON" IN_LIST DEFINE)
-  set(COMMANDS ${FOLDER}/compile_commands.json)
+  file(GLOB_RECURSE COMMANDS ${FOLDER}/*/flags.make)
   include(${CMAKE_CURRENT_LIST_DIR}/warnings_are_errors.cmake)
 endif()
 

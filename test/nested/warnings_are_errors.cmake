@@ -1,13 +1,21 @@
-# cmake -DCOMMANDS=file [-DSTRICT=bool] -P warnings_are_errors.cmake: COMMANDS is a compile_commands.json. Fails when it names no
-# source of ours, or compiles one of them without -Werror. Skips when STRICT is false. All sources of ours have -Wconversion.
+# cmake -DCOMMANDS=files [-DSTRICT=bool] -P warnings_are_errors.cmake: COMMANDS are files with the flags of compilations, one compilation
+# or target a line: compile_commands.json, or each flags.make. Fails when they name no target of ours, or one of them lacks -Werror.
+# Skips when STRICT is false. All sources of ours have -Wconversion.
 if(DEFINED STRICT AND NOT STRICT)
   message("SKIPPED: this build has no MARGAY_WERROR=ON")
   return()
 endif()
-file(STRINGS ${COMMANDS} ours REGEX "-Wconversion")
-file(STRINGS ${COMMANDS} strict REGEX "-Wconversion.* -Werror ")
-list(LENGTH ours all)
-list(LENGTH strict errors)
+set(all 0)
+set(errors 0)
+foreach(file IN LISTS COMMANDS)
+  file(STRINGS ${file} ours REGEX "-Wconversion")
+  file(STRINGS ${file} strict REGEX "-Wconversion.* -Werror ")
+  list(LENGTH ours here)
+  math(EXPR all "${all} + ${here}")
+  list(LENGTH strict here)
+  math(EXPR errors "${errors} + ${here}")
+endforeach()
 if(all EQUAL 0 OR NOT errors EQUAL all)
-  message(FATAL_ERROR "${COMMANDS}: warnings are errors in ${errors} of ${all} compilations")
+  message(FATAL_ERROR "warnings are errors in ${errors} of ${all} compilations or targets: ${COMMANDS}")
 endif()
+message("warnings are errors in ${all} compilations or targets")
