@@ -61,8 +61,11 @@ struct SlaveImage {
     // The group whose image this is; kNoGroup: the slave is not part of an image.
     static constexpr std::uint16_t kNoGroup = 0xFFFF;
     std::uint16_t group = kNoGroup;
-    // Of the library: a check value of SlaveConfiguration::sms and of the lists of PDOs as they were mapped.
-    std::uint16_t mapped_check = 0;
+
+  private:
+    friend struct SlaveImageAccess;
+    // A check value of SlaveConfiguration::sms and of the lists of PDOs as they were mapped.
+    std::uint16_t mapped_check_ = 0;
 };
 
 }  // namespace margay

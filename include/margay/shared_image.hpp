@@ -82,7 +82,8 @@ class SharedImage {
     bool refresh_inputs() { return inputs_.refresh(); }
     [[nodiscard]] std::span<const std::byte> inputs() const { return inputs_.front(); }
 
-    // --- For the library ---
+  private:
+    friend struct SharedImageAccess;
     [[nodiscard]] bool attach(std::size_t output_bytes, std::size_t input_bytes) {
         if (memory_.size() < memory_bytes(output_bytes, input_bytes)) return false;
         if (!memory_.empty()) std::memset(memory_.data(), 0, memory_.size());
@@ -98,7 +99,6 @@ class SharedImage {
         inputs_.publish();
     }
 
-  private:
     std::span<std::byte> memory_;
     TripleBuffer outputs_;
     TripleBuffer inputs_;

@@ -23,15 +23,17 @@ struct LineErrors {
     std::array<PortErrors, 4> ports{};
     std::uint32_t processing_unit = 0;  // frames that are not EtherCAT frames, or are damaged
     std::uint32_t pdi = 0;
-    // For the supervision:
-    std::array<std::uint8_t, 20> last{};  // the registers as read last
+
+  private:
+    friend struct LineErrorsAccess;
     struct CableEnd {
         std::uint16_t slave = 0;  // 0: the master, or no known slave
         std::uint8_t port = 0;
         std::uint8_t reported = 0;  // interruptions that the other end counted first: they were reported already
     };
-    std::array<CableEnd, 4> other_ends{};  // the other ends of the cables at that time
-    bool primed = false;                   // `last` contains values that were read
+    std::array<std::uint8_t, 20> last_{};   // the registers as read last
+    std::array<CableEnd, 4> other_ends_{};  // the other ends of the cables at that time
+    bool primed_ = false;                   // `last_` contains values that were read
 };
 
 // Starts the supervision. With every cycle it reads the AL status of all slaves (one BRD, in the space that a frame has

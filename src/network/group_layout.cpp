@@ -44,8 +44,7 @@ Result<> check_extras(ProcessGroup& group) {
         if (number < 1 || number > group.slaves.size()) return error;
         return invalid_mapping(Argument::copy, number);
     }
-    if (group.config.shared == nullptr || group.config.shared->attach(group.output_bytes, group.input_bytes))
-        return Result<>();
+    if (SharedImageAccess::attach(group.config.shared, group.output_bytes, group.input_bytes)) return Result<>();
     Error error = group_fault(Errc::capacity, 0);
     error.expected = static_cast<std::uint32_t>(SharedImage::memory_bytes(group.output_bytes, group.input_bytes));
     error.actual = static_cast<std::uint32_t>(group.config.shared->memory_size());

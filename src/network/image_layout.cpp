@@ -6,6 +6,11 @@
 #include <algorithm>
 
 namespace margay {
+
+struct SlaveImageAccess {
+    static auto& mapped_check(auto& image) { return image.mapped_check_; }
+};
+
 namespace {
 
 constexpr std::uint64_t kMostImageBits = 0xFFFF'FFF8;
@@ -245,7 +250,7 @@ Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfi
         if (std::max(place.outputs.end, place.inputs.end) > room) return too_large();
         slave.image.outputs = part(place.outputs, image);
         slave.image.inputs = part(place.inputs, image);
-        slave.image.mapped_check = check_of_process_data(slave);
+        SlaveImageAccess::mapped_check(slave.image) = check_of_process_data(slave);
     }
     for (Slave& slave : slaves) {
         if (slave.image.group != group || !wants_mailbox_status(slave)) continue;
@@ -377,7 +382,9 @@ Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const G
                        .status_bytes = static_cast<std::uint32_t>(halves.status_bits / 8)};
 }
 
-bool is_as_mapped(const Slave& slave) { return slave.image.mapped_check == check_of_process_data(slave); }
+bool is_as_mapped(const Slave& slave) {
+    return SlaveImageAccess::mapped_check(slave.image) == check_of_process_data(slave);
+}
 
 SlaveFmmus exchanged_ranges(const Slave& slave, const ImageLayout& layout) {
     SlaveFmmus ranges;

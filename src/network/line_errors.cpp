@@ -1,21 +1,32 @@
 #include "network/line_errors.hpp"
 
 #include <algorithm>
+#include <type_traits>
+#include <utility>
 
 namespace margay {
+
+struct LineErrorsAccess {
+    using CableEnd = LineErrors::CableEnd;
+    static auto& last(LineErrors& errors) { return errors.last_; }
+    static auto& other_ends(LineErrors& errors) { return errors.other_ends_; }
+    static bool& primed(LineErrors& errors) { return errors.primed_; }
+};
+
 namespace {
 
 namespace reg = wire::reg;
 
 constexpr std::size_t kOctets = reg::kLostLinkCounter.end() - reg::kRxErrorCounter.address;
-static_assert(kOctets == std::tuple_size_v<decltype(LineErrors::last)>);
+static_assert(kOctets == std::tuple_size_v<std::remove_reference_t<decltype(LineErrorsAccess::last(
+                             std::declval<LineErrors&>()))>>);
 constexpr std::size_t kForwarded = reg::kForwardedRxErrorCounter.address - reg::kRxErrorCounter.address;
 constexpr std::size_t kProcessing = reg::kProcessingUnitErrorCounter.address - reg::kRxErrorCounter.address;
 constexpr std::size_t kPdi = reg::kPdiErrorCounter.address - reg::kRxErrorCounter.address;
 constexpr std::size_t kLostLink = reg::kLostLinkCounter.address - reg::kRxErrorCounter.address;
 constexpr std::uint8_t kClearAt = 0x80;
 
-using CableEnd = LineErrors::CableEnd;
+using CableEnd = LineErrorsAccess::CableEnd;
 
 // The port at the other end of the cable.
 CableEnd other_end(Network& network, const Slave& slave, std::uint8_t port) {
@@ -43,7 +54,7 @@ std::uint8_t first_counted(std::span<LineErrors> all, CableEnd& end, std::uint8_
     const auto first = static_cast<std::uint8_t>(lost - known);
     end.reported = static_cast<std::uint8_t>(end.reported - known);
     if (end.slave == 0 || end.slave > all.size()) return first;
-    std::uint8_t& there = all[end.slave - 1U].other_ends[end.port].reported;
+    std::uint8_t& there = LineErrorsAccess::other_ends(all[end.slave - 1U])[end.port].reported;
     there = static_cast<std::uint8_t>(std::min(there + first, 255));
     return first;
 }
@@ -59,7 +70,7 @@ void count_port(Network& network, const Slave& slave, std::uint8_t port, const s
     sums.forwarded += more[kForwarded + port];
     sums.lost_links += lost;
     // The counts are older than a change of the wiring: an interrupted link is that of the neighbour before the change.
-    CableEnd& end = here.other_ends[port];
+    CableEnd& end = LineErrorsAccess::other_ends(here)[port];
     const std::uint16_t before = end.slave;
     const std::uint8_t first = first_counted(all, end, lost);
     const CableEnd now = other_end(network, slave, port);
@@ -70,8 +81,8 @@ void count_port(Network& network, const Slave& slave, std::uint8_t port, const s
     if (first > 0) network.report(cable_event(slave, port, before, EventKind::link_lost, first));
 }
 
-bool high(const LineErrors& sums) {
-    return std::ranges::any_of(sums.last, [](std::uint8_t n) { return n >= kClearAt; });
+bool high(LineErrors& sums) {
+    return std::ranges::any_of(LineErrorsAccess::last(sums), [](std::uint8_t n) { return n >= kClearAt; });
 }
 
 using Counters = std::array<std::byte, kOctets>;
@@ -106,14 +117,16 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, std::span<LineEr
         if (!reply.ok() || reply.wkc != 1) co_return Nothing{};
     }
     const bool cleared = high(sums);
+    auto& last = LineErrorsAccess::last(sums);
+    bool& primed = LineErrorsAccess::primed(sums);
     std::array<std::uint8_t, kOctets> more{};
     for (std::size_t n = 0; n < kOctets; ++n) {
         const auto now = std::to_integer<std::uint8_t>(octets[n]);
         // A counter below its last value was cleared meanwhile, by a loss of power or by another master.
-        if (sums.primed) more[n] = static_cast<std::uint8_t>(now >= sums.last[n] ? now - sums.last[n] : now);
-        sums.last[n] = cleared ? std::uint8_t{0} : now;
+        if (primed) more[n] = static_cast<std::uint8_t>(now >= last[n] ? now - last[n] : now);
+        last[n] = cleared ? std::uint8_t{0} : now;
     }
-    sums.primed = true;
+    primed = true;
     for (std::uint8_t port = 0; port < sums.ports.size(); ++port) count_port(network, slave, port, more, all);
     sums.processing_unit += more[kProcessing];
     sums.pdi += more[kPdi];
@@ -121,6 +134,13 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, std::span<LineEr
 }
 
 }  // namespace
+
+void begin_line_errors(std::span<LineErrors> sums) {
+    for (LineErrors& errors : sums) {
+        LineErrorsAccess::primed(errors) = false;
+        LineErrorsAccess::other_ends(errors) = {};
+    }
+}
 
 Task<Result<>> read_all_line_errors(Network& network, std::span<LineErrors> sums) {
     Crew crew(network.tasks);

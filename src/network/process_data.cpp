@@ -382,7 +382,7 @@ std::uint16_t invalid_end(const ProcessGroup& group, const SlaveToSlave& copy) {
 
 void set_outputs(ProcessGroup& group) {
     if (!group.mapped) return;
-    if (group.config.shared != nullptr) group.config.shared->take_outputs(group.image.first(group.output_bytes));
+    SharedImageAccess::take_outputs(group.config.shared, group.image.first(group.output_bytes));
     for (const SlaveToSlave& copy : group.config.copies) {
         if (invalid_end(group, copy) != 0) continue;  // a slave has left the group, or the list has changed
         // Old inputs, or inputs of another device, drive nothing: the outputs of the application count.
@@ -395,7 +395,7 @@ void set_outputs(ProcessGroup& group) {
 }
 
 void give_inputs(ProcessGroup& group) {
-    if (group.config.shared != nullptr) group.config.shared->give_inputs(group.image.subspan(group.output_bytes));
+    SharedImageAccess::give_inputs(group.config.shared, group.image.subspan(group.output_bytes));
 }
 
 Error not_sent(const ProcessGroup& group, Link& link) {

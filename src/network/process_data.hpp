@@ -8,6 +8,7 @@
 
 #include <margay/group.hpp>
 #include <margay/result.hpp>
+#include <margay/shared_image.hpp>
 
 #include <algorithm>
 #include <array>
@@ -17,6 +18,19 @@
 namespace margay {
 
 struct Master;
+
+// What the cycle does with the image for another thread; nullptr: there is none.
+struct SharedImageAccess {
+    [[nodiscard]] static bool attach(SharedImage* shared, std::size_t output_bytes, std::size_t input_bytes) {
+        return shared == nullptr || shared->attach(output_bytes, input_bytes);
+    }
+    static void take_outputs(SharedImage* shared, std::span<std::byte> image) {
+        if (shared != nullptr) shared->take_outputs(image);
+    }
+    static void give_inputs(SharedImage* shared, std::span<const std::byte> image) {
+        if (shared != nullptr) shared->give_inputs(image);
+    }
+};
 
 // State of overlapping cycles of a group. The sending thread writes `sent_at`, `sent` and `send_set`, the owner's
 // thread writes `received` and `receive_set`.

@@ -477,10 +477,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = AlState::none;
     }
-    for (LineErrors& errors : wanted.line_errors) {
-        errors.primed = false;
-        errors.other_ends = {};
-    }
+    begin_line_errors(wanted.line_errors);
     const TimeGuard guard(network);
     Crew crew(network.tasks);
     for (;;) {

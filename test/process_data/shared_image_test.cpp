@@ -2,6 +2,7 @@
 #include "process_data/bus.hpp"
 #include "util/bits.hpp"
 
+#include <algorithm>
 #include <atomic>
 #include <random>
 #include <thread>
@@ -14,14 +15,15 @@ using namespace std::chrono_literals;
 // Two threads without pauses: the reader always sees the data of one publication, and never older data than before.
 TEST(SharedImage, NeverShowsHalfOfACycle) {
     std::vector<std::byte> memory(SharedImage::memory_bytes(0, 256));
-    SharedImage shared(memory);
-    ASSERT_TRUE(shared.attach(0, 256));
+    TripleBuffer shared;
+    shared.attach(memory, 256);
     std::atomic<bool> done{false};
     std::thread writer([&] {
         std::array<std::byte, 256> image{};
         for (std::uint32_t n = 1; n <= 200'000; ++n) {
             for (std::size_t at = 0; at < image.size(); at += 4) store_le<std::uint32_t>(image, at, n);
-            shared.give_inputs(image);
+            std::ranges::copy(image, shared.back().begin());
+            shared.publish();
         }
         done = true;
     });
@@ -30,9 +32,9 @@ TEST(SharedImage, NeverShowsHalfOfACycle) {
     bool last_round = false;
     do {
         last_round = done;
-        if (!shared.refresh_inputs()) continue;
-        const auto first = load_le<std::uint32_t>(shared.inputs(), 0);
-        for (std::size_t at = 4; at < 256; at += 4) ASSERT_EQ(load_le<std::uint32_t>(shared.inputs(), at), first);
+        if (!shared.refresh()) continue;
+        const auto first = load_le<std::uint32_t>(shared.front(), 0);
+        for (std::size_t at = 4; at < 256; at += 4) ASSERT_EQ(load_le<std::uint32_t>(shared.front(), at), first);
         ASSERT_GT(first, last);
         last = first;
         ++seen;
