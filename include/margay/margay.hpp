@@ -254,11 +254,13 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //   cycles, and those in flight, the inputs are fresh again; later while frames are lost, while the counter goes on to
 //   change, and while a slave is on its way to another state. A slave that does not answer keeps them old until
 //   readstate() or the supervision has found it lost.
-//   One case is not detected. While a slave is missing, slaves may come when other slaves with the same share of the
-//   working counter leave: both between the same two cycles, so that the counter does not change. A slave that comes
-//   was cut off and has kept its power, or is started up again at that time. Then the inputs of the slaves that have
-//   left count as fresh, although they are not, until the states are read: with a supervision for a few cycles,
-//   otherwise until readstate(). Cables that are plugged into other places at running machines are such a case.
+//   One case is not detected: between the same two cycles slaves leave, and others with the same shares of the working
+//   counter come, so that the counter does not change. Cables that are plugged into other places at running machines
+//   are such a case. A slave that comes was missing: it was cut off and has kept its power, or it is started up again
+//   at that time. Then the inputs of the slaves that have left count as fresh, although they are not, until the states
+//   are read: with a supervision for SuperviseRequest::interval and some cycles, otherwise until readstate(). Where no
+//   slave is missing, only a device can come that was the leaving slave before and has kept its station address and its
+//   FMMUs with its power: its inputs count as those of the slave until the identities are compared.
 //
 // Overlapping cycles (GroupConfiguration::cycles_in_flight is 2 or more): the next cycle can be sent while earlier
 // cycles are still on the wire. Each receive_processdata() ends the oldest cycle and copies its inputs into the image.

@@ -111,6 +111,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // How old this may be: a slave that exchanges process data is shown by the last cycle that was received, which was sent
 // up to cycles_in_flight cycles before. A slave whose target is INIT or PREOP is in no cycle. A supervision sees within
 // some cycles that it is gone, if poll() is called after each of them, and within 100 ms if no frame comes back.
+// receive_processdata() names the one change that no cycle shows.
 // Without a supervision, the last reading of its state is believed for a second of cycles, then all_right() is false
 // (not_supervised): call readstate() more often, or submit a SuperviseRequest.
 [[nodiscard]] bool all_right(Context& ctx);

@@ -64,8 +64,8 @@ struct SuperviseRequest : Request {
     SuperviseRequest();
     AlState target = AlState::op;  // INIT, PREOP, SAFEOP or OP; for all slaves without a target of their own
     // The time between two readings of the AL status while there are no cycles, and between two readings of the AL
-    // status of each slave while the slaves are in different states: then one BRD for all slaves cannot show every
-    // change.
+    // status of each slave while the slaves are in different states or one of them is lost: then one BRD for all slaves
+    // cannot show every change.
     Duration interval = std::chrono::milliseconds(10);
     Duration retry = std::chrono::milliseconds(500);  // waiting time after bringing a slave back has failed
     // How often the error counters of all slaves are read; zero: never. The sums go to line_errors[n - 1] of slave n,

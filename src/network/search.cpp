@@ -246,6 +246,12 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
     if (does_not_answer(seen.error())) note_lost(network, slave);
 }
 
+bool may_come_back(Network& network) {
+    return std::ranges::any_of(network.slaves(), [](const Slave& slave) {
+        return slave.al.state == AlState::none && slave.seen && exchanges(slave);
+    });
+}
+
 void note_lost(Network& network, Slave& slave) {
     network.report({.kind = EventKind::lost, .slave = slave.number, .before = slave.al});
     slave.al = {};

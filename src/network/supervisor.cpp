@@ -424,8 +424,9 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     // all states.
     const bool look_is_due = network.engine.now() >= watch.look_at;
     if (changed || unexpected || look_is_due || walk_is_due(watch, *roll)) {
-        // Slaves that stay in another state than the others hide changes to that state in the OR of all states.
-        const bool hides = std::popcount(static_cast<unsigned>(roll->al_status & 0x1FU)) > 1;
+        // Slaves that stay in another state than the others hide changes to that state in the OR of all states. A lost
+        // slave that has kept its power may come in the moment in which another one leaves.
+        const bool hides = std::popcount(static_cast<unsigned>(roll->al_status & 0x1FU)) > 1 || may_come_back(network);
         const Duration next = hides ? std::min(watch.wanted.interval, watch.wanted.retry) : watch.wanted.retry;
         watch.look_at = later(network.engine.now(), next);
         auto looked = co_await look(watch, crew, *roll, unexpected);

@@ -1,8 +1,12 @@
 // Working counters that are the accepted ones by coincidence: one slave has left the exchange, and another one with the
 // same share has come.
-#include "process_data/bus.hpp"
+#include "process_data/plant.hpp"
 
+#include <margay/run.hpp>
 #include <margay/supervision.hpp>
+
+#include <array>
+#include <chrono>
 
 namespace margay {
 namespace {
@@ -147,6 +151,69 @@ TEST_P(Replug, ASlaveThatIsConfiguredHidesNoneBehindItsCable) {
 }
 
 INSTANTIATE_TEST_SUITE_P(InFlight, Replug, testing::Values(std::uint8_t{1}, std::uint8_t{3}));
+
+// ------------------------------------------------------------------ the limit: an equal change between two cycles
+
+// Three slaves at the ports of the first one. The second and the third have the same share of the working counter.
+struct Star : Plant {
+    std::array<std::uint32_t, 3> at{};
+    explicit Star(bool supervised) {
+        for (std::uint32_t n = 0; n < at.size(); ++n) at[n] = make({.product = 0x100 + n});
+        EXPECT_TRUE(segment.connect_master({at[0], 0}));
+        plug({at[0], 1}, at[1]);
+        plug({at[0], 2}, at[2]);
+        EXPECT_TRUE(bring_up({}).empty());
+        EXPECT_TRUE(config_map(*ctx, image).ok());
+        EXPECT_TRUE(reach(*ctx, AlState::op, std::chrono::seconds(1)).ok());
+        if (supervised) {
+            EXPECT_TRUE(submit(*ctx, supervision).ok());
+        }
+        cycles(50);
+        // The third one is cut off, keeps its power, and is known to be lost.
+        pull(at[2]);
+        segment.reconsider();
+        (void)cycle();
+        if (!supervised) {
+            EXPECT_TRUE(readstate(*ctx).ok());
+        }
+        cycles(20);
+        EXPECT_EQ(ctx->slave(3).al.state, AlState::none);
+        EXPECT_TRUE(inputs_fresh(*ctx, 2));
+    }
+    // Between two cycles: the second one leaves, and the third one comes.
+    void change() {
+        pull(at[1]);
+        plug({at[0], 2}, at[2]);
+        segment.reconsider();
+    }
+};
+
+TEST(EqualChange, IsSeenByASupervisionWithinItsInterval) {
+    Star plant(true);
+    plant.change();
+    int wrong = 0;
+    while (wrong < 1000 && plant.ctx->slave(2).al.state != AlState::none) {
+        (void)plant.cycle();
+        ++wrong;
+    }
+    EXPECT_LE(wrong, 15) << "10 ms and some cycles";
+    EXPECT_FALSE(inputs_fresh(*plant.ctx, 2));
+    EXPECT_FALSE(all_right(*plant.ctx));
+    EXPECT_TRUE(plant.until([&] { return plant.in_op(3) && inputs_fresh(*plant.ctx, 3); }));
+}
+
+TEST(EqualChange, IsSeenByReadstateWithoutASupervision) {
+    Star plant(false);
+    plant.change();
+    plant.cycles(20);
+    EXPECT_TRUE(inputs_fresh(*plant.ctx, 2)) << "the limit that receive_processdata() names";
+    ASSERT_TRUE(readstate(*plant.ctx).ok());
+    EXPECT_FALSE(inputs_fresh(*plant.ctx, 2));
+    (void)plant.cycle();
+    EXPECT_FALSE(inputs_fresh(*plant.ctx, 2));
+    EXPECT_FALSE(inputs_fresh(*plant.ctx, 3)) << "its identity was not compared, or it is not started";
+    EXPECT_FALSE(all_right(*plant.ctx));
+}
 
 }  // namespace
 }  // namespace margay
