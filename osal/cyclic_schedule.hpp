@@ -99,7 +99,7 @@ class CyclicSchedule {
     std::uint64_t limit_ = kCatchUpLimit;
     OverrunCounters counters_;
     bool behind_ = false;   // the last cycle was made up for
-    bool stopped_ = false;  // by OverrunPolicy::stop
+    bool stopped_ = false;  // by OverrunPolicy::stop, or by stop()
 };
 
 // A phase that keeps deadlines away from the kernel's timer tick. Ticks occur at multiples of 1, 2, 4 or 10 ms of the

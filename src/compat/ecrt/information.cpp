@@ -56,7 +56,7 @@ std::uint16_t objects_of(Bus& bus, const Slave& slave) {
     request.timeout = kPatience;
     if (!submit(*bus.ctx, request)) return 0;
     const auto listed = wait(*bus.ctx, request);
-    if (!listed && !is_refusal(listed.error())) return 0;  // it is asked again
+    if (!listed && !is_answer(listed.error())) return 0;  // it is asked again
     const auto count = static_cast<std::uint16_t>(listed ? request.count : 0U);
     const std::lock_guard lock(bus.known_mutex);
     bus.known_objects[slave.ring_position] = {slave.identity, count};

@@ -69,9 +69,9 @@ Result<bool> read_dictionary(Bus& bus, const Slave& slave, KnownPdos& known) {
         if (type == SmType::mailbox_out || type == SmType::mailbox_in) continue;
         const auto assignment = static_cast<std::uint16_t>(kFirstAssignment + n);
         const auto count = read_object<std::uint8_t>(bus, slave.number, assignment, 0);
-        if (!count && is_refusal(count.error())) continue;
+        if (!count && is_answer(count.error())) continue;
         const Result<> read = count ? read_assignment(bus, slave, n, *count, known) : Result<>(count.error());
-        if (!read && !is_refusal(read.error())) return read.error();
+        if (!read && !is_answer(read.error())) return read.error();
         if (!read) return false;
         any = true;
     }
@@ -156,7 +156,7 @@ KnownPdos read_settled(Bus& bus, const Slave& slave) {
 
 }  // namespace
 
-bool is_refusal(const Error& error) {
+bool is_answer(const Error& error) {
     constexpr std::uint32_t kUnsupportedProtocol = 2;  // of a mailbox error
     return error.code == Errc::sdo_abort || error.code == Errc::unsupported || error.code == Errc::capacity ||
            (error.code == Errc::mailbox_error && error.detail == kUnsupportedProtocol);
@@ -177,7 +177,7 @@ std::vector<PdoEntry> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known, s
     if (!has_dictionary(slave)) return {};
     auto entries = read_mapping(bus, slave.number, index);
     if (entries) return known.offered[index] = *entries;
-    if (!is_refusal(entries.error())) say_error(bus, "a PDO", entries.error());
+    if (!is_answer(entries.error())) say_error(bus, "a PDO", entries.error());
     return {};
 }
 

@@ -46,7 +46,7 @@ struct KnownPdos {
 [[nodiscard]] ec_direction_t direction_of(const SmInfo& sm);
 
 // The slave has answered, and does not have what it was asked for. Other errors say nothing about that.
-[[nodiscard]] bool is_refusal(const Error& error);
+[[nodiscard]] bool is_answer(const Error& error);
 
 // The entries of one PDO, from `known` or from the object dictionary; empty: not known. Waits.
 [[nodiscard]] std::vector<PdoEntry> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known, std::uint16_t index);
