@@ -152,6 +152,7 @@ struct Network {
     Slave guest;                   // a newcomer while it is being identified
     std::uint8_t newcomers = 0;    // counts the newcomers, so that each one gets an address of its own
     bool searching = false;        // a search (find_lost()) is executing
+    Errc unreadable = Errc::none;  // why the last search could not read a newcomer, if it said so
     std::uint32_t scans = 0;       // number of scans started: older requests detect that the table has changed
     Clocks clocks;
     Tolerance tolerance;

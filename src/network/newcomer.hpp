@@ -42,6 +42,11 @@ namespace margay {
     return slave.ring_position != 0 && slave.wanted != nullptr && !slave.sii_read && !is_known(slave);
 }
 
+// The EEPROM of a slave that is there does not answer.
+[[nodiscard]] inline bool is_unreadable(const Error& error) {
+    return error.code == Errc::sii_nack || error.code == Errc::sii_busy;
+}
+
 // What the guest can be, by its identity alone:
 // - this slave, or the wanted one in its place;
 [[nodiscard]] bool fits_guest(const Network& network, const Slave& slave);

@@ -17,6 +17,7 @@
 #include "wire/sii.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -204,6 +205,26 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
     co_return admitted ? Result<bool>(true) : Result<bool>(admitted.error());
 }
 
+// A newcomer is there, and its EEPROM cannot be read. When one slave alone is lost, the error is that of this slave.
+// The supervision says it once, although each of its searches finds the newcomer again.
+void note_unreadable(Network& network, Error& error) {
+    Slave* only = nullptr;
+    std::size_t lost = 0;
+    for (Slave& slave : network.slaves()) {
+        if (!is_lost(network, slave)) continue;
+        only = &slave;
+        ++lost;
+    }
+    if (lost == 1) {
+        error.slave = only->number;
+        if (only->error == error) return;
+        only->error = error;
+    } else if (std::exchange(network.unreadable, error.code) == error.code) {
+        return;
+    }
+    if (network.supervised) network.note(error);
+}
+
 }  // namespace
 
 Task<Result<std::uint16_t>> find_lost(Network& network) {
@@ -218,9 +239,13 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
             continue;
         auto ours = co_await receive_newcomer(network, n);
         network.ring[n].unasked = !ours;
-        if (!ours) error = ours.error();  // of this newcomer; the slaves behind it may be correct
+        if (!ours) {
+            error = ours.error();  // of this newcomer; the slaves behind it may be correct
+            if (is_unreadable(error)) note_unreadable(network, error);
+        }
         if (ours && *ours) ++found;
     }
+    if (error.code == Errc::none) network.unreadable = Errc::none;
     co_return found == 0 && error.code != Errc::none ? Result<std::uint16_t>(error) : Result<std::uint16_t>(found);
 }
 

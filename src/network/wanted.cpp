@@ -22,8 +22,8 @@ bool may_be_missing(const ExpectedSlave& wanted) {
 }
 
 bool may_be_missing(Network& network, const Slave& slave) {
-    // An unexpected slave is not in the list: nobody misses it.
-    if (slave.wanted == nullptr) return slave.config.optional || !is_known(slave) || (slave.held && slave.unexpected);
+    // An unexpected slave is not in the list: nobody misses it. Without a list, what the scan has counted is wanted.
+    if (slave.wanted == nullptr) return slave.config.optional || !network.expected.empty();
     if (!slave.seen && network.tolerance.missing_slaves) return true;
     if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)
         return !head_is_there(network, slave.wanted->hot_connect);
@@ -51,6 +51,15 @@ Error state_trouble(const Network& network, const Slave& slave, AlState wanted) 
     if (slave.al.state == wanted) error.code = Errc::start_up_unfinished;
     const bool failed = slave.hook_failed || slave.pdos_failed || marks.attempts > 0 || unfinished;
     return failed ? start_up_error(slave, error) : error;
+}
+
+// Of a slave that does not answer. A slave that is back, and whose EEPROM cannot be read, is not missing: the search
+// has left its error.
+Error absence_error(Network& network, const Slave& slave) {
+    const Error missing = missing_error(network, slave);
+    const auto is_unasked = [](const RingPlace& place) { return static_cast<bool>(place.unasked); };
+    const bool unread = network.searching || std::ranges::any_of(network.seen_ring(), is_unasked);
+    return missing.code != Errc::none && unread && is_unreadable(slave.error) ? slave.error : missing;
 }
 
 }  // namespace
@@ -131,9 +140,7 @@ bool is_to_be_asked(const Network& network, const Slave& slave) {
 }
 
 bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
-    // Without a list the scan has found the slave. One that it could not read may be missing.
-    const bool unknown =
-        slave.wanted == nullptr && !is_known(slave) && (!network.expected.empty() || slave.al.state == AlState::none);
+    const bool unknown = slave.wanted == nullptr && !is_known(slave) && !network.expected.empty();
     const bool nobody = (slave.held && slave.unexpected) || unknown;
     const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
     const bool awaited = slave.wanted != nullptr && slave.wanted->hot_connect != 0 && network.marks(slave).awaited &&
@@ -147,7 +154,7 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
 Error state_error(Network& network, const Slave& slave) {
     if (!is_highest(slave.config.highest)) return invalid_highest(slave);
     const AlState wanted = wanted_state(network, slave);
-    if (slave.al.state == AlState::none) return missing_error(network, slave);
+    if (slave.al.state == AlState::none) return absence_error(network, slave);
     if (wanted == AlState::init || wanted == AlState::boot) return state_trouble(network, slave, wanted);
     if (slave.held) return held_error(slave, Step::identify);
     if (network.is_doubted(slave) && !network.is_believed(slave))

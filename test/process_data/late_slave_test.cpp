@@ -2,7 +2,6 @@
 // reserved for it is used for anything else.
 #include "process_data/plant.hpp"
 
-#include "sim/devices.hpp"
 #include "wire/esc.hpp"
 
 #include <margay/entry.hpp>
@@ -293,114 +292,6 @@ TEST_F(LateSlave, WithOtherListsOfTheSameSizeNeedsAMapping) {
     EXPECT_EQ(reconfigure_slave(*ctx, 3).error().code, Errc::remapping_needed);
     ctx->slave(3).config.setup = &kKnown;
     ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
-}
-
-// Without a list. The SII of slave 2 could not be read by the scan, nor before the image is laid out. It can be read
-// when the SyncManagers and FMMUs are written.
-TEST(UnreadSlave, HasNoPlaceInItsFirstMapping) {
-    Plant plant;
-    const auto first = plant.make({.product = 0x100});
-    const auto unread = plant.make({.product = 0x101});
-    ASSERT_TRUE(plant.segment.connect_master({first, 0}));
-    ASSERT_TRUE(plant.segment.connect({first, 1}, {unread, 0}));
-    plant.segment.slave(unread).sii().fail_next(1'000'000);
-    EXPECT_FALSE(plant.bring_up({}).empty());
-    ASSERT_EQ(plant.ctx->slaves().size(), 2U);
-    ASSERT_FALSE(plant.ctx->slave(2).seen);
-    bool in_hook = false;
-    plant.ctx->slave(1).hooks.user = &in_hook;
-    plant.ctx->slave(1).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Task<> {
-        *static_cast<bool*>(user) = true;
-        co_return co_await slave.sleep(500ms);
-    };
-    MapRequest map;
-    map.image = plant.image;
-    ASSERT_TRUE(submit(*plant.ctx, map).ok());
-    const auto go_while = [&](auto holds) {
-        for (int n = 0; n < 60'000 && holds(); ++n) {
-            plant.osal.advance(1ms);
-            (void)poll(*plant.ctx, plant.osal.now());
-        }
-    };
-    go_while([&] { return !in_hook; });
-    go_while([&, n = 0]() mutable { return ++n < 100; });
-    ASSERT_TRUE(map.busy());
-    plant.segment.slave(unread).sii().fail_next(0);
-    go_while([&] { return map.busy(); });
-    EXPECT_EQ(map.error().step, Step::read_sii) << static_cast<int>(map.error().code);
-    EXPECT_EQ(map.error().slave, 2U);
-    const auto said = plant.errors();
-    EXPECT_EQ(Plant::told(said, "slave 2: mapping process data: the slave has process data, but no place"), 1);
-    EXPECT_EQ(Plant::told(said, "have changed since config_map()"), 0) << Plant::joined(said);
-    EXPECT_TRUE(plant.ctx->slave(2).unplaced);
-    EXPECT_EQ(plant.ctx->group(0).expected_wkc, 4U) << "three of slave 1, and one of slave 2";
-    for (int n = 0; n < 20; ++n) EXPECT_EQ(plant.cycle().error().code, Errc::working_counter);
-    EXPECT_FALSE(all_right(*plant.ctx));
-    EXPECT_TRUE(config_map(*plant.ctx, plant.image).ok());
-    EXPECT_TRUE(reach(*plant.ctx, AlState::op, 5s).ok());
-    plant.expect_exchanged(2, unread);
-    EXPECT_TRUE(plant.cycle().ok());
-}
-
-// Slave 2 has started again since its PDOs were read, and then the second mapping cannot ask it: it has no place.
-TEST(UnreadSlave, ThatHasStartedAgainHasNoPlace) {
-    Plant plant;
-    const auto first = plant.make({.product = 0x100});
-    const auto drive = plant.segment.add(std::move(*sim::make_device("drive")).assemble());
-    ASSERT_TRUE(plant.segment.connect_master({first, 0}));
-    ASSERT_TRUE(plant.segment.connect({first, 1}, {drive, 0}));
-    ASSERT_TRUE(plant.bring_up({}).empty());
-    ASSERT_TRUE(config_map(*plant.ctx, plant.image).ok());
-    plant.power(drive, false);
-    plant.osal.advance(100ms);
-    plant.power(drive, true);
-    ASSERT_TRUE(readstate(*plant.ctx).ok());
-    ASSERT_TRUE(recover_slave(*plant.ctx, 2).ok());
-    std::pair<Plant*, std::uint32_t> both{&plant, drive};
-    plant.ctx->slave(2).hooks.user = &both;
-    plant.ctx->slave(2).hooks.preop_to_safeop = [](HookedSlave, void* user) -> Result<> {
-        const auto& of = *static_cast<std::pair<Plant*, std::uint32_t>*>(user);
-        of.first->power(of.second, false);
-        return Result<>();
-    };
-    EXPECT_FALSE(config_map(*plant.ctx, plant.image).ok());
-    ASSERT_TRUE(plant.ctx->slave(2).unplaced) << Plant::joined(plant.errors());
-    plant.ctx->slave(2).hooks = {};
-    plant.power(drive, true);
-    ASSERT_TRUE(submit(*plant.ctx, plant.supervision).ok());
-    plant.cycles(3000);
-    EXPECT_EQ(what_is_wrong(*plant.ctx).code, Errc::no_place);
-    EXPECT_EQ(plant.ctx->slave(2).al.state, AlState::preop);
-    EXPECT_TRUE(config_map(*plant.ctx, plant.image).ok());
-    EXPECT_TRUE(plant.until([&] { return plant.in_op(2); }));
-}
-
-// The errors of an EEPROM that cannot be read: each call has one.
-TEST(UnreadSlave, IsSaidOnceByEachCall) {
-    for (const bool listed : {true, false}) {
-        Plant plant;
-        const auto first = plant.make({.product = 0x100});
-        const auto unread = plant.make({.product = 0x101});
-        ASSERT_TRUE(plant.segment.connect_master({first, 0}));
-        ASSERT_TRUE(plant.segment.connect({first, 1}, {unread, 0}));
-        plant.segment.slave(unread).sii().fail_next(1'000'000);
-        const ExpectedSlave list[] = {{.number = 1, .product = 0x100}, {.number = 2, .product = 0x101}};
-        const auto expected = listed ? std::span<const ExpectedSlave>(list) : std::span<const ExpectedSlave>();
-        const std::string cause = "slave 2: reading the SII at word 0x0000: the EEPROM did not acknowledge";
-        const auto scanned = plant.bring_up(expected);
-        EXPECT_EQ(Plant::told(scanned, cause), 1) << Plant::joined(scanned);
-        EXPECT_EQ(plant.ctx->slave(2).error.step, Step::read_sii);
-        EXPECT_EQ(config_map(*plant.ctx, plant.image).error().step, Step::read_sii);
-        const auto mapped = plant.errors();
-        EXPECT_EQ(Plant::told(mapped, cause), 1) << Plant::joined(mapped);
-        EXPECT_EQ(plant.ctx->slave(2).error.step, Step::read_sii);
-        EXPECT_EQ(reach(*plant.ctx, AlState::op, 3s).error().step, Step::read_sii);
-        const auto reached = plant.errors();
-        EXPECT_EQ(Plant::told(reached, cause), 1) << Plant::joined(reached);
-        plant.segment.slave(unread).sii().fail_next(0);
-        EXPECT_TRUE(config_map(*plant.ctx, plant.image).ok()) << "its sizes were not known";
-        EXPECT_TRUE(reach(*plant.ctx, AlState::op, 3s).ok());
-    }
 }
 
 }  // namespace
