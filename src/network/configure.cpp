@@ -70,6 +70,15 @@ Error store_fmmus(FmmuBytes& bytes, const Slave& slave, const ImageLayout& layou
     return fmmus.error();
 }
 
+Result<bool> are_fmmus_of(const Slave& slave, const ImageLayout& layout, FmmuBytes& there) {
+    const auto wanted = make_fmmus(slave, layout);
+    if (!wanted) return wanted.error();
+    bool same = true;
+    for (std::size_t n = 0; n < fmmu_count(slave); ++n)
+        same &= wire::load_fmmu(bytes_of_fmmu(there, n)) == wanted->at[n];
+    return same;
+}
+
 // Writes all FMMUs that the ESC has, so that none of an older mapping remains.
 Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayout& layout, bool active) {
     FmmuBytes bytes{};
@@ -177,21 +186,18 @@ Task<Result<>> clear_sync_managers(Station station, const Slave& slave) {
 }
 
 Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& layout) {
-    const auto wanted = make_fmmus(slave, layout);
-    if (!wanted) co_return wanted.error();
+    FmmuBytes there{};
+    const Error refused = store_fmmus(there, slave, layout, false);
+    if (refused.code != Errc::none) co_return refused;
     const std::size_t octets = fmmu_count(slave) * reg::kFmmuStride;
     if (octets == 0) co_return true;
-    FmmuBytes there{};
     const Station station = network.station(slave);
     Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kFmmuBase},
                   MutableBytes(there).first(octets));
     auto reply = co_await look;
     const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
     if (error.code != Errc::none) co_return error;
-    bool same = true;
-    for (std::size_t n = 0; n < fmmu_count(slave); ++n)
-        same &= wire::load_fmmu(Bytes(there).subspan(n * reg::kFmmuStride, reg::kFmmuStride)) == wanted->at[n];
-    co_return same;
+    co_return are_fmmus_of(slave, layout, there);
 }
 
 Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout, bool running) {
