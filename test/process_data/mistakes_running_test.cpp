@@ -252,7 +252,7 @@ TEST(SmallMemory, BothLimitsOfSequencesAreNamed) {
     ASSERT_TRUE(segment.connect_master({segment.add(std::move(*sim::make_device("coupler")).assemble()), 0}));
     segment.power_up(osal.now());
     SimulatedNic nic(segment, osal);
-    HostContext ctx({.slaves = 2, .arena_bytes = 300});
+    HostContext ctx({.slaves = 2, .arena_bytes = 1});  // the arena also gets what the other parts leave
     ASSERT_TRUE(init(ctx, nic, osal).ok());
     std::array<char, 400> text{};
     EXPECT_EQ(describe(config_init(ctx).error(), text), "not enough memory: Limits::tasks, or Limits::arena_bytes");
