@@ -57,6 +57,21 @@ function(without program)
   endforeach()
 endfunction()
 
+# octets_of(PATTERN OBJECT variable): the sum of the sizes of all functions and constants of this name.
+function(octets_of pattern object variable)
+  execute_process(COMMAND "${arm_nm}" -C -S -t d ${object} OUTPUT_VARIABLE symbols COMMAND_ERROR_IS_FATAL ANY)
+  string(REGEX MATCHALL "[0-9]+ [0-9]+ [tTwWR] margay::${pattern}" found "${symbols}")
+  set(sum 0)
+  foreach(symbol IN LISTS found)
+    string(REGEX REPLACE "^[0-9]+ 0*([0-9]+) .*" "\\1" octets "${symbol}")
+    math(EXPR sum "${sum} + ${octets}")
+  endforeach()
+  if(sum EQUAL 0)
+    message(FATAL_ERROR "${object} does not have ${pattern}")
+  endif()
+  set(${variable} ${sum} PARENT_SCOPE)
+endfunction()
+
 measure(sdo)
 message("Programs for a Cortex-M4, -Os, 8 slaves; in parentheses: more than with SDO reading alone")
 row(cycle "Scan and process data, PDOs from the SII")
@@ -73,6 +88,15 @@ row(eoe "… and EoE: parameters and frames")
 row(supervision "… and supervision with hot connect")
 row(texts "… and texts of errors")
 row(everything "All of it")
+
+set(machine ${FOLDER}/CMakeFiles/al_state_machine.dir/al_state_machine.cpp.obj)
+set(coroutines ${FOLDER}/board/margay/CMakeFiles/margay.dir/src/station/al_state.cpp.obj)
+octets_of("(change_al_state|request_again)[_a-z]*\\(" ${coroutines} by_coroutines)
+octets_of("(AlStateMachine::[a-z_]+|start|end)\\(" ${machine} by_machine)
+octets_of("kAlStateMachineBytes" ${machine} ram_of_machine)
+math(EXPR more "100 * (${by_coroutines} - ${by_machine}) / ${by_coroutines}")
+message("A change of the AL state: ${by_coroutines} octets of text as three coroutines, ${by_machine} (${more} % less) as "
+        "a state machine written by hand, which has ${ram_of_machine} of RAM")
 
 set(heap malloc operator.new __cxa_throw "std::ios" __cxa_demangle printf)
 set(by_name soe_ eoe_ Eoe write_sm_pdos run_commands supervise find_lost address_newcomer ask_information compare_with_expected
