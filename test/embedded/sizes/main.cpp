@@ -9,6 +9,12 @@ using namespace margay;
 
 namespace {
 
+#ifdef WITH_SUPERVISION
+constexpr std::uint32_t kArenaBytes = 7168;  // it brings slaves back beside its other work
+#else
+constexpr std::uint32_t kArenaBytes = 5632;
+#endif
+
 constexpr Limits kLimits{.slaves = 8,
                          .tasks = 1,
                          .frames = 4,
@@ -18,7 +24,7 @@ constexpr Limits kLimits{.slaves = 8,
                          .errors = 8,
                          .events = 4,
                          .guests = 0,
-                         .arena_bytes = 5632,
+                         .arena_bytes = kArenaBytes,
                          .clocks = false};
 
 BareOsal osal(board::description());
