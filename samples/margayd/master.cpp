@@ -145,7 +145,7 @@ void Master::work() {
         end_supervision();
         close_eoe();
         if (stopping_) break;
-        log(Priority::notice, "slaves were added or exchanged: the segment is scanned again");
+        log(Priority::notice, why_scanned_ + ": the segment is scanned again");
     }
     leave();
 }

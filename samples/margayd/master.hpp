@@ -15,6 +15,7 @@
 #include <margay/master_clock.hpp>
 
 #include <atomic>
+#include <chrono>
 #include <future>
 #include <memory>
 #include <optional>
@@ -70,7 +71,10 @@ class Master {
     void exchange(std::uint64_t number, Duration& lateness);
     void keep_in_step(std::uint64_t number, Duration lateness);
     void look_around(std::uint64_t overruns, bool settles);
-    [[nodiscard]] bool is_to_be_scanned() const;
+    [[nodiscard]] bool is_to_be_scanned();
+    [[nodiscard]] bool has_strangers() const;
+    // Slaves that answer cannot take part until the image is laid out anew.
+    [[nodiscard]] bool lacks_places(const Error& wrong) const;
     void end_supervision();
     void leave();
     // Polls for this time, or until the thread is asked to end.
@@ -94,6 +98,11 @@ class Master {
     bool is_ours_ = false;      // slaves in SAFEOP or OP are this master's own
     bool brought_up_ = false;   // there are slaves that this master has configured
     std::vector<bool> sent_{};  // by group, in this cycle
+    using Clock = std::chrono::steady_clock;
+    std::optional<Clock::time_point> lacks_since_{};         // lacks_places(), looked at once a second
+    std::optional<Clock::time_point> scanned_for_places_{};  // the last scan for this reason
+    Duration places_pause_{};                                // before the next one
+    std::string why_scanned_{};
 
     std::atomic<bool> begun_{false};
     std::atomic<bool> stopping_{false};

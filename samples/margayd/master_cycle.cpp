@@ -3,6 +3,7 @@
 #include "margayd/master.hpp"
 
 #include <algorithm>
+#include <chrono>
 
 namespace margay::service {
 namespace {
@@ -11,6 +12,9 @@ using namespace std::chrono_literals;
 
 constexpr Duration kLookAround = 1s;
 constexpr auto kSettle = 2s;  // between the last news of added slaves and the scan
+// A scan takes the other slaves out of OP, and the next one may find nothing better.
+constexpr Duration kLongestPause = 10min;
+constexpr int kPauseGrows = 4;
 
 }  // namespace
 
@@ -23,6 +27,7 @@ void Master::cycle() {
     pace_.emplace(*source_, *ctx_, pace);
     pace_->start();
     sent_.assign(plan_.every.size(), false);
+    lacks_since_.reset();
     const auto every = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(kLookAround / plan_.period));
     Duration lateness{};
     for (std::uint64_t number = 0; !stopping_ && !is_to_be_scanned(); ++number) {
@@ -53,6 +58,10 @@ void Master::look_around(std::uint64_t overruns, bool settles) {
     const Error wrong = what_is_wrong(*ctx_);
     if (wrong.code == Errc::no_frame || wrong.code == Errc::nic || wrong.code == Errc::missing_slave)
         (void)source_->look_for_interfaces();
+    if (!lacks_places(wrong))
+        lacks_since_.reset();
+    else if (!lacks_since_)
+        lacks_since_ = Clock::now();
     const auto present =
         std::ranges::count_if(ctx_->slaves(), [](const Slave& s) { return s.al.state != AlState::none; });
     const auto elsewhere = std::ranges::count_if(ctx_->slaves(), [this](const Slave& s) {
@@ -67,12 +76,35 @@ void Master::look_around(std::uint64_t overruns, bool settles) {
                       .link = ctx_->statistics()});
 }
 
-// Without an ENI, all slaves that are there belong to the segment. A slave in BOOT may be getting its firmware.
-bool Master::is_to_be_scanned() const {
+bool Master::has_strangers() const {
     const auto since = companion_->strangers_since();
-    if (eni_ || since == std::chrono::steady_clock::time_point{}) return false;
-    if (std::chrono::steady_clock::now() - since < kSettle) return false;
-    return std::ranges::none_of(ctx_->slaves(), [](const Slave& s) { return s.al.state == AlState::boot; });
+    return since != std::chrono::steady_clock::time_point{} && std::chrono::steady_clock::now() - since >= kSettle;
+}
+
+// A slave could not be read while the segment was brought up, or a client has changed its PDOs.
+bool Master::lacks_places(const Error& wrong) const {
+    if (configuration_.state < AlState::safeop) return false;
+    return wrong.code == Errc::remapping_needed || std::ranges::any_of(ctx_->slaves(), [](const Slave& s) {
+               return s.al.state != AlState::none && s.error.code == Errc::no_place;
+           });
+}
+
+// Without an ENI, all slaves that are there belong to the segment. A slave in BOOT may be getting its firmware.
+bool Master::is_to_be_scanned() {
+    if (eni_) return false;
+    const auto now = Clock::now();
+    const bool lacks = lacks_since_ && now - *lacks_since_ >= std::max<Duration>(kSettle, places_pause_);
+    const bool strangers = has_strangers();
+    if (!lacks && !strangers) return false;
+    if (std::ranges::any_of(ctx_->slaves(), [](const Slave& s) { return s.al.state == AlState::boot; })) return false;
+    why_scanned_ = strangers ? "slaves were added or exchanged"
+                             : "slaves have no place in the process image, or other PDOs than when it was laid out";
+    if (strangers) return true;
+    const bool again = scanned_for_places_ && now - *scanned_for_places_ < 2 * kLongestPause;
+    places_pause_ = again ? std::min<Duration>(kPauseGrows * std::max<Duration>(kSettle, places_pause_), kLongestPause)
+                          : Duration(kSettle);
+    scanned_for_places_ = now;
+    return true;
 }
 
 }  // namespace margay::service

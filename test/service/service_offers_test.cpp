@@ -27,6 +27,21 @@ TEST_F(ServiceTest, ARescanDoesNotEndTheProcessData) {
     EXPECT_EQ(log.find("a: 5 slaves found", found + 1), std::string::npos) << log;
 }
 
+// A client writes another assignment of PDOs: the slave does not fit the image any more.
+TEST_F(ServiceTest, ASlaveWithOtherPdosLeadsToANewScan) {
+    configure("a.toml", "source = \"sim:drives\"\ncycle_us = 4000\n");
+    const auto ran = shell(
+        "start; says 'a: all is right: 8 slaves in OP'; e a states -p 1 PREOP; says 'slave 2: OP to PREOP'\n"
+        "e a download -p 1 -t uint8 0x1c13 0 0 && e a download -p 1 -t uint16 0x1c13 1 0x1a01 &&\n"
+        "e a download -p 1 -t uint8 0x1c13 0 1 || exit 9\n"
+        "sleep 4; grep -c 'scanned again' log; e a states -p 1 OP 2>refused\n"
+        "says 'other PDOs than when it was laid out: the segment is scanned again'\n"
+        "says 2 'a: all is right: 8 slaves in OP'; e a slaves -p 1; stop\n");
+    const auto log = content_of(folder.path() / "log");
+    EXPECT_EQ(ran.status, 0) << ran.err << log;
+    EXPECT_EQ(ran.out, "0\n1  0:1  OP  +  Servo drive\n") << "a slave that shall be in PREOP stays there\n" << log;
+}
+
 TEST_F(ServiceTest, ARescanNamesWhatIsMissing) {
     const auto written = folder.run(std::string(MARGAY_BIN_DIR) +
                                     "/slaveinfo sim:coupler,digital_in_8,digital_out_8 --write-eni etc/machine.xml");
