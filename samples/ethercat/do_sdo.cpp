@@ -9,6 +9,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
+#include <span>
 
 namespace margay::ethercat {
 namespace {
@@ -61,6 +63,29 @@ Answer<Place> place_of(const std::vector<std::string>& words, std::size_t count)
     if (!subindex) return subindex.problem();
     place.subindex = static_cast<std::uint8_t>(*subindex);
     return place;
+}
+
+// Without SUBINDEX, an object of one value is read as its subindex 0. The number of entries of another one has 8 bit.
+Place place_to_read(const SelectedSlave& slave, Place place) {
+    if (!place.complete) return place;
+    const auto entry = [&](std::uint8_t subindex) {
+        return slave.session().dictionary_entry(slave.position(), place.index, subindex);
+    };
+    const auto first = entry(0);
+    place.complete = !first || (first->bits <= 8 && entry(1));
+    return place;
+}
+
+// Where the slave has no complete access, the library reads entry by entry, and takes the value of an object without
+// entries for their number.
+Answer<> check_whole(const SelectedSlave& slave, const Place& place, std::span<const std::byte> value) {
+    if (!place.complete || value.size() != 2) return {};
+    const auto first = slave.session().upload(slave.position(), place.index, 0, false);
+    if (value[0] == std::byte{0} && (!first || first->size() <= 1)) return {};
+    return Problem{
+        fmt::format("object 0x{:04x} has no entries that can be read together: name the SUBINDEX, which is "
+                    "0 for an object of one value",
+                    place.index)};
 }
 
 Answer<const DataType*> type_of(const Call& call, const SelectedSlave& slave, const Place& place) {
@@ -121,14 +146,16 @@ int run_sdos(Call& call) {
 }
 
 int run_upload(Call& call) {
-    const auto place = place_of(call.words(), call.words().size());
-    if (!place) return call.fail(place.problem());
+    const auto named = place_of(call.words(), call.words().size());
+    if (!named) return call.fail(named.problem());
     const auto slave = slave_with_objects(call);
     if (!slave) return call.fail(slave.problem());
+    const std::optional place = place_to_read(*slave, *named);
     const auto type = type_of(call, *slave, *place);
     if (!type) return call.fail(type.problem());
     const auto value = slave->session().upload(slave->position(), place->index, place->subindex, place->complete);
     if (!value) return call.fail(value.problem());
+    if (const auto whole = check_whole(*slave, *place, *value); !whole) return call.fail(whole.problem());
     Output output;
     output.json = place_json(*slave);
     output.json["index"] = place->index;

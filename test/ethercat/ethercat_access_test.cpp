@@ -13,6 +13,11 @@ TEST_F(EthercatAccess, UploadsByTheTypeOfTheDictionary) {
     EXPECT_EQ(out("sim:drives", "upload -p 0 0x1018"),
               "0x04 0x00 0x47 0x4d 0x00 0x00 0x02 0x54 0x00 0x00 0x01 0x00 0x00 0x00 0x00 0x00 0x00 0x00\n");
     EXPECT_EQ(out("sim:drives", "upload -p 0 -t octet_string 0x1018 1"), "0x47 0x4d 0x00 0x00\n");
+    // An object of one value has no complete access.
+    EXPECT_EQ(out("sim:drives", "upload -p 0 0x1000"), "0x00020192 131474\n");
+    EXPECT_EQ(out("sim:drives", "upload -p 0 0x6061"), "0x00 0\n");
+    EXPECT_EQ(out("sim:drives", "upload -p 0 0x1008"), "Servo drive\n");
+    EXPECT_EQ(out("sim:drives", "upload -p 0 0x1c13"), "0x01 0x00 0x00 0x1a\n");
     const auto json = out("sim:drives", "upload -p 0 0x1018 1 --json");
     EXPECT_TRUE(contains(json, "\"type\": \"uint32\",\n  \"value\": 19783,\n  \"octets\": \"474d0000\"")) << json;
     fails("sim:drives", "upload -p 0 0x1018 9", 1, "position 0: ");
