@@ -36,9 +36,8 @@ std::string options_text(const Command* command) {
     for (const bool common : {false, true}) {
         std::string rows;
         for (const Option& option : options()) {
-            const bool listed =
-                command != nullptr && std::ranges::find(command->options, option.name) != command->options.end();
-            if (common ? option.common : listed) rows += row(option_name(option), option.text, kIndent);
+            const bool listed = command != nullptr ? command->has_option(option) : option.common;
+            if (listed && common == option.common) rows += row(option_name(option), option.text, kIndent);
         }
         if (!rows.empty()) text += fmt::format("\n{}:\n{}", common ? "Options of all commands" : "Options", rows);
     }
@@ -139,7 +138,7 @@ std::string man_page() {
         ".SH SYNOPSIS\n.B ethercat\n.I COMMAND\n.RI [ OPTIONS ]\n.RI [ ARGUMENTS ]\n.SH DESCRIPTION\n";
     text += fmt::format("{}\n.PP\n{}\n.SH COMMANDS\n", escaped(kIntroduction), escaped(kNumbers));
     for (const Command& command : commands()) text += man_command(command);
-    text += ".SH OPTIONS\nOf all commands:\n";
+    text += ".SH OPTIONS\nOf all commands; analyse has only those that do not concern a segment:\n";
     for (const Option& option : options())
         if (option.common) text += man_option(option);
     text += ".SH EXIT STATUS\n" + escaped(samples::kExitCodeText.substr(samples::kExitCodeText.find(':') + 2)) + "\n";

@@ -118,9 +118,8 @@ class Parser {
     [[nodiscard]] std::optional<Problem> check() const {
         const Command& command = *out_.command;
         for (const auto& [name, value] : out_.options) {
-            const bool fits =
-                find_option(name)->common || std::ranges::find(command.options, name) != command.options.end();
-            if (!fits) return usage(fmt::format("{} has no option --{}", command.name, name), &command);
+            if (!command.has_option(*find_option(name)))
+                return usage(fmt::format("{} has no option --{}", command.name, name), &command);
         }
         if (out_.words.size() > command.most)
             return usage(fmt::format("unexpected argument '{}'", out_.words[command.most]), &command);

@@ -3,6 +3,8 @@
 #include "ethercat/commands.hpp"
 
 #include <algorithm>
+#include <array>
+#include <string_view>
 
 namespace margay::ethercat {
 namespace {
@@ -102,7 +104,8 @@ std::vector<Command> mailbox_commands() {
          .forms = {"INDEX SUBINDEX", "INDEX"},
          .text = {kOne, kDictionaryType,
                   "Without SUBINDEX the whole object is read by complete access and printed as "
-                  "octets. Integers are printed in hexadecimal and in decimal.",
+                  "octets; of an object that is one value, this value is read. Integers are printed in hexadecimal and "
+                  "in decimal.",
                   kTypes, kSelect},
          .arguments = {kIndex, kSubindex},
          .options = with_slaves({"type", "output-file"}),
@@ -325,8 +328,10 @@ std::vector<Command> segment_commands() {
               "use.",
               "Times count from the first packet. Numbers behind # are those of packets, as in Wireshark. "
               "--verbose shows long lists in full."},
-         .arguments = {{"FILE", "recording: pcap or pcapng, of Ethernet, also with VLAN tags or EtherCAT over UDP",
-                        "FILE"}},
+         .arguments =
+             {{"FILE",
+               "recording, - for standard input: pcap or pcapng, of Ethernet, also with VLAN tags or EtherCAT over UDP",
+               "FILE"}},
          .least = 1,
          .most = 1,
          .run = run_analyse,
@@ -403,6 +408,14 @@ std::span<const Command> commands() {
 }
 
 std::span<const Option> options() { return kOptions; }
+
+bool Command::has_option(const Option& option) const {
+    if (!option.common) return std::ranges::find(options, option.name) != options.end();
+    constexpr std::array<std::string_view, 8> kOfSegment{"source", "master", "force",  "take-over",
+                                                         "attach", "eni",    "record", "trace"};
+    const bool for_file = without_master && !arguments.empty();
+    return !for_file || std::ranges::find(kOfSegment, option.name) == kOfSegment.end();
+}
 
 const Command* find_command(std::string_view name) {
     const auto all = commands();

@@ -37,6 +37,8 @@ struct Command {
     std::size_t most = 0;
     int (*run)(Call& call) = nullptr;
     bool without_master = false;  // the command needs no source
+    // Whether the command has the option. Options that concern a segment are not those of a command for a file.
+    [[nodiscard]] bool has_option(const Option& option) const;
 };
 
 [[nodiscard]] std::span<const Command> commands();

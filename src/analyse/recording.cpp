@@ -419,13 +419,14 @@ class Recording {
 }  // namespace
 
 Analysis analyse_file(const std::string& path) {
-    const PipeCopy copy(path);
+    const std::string from = path == "-" ? "/dev/stdin" : path;
+    const PipeCopy copy(from);
     if (!copy.whole()) {
         Analysis analysis;
         analysis.problem = "it is a pipe, and its copy in the folder for temporary files cannot be written";
         return analysis;
     }
-    return Recording(copy.path().empty() ? path : copy.path()).analyse();
+    return Recording(copy.path().empty() ? from : copy.path()).analyse();
 }
 
 }  // namespace margay::analyse

@@ -94,6 +94,9 @@ TEST_F(EthercatTexts, ErrorsAreInTheJsonToo) {
     EXPECT_TRUE(contains(error_of("slaves --master 5", 2), "no master is selected"));
     EXPECT_TRUE(contains(error_of("slaves --wrong", 2), "--wrong"));
     EXPECT_TRUE(contains(error_of("analyse missing.pcap", 3), "missing.pcap"));
+    for (const std::string option :
+         {"--source sim:demo", "--attach a.sock", "--record r.pcap", "--eni a.xml", "-m 7", "-f"})
+        EXPECT_TRUE(contains(error_of("analyse missing.pcap " + option, 2), "analyse has no option --")) << option;
     // A file name has octets of any kind, and JSON is UTF-8.
     folder.write("call", program + " --json analyse \"$(printf 'gro\\337.pcap')\"\n");
     const auto odd = folder.run("sh call");
