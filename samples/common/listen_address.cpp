@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <arpa/inet.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -18,6 +19,9 @@ namespace {
 // The octets of the address and, for an address of one link, the number of its interface. Empty: the text is no
 // address.
 std::vector<std::uint8_t> octets_of(const std::string& text) {
+    // getaddrinfo() takes "34980" and "1.2.3" for addresses, too.
+    in_addr four_parts{};
+    if (text.find(':') == std::string::npos && ::inet_pton(AF_INET, text.c_str(), &four_parts) != 1) return {};
     addrinfo hints{};
     hints.ai_flags = AI_NUMERICHOST;
     addrinfo* found = nullptr;
