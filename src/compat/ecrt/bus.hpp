@@ -221,10 +221,22 @@ class Bus {
 // Whether the master is active and configures this slave: below SAFEOP its PDOs may change.
 [[nodiscard]] bool is_configured(Bus& bus, const Slave& slave);
 
+// Whether an error is that of the slave itself. Otherwise its frames were lost, and it is read again.
+[[nodiscard]] inline bool is_own_error(Errc code) {
+    switch (code) {
+        case Errc::none:
+        case Errc::missing_slave:
+        case Errc::no_frame:
+        case Errc::working_counter:
+        case Errc::link_down:
+        case Errc::nic: return false;
+        default: return true;
+    }
+}
+
 // The slave is there, and its SII is being read: after the scan only its identity was.
 [[nodiscard]] inline bool is_unread(const Slave& slave) {
-    const bool failed = slave.error.code != Errc::none && slave.error.code != Errc::missing_slave;
-    return !failed && (!slave.seen || (!slave.sii_read && slave.al.state == AlState::init));
+    return !is_own_error(slave.error.code) && (!slave.seen || (!slave.sii_read && slave.al.state == AlState::init));
 }
 
 // How far a slave is: its SII was read; it has passed INIT, so that it takes messages; its PDOs stay as they are,

@@ -1,0 +1,71 @@
+// The line is silent for a second while the segment starts up, from some cycle on. What is told of a slave is what was
+// read of it, or an error: never an empty record. Ends with 0 when everything is as expected.
+#include "drives.hpp"
+#include "virtual_time.hpp"
+
+#include <margay/datagram.hpp>
+
+#include <array>
+
+namespace {
+
+constexpr std::uint16_t kSlaves = 3;
+
+struct Counts {
+    unsigned errors = 0;
+    unsigned right = 0;
+    unsigned empty = 0;
+};
+
+int run(unsigned begin, Counts& counts) {
+    struct Program {
+        ec_master_t* master = ecrt_request_master(0);
+        DatagramRequest close;  // the port of the first slave to the master, for a second
+        ~Program() {
+            close.cancel();
+            ecrt_release_master(master);
+        }
+    };
+    Program program;
+    ec_master_t* const master = program.master;
+    CHECK(master != nullptr);
+    go_to(*master, Duration{0});
+    ec_domain_t* const domain = ecrt_master_create_domain(master);
+    for (std::uint16_t n = 0; n < kSlaves; ++n) {
+        ec_slave_config_t* const drive = configure_drive(master, n);
+        CHECK(drive != nullptr && ecrt_slave_config_reg_pdo_entry(drive, 0x607A, 0, domain, nullptr) >= 0);
+    }
+    CHECK(ecrt_master_activate(master) == 0);
+    std::array<std::byte, 2> closed{std::byte{0x03}, std::byte{0x03}};
+    program.close.command = DatagramCommand::apwr;
+    program.close.ado = 0x0100;
+    program.close.data = closed;
+    for (unsigned n = 0; n < 3000; ++n) {
+        if (n == begin) CHECK(submit(*master->bus->ctx, program.close).ok());
+        osal->advance(std::chrono::milliseconds(1));
+        ecrt_master_receive(master);
+        ecrt_domain_process(domain);
+        for (std::uint16_t slave = 0; slave < kSlaves; ++slave) {
+            ec_slave_info_t info;
+            if (ecrt_master_get_slave(master, slave, &info) != 0)
+                ++counts.errors;
+            else
+                ++(info.vendor_id == kVendor && info.product_code == kDrive ? counts.right : counts.empty);
+        }
+        ecrt_domain_queue(domain);
+        ecrt_master_send(master);
+    }
+    return 0;
+}
+
+}  // namespace
+
+int main() {
+    segment = "sim:drive,drive,drive";
+    Counts counts;
+    for (unsigned begin = 1; begin < 300; begin += 1 + begin / 8)
+        if (run(begin, counts) != 0) return 1;
+    std::printf("%u errors, %u right answers, %u empty ones\n", counts.errors, counts.right, counts.empty);
+    CHECK(counts.errors != 0 && counts.right != 0 && counts.empty == 0);
+    return 0;
+}
