@@ -11,10 +11,10 @@ class EntriesByDictionary : public FieldNotes {};
 
 constexpr PdoEntry kGapped[] = {{0x7000, 9, 16}, {0, 0, 8}, {0x7000, 1, 16}};
 constexpr PdoEntry kTwo[] = {{0x6000, 31, 16}, {0x6000, 32, 16}};
-constexpr Pdo kOutputs[] = {{0x1601, kGapped}};
-constexpr Pdo kInputs[] = {{0x1A01}, {0x1A00, kTwo}};
-constexpr SmPdos kPdos[] = {{2, kOutputs}, {3, kInputs}};
-constexpr SlaveSetup kSetup{.pdos = kPdos};
+constexpr Pdo kOddOutputs[] = {{0x1601, kGapped}};
+constexpr Pdo kOddInputs[] = {{0x1A01}, {0x1A00, kTwo}};
+constexpr SmPdos kOddPdos[] = {{2, kOddOutputs}, {3, kOddInputs}};
+constexpr SlaveSetup kOddSetup{.pdos = kOddPdos};
 
 TEST_F(EntriesByDictionary, AreFoundAsTheyAreMapped) {
     const std::initializer_list<Names> manners{{}, {"refuses_complete_access"}, {"no_assignment"}};
@@ -66,7 +66,7 @@ TEST_F(EntriesByDictionary, FollowTheListsOfTheApplication) {
     plug_odd({});
     plug_odd({});
     start();
-    ctx.slave(2).config.setup = &kSetup;
+    ctx.slave(2).config.setup = &kOddSetup;
     Output<std::uint16_t> ninth{2, 0x7000, 9};
     Output<std::uint16_t> first{2, 0x7000, 1};
     Input<std::uint16_t> back{2, 0x6000, 9};
