@@ -1,8 +1,11 @@
 // A slave assigns a PDO that its dictionary does not have.
 #include "mailbox/mailbox_bus.hpp"
 
+#include <margay/run.hpp>
+
 #include <algorithm>
 #include <array>
+#include <chrono>
 
 namespace margay {
 namespace {
@@ -12,6 +15,14 @@ class UndescribedPdo : public testing::Test {
     // Before the SII is written, its SyncManager has no length there.
     static void assign(StackSlave& slave, std::uint16_t pdo) {
         subdevice::testing::Values::rx_assign::store(slave.image, pdo);
+    }
+    // PDO 0x1600 becomes 0x1605 in the SII.
+    void rename_in_sii() {
+        auto& sii = bus.segment.slave(0).sii().image();
+        const std::array<std::byte, 2> first{std::byte{0x00}, std::byte{0x16}};
+        const auto found = std::ranges::search(sii, first);
+        ASSERT_FALSE(found.empty());
+        found.front() = std::byte{0x05};
     }
     std::vector<std::string> errors() {
         std::vector<std::string> all;
@@ -74,14 +85,31 @@ TEST_F(UndescribedPdo, InAListWithoutItsEntriesItIsAnError) {
     EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::preop);
 }
 
+// Beside one that is listed with its entries: the size of the list is not known.
+constexpr PdoEntry kTwo[] = {{0x7000, 1, 16}};
+constexpr Pdo kOneOpen[] = {{0x1600, kTwo}, {0x1605}};
+constexpr SmPdos kOneOpenList[] = {{2, kOneOpen}};
+constexpr SlaveSetup kOneOpenSetup{.pdos = kOneOpenList};
+
+TEST_F(UndescribedPdo, BesideAListedOneItIsAnErrorToo) {
+    StackSlave& slave = bus.add_stack();
+    assign(slave, 0x1605);
+    bus.start();
+    bus.ctx->slave(1).config.setup = &kOneOpenSetup;
+    bus.ctx->slave(1).config.fixed_pdos = true;
+    const auto mapped = config_map(*bus.ctx, image);
+    EXPECT_EQ(bus.words(mapped.error()),
+              "slave 1: configuring PDOs of 0x1605:0: neither the list nor the slave says which entries the PDO has");
+    EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 0U) << "not the 16 bits of the other one alone";
+    EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::preop);
+    EXPECT_FALSE(reach(*bus.ctx, AlState::op, std::chrono::seconds(1)).ok());
+    EXPECT_FALSE(all_right(*bus.ctx));
+}
+
 // A list names its PDOs, so that the SII may describe them.
 TEST_F(UndescribedPdo, InAListItIsTakenFromTheSii) {
     StackSlave& slave = bus.add_stack();
-    auto& sii = bus.segment.slave(0).sii().image();
-    const std::array<std::byte, 2> first{std::byte{0x00}, std::byte{0x16}};  // PDO 0x1600 becomes 0x1605 there
-    const auto found = std::ranges::search(sii, first);
-    ASSERT_FALSE(found.empty());
-    found.front() = std::byte{0x05};
+    rename_in_sii();
     assign(slave, 0x1605);
     bus.start();
     bus.ctx->slave(1).config.setup = &kOpenSetup;
@@ -91,6 +119,17 @@ TEST_F(UndescribedPdo, InAListItIsTakenFromTheSii) {
               "invalid output mapping)")
         << "as its firmware does not know the PDO";
     EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 32U);
+}
+
+TEST_F(UndescribedPdo, BesideAListedOneItIsTakenFromTheSiiToo) {
+    StackSlave& slave = bus.add_stack();
+    rename_in_sii();
+    assign(slave, 0x1605);
+    bus.start();
+    bus.ctx->slave(1).config.setup = &kOneOpenSetup;
+    bus.ctx->slave(1).config.fixed_pdos = true;
+    EXPECT_FALSE(config_map(*bus.ctx, image).ok()) << "its firmware does not know the PDO";
+    EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 48U) << "16 of the list and 32 of the SII";
 }
 
 }  // namespace
