@@ -117,8 +117,8 @@ class Bus {
     void refresh_facts(Time now);
     // The number of the slave at this place of the ring, the first is 0; 0: there is none. Any thread.
     [[nodiscard]] std::uint16_t number_at(std::uint16_t position);
-    // What a program calls the slave of an error: "position 5". Empty: it is missing at no place of its own, or the error
-    // is that of no slave. Any thread.
+    // What a program calls the slave of an error: "position 5". Empty: it is missing at no place of its own, or the
+    // error is that of no slave. Any thread.
     [[nodiscard]] std::string place_of(const Error& error);
     [[nodiscard]] bool slave_at(std::uint16_t position, Slave& copy);
     // The place in the ring, from 1 on, of the first slave with the alias; 0: there is none.
