@@ -316,10 +316,7 @@ Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Sla
 Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint64_t value) {
     std::array<std::byte, 8> bytes{};
     store_le<std::uint64_t>(bytes, 0, value);
-    Datagram write(station.engine.link(), Command::FPWR, {station.address, r.address}, Bytes(bytes).first(r.length));
-    auto reply = co_await write;
-    const Error error = error_of_reply(station, reply, kClockStep, r.address);
-    if (error.code != Errc::none) co_return error;
+    co_await required(write_bytes(station, r.address, Bytes(bytes).first(r.length), kClockStep));
     co_return Nothing{};
 }
 

@@ -39,11 +39,11 @@ void store(MutableBytes bytes, const ProcessSm& sm, Fed fed) {
 Task<Result<>> write_sync_managers(Station station, const Slave& slave, Fed fed) {
     for (const ProcessSm& sm : slave.config.used_sms()) {
         const wire::Register place = reg::sync_manager(sm.number);
-        std::array<std::byte, 1> off{};
         std::array<std::byte, reg::kSyncManagerStride> bytes{};
         store(bytes, sm, fed);
         const auto activate = static_cast<std::uint16_t>(place.address + wire::SyncManagerLayout::activate::offset);
-        Datagram switch_off(station.engine.link(), wire::Command::FPWR, {station.address, activate}, Bytes(off));
+        Datagram switch_off(station.engine.link(), wire::Command::FPWR, {station.address, activate},
+                            Bytes(kClearedRegisters).first(1));
         Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, place.address}, Bytes(bytes));
         co_await together(switch_off, write_all);
         Error error = error_of_reply(station, switch_off, kStep, activate);
@@ -86,10 +86,8 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     if (refused.code != Errc::none) co_return refused;
     const std::size_t count = fmmu_count(slave);
     if (count == 0) co_return Nothing{};
-    Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
-                       Bytes(bytes).first(count * reg::kFmmuStride));
-    auto reply = co_await write_all;
-    co_return error_of_reply(station, reply, kStep, reg::kFmmuBase);
+    co_await required(write_bytes(station, reg::kFmmuBase, Bytes(bytes).first(count * reg::kFmmuStride), kStep));
+    co_return Nothing{};
 }
 
 // Converts a time to units of the watchdogs, rounded up.

@@ -90,10 +90,7 @@ void name_command(Error& error, const Slave& slave, const StartupCommand& comman
 }
 
 Task<Result<>> write_register_of(Station station, const StartupCommand& command) {
-    Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, command.index}, command.octets());
-    auto reply = co_await write;
-    const Error error = error_of_reply(station, reply, Step::none, command.index);
-    if (error.code != Errc::none) co_return error;
+    co_await required(write_bytes(station, command.index, command.octets(), Step::none));
     co_return Nothing{};
 }
 
