@@ -119,7 +119,7 @@ class ImageWriter {
         before_ = std::move(before.octets);
         plan();
         if (!write_all()) {
-            restore();
+            if (!refused_) restore();
             return std::move(report_);
         }
         auto error = report_.different != 0 ? eeprom_.keep() : std::string();
@@ -172,6 +172,11 @@ class ImageWriter {
             auto written = eeprom_.write(steps_[done_].word, run);
             done_ += written.words;
             report_.written = std::min(done_, report_.different);
+            refused_ = written.refused && done_ == 0;
+            if (refused_) {
+                report_.error = written.error;
+                return false;
+            }
             if (!written.error.empty()) {
                 report_.error = fmt::format("it is uncertain whether word 0x{:04x} was written: {}", steps_[done_].word,
                                             written.error);
@@ -260,6 +265,7 @@ class ImageWriter {
     const Progress& progress_;
     std::vector<std::byte> before_;
     std::vector<Step> steps_;
+    bool refused_ = false;  // before the first word
     std::size_t done_ = 0;  // number of finished steps; the last of them can be in doubt
     WriteReport report_;
 };

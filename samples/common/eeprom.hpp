@@ -17,6 +17,7 @@ class Eeprom {
     struct Written {
         std::size_t words = 0;  // number of words, from the first one, that were written and read back
         std::string error{};
+        bool refused = false;  // the application in between has asked the slave for nothing
     };
 
     virtual ~Eeprom() = default;

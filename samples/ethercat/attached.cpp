@@ -89,8 +89,9 @@ Answer<Octets> AttachedSession::ask(Operation operation, const attach::Arguments
     if (reply.ok()) return std::move(reply.payload);
     // All texts come from another program: a terminal gets no control characters of theirs.
     if (reply.status == attach::Status::refused)
-        return Problem{samples::words_of_slave(reply.text),
-                       reply.broken ? samples::exit_code::kSystem : samples::exit_code::kSegment};
+        return Problem{.text = samples::words_of_slave(reply.text),
+                       .code = reply.broken ? samples::exit_code::kSystem : samples::exit_code::kSegment,
+                       .refused = !reply.broken};
     return problem_of(reply.error, reply.text);
 }
 

@@ -29,6 +29,7 @@ namespace margay::ethercat {
 struct Problem {
     std::string text{};
     int code = samples::exit_code::kSegment;
+    bool refused = false;  // by the application that serves the socket: it has not asked the slave
 };
 
 // A value, or a problem.

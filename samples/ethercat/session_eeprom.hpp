@@ -26,6 +26,7 @@ class SessionEeprom final : public samples::Eeprom {
                 session_.write_sii(position_, word + static_cast<std::uint32_t>(written.words), octets.first(2));
             if (done) continue;
             written.error = said(done);
+            written.refused = done.problem().refused;
             break;
         }
         return written;

@@ -37,6 +37,8 @@ struct Cable {
     bool broken = false;  // of a ring: there is no link
     Health health = Health::good;
 
+    // A counter ends at 255.
+    [[nodiscard]] bool may_be_more() const { return std::max(near_counts.damaged, far_counts.damaged) >= 255; }
     [[nodiscard]] unsigned damaged() const { return near_counts.damaged + far_counts.damaged; }
     [[nodiscard]] unsigned symbols() const { return near_counts.symbols + far_counts.symbols; }
     // Both ends count the same interruption.

@@ -377,7 +377,8 @@ class Judge {
             if (cable.damaged() != 0) worst.push_back(&cable);
         std::ranges::stable_sort(worst, std::greater<>(), [](const Cable* cable) { return cable->damaged(); });
         for (std::size_t n = 0; n < std::min(worst.size(), kSentences); ++n)
-            text += fmt::format("; {} damaged {}", cable_text(*worst[n]), counted(worst[n]->damaged(), "frame"));
+            text += fmt::format("; {} damaged {}{}", cable_text(*worst[n]), worst[n]->may_be_more() ? "at least " : "",
+                                counted(worst[n]->damaged(), "frame"));
         const auto faults =
             static_cast<std::size_t>(std::ranges::count(judgement_.verdicts, Severity::fault, &Verdict::severity));
         const auto remarks =

@@ -43,6 +43,7 @@ struct FaultyEeprom final : Eeprom {
         for (; done.words < data.size() / 2; ++done.words) {
             const auto at = word + done.words;
             if (words_written >= lost_after_words) return {done.words, "no answer"};
+            if (read_only) return {.words = done.words, .error = "reading only", .refused = true};
             if (at == refused_word) return {done.words, "refused"};
             if (at != forgotten_word) {
                 const auto place = at * 2 % octets.size();
@@ -68,6 +69,7 @@ struct FaultyEeprom final : Eeprom {
     std::uint32_t forgotten_word = kNever;
     std::string keep_error;
     int kept = 0;
+    bool read_only = false;
 };
 
 std::size_t different_words(Bytes a, Bytes b) {
@@ -114,6 +116,18 @@ TEST(EepromWrite, LeavesTheRestOfALargerEeprom) {
     ASSERT_TRUE(write_eeprom(eeprom, wanted, no_progress()).verified);
     EXPECT_TRUE(std::equal(wanted.begin(), wanted.end(), eeprom.octets.begin()));
     EXPECT_TRUE(std::equal(before.begin() + 1024, before.end(), eeprom.octets.begin() + 1024));
+}
+
+// Nothing is in doubt, and nothing has to be restored.
+TEST(EepromWrite, AnApplicationThatRefusesEverythingIsNoFailedWrite) {
+    FaultyEeprom eeprom(std::vector<std::byte>(1024, std::byte{0xFF}));
+    eeprom.read_only = true;
+    const auto report = write_eeprom(eeprom, image(2), no_progress());
+    EXPECT_EQ(report.error, "reading only");
+    EXPECT_EQ(report.left, "");
+    EXPECT_EQ(report.written, 0U);
+    EXPECT_FALSE(report.verified);
+    EXPECT_EQ(eeprom.kept, 0);
 }
 
 TEST(EepromWrite, ARefusedWordEndsIt) {
