@@ -253,6 +253,11 @@ class Recording {
                               " packets were taken for copies that come by late; where an index comes anew so soon, "
                               "they are frames that are missing here: record a pcapng file with an interface for each "
                               "place";
+        if (ring.seen_twice() >= kFew)
+            analysis.remark += (analysis.remark.empty() ? "" : "; ") + std::to_string(ring.seen_twice()) +
+                               " packets were there again soon at their interface: if it shows several places of the "
+                               "ring, requests, losses and working counters are wrong; record a pcapng file with an "
+                               "interface for each place";
         if (order.steps_back != 0)
             analysis.remark +=
                 (analysis.remark.empty() ? "" : "; ") + order_text(order.steps_back, order.first) + sorted_text();

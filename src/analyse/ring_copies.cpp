@@ -144,6 +144,9 @@ void RingCopies::sent_or_seen_again(std::size_t copy, std::uint32_t interface, M
     Flights& flights = flights_[index_of(packet)];
     for (Flight& flight : flights) {
         const Held& before = flight.sent[copy];
+        if (by_interface && (flight.seen_at[copy] & place) != 0 && when.at - before.when.at < kLongAfter &&
+            std::ranges::equal(before.bytes, packet))
+            ++seen_twice_;
         if (!before.there() || opened_ - flight.number >= kRepeatedWithin ||
             (copy == 0 && when.at - before.when.at >= kBeforeRepetition) ||
             (by_interface && (flight.seen_at[copy] & place) != 0) || !are_of_one_frame(before.bytes, packet))
@@ -209,6 +212,7 @@ void RingCopies::received(std::size_t copy, bool crossed, Moment when, Bytes pac
     const auto youngest = std::find_if(flights.rbegin(), flights.rend(), awaits);
     if (!processed || youngest == flights.rend()) {
         ++merged_;
+        if (processed && !has_directions_ && take_farther(flights, copy, when, packet)) return;
         if (processed || !crossed || youngest == flights.rend()) return;
         youngest->untouched[copy] = true;
         return settle_if_complete(*youngest);
@@ -223,6 +227,19 @@ void RingCopies::received(std::size_t copy, bool crossed, Moment when, Bytes pac
     }
     flight.reply = enqueue({.when = when, .waits = true});
     settle_if_complete(flight);
+}
+
+// A tap between the slaves sees a copy before all slaves of its way have processed it.
+bool RingCopies::take_farther(Flights& flights, std::size_t copy, Moment when, Bytes packet) {
+    const auto before = std::find_if(flights.rbegin(), flights.rend(), [&](const Flight& flight) {
+        return !flight.over && flight.came[copy].there() && are_of_one_frame(flight.came[copy].bytes, packet) &&
+               counters_of(flight.came[copy].bytes) < counters_of(packet);
+    });
+    if (before == flights.rend()) return false;
+    before->came[copy].keep(when, packet);
+    place(before->reply).waits = false;
+    before->reply = enqueue({.when = when, .waits = true});
+    return true;
 }
 
 void RingCopies::settle_if_complete(Flight& flight) {

@@ -36,6 +36,9 @@ class RingCopies {
     // Without directions and interfaces: copies that came by again long after the reply. They may be other frames,
     // whose index came anew so soon.
     [[nodiscard]] std::uint64_t seen_late() const { return seen_late_; }
+    // Without directions: packets that an interface has recorded again soon. Then it shows several places of the ring,
+    // or a master sends the same frame with the same index again so soon.
+    [[nodiscard]] std::uint64_t seen_twice() const { return seen_twice_; }
 
   private:
     struct Held {
@@ -78,6 +81,8 @@ class RingCopies {
     Flight& open(Flights& flights, Moment when);
     // Passes the frame on if nothing more is expected to come back.
     void settle_if_complete(Flight& flight);
+    // The copy was there before, and more slaves have processed it since. False: it was not.
+    bool take_farther(Flights& flights, std::size_t copy, Moment when, Bytes packet);
     void settle(Flight& flight);
     void note_head(const Flight& flight);
     // The copy that is the whole reply although the other one came back too; 2: both are parts.
@@ -106,6 +111,7 @@ class RingCopies {
     std::uint64_t merged_ = 0;
     std::uint64_t interfaces_ = 0;  // that were seen
     std::uint64_t seen_late_ = 0;   // see seen_late()
+    std::uint64_t seen_twice_ = 0;  // see seen_twice()
 };
 
 }  // namespace margay::analyse

@@ -304,6 +304,36 @@ TEST_F(AnalyseFile, ARingWithoutDirectionsIsOneMaster) {
     }
 }
 
+// Between the slaves, one copy has passed a part of them, and the other one comes by again.
+std::vector<Packet> ring_of_taps_with_middle(std::uint32_t interface) {
+    auto packets = ring_of_taps(90, false);
+    for (int n = 0; n < 90; ++n) {
+        auto first = cycle_frame(1, true, static_cast<std::uint8_t>(n));
+        store_le<std::uint16_t>(MutableBytes(first), first.size() - 2, 1);
+        packets.push_back({1ms * n + 20us, first, {.interface = interface}});
+        packets.push_back(
+            {1ms * n + 25us, cycle_frame(2, false, static_cast<std::uint8_t>(n)), {.interface = interface}});
+    }
+    return in_order(packets);
+}
+
+TEST_F(AnalyseFile, ATapInTheMiddleOfARingBesideItsNicsChangesNothing) {
+    for (const auto& path : {pcapng(ring_of_taps_with_middle(2)), pcap(ring_of_taps_with_middle(2))}) {
+        const auto a = analyse_file(path);
+        expect_ring_of_taps(a);
+        EXPECT_EQ(a.frames.shortest_trip, 40us);
+    }
+}
+
+TEST_F(AnalyseFile, AnInterfaceWithSeveralPlacesOfARingIsSaid) {
+    auto packets = ring_of_taps_with_middle(1);
+    for (auto& p : packets)
+        if (p.at % 1ms != 20us && p.at % 1ms != 25us) p.origin.interface = 0;
+    EXPECT_NE(analyse_file(pcapng(packets)).remark.find("90 packets were there again soon at their interface"),
+              std::string::npos)
+        << analyse_file(pcapng(packets)).remark;
+}
+
 // The copy at the break was sent into the whole ring, and the other one behind it into the broken one.
 TEST_F(AnalyseFile, ACopyThatHasPassedTheWholeRingIsTheReplyAlone) {
     auto packets = ring_of_taps(90, true);
