@@ -38,8 +38,9 @@
 // ring. Their delays change with each break. So the frames bring no clock a time after a break or a repair
 // (Group::dc_time has 1 slave), until the SuperviseRequest has written the delays: some rounds of its clock
 // supervision. The frames that were on the wire at the break still bring the time by the old way: one, or with
-// overlapping cycles several, after which clocks in sync may be up to some microseconds away for some tens of
-// milliseconds until SlaveClock::in_sync is false. If the time that the master had sent has disturbed clocks behind a
+// overlapping cycles several, after which clocks may be up to some microseconds away for some tenths of a second. So
+// these clocks are not in sync from the next poll() on until they were compared again; until it is known where the ring
+// is broken, no clock but the reference clock is. If the time that the master had sent has disturbed clocks behind a
 // break, or they had no power, they are not in sync until the ring is whole. A reference clock behind a break stays the
 // reference until then, although a clock before it is back, and the clocks at the other side of the break are not in
 // sync. Beside a break at a slave without receive times, the delays of the nearest slave with receive times are used,

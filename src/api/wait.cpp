@@ -166,6 +166,7 @@ Time poll(Context& ctx, Time now) {
         queued = serve_queue(*master, now);
         next = network.engine.poll(now);
     }
+    if (network.redundancy != nullptr) network.redundancy->note_change(network);
     if (std::exchange(network.supervision_ended, false)) {
         Event ended{.kind = EventKind::unsupervised};
         ended.error = network.supervision_error;

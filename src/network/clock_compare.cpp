@@ -33,9 +33,11 @@ std::uint32_t times_since_last_round(Network& network) {
     return sent;
 }
 
-// The second reference, and all clocks that follow it, are out of the limit.
-bool is_led_away(const Clocks& clocks, const FollowedClock& followed) {
-    return followed.slave != 0 && std::abs(followed.ahead_ns) + followed.moves_ns > clocks.settings.limit_ns;
+// The second reference, and all clocks that follow it, are out of the limit; or it is not known to be within it.
+bool is_led_away(const Clocks& clocks, const Slave& slave, const FollowedClock& followed) {
+    if (followed.slave == 0 || followed.slave == clocks.reference) return false;
+    const bool by_another = followed.slave != slave.number && !clocks.entries[followed.slave - 1U].is_in_step();
+    return by_another || std::abs(followed.ahead_ns) + followed.moves_ns > clocks.settings.limit_ns;
 }
 
 }  // namespace
@@ -162,7 +164,7 @@ bool note_reach(Network& network, Slave& slave) {
         network.report({.kind = EventKind::clock_not_reached, .slave = slave.number, .other = chosen});
     clock.out_of_reach = before;
     if (before || unseen) network.clocks.begin_cycles = begin_by_reading;
-    if (before || unseen) clock.synchronised = clock.in_sync = false;
+    if (before || unseen) clock.synchronised = clock.in_sync = clock.misled = false;
     return before || unseen;
 }
 
@@ -210,7 +212,7 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
         if (!is_there(slave)) {
             clock.lose_sync();  // the clocks that are there may be in sync
             clock.told_in_sync = false;
-        } else if (alone || clock.delay_old || unknown || is_led_away(clocks, followed)) {
+        } else if (alone || clock.delay_old || unknown || is_led_away(clocks, slave, followed)) {
             clocks.lose_sync(slave);
         }
     }

@@ -387,7 +387,7 @@ Task<Result<bool>> is_near(Network& network, Slave& slave) {
     if (!clock.synchronised || network.clocks.reference == slave.number) co_return true;
     if (reference.al.state == AlState::none) co_return true;  // nothing to compare with
     const bool watched = network.clocks.settings.watch_interval > Duration{0};
-    if (!watched || (!clock.in_sync && !clock.knows_difference())) {
+    if (!watched || (!clock.is_in_step() && !clock.knows_difference())) {
         const auto ahead = co_await required(measure_ahead(network, slave, reference));
         co_return std::abs(ahead) <= kNear_ns;
     }

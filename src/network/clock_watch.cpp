@@ -151,7 +151,9 @@ void note_difference(Network& network, const Slave& slave) {
     const bool away = std::abs(std::int64_t{difference}) > limit.limit_ns;
     const bool out = change == SyncWatch::Change::out_of_sync || (clock.told_in_sync && !clock.in_sync && away);
     const bool in = change == SyncWatch::Change::in_sync;
-    if (!in && !out) return;
+    const bool was_misled = clock.misled;
+    if (in || away) clock.misled = false;
+    if ((!in && !out) || (in && was_misled)) return;
     clock.told_in_sync = in;
     network.report({.kind = in ? EventKind::clock_in_sync : EventKind::clock_out_of_sync,
                     .slave = slave.number,

@@ -54,6 +54,7 @@ struct ClockEntry : SlaveClock {
     bool delay_waits : 1 = false;  // the register of the slave may have another delay (network/ring_ways.cpp)
     bool delay_old : 1 = false;    // the frames go another way than when it was measured, see find_old_delays()
     bool knows_rate : 1 = false;   // it was in sync since its control loop was started
+    bool misled : 1 = false;  // it was in sync until a frame has perhaps brought it a wrong time, see note_change()
     bool in_ring : 1 = false;      // these two: see `ring_slave`
     bool beside : 1 = false;  // while the ring is whole, only the copy that the head does not send reaches the slave
     bool out_of_reach : 1 = false;  // see note_reach()
@@ -71,10 +72,12 @@ struct ClockEntry : SlaveClock {
     std::int32_t return_ns = 0;    // and from the processing unit until it has left towards the head
     // The register with the difference is a mean of 16 comparisons: with fewer, it shows what was before.
     static constexpr std::uint8_t kTimesOfMean = 32;
+    // As far as it is known: good enough for what is compared with it next.
+    [[nodiscard]] bool is_in_step() const { return in_sync || misled; }
     [[nodiscard]] bool knows_difference() const { return follows != 0 && times_seen >= kTimesOfMean; }
     // It is in sync again when it is compared.
     void lose_sync() {
-        in_sync = false;
+        in_sync = misled = false;
         watch.reset();
         times_seen = 0;
     }

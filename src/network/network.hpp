@@ -61,6 +61,8 @@ class RedundancyPart {
   public:
     // Reports what has changed since the last call, and notes at which end each slave hangs.
     virtual void watch(Network& network) = 0;
+    // The same for the clocks, in each poll: those that frames may have misled since are not in sync.
+    virtual void note_change(Network& network) = 0;
     // An error when the NICs are connected wrongly.
     [[nodiscard]] virtual Error check() const = 0;
     // At which end of the ring its places are, for find_topology().

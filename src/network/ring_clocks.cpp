@@ -305,7 +305,8 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
         co_await required(reset_control_loop(network.station(network.slave(second))));
     }
     const bool disturbed = std::abs(std::int64_t{clock.difference_ns}) > network.clocks.settings.limit_ns / 2;
-    if ((restarted || runs_away || disturbed) && second == second_) distrust_second_part(network);
+    const bool leads_away = !is_in_step(network) && !parts().whole;
+    if ((restarted || runs_away || disturbed || leads_away) && second == second_) distrust_second_part(network);
     co_return Nothing{};
 }
 
@@ -336,7 +337,7 @@ Task<Result<>> RingWatch::follow_reference(Network& network) {
 
 // Before the first comparison.
 bool RingWatch::is_in_step(const Network& network) const {
-    return second_ != 0 && (network.clocks.entries[second_ - 1U].in_sync || comparison_ == Comparison::taught);
+    return second_ != 0 && (network.clocks.entries[second_ - 1U].is_in_step() || comparison_ == Comparison::taught);
 }
 
 const RingWatch::Constant* RingWatch::known_constant() const {
@@ -396,6 +397,7 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
     }
     if (!is_in_step(network)) {
         const Slave& reference = network.slave(clocks.reference);
+        if (!are_places_new(network)) co_return Nothing{};  // the next differences
         const auto way = co_await measure_way(network, network.slave(second), reference);
         // The ring changes now, or there is another second reference: the next differences tell.
         if (!way && way.error().code == Errc::unstable) co_return Nothing{};
@@ -412,9 +414,14 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
 }
 
 // A branch behind the break is lost, or back: the way of the second copy is another one, and the constant too.
-bool RingWatch::behind_has_changed() {
+bool RingWatch::end_constant(Network& network) {
     const std::uint16_t behind = ring_.reached_by(1 - ring_.head());
-    return ring_.counts_are_new() && behind != 0 && std::exchange(compared_behind_, behind) != behind;
+    const bool known = ring_.counts_are_new() && behind != 0;
+    if (!known || std::exchange(compared_behind_, behind) == behind) return false;
+    if (comparison_ == Comparison::known) comparison_ = Comparison::unknown;
+    first_ = {};
+    use_known_constant(network);
+    return true;
 }
 
 // One step of the controller of the second reference.
@@ -422,12 +429,7 @@ Task<Result<>> RingWatch::steer(Network& network) {
     constexpr std::uint32_t kEnough = 16;
     const PartDifference seen = ring_.take_difference();
     if (rounds_deaf_ < UINT8_MAX) ++rounds_deaf_;
-    if (behind_has_changed()) {
-        if (comparison_ == Comparison::known) comparison_ = Comparison::unknown;
-        first_ = {};
-        use_known_constant(network);
-        co_return Nothing{};
-    }
+    if (end_constant(network)) co_return Nothing{};
     if (seen.count == 0) co_return Nothing{};
     rounds_deaf_ = 0;
     if (!is_steered()) {

@@ -180,6 +180,17 @@ bool RingWatch::is_behind_front(Network& network, const Slave& slave) const {
     return on_the_way(network.seen_ring(), read.front, slave.ring_position) >= first_behind_;
 }
 
+// Whether the places that were read last belong to the ring as the frames see it now: else nobody knows at which side
+// of the break a slave is.
+bool RingWatch::are_places_new(Network& network) const {
+    const RingParts now = parts();
+    const RingParts read = network.parts_read;
+    if (now.whole) return read.whole;
+    const std::size_t seen = std::size_t{ring_.reached_by(0)} + ring_.reached_by(1);
+    if (!ring_.counts_are_new() || seen != network.ring_count) return false;
+    return read.whole ? first_behind_ != 0 && front_of_break_ == now.front : read.front == now.front;
+}
+
 Event RingWatch::find_break(Network& network, std::size_t front, std::size_t behind) const {
     Event event{.kind = EventKind::ring_broken};
     if (find_neighbours(network, first_behind_, event)) return event;
@@ -226,6 +237,8 @@ void RingWatch::report_fault(Network& network, CablingFault fault) {
 }
 
 void RingWatch::watch(Network& network) {
+    note_change(network);
+    judge_change(network);
     const RedundancyStatus now = ring_.status();
     report_fault(network, now.fault);
     if (now.fault != CablingFault::none) return;

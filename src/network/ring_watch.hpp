@@ -16,6 +16,7 @@ class RingWatch final : public RedundancyPart {
   public:
     explicit RingWatch(Redundancy& ring) : ring_(ring) {}
     void watch(Network& network) override;
+    void note_change(Network& network) override;
     [[nodiscard]] Error check() const override;
     [[nodiscard]] RingParts parts() const override;
     [[nodiscard]] Task<Result<>> find_beginning(Network& network) override;
@@ -90,9 +91,12 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> teach(Network& network);
     [[nodiscard]] Task<Result<>> teach_beside(Network& network);
     [[nodiscard]] bool find_sides(Network& network);
+    [[nodiscard]] bool is_misled(Network& network, const Slave& slave) const;
+    void judge_change(Network& network);
     void find_first_behind(Network& network, std::size_t front, std::size_t behind);
     [[nodiscard]] bool is_behind_front(Network& network, const Slave& slave) const;
     [[nodiscard]] Event find_break(Network& network, std::size_t front, std::size_t behind) const;
+    [[nodiscard]] bool are_places_new(Network& network) const;
     [[nodiscard]] bool is_behind(Network& network, const Slave& slave) const;
     [[nodiscard]] std::int64_t passes_at_ns(Network& network, const Slave& slave) const;
     [[nodiscard]] Task<Result<>> write_delay(Network& network, Slave& slave, std::int64_t earliest_ns);
@@ -100,7 +104,7 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> steer(Network& network);
     [[nodiscard]] Task<Result<>> find_constant(Network& network);
     void begin_to_steer(Network& network);
-    [[nodiscard]] bool behind_has_changed();
+    bool end_constant(Network& network);
     void use_known_constant(Network& network);
     void distrust_second_part(Network& network);
     [[nodiscard]] const Constant* known_constant() const;
@@ -154,12 +158,14 @@ class RingWatch final : public RedundancyPart {
     std::uint16_t front_end_ = 0;     // the last ring slave that the head reaches; all while the ring is whole
     std::uint16_t behind_begin_ = 0;  // the first ring slave that only the other NIC reaches
     std::uint8_t rounds_unclear_ = 0;
+    bool judges_ = false;  // note_change() has marked clocks, and where the ring is broken is not known yet
     std::uint8_t end_port_ = 0;  // of the slave `end_`
     // The port of the last slave that was closed, and its settings before.
     Time opened_{};
     std::uint16_t last_ = 0;
     std::uint16_t last_control_ = 0;
     std::uint16_t end_ = 0;  // the slave that the second NIC was connected to before the break
+    std::uint16_t noted_ways_ = 0;  // Redundancy::ways() of the last note_change()
 };
 
 }  // namespace margay

@@ -14,6 +14,8 @@
 #include "network/ring_watch.hpp"
 
 #include <algorithm>
+#include <cstdlib>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -88,6 +90,8 @@ void RingWatch::note_ways(Network& network) {
     front_end_ = ring_slaves_;
     behind_begin_ = static_cast<std::uint16_t>(ring_slaves_ + 1);
     ring_.guard_times(has_beside_);
+    noted_ways_ = static_cast<std::uint16_t>(ring_.ways());
+    judges_ = false;
 }
 
 // Where the ring is broken, by the slaves that answer to each copy. False: the counts do not belong to the slaves that
@@ -127,6 +131,50 @@ std::int64_t RingWatch::passes_at_ns(Network& network, const Slave& slave) const
     return std::int64_t{clock.passed_ns} - (behind ? at->return_ns : at->away_ns);
 }
 
+// Whether a frame that was on the wire at the change has brought the slave a wrong time: its register, or that of the
+// clock whose time comes, has the delay of the ways before.
+bool RingWatch::is_misled(Network& network, const Slave& slave) const {
+    const Clocks& clocks = network.clocks;
+    const bool behind = is_behind(network, slave);
+    const std::uint16_t source = behind ? second_ : clocks.reference;
+    if (source == 0 || source == slave.number) return false;
+    const Slave& other = network.slave(source);
+    if (other.al.state == AlState::none || is_behind(network, other) != behind) return true;
+    const std::int64_t now_ns = passes_at_ns(network, slave) - passes_at_ns(network, other);
+    const std::int64_t before_ns = std::int64_t{clocks.entries[slave.number - 1U].delay_ns} -
+                                   std::int64_t{clocks.entries[source - 1U].delay_ns};
+    return std::abs(now_ns - before_ns) > clocks.settings.limit_ns;
+}
+
+// Until it is known where the ring is broken, each clock may be misled: then judge_change() tells which ones are not.
+void RingWatch::note_change(Network& network) {
+    const auto ways = static_cast<std::uint16_t>(ring_.ways());
+    if (std::exchange(noted_ways_, ways) == ways) return;
+    Clocks& clocks = network.clocks;
+    const bool corrected = guessed_ && parts().whole;  // those behind the break get the first time of the reference
+    if (clocks.reference == 0 || (!has_beside_ && !corrected)) return;
+    judges_ = has_beside_;
+    for (ClockEntry& clock : clocks.entries.first(network.count)) {
+        const bool is_safe = has_beside_ ? &clock == &clocks.entries[clocks.reference - 1U]
+                                         : clock.follows == clocks.reference;
+        if (is_safe || !clock.in_sync) continue;
+        clock.in_sync = clocks.all_in_sync = false;
+        clock.misled = true;
+    }
+}
+
+void RingWatch::judge_change(Network& network) {
+    if (!judges_ || !find_sides(network)) return;
+    judges_ = false;
+    if (is_misled(network, network.slave(network.clocks.reference))) return;  // the others are compared with it
+    for (const Slave& slave : network.slaves()) {
+        ClockEntry& clock = network.clocks.of(slave);
+        if (!clock.misled || is_misled(network, slave)) continue;
+        clock.in_sync = true;
+        clock.misled = false;
+    }
+}
+
 Task<Result<>> RingWatch::write_delay(Network& network, Slave& slave, std::int64_t earliest_ns) {
     ClockEntry& clock = network.clocks.of(slave);
     clock.delay_waits |= clock.measured && !clock.synchronised;  // it is being set
@@ -150,6 +198,7 @@ Task<Result<>> RingWatch::arrange(Network& network) {
     constexpr std::uint8_t kMostRounds = 20;  // then the ring is taken for what the counts are nearest to
     const std::uint32_t ways = ring_.ways();
     if (!find_sides(network) && ++rounds_unclear_ < kMostRounds) co_return Nothing{};
+    judges_ = false;  // the registers change now
     std::int64_t earliest = 0;
     for (const Slave& slave : network.slaves())
         if (network.clocks.of(slave).synchronised && is_behind(network, slave))
@@ -161,9 +210,10 @@ Task<Result<>> RingWatch::arrange(Network& network) {
     // In the whole ring, a clock that was away is taught first: until then there is no second reference.
     const std::uint16_t wanted = first_behind(network, false);
     const bool ready = !parts().whole || wanted == second_ || comparison_ == Comparison::taught || wanted == 0 ||
-                       network.clocks.entries[wanted - 1U].in_sync;
+                       network.clocks.entries[wanted - 1U].is_in_step();
     co_await required(change_second(network, ready ? wanted : std::uint16_t{0}));
     if (ring_.ways() != ways) co_return Nothing{};
+    (void)end_constant(network);
     arranged_ = true;
     ring_.release_times();
     co_return Nothing{};

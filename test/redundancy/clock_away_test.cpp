@@ -6,30 +6,11 @@ namespace margay {
 namespace {
 
 struct AwayBus : ClockRingBus {
-    // The limit of ClockSettings, what the register rounds, and what a clock runs until it is read.
-    static constexpr std::int64_t kMost_ns = 400;
-
     void prepare(unsigned slaves) {
         if (ring_cables.empty()) build(slaves, false);
         bring_up();
         (void)cycles(5000);
         (void)events();
-    }
-    // Cycles in which a clock was reported as in sync with the reference clock, and was not.
-    unsigned wrong_cycles(unsigned count) {
-        unsigned wrong = 0;
-        for (unsigned n = 0; n < count; ++n) {
-            (void)cycle();
-            const std::uint16_t reference = reference_clock(*ctx);
-            std::uint16_t s = 1;
-            while (s <= at.size() && (!slave_clock(*ctx, s).in_sync || std::abs(ahead_ns(s, reference)) <= kMost_ns))
-                ++s;
-            if (s <= at.size() && ++wrong == 1)
-                ADD_FAILURE() << "slave " << s << " is in sync and " << ahead_ns(s, reference) << " ns ahead of slave "
-                              << reference << ", cycle " << n << "\n"
-                              << joined(events());
-        }
-        return wrong;
     }
     bool all_in_sync() {
         for (std::uint16_t s = 1; s <= at.size(); ++s)

@@ -73,6 +73,24 @@ struct ClockRingBus : RingBus {
         }
         return most;
     }
+    // The limit of ClockSettings, what the register rounds, and what a clock runs until it is read.
+    static constexpr std::int64_t kMost_ns = 400;
+    // Cycles in which a clock was reported as in sync with the reference clock, and was not.
+    unsigned wrong_cycles(unsigned count) {
+        unsigned wrong = 0;
+        for (unsigned n = 0; n < count; ++n) {
+            (void)cycle();
+            const std::uint16_t reference = reference_clock(*ctx);
+            std::uint16_t s = 1;
+            while (s <= at.size() && (!slave_clock(*ctx, s).in_sync || std::abs(ahead_ns(s, reference)) <= kMost_ns))
+                ++s;
+            if (s <= at.size() && ++wrong == 1)
+                ADD_FAILURE() << "slave " << s << " is in sync and " << ahead_ns(s, reference) << " ns ahead of slave "
+                              << reference << ", cycle " << n << "\n"
+                              << joined(events());
+        }
+        return wrong;
+    }
     std::uint64_t pulses(std::uint16_t slave) {
         segment.advance(osal.now());
         return segment.slave(at[slave - 1U]).sync().pulses(0);

@@ -1,0 +1,65 @@
+// A change of the ring brings some clocks a wrong time: from the first cycle on they are not in sync. And what the
+// library then measures belongs to the ring as it is.
+#include "redundancy/clock_ring.hpp"
+
+namespace margay {
+namespace {
+
+struct Misled : testing::Test, ClockRingBus {
+    void in_op(unsigned count) {
+        EXPECT_EQ(wrong_cycles(count), 0U);
+        ASSERT_TRUE(until_all_in_op(10'000)) << joined(events());
+    }
+    // The ring is whole again.
+    void comes_together(std::size_t cable_number) {
+        cable(ring_cables[cable_number], true);
+        EXPECT_EQ(wrong_cycles(3000), 0U);
+        for (std::uint16_t s = 1; s <= at.size(); ++s) EXPECT_TRUE(slave_clock(*ctx, s).in_sync) << s;
+        EXPECT_LE(cycles(300), 100) << joined(events());
+    }
+};
+
+// Behind the break at cable 7 the clocks have no second reference yet when the ring breaks nearer to the head, too. The
+// slaves between come back before their places in the ring are read again.
+TEST_F(Misled, TheBreakMovesBeforeTheClocksAreCompared) {
+    for (unsigned n = 0; n < 9; ++n) {
+        const std::uint32_t here = add_to_ring(nth(n));
+        if (n == 7) (void)add_behind(here, 3, nth(50));
+    }
+    close_ring();
+    bring_up();
+    for (const unsigned wait : {10U, 26U, 60U}) {
+        SCOPED_TRACE(wait);
+        cable(ring_cables[6], false);
+        EXPECT_EQ(wrong_cycles(wait), 0U);
+        cable(ring_cables[3], false);
+        EXPECT_EQ(wrong_cycles(38), 0U);
+        cable(ring_cables[3], true);
+        in_op(1000);
+        comes_together(6);
+    }
+}
+
+// The frame that was on the wire at each break and each repair has brought some of them a time by the old way.
+TEST_F(Misled, ClocksBesideTheRing) {
+    std::vector<std::uint32_t> ring;
+    for (unsigned n = 0; n < 8; ++n) ring.push_back(add_to_ring(nth(n)));
+    (void)add_behind(ring[6], 2, nth(50));
+    (void)add_behind(add_behind(ring[2], 2, nth(51)), 1, nth(52));
+    close_ring();
+    at = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
+    bring_up();
+    for (std::size_t n = 0; n < ring_cables.size(); ++n) {
+        SCOPED_TRACE(n);
+        cable(ring_cables[n], false);
+        EXPECT_EQ(wrong_cycles(1500), 0U);
+        // The reference is behind the first break. Before the last two, no slave answers to the copy with the time of
+        // the second reference: what is behind them has taken what the master has sent.
+        const bool is_known = n > 0 && n < 7;
+        for (std::uint16_t s = 1; s <= 8 && is_known; ++s) EXPECT_TRUE(slave_clock(*ctx, s).in_sync) << s;
+        comes_together(n);
+    }
+}
+
+}  // namespace
+}  // namespace margay
