@@ -87,6 +87,8 @@ std::string SegmentServer::open_ends(const ServerOptions& options) {
     const bool ring = simulated_->segment.master_link(1);
     if (end_count_ == 2) {
         ends_[1].name = options.interface.substr(plus + 1);
+        if (ends_[1].name.find('+') != std::string::npos)
+            return fmt::format("'{}': a ring has two ends, and these are more than two interfaces", options.interface);
         if (ends_[0].name.empty() || ends_[1].name.empty())
             return fmt::format("'{}': the name of an interface is missing beside '+'", options.interface);
         if (ends_[0].name == ends_[1].name)

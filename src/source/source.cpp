@@ -110,6 +110,8 @@ class SourceOpener {
     std::string open_interface(const std::string& names, bool wait) {
         const auto plus = names.find('+');
         const bool ring = plus != std::string::npos;
+        if (ring && names.find('+', plus + 1) != std::string::npos)
+            return "'" + names + "': a ring has two ends, and these are more than two interfaces";
         const auto first = parse_interface(names.substr(0, plus));
         const auto other = ring ? parse_interface(names.substr(plus + 1)) : InterfaceText();
         if (ring && (first.name.empty() || other.name.empty()))

@@ -72,6 +72,7 @@ TEST_F(SourceTest, TwoInterfaces) {
     EXPECT_NE(error_of("eth0+").find("the name of an interface is missing"), std::string::npos);
     EXPECT_NE(error_of("+eth0").find("the name of an interface is missing"), std::string::npos);
     EXPECT_NE(error_of("eth0+eth0").find("both interfaces are the same"), std::string::npos);
+    EXPECT_NE(error_of("eth0+eth1+eth2").find("more than two interfaces"), std::string::npos);
     EXPECT_NE(error_of("no-such-if+eth0").find("there is no interface \"no-such-if\""), std::string::npos);
 }
 
