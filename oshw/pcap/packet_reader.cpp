@@ -1,6 +1,7 @@
 #include "oshw/pcap/packet_reader.hpp"
 
 #include <pcap/pcap.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -33,7 +34,8 @@ std::string name_of_link_type(int type) {
 // The number of the link type is that of libpcap for all but a few types, which have no name then.
 std::string words_of(const LeftOutInterface& interface) {
     std::string name;
-    for (const char c : interface.name) name += c < ' ' || c == 0x7F ? '?' : c;
+    constexpr std::size_t kMostName = 64;
+    for (const char c : interface.name.substr(0, kMostName)) name += c < ' ' || c >= 0x7F ? '?' : c;
     return "interface " + std::to_string(interface.number) + " (" + (name.empty() ? "" : name + ", ") + "link type " +
            name_of_link_type(interface.link_type) + ", " + std::to_string(interface.packets) +
            (interface.packets == 1 ? " packet)" : " packets)");
@@ -68,8 +70,10 @@ Result<> PacketReader::open(const std::string& path) {
     cut_off_.clear();
     number_ = untimed_ = 0;
     first_.reset();
+    first_is_left_out_ = false;
     last_ = Duration();
-    PcapngReader::File from(std::fopen(path == "-" ? "/dev/stdin" : path.c_str(), "rbe"), &std::fclose);
+    PcapngReader::File from(path == "-" ? ::fdopen(::dup(STDIN_FILENO), "rb") : std::fopen(path.c_str(), "rbe"),
+                            &std::fclose);
     if (!from) return fail("it cannot be read (" + path + ": " + std::strerror(errno) + ")");
     if (!is_pcapng(from.get())) return open_pcap(std::move(from));
     blocks_.emplace(std::move(from));
@@ -91,8 +95,13 @@ std::optional<CapturedPacket> PacketReader::next() {
     return blocks_ ? next_of_pcapng() : next_of_pcap();
 }
 
-std::optional<Duration> PacketReader::time_of(std::uint64_t seconds, std::int64_t nanoseconds) {
+std::optional<Duration> PacketReader::time_of(std::uint64_t seconds, std::int64_t nanoseconds, bool is_ethernet) {
+    constexpr std::uint64_t kLongest = kLongestSeconds;
+    // An interface that is left out may have another clock: then the first Ethernet packet begins.
+    if (first_ && first_is_left_out_ && is_ethernet && seconds - first_->seconds + kLongest > 2 * kLongest)
+        first_.reset();
     if (!first_) first_ = Time{seconds, nanoseconds};
+    first_is_left_out_ = !is_ethernet;
     // Unsigned arithmetic, because a damaged time stamp may have any value.
     const auto since = static_cast<std::int64_t>(seconds - first_->seconds);
     if (since < -kLongestSeconds || since > kLongestSeconds) {
@@ -116,7 +125,7 @@ std::optional<CapturedPacket> PacketReader::next_of_pcap() {
     if (got == 1) {
         ++number_;
         // With nanosecond precision, the field of microseconds counts nanoseconds.
-        const auto at = time_of(static_cast<std::uint64_t>(header->ts.tv_sec), header->ts.tv_usec);
+        const auto at = time_of(static_cast<std::uint64_t>(header->ts.tv_sec), header->ts.tv_usec, true);
         if (!at) return std::nullopt;
         return CapturedPacket{*at, number_, std::as_bytes(std::span(data, header->caplen)), header->len, {}};
     }
@@ -133,7 +142,7 @@ std::optional<CapturedPacket> PacketReader::next_of_pcapng() {
         ++number_;
         if (!packet->timed)
             untimed_ += packet->ethernet ? 1 : 0;
-        else if ((packet->ethernet || !first_) && !time_of(packet->seconds, packet->nanoseconds))
+        else if ((packet->ethernet || !first_) && !time_of(packet->seconds, packet->nanoseconds, packet->ethernet))
             return std::nullopt;
         if (packet->ethernet)
             return CapturedPacket{last_, number_, packet->bytes, packet->length_on_wire, packet->origin};

@@ -68,7 +68,7 @@ class PacketReader {
     [[nodiscard]] std::optional<CapturedPacket> next_of_pcap();
     [[nodiscard]] std::optional<CapturedPacket> next_of_pcapng();
     // The time since the first packet; nullopt: it is years away, and problem() says so.
-    [[nodiscard]] std::optional<Duration> time_of(std::uint64_t seconds, std::int64_t nanoseconds);
+    [[nodiscard]] std::optional<Duration> time_of(std::uint64_t seconds, std::int64_t nanoseconds, bool is_ethernet);
     void end(const std::string& why, bool is_cut_off);
 
     std::unique_ptr<pcap, Closer> file_;    // of a pcap file
@@ -83,6 +83,7 @@ class PacketReader {
         std::int64_t nanoseconds = 0;
     };
     std::optional<Time> first_{};
+    bool first_is_left_out_ = false;  // no Ethernet packet was timed so far
     Duration last_{};
 };
 

@@ -17,6 +17,8 @@
 #include <map>
 #include <memory>
 
+#include <unistd.h>
+
 namespace margay::analyse {
 namespace {
 
@@ -31,11 +33,13 @@ struct Taken {
 // The octets of a pipe in a file without a name, because a recording is read more than once.
 class PipeCopy {
   public:
-    // Empty where the path is a regular file, and where it cannot be opened: the reader says why.
+    // Empty where the path is a regular file, and where it cannot be opened: the reader says why. "-" is the standard
+    // input.
     explicit PipeCopy(const std::string& path) {
         std::error_code ignored;
-        if (!std::filesystem::is_other(std::filesystem::status(path, ignored))) return;
-        const File from(std::fopen(path.c_str(), "rbe"), &std::fclose);
+        const bool standard = path == "-";
+        if (!standard && !std::filesystem::is_other(std::filesystem::status(path, ignored))) return;
+        const File from(standard ? ::fdopen(::dup(STDIN_FILENO), "rb") : std::fopen(path.c_str(), "rbe"), &std::fclose);
         if (!from) return;
         file_ = File(std::tmpfile(), &std::fclose);
         std::array<char, 65536> block{};
@@ -424,14 +428,13 @@ class Recording {
 }  // namespace
 
 Analysis analyse_file(const std::string& path) {
-    const std::string from = path == "-" ? "/dev/stdin" : path;
-    const PipeCopy copy(from);
+    const PipeCopy copy(path);
     if (!copy.whole()) {
         Analysis analysis;
         analysis.problem = "it is a pipe, and its copy in the folder for temporary files cannot be written";
         return analysis;
     }
-    return Recording(copy.path().empty() ? from : copy.path()).analyse();
+    return Recording(copy.path().empty() ? path : copy.path()).analyse();
 }
 
 }  // namespace margay::analyse

@@ -171,6 +171,22 @@ TEST_F(PcapngReading, LeavesOutWhatIsNotEthernet) {
               "interface 2 (link type 802.11 plus radiotap header, 1 packet)");
 }
 
+// Its clock is not set yet: that is no damage of the Ethernet packets.
+TEST_F(PcapngReading, TheClockOfAnInterfaceThatIsLeftOutMayBeFarAway) {
+    constexpr std::uint64_t kToday = 1'790'000'000'000'000;
+    Section s;
+    s.interface(kCooked, s.option(2, std::string(5000, 'n'))).interface(1);
+    s.packet(0, 0, "cooked").packet(1, kToday, "first").packet(0, 0, "cooked").packet(1, kToday + 7, "second");
+    const auto all = read(s.text());
+    ASSERT_EQ(all.size(), 2U) << reader.problem();
+    EXPECT_EQ(all[0].at, 0ns);
+    EXPECT_EQ(all[1].at, 7us);
+    EXPECT_EQ(reader.left_out(), "interface 0 (" + std::string(64, 'n') + ", link type Linux cooked v1, 2 packets)");
+    Section damaged;
+    damaged.interface(1).packet(0, 0, "x").packet(0, kToday, "y");
+    says(damaged.text(), "packet 2 is years away from the first");
+}
+
 TEST_F(PcapngReading, AnInterfaceOfSeveralSectionsIsNamedOnce) {
     Section s;
     s.interface(1).interface(kCooked).packet(1, 1, "x").packet(1, 1, "y");
