@@ -93,16 +93,16 @@ bool Master::lacks_places(const Error& wrong) const {
 bool Master::is_to_be_scanned() {
     if (eni_) return false;
     const auto now = Clock::now();
-    const bool lacks = lacks_since_ && now - *lacks_since_ >= std::max<Duration>(kSettle, places_pause_);
+    const bool again = scanned_for_places_ && now - *scanned_for_places_ < 2 * kLongestPause;
+    const Duration pause = again ? places_pause_ : Duration(kSettle);
+    const bool lacks = lacks_since_ && now - *lacks_since_ >= pause;
     const bool strangers = has_strangers();
     if (!lacks && !strangers) return false;
     if (std::ranges::any_of(ctx_->slaves(), [](const Slave& s) { return s.al.state == AlState::boot; })) return false;
     why_scanned_ = strangers ? "slaves were added or exchanged"
                              : "slaves have no place in the process image, or other PDOs than when it was laid out";
     if (strangers) return true;
-    const bool again = scanned_for_places_ && now - *scanned_for_places_ < 2 * kLongestPause;
-    places_pause_ = again ? std::min<Duration>(kPauseGrows * std::max<Duration>(kSettle, places_pause_), kLongestPause)
-                          : Duration(kSettle);
+    places_pause_ = std::min<Duration>(kPauseGrows * pause, kLongestPause);
     scanned_for_places_ = now;
     return true;
 }
