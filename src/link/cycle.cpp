@@ -214,10 +214,11 @@ namespace {
 // The datagram that carries the time of the reference clock (FRMW or ARMW). When the reference clock is lost, all other
 // slaves take what was sent, and zeros would make their control loops useless. So the datagram is sent with the time
 // that the reference will probably have. A reply that still has this value, and comes from fewer slaves than before,
-// was not read from the reference: then the next cycle carries the time of the standby, which has another position in
+// was not read from the reference: then the next cycles carry the time of the standby, which has another position in
 // the ring now, so FRMW addresses it. Without a standby no time is sent any more, until the owner chooses another
-// reference. After a lost frame the reference is only read, until two answers in succession tell the next time; a frame
-// behind them is not compared with the number of slaves, because only one has answered.
+// reference. After that, and after a lost frame, the clock is only read, until two answers in succession tell the next
+// time (perhaps the reference is there again, and takes what is sent); a frame behind them is not compared with the
+// number of slaves, because only one has answered.
 void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterReading& before, const std::byte* data) {
     RegisterReading& into = *reading.into;
     std::byte* const head = &sent.bytes[reading.offset];
@@ -234,7 +235,7 @@ void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterRead
     } else if ((before.slaves <= 1 || into.slaves < before.slaves) && std::memcmp(time, data, reading.bytes) == 0) {
         const MutableBytes address(head + 2, 2);
         const bool standby = reading.standby != 0 && load_le<std::uint16_t>(address) != reading.standby;
-        *head = static_cast<std::byte>(standby ? Command::FRMW : Command::NOP);
+        *head = static_cast<std::byte>(standby ? Command::FPRD : Command::NOP);
         if (standby) store_le<std::uint16_t>(address, 0, reading.standby);
         ++reading.without;
         into.slaves = 0;

@@ -347,6 +347,7 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
     if (std::abs(ahead) > kNear_ns || !clocks.of(slave).synchronised) {
         constexpr std::uint8_t kRests = 100;
         clocks.returning = 0;
+        clocks.paused = false;  // become_reference() stops the time itself
         clocks.rests = kRests;  // if this fails
         const bool sync = clocks.of(slave).sync_active;
         co_await required(become_reference(network, slave, ClockRate::own));

@@ -326,6 +326,7 @@ bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t ab
     if (reference != nullptr) group.dc_reference = reference->number;
     group.dc_time.value = 0;  // the next time does not follow the last one
     group.dc_time.slaves = 0;
+    begin_by_reading(group);  // slaves before the reference take what is sent
     return true;
 }
 
