@@ -103,12 +103,12 @@ struct ClockSettings {
     // not behind the lost slave takes over with the same time and rate (true), or no time is sent until the slave is
     // back, and all clocks go on at their rates (false; also where the cycles that carry the time overlap).
     // EventKind::reference_lost and reference_clock report it. The last frame of the lost clock brings the others a
-    // time that was predicted. If this misleads the new reference by more than the limit (by the jitter of the cycle,
-    // or because a branch is lost too and the way is shorter), its rate begins anew, and the others need about half a
-    // second to follow it: they are not in sync, and events say so.
-    // When a slave with a clock is back before the reference clock in the ring, its clock becomes the reference again,
-    // without a step of the other clocks (EventKind::reference_clock). Several clocks of a branch become the reference
-    // one after the other, which takes some seconds.
+    // time that was predicted, which misleads them for an instant: by the jitter of the cycle, and by the way to a
+    // branch that is lost too. Where this is more than 50 µs (3 µs with two NICs), the rate of the new reference begins
+    // anew, and the others need about half a second to follow it: they are not in sync, and events say so.
+    // When a slave with a clock is back before the reference clock in the ring, its clock learns the rate and becomes
+    // the reference again, without a step of the others (EventKind::reference_clock); of a branch with several clocks,
+    // the first one does so. With cycles of 1 ms this takes less than a second, with longer ones some seconds.
     bool replace_lost_reference = true;
     // Called with the start time of SYNC0 of a slave, in system time; the result is written instead. nullptr: not
     // called. The rules of hooks apply, which poll() calls: neither wait nor call the library.

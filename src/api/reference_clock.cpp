@@ -40,8 +40,11 @@ void note_shift(Network& network, std::int64_t correction_ns) {
     const auto change = static_cast<std::int32_t>(correction_ns) - clocks.shift_mean / kCycles;
     clocks.shift_mean += change;
     clocks.shifted_ns += change;
-    if (!network.supervised || std::abs(std::int64_t{clocks.shifted_ns}) <= 2 * std::int64_t{clocks.settings.limit_ns})
-        return;
+    const std::int64_t limit_ns = clocks.settings.limit_ns;
+    // Just after its step, the reference is away by the whole step, whatever its rate.
+    const bool jumps = correction_ns > 4 * limit_ns || correction_ns < -4 * limit_ns;
+    const bool is_faster = std::abs(std::int64_t{clocks.shifted_ns}) > 2 * limit_ns;
+    if (!network.supervised || (!jumps && !is_faster)) return;
     clocks.shifted_ns = 0;
     for (const Slave& slave : network.slaves())
         if (slave.number != clocks.reference) clocks.lose_sync(slave);

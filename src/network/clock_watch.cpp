@@ -97,6 +97,13 @@ Task<Result<bool>> calm_rate(Network& network, Slave& slave) {
     co_return compared;
 }
 
+// A reference that was switched off comes back with another time, which must reach nobody. The cycles carry the time
+// again when it has its clock, see restore_clock() and note_time_of_cycle().
+void stop_time(Network& network) {
+    (void)carry_time_of(network, nullptr);
+    network.clocks.paused = false;
+}
+
 // The new reference shows the time of the lost one: it has followed it, and its register 0x0928 is subtracted when the
 // master reads the time. So all delays stay right, and no clock makes a step.
 Task<Result<>> replace_reference(Network& network) {
@@ -106,9 +113,7 @@ Task<Result<>> replace_reference(Network& network) {
     const bool replaced = clocks.settings.replace_lost_reference && !is_time_overlapped(network);
     const std::uint16_t next = replaced ? next_reference(network, 0) : std::uint16_t{0};
     if (next == 0) {
-        // A reference that was switched off comes back with another time, which must reach nobody.
-        (void)carry_time_of(network, nullptr);
-        clocks.paused = false;
+        stop_time(network);
         co_return Nothing{};
     }
     Slave& slave = network.slave(next);
@@ -141,8 +146,9 @@ void note_difference(Network& network, const Slave& slave) {
     }
     const SyncLimit limit{.limit_ns = clocks.settings.limit_ns, .settle = clocks.settings.settle};
     if (clock.in_sync != clock.watch.in_sync()) clock.watch.set(clock.in_sync);
-    // The register of the reference shows a time that was meant for others, unless the application writes times to it.
-    const bool own_time = slave.number == clocks.reference && !clocks.is_driven;
+    // The register of the reference shows a time that was meant for others, unless the application writes times to it,
+    // or the cycles carry the time of the standby: then the reference follows what the master sends.
+    const bool own_time = slave.number == clocks.reference && !clocks.is_driven && clocks.without_time < 2;
     const std::int32_t difference = own_time ? 0 : clock.difference_ns;
     const auto change = clock.watch.update(difference, limit, network.engine.now());
     clock.in_sync = clock.watch.in_sync();
@@ -180,6 +186,8 @@ Task<Result<>> check_reference(Network& network) {
     co_await required(read_difference(network, slave));
     const std::int32_t now = clocks.of(slave).difference_ns;
     if (std::abs(std::int64_t{now}) <= clocks.settings.limit_ns || now != before) co_return Nothing{};
+    const bool calm = network.redundancy != nullptr ? false : co_await required(calm_rate(network, slave));
+    if (calm) co_return Nothing{};
     co_return co_await required(reset_control_loop(network.station(slave)));
 }
 
@@ -283,6 +291,43 @@ void note_time_of_cycle(Network& network) {
     }
 }
 
+Task<Result<>> compare_clocks(Network& network) {
+    Clocks& clocks = network.clocks;
+    auto greatest = co_await required(read_greatest_difference(network));
+    greatest = std::max(greatest, second_ahead_ns(network));
+    clocks.greatest_ns = greatest;
+    // A slave that was away is there again since the last look.
+    clocks.all_in_sync = clocks.all_in_sync && all_in_sync(network);
+    if (greatest <= clocks.settings.limit_ns && clocks.all_in_sync) {
+        co_return co_await required(look_at_next_clock(network));
+    }
+    co_await required(check_reference(network));
+    const auto look = [&network](Slave& s) { return look_at_clock(network, s); };
+    auto all = co_await for_each_slave(network, look);
+    clocks.all_in_sync = all_in_sync(network);
+    co_return all;
+}
+
+// In the intervals of the watch, until `done`.
+Task<Result<>> compare_until(Network& network, const bool& done) {
+    for (;;) {
+        co_await network.engine.sleep_for(network.clocks.settings.watch_interval);
+        if (done || network.silent || !is_there(network, network.clocks.reference)) co_return Nothing{};
+        co_await required(compare_clocks(network));
+    }
+}
+
+// A measurement takes some cycles for each time that the receive times are latched.
+Task<Result<>> improve_and_compare(Network& network) {
+    bool done = false;
+    Crew comparing(1);
+    if (network.redundancy == nullptr) (void)comparing.start(compare_until(network, done));  // else the ring is open
+    auto improved = co_await improve_delays(network);
+    done = true;
+    co_await comparing.all();
+    co_return improved;
+}
+
 }  // namespace
 
 Task<Result<>> watch_clocks(Network& network) {
@@ -295,7 +340,10 @@ Task<Result<>> watch_clocks(Network& network) {
     clocks.watch_at = later(now, clocks.settings.watch_interval);
     clocks.shifted_ns = 0;
     note_followed_clocks(network, rounds);
-    if (network.silent) co_return Nothing{};
+    if (network.silent) {
+        if (network.redundancy == nullptr && !clocks.paused) stop_time(network);
+        co_return Nothing{};
+    }
     const ScopedFlag watching(clocks.watching);  // configdc() forgets the reference
     if (network.redundancy != nullptr) {
         co_await required(network.redundancy->watch_clocks(network));
@@ -320,25 +368,13 @@ Task<Result<>> watch_clocks(Network& network) {
     // The measurement opens a ring for a moment, and a search reads its ports.
     if ((guessed || changed || measure_again) && !network.searching) {
         clocks.delays_at = later(now, clocks.settings.delay_interval);
-        auto improved = co_await improve_delays(network);
+        auto improved = co_await improve_and_compare(network);
         if (!improved && improved.error().code == Errc::capacity) co_return improved;
     }
     if (!cycle_carries_time(network)) {
         co_await required(send_time(network));
     }
-    auto greatest = co_await required(read_greatest_difference(network));
-    greatest = std::max(greatest, second_ahead_ns(network));
-    clocks.greatest_ns = greatest;
-    // A slave that was away is there again since the last look.
-    clocks.all_in_sync = clocks.all_in_sync && all_in_sync(network);
-    if (greatest <= clocks.settings.limit_ns && clocks.all_in_sync) {
-        co_return co_await required(look_at_next_clock(network));
-    }
-    co_await required(check_reference(network));
-    const auto look = [&network](Slave& s) { return look_at_clock(network, s); };
-    auto all = co_await for_each_slave(network, look);
-    clocks.all_in_sync = all_in_sync(network);
-    co_return all;
+    co_return co_await required(compare_clocks(network));
 }
 
 }  // namespace margay
