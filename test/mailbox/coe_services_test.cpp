@@ -56,6 +56,24 @@ TEST(CompleteAccess, FallsBackToSingleSubindicesAndRemembersIt) {
     EXPECT_EQ(SDOread(*bus.ctx, 2, 0x3000, 0, true, memory).error().detail, 0x06020000U);
 }
 
+// 0x1000 is a variable: its subindex 0 is no count.
+TEST(CompleteAccess, OfAnObjectOfOneValueIsRefused) {
+    MailboxBus bus;
+    bus.add_stack(128, false);
+    bus.start();
+    std::array<std::byte, 64> memory{};
+    for (int n = 0; n < 2; ++n) {  // the second time the refusal is known
+        const auto read = SDOread(*bus.ctx, 1, 0x1000, 0, true, memory);
+        ASSERT_FALSE(read.ok()) << *read << " octets";
+        EXPECT_EQ(read.error().code, n == 0 ? Errc::sdo_abort : Errc::unsupported) << bus.words(read.error());
+        EXPECT_EQ(read.error().detail, n == 0 ? 0x06010000U : 0U) << bus.words(read.error());
+        EXPECT_TRUE(SDOread(*bus.ctx, 1, 0x1018, 0, true, memory).ok());
+    }
+    std::uint32_t type = 0;
+    EXPECT_EQ(*SDOread(*bus.ctx, 1, 0x1000, 0, false, std::as_writable_bytes(std::span(&type, 1))), 4U);
+    EXPECT_NE(type, 0U);
+}
+
 TEST(CompleteAccess, AnAssignmentIsZeroedFirstAndItsCountWrittenLast) {
     MailboxBus bus;
     auto& slave = bus.add_scripted(64);
