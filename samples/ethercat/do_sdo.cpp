@@ -76,18 +76,6 @@ Place place_to_read(const SelectedSlave& slave, Place place) {
     return place;
 }
 
-// Where the slave has no complete access, the library reads entry by entry, and takes the value of an object without
-// entries for their number.
-Answer<> check_whole(const SelectedSlave& slave, const Place& place, std::span<const std::byte> value) {
-    if (!place.complete || value.size() != 2) return {};
-    const auto first = slave.session().upload(slave.position(), place.index, 0, false);
-    if (value[0] == std::byte{0} && (!first || first->size() <= 1)) return {};
-    return Problem{
-        fmt::format("object 0x{:04x} has no entries that can be read together: name the SUBINDEX, which is "
-                    "0 for an object of one value",
-                    place.index)};
-}
-
 Answer<const DataType*> type_of(const Call& call, const SelectedSlave& slave, const Place& place) {
     const auto named = named_type(call);
     if (!named || *named != nullptr) return named;
@@ -154,8 +142,11 @@ int run_upload(Call& call) {
     const auto type = type_of(call, *slave, *place);
     if (!type) return call.fail(type.problem());
     const auto value = slave->session().upload(slave->position(), place->index, place->subindex, place->complete);
+    if (!value && place->complete)
+        return call.fail(Problem{value.problem().text + " (without SUBINDEX all entries are read together; 0 is the "
+                                                        "SUBINDEX of an object of one value)",
+                                 value.problem().code});
     if (!value) return call.fail(value.problem());
-    if (const auto whole = check_whole(*slave, *place, *value); !whole) return call.fail(whole.problem());
     Output output;
     output.json = place_json(*slave);
     output.json["index"] = place->index;
