@@ -1,5 +1,7 @@
 #include "network/attempts.hpp"
 
+#include "network/wanted.hpp"
+
 #include "util/check_value.hpp"
 
 #include <algorithm>
@@ -29,6 +31,12 @@ Attempt::~Attempt() {
     network_.marks(slave_).repeating = false;
     if (slave_.al == before_ || slave_.al.state == AlState::none) return;  // that it is lost is reported
     network_.report({.kind = EventKind::state, .slave = slave_.number, .before = before_, .now = slave_.al});
+}
+
+bool is_well(const Network& network, const Slave& slave) {
+    if (slave.al.error || network.marks(slave).attempts != 0) return false;
+    if (network.marks(slave).settled != AlState::none) return slave.al.state == network.marks(slave).settled;
+    return slave.al.state >= AlState::safeop && (slave.takes_part || !exchanges(slave));
 }
 
 void report_failure(Network& network, Slave& slave, const AlStatus& now, const Error& cause) {

@@ -20,6 +20,9 @@ class Attempt {
     AlStatus before_;
 };
 
+// Whether the slave is as the supervision has left it, or starts for the first time: then the end is not a recovery.
+[[nodiscard]] bool is_well(const Network& network, const Slave& slave);
+
 // The attempt has failed, and the slave is in state `now`: `cause` becomes the error of the slave. It is reported
 // unless the attempt before has failed for the same cause.
 void report_failure(Network& network, Slave& slave, const AlStatus& now, const Error& cause);

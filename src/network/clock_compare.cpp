@@ -6,6 +6,7 @@
 #include "util/scoped_flag.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace margay {
@@ -253,26 +254,50 @@ Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns) {
 
 namespace {
 
+// The slave is in its state, and nobody works on it. Below SAFEOP, a slave that has come back may not have its clock
+// yet.
+bool is_settled(Network& network, const Slave& slave) {
+    return is_there(slave) && !slave.al.error && !network.marks(slave.number).in_use &&
+           (slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave));
+}
+
+// The token of the slave that becomes the reference again.
+using ReturnToken = std::optional<SlaveToken>;
+
+// Whether the slave still comes back to the same reference. While it learns, its token is free: the supervision sees
+// what happens to the slave, and a request may change it.
+bool still_returns(Network& network, const Slave& slave, std::uint16_t reference) {
+    return network.clocks.reference == reference && is_there(network.slave(reference)) && !network.segment_in_use &&
+           is_settled(network, slave) && is_before_reference(network, slave);
+}
+
 // Frames with the time, until the slave has followed it. The last comparison must be within the limit: its register
 // keeps it while the slave is the reference, see check_reference().
-Task<Result<>> teach_time(Network& network, Slave& slave) {
+Task<Result<>> teach_time(Network& network, Slave& slave, ReturnToken* token) {
+    const std::uint16_t reference = network.clocks.reference;
+    const auto ends = [&] { return token != nullptr && !still_returns(network, slave, reference); };
+    const Error ended{.code = Errc::unstable, .slave = slave.number};
+    if (token != nullptr) token->reset();
     constexpr unsigned kLeast = 200;
     constexpr unsigned kMost = 300;
     const std::int64_t limit_ns = network.clocks.settings.limit_ns;
     std::int64_t away_ns = limit_ns;
     for (unsigned frame = 0; frame < kLeast || (frame < kMost && away_ns > limit_ns / 2); ++frame) {
         co_await required(send_time(network));
+        if (ends()) co_return ended;
         if (frame + 1 < kLeast) continue;
         co_await required(read_difference(network, slave));
         away_ns = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
     }
+    if (ends()) co_return ended;
+    if (token != nullptr) token->emplace(network.marks(slave));
     co_return Nothing{};
 }
 
 // Teaches the slave the rate of the reference. The other clocks run at that rate: a new reference with another one
 // would lead them out of the limit until they have learned it. Receive times show the rate without the jitter of the
-// master. Returns how far the slave is ahead.
-Task<Result<std::int64_t>> teach_rate(Network& network, Slave& slave, Slave& reference) {
+// master. Returns how far the slave is ahead. `token` is free during the lessons; nullptr: the caller holds one.
+Task<Result<std::int64_t>> teach_rate(Network& network, Slave& slave, Slave& reference, ReturnToken* token) {
     constexpr Duration kLook = std::chrono::milliseconds(20);
     constexpr std::int64_t kMostChange_ns = 50;  // 2.5 ppm
     constexpr unsigned kMostLessons = 8;
@@ -288,7 +313,7 @@ Task<Result<std::int64_t>> teach_rate(Network& network, Slave& slave, Slave& ref
         const bool compared_well = std::abs(std::int64_t{network.clocks.of(slave).difference_ns}) <= limit_ns;
         const bool learned = compared_well && std::abs(ahead - before) <= kMostChange_ns;
         if (!learned && lessons < kMostLessons && network.engine.now() < give_up) {
-            co_await required(teach_time(network, slave));
+            co_await required(teach_time(network, slave, token));
             continue;
         }
         if (!learned) co_await required(reset_control_loop(network.station(slave)));
@@ -299,18 +324,11 @@ Task<Result<std::int64_t>> teach_rate(Network& network, Slave& slave, Slave& ref
 }  // namespace
 
 Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference) {
-    const auto ahead = co_await required(teach_rate(network, slave, reference));
+    const auto ahead = co_await required(teach_rate(network, slave, reference, nullptr));
     co_return co_await required(move_clock(network, slave, -ahead));
 }
 
 namespace {
-
-// The slave is in its state, and nobody works on it. Below SAFEOP, a slave that has come back may not have its clock
-// yet.
-bool is_settled(Network& network, const Slave& slave) {
-    return is_there(slave) && !slave.al.error && !network.marks(slave.number).in_use &&
-           (slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave));
-}
 
 // The first clock that is before the reference, and may be the reference.
 Slave* first_before_reference(Network& network) {
@@ -327,7 +345,7 @@ Slave* first_before_reference(Network& network) {
 }
 
 // Stops the time, and moves the clock of the slave to that of the reference. True: it is there.
-Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
+Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToken& token) {
     constexpr std::int64_t kMostStep_ns = 6'000;
     Clocks& clocks = network.clocks;
     const bool begins = clocks.returning != slave.number;
@@ -355,7 +373,8 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
         co_return false;
     }
     const bool learns = begins && network.redundancy == nullptr;
-    const std::int64_t away = learns ? co_await required(teach_rate(network, slave, network.slave(reference))) : ahead;
+    std::int64_t away = ahead;
+    if (learns) away = co_await required(teach_rate(network, slave, network.slave(reference), &token));
     if (clocks.reference != reference || !is_there(slave) || !is_before_reference(network, slave))
         co_return Error{.code = Errc::unstable, .slave = slave.number};
     co_await required(move_clock(network, slave, -std::clamp(away, -kMostStep_ns, kMostStep_ns)));
@@ -365,6 +384,9 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave) {
 }  // namespace
 
 Task<Result<>> return_to_first_clock(Network& network) {
+    // In Clocks::returning: a slave is about to come back. With one NIC it learns the rate of the reference, which
+    // takes seconds: from the next round on, the supervision calls the watch beside its own rounds.
+    constexpr std::uint16_t kAnnounced = UINT16_MAX;
     Clocks& clocks = network.clocks;
     const bool allowed = network.redundancy == nullptr || network.redundancy->may_restore();
     const bool rests = clocks.rests != 0 && --clocks.rests != 0;
@@ -372,15 +394,19 @@ Task<Result<>> return_to_first_clock(Network& network) {
     Result<bool> is_at_reference = false;
     if (first != nullptr) {
         if (clocks.measuring) co_return Nothing{};
-        const SlaveToken token(network.marks(*first));
-        is_at_reference = co_await approach_reference(network, *first);
+        if (network.redundancy == nullptr && clocks.returning == 0) {
+            clocks.returning = kAnnounced;
+            co_return Nothing{};
+        }
+        ReturnToken token(std::in_place, network.marks(*first));
+        is_at_reference = co_await approach_reference(network, *first, token);
         if (is_at_reference && *is_at_reference && carry_time_of(network, first))
             co_return co_await required(set_reference(network, *first));
     }
     // The slave is lost again, or the ring changes now: the next round tries again.
     const bool given_up = first == nullptr || !is_at_reference;
-    if (given_up && std::exchange(clocks.returning, std::uint16_t{0}) != 0)
-        (void)carry_time_of(network, &network.slave(clocks.reference));
+    const std::uint16_t returned = given_up ? std::exchange(clocks.returning, std::uint16_t{0}) : std::uint16_t{0};
+    if (returned != 0 && returned != kAnnounced) (void)carry_time_of(network, &network.slave(clocks.reference));
     co_return Nothing{};
 }
 

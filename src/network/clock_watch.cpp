@@ -354,6 +354,9 @@ Task<Result<>> watch_clocks(Network& network) {
     if (!is_there(network, clocks.reference)) co_return Nothing{};
     clocks.loss_reported = false;
     co_await required(return_to_first_clock(network));
+    // A request may use the segment since, and a slave may have been lost: the rounds of the supervision go on.
+    if (network.redundancy == nullptr && (network.segment_in_use || !is_there(network, clocks.reference)))
+        co_return Nothing{};
     co_await required(set_late_clock(network));
     note_time_of_cycle(network);
     note_cycle_time(network);

@@ -137,13 +137,6 @@ bool needs_help(const Network& network, const Slave& slave) {
     return to >= AlState::safeop && !slave.takes_part && exchanges(slave);
 }
 
-// Whether the slave is as the supervision has left it, or starts for the first time: then the end is not a recovery.
-bool is_well(const Network& network, const Slave& slave) {
-    if (slave.al.error || network.marks(slave).attempts != 0) return false;
-    if (network.marks(slave).settled != AlState::none) return slave.al.state == network.marks(slave).settled;
-    return slave.al.state >= AlState::safeop && (slave.takes_part || !exchanges(slave));
-}
-
 // The application may change wanted.target at any time.
 void apply_target(Watch& watch) {
     const AlState target = watch.wanted.target;
@@ -384,6 +377,15 @@ bool ring_has_changed(Watch& watch) {
     return changes != watch.changes || moved;
 }
 
+// A clock becomes the reference, which takes seconds: the rounds go on meanwhile. False: the round watches the clocks.
+bool watch_beside(Network& network, Crew& crew) {
+    Clocks& clocks = network.clocks;
+    if (clocks.watch == nullptr || clocks.watching) return true;
+    if (clocks.returning == 0 || network.redundancy != nullptr) return false;
+    (void)crew.start(clocks.watch(network));
+    return true;
+}
+
 // One roll and the actions that follow from it.
 Task<Result<>> round(Watch& watch, Crew& crew) {
     Network& network = watch.network;
@@ -394,7 +396,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         report_silent_segment(watch);
         if (turn && watch.network.silent) network.supervision_turn = false;
         if (roll.error().code == Errc::capacity) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-        if (network.clocks.watch != nullptr) co_await completion(network.clocks.watch(network));
+        if (!watch_beside(network, crew)) co_await completion(network.clocks.watch(network));
         co_return Nothing{};
     }
     doubt_after_silence(watch);
@@ -437,7 +439,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     if (network.engine.now() >= watch.groups_at) report_missing(watch);
     start_helpers(watch, crew);
     if (turn) network.supervision_turn = false;
-    if (network.clocks.watch == nullptr) co_return Nothing{};
+    if (watch_beside(network, crew)) co_return Nothing{};
     auto watched = co_await network.clocks.watch(network);
     if (!watched && watched.error().code == Errc::capacity) watch.look_at = network.engine.now();
     co_return Nothing{};

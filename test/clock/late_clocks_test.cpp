@@ -1,5 +1,5 @@
 // Clocks that come while others run: with long cycles, while the chosen reference is lost, and after it was reset.
-#include "clock/clock_bus.hpp"
+#include "clock/late_clocks_bus.hpp"
 
 #include <margay/master_clock.hpp>
 
@@ -7,52 +7,6 @@ namespace margay {
 namespace {
 
 using namespace std::chrono_literals;
-
-struct LateClocksBus : ClockBus {
-    std::vector<ExpectedSlave> wanted;
-    SlaveSetup setup{.dc = {.source = SyncSettings::Source::application}};
-    Duration period = 1ms;
-
-    // Slaves at the ports of a junction, the first slave; `late`: the slave may be missing.
-    void hang(std::uint8_t port, const ClockOf& clock, bool late = false) {
-        ExpectedSlave slave;
-        slave.number = static_cast<std::uint16_t>(wanted.size() + 1);
-        slave.product = 0x0200 + slave.number;
-        slave.optional = late;
-        wanted.push_back(slave);
-        auto made = clocked(clock, kOneMode, {.product = *slave.product});
-        made.chip.ports = sim::junction().ports;
-        const auto n = segment.add(std::move(made).assemble());
-        EXPECT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({0, port}, {n, 0}, kCable));
-    }
-    void bring_up(ClockSettings settings, std::initializer_list<std::uint32_t> missing) {
-        segment.power_up(osal.now());
-        nic = std::make_unique<SimulatedNic>(segment, osal);
-        ctx = std::make_unique<HostContext>(limits);
-        ASSERT_TRUE(init(*ctx, *nic, osal).ok());
-        for (const auto n : missing) power(n, false);
-        ASSERT_TRUE(expect(*ctx, wanted).ok());
-        ASSERT_TRUE(config_init(*ctx).ok());
-        settings.cycle = period;
-        const auto reference = configdc(*ctx, settings);
-        ASSERT_TRUE(reference.ok()) << words(reference.error());
-        ctx->group(0).config.acyclic_bytes = 1498;
-        for (std::uint16_t n = 1; n <= wanted.size(); ++n) ctx->slave(n).config.setup = &setup;
-        (void)config_map(*ctx, image);
-        ASSERT_TRUE(submit(*ctx, supervision).ok());
-        steps(2000);
-        (void)events();
-    }
-    void step() { step(period); }
-    void step(Duration after) {
-        osal.advance(after);
-        if (send_processdata(*ctx, 0)) (void)receive_processdata(*ctx, reply_timeout, 0);
-        (void)poll(*ctx, osal.now());
-    }
-    void steps(int count) {
-        while (count-- > 0) step();
-    }
-};
 
 struct LateClocks : testing::Test, LateClocksBus {};
 
@@ -85,116 +39,6 @@ TEST(LateReference, LearnsWithLongCyclesWhileTheOthersStayInSync) {
         // A rate that is right within 2.5 ppm is too far from the limit only for clocks that are compared each 10 ms.
         EXPECT_LE(out, cycle < 10ms ? 0U : 150U) << bus.joined(bus.events());
         EXPECT_LE(most, 300);
-    }
-}
-
-// A junction with slaves 2 to 5 at the one port and slaves 6 and 7 at the other: slave 2 has the reference clock. The
-// cycles are up to 10 µs late.
-struct LostBranch : LateClocksBus {
-    static constexpr std::array<std::uint16_t, 2> kOthers{6, 7};
-    static constexpr sim::PortRef kBranch{1, 0};
-    std::uint32_t random = 1;
-    std::int64_t most_ns = 0;
-    unsigned out = 0;
-
-    void add_slave(sim::PortRef at, const ClockOf& clock) {
-        ExpectedSlave slave;
-        slave.number = static_cast<std::uint16_t>(wanted.size() + 1);
-        wanted.push_back(slave);
-        const auto n = segment.add(clocked(clock).assemble());
-        EXPECT_TRUE(segment.connect(at, {n, 0}, kCable));
-    }
-    void bring_up_branches() {
-        hang(0, {.unit = sim::DcUnit::receive_times});
-        add_slave({0, 3}, {.drift_ppb = 50'000, .start_ns = 123});
-        for (const std::uint32_t n : {1U, 2U, 3U}) add_slave({n, 1}, {.drift_ppb = 40'000, .start_ns = n});
-        add_slave({0, 1}, {.drift_ppb = -50'000, .start_ns = 1234});
-        add_slave({5, 1}, {.drift_ppb = -30'000, .start_ns = 12345});
-        bring_up(kFewFrames, {});
-        ASSERT_EQ(reference_clock(*ctx), 2);
-    }
-    // Each cycle is sent up to 10 µs after it was due.
-    void run_late(Duration how_long) {
-        Duration late{};
-        for (Duration passed{}; passed < how_long; passed += period) {
-            random = random * 1'664'525 + 1'013'904'223;
-            const Duration now(random % 10'000);
-            step(period + now - late);
-            late = now;
-            most_ns = std::max(most_ns, std::abs(ahead_ns(7, 6)));
-            for (const std::uint16_t n : kOthers) out += clock(n).in_sync ? 0U : 1U;
-        }
-    }
-};
-
-// The last frame of a lost reference misleads the next one: by the jitter of the cycle, and by the way to the branch.
-TEST(LostBranch, TheOtherBranchStaysInSync) {
-    for (const Duration cycle : {1ms, 4ms, 10ms}) {
-        SCOPED_TRACE(cycle / 1ms);
-        LostBranch bus;
-        bus.period = cycle;
-        bus.bring_up_branches();
-        for (int times = 0; times < 3; ++times) {
-            bus.segment.set_cable(LostBranch::kBranch, false);
-            bus.run_late(1500ms);
-            EXPECT_EQ(reference_clock(*bus.ctx), 6);
-            EXPECT_EQ(bus.out, 0U) << bus.joined(bus.events());
-            EXPECT_LE(bus.most_ns, 250);
-            bus.segment.set_cable(LostBranch::kBranch, true);
-            bus.run_late(6s);
-            EXPECT_EQ(reference_clock(*bus.ctx), 2);
-            // With cycles of 10 ms, nobody compares both clocks for up to a second when the branch is back.
-            EXPECT_LE(bus.out, cycle < 10ms ? 0U : 200U) << bus.joined(bus.events());
-            EXPECT_LE(bus.most_ns, 250);
-            bus.most_ns = bus.out = 0;
-        }
-    }
-}
-
-// For some cycles the branch with the reference does not answer: the cycle carries the time of another clock, and the
-// reference gets what the master sends, before the supervision has seen anything.
-TEST(LostBranch, AnInstantMovesNoClock) {
-    for (const int gone : {1, 2, 3, 5, 8}) {
-        SCOPED_TRACE(gone);
-        LostBranch bus;
-        bus.bring_up_branches();
-        for (int times = 0; times < 5; ++times) {
-            bus.segment.set_cable(LostBranch::kBranch, false);
-            bus.steps(gone);
-            bus.segment.set_cable(LostBranch::kBranch, true);
-            std::int64_t most = 0;
-            for (int n = 0; n < 1503; ++n) {
-                bus.step();
-                most = std::max(most, bus.greatest_error_ns(7));
-            }
-            EXPECT_LE(most, 600) << bus.joined(bus.events());
-            EXPECT_EQ(reference_clock(*bus.ctx), 2);
-            EXPECT_TRUE(clock_status(*bus.ctx, bus.osal.now()).in_sync);
-        }
-    }
-}
-
-// The first slave of the branch becomes the reference, and the slaves behind it follow it.
-TEST(LostBranch, IsBackWithinASecond) {
-    for (const bool power : {false, true}) {
-        SCOPED_TRACE(power);
-        LostBranch bus;
-        bus.bring_up_branches();
-        for (std::uint32_t n = 1; n <= 4; ++n)
-            if (power) bus.power(n, false);
-        if (!power) bus.segment.set_cable(LostBranch::kBranch, false);
-        bus.run_late(2s);
-        for (std::uint32_t n = 1; n <= 4; ++n)
-            if (power) bus.power(n, true);
-        if (!power) bus.segment.set_cable(LostBranch::kBranch, true);
-        (void)bus.events();
-        bus.run_late(1s);
-        EXPECT_EQ(reference_clock(*bus.ctx), 2);
-        EXPECT_EQ(bus.told(bus.events(), "is the reference clock now"), 1);
-        EXPECT_TRUE(clock_status(*bus.ctx, bus.osal.now()).in_sync);
-        for (std::uint16_t n = 2; n <= 7; ++n) EXPECT_TRUE(bus.clock(n).in_sync && bus.in_op(n)) << n;
-        EXPECT_LE(bus.greatest_error_ns(7), 200);
-        EXPECT_EQ(bus.out, 0U);
     }
 }
 
