@@ -177,6 +177,10 @@ bool neighbour_is_known(const Network& network, std::size_t n) {
     return true;
 }
 
+bool was_at_place(Network& network, std::size_t n, const Slave& slave) {
+    return is_known(slave) && was_at(network, find_neighbour(network, n), slave);
+}
+
 Verdict choose_by_place(Network& network, std::size_t n) {
     if (!neighbour_is_known(network, n)) return {};
     const RingPlace& place = network.ring[n];

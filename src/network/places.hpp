@@ -25,6 +25,9 @@ namespace margay {
 // known.
 void remember_places(Network& network);
 
+// Whether the slave was seen last at the place `n` of the ring, counted from 0.
+[[nodiscard]] bool was_at_place(Network& network, std::size_t n, const Slave& slave);
+
 // Whether all slaves above the place `n` of the ring, counted from 0, are known; between a break and the second NIC,
 // the slave below it. If not, the place does not say which slave is there.
 [[nodiscard]] bool neighbour_is_known(const Network& network, std::size_t n);

@@ -205,9 +205,9 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
     co_return admitted ? Result<bool>(true) : Result<bool>(admitted.error());
 }
 
-// A newcomer is there, and its EEPROM cannot be read. When one slave alone is lost, the error is that of this slave.
-// The supervision says it once, although each of its searches finds the newcomer again.
-void note_unreadable(Network& network, Error& error) {
+// A newcomer is at place `n`, and its EEPROM cannot be read. When one slave alone is lost, and was there, the error is
+// that of this slave. The supervision says it once, although each of its searches finds the newcomer again.
+void note_unreadable(Network& network, std::size_t n, Error& error) {
     Slave* only = nullptr;
     std::size_t lost = 0;
     for (Slave& slave : network.slaves()) {
@@ -215,7 +215,7 @@ void note_unreadable(Network& network, Error& error) {
         only = &slave;
         ++lost;
     }
-    if (lost == 1) {
+    if (lost == 1 && was_at_place(network, n, *only)) {
         error.slave = only->number;
         if (only->error == error) return;
         only->error = error;
@@ -241,7 +241,7 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
         network.ring[n].unasked = !ours;
         if (!ours) {
             error = ours.error();  // of this newcomer; the slaves behind it may be correct
-            if (is_unreadable(error)) note_unreadable(network, error);
+            if (is_unreadable(error)) note_unreadable(network, n, error);
         }
         if (ours && *ours) ++found;
     }

@@ -195,6 +195,38 @@ TEST(UnreadSlave, ThatComesLateIsNotCalledMissing) {
     }
 }
 
+// A slave is off, and a device whose EEPROM does not answer is connected at another place: the slave is missing still.
+TEST(UnreadSlave, AtAnotherPlaceIsNotTheLostOne) {
+    Plant plant;
+    const auto head = plant.make({.product = 0x100});
+    const auto lost = plant.make({.product = 0x101});
+    const auto branch = plant.make({.product = 0x102});
+    const auto stranger = plant.make({.product = 0x777});
+    EXPECT_TRUE(plant.segment.connect_master({head, 0}));
+    plant.plug({head, 1}, lost);
+    plant.plug({head, 2}, branch);
+    EXPECT_TRUE(plant.bring_up({}).empty());
+    EXPECT_TRUE(config_map(*plant.ctx, plant.image).ok());
+    ASSERT_TRUE(submit(*plant.ctx, plant.supervision).ok());
+    std::uint16_t number = 0;
+    for (const Slave& slave : plant.ctx->slaves())
+        if (slave.identity.product == 0x101) number = slave.number;
+    plant.power(lost, false);
+    plant.pull(lost);
+    plant.cycles(300);
+    ASSERT_EQ(what_is_wrong(*plant.ctx).code, Errc::missing_slave);
+    (void)plant.errors();
+    plant.segment.slave(stranger).sii().fail_next(1'000'000);
+    plant.plug({branch, 1}, stranger);
+    plant.cycles(3'000);
+    EXPECT_EQ(what_is_wrong(*plant.ctx).code, Errc::missing_slave) << said(what_is_wrong(*plant.ctx));
+    EXPECT_EQ(what_is_wrong(*plant.ctx).slave, number);
+    const auto errors = plant.errors();
+    EXPECT_EQ(Plant::told(errors, "slave " + std::to_string(number) + ": reading the SII"), 0) << Plant::joined(errors);
+    EXPECT_EQ(Plant::told(errors, "reading the SII at word 0x0008: the EEPROM did not acknowledge"), 1)
+        << Plant::joined(errors);
+}
+
 // Two are lost, and one of them comes: which one it is, nobody knows.
 TEST(UnreadSlave, ThatMayBeOneOfTwoIsSaidWithoutANumber) {
     PairWithUnread plant;
