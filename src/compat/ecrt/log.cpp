@@ -27,13 +27,27 @@ std::string_view words_without_functions(Errc code) {
     }
 }
 
+// Without the remarks in parentheses that say which function to call.
+std::string without_advice(std::string words) {
+    for (auto begin = words.find(" (call "); begin != std::string::npos; begin = words.find(" (call ")) {
+        auto end = begin + 1;
+        for (unsigned open = 1; open != 0 && ++end < words.size();)
+            if (words[end] == '(')
+                ++open;
+            else if (words[end] == ')')
+                --open;
+        words.erase(begin, end + 1 - begin);
+    }
+    return words;
+}
+
 }  // namespace
 
 std::string words_of(const Error& error, std::string_view place) {
     std::array<char, 384> text{};
     Error rest = error;
     rest.slave = 0;
-    std::string words(describe(rest, text));
+    std::string words = without_advice(std::string(describe(rest, text)));
     if (!place.empty()) words.insert(0, std::string(place) + ": ");
     const auto ours = words_without_functions(error.code);
     if (ours.empty()) return words;

@@ -55,6 +55,7 @@ void Operation::step(Time now) {
             if (!scan_.busy()) end_scan(now);
             return;
         case Stage::clock:
+            if (now < retry_) return;
             if (wants_clock())
                 begin_clock(now);
             else
@@ -66,6 +67,12 @@ void Operation::step(Time now) {
             stage_ = Stage::map;
             if (clock_.state() == RequestState::error && clock_.error().code != Errc::no_clock) {
                 say_error(bus_, "clocks", clock_.error());
+                if (clock_tries_ != 0 && (!is_own_error(clock_.error().code) || clock_.error().code == Errc::timeout)) {
+                    --clock_tries_;  // its frames were lost
+                    retry_ = now + kRetry;
+                    stage_ = Stage::clock;
+                    return;
+                }
                 if (clock_.settings.reference == 0) return;
                 say("master %u: the first clock of the ring is the reference clock", bus_.index);
                 bus_.reference = nullptr;
@@ -123,6 +130,7 @@ void Operation::end_scan(Time now) {
     bus_.attach_mail();
     bus_.dirty = true;
     map_next_ = 0;
+    clock_tries_ = kMostClockTries;
     stage_ = Stage::clock;
 }
 

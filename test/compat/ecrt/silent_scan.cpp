@@ -1,5 +1,5 @@
 // The line is silent for a second while the segment starts up, from some cycle on. What is told of a slave is what was
-// read of it, or an error: never an empty record. Ends with 0 when everything is as expected.
+// read of it, or an error: never an empty record. Afterwards all drives come to OP, with SYNC signals too. Ends with 0 when everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 
@@ -11,13 +11,15 @@ namespace {
 
 constexpr std::uint16_t kSlaves = 3;
 
+constexpr unsigned kMost = 60'000;  // cycles until all drives are in OP with their SYNC signals
+
 struct Counts {
     unsigned errors = 0;
     unsigned right = 0;
     unsigned empty = 0;
 };
 
-int run(unsigned begin, Counts& counts) {
+int run(unsigned begin, bool clocks, Counts& counts) {
     struct Program {
         ec_master_t* master = ecrt_request_master(0);
         DatagramRequest close;  // the port of the first slave to the master, for a second
@@ -34,13 +36,15 @@ int run(unsigned begin, Counts& counts) {
     for (std::uint16_t n = 0; n < kSlaves; ++n) {
         ec_slave_config_t* const drive = configure_drive(master, n);
         CHECK(drive != nullptr && ecrt_slave_config_reg_pdo_entry(drive, 0x607A, 0, domain, nullptr) >= 0);
+        if (clocks) CHECK(ecrt_slave_config_dc(drive, 0x300, 1'000'000, 500'000, 0, 0) == 0);
     }
     CHECK(ecrt_master_activate(master) == 0);
     std::array<std::byte, 2> closed{std::byte{0x03}, std::byte{0x03}};
     program.close.command = DatagramCommand::apwr;
     program.close.ado = 0x0100;
     program.close.data = closed;
-    for (unsigned n = 0; n < 3000; ++n) {
+    ec_master_state_t state{};
+    for (unsigned n = 0; n < (clocks ? kMost : 3000) && (n < 3000 || state.al_states != EC_AL_STATE_OP); ++n) {
         if (n == begin) CHECK(submit(*master->bus->ctx, program.close).ok());
         osal->advance(std::chrono::milliseconds(1));
         ecrt_master_receive(master);
@@ -52,9 +56,16 @@ int run(unsigned begin, Counts& counts) {
             else
                 ++(info.vendor_id == kVendor && info.product_code == kDrive ? counts.right : counts.empty);
         }
+        ecrt_master_state(master, &state);
+        if (clocks) {
+            ecrt_master_application_time(master, static_cast<std::uint64_t>(osal->now().time_since_epoch().count()));
+            ecrt_master_sync_reference_clock(master);
+            ecrt_master_sync_slave_clocks(master);
+        }
         ecrt_domain_queue(domain);
         ecrt_master_send(master);
     }
+    CHECK(state.al_states == EC_AL_STATE_OP && state.slaves_responding == kSlaves);
     return 0;
 }
 
@@ -63,8 +74,12 @@ int run(unsigned begin, Counts& counts) {
 int main() {
     segment = "sim:drive,drive,drive";
     Counts counts;
-    for (unsigned begin = 1; begin < 300; begin += 1 + begin / 8)
-        if (run(begin, counts) != 0) return 1;
+    for (const bool clocks : {false, true})
+        for (unsigned begin = 1; begin < 400; begin += 1 + begin / 8)
+            if (run(begin, clocks, counts) != 0) {
+                std::printf("silent from cycle %u on, clocks %d\n", begin, clocks);
+                return 1;
+            }
     std::printf("%u errors, %u right answers, %u empty ones\n", counts.errors, counts.right, counts.empty);
     CHECK(counts.errors != 0 && counts.right != 0 && counts.empty == 0);
     return 0;

@@ -42,6 +42,9 @@ void words_name_no_other_function() {
         must(words.starts_with("position 6: " + std::string(to_text(Step::request_state))), words);
         must(!names_other_functions(words), words);
     }
+    const Error too_early{.code = Errc::wrong_state, .step = Step::configure_sync, .slave = 7};
+    must(!names_other_functions(words_of(too_early, "")), words_of(too_early, ""));
+    must(words_of(too_early, "").ends_with(to_text(Errc::wrong_state)), words_of(too_early, ""));
     const Error mistake{.code = Errc::pdo_unknown, .step = Step::map_process_data, .slave = 7};
     must(words_of(mistake, "").starts_with(to_text(Step::map_process_data)), words_of(mistake, ""));
     must(names_other_functions("slave 7: call config_map() again"), "the test sees no function");
