@@ -81,6 +81,8 @@ Task<Result<>> RingWatch::open_ring_with(Network& network, bool times) {
         guessed_ = parted;
         co_return Nothing{};
     }
+    // Which clocks are beside the ring is told by the counts: those of the broken ring would be wrong.
+    if (!ring_.counts_are_new()) co_return ring_error(Errc::unstable);
     constants_ = {};
     if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;  // perhaps with other delays
     if (last == nullptr) co_return ring_error(Errc::wrong_state);
