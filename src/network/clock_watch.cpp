@@ -310,10 +310,13 @@ Task<Result<>> compare_clocks(Network& network) {
 
 // In the intervals of the watch, until `done`.
 Task<Result<>> compare_until(Network& network, const bool& done) {
-    for (;;) {
-        co_await network.engine.sleep_for(network.clocks.settings.watch_interval);
+    constexpr Duration kLook = std::chrono::milliseconds(10);  // the supervision waits for the end
+    for (Time due = later(network.engine.now(), network.clocks.settings.watch_interval);;) {
+        co_await network.engine.sleep_for(std::min(kLook, network.clocks.settings.watch_interval));
         if (done || network.silent || !is_there(network, network.clocks.reference)) co_return Nothing{};
+        if (network.engine.now() < due) continue;
         co_await required(compare_clocks(network));
+        due = later(network.engine.now(), network.clocks.settings.watch_interval);
     }
 }
 
