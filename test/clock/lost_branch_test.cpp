@@ -20,13 +20,13 @@ struct LostBranch : LateClocksBus {
         const auto n = segment.add(clocked(clock).assemble());
         EXPECT_TRUE(segment.connect(at, {n, 0}, kCable));
     }
-    void bring_up_branches() {
+    void bring_up_branches(const ClockSettings& settings = kFewFrames) {
         hang(0, {.unit = sim::DcUnit::receive_times});
         add_slave({0, 3}, {.drift_ppb = 50'000, .start_ns = 123});
         for (const std::uint32_t n : {1U, 2U, 3U}) add_slave({n, 1}, {.drift_ppb = 40'000, .start_ns = n});
         add_slave({0, 1}, {.drift_ppb = -50'000, .start_ns = 1234});
         add_slave({5, 1}, {.drift_ppb = -30'000, .start_ns = 12345});
-        bring_up(kFewFrames, {});
+        bring_up(settings, {});
         ASSERT_EQ(reference_clock(*ctx), 2);
     }
     // Each cycle is sent up to 10 µs after it was due.
@@ -111,6 +111,23 @@ TEST(LostBranch, IsBackWithinASecond) {
         for (std::uint16_t n = 2; n <= 7; ++n) EXPECT_TRUE(bus.clock(n).in_sync && bus.in_op(n)) << n;
         EXPECT_LE(bus.greatest_error_ns(7), 200);
         EXPECT_EQ(bus.out, 0U);
+    }
+}
+
+// After each measurement of delays the supervision goes on at once, also when clocks are compared once a second only.
+TEST(LostBranch, ASlaveIsReportedLostWhileDelaysAreMeasured) {
+    for (const Duration since : {1900ms, 2050ms, 2200ms, 2500ms, 4100ms}) {
+        SCOPED_TRACE(testing::Message() << since / 1ms << " ms");
+        LostBranch bus;
+        bus.period = 1ms;
+        ClockSettings settings = kFewFrames;
+        settings.watch_interval = 1s;
+        settings.delay_interval = 2s;
+        bus.bring_up_branches(settings);
+        bus.run_late(since);
+        bus.segment.set_cable({6, 0}, false);
+        bus.run_late(100ms);
+        EXPECT_EQ(bus.ctx->slave(7).al.state, AlState::none);
     }
 }
 
