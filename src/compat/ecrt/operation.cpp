@@ -67,8 +67,8 @@ void Operation::step(Time now) {
             stage_ = Stage::map;
             if (clock_.state() == RequestState::error && clock_.error().code != Errc::no_clock) {
                 say_error(bus_, "clocks", clock_.error());
-                if (clock_tries_ != 0 && (!is_own_error(clock_.error().code) || clock_.error().code == Errc::timeout)) {
-                    --clock_tries_;  // its frames were lost
+                if (clock_tries_ != 0 && !is_own_error(clock_.error().code)) {  // its frames were lost
+                    --clock_tries_;
                     retry_ = now + kRetry;
                     stage_ = Stage::clock;
                     return;

@@ -89,7 +89,7 @@ class Operation {
     // The scan of a new start may find slaves with an alias whose place was not known before it.
     static constexpr unsigned kMostRestarts = 2;
     unsigned restarts_left_ = kMostRestarts;
-    static constexpr unsigned kMostClockTries = 5;
+    static constexpr unsigned kMostClockTries = 20;
     unsigned clock_tries_ = 0;  // left, when frames of the search for clocks are lost
     bool again_ = false;    // the start-up is not the first one
     bool changed_ = false;  // slaves have come or gone since the last check()
