@@ -66,13 +66,8 @@ void Operation::step(Time now) {
             has_clock_ = clock_.reference != 0;
             stage_ = Stage::map;
             if (clock_.state() == RequestState::error && clock_.error().code != Errc::no_clock) {
+                if (is_to_be_clocked_again(now)) return;
                 say_error(bus_, "clocks", clock_.error());
-                if (clock_tries_ != 0 && !is_own_error(clock_.error().code)) {  // its frames were lost
-                    --clock_tries_;
-                    retry_ = now + kRetry;
-                    stage_ = Stage::clock;
-                    return;
-                }
                 if (clock_.settings.reference == 0) return;
                 say("master %u: the first clock of the ring is the reference clock", bus_.index);
                 bus_.reference = nullptr;
@@ -96,6 +91,23 @@ void Operation::step(Time now) {
             return;
         case Stage::running: return;
     }
+}
+
+// The clocks were not synchronised, because frames were lost. While no frame comes back at all, nothing else can begin:
+// until then the tries have no limit, and no slave responds.
+bool Operation::is_to_be_clocked_again(Time now) {
+    const Errc code = clock_.error().code;
+    if (is_own_error(code)) return false;
+    if (code == Errc::no_frame || code == Errc::link_down || code == Errc::nic) {
+        bus_.silent = bus_.returning.waited_for = true;
+        bus_.returning.reading = false;
+        bus_.dirty = true;
+    } else if (clock_tries_-- == 0) {
+        return false;
+    }
+    retry_ = now + kRetry;
+    stage_ = Stage::clock;
+    return true;
 }
 
 void Operation::end_scan(Time now) {

@@ -73,6 +73,7 @@ class Operation {
     void start_again();
     void end_starting();
     void end_scan(Time now);
+    [[nodiscard]] bool is_to_be_clocked_again(Time now);
     void begin_clock(Time now);
     void end_map(Time now);
     [[nodiscard]] bool wants_clock() const;
