@@ -136,12 +136,8 @@ void Operation::start_again() {
         ++exchange->answers;
         std::ranges::fill(exchange->image, std::byte{0});
     }
-    for (const auto& config : bus_.configs) {
-        config->number = 0;
-        config->state = 0;
-        if (has_whole_lists(*config)) hold_downloads(*config);
-    }
-    bus_.dirty = true;
+    clock_tries_ = kMostClockTries;
+    forget_slaves();
     if (plan_expected() == 0) return;
     restarts_left_ = 0;  // the reason was said; the scan goes by the list before
     std::swap(expected_, old_expected_);

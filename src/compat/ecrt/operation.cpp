@@ -55,7 +55,6 @@ void Operation::step(Time now) {
             if (!scan_.busy()) end_scan(now);
             return;
         case Stage::clock:
-            if (now < retry_) return;
             if (wants_clock())
                 begin_clock(now);
             else
@@ -66,7 +65,7 @@ void Operation::step(Time now) {
             has_clock_ = clock_.reference != 0;
             stage_ = Stage::map;
             if (clock_.state() == RequestState::error && clock_.error().code != Errc::no_clock) {
-                if (is_to_be_clocked_again(now)) return;
+                if (is_scanned_again()) return;
                 say_error(bus_, "clocks", clock_.error());
                 if (clock_.settings.reference == 0) return;
                 say("master %u: the first clock of the ring is the reference clock", bus_.index);
@@ -93,21 +92,22 @@ void Operation::step(Time now) {
     }
 }
 
-// The clocks were not synchronised, because frames were lost. While no frame comes back at all, nothing else can begin:
-// until then the tries have no limit, and no slave responds.
-bool Operation::is_to_be_clocked_again(Time now) {
-    const Errc code = clock_.error().code;
-    if (is_own_error(code)) return false;
-    if (code == Errc::no_frame || code == Errc::link_down || code == Errc::nic) {
-        bus_.silent = bus_.returning.waited_for = true;
-        bus_.returning.reading = false;
-        bus_.dirty = true;
-    } else if (clock_tries_-- == 0) {
-        return false;
-    }
-    retry_ = now + kRetry;
-    stage_ = Stage::clock;
+// The clocks were not synchronised, because frames were lost: the scan finds the slaves that are there.
+bool Operation::is_scanned_again() {
+    if (is_own_error(clock_.error().code) || clock_tries_ == 0) return false;
+    --clock_tries_;
+    forget_slaves();
+    stage_ = Stage::scan;
     return true;
+}
+
+void Operation::forget_slaves() {
+    for (const auto& config : bus_.configs) {
+        config->number = 0;
+        config->state = 0;
+        if (has_whole_lists(*config)) hold_downloads(*config);
+    }
+    bus_.dirty = true;
 }
 
 void Operation::end_scan(Time now) {
@@ -116,6 +116,7 @@ void Operation::end_scan(Time now) {
     bus_.old_configs.clear();
     empty_ = scan_.slaves == 0 || ctx_has_no_slaves();
     if (empty_) {
+        clock_tries_ = kMostClockTries;
         retry_ = now + kRetry;
         stage_ = Stage::scan;
         return;
@@ -142,7 +143,6 @@ void Operation::end_scan(Time now) {
     bus_.attach_mail();
     bus_.dirty = true;
     map_next_ = 0;
-    clock_tries_ = kMostClockTries;
     stage_ = Stage::clock;
 }
 

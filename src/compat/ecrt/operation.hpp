@@ -73,7 +73,8 @@ class Operation {
     void start_again();
     void end_starting();
     void end_scan(Time now);
-    [[nodiscard]] bool is_to_be_clocked_again(Time now);
+    [[nodiscard]] bool is_scanned_again();
+    void forget_slaves();
     void begin_clock(Time now);
     void end_map(Time now);
     [[nodiscard]] bool wants_clock() const;
@@ -90,8 +91,8 @@ class Operation {
     // The scan of a new start may find slaves with an alias whose place was not known before it.
     static constexpr unsigned kMostRestarts = 2;
     unsigned restarts_left_ = kMostRestarts;
-    static constexpr unsigned kMostClockTries = 20;
-    unsigned clock_tries_ = 0;  // left, when frames of the search for clocks are lost
+    static constexpr unsigned kMostClockTries = 10;
+    unsigned clock_tries_ = kMostClockTries;  // left, when frames are lost while the clocks are synchronised
     bool again_ = false;    // the start-up is not the first one
     bool changed_ = false;  // slaves have come or gone since the last check()
     Time starting_until_{};
