@@ -38,8 +38,11 @@ Error cut_error(MailboxChannel& channel, const SdoObject& object, Step step) {
 
 Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t index, const MailPatience& patience) {
     std::array<std::byte, 4> count{};  // some slaves send more octets than the standard's one
-    co_await required(sdo_upload_once(channel, {.index = index}, count, patience));
-    if (load_le<std::uint32_t>(count) > 255)  // the value of an object without entries
+    auto read = co_await sdo_upload_once(channel, {.index = index}, count, patience);
+    const bool is_longer = !read && read.error().code == Errc::capacity && read.error().expected != 0;
+    if (!read && !is_longer) co_return read.error();
+    const auto value = load_le<std::uint32_t>(count);
+    if (is_longer || value > 255 || (value == 0 && *read > 1))  // the value of an object without entries
         co_return misfit(channel, {.index = index}, Step::sdo_upload, Errc::unsupported, 0, 0);
     co_return std::to_integer<std::uint8_t>(count[0]);
 }

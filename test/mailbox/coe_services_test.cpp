@@ -63,12 +63,29 @@ TEST(CompleteAccess, OfAnObjectOfOneValueIsRefused) {
     bus.start();
     std::array<std::byte, 64> memory{};
     for (int n = 0; n < 2; ++n) {  // the second time the refusal is known
-        const auto read = SDOread(*bus.ctx, 1, 0x1000, 0, true, memory);
-        ASSERT_FALSE(read.ok()) << *read << " octets";
-        EXPECT_EQ(read.error().code, n == 0 ? Errc::sdo_abort : Errc::unsupported) << bus.words(read.error());
-        EXPECT_EQ(read.error().detail, n == 0 ? 0x06010000U : 0U) << bus.words(read.error());
+        for (const std::uint16_t index : std::initializer_list<std::uint16_t>{0x1000, 0x1008}) {
+            const auto read = SDOread(*bus.ctx, 1, index, 0, true, memory);
+            ASSERT_FALSE(read.ok()) << std::hex << index << ": " << *read << " octets";
+            EXPECT_EQ(read.error().code, n == 0 ? Errc::sdo_abort : Errc::unsupported) << bus.words(read.error());
+            EXPECT_EQ(read.error().detail, n == 0 ? 0x06010000U : 0U) << bus.words(read.error());
+        }
         EXPECT_TRUE(SDOread(*bus.ctx, 1, 0x1018, 0, true, memory).ok());
     }
+    // A value of 0 that is longer than a count.
+    MailboxBus other;
+    auto& slave = other.add_scripted(64);
+    other.start();
+    slave.on_mail = [&](const Mail& mail) {
+        const auto command = std::to_integer<unsigned>(mail[8]);
+        Mail data(mail.begin() + 6, mail.begin() + 16);
+        data[1] = (command & 0x10) != 0 ? std::byte{0x20} : std::byte{0x30};
+        data[2] = (command & 0x10) != 0 ? std::byte{0x80} : std::byte{0x43};
+        store_le<std::uint32_t>(data, 6, (command & 0x10) != 0 ? 0x06010000U : 0U);
+        slave.reply(data);
+    };
+    const auto zero = SDOread(*other.ctx, 1, 0x607A, 0, true, memory);
+    ASSERT_FALSE(zero.ok()) << *zero << " octets";
+    EXPECT_EQ(zero.error().detail, 0x06010000U) << other.words(zero.error());
     std::uint32_t type = 0;
     EXPECT_EQ(*SDOread(*bus.ctx, 1, 0x1000, 0, false, std::as_writable_bytes(std::span(&type, 1))), 4U);
     EXPECT_NE(type, 0U);
