@@ -98,8 +98,9 @@ int main(int argc, char** argv) {
     arguments.flag("--read-only", options.read_only, "refuse every message that may change a slave");
     return arguments.run(argc, argv, [&] {
         const auto where = parse_listen_address(options.listen, MailboxGatewaySettings::kPort);
-        if (!where || !is_ip_address(where->address))
-            return fail(fmt::format("--listen {}: is not ADDRESS:PORT in digits", options.listen), exit_code::kUsage);
+        if (!where) return fail(fmt::format("--listen {}: is not ADDRESS:PORT", options.listen), exit_code::kUsage);
+        if (!is_ip_address(where->address))
+            return fail(fmt::format("--listen {}: is no IP address in digits", where->address), exit_code::kUsage);
         const MailboxGatewaySettings settings{
             .address = where->address, .port = where->port, .read_only = options.read_only};
         options.source.options.real_time = true;

@@ -81,11 +81,15 @@ bool Master::has_strangers() const {
     return since != std::chrono::steady_clock::time_point{} && std::chrono::steady_clock::now() - since >= kSettle;
 }
 
-// A slave could not be read while the segment was brought up, or a client has changed its PDOs.
+// A slave could not be read while the segment was brought up, or it has other PDOs since then: by a client, or because
+// its modules were changed while it was off.
 bool Master::lacks_places(const Error& wrong) const {
     if (configuration_.state < AlState::safeop) return false;
-    return wrong.code == Errc::remapping_needed || std::ranges::any_of(ctx_->slaves(), [](const Slave& s) {
-               return s.al.state != AlState::none && s.error.code == Errc::no_place;
+    const auto lacks = [](Errc code) {
+        return code == Errc::no_place || code == Errc::remapping_needed || code == Errc::pdo_size;
+    };
+    return lacks(wrong.code) || std::ranges::any_of(ctx_->slaves(), [&](const Slave& s) {
+               return s.al.state != AlState::none && lacks(s.error.code);
            });
 }
 
