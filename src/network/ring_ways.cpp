@@ -14,7 +14,6 @@
 #include "network/ring_watch.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 #include <utility>
 
 namespace margay {

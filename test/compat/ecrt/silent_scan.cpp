@@ -1,5 +1,6 @@
 // The line is silent for a second while the segment starts up, from some cycle on. What is told of a slave is what was
-// read of it, or an error: never an empty record. Afterwards all drives come to OP, with SYNC signals too. Ends with 0 when everything is as expected.
+// read of it, or an error: never an empty record. Afterwards all drives come to OP, with SYNC signals too. Ends with 0
+// when everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 
