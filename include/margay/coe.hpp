@@ -168,7 +168,8 @@ class MailPdoListener : public MailListener {
 
 // ------------------------------------------------------------------ functions that wait
 //
-// Each function submits the request of the same name and waits for it; wait() describes how it waits in each thread.
+// Each function submits a request and waits for it: SDOread() an SdoUpload, SDOwrite() an SdoDownload,
+// read_object_list() an ObjectListRequest, and so on. wait() describes how a function waits in each thread.
 
 // Reads an object and returns the size of its value in octets. `timeout` zero: 3 s for each answer of the slave.
 // Errors: sdo_abort (detail: the abort code; describe() puts it in words), capacity (expected: the size of the value in

@@ -1,14 +1,16 @@
 // The functions of the master. Each comment says whether the function may be called from a running cycle and whether it
 // waits.
 //
-// Names. A service of a mailbox protocol begins with the protocol as the standard writes it: SDOread(), SDOwrite(),
-// SoEread(), SoEwrite(), SoEcommand(), FOEread(), FOEwrite(); raw_mail() is the same for any protocol. The functions
+// Names. A service of a mailbox protocol begins with the protocol, in capitals but for SoE: SDOread(), SDOwrite(),
+// SoEread(), SoEcommand(), FOEread(), AOEread(), EOEset_ip(), VOEsend(); raw_mail() is for any protocol. The functions
 // that every master has keep their usual names: config_init(), config_map(), send_processdata(), receive_processdata(),
 // readstate(), writestate(), statecheck(), configdc(), dcsync0(), dcsync01(). Every other function that does something
 // is a verb and its object: read_register(), read_sii(), find_entry(), recover_slave(), set_target(). A function that
-// only returns what is known already is named after its result: all_right(), inputs_fresh(), emergencies(). The request
-// of a function has the same words in CamelCase. A method of Context returns a part of the context. A method of
-// HookedSlave begins with what it accesses: sdo_read(), register_read().
+// only returns what is known already is named after its result: all_right(), inputs_fresh(), emergencies(). The
+// requests of the usual functions are SdoUpload (SDOread()), SdoDownload (SDOwrite()), ScanRequest (config_init()),
+// MapRequest (config_map()), ClockRequest (configdc()) and SyncRequest (dcsync0(), dcsync01()). Other requests have
+// words of their function in CamelCase, most of them without the verb: read_object_list() and ObjectListRequest. A
+// method of Context returns a part of the context. A method of HookedSlave begins with what it accesses: sdo_read().
 //
 // Numbers. `number` is the number of a slave, which config_init() gives and which stays until the next config_init().
 // `position` is a place in the ring, which the standard counts with auto-increment addresses, and nothing else.

@@ -3,7 +3,7 @@
 // cycle_stamps() (cycle_stamps.hpp).
 //
 // To port: keep the time and the first kHeadBytes octets of the last frames that receive() has returned, at least 16 of
-// them; a ArrivalTimes does that. Note a frame without a time too: otherwise the time of an older frame is returned
+// them; an ArrivalTimes does that. Note a frame without a time too: otherwise the time of an older frame is returned
 // for it.
 #pragma once
 
