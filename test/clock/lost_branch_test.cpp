@@ -29,6 +29,15 @@ struct LostBranch : LateClocksBus {
         bring_up(settings, {});
         ASSERT_EQ(reference_clock(*ctx), 2);
     }
+    // The branch is away for 1.5 s, and back since then.
+    void bring_branch_back(Duration cycle, Duration since) {
+        period = cycle;
+        bring_up_branches();
+        segment.set_cable(kBranch, false);
+        run_late(1500ms);
+        segment.set_cable(kBranch, true);
+        run_late(since);
+    }
     // Each cycle is sent up to 10 µs after it was due.
     void run_late(Duration how_long) {
         Duration late{};
@@ -137,12 +146,7 @@ TEST(LostBranch, ASlaveThatIsCutOffWhileTheBranchReturnsIsReportedLost) {
         for (const Duration since : {0ms, 300ms, 500ms, 1000ms, 2000ms}) {
             SCOPED_TRACE(testing::Message() << cycle / 1ms << " ms, " << since / 1ms << " ms after it was back");
             LostBranch bus;
-            bus.period = cycle;
-            bus.bring_up_branches();
-            bus.segment.set_cable(LostBranch::kBranch, false);
-            bus.run_late(1500ms);
-            bus.segment.set_cable(LostBranch::kBranch, true);
-            bus.run_late(since);
+            bus.bring_branch_back(cycle, since);
             bus.segment.set_cable({6, 0}, false);
             bus.run_late(100ms);
             EXPECT_EQ(bus.ctx->slave(7).al.state, AlState::none);
@@ -162,12 +166,7 @@ TEST(LostBranch, TheSlaveThatLearnsAndItsReferenceAreReportedLost) {
                 SCOPED_TRACE(testing::Message() << cycle / 1ms << " ms, " << since / 1ms << " ms after it was back, "
                                                 << (learner ? "the slave" : "its reference"));
                 LostBranch bus;
-                bus.period = cycle;
-                bus.bring_up_branches();
-                bus.segment.set_cable(LostBranch::kBranch, false);
-                bus.run_late(1500ms);
-                bus.segment.set_cable(LostBranch::kBranch, true);
-                bus.run_late(since);
+                bus.bring_branch_back(cycle, since);
                 const sim::PortRef cut = learner ? LostBranch::kBranch : sim::PortRef{5, 0};
                 bus.segment.set_cable(cut, false);
                 bus.run_late(100ms);
