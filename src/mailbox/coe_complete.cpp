@@ -42,7 +42,8 @@ Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t ind
     const bool is_longer = !read && read.error().code == Errc::capacity && read.error().expected != 0;
     if (!read && !is_longer) co_return read.error();
     const auto value = load_le<std::uint32_t>(count);
-    if (is_longer || value > 255 || (value == 0 && *read > 1))  // the value of an object without entries
+    // The value of an object without entries. A list of PDOs may be empty, and its count longer than one octet.
+    if (is_longer || value > 255 || (value == 0 && *read > 1 && element_bytes(index) == 0))
         co_return misfit(channel, {.index = index}, Step::sdo_upload, Errc::unsupported, 0, 0);
     co_return std::to_integer<std::uint8_t>(count[0]);
 }

@@ -102,6 +102,7 @@ bool Operation::is_scanned_again() {
 }
 
 void Operation::forget_slaves() {
+    has_clock_ = false;
     for (const auto& config : bus_.configs) {
         config->number = 0;
         config->state = 0;
