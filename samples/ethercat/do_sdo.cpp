@@ -137,20 +137,19 @@ int run_upload(Call& call) {
     if (!named) return call.fail(named.problem());
     const auto slave = slave_with_objects(call);
     if (!slave) return call.fail(slave.problem());
-    const std::optional place = place_to_read(*slave, *named);
-    const auto type = type_of(call, *slave, *place);
+    const Place place = place_to_read(*slave, *named);
+    const auto type = type_of(call, *slave, place);
     if (!type) return call.fail(type.problem());
-    const auto value = slave->session().upload(slave->position(), place->index, place->subindex, place->complete);
-    if (!value && place->complete)
+    const auto value = slave->session().upload(slave->position(), place.index, place.subindex, place.complete);
+    if (!value && place.complete)
         return call.fail(Problem{value.problem().text + " (without SUBINDEX all entries are read together; 0 is the "
                                                         "SUBINDEX of an object of one value)",
                                  value.problem().code});
     if (!value) return call.fail(value.problem());
     Output output;
     output.json = place_json(*slave);
-    output.json["index"] = place->index;
-    output.json["subindex"] =
-        place->complete ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(place->subindex);
+    output.json["index"] = place.index;
+    output.json["subindex"] = place.complete ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(place.subindex);
     output.json["type"] = (*type)->name;
     output.json["value"] = value_json(**type, *value);
     output.json["octets"] = hex(*value);

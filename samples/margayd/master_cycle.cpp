@@ -82,7 +82,8 @@ bool Master::has_strangers() const {
 }
 
 // A slave could not be read while the segment was brought up, or it has other PDOs since then: by a client, or because
-// its modules were changed while it was off.
+// its modules were changed while it was off. PDOs that an application wants may have these errors for ever: here only
+// an ENI wants any, and with an ENI the segment is not scanned again.
 bool Master::lacks_places(const Error& wrong) const {
     if (configuration_.state < AlState::safeop) return false;
     const auto lacks = [](Errc code) {

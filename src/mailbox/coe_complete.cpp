@@ -30,6 +30,9 @@ Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc c
     return error;
 }
 
+// Mappings of PDOs and the assignments of SyncManagers.
+bool is_pdo_list(std::uint16_t index) { return index >= 0x1600 && index < 0x1C30; }
+
 // The accesses that together are one transfer: the mailbox was opened again since the first one.
 bool is_cut(const MailboxChannel& channel, std::uint32_t epoch) { return channel.epoch() != epoch; }
 Error cut_error(MailboxChannel& channel, const SdoObject& object, Step step) {
@@ -42,8 +45,9 @@ Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t ind
     const bool is_longer = !read && read.error().code == Errc::capacity && read.error().expected != 0;
     if (!read && !is_longer) co_return read.error();
     const auto value = load_le<std::uint32_t>(count);
-    // The value of an object without entries. A list of PDOs may be empty, and its count longer than one octet.
-    if (is_longer || value > 255 || (value == 0 && *read > 1 && element_bytes(index) == 0))
+    // An object without entries has its value at subindex 0. A longer 0 is such a value, but for lists of PDOs: they
+    // may be empty.
+    if (is_longer || value > 255 || (value == 0 && *read > 1 && !is_pdo_list(index)))
         co_return misfit(channel, {.index = index}, Step::sdo_upload, Errc::unsupported, 0, 0);
     co_return std::to_integer<std::uint8_t>(count[0]);
 }

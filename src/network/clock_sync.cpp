@@ -340,12 +340,10 @@ bool follows_another(Network& network, const Slave& slave) {
 
 // A slave that was lost while it was made the reference may have the deepest filter: see calm_rate().
 Task<Result<>> restore_filter(Network& network, const Slave& slave) {
-    constexpr std::uint8_t kDeepest = 15;
-    constexpr std::uint8_t kUsual = 4;
     const wire::Register filter = wire::reg::kSystemTimeDifferenceFilter;
     const auto depth = co_await required(read<std::uint8_t>(network.station(slave), filter, Step::configure_clocks));
-    if (depth != kDeepest) co_return Nothing{};
-    co_return co_await required(write_clock_register(network.station(slave), filter, kUsual));
+    if (depth != kDeepestFilter) co_return Nothing{};
+    co_return co_await required(write_clock_register(network.station(slave), filter, kUsualFilter));
 }
 
 Task<Result<>> restore_clock(Network& network, Slave& slave) {

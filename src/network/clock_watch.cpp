@@ -78,8 +78,6 @@ Task<Result<bool>> compare_with_itself(Network& network, const Slave& slave) {
 Task<Result<bool>> calm_rate(Network& network, Slave& slave) {
     constexpr unsigned kMostTries = 3;
     constexpr std::int64_t kMostAway = 16;  // limits: by more, what it has learned is spoilt too
-    constexpr std::uint8_t kDeepestFilter = 15;
-    constexpr std::uint8_t kUsualFilter = 4;
     const Station station = network.station(slave);
     const std::int64_t near_ns = network.clocks.settings.limit_ns / 8;
     const auto found =

@@ -289,6 +289,10 @@ enum class ClockRate : bool { own, of_reference };
 // Writes offset and delay of the entry, and starts the control loop of the clock again.
 [[nodiscard]] Task<Result<>> write_clock(Network& network, Slave& slave);
 
+// Depths of the System Time Difference Filter (0x0934): while a clock is calmed, and of a clock that was left with it.
+inline constexpr std::uint8_t kDeepestFilter = 15;
+inline constexpr std::uint8_t kUsualFilter = 4;
+
 // Writes `bytes` octets of a register. The error names the slave and the register.
 [[nodiscard]] Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint64_t value);
 

@@ -52,7 +52,7 @@ TEST(MailboxGatewayProgram, WrongAddressesAreRefusedInWords) {
     EXPECT_EQ(nowhere.status, 3);
     EXPECT_TRUE(contains(nowhere.err, "192.0.2.1:34980 (TCP): cannot be bound")) << nowhere.err;
     EXPECT_TRUE(contains(ran("localhost:34980").err, "localhost: is no IP address in digits"));
-    for (const char* number : {"34980", "0:34980", "1.2.3:34980"}) {  // parts of addresses are none
+    for (const char* number : {"34980", "0:34980", "1.2.3:34980"}) {  // incomplete addresses are refused
         EXPECT_EQ(ran(number).status, 2) << number;
         EXPECT_TRUE(contains(ran(number).err, ": is no IP address in digits")) << number << ": " << ran(number).err;
     }

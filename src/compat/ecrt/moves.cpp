@@ -128,7 +128,6 @@ void Operation::start_again() {
     retry_ = {};
     waited_ = 0;
     again_ = true;
-    has_clock_ = false;
     end_starting();
     for (const auto& exchange : bus_.exchanges) {
         exchange->mapped = exchange->held = false;

@@ -65,7 +65,7 @@ void Operation::step(Time now) {
             has_clock_ = clock_.reference != 0;
             stage_ = Stage::map;
             if (clock_.state() == RequestState::error && clock_.error().code != Errc::no_clock) {
-                if (is_scanned_again()) return;
+                if (is_scanned_again(now)) return;
                 say_error(bus_, "clocks", clock_.error());
                 if (clock_.settings.reference == 0) return;
                 say("master %u: the first clock of the ring is the reference clock", bus_.index);
@@ -93,11 +93,16 @@ void Operation::step(Time now) {
 }
 
 // The clocks were not synchronised, because frames were lost: the scan finds the slaves that are there.
-bool Operation::is_scanned_again() {
+bool Operation::is_scanned_again(Time now) {
     if (is_own_error(clock_.error().code) || clock_tries_ == 0) return false;
+    if (clock_tries_ == kMostClockTries) {
+        say_error(bus_, "clocks", clock_.error());
+        say("master %u: the clocks are not synchronised: the segment is scanned again", bus_.index);
+    }
     --clock_tries_;
     forget_slaves();
     stage_ = Stage::scan;
+    retry_ = now + kRetry;
     return true;
 }
 

@@ -73,7 +73,7 @@ class Operation {
     void start_again();
     void end_starting();
     void end_scan(Time now);
-    [[nodiscard]] bool is_scanned_again();
+    [[nodiscard]] bool is_scanned_again(Time now);
     void forget_slaves();
     void begin_clock(Time now);
     void end_map(Time now);

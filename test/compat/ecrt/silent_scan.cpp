@@ -1,6 +1,6 @@
 // The line is silent for a second while the segment starts up, from some cycle on. What is told of a slave is what was
-// read of it, or an error: never an empty record. Afterwards all drives come to OP, with SYNC signals too. Ends with 0
-// when everything is as expected.
+// read of it, or an error: never an empty record. Afterwards all drives come to OP, with SYNC signals too. When the
+// last drive is gone for good, the others do. Ends with 0 when everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 
@@ -20,10 +20,17 @@ struct Counts {
     unsigned empty = 0;
 };
 
-int run(unsigned begin, bool clocks, Counts& counts) {
+// What happens: the port of the first drive to the master is closed for a second, or the port to the last drive for
+// good. Frames that are lost while the clocks are synchronised lead to a scan.
+enum class Fault { silence, silence_with_clocks, drive_gone_with_clocks };
+
+int run(unsigned begin, Fault fault, Counts& counts) {
+    const bool clocks = fault != Fault::silence;
+    const bool gone = fault == Fault::drive_gone_with_clocks;
+    const unsigned present = gone ? kSlaves - 1 : kSlaves;
     struct Program {
         ec_master_t* master = ecrt_request_master(0);
-        DatagramRequest close;  // the port of the first slave to the master, for a second
+        DatagramRequest close;
         ~Program() {
             close.cancel();
             ecrt_release_master(master);
@@ -41,7 +48,9 @@ int run(unsigned begin, bool clocks, Counts& counts) {
     }
     CHECK(ecrt_master_activate(master) == 0);
     std::array<std::byte, 2> closed{std::byte{0x03}, std::byte{0x03}};
+    if (gone) closed = {std::byte{0x01}, std::byte{0x0C}};
     program.close.command = DatagramCommand::apwr;
+    program.close.adp = gone ? 2 - kSlaves : 0;
     program.close.ado = 0x0100;
     program.close.data = closed;
     ec_master_state_t state{};
@@ -66,7 +75,7 @@ int run(unsigned begin, bool clocks, Counts& counts) {
         ecrt_domain_queue(domain);
         ecrt_master_send(master);
     }
-    CHECK(state.al_states == EC_AL_STATE_OP && state.slaves_responding == kSlaves);
+    CHECK(state.al_states == EC_AL_STATE_OP && state.slaves_responding == present);
     return 0;
 }
 
@@ -75,10 +84,10 @@ int run(unsigned begin, bool clocks, Counts& counts) {
 int main() {
     segment = "sim:drive,drive,drive";
     Counts counts;
-    for (const bool clocks : {false, true})
+    for (const Fault fault : {Fault::silence, Fault::silence_with_clocks, Fault::drive_gone_with_clocks})
         for (unsigned begin = 1; begin < 400; begin += 1 + begin / 8)
-            if (run(begin, clocks, counts) != 0) {
-                std::printf("silent from cycle %u on, clocks %d\n", begin, clocks);
+            if (run(begin, fault, counts) != 0) {
+                std::printf("from cycle %u on, fault %d\n", begin, static_cast<int>(fault));
                 return 1;
             }
     std::printf("%u errors, %u right answers, %u empty ones\n", counts.errors, counts.right, counts.empty);
