@@ -35,27 +35,31 @@ struct SlaveClock {
     // Delay and offset are written: the slave follows the reference clock, or is that clock. False for a clock before a
     // chosen reference (ClockSettings::reference).
     bool synchronised = false;
-    // Its difference was within the limit for the settle time, and was measured since the slave was lost last. Behind a
-    // break of a ring with two NICs: see redundancy.hpp. A clock that was in sync remains so while no time reaches it
-    // (after a break, or when the reference is lost), for a second at most. A supervision keeps it up to date; without
-    // one, or with a watch_interval of zero, it becomes false when the slave is seen to be lost, and stays false. While
-    // bus shift moves the reference clock faster than the others follow, they are not in sync.
+    // The difference has stayed within ClockSettings::limit_ns for ClockSettings::settle, measured after the slave was
+    // lost last. While no time reaches a clock (after a break, or when the slave with the reference clock is lost), the
+    // clock stays in sync for a second at most. A supervision updates this member. Without a supervision, or with a
+    // watch_interval of zero, the member becomes false when the slave is seen to be lost, and stays false. While bus
+    // shift moves the reference clock faster than the other clocks can follow, these are not in sync. Behind a break of
+    // a ring with two NICs: see redundancy.hpp.
     bool in_sync = false;
     bool sync_active = false;    // SYNC signals were activated
-    // How long a SYNC signal stays active: ESC register 0x0982, which the chip fills from the SII. Read by configdc()
-    // and when SYNC signals are activated. 0: until the slave's program acknowledges it, by reading register 0x098E or
-    // 0x098F; when it does not, there is no second edge. Negative: the slave has no such register.
+    // How long a SYNC signal stays active: ESC register 0x0982, which the chip loads from the SII. The library reads
+    // the register in configdc() and when it activates SYNC signals. 0: the signal stays active until the slave's
+    // program acknowledges it by reading register 0x098E or 0x098F; without the acknowledgement there is no second
+    // edge. Negative: the slave has no such register.
     std::int32_t pulse_ns = -1;
     std::uint32_t delay_ns = 0;  // from the first clock in the ring (ESC register 0x0928)
-    // To the reference clock as read last (0x092C); negative: behind. A supervision reads one slave in each
-    // watch_interval while all clocks are in sync, and all slaves otherwise. Behind a break of a ring with two NICs: to
-    // the second reference, plus the difference of both references.
+    // The difference between this clock and the reference clock, as read last (0x092C); negative: this clock is behind.
+    // A supervision reads one slave in each watch_interval while all clocks are in sync, and all slaves otherwise.
+    // Behind a break of a ring with two NICs: the difference to the second reference clock, plus the difference of both
+    // reference clocks.
     std::int32_t difference_ns = 0;
     std::uint64_t offset_ns = 0;      // system time minus the slave's own time (0x0920)
     std::uint64_t sync_start_ns = 0;  // system time of the first SYNC0
-    // The delay is not measured: a slave with branches and without receive times is between the first clock and this
-    // clock. The error of the delay is the difference of the delays of that slave's cables, or these delays themselves
-    // where no slave before has receive times (EventKind::delays_assumed). `in_sync` does not include this error.
+    // The delay is assumed and not measured: a slave with branches and without receive times is between the first clock
+    // and this clock. The delay is wrong by the difference between the delays of the cables of that slave, or by these
+    // delays themselves where no slave before it has receive times (EventKind::delays_assumed). `in_sync` does not
+    // include this error.
     bool delay_assumed = false;
 };
 
@@ -63,7 +67,7 @@ struct ClockSettings {
     // The slave whose clock is the reference clock; 0: the first slave in the ring whose clock runs. The time of the
     // reference clock does not reach the slaves before it in the ring: their clocks are not synchronised
     // (EventKind::clock_not_reached names them), never become the reference, and get no SYNC signals
-    // (Errc::clock_not_reached). They take over what the master expects as the time.
+    // (Errc::clock_not_reached). The cycle brings these slaves the time that the master expects.
     std::uint16_t reference = 0;
     // The group whose cycle carries the time, unless GroupConfiguration::dc_reference of a group says otherwise.
     std::uint8_t group = 0;
@@ -74,9 +78,10 @@ struct ClockSettings {
     std::uint16_t burst_frames = 10000;
     std::uint8_t burst_bulk = 12;
     // The datagrams that carry the time address the reference clock by its position in the ring (ARMW), and not by its
-    // station address (FRMW). While a slave is missing or lost, its station address is used nevertheless. Until the
-    // supervision has seen that a slave before the reference clock is lost, the slave that is in its position now is
-    // taken for the reference clock: leave this false where a branch without clocks before it may be disconnected.
+    // station address (FRMW). While a slave is missing or lost, they use the station address nevertheless. When a slave
+    // before the reference clock is lost, another slave is at this position; until the supervision has seen the loss,
+    // the datagrams use the clock of that other slave as the reference clock. So leave this false where a branch
+    // without clocks before the reference clock may be disconnected.
     bool by_position = false;
     // The cycle of the SYNC signals of slaves whose SyncSettings do not set a cycle. The bus has the cycle of the
     // MasterClock; without one the supervision measures it. A SYNC0 that does not fit is named in Context::errors().
@@ -110,8 +115,9 @@ struct ClockSettings {
     // the reference again, without a step of the others (EventKind::reference_clock); of a branch with several clocks,
     // the first one does so. With cycles of 1 ms this takes less than a second, with longer ones some seconds.
     bool replace_lost_reference = true;
-    // Called with the start time of SYNC0 of a slave, in system time; the result is written instead. nullptr: not
-    // called. The rules of hooks apply, which poll() calls: neither wait nor call the library.
+    // poll() calls this function with the start time of SYNC0 that the library proposes for a slave, in system time,
+    // and writes the result of the function instead. nullptr: the proposed time is written. As a hook, the function
+    // must neither wait nor call the library.
     std::uint64_t (*start_time)(std::uint16_t slave, std::uint64_t proposed_ns, void* user) = nullptr;
     void* start_time_user = nullptr;
 };
@@ -145,12 +151,13 @@ struct ClockRequest : Request {
 // of the reference clock until all clocks are in sync. SYNC signals that are active are switched off. Returns the
 // number of the slave with the reference clock. Call it in PREOP, after config_init() and before config_map(). Waits.
 //
-// Errors: no_clock (no slave, or not the chosen reference, has a clock that runs), missing_slave (the chosen
-// reference), wrong_state (slave: it is in OP with SYNC signals; slave 0: no slaves yet), not_in_sync (slave: the clock
-// with the greatest difference, expected: the limit, actual: the difference in ns; all other work is done, a cycle may
-// bring it into sync later), unstable (slave: it was lost, or came back; slave 0: others answer), invalid_argument,
-// no_frame, capacity, unsupported (its clock is beside a ring with two NICs, or receive times do not show what is
-// behind it).
+// Errors: no_clock (no slave has a clock that runs, or the chosen reference has none), missing_slave (the chosen
+// reference), wrong_state (slave: the slave is in OP with SYNC signals; slave 0: there are no slaves yet), not_in_sync
+// (slave: the clock with the greatest difference, expected: the limit, actual: the difference in ns; all other work is
+// done, and a cycle may bring the clock into sync later), unstable (slave: the slave was lost or came back meanwhile;
+// slave 0: the slaves in the ring have changed), invalid_argument, no_frame, capacity, unsupported (slave: in a ring
+// with two NICs the reference clock is at a branch that only the second NIC reaches; or the receive times of the slave
+// do not show what is behind it).
 Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
 
 // Activates or switches off the SYNC signals of one slave now; see dcsync0().
@@ -162,11 +169,11 @@ struct SyncRequest : SlaveRequest {
 // Activates SYNC0 (dcsync01(): SYNC0 and SYNC1) of one slave with this cycle, or switches the signals off. The first
 // SYNC0 occurs at least ClockSettings::start_delay later, at a whole multiple of the grid plus `shift`, which may be
 // negative. A cycle of 0: one pulse only. The setting replaces SlaveSetup::dc until the next config_init(); it is used
-// again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock,
-// clock_not_reached (the clock is before a chosen reference, or that is lost; expected: that slave), unknown_slave,
-// invalid_argument (a cycle that is negative, does not fit 32 bits, does not fit ClockSettings::start_grid or is not
-// longer than the pulse, SlaveClock::pulse_ns; a start that has passed, or is over 4.29 s ahead of a clock of 32 bits),
-// working_counter, no_frame.
+// again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock, clock_not_reached
+// (the clock is before a chosen reference clock, or the slave with the reference clock is lost; expected: the slave
+// with the reference clock), unknown_slave, invalid_argument (a cycle that is negative, does not fit 32 bits, does not
+// fit ClockSettings::start_grid or is not longer than the pulse, SlaveClock::pulse_ns; a start that has passed, or is
+// over 4.29 s ahead of a clock of 32 bits), working_counter, no_frame.
 Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift = Duration{0});
 Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1,
                   Duration shift = Duration{0});

@@ -222,8 +222,8 @@ class EntryList : public Borrowed<EntryHandle*> {
 struct GroupConfiguration {
     static constexpr std::uint32_t kSpacing = 0x0100'0000;
     // Logical address of the image. The default is the number of the group times kSpacing: from there on each mapping
-    // takes other addresses, so that the FMMUs of a slave that was away during a mapping match nothing. Another value
-    // is taken as it is.
+    // uses other addresses, so that the FMMUs of a slave that was away during a mapping match nothing. Another value is
+    // used as it is.
     LogicalAddress start;
     Packing packing = Packing::bytes;
     bool overlapped = false;  // inputs and outputs of a slave have the same logical address
@@ -234,9 +234,9 @@ struct GroupConfiguration {
     // Number of the slave whose system time all slaves behind it copy (FRMW of ESC register 0x0910). 0: the reference
     // clock of configdc() if ClockSettings::group is this group, otherwise none. config_map() refuses a slave without a
     // clock (invalid_argument), and a slave with another clock before it in the ring (clock_before_reference), unless
-    // configdc() has chosen it (ClockSettings::reference): that clock would take over zeros. While the slave is lost,
-    // the reference clock of configdc() is taken in its place, and without configdc() the cycle carries no time until
-    // the next config_map().
+    // configdc() has chosen it (ClockSettings::reference): the clock before it would receive zeros as the time. While
+    // the slave is lost, the cycle carries the time of the reference clock of configdc() instead; without configdc() it
+    // carries no time until the next config_map().
     std::uint16_t dc_reference = 0;
     std::uint16_t reserve_bytes = 0;  // octets of the first frame that stay free for other datagrams of the cycle
     // How many octets of other datagrams (mailboxes, states …), headers included, may be sent with a cycle: first in

@@ -13,10 +13,12 @@
 //     port.send(frame);                                // from one thread, never waits
 //     while (auto frame = port.receive(buffer)) use(buffer, frame->bytes);               // from one thread
 //
-// After a timeout or cancel() of a request for parameters the slave may still answer. The next request waits for this
-// answer (100 ms; after cancel() the rest of the `timeout`, 3 s if it is zero). Then the library reads another
-// parameter, as a slave answers in order. The request follows this answer: with a slow slave a few requests may end
-// with timeout, unsent. Without it, each late answer (14 at most) repeats the request; the last counts.
+// After a timeout or cancel() of a request for parameters, the slave may still answer. The next request waits for the
+// late answer for 100 ms (after cancel() for the rest of the `timeout`, 3 s if it is zero). Then the library reads
+// another parameter. A slave answers in order, so no late answer can follow the answer to this question, and the
+// request is sent after it. With a slow slave, a few requests may end with timeout and are not sent. If a slave never
+// answers the question, the library sends the request once more for each late answer (14 at most), and uses the last
+// answer.
 //
 // A frame is an Ethernet II frame from its destination address to the last octet before the FCS.
 #pragma once
@@ -73,10 +75,10 @@ inline constexpr std::size_t kEoeFrameBytes = 1536;
 // Counters of a port, modulo 2^32. A frame of send() is counted once: in sent, refused or not_sent. A frame that the
 // slave has begun is counted once: in received, overrun, incomplete, malformed or too_long.
 struct EoeStatistics {
-    std::uint32_t sent = 0;  // frames that the slave has taken
+    std::uint32_t sent = 0;  // frames that the slave has accepted
     std::uint32_t sent_octets = 0;
     std::uint32_t refused = 0;   // send() returned false: the queue was full, or the size of the frame is wrong
-    std::uint32_t not_sent = 0;  // the mailbox of the slave was closed, or the slave did not take a fragment in time
+    std::uint32_t not_sent = 0;  // the mailbox of the slave was closed, or the slave refused a fragment for too long
     std::uint32_t received = 0;  // frames that receive() has returned, or will return
     std::uint32_t received_octets = 0;
     std::uint32_t overrun = 0;     // complete frames that were dropped because the queue was full

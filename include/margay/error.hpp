@@ -55,7 +55,7 @@ enum class Errc : std::uint8_t {
     other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:
                     // vendor of the present slave)
     missing_slave,  // an expected slave is missing, or one that was there does not answer any more (subindex:
-                    // IdentityField alias or device_id if it is identified by that, and actual: its value)
+                    // alias or device_id of IdentityField if this identifies the slave, and actual: its value)
     unexpected_slave,  // a slave that is not in the list of expect()
     no_place,  // a slave that appeared later has process data, and the image has no free part for it (expected: bits)
     // SlaveConfiguration::sms or the lists of PDOs were changed since the mapping of the group, or an SDO has written
@@ -80,7 +80,7 @@ enum class Errc : std::uint8_t {
     pdo_size,         // the PDOs have another size than the configuration gives their SyncManager (index: its register;
                       // expected, actual: bits)
     sizes_differ,  // a warning: two sources differ on the size of a SyncManager (index: its register; expected: bits in
-                   // use, actual: bits of the other source; detail: ConfigurationSource of both, that in use << 8)
+                   // use, actual: bits of the other source; detail: both as ConfigurationSource, the one in use << 8)
     types_differ,  // a warning: object 0x1C00 (expected) and the SII (actual) differ on the SmType of a
                    // SyncManager (index: its register)
     above_highest,  // the slave's configuration does not allow the state (expected: the highest allowed, actual: the
@@ -315,7 +315,7 @@ enum class Argument : std::uint8_t {
     complete_access,  // the subindex of a complete access
     soe_drive,        // the number of the drive
     mail_type,        // a mailbox protocol
-    mail_size,        // the octets of a mailbox message (expected: the most that fit, actual: those of the message)
+    mail_size,        // the octets of a mailbox message (expected: the most that fit, actual: its octets)
     mail_listener,    // an object that must listen
     aoe_size,         // a length in an AoE command (expected: the most, actual: the length)
     eoe_filter,       // the numbers of addresses and masks of an EoE address filter

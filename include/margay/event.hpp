@@ -41,10 +41,10 @@ enum class EventKind : std::uint8_t {
                    // was destroyed): slaves that are lost from now on are not brought back
     clock_in_sync,      // the clock of a slave is in sync (actual: its difference to the reference clock in ns)
     clock_out_of_sync,  // the clock of a slave has left the limit (actual: its difference in ns, expected: the limit)
-    reference_clock,  // the clock of `slave` is the reference clock now, in place of that of `other`, which was lost or
-                      // is behind `slave` in the ring
-    clock_not_reached,  // the clock of `slave` is before the chosen reference clock, that of `other`, in the ring: it
-                        // is not synchronised
+    reference_clock,  // the clock of `slave` is the reference clock now, in place of the clock of `other`, which is lost
+                      // or is behind `slave` in the ring
+    clock_not_reached,  // the clock of `slave` is in the ring before the chosen reference clock (of `other`), and is
+                        // not synchronised
     reference_lost,  // the slave with the reference clock is lost; reference_clock follows when another one takes over
     latch_edge,  // an edge at a latch input (port: the input, 0 or 1; detail: 0 rising, 1 falling; expected, actual:
                  // the upper and the lower half of the system time of the edge)
@@ -55,9 +55,9 @@ enum class EventKind : std::uint8_t {
     ring_broken,  // with two NICs: the ring is open between `slave` at `port` (0: the first NIC) and `other` (0: the
                   // second NIC). All slaves that answered go on answering. Slaves between both are lost
     ring_closed,  // the ring is whole again
-    second_reference,  // with two NICs: the clocks that the reference clock, that of `other`, does not reach (behind a
-                       // break, or at branches that only the second NIC reaches) follow the clock of `slave`, which
-                       // the master keeps in step with the reference clock
+    second_reference,  // with two NICs: the clocks that the reference clock (of `other`) does not reach (behind a break,
+                       // or at branches that only the second NIC reaches) follow the clock of `slave`, which the
+                       // master keeps in step with the reference clock
     second_cable_missing,  // the second NIC reaches no slave since init_redundant(): the ring was never closed
     nics_on_same_port,     // both NICs hear the same frames: they are connected to the same end of the segment
     second_segment,        // the second NIC is connected to the first slave of another segment

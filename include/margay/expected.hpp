@@ -19,7 +19,7 @@ namespace margay {
 // 1. The entry with the number n is slave(n). These numbers count the line with all its slaves present, without the
 //    slaves that may be anywhere and without hot connect groups. If the next slave found does not match an optional
 //    slave but matches an entry behind it, the optional slave is regarded as missing.
-//    Slaves that the list describes alike are told apart by their order alone: when one of them is missing at the
+//    Slaves that the list describes alike are distinguished by their order only: when one of them is missing at the
 //    start, the slaves that are present are regarded as the first ones. If the application continues although a slave
 //    is missing, the list must give such slaves an alias, a device id or a serial number.
 // 2. The following numbers belong to the entries with number 0, members of groups included, in the order of the list.

@@ -12,17 +12,22 @@
 //     auto bytes = margay::FOEread(ctx, 2, "parameters.txt", 0, buffer);   // waits
 //
 // After a timeout, cancel() or a silence of the slave, the slave may still answer, and the answers of FoE do not name
-// their file. So the next transfer of this slave begins when the late answer has come, or when it cannot come any more:
-// the slave has taken the error message that ends the transfer, 100 ms have passed since, and after cancel() or a
-// silence before the first answer also the `answer_timeout` of that request. Three slaves may answer even later: one
-// that keeps messages in a queue and answers a read more than 100 ms after its timeout; one that works on several
-// protocols at a time, whose mailbox error (which names no message) ends a read that the slave answers more than 100 ms
-// later; and any slave that answers more than 9 s after the timeout. As long as such an answer may come, the first
-// packet of a file may belong to the earlier file. So a file of one packet is then read again, as often as answers may
-// be late, and the request of a write is sent again (behind an error message): the slave answers in order, so the last
-// of these answers belongs to the file. A read of several packets ends with Errc::protocol when the late packet was
-// taken for its first packet, and a late error of the slave is reported as an error of the next transfer; both may be
-// tried again. Set an `answer_timeout` that is longer than such a slave needs.
+// their file. So the next transfer of this slave begins when the late answer has come, or when no late answer is
+// expected any more: the slave has accepted the error message that ends the transfer, 100 ms have passed since, and
+// after cancel() or a silence before the first answer also the `answer_timeout` of that request.
+//
+// An answer may come even later from these slaves:
+// - a slave that keeps messages in a queue, and answers a read more than 100 ms after its timeout;
+// - a slave that works on several protocols at a time: its mailbox error (which names no message) ends a read, and the
+//   slave answers the read more than 100 ms later;
+// - any slave that answers more than 9 s after the timeout.
+//
+// While such an answer may come, the first packet of a file may belong to the earlier file. So the library reads a file
+// of one packet again, as often as answers may be late. It sends the request of a write again (behind an error
+// message). The slave answers in order, so the last of these answers belongs to the file. A read of several packets
+// ends with Errc::protocol if the late packet was used as its first packet, and a late error of the slave is reported
+// as an error of the next transfer: the application may try both again. Set an `answer_timeout` that is longer than the
+// slave needs.
 //
 // Most slaves accept firmware in BOOT only: bring the slave to BOOT before (StateRequest, or set_target() while a
 // supervision is busy), and to INIT afterwards.

@@ -58,9 +58,9 @@ struct Group {
     std::uint16_t frames = 0;        // frames in a cycle
     std::span<const DatagramStatus> datagrams;
 
-    // The numbers of cycles since config_map(), the first is 1: the last cycle that was sent, and the cycle that the
-    // last receive_processdata() has ended. The first is for the thread that sends, the second for the thread that
-    // receives.
+    // cycles_sent: the number of the last cycle that was sent; for the thread that sends. cycle_received: the number of
+    // the cycle that the last receive_processdata() has ended; for the thread that receives. The first cycle since
+    // config_map() is 1.
     std::uint32_t cycles_sent = 0;
     std::uint32_t cycle_received = 0;
 
@@ -69,7 +69,8 @@ struct Group {
     RegisterReading al_status;
     // For GroupConfiguration::dc_reference: the system time (ESC register 0x0910) of the reference slave when the frame
     // passed it, in ns. `slaves`: the reference slave and the slaves that copied the time. After a cycle that was lost
-    // (0), the next ones only read the time (1): the reference may have been lost with it.
+    // (`slaves` is 0), the next cycles only read the time (`slaves` is 1), because the reference slave may have been
+    // lost with that cycle.
     RegisterReading dc_time;
 };
 

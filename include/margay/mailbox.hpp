@@ -41,8 +41,8 @@ struct RawMail : MailRequest {
     // The station address that the slave must have when the request begins; 0: any. For a thread that has read the
     // facts of the slaves (visit.hpp): after a new scan the number may belong to another slave.
     StationAddress station{};
-    // Destination of the answer; empty: the request ends when the slave has taken the message. Without a message, the
-    // request waits for mail of this type that no other request and no listener accepts.
+    // Destination of the answer; empty: the request ends when the slave has accepted the message. Without a message,
+    // the request waits for mail of this type that no other request and no listener accepts.
     std::span<std::byte> answer;
     // Which mail of this type is the answer; nullptr: any. poll() calls the function: it must neither wait nor call the
     // library. A derived class can keep what the function needs. Mail that is not the answer goes to the other requests

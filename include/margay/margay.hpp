@@ -250,19 +250,21 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //   slave: one of them), and the inputs of all other slaves are fresh: the application may continue without the lost
 //   slaves. Without this detail it is not yet known which slave is missing, and the inputs of whole datagrams are old:
 //   inputs_fresh() says which slaves have old inputs.
-//   The same holds, with the working counter of the known slaves, where a slave is missing (also an optional one) and
-//   the working counter has changed or a cycle was lost: one slave may have left while another one has come. poll()
-//   then reads the states of the slaves that take part, unless readstate() or the supervision does. After about four
-//   cycles, and those in flight, the inputs are fresh again; later while frames are lost, while the counter goes on to
-//   change, and while a slave is on its way to another state. A slave that does not answer keeps them old until
-//   readstate() or the supervision has found it lost.
-//   One case is not detected: between the same two cycles slaves leave, and others with the same shares of the working
-//   counter come, so that the counter does not change. Cables that are plugged into other places at running machines
-//   are such a case. A slave that comes was missing: it was cut off and has kept its power, or it is started up again
-//   at that time. Then the inputs of the slaves that have left count as fresh, although they are not, until the states
-//   are read: with a supervision for SuperviseRequest::interval and some cycles, otherwise until readstate(). Where no
-//   slave is missing, only a device can come that was the leaving slave before and has kept its station address and its
-//   FMMUs with its power: its inputs count as those of the slave until the identities are compared.
+//   The same error is returned, although the working counter is that of the known slaves, in this case: a slave is
+//   missing (also an optional one), and the working counter has changed or a cycle was lost. One slave may have left
+//   while another one has come, so the inputs are old. poll() then reads the states of the slaves that take part,
+//   unless readstate() or the supervision does so. The inputs are fresh again after about four cycles and the cycles in
+//   flight. It takes longer while frames are lost, while the working counter changes again, and while a slave is on its
+//   way to another state. If a slave does not answer, the inputs stay old until readstate() or the supervision has
+//   found the slave lost.
+//   One case is not detected: between the same two cycles some slaves leave, and other slaves with the same shares of
+//   the working counter come, so that the counter does not change. For example, cables are plugged into other places
+//   while the machines run. A slave that comes was missing before: it was cut off and has kept its power, or it is
+//   started up again at that time. Then the inputs of the slaves that have left count as fresh, although they are not,
+//   until the states are read: with a supervision for SuperviseRequest::interval and some cycles, otherwise until
+//   readstate(). Where no slave is missing, the device that comes can only be a device that was the leaving slave
+//   before and has kept its power, its station address and its FMMUs. Its inputs count as those of the slave until the
+//   identities are compared.
 //
 // Overlapping cycles (GroupConfiguration::cycles_in_flight is 2 or more): the next cycle can be sent while earlier
 // cycles are still on the wire. Each receive_processdata() ends the oldest cycle and copies its inputs into the image.

@@ -87,9 +87,9 @@ class MasterClock : public CycleClock {
     explicit MasterClock(const Settings& settings);
 
     // Call it after each receive_processdata(); run_cycle() and reach() do it for CycleSettings::clock. `lateness`: how
-    // much later than due the cycle was sent; the library takes it out of the reading, so that the jitter of the
-    // wake-up does not disturb. Returns by how much the next cycle must come earlier (negative: later); 0 unless the
-    // mode is master_shift. An application with its own timer applies the result. When the phase comes into sync,
+    // much later than due the cycle was sent; the library subtracts it from the reading, so that the jitter of
+    // the wake-up does not disturb. Returns by how much the next cycle must come earlier (negative: later); 0 unless
+    // the mode is master_shift. An application with its own timer applies the result. When the phase comes into sync,
     // or leaves the limit, the library reports an event. Callable from the cycle, by the owner; never waits.
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
 

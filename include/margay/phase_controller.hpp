@@ -1,5 +1,6 @@
-// Steers a phase: of the master's cycle against the reference clock (master shift), or of the reference clock against
-// the master's time (bus shift). A proportional part, and an integral part that learns the drift between both clocks.
+// A controller of a phase: the phase of the master's cycle against the reference clock (master shift), or the phase of
+// the reference clock against the master's time (bus shift). The controller has a proportional part, and an integral
+// part that learns the drift between both clocks.
 #pragma once
 
 #include <margay/time.hpp>
@@ -17,25 +18,26 @@ struct PhaseSettings {
     // How strongly an error changes the drift that is learned: one cycle changes the correction of all further cycles
     // by drift_gain / 4 times the square of the gain. 1 is critical damping; more follows a changing drift faster.
     std::uint16_t drift_gain = 3;
-    // The controller measures the jitter of the errors, and chooses the gain itself: so that the jitter moves the phase
-    // by `noise_ns` (root of the mean of the squares). A small jitter gives a high gain, so that the phase follows a
-    // changing drift fast. From 1 to 250 ppt; gain_ppt is the gain until enough errors are known.
+    // The controller measures the jitter of the errors and chooses the gain itself, so that the jitter moves the phase
+    // by `noise_ns` (root of the mean of the squares). The gain is high when the jitter is small, and the phase then
+    // follows a changing drift fast. The gain is from 1 to 250 ppt, and gain_ppt until enough errors are known.
     bool automatic_gain = false;
     std::uint32_t noise_ns = 100;
-    // An error that differs by more from the last ones is an outlier and corrects nothing; after kMostOutliers in
-    // succession the controller starts again. 0: no error is an outlier.
+    // An error that is greater is an outlier and corrects nothing; the first errors after a start are no outliers.
+    // After kMostOutliers in succession the controller starts again. 0: no error is an outlier.
     std::uint32_t outlier_ns = 3000;
     std::uint32_t limit_ns = 4000;                      // in sync: every error is within this limit,
     Duration settle = std::chrono::milliseconds(1500);  // for this time
-    std::uint32_t most_drift_ppm = 600;                 // what the time control loop of an ESC can follow
+    std::uint32_t most_drift_ppm = 600;                 // the greatest drift that an ESC can follow
     std::uint32_t most_step_ns = 0;                     // the greatest correction of one cycle; 0: no limit
-    // How many errors do not show a correction yet: 0 when the next error shows it. At most kMostLate.
+    // How many errors after a correction do not show the correction yet; 0: the next error shows it. At most kMostLate.
     std::uint8_t cycles_late = 0;
     static constexpr std::uint8_t kMostLate = 8;
 };
 
-// The settings for steering the reference clock by its offset: the offset is sent with the next cycle, behind its
-// reading, and no step is greater than what the other clocks can follow.
+// The settings for a controller that changes the offset of the reference clock. The offset is sent with the next cycle,
+// behind the reading of the time, so each correction is seen one cycle later. No step is greater than the other clocks
+// can follow.
 [[nodiscard]] PhaseSettings for_bus_shift(const PhaseSettings& settings);
 
 enum class PhaseState : std::uint8_t {
@@ -45,7 +47,7 @@ enum class PhaseState : std::uint8_t {
     drift_too_high,   // the clocks differ by more than PhaseSettings::most_drift_ppm
     error_too_large,  // was in sync, and an error has exceeded the limit
     set_value_wrong,  // MasterClock: the set value is not less than a cycle, or there is no cycle
-    cycle_wrong,      // MasterClock: the cycle that is run is not PhaseSettings::cycle
+    cycle_wrong,      // MasterClock: the application's cycle is not PhaseSettings::cycle
     mode_wrong,       // ExternalClock: the cycle steers the reference clock too
     not_reference,    // ExternalClock: the bridge is not the reference clock of its segment
 };
@@ -66,10 +68,11 @@ class PhaseController {
     [[nodiscard]] std::int64_t update(std::int64_t error_ns, Time now, std::uint8_t late);
     // One cycle without a reading: corrects the drift that is known.
     [[nodiscard]] std::int64_t coast();
-    // One cycle where nothing is corrected by this controller: follows state and statistics, and measures the drift by
-    // what the error changes from cycle to cycle (the mean of the last 256). For one controller, in place of update().
+    // One cycle in which this controller corrects nothing: updates the state and the statistics, and measures the drift
+    // by the change of the error from cycle to cycle (the mean of the last 256). A program calls either update() or
+    // observe() of one controller.
     void observe(std::int64_t error_ns, Time now);
-    // The same for a cycle without a reading.
+    // As observe(), for a cycle without a reading.
     void observe_nothing() { has_last_ = false; }
 
     [[nodiscard]] PhaseState state() const { return state_; }

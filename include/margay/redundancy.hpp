@@ -27,33 +27,40 @@
 // follow the reference clock. Group::dc_time always has the time of the reference clock; its `slaves` counts only the
 // slaves on the same side of the break as the reference clock.
 //
-// If the second reference was away before (no power, or between two breaks), it was not in step when the comparison
-// began. Then the ways of both copies are measured, and "in sync" leaves out the times that both NICs need, as in a
-// ring that is broken from the start. After a loss of power it has not learned the rate of the reference clock: if its
-// oscillator differs much (by more than 40 ppm with the default settings), the corrections once in each watch_interval
-// are too rare for the limit, and the clocks of its part are not in sync until the ring is whole.
+// If the slave with the second reference clock was away before the break (it had no power, or was between two breaks),
+// both parts were not in step when the comparison began. Then the library measures the ways of both copies, and "in
+// sync" leaves out the times that both NICs need, as in a ring that is broken from the start. After a loss of power,
+// the second reference clock has not learned the rate of the reference clock. If its oscillator differs much (by more
+// than 40 ppm with the default settings), one correction in each watch_interval is not enough for the limit: the clocks
+// of its part are not in sync until the ring is whole.
 //
-// Clocks at branches that only the frames of the second NIC reach while the ring is whole (ports after the way to the
-// next ring slave) follow a second reference too, the first of them; `second_reference` then is never 0 in the whole
-// ring. Their delays change with each break. So the frames bring no clock a time after a break or a repair
-// (Group::dc_time has 1 slave), until the SuperviseRequest has written the delays: some rounds of its clock
-// supervision. The frames that were on the wire at the break still bring the time by the old way: one, or with
-// overlapping cycles several, after which clocks may be up to some microseconds away for some tenths of a second. So
-// these clocks are not in sync from the next poll() on until they were compared again; until it is known where the ring
-// is broken, no clock but the reference clock is. If the time that the master had sent has disturbed clocks behind a
-// break, or they had no power, they are not in sync until the ring is whole. A reference clock behind a break stays the
-// reference until then, although a clock before it is back, and the clocks at the other side of the break are not in
-// sync. Beside a break at a slave without receive times, the delays of the nearest slave with receive times are used,
-// which may be wrong by the propagation delay between both slaves. Where configdc() is called while the ring is broken
-// between slaves, this begins when the ring is whole. After a repair, and when the first of these slaves returns from a
-// loss of power, the port of the last slave is closed again for up to two seconds in all, until the clocks there have
-// learned the rate. A break meanwhile cuts off the slaves behind it, until the timer of the chip has opened the port
-// again: for about a second. No NIC can open the port then, because the frames of the second one end at it.
+// Some branches are reached only by the frames of the second NIC while the ring is whole: branches at a port after the
+// way to the next ring slave. The clocks at these branches follow a second reference clock too, the first of these
+// clocks. So `second_reference` is never 0 in the whole ring then.
 //
-// Either NIC may be at the beginning of the ring, or be plugged there while the machine runs
-// (RedundancyStatus::swapped, EventKind::cables_swapped). Where only frames of the end reach some branches of the whole
-// ring, the frames do not show which NIC is at the beginning: config_init() and each search for lost slaves find it out
-// by the ports of the slaves (DL status).
+// The delays of these clocks change with each break and each repair. Until the SuperviseRequest has written the new
+// delays (some rounds of its clock supervision), the frames bring no clock a time (Group::dc_time has 1 slave). The
+// frames that were on the wire at the break (one, or with overlapping cycles several) still bring the time by the old
+// way; after these frames, clocks may be up to some microseconds away for some tenths of a second. So these clocks are
+// not in sync from the next poll() on until they were compared again. Until the library knows where the ring is broken,
+// only the reference clock is in sync.
+//
+// Clocks behind a break that had no power, or that were disturbed by a time that the master has sent, are not in sync
+// until the ring is whole. A reference clock behind a break stays the reference until the ring is whole, although a
+// clock before it is back; the clocks at the other side of the break are not in sync meanwhile. For a break beside a
+// slave without receive times, the library uses the delays of the nearest slave with receive times. They may be wrong
+// by the propagation delay between both slaves. If configdc() is called while the ring is broken between slaves, the
+// clocks at these branches follow the second reference clock as soon as the ring is whole.
+//
+// After a repair, and when the first of these slaves returns from a loss of power, the library closes the port of the
+// last slave again, for up to two seconds in all, until the clocks there have learned the rate. A break in this time
+// cuts off the slaves behind the break for about a second, until the timer of the chip opens the port again. No NIC can
+// open the port earlier, because the frames of the second NIC end at it.
+//
+// Either NIC may be at the beginning of the ring, and the cables of both NICs may be swapped while the machine runs
+// (RedundancyStatus::swapped, EventKind::cables_swapped). If some branches are reached only by frames from the end of
+// the ring, the frames do not show which NIC is at the beginning. Then config_init() and each search for lost slaves
+// find it out by the ports of the slaves (DL status).
 //
 // Datagrams with addresses by position (auto increment) reach the slave of that position in either part; if the ring
 // has changed meanwhile, they are sent again. If a break has moved to another cable since the last frame that counts

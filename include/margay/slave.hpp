@@ -39,7 +39,7 @@ struct DlInformation {
     std::uint8_t sync_managers = 0;
     std::uint8_t ram_kib = 0;
     std::uint16_t features = 0;
-    // Of the clock. By the features register, until configdc() has asked the clock itself.
+    // The clock: as the features register says, and after configdc() as the clock's own registers say.
     bool dc = false;
     bool dc_64bit = false;
 };

@@ -11,10 +11,12 @@
 //
 //     auto feedback = margay::SoEread<std::int32_t>(ctx, 2, 0, margay::Idn::standard(51));   // waits
 //
-// After a timeout or cancel() the drive may still answer. The next request to it waits for that (100 ms; after cancel()
-// the rest of the `timeout`, 3 s if it is zero). Then the library reads a parameter that no drive has, since a drive
-// answers in order. A slow drive gets the request after this answer: one or two requests may end with timeout, unsent.
-// A drive that never answers this gets the request once more for each late answer (14 at most): the last one counts.
+// After a timeout or cancel() the drive may still answer. The next request to this drive waits for the late answer for
+// 100 ms (after cancel() for the rest of the `timeout`, 3 s if it is zero). Then the library asks the drive for a
+// parameter that no drive has. A drive answers in order, so no late answer can follow the answer to this question, and
+// the request is sent after it. With a slow drive, one or two requests may end with timeout and are not sent. If a
+// drive never answers the question, the library sends the request once more for each late answer (14 at most), and uses
+// the last answer.
 //
 // Messages that drives send on their own go to a SoeListener.
 #pragma once
@@ -40,7 +42,8 @@ struct SoeRead : MailRequest {
     std::size_t bytes = 0;      // result: size in octets
 };
 
-// Writes an element, usually the value. `data` is the caller's memory. After a timeout it may be written or not.
+// Writes an element, usually the value. `data` is the caller's memory. After a timeout the drive may have written the
+// element or not.
 struct SoeWrite : MailRequest {
     SoeWrite();
     std::uint8_t drive = 0;
@@ -60,7 +63,7 @@ struct SoeCommand : MailRequest {
 
 // ------------------------------------------------------------------ messages that drives send on their own
 
-// That a procedure command has been executed, or an emergency.
+// A message of a drive: a procedure command has been executed, or an emergency has occurred.
 struct SoeNotification {
     bool emergency = false;
     std::uint8_t drive = 0;

@@ -34,8 +34,8 @@ extern const StartupMail kEoeStartup;
     return {.kind = StartupCommand::Kind::send_eoe, .transitions = when, .data = message, .mail = &detail::kEoeStartup};
 }
 
-// Whether the commands take this message. One that is refused would have another answer than a result, would set
-// nothing, or contradicts itself. Callable from anywhere.
+// Whether the commands accept this message. They refuse a message whose answer is more than a result, that sets
+// nothing, or that contradicts itself. Callable from anywhere.
 [[nodiscard]] bool is_aoe_command(std::span<const std::byte> message);
 [[nodiscard]] bool is_eoe_message(std::span<const std::byte> message);
 

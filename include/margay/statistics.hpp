@@ -12,7 +12,7 @@ struct LinkStatistics {
     std::uint64_t bursts = 0;         // calls of poll() that sent at least one frame: the number of round trips
     std::uint64_t bytes_on_wire = 0;  // octets of sent frames with padding, preamble, FCS and inter-frame gap
     std::uint64_t lost = 0;           // frames that did not come back in time
-    std::uint64_t retried = 0;        // datagrams that were sent again after that
+    std::uint64_t retried = 0;        // datagrams that were sent again because their frames were lost
     std::uint64_t echoes = 0;         // own frames that no slave has processed
     std::uint64_t unmarked = 0;      // dropped: slaves have processed the frame, but it lacks the mark of the first ESC
     std::uint64_t foreign = 0;       // other protocols, other EtherCAT frame types

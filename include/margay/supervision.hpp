@@ -15,7 +15,7 @@ namespace margay {
 struct PortErrors {
     std::uint32_t invalid_frames = 0;  // frames damaged before this port: CRC or alignment error
     std::uint32_t rx_errors = 0;       // receive errors of the physical layer
-    std::uint32_t forwarded = 0;       // damaged before the previous slave, which has counted them: not this cable
+    std::uint32_t forwarded = 0;       // frames that the previous slave received damaged: not by this cable
     std::uint32_t lost_links = 0;
 };
 // The error counters of one slave.
@@ -36,17 +36,19 @@ struct LineErrors {
     bool primed_ = false;                   // `last_` contains values that were read
 };
 
-// Starts the supervision. With every cycle it reads the AL status of all slaves (one BRD, in the space that a frame has
-// left). When the number of slaves or their states have changed, or a working counter is too low, it reads the state of
-// each slave, finds the slaves that have changed and reports them by events. Then it acknowledges errors, assigns
+// Starts the supervision. With every cycle it reads the AL status of all slaves (one BRD, in the free space of a
+// frame). When the number of slaves or their states have changed, or a working counter is too low, it reads the state
+// of each slave, finds the slaves that have changed and reports them by events. Then it acknowledges errors, assigns
 // addresses again to slaves that have lost their power, repeats the whole start-up of these slaves, and brings them to
 // `target`. It works on all such slaves at the same time while the process data of the others continues. If another
-// slave is in the place of a lost one, it is reported and not started up. Before a slave is started again, its identity
-// is compared with the known one. Without the alias or the device id of an expected slave, a slave that has lost its
-// station address is found by its serial number, or by its place: between the slaves before and behind it in the ring.
-// Where its place leaves several equal slaves, because others of them are lost too and one was bridged, it is not
-// started, and reported as EventKind::ambiguous. A member of a hot connect group is found behind the head of its group
-// only, also when it has kept its power.
+// slave is in the place of a lost one, that slave is reported and not started up. Before a slave is started again, its
+// identity is compared with the known one.
+//
+// A slave that has lost its station address is found by the alias or the device id of its entry in the list of
+// expect(). Without these it is found by its serial number, or by its place: between the slaves before and behind it in
+// the ring. A place may fit several equal slaves, because others of them are lost too and one was bridged (taken out,
+// with a cable between its neighbours). Then the slave is not started up, and EventKind::ambiguous reports it. A member
+// of a hot connect group is found behind the head of its group only, also when it has kept its power.
 //
 // When the number of slaves has changed, the supervision scans the ring and updates slave(n).ring_position, parent and
 // ports. Expected slaves that were missing are started up when they appear: SII, mailboxes, start-up commands, hooks,

@@ -36,7 +36,7 @@ struct VoeMessage {
     Time at{};              // when the master fetched it
 };
 
-// Sends a message. Success: the mailbox of the slave has taken it. Errors: invalid_argument (the data is longer than
+// Sends a message. Success: the mailbox of the slave has accepted it. Errors: invalid_argument (the data is longer than
 // the mailbox of the slave), unsupported (no VoE), timeout, mailbox_full …
 struct VoeSend : MailRequest {
     VoeSend();

@@ -1,7 +1,7 @@
-// Answers to requests of EoE parameters and SoE that were given up: how many may still arrive. They do not tell which
-// request they answer, and no time ends the doubt. The answer to a question does: a slave answers the requests of EoE,
-// and those to each drive of SoE, in their order (mail_order.hpp). A question is remembered also when its own answer
-// comes late.
+// Counts the answers that may still arrive to requests for EoE parameters and SoE requests that were given up. Such an
+// answer does not say which request it answers, and no pause is long enough to exclude it. The answer to a question
+// excludes it: a slave answers EoE requests in order, and each drive answers SoE requests in order (mail_order.hpp). A
+// question is remembered when its own answer comes late, too.
 #pragma once
 
 #include "mailbox/exchange.hpp"
@@ -16,36 +16,37 @@ namespace margay {
 // Each channel has one, so it is small.
 class LateAnswers {
   public:
-    static constexpr unsigned kMost = 15;  // so many or more
-    // What tells one question from another. SoE: the parameter set of the IDN, S-0-0000 to S-7-0000, in a read of this
-    // drive. EoE: one of the reads, see call_of().
+    static constexpr unsigned kMost = 15;  // means 15 or more
+    // The number of a question. SoE: the question reads S-0-0000 to S-7-0000 of the drive, and its number is the
+    // parameter set of this IDN. EoE: the question is one of the reads, and its number is call_of() of that read.
     using Question = std::uint8_t;
 
-    // So many answers that look like those to an exchange of this key may still arrive.
+    // How many answers may still arrive that look like an answer to an exchange of this key.
     [[nodiscard]] unsigned count(wire::MailboxType type, std::uint64_t key) const;
     void add(wire::MailboxType type, std::uint64_t key);
 
-    // The question to ask before an exchange of this key. None: each one has too many answers that may be under way.
+    // The question to ask before an exchange of this key. Nothing: too many answers to each question may still arrive.
     [[nodiscard]] std::optional<Question> next_question(wire::MailboxType type, std::uint64_t key) const;
-    // The question is sent. It goes on with the last one of the same kind, and replaces any other one.
+    // The question is sent. If the last question was the same, it counts as a repetition; any other one is replaced.
     void ask(wire::MailboxType type, std::uint64_t key, Question question);
     // The question is sent once more.
     void add_question(wire::MailboxType type, Question question);
-    // An answer to it has come to the exchange that waits for it.
+    // An answer to the question has come to the exchange that waits for it.
     void hear(wire::MailboxType type, std::uint64_t key, Question question);
     // A question that concerns exchanges of this key waits for its answer.
     [[nodiscard]] bool is_open(wire::MailboxType type, std::uint64_t key) const;
-    // So many answers of its kind must come.
+    // How many answers of the kind of the question must still come; 0: no late answer can follow.
     [[nodiscard]] unsigned needs(wire::MailboxType type) const { return open_of(type).needs; }
-    // Its answer seems lost. When it comes later, it still counts.
+    // The answer to the question seems lost. It still counts if it comes later.
     void drop(wire::MailboxType type) { open_of(type).waits = open_of(type).answered = 0; }
     // The slave has answered a question before, in time or late.
     [[nodiscard]] bool trusts(wire::MailboxType type) const { return open_of(type).answered != 0; }
 
-    // EoE: the slave has answered a request that no late answer looked like, so no answer of before can come.
+    // EoE: the slave has answered a request whose answer looks like no late answer, so no late answer can come any
+    // more.
     void end();
 
-    // Mail that nobody has taken, and that can answer a request.
+    // Mail that no exchange and no listener has accepted, and that may be the answer to a request.
     void note(const wire::MailboxMessage& mail);
 
     // The four requests for EoE parameters have the even types of messages from 2 on.
@@ -65,8 +66,8 @@ class LateAnswers {
     struct Open {
         std::uint8_t which : 3 = 0;  // SoE: the drive; EoE: the question
         std::uint8_t waits : 1 = 0;
-        std::uint8_t after : 4 = 0;     // so many requests that were sent behind it were given up
-        std::uint8_t needs : 4 = 0;     // so many answers of its kind until one is surely not of before; 0: it has come
+        std::uint8_t after : 4 = 0;     // how many requests that were sent after the question were given up
+        std::uint8_t needs : 4 = 0;     // how many answers of its kind must come: the last one is surely not late
         std::uint8_t answered : 1 = 0;  // see trusts()
     };
     struct Numbers {

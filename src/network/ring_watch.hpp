@@ -1,5 +1,5 @@
-// A ring with two NICs, as the network sees it: where the ring is open, at which end each slave hangs, and whose clock
-// the slaves behind a break follow.
+// A ring with two NICs, as the network sees it: where the ring is open, which end of the ring reaches each slave, and
+// which clock the slaves behind a break follow.
 #pragma once
 
 #include "link/redundancy.hpp"
@@ -9,7 +9,7 @@
 
 namespace margay {
 
-// The slave that the second NIC is connected to: it has an open port that leads to no slave. nullptr: it was not seen.
+// The slave that the second NIC is connected to: one port of it is open and leads to no slave. nullptr: not seen.
 [[nodiscard]] const Slave* last_slave(Network& network, std::uint8_t& port);
 
 class RingWatch final : public RedundancyPart {
@@ -31,7 +31,7 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) override;
     [[nodiscard]] bool are_ports_old() const override { return ports_of_broken_ && parts().whole; }
     [[nodiscard]] Task<Result<>> read_ports(Network& network) override;
-    // At the other end than the head. Of a broken ring.
+    // Whether the slave is behind the break of a broken ring: only the NIC at the end of the ring reaches it.
     [[nodiscard]] bool is_behind_break(Network& network, const Slave& slave) const { return is_behind(network, slave); }
     [[nodiscard]] const Redundancy& ring() const { return ring_; }
 
@@ -51,18 +51,18 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] bool are_parted(Network& network, const Slave& one, const Slave& other) const override {
         return is_behind(network, one) != is_behind(network, other);
     }
-    // The second reference clock, 0: none; and how far it is ahead of the first one.
+    // The slave with the second reference clock (0: none), and how far that clock is ahead of the reference clock.
     [[nodiscard]] std::uint16_t second_reference() const { return second_; }
     [[nodiscard]] std::int64_t apart_ns() const { return second_ == 0 || !is_steered() ? 0 : ahead_ns_; }
 
   private:
-    // The constants of the last breaks, by the slave that was the first clock behind each: a slave that comes back
-    // there after a loss of power is not in step. As they are with a delay register of 0, because the register changes
-    // with the ways.
+    // The constants (see `constant_ns_`) of the last breaks. They are needed when the first clock behind a break comes
+    // back after a loss of power, because that clock is not in step then. `ns` is the constant for a delay register of
+    // 0, because the register changes with the ways.
     struct Constant {
-        std::uint16_t slave = 0;
-        // And by the slaves before and behind the break: other slaves without a clock may be behind it, and a branch
-        // that is lost makes the way of its copy shorter.
+        std::uint16_t slave = 0;  // with the first clock behind the break
+        // The slaves before and behind the break. They are compared too: other slaves without a clock may be behind the
+        // break, and a branch that is lost makes the way of its copy shorter.
         std::uint16_t front = 0;
         std::uint16_t behind = 0;
         std::int64_t ns = 0;
@@ -70,10 +70,10 @@ class RingWatch final : public RedundancyPart {
 
     // What is known of the constant.
     enum class Comparison : std::uint8_t {
-        unknown,  // nothing yet: the next differences show it, or the ways
+        unknown,  // nothing yet: the next differences show the constant, or the ways show it
         taught,   // nothing yet, but teach() has brought all clocks beside the ring in step: the next differences show
-                  // it
-        unsure,   // the second reference is steered by a constant of clocks that were perhaps not in step
+                  // the constant
+        unsure,   // a constant is used, but the clocks were perhaps not in step when it was measured
         known,
     };
 
@@ -118,52 +118,53 @@ class RingWatch final : public RedundancyPart {
     bool automatic_ = true;
     std::uint32_t restored_ = 0;    // changes of the ring, when restoring was asked for last
     bool ports_of_broken_ = false;  // the topology is that of the broken ring
-    std::uint16_t before_ = 0;      // the slaves of the last break
+    std::uint16_t before_ = 0;      // the slaves at both sides of the last break
     std::uint16_t behind_ = 0;
     std::uint16_t first_behind_ = 0;    // the first place behind the break; 0: not known
-    std::uint16_t front_of_break_ = 0;  // with so many places before it,
-    std::uint16_t behind_break_ = 0;    // and behind it
+    std::uint16_t front_of_break_ = 0;  // how many places are before the break,
+    std::uint16_t behind_break_ = 0;    // and how many behind it
     std::uint32_t places_of_break_ = 0;
 
-    // The slave with the second reference clock. If it is in step at the moment of the break, the first differences
-    // show what the ways of both copies differ by (`constant_ns_`). If it was away before, its ways are measured.
+    // The slave with the second reference clock. If this clock is in step at the moment of the break, the first
+    // differences show the difference between the ways of both copies (`constant_ns_`). If the slave was away before,
+    // the ways are measured.
     std::uint16_t second_ = 0;
     bool second_is_first_ = false;
     Comparison comparison_ = Comparison::unknown;
-    std::uint16_t compared_behind_ = 0;  // the slaves behind the break, for which the constant is
-    std::uint32_t taught_ways_ = 0;      // Redundancy::ways() before the lesson
-    std::uint8_t rests_ = 0;             // rounds until they are taught again
-    std::uint8_t rounds_unsettled_ = 0;  // in which frames have passed slaves that are not brought back
-    std::int64_t ahead_ns_ = 0;          // mean of the differences of the last round, without the constant,
-    std::int64_t change_ns_ = 0;         // and how far it is from that of the round before,
-    std::int64_t jitter_ns_ = 0;         // by how much they differ among each other,
-    std::int64_t moved_ns_ = 0;          // and the correction of the round before, which they contain
+    std::uint16_t compared_behind_ = 0;  // how many slaves were behind the break when the constant was measured
+    std::uint32_t taught_ways_ = 0;      // Redundancy::ways() before teach() began
+    std::uint8_t rests_ = 0;             // rounds until teach() runs again
+    std::uint8_t rounds_unsettled_ = 0;  // rounds in which frames have passed slaves that are not brought back yet
+    std::int64_t ahead_ns_ = 0;          // mean of the differences of the last round, without the constant
+    std::int64_t change_ns_ = 0;         // how far `ahead_ns_` is from its value of the round before
+    std::int64_t jitter_ns_ = 0;         // how much the differences of a round differ among each other
+    std::int64_t moved_ns_ = 0;          // the correction of the round before; the differences contain it
     std::uint8_t rounds_deaf_ = 0;       // rounds without a difference
     bool guessed_ = false;               // the delays behind a break, see delays_are_guessed()
     std::int64_t constant_ns_ = 0;
     static constexpr std::uint8_t kDeaf = 100;
     std::array<Constant, 4> constants_{};
     std::size_t next_constant_ = 0;
-    std::uint16_t wanted_second_ = 0;  // seen in `rounds_seen_` rounds
+    std::uint16_t wanted_second_ = 0;  // the slave that was the best second reference in `rounds_seen_` rounds
     std::uint8_t rounds_seen_ = 0;
     PartDifference first_;
     PhaseController phase_;
     // Clocks beside the ring. Ring slaves are counted from 1 at the head.
     bool has_beside_ = false;
     bool ways_known_ = false;
-    bool arranged_ = false;            // the delays are those of the ways as they are
-    bool measured_whole_ = false;      // the last measurement was in the whole ring,
-    std::uint16_t measured_last_ = 0;  // whose last ring slave had this position
+    bool arranged_ = false;            // the delays in the slaves fit the present ways
+    bool measured_whole_ = false;      // the last measurement of delays was in the whole ring
+    std::uint16_t measured_last_ = 0;  // position of the last ring slave in this measurement
     std::uint16_t ring_slaves_ = 0;
-    std::uint16_t front_end_ = 0;     // the last ring slave that the head reaches; all while the ring is whole
+    std::uint16_t front_end_ = 0;     // the last ring slave that the head reaches; in the whole ring the last of all
     std::uint16_t behind_begin_ = 0;  // the first ring slave that only the other NIC reaches
     std::uint8_t rounds_unclear_ = 0;
     bool judges_ = false;  // note_change() has marked clocks, and where the ring is broken is not known yet
-    std::uint8_t end_port_ = 0;  // of the slave `end_`
-    // The port of the last slave that was closed, and its settings before.
+    std::uint8_t end_port_ = 0;  // the port of slave `end_` to the second NIC
+    // The measurement that opens the ring by closing a port of the last slave.
     Time opened_{};
-    std::uint16_t last_ = 0;
-    std::uint16_t last_control_ = 0;
+    std::uint16_t last_ = 0;          // that slave
+    std::uint16_t last_control_ = 0;  // its DL control before
     std::uint16_t end_ = 0;  // the slave that the second NIC was connected to before the break
     std::uint16_t noted_ways_ = 0;  // Redundancy::ways() of the last note_change()
 };

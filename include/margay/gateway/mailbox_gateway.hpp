@@ -63,7 +63,7 @@ struct MailboxGatewayCounts {
     std::uint64_t errors = 0;     // error replies, also from slaves
     std::uint64_t malformed = 0;  // datagrams that were dropped and connections that were closed for what they sent
     std::uint64_t stalled = 0;  // connections that were closed: a frame was not whole, or the replies not read, in 10 s
-    std::uint64_t lost = 0;     // replies that the system did not take, or whose client was gone
+    std::uint64_t lost = 0;     // replies that the system did not accept, or whose client was gone
 };
 
 class MailboxGateway {
