@@ -45,9 +45,8 @@ std::string without_advice(std::string words) {
 
 std::string words_of(const Error& error, std::string_view place) {
     std::array<char, 384> text{};
-    Error rest = error;
-    rest.slave = 0;
-    std::string words = without_advice(std::string(describe(rest, text)));
+    std::string words = without_advice(std::string(describe(error, text)));
+    if (error.slave != 0) words.erase(0, words.find(": ") + 2);  // "slave N": the interface has positions
     if (!place.empty()) words.insert(0, std::string(place) + ": ");
     const auto ours = words_without_functions(error.code);
     if (ours.empty()) return words;

@@ -92,9 +92,11 @@ void Operation::step(Time now) {
     }
 }
 
-// The clocks were not synchronised, because frames were lost: the scan finds the slaves that are there.
+// The clocks were not synchronised, because frames were lost or slaves came and went: the scan finds the slaves that are
+// there.
 bool Operation::is_scanned_again(Time now) {
-    if (is_own_error(clock_.error().code) || clock_tries_ == 0) return false;
+    const Errc code = clock_.error().code;
+    if ((is_own_error(code) && code != Errc::unstable) || clock_tries_ == 0) return false;
     if (clock_tries_ == kMostClockTries) {
         say_error(bus_, "clocks", clock_.error());
         say("master %u: the clocks are not synchronised: the segment is scanned again", bus_.index);
