@@ -39,7 +39,7 @@ class CyclicSchedule {
     constexpr CyclicSchedule(Duration period, Duration phase) : period_(period), phase_(phase % period) {}
 
     // The default limit of OverrunPolicy::catch_up. After a stop of the whole program (a debugger, a suspended machine)
-    // thousands of cycles without a pause between them help nobody.
+    // thousands of cycles without a pause between them are of no use.
     static constexpr std::uint64_t kCatchUpLimit = 10;
     // `limit`: of OverrunPolicy::catch_up, how many missed deadlines are made up for.
     constexpr void set_policy(OverrunPolicy policy, std::uint64_t limit = kCatchUpLimit) {

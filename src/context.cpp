@@ -122,7 +122,7 @@ Error check_link_settings(const LinkSettings& settings) {
     return {};
 }
 
-// How many slaves one operation processes at the same time: so many that each of their sequences can end.
+// How many slaves one operation processes at the same time: as many as leave each of their sequences enough memory.
 std::size_t tasks_at_once(const Limits& limits) {
     constexpr std::size_t kShareBytes = 1024 * sizeof(void*);  // as in context_bytes()
     const std::size_t wanted = limits.tasks == 0 ? limits.slaves : limits.tasks;

@@ -17,7 +17,7 @@ class HoldingNic : public FilterNic {
     // lost and counted.
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept final;
     [[nodiscard]] Time next_arrival() const noexcept final;
-    // Without receive times: those of the inner NIC are not those of the delayed frames.
+    // Without receive times: the inner NIC received the frames earlier than this NIC delivers them.
     [[nodiscard]] FrameTiming timing() noexcept final {
         const FrameTiming of_inner = inner().timing();
         return {.sent = of_inner.sent, .send_at = of_inner.send_at};

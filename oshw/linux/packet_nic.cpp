@@ -143,7 +143,7 @@ std::size_t PacketNic::receive(std::span<std::byte> into) noexcept {
         stamps_received_ ? receive_stamped(into) : ::recv(socket_, into.data(), into.size(), MSG_DONTWAIT);
     if (length >= 0) return static_cast<std::size_t>(length);
     if (errno != EAGAIN && errno != EINTR) last_error_ = errno;
-    // Stamps that nobody reads make each wait for a frame end at once.
+    // Unread stamps make each wait for a frame end at once.
     if (stamps_sent_) read_stamps();
     return 0;
 }

@@ -235,7 +235,7 @@ struct RingSize {
     std::uint16_t slaves = 0;
 };
 
-// Who the master was. A name stands here only where the recording proves it.
+// Which master has made the recording. A name is here only if the recording proves it.
 struct MasterGuess {
     std::string name{};                    // empty: unknown
     std::vector<std::string> reasons{};    // what was seen

@@ -1,4 +1,4 @@
-// Who the master was, from what only one master does.
+// Finds out which master has made the recording, by habits that only one master has.
 #pragma once
 
 #include "analyse/slave_tracks.hpp"

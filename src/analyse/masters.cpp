@@ -38,7 +38,8 @@ std::vector<Masters::Master> Masters::pairs_of_requests_and_replies() {
     std::map<Address, std::size_t> half;  // the master whose requests and replies have different interfaces
     for (const auto& place : order_) {
         auto& seen = seen_[place];
-        // Where the master's own address has the mark, working counters tell; some replies have working counter 0, too.
+        // Where the master's own address has the mark, working counters show which frames are replies, although the
+        // working counter of some replies is 0.
         const bool whole = has_unmarked[place.first] ? seen.marked != 0 && seen.unmarked != 0
                                                      : 4 * std::min(seen.touched, seen.untouched) > seen.touched;
         const auto other = half.find(place.first);

@@ -12,9 +12,9 @@ namespace margay::analyse {
 // file that cannot be read, or has no EtherCAT frame, has a `problem`. `path` may be a pipe, which is read up to its
 // end. Packets of one master that are not in order of time are sorted, if they fit into kMostSorted octets.
 //
-// Masters are told by their source addresses; those of the same address by the interfaces of a pcapng file, where two
-// interfaces show both requests and replies. The result is the master of the first frame, Analysis::others are the
-// others in the order of their first frames. The two NICs of a ring are one master.
+// Masters are distinguished by their source addresses. Masters with the same address are distinguished by the
+// interfaces of a pcapng file, if two interfaces show both requests and replies. The result is the master of the first
+// frame, Analysis::others are the others in the order of their first frames. The two NICs of a ring are one master.
 [[nodiscard]] Analysis analyse_file(const std::string& path);
 
 inline constexpr std::size_t kMostMasters = 16;                     // frames of more masters are counted in a remark

@@ -263,8 +263,8 @@ void RingCopies::note_head(const Flight& flight) {
         head_ = circulating[0] ? 1 : 0;
 }
 
-// The request as the master means it: the positions are those of the copy that is sent at the beginning of the ring,
-// and the time of the reference clock can be in either copy.
+// The request as the master means it, with the positions of the copy that is sent at the beginning of the ring. The
+// time of the reference clock can be in either copy.
 std::vector<std::byte> RingCopies::request_of(const Flight& flight) const {
     const std::size_t copy = flight.sent[head_].there() ? head_ : 1 - head_;
     auto request = flight.sent[copy].bytes;

@@ -130,7 +130,7 @@ RingSigns::Sight RingSigns::decide() {
     if (is_whole) return Sight::whole;
     const auto is_complete = [&](std::size_t of) { return marked_[of] != 0 && unmarked_[of] != 0; };
     if (!crosses && is_complete(0) && is_complete(1)) return Sight::like;
-    // Where no request of one of them was seen, those of the other one may be copies that have crossed the ring.
+    // Where no request of one NIC was seen, the requests of the other NIC may be copies that have crossed the ring.
     const bool are_sent = unmarked_[0] != 0 && unmarked_[1] != 0 && nearly_all(first_[0], all_);
     return are_sent ? Sight::sent : Sight::part;
 }

@@ -232,8 +232,8 @@ void Twins::count_differences() {
     }
 }
 
-// Puts equal frames that are in order of time together: each interface has one frame in a cluster, those of the set
-// `doubled` more.
+// Puts equal frames that are in order of time together. A cluster has one frame of each interface, and more frames of
+// an interface in the set `doubled`.
 void Twins::cluster(std::span<const Seen> equal, std::uint32_t doubled) {
     clusters_.clear();
     of_.clear();

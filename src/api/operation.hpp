@@ -28,7 +28,7 @@ enum class Needs : std::uint8_t {
 // How a request of this kind ends: when its work is finished, or only when it is cancelled.
 enum class Ends : std::uint8_t { by_itself, when_canceled };
 
-// Who ends a request when its timeout is over.
+// Which part of the library ends a request when its timeout is over.
 enum class Timing : std::uint8_t {
     by_queue,
     by_sequence,  // its own sequence, which can give a more precise error; if the sequence does not, the queue

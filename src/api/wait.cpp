@@ -121,8 +121,8 @@ Result<> take_ownership(Context& ctx) {
     return Result<>();
 }
 
-// Nobody has looked for long, and the application polls more often otherwise: another machine may be there, and nothing
-// goes on with it before the supervision has looked.
+// The application usually polls more often, and the slaves were not looked at for long: another machine may be there.
+// No request continues before the supervision has looked at the slaves.
 static bool is_after_pause(Master& master, Time now) {
     constexpr Duration kLate = std::chrono::milliseconds(250);
     const bool first = master.polled == Time::min();

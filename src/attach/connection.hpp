@@ -76,8 +76,8 @@ class Connection {
     int fd_;
 };
 
-// The client that gives its place to a new one: of those that may lose it the one whose octets moved first. The number
-// of clients: none.
+// The client that gives its place to a new one: among the clients that may lose their place, the client whose octets
+// have not moved for the longest time. If no client may, the number of clients.
 [[nodiscard]] std::size_t who_gives_way(std::span<const std::unique_ptr<Connection>> clients, Moment now);
 
 }  // namespace margay::attach

@@ -40,7 +40,7 @@ std::string Listener::open(const std::string& path, const AttachSettings& settin
     return error;
 }
 
-// A socket that nobody serves refuses connections. Everything else stays as it is.
+// A socket that no program serves refuses connections. Everything else stays as it is.
 std::string Listener::replace_left_behind() {
     struct stat found {};
     if (::lstat(path_.c_str(), &found) != 0) return {};
@@ -76,7 +76,7 @@ std::string Listener::set_access(const AttachSettings& settings) const {
     return {};
 }
 
-// Nobody can connect before listen(): the permissions are right by then.
+// No client can connect before listen(), and the permissions are right by then.
 std::string Listener::bind_and_listen(const AttachSettings& settings) {
     SocketAddress address;
     if (!address.set(path_)) return path_ + ": the path is empty, or too long for a socket";

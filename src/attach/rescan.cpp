@@ -44,7 +44,7 @@ Task<Result<>> run(Network& network, RescanRequest& request) {
     if (whole) {
         const auto count = co_await scan(network);
         note_of_segment(network, count.error());
-        // The error of a slave is one of the facts: the table tells it.
+        // The error of a slave is one of the facts: the table shows it.
         if (!count && count.error().slave == 0) co_return count.error();
     } else {
         co_await required(recover(network, request.search));

@@ -6,7 +6,7 @@ namespace {
 enum class Part : bool { before_unit, behind_unit };
 
 // The ports, apart from the entry port, by which the frame leaves before or after it passes the processing unit.
-// Returns their number, or where `wanted` is less than that, this port.
+// Returns their number; if `wanted` is less than this number, returns port number `wanted` of them.
 std::uint8_t ports_of(const DelayNode& node, Part part, std::uint8_t wanted = UINT8_MAX) {
     std::uint8_t count = 0;
     bool passed = node.entry_port == 0;

@@ -135,7 +135,7 @@ void MailboxGateway::Loop::serve_tcp(TcpClient& client, short revents) {
     }
 }
 
-// What is no frame ends the connection: nobody knows where the next frame begins.
+// Octets that are no frame end the connection, because the beginning of the next frame is not known.
 void MailboxGateway::Loop::take_frames(TcpClient& client) {
     while (router_.has_room(client)) {
         const auto bytes = frame_bytes(client.received());

@@ -21,7 +21,7 @@ class MailJob final : public RawMail {
   public:
     // Sends the message of a client.
     MailJob(const SlaveFacts& slave, Mail mail, const Transaction& transaction, Client& client);
-    // Sends nothing, and takes the mail of this protocol that nobody else takes.
+    // Sends nothing, and accepts the mail of this protocol that no exchange and no listener accepts.
     MailJob(const SlaveFacts& slave, MailboxType protocol);
 
     // Mail that came before the last one, in the order of coming. While the request is busy, too.

@@ -18,7 +18,7 @@ constexpr std::byte with_time(std::byte command) {
     return static_cast<std::byte>(command == static_cast<std::byte>(Command::APRD) ? Command::ARMW : Command::FRMW);
 }
 
-// The next frame only reads the reference, until two answers in succession tell the next time.
+// The next frames only read the reference clock, until two answers in succession show the next time.
 void read_only(PreparedFrame& frame, PreparedReading& reading) {
     ++reading.without;
     std::byte& command = frame.bytes[reading.offset];

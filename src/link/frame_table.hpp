@@ -91,7 +91,7 @@ class FrameTable {
     [[nodiscard]] bool resting(std::uint8_t index) const {
         return ((resting_[index / 32].load(std::memory_order_relaxed) >> (index % 32)) & 1U) != 0;
     }
-    // Whether so many of the indices `first` to `first + count - 1` rest that the others would be used again soon.
+    // Whether too many of the indices `first` to `first + count - 1` rest: the others would be used again too soon.
     [[nodiscard]] bool too_many_rest(unsigned first, unsigned count) const;
     void end_rest();
     [[nodiscard]] bool claim_free(FrameSlot& slot, Time now);

@@ -27,7 +27,7 @@ struct CyclePace : ListNode {
 // The merging of two cables (link/redundancy.hpp), as far as the link knows it.
 class Cables {
   public:
-    // Nobody waits for the frame with this index any more.
+    // The link does not wait for the frame with this index any more.
     virtual void give_up(std::uint8_t index) noexcept = 0;
     // The indices are divided between two threads from now on, see FrameTable::split().
     virtual void split() noexcept = 0;
@@ -197,8 +197,8 @@ class Link {
     std::uint64_t received_before_ = 0;  // frames received before the last one that did not come back
     std::uint32_t silence_ = 0;          // frames that did not come back since
     std::uint32_t longest_silence_ = 0;
-    // While the application sends cycles and receives none, each time that so many frames did not come back, the NIC is
-    // drained: well before the index of one of them is used again.
+    // While the application sends cycles and receives none, the NIC is drained each time this number of frames did not
+    // come back: well before the index of one of these frames is used again.
     static constexpr std::uint32_t kMostUnread = 32;
     bool paused_ = false;  // more than kPause between two cycles, since take_pause()
     MacAddress source_;

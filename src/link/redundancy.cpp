@@ -102,7 +102,7 @@ bool Redundancy::hold(FramePair& pair, FramePair::State from) noexcept {
     return pair.state.compare_exchange_strong(expected, FramePair::held, std::memory_order_acquire, kRelaxed);
 }
 
-// The next pair in turn that nobody holds; send() opens it. A pair that is still open after all others was lost.
+// The next pair in turn that is not in use; send() opens it. A pair that is still open after all others was lost.
 FramePair* Redundancy::free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept {
     for (std::size_t tries = 0; tries < pairs.size(); ++tries) {
         FramePair& pair = pairs[next];

@@ -201,7 +201,7 @@ bool MailboxChannel::pick_message() {
 
 bool MailboxChannel::expecting() const {
     const bool held_up = now() < send_at_ && !queue_.empty();  // it may want to be rid of its own mail first
-    // A late reply that nobody waits for is fetched before the next message.
+    // A late reply that no exchange waits for is fetched before the next message.
     const bool late = now() < late_until_ || (is_owed() && !queue_.empty());
     return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || late;
 }

@@ -109,16 +109,16 @@ class MailboxChannel {
     void owe_second_reply(wire::MailboxType type, std::uint64_t key, Time begun) {
         owe_reply(type, key, now() + (now() - begun) + mail_timing::kOwedPatience);
     }
-    // A reply to an earlier CoE request may still arrive, and it would be taken for the reply to a request of
-    // this key. It lasts until the slave has answered a later request, because it answers them in their order.
+    // A reply to an earlier CoE request may still arrive, and would pass for the reply to a request of this key. The
+    // doubt lasts until the slave has answered a later request, because a slave answers requests in their order.
     [[nodiscard]] bool is_doubtful(std::uint64_t key) const;
-    // The same for files: to so many earlier requests.
+    // The same for files: how many earlier requests may still be answered.
     [[nodiscard]] std::uint8_t late_files() const { return owed_[1].mails != 0 ? owed_[1].files : std::uint8_t{0}; }
-    // First packets of so many files may still arrive, in any time; the next file waits for them until then.
+    // The first packets of `files` files may still arrive, at any time; the next file waits for them until `until`.
     void owe_files(unsigned files, Time until);
-    // EoE parameters and SoE: what may still arrive, in any time.
+    // EoE parameters and SoE: the answers that may still arrive, at any time.
     [[nodiscard]] LateAnswers& late_answers() { return late_; }
-    // The slave has answered a question of EoE or SoE: nothing of before is waited for.
+    // The slave has answered a question of EoE or SoE: the channel waits for no earlier answer any more.
     void end_wait(wire::MailboxType type, std::uint64_t key) {
         Owed& owed = owed_of(type);
         const bool alike = owed.key == key || type == wire::MailboxType::eoe;
@@ -130,8 +130,8 @@ class MailboxChannel {
     [[nodiscard]] bool owes_only(std::uint64_t key) const {
         return owed_[0].mails == 1 && owed_[0].key == key && key != mail_key::kAny;
     }
-    // The key of the next question of settle_owed(): an object that no request given up, and no question without an
-    // answer, has asked for, because an answer to those that comes late would be taken for the answer to this one.
+    // The key of the next question of settle_owed(): an object that no request that was given up, and no unanswered
+    // question, has asked for. Otherwise a late answer would pass for the answer to this question.
     [[nodiscard]] std::uint64_t next_question();
     // The question will be sent.
     void note_question(std::uint64_t key);
@@ -209,14 +209,14 @@ class MailboxChannel {
         std::uint64_t key = 0;
         Time until = Time::min();
         wire::MailboxType type{};    // error: several
-        std::uint8_t mails = 0;      // so many mails may still arrive; 0: none is owed
+        std::uint8_t mails = 0;      // how many mails may still arrive; 0: none is owed
         std::uint8_t fences = 0;     // final messages that the slave has not taken; until then, time does not count
         bool lasts = false;          // see is_doubtful()
         bool guessed = false;        // the exchange has ended by an error reply that may be that of another one
         std::uint8_t questions = 0;  // CoE: a bit for each object of kQuestions that an answer may still come for
         // CoE, of the last question: the subindex of 0x1000, if it is none of kQuestions.
         std::uint8_t spare = 1;
-        std::uint8_t files = 0;  // FoE: so many of the mails may be first packets of files: see late_files()
+        std::uint8_t files = 0;  // FoE: how many of them may be first packets of files: see late_files()
     };
     class Fence;
 

@@ -10,7 +10,7 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     ++statistics_.received;
     const auto header = wire::load_mailbox_header(mailbox);
     counts_ = header.counter != 0;
-    // The mail in between is lost: the slave had new mail before the repeat request came. Only two counters tell.
+    // The mail in between is lost: the slave had new mail before the repeat request came. Only two counters show it.
     const bool missed = missed_;
     missed_ = false;
     const bool known = counts_ && in_counter_ != 0;

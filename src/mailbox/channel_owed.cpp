@@ -58,8 +58,8 @@ void MailboxChannel::owe_files(unsigned files, Time until) {
     owed.mails = std::max(owed.mails, owed.files);
 }
 
-// The reply is waited for as long as the exchange itself would have waited, unless the next exchanges can tell it from
-// theirs.
+// The channel waits for the reply as long as the exchange itself would have waited, unless the next exchanges can
+// distinguish it from their own replies.
 void MailboxChannel::owe_answer_to(const MailExchange& exchange) {
     const auto& options = exchange.options_;
     if (!options.reply) {
@@ -208,7 +208,8 @@ bool is_first_packet(const wire::MailboxMessage& mail) {
 
 }  // namespace
 
-// Mail that nobody has taken: most likely the late reply, if it is of its protocol.
+// Mail that no exchange and no listener has accepted. If it has the protocol of an owed reply, it most likely is that
+// reply.
 void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
     if (can_answer(mail_key::kAny, mail)) late_.note(mail);
     Owed& owed = owed_of(mail.header.type);

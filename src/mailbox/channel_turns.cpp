@@ -52,7 +52,7 @@ Error MailExchange::await_resume() noexcept {
 
 void MailboxChannel::enqueue(MailExchange& exchange) {
     // The reply to an exchange that was given up may have come after the last look, and lie in the mailbox since. The
-    // packets of a file are told by their numbers.
+    // packets of a file are distinguished by their numbers.
     const auto& options = exchange.options_;
     if (options.key != 0 && !options.distinct && owed_of(exchange.type_).mails != 0) {
         glance_ = true;
@@ -232,8 +232,8 @@ void MailboxChannel::owe_all_answers() {
     if (sending_ != nullptr && sending_->state_ == MailExchange::State::queued) owe_answer_to(*sending_);
 }
 
-// Nobody has told the slave that its file transfer has ended. A slave that works on one message at a time takes this
-// one when it has answered.
+// The slave does not know yet that its file transfer has ended. A slave that works on one message at a time accepts
+// this message when it has answered.
 void MailboxChannel::end_transfers() {
     if (owed_[1].mails != 0) send_final_message(wire::MailboxType::foe, kEndOfTransfer);
 }

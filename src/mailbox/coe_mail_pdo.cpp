@@ -96,7 +96,7 @@ Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t nu
     co_return error;
 }
 
-// ------------------------------------------------------------------ PDOs that nobody asked for
+// ------------------------------------------------------------------ PDOs that no request asked for
 
 bool MailPdoListener::tell(const UnaskedMail& mail) {
     if (mail.data.size() < coe::kHeaderBytes) return false;

@@ -10,7 +10,7 @@ namespace margay {
 [[nodiscard]] Task<Result<>> send_rx_pdo(MailboxChannel& channel, std::uint16_t number, Bytes data,
                                          const MailPatience& patience);
 
-// Requests a TxPDO and returns its number of octets. Errors: capacity, and those of any exchange.
+// Requests a TxPDO and returns its number of octets. Errors: capacity, and the errors of any exchange.
 [[nodiscard]] Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t number, MutableBytes into,
                                                      const MailPatience& patience);
 

@@ -56,12 +56,12 @@ class FoeTransfer : public MailClient {
     // A message was sent again: the slave may answer it twice, and the second answer may come behind the transfer.
     void repeats() { repeated_ = true; }
     [[nodiscard]] bool has_repeated() const { return repeated_; }
-    // The first replies may be late ones to so many earlier requests.
+    // `late`: how many earlier requests there are whose late replies may be the first replies to this transfer.
     void doubt(unsigned late) {
         if (!std::exchange(doubtful_, true)) late_ = late;
     }
-    // When it has not ended well: so many first replies to earlier requests, or to that of this transfer, may still
-    // come.
+    // After a transfer that has not ended well: how many first replies may still come, to earlier requests or to the
+    // request of this transfer.
     [[nodiscard]] unsigned late() const { return late_ - (overtaken_ ? 1U : 0U); }
     // Mail of the slave that no exchange has taken.
     void overhear(Bytes data);
@@ -99,7 +99,7 @@ class FoeTransfer : public MailClient {
     std::uint32_t heard_ = 0;   // the number in the last reply, as the slave counts
     Phase phase_ = Phase::request;
     bool slave_open_ = false;
-    unsigned late_ = 0;          // so many of the next first replies may be late ones
+    unsigned late_ = 0;          // how many of the next first replies may be late ones
     bool begins_again_ = false;  // behind the farewell
     bool asked_again_ = false;   // more than one reply to the request may come
 

@@ -43,7 +43,7 @@ void LateAnswers::add(wire::MailboxType type, std::uint64_t key) {
     Open& open = open_of(type);
     const bool all = key == mail_key::kAny;
     const bool eoe = type == wire::MailboxType::eoe;
-    // An answer to the same EoE request as the question may be taken for its answer, but only one more is needed then.
+    // EoE: a late answer of the kind of the question may pass for its answer, but only one more answer is needed then.
     const bool behind = eoe ? all || of.first - wire::soe::kDrives != open.which : all || of.first == open.which;
     if (behind) open.after = static_cast<std::uint8_t>(std::min(open.after + 1U, kMost)) & 0xFU;
 }
@@ -123,7 +123,7 @@ void LateAnswers::hear_drive(unsigned drive, unsigned number) {
     limit(drive, open.after);
 }
 
-// One answer of its kind, be it to this question or to a request of before.
+// Counts one answer of the kind of the question: it answers the question or an earlier request.
 void LateAnswers::hear_call(unsigned call) {
     const unsigned place = wire::soe::kDrives + call;
     limit(place, std::max(at(place), 1U) - 1U);
@@ -143,7 +143,7 @@ void LateAnswers::end() {
     open_[1].needs = 0;
 }
 
-// The answer to the end of a write (soe.cpp) is none that counts.
+// The answer to the message that ends a write (soe.cpp) does not count.
 void LateAnswers::note(const wire::MailboxMessage& mail) {
     if (mail.header.type == wire::MailboxType::soe) {
         const auto header = wire::soe::load_header(mail.data);

@@ -31,7 +31,7 @@ class OrderedAsks {
     [[nodiscard]] bool has_repeated() const { return lost_ != 0; }
 
   private:
-    std::uint8_t late_;  // answers that may come, those to this sequence included
+    std::uint8_t late_;  // answers that may come, answers to this sequence included
     std::uint8_t own_ = 0;
     std::uint8_t lost_ = 0;
     std::uint8_t answered_ = 0;

@@ -35,7 +35,7 @@ class Mailboxes {
 
     // Mail that no exchange takes is offered to the listeners of its slave and type, in the order of listen().
     void listen(MailListener& listener);
-    // The same, but it is asked after all listeners of the application, also after those that come later.
+    // As listen(), but the library asks it after all listeners of the application, also after later ones.
     void listen_last(MailListener& listener);
     void unlisten(MailListener& listener);
     // Whether a listener for this slave alone takes mail of the type.

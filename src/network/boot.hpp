@@ -22,8 +22,8 @@ struct BootFeature {
 // see boot_refusal().
 [[nodiscard]] bool crosses_boot(Network& network, const Slave& slave, AlState to);
 
-// The slave is in BOOT, and the application has not set another target for this slave since: nobody takes it out of
-// BOOT, where its firmware may be incomplete.
+// The slave is in BOOT, and the application has not set another target for this slave since. The library leaves it in
+// BOOT, because its firmware may be incomplete.
 [[nodiscard]] inline bool stays_in_boot(const Network& network, const Slave& slave) {
     return slave.al.state == AlState::boot && !network.marks(slave).leave_boot;
 }

@@ -254,8 +254,8 @@ Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns) {
 
 namespace {
 
-// The slave is in its state, and nobody works on it. Below SAFEOP, a slave that has come back may not have its clock
-// yet.
+// The slave is in its state, and no sequence works on it. Below SAFEOP, a slave that has come back may not have its
+// clock yet.
 bool is_settled(Network& network, const Slave& slave) {
     return is_there(slave) && !slave.al.error && !network.marks(slave.number).in_use &&
            (slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave));

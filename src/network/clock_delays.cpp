@@ -235,7 +235,7 @@ void compute_clock_delays(Network& network) {
     note_assumed_delays(network, nodes, nodes[reference - 1]);
 }
 
-// The DL status does not tell which slave is behind which where frames enter slaves at ports other than 0.
+// Where frames enter slaves at ports other than 0, the DL status does not show which slave is behind which.
 void correct_topology(Network& network) {
     const auto ring = network.seen_ring();
     const auto nodes = network.clocks.nodes.first(std::min(network.clocks.nodes.size(), ring.size()));

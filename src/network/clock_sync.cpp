@@ -177,9 +177,9 @@ Slave* kept_clock(Network& network) {
     return nullptr;
 }
 
-// The slave with the reference clock was reset: its offset is 0, and its clock begins anew. It gets the system time
-// that another clock shows, or else that which the master's clock tells, so that the other clocks need not follow a
-// jump. Receive times are latched, and nobody else latches them now.
+// The slave with the reference clock was reset: its offset is 0, and its clock begins anew. It gets the system time of
+// another clock, or the system time by the master's clock if there is no other one, so that the other clocks need not
+// follow a jump. The function latches receive times, and no other sequence latches them now.
 Task<Result<>> continue_reference(Network& network) {
     Clocks& clocks = network.clocks;
     Slave& reference = network.slave(clocks.reference);
@@ -422,7 +422,7 @@ Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSe
 Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync) {
     if (!is_clock(network.clocks.of(slave).kind))
         co_return Error{.code = Errc::no_clock, .step = kSyncStep, .slave = slave.number};
-    // Without a synchronised clock its SYNC signals would run away from those of the other slaves.
+    // Without a synchronised clock, its SYNC signals would drift away from the SYNC signals of the other slaves.
     const ClockEntry& clock = network.clocks.of(slave);
     if ((clock.out_of_reach || !clock.synchronised) && sync.assign_activate != 0)
         co_return Error{.code = Errc::clock_not_reached,

@@ -95,8 +95,8 @@ Task<Result<bool>> calm_rate(Network& network, Slave& slave) {
     co_return compared;
 }
 
-// A reference that was switched off comes back with another time, which must reach nobody. The cycles carry the time
-// again when it has its clock, see restore_clock() and note_time_of_cycle().
+// A reference clock that was switched off comes back with another time, which must reach no clock. The cycles carry the
+// time again when the reference clock is set, see restore_clock() and note_time_of_cycle().
 void stop_time(Network& network) {
     (void)carry_time_of(network, nullptr);
     network.clocks.paused = false;
@@ -138,7 +138,7 @@ void note_difference(Network& network, const Slave& slave) {
     const FollowedClock followed = followed_clock(network, slave);
     if (!clock.knows_difference() || followed.slave != clock.follows) return;
     if (followed.slave != clocks.reference) {
-        const std::int64_t own = followed.slave == slave.number ? 0 : clock.difference_ns;  // nobody sends it a time
+        const std::int64_t own = followed.slave == slave.number ? 0 : clock.difference_ns;  // no frame brings it a time
         clock.difference_ns = static_cast<std::int32_t>(
             std::clamp<std::int64_t>(greatest_ahead_ns(followed, own), -INT32_MAX, INT32_MAX));
     }

@@ -91,7 +91,7 @@ struct MeasuredCycle {
     std::uint32_t seen = 0;
     std::uint64_t likely_ns = 0;  // what most rounds have seen, if there is such a time
     std::uint32_t rounds = 0;
-    std::int32_t votes = 0;  // rounds that have seen it, less those that have seen another time
+    std::int32_t votes = 0;  // rounds that have seen this time, minus rounds that have seen another time
 
     void note(Time sent_at, std::uint32_t number);
     // The mean cycle; 0: the cycles are too few, or too different.
@@ -213,8 +213,8 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 [[nodiscard]] Task<Result<>> probe_clock(Network& network, Slave& slave);
 // Register 0x0982, into its entry.
 [[nodiscard]] Task<Result<>> read_pulse_length(Network& network, Slave& slave);
-// Latches the receive times of all slaves; read_receive_times() reads the local time of one slave, and adds the receive
-// times to those from which the delays are computed (`yes`).
+// Latches the receive times of all slaves. read_receive_times() reads the local time of one slave, and with `yes` adds
+// its receive times to the times from which the delays are computed.
 enum class Keep : bool { no, yes };
 [[nodiscard]] Task<Result<>> latch_receive_times(Network& network);
 [[nodiscard]] Task<Result<>> read_receive_times(Network& network, Slave& slave, Keep keep);

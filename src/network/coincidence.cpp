@@ -20,13 +20,13 @@ std::uint8_t cycles_under_way(const ProcessGroup& group) {
     return static_cast<std::uint8_t>(sent_cycles(group) - group.overlap.received.load(std::memory_order_relaxed));
 }
 
-// The number of the cycle whose reply is being judged.
+// The number of the cycle whose reply is being checked.
 std::uint32_t judged_cycle(const ProcessGroup& group) {
     if (group.overlap.sets == 1) return group.cycles_sent;
     return group.overlap.received.load(std::memory_order_relaxed) + 1;
 }
 
-// Whether the cycle was sent before the states were read that end the doubt.
+// Whether the cycle was sent before the reading of states that ends the doubt.
 bool is_doubted(ProcessGroup& group) {
     if (!group.sums_doubted) return false;
     const auto since = static_cast<std::int16_t>(judged_cycle(group) - group.overlap.believed_from);

@@ -13,8 +13,8 @@ void doubt_all(Network& network, bool away);
 // many consecutive losses occur by chance once in ten thousand million readings.
 inline constexpr std::uint32_t kSilentFrames = 10;
 
-// Without a supervision: doubt_all() when so many frames did not come back since the last call that another machine may
-// be there. Call it before anything is written to a slave. Returns whether it has doubted the slaves.
+// Without a supervision: doubt_all() if another machine may be there, because kSilentFrames frames or more did not come
+// back since the last call. Call it before anything is written to a slave. Returns whether it has doubted the slaves.
 bool doubt_after_silence(Network& network);
 // Without a supervision: doubts all slaves when the machine may have been exchanged without a silence: nothing was sent
 // for long, or a cycle that had been right fell short and is right again. While other cycles go on, doubts only the

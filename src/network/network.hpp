@@ -59,9 +59,9 @@ struct Network;
 // What init_redundant() adds to the network.
 class RedundancyPart {
   public:
-    // Reports what has changed since the last call, and notes at which end each slave hangs.
+    // Reports what has changed since the last call, and notes which end of the ring reaches each slave.
     virtual void watch(Network& network) = 0;
-    // The same for the clocks, in each poll: those that frames may have misled since are not in sync.
+    // The same for the clocks, in each poll: clocks that frames may have misled meanwhile are not in sync.
     virtual void note_change(Network& network) = 0;
     // An error when the NICs are connected wrongly.
     [[nodiscard]] virtual Error check() const = 0;
@@ -167,7 +167,7 @@ struct Network {
     // For how long what was read last, or exchanged last, is believed.
     static constexpr Duration kBelieved = std::chrono::seconds(1);
     Time states_read = Time::min();  // when the states of all slaves were read last
-    // Until then nobody has stopped looking for longer than kBelieved since all identities were compared last.
+    // Up to this time, no pause in looking at the slaves was longer than kBelieved since all identities were compared.
     Time compared = Time::min();
     // The application has paused: until then requests wait while the supervision compares their slave.
     Time comparing_until = Time::min();
@@ -195,7 +195,7 @@ struct Network {
     [[nodiscard]] bool is_doubted(const Slave& slave) const {
         return marks(slave).unproved && slave.al.state != AlState::boot;
     }
-    // Nobody has looked for so long that a slave may have been exchanged for another one in the same state.
+    // The slaves were not looked at for so long that one may have been exchanged for another one in the same state.
     [[nodiscard]] bool is_unobserved() const { return later(compared, kBelieved) < engine.now(); }
     // The supervision compares this slave because of its own rest: until an attempt fails the slave counts as it was,
     // so that what_is_wrong() does not change with each roll.

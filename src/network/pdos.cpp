@@ -205,8 +205,8 @@ Result<> settle_undescribed(Network& network, const Slave& slave, PdoFindings& f
     return Result<>();
 }
 
-// The slave could say its PDOs, but the context does not have the feature that asks it. The SII may say other PDOs,
-// which is told once; where it says none, it is not known whether the slave has any.
+// The slave can report its PDOs, but the context does not have the feature that reads them. The SII may have other
+// PDOs: one warning says so. If the SII has no PDOs, it is not known whether the slave has any.
 Result<> settle_not_asked(Network& network, const Slave& slave, const PdoFindings& found, bool compare) {
     if (found.not_asked == Feature::none || found.source != ConfigurationSource::sii) return Result<>();
     std::uint32_t octets = 0;

@@ -401,7 +401,7 @@ void give_inputs(ProcessGroup& group) {
 
 Error not_sent(const ProcessGroup& group, Link& link) {
     if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
-    // Perhaps nobody receives this cycle. Where cycles overlap, the results belong to the thread that receives them.
+    // The application may not receive this cycle. Where cycles overlap, the thread that receives has the results.
     for (PreparedFrame& frame : group.prepared)
         if (!frame.overlapped && frame.slot == nullptr && frame.end == CycleEnd::missing)
             Link::mark_not_received(frame);

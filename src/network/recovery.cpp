@@ -205,7 +205,7 @@ void note_change(Network& network, Slave& slave, const AlStatus& before) {
 
 ChangeReport::~ChangeReport() { note_change(network_, slave_, before_); }
 
-// NONE is not stored here: note_lost() does that.
+// NONE is not stored here: note_lost() stores it.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now) note_reached(network, slave, now.state);
     if (slave.al == now || now.state == AlState::none) return;

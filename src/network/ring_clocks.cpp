@@ -81,7 +81,7 @@ Task<Result<>> RingWatch::open_ring_with(Network& network, bool times) {
         guessed_ = parted;
         co_return Nothing{};
     }
-    // Which clocks are beside the ring is told by the counts: those of the broken ring would be wrong.
+    // The counts show which clocks are beside the ring; the counts of the broken ring would be wrong.
     if (!ring_.counts_are_new()) co_return ring_error(Errc::unstable);
     constants_ = {};
     if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;  // perhaps with other delays
@@ -312,7 +312,8 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     co_return Nothing{};
 }
 
-// The clocks that the reference does not reach are not in step with it: a known constant, or the ways, tell how far.
+// The clocks that the reference clock does not reach are not in step with it. A known constant, or the ways, show the
+// difference.
 void RingWatch::distrust_second_part(Network& network) {
     for (const Slave& slave : network.slaves())
         if (is_behind(network, slave)) network.clocks.lose_sync(slave);
@@ -401,7 +402,7 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
         const Slave& reference = network.slave(clocks.reference);
         if (!are_places_new(network)) co_return Nothing{};  // the next differences
         const auto way = co_await measure_way(network, network.slave(second), reference);
-        // The ring changes now, or there is another second reference: the next differences tell.
+        // The ring changes now, or there is another second reference: the next differences show the constant.
         if (!way && way.error().code == Errc::unstable) co_return Nothing{};
         if (!way) co_return way.error();
         if (second != second_ || is_steered() || reference.number != clocks.reference) co_return Nothing{};

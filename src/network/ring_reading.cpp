@@ -42,7 +42,7 @@ Task<Result<bool>> is_of_two(Station station) {
 }
 
 // Two slaves with the station address of one slave of the table: a slave has come from another machine, where it had
-// that address. Nobody knows which of them is the right one, so both lose the address and their FMMUs, and the next
+// that address. It is not known which of them is the right one, so both lose the address and their FMMUs, and the next
 // search identifies both. While a request uses the slave of the table, this search leaves them as they are. Returns
 // whether the ring must be read again.
 Task<Result<bool>> end_clashes(Network& network) {

@@ -180,8 +180,8 @@ bool RingWatch::is_behind_front(Network& network, const Slave& slave) const {
     return on_the_way(network.seen_ring(), read.front, slave.ring_position) >= first_behind_;
 }
 
-// Whether the places that were read last belong to the ring as the frames see it now: else nobody knows at which side
-// of the break a slave is.
+// Whether the places that were read last belong to the ring as the frames pass it now. If not, it is not known at which
+// side of the break a slave is.
 bool RingWatch::are_places_new(Network& network) const {
     const RingParts now = parts();
     const RingParts read = network.parts_read;
@@ -210,7 +210,7 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
     behind_break_ = static_cast<std::uint16_t>(behind);
     find_first_behind(network, front, behind);
     note_ends(network, head, false, *this);
-    // That the ring is broken was told: where it is broken now is told when the places have been read again.
+    // The break was reported already. Its new place is reported when the places of the ring have been read again.
     if (reported_ == RingState::broken && front + behind != network.ring_count) return;
     if (reported_ != RingState::broken && network.parts_read.whole) {  // the ports are those of the whole ring
         const Slave* const last = last_slave(network, end_port_);
@@ -227,7 +227,7 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
 
 void RingWatch::report_fault(Network& network, CablingFault fault) {
     if (std::exchange(reported_fault_, fault) == fault) return;
-    if (fault == CablingFault::none) {  // the end of the fault is told with the state of the ring
+    if (fault == CablingFault::none) {  // the state of the ring reports the end of the fault
         before_ = behind_ = 0;
         reported_ = RingState::broken;
         return;
@@ -286,7 +286,7 @@ Task<Result<>> RingWatch::find_beginning(Network& network) {
                       {RingPosition{static_cast<std::uint16_t>(n)}, wire::reg::kDlStatus.address},
                       MutableBytes(dl_status));
         const auto reply = co_await look;
-        if (!reply.ok() || reply.wkc != 1) co_return Nothing{};  // errors of the scan tell it
+        if (!reply.ok() || reply.wkc != 1) co_return Nothing{};  // the scan reports the error
         ring[n] = {.dl_status = load_le<std::uint16_t>(dl_status)};
     }
     if (parts().divides_like(network.parts_read) && !begins_right(network)) co_await required(count_slaves(network));

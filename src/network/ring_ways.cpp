@@ -145,12 +145,13 @@ bool RingWatch::is_misled(Network& network, const Slave& slave) const {
     return std::abs(now_ns - before_ns) > clocks.settings.limit_ns;
 }
 
-// Until it is known where the ring is broken, each clock may be misled: then judge_change() tells which ones are not.
+// Until it is known where the ring is broken, each clock counts as misled. Then judge_change() finds the clocks that
+// are not misled.
 void RingWatch::note_change(Network& network) {
     const auto ways = static_cast<std::uint16_t>(ring_.ways());
     if (std::exchange(noted_ways_, ways) == ways) return;
     Clocks& clocks = network.clocks;
-    const bool corrected = guessed_ && parts().whole;  // those behind the break get the first time of the reference
+    const bool corrected = guessed_ && parts().whole;  // clocks behind the break get the first time of the reference
     if (clocks.reference == 0 || (!has_beside_ && !corrected)) return;
     judges_ = has_beside_;
     for (ClockEntry& clock : clocks.entries.first(network.count)) {

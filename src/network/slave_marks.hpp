@@ -42,7 +42,7 @@ struct SlaveMarks {
     bool finding : 1 = false;       // the slave comes back, and its process data is being found
     bool pdos_refused : 1 = false;  // it has refused to say its PDOs when it was asked last
     bool pdos_written : 1 = false;  // the application has written PDOs by SDO since the mapping
-    // The slave did not answer for a while, or nobody has looked whether it does: another slave may have its station
+    // The slave did not answer for a while, or its answers were not looked at: another slave may have its station
     // address now. Its identity is compared before the next change of its state, and before the commands and hooks that
     // follow a change.
     bool unproved : 1 = false;

@@ -55,7 +55,7 @@ std::uint16_t answering(Network& network) {
         std::ranges::count_if(network.slaves(), [](const Slave& s) { return s.al.state != AlState::none; }));
 }
 
-// Whether the supervision may look at the slave: nobody changes it now, or the work on it executes commands and hooks
+// Whether the supervision may look at the slave: no sequence changes it now, or a sequence executes commands and hooks
 // of the application, which may take long.
 bool may_look_at(Network& network, const Slave& slave) {
     const SlaveWork* work = find_work(network, slave);
@@ -304,7 +304,7 @@ void start_helpers(Watch& watch, Crew& crew) {
     const auto slaves = watch.network.slaves();
     const std::size_t first = watch.next_helped;
     for (Slave& slave : slaves) {
-        // A free place: nobody is there, and the cycle has nothing of it.
+        // A free place: the slave is missing, and the cycle does not exchange it.
         if (slave.al.state == AlState::none && !exchanges(slave) && !slave.unplaced) continue;
         // The slave is there, and its data is missing in the image.
         const bool asked = watch.network.marks(slave).attempts > 0 || !is_to_be_asked(watch.network, slave);
@@ -407,7 +407,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     const Time now = network.engine.now();
     const Time latest = later(later(network.compared, watch.wanted.interval), std::chrono::milliseconds(100));
     network.rested = network.is_unobserved() && now <= latest;  // not when the application has paused
-    if (network.is_unobserved()) {  // nobody has looked for so long: perhaps another machine
+    if (network.is_unobserved()) {  // not looked at for long: perhaps another machine
         watch.last = {};
         doubt_all(network, false);
     }

@@ -22,7 +22,7 @@ bool may_be_missing(const ExpectedSlave& wanted) {
 }
 
 bool may_be_missing(Network& network, const Slave& slave) {
-    // An unexpected slave is not in the list: nobody misses it. Without a list, what the scan has counted is wanted.
+    // An unexpected slave is not in the list, so it may be missing. Without a list, all slaves of the scan are wanted.
     if (slave.wanted == nullptr) return slave.config.optional || !network.expected.empty();
     if (!slave.seen && network.tolerance.missing_slaves) return true;
     if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)

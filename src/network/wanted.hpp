@@ -37,7 +37,7 @@ void update_held(Network& network);
 // place for it or has another place than its configuration, and PREOP or INIT while it is held.
 [[nodiscard]] AlState goal(const Network& network, const Slave& slave);
 
-// The slave has no place in the image because nobody could read what it exchanges, which may be nothing.
+// The slave has no place in the image, because its process data could not be read. It may have none.
 [[nodiscard]] bool is_to_be_asked(const Network& network, const Slave& slave);
 
 // The slave is in BOOT, where it may receive other firmware: its identity is compared when it is in PREOP again, and

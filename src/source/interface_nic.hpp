@@ -18,8 +18,7 @@ struct InterfaceText {
 };
 
 [[nodiscard]] InterfaceText parse_interface(std::string_view text);
-// The names of the interfaces in a SOURCE: those at the ends of a ring are two. None of a simulated segment or of a
-// recording.
+// The names of the interfaces in a SOURCE: one, or two for a ring. A simulated segment and a recording have none.
 [[nodiscard]] std::vector<std::string> interfaces_of(std::string_view source);
 
 // Which times of frames a NIC must have (Nic::timing()).

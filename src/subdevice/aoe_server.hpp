@@ -68,7 +68,7 @@ struct AoeWatch {
     static constexpr std::size_t kMostBytes = 16;
     AoeDevice* device = nullptr;  // nullptr: not in use
     AoeAddress source{};          // of the device
-    AoeAddress target{};          // who asked
+    AoeAddress target{};          // the sender of the request
     AoeIndex index{};
     std::uint32_t handle = 0;
     std::uint8_t bytes = 0;

@@ -129,7 +129,7 @@ void Device::set_mask(std::uint32_t mask) {
     write_register(esc_, reg::kAlEventMask.address, mask);
 }
 
-// The sizes of modules that do not match are wrong, too: the master must be told of the modules.
+// The sizes of modules that do not match are wrong, too: the AL status code must name the modules.
 ProcessDataSizes Device::process_data_sizes() {
     auto sizes = process_data_.sizes();
     const auto* const modules = application_.modules();

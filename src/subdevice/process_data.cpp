@@ -109,7 +109,7 @@ void ProcessData::start(Time now) {
     next_poll_ = kNever;
     find_silent(now);
     read_sync_settings();
-    // The events of SYNC signals of an earlier activation, which nobody has acknowledged.
+    // Events of SYNC signals of an earlier activation, which were not acknowledged.
     if (acknowledged_sync_) {
         acknowledge(reg::kSync0Status);
         acknowledge(reg::kSync1Status);

@@ -115,7 +115,7 @@ void SdoServer::upload(Outbox& out, Time now) {
     upload_now(out, now);
 }
 
-// Whether the value may be read in pieces: it never changes, or its author takes care of that.
+// Whether the value may be read in pieces: the value never changes, or its author keeps the pieces consistent.
 bool SdoServer::source_stays() const {
     if (entry_->storage != Storage::image && entry_->storage != Storage::provided) return true;
     return source_.size() > staging_.size() && object_->hooks != nullptr && object_->hooks->in_pieces;

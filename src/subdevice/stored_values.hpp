@@ -24,10 +24,10 @@ class ValueStore {
     // Stores a block in the place of the last one; an empty block erases it. Must not wait: while the memory is busy,
     // it returns HookAnswer::later(), and is called again with the same block, or with another one if the master has
     // given up and sends another command. The stack does not continue a command that the master has given up (INIT, or
-    // 10 s without an end): nobody would learn of its result. A memory that is written in pieces is then between the
-    // old block and the new one until the next command. Abort::hardware_error: the memory has failed. Such a memory,
-    // and a loss of power in between, must leave the old block, the new one, or a damaged one: load() of StoredValues
-    // recognizes a damaged block.
+    // 10 s without an end), because its result would reach no master. A memory that is written in pieces is then
+    // between the old block and the new one until the next command. Abort::hardware_error: the memory has failed. Such
+    // a memory, and a loss of power in between, must leave the old block, the new one, or a damaged one: load() of
+    // StoredValues recognizes a damaged block.
     [[nodiscard]] virtual HookAnswer save(Bytes block, Time now) = 0;
 
   protected:

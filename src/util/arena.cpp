@@ -9,11 +9,11 @@ constexpr std::uint8_t kFree = 0x80;
 constexpr std::uint8_t kInside = 0x40;  // not the first block of a run
 constexpr std::uint8_t kMore = 0x20;    // the run belongs to the same allocation as the run before it
 constexpr std::uint8_t kOrder = 0x0F;
-// An arena of at most so many blocks is searched from its beginning, and an allocation takes only the blocks that it
-// needs: memory is scarcer than time. In a larger one, an allocation takes a power of two, from a list.
+// An arena of at most kFewBlocks blocks is searched from its beginning, and an allocation uses only the blocks that it
+// needs, because memory is scarcer than time. In a larger arena, an allocation uses a power of two, from a list.
 constexpr std::size_t kFewBlocks = 256;
 
-// The lowest place with so many free blocks, of one run or of several that follow each other; `all`: there is none.
+// The lowest place with `blocks` free blocks, of one run or of several adjacent runs; `all`: there is none.
 std::size_t lowest_fit(const std::uint8_t* state, std::size_t all, std::size_t blocks) {
     std::size_t first = 0;
     for (std::size_t at = 0; at < all;) {

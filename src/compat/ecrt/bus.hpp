@@ -1,4 +1,4 @@
-// A master of the facade: its segment, its context, who polls it, and what the program has configured.
+// A master of the facade: its segment, its context, the thread that polls it, and what the program has configured.
 //
 // Phases. Until activation a thread of the facade polls (idle.cpp): it scans, looks for slaves that come and go, and
 // lets other threads access slaves. ecrt_master_activate() ends that thread. From then on the thread that calls

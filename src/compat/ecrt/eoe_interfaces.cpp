@@ -1,6 +1,6 @@
 // ecrt_master_eoe_addif() gives a slave with EoE a network interface: the frames of the interface go to the slave, and
-// those of the slave to the interface. A thread of the facade passes them between the interface and an EoePort; the
-// mailbox of the slave is served where the master polls: before activation by its thread, afterwards inside
+// the frames of the slave go to the interface. A thread of the facade passes them between the interface and an EoePort;
+// the mailbox of the slave is served where the master polls: before activation by its thread, afterwards inside
 // ecrt_master_receive() and ecrt_master_send().
 #include "compat/ecrt/eoe_interfaces.hpp"
 

@@ -24,7 +24,7 @@ void say_too_far(const Bus& bus, const ec_slave_config& config) {
         bus.ctx->limits().slaves);
 }
 
-// Slaves that may appear anywhere; their numbers are behind those of the line.
+// Slaves that may appear anywhere; their numbers follow the numbers of the line.
 std::size_t count_anywhere(const std::vector<ExpectedSlave>& expected) {
     return static_cast<std::size_t>(std::ranges::count(expected, 0, &ExpectedSlave::number));
 }

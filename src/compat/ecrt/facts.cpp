@@ -45,7 +45,7 @@ void Bus::refresh_facts(Time now) {
     }
     if (active && !silent && !strangers.empty() && answering > count) {
         count = answering;
-        states |= static_cast<std::uint32_t>(AlState::init);  // nobody brings them to another state
+        states |= static_cast<std::uint32_t>(AlState::init);  // they stay in INIT
     }
     if (scan_busy.load(std::memory_order_relaxed)) {
         scan_slaves.store(static_cast<std::uint32_t>(slaves.size()), std::memory_order_relaxed);

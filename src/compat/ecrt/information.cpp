@@ -39,7 +39,8 @@ void fill_ports(Bus& bus, const Slave& slave, ec_slave_info_t& info) {
     }
 }
 
-// How many objects the dictionary of the slave has. Asks the slave once, before activation: then nobody needs to cycle.
+// How many objects the dictionary of the slave has. Asks the slave once, before activation, because no cycle is needed
+// then.
 std::uint16_t objects_of(Bus& bus, const Slave& slave) {
     constexpr Duration kPatience = std::chrono::milliseconds(500);
     {

@@ -239,8 +239,8 @@ int ecrt_master_activate(ec_master_t* master) {
     bool emergencies_wanted = false;
     for (const auto& config : bus.configs) emergencies_wanted |= config->emergencies.capacity() != 0;
     (void)watch_mailboxes(*bus.ctx, emergencies_wanted ? std::chrono::milliseconds(10) : std::chrono::milliseconds(0));
-    // Nobody polls until the cycle begins: a transfer of this thread must not, because the cyclic thread may begin
-    // meanwhile. The thread that calls receive or send becomes the owner.
+    // No thread polls until the cycle begins. A transfer of this thread must not poll, because the cyclic thread may
+    // begin meanwhile. The thread that calls receive or send becomes the owner.
     bus.owner = {};
     bus.cycling = false;
     std::thread([&bus] { (void)take_ownership(*bus.ctx); }).join();

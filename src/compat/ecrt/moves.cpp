@@ -1,6 +1,6 @@
 // A device that is connected after activation may change the positions of others. Positions are those of the interface:
 // then the segment starts again, with each configuration at the device that has its position now. Until then nothing is
-// sent to a device that has moved, because the outputs are those of another position. A slave that leaves changes
+// sent to a device that has moved, because the outputs belong to another position. A slave that leaves changes
 // nothing: the others keep their configurations, and it gets its own when it returns.
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"

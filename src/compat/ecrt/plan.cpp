@@ -1,4 +1,5 @@
-// What the library is told at activation: the groups, and the configuration of each slave. expected.cpp: which slaves.
+// The settings that the library gets at activation: groups, and the configuration of each slave. expected.cpp has the
+// list of slaves.
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/operation.hpp"
@@ -107,7 +108,7 @@ void Operation::plan_slave(ec_slave_config& config) {
         plan.sms.push_back({sm, Borrowed<Pdo>(plan.pdos[sm])});
     }
     for (const StartupWrite& write : config.startup) plan.startup.push_back(command_of(write));
-    // The library knows the time of a watchdog in microseconds; the program has told the register.
+    // The library has the time of a watchdog in microseconds; the program has given the value of the register.
     if (config.watchdog_intervals != 0)
         plan.startup.push_back(write_register(Transition::preop_to_safeop, kWatchdogTime, config.watchdog_intervals));
     if (!plan.sms.empty()) plan.setup.pdos = PdoLists(plan.sms);

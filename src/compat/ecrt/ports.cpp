@@ -1,5 +1,5 @@
-// What ecrt_master_get_slave() tells about ports: when the frames of the last scan arrived there, and how long a frame
-// takes to the next slave with a clock.
+// The ports in the result of ecrt_master_get_slave(): when the frames of the last scan arrived there, and how long a
+// frame needs to the next slave with a clock.
 #include "compat/ecrt/bus.hpp"
 
 #include <margay/datagram.hpp>
@@ -60,7 +60,7 @@ std::uint32_t time_behind(const Slave& slave, const PortFacts& facts) {
 
 }  // namespace
 
-// One frame is marked by all clocks. Nobody uses the clocks meanwhile.
+// All clocks latch the receive times of one frame. The clocks are not used meanwhile.
 void Bus::measure_ports() {
     std::array<std::byte, sizeof(std::uint32_t)> latch{};
     std::vector<PortFacts> found(ctx->slaves().size() + 1);

@@ -64,7 +64,7 @@ std::uint8_t* memory_of(const std::vector<std::byte>& memory) {
     return reinterpret_cast<std::uint8_t*>(const_cast<std::byte*>(memory.data()));
 }
 
-// Octets that the program sees: those of the last upload, otherwise those of a write.
+// The octets that the program sees: the octets of the last upload, or of a write if there was no upload.
 template <class Read>
 std::size_t size_of(Transfer last, const Read& read, std::size_t size) {
     return last == Transfer::read && read.state() == RequestState::success ? read.bytes : size;

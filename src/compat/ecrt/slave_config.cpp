@@ -1,4 +1,4 @@
-// ecrt_slave_config_…(): what is told about a slave, except PDOs (pdo_config.cpp) and requests.
+// ecrt_slave_config_…(): the settings of a slave, except PDOs (pdo_config.cpp) and requests.
 #include "compat/ecrt/slave_config.hpp"
 
 #include "compat/ecrt/bus.hpp"

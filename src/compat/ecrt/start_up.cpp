@@ -202,7 +202,7 @@ void prepare_start_up(const Slave& slave, ec_slave_config& config) {
 using namespace margay;
 using namespace margay::compat::ecrt;
 
-// The interface stores any key, and reads those that it knows.
+// The interface stores any key, and reads the keys that it knows.
 int ecrt_slave_config_flag(ec_slave_config_t* sc, const char* key, int32_t value) {
     if (key == nullptr) return -EINVAL;
     if (refuse_active(*sc)) return -EBUSY;

@@ -40,7 +40,7 @@ bool are_same(const MailboxInfo& one, const MailboxInfo& other) {
 
 }  // namespace
 
-// A program that has set the mailboxes of one state alone leaves the other ones as the SII tells them.
+// A program that has set the mailboxes of one state alone leaves the other mailboxes as the SII describes them.
 void take_mailboxes(ecx_contextt& context, Session& session, std::uint16_t number, AlState state) {
     const ec_slavet& s = slaves_of(context)[number];
     const MailboxInfo written{.out_start = s.mbx_wo, .out_bytes = s.mbx_l, .in_start = s.mbx_ro, .in_bytes = s.mbx_rl};

@@ -177,7 +177,7 @@ int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std:
         inputs_end = data.inputs.bits == 0 ? begin : in;
     }
     g.Obytes = mapped.output_bytes;
-    // The interface tells where the inputs of the last slave end, or would begin.
+    // The interface shows where the inputs of the last slave end, or would begin.
     g.Ibytes = overlapped ? inputs_end : mapped.input_bytes;
     g.outputs = image;
     g.inputs = image + g.Obytes;

@@ -36,8 +36,8 @@ class Session {
     Session(const Session&) = delete;
     Session& operator=(const Session&) = delete;
 
-    // The lock of the context. The thread that has it is the owner of the context; nobody keeps it while he waits,
-    // except for the frames of a cycle.
+    // The lock of the context. The thread that has it is the owner of the context; no thread keeps it while it
+    // waits, except for the frames of a cycle.
     class Guard {
       public:
         explicit Guard(Session& session) : session_(session) {
@@ -88,9 +88,9 @@ class Session {
     void pause(Duration duration) { pause_until(now() + duration); }
     // Does at once what is due, and does not wait.
     void poll_now();
-    // After a cycle that has brought no inputs, because nobody knows which slave is missing: has the states of all
-    // slaves read, and does not wait: the reading goes on in the next of these cycles. Then the inputs of the others
-    // are fresh.
+    // Call it after a cycle that has brought no inputs, because it is not known which slave is missing. Starts to read
+    // the states of all slaves and does not wait; the reading continues in the next calls. After it, the inputs of the
+    // other slaves are fresh.
     void find_missing(const Error& of_cycle);
 
     // One datagram. Returns the working counter, or -1 when no frame came back within `timeout`.

@@ -63,7 +63,7 @@ bool set_mailbox_sizes(Device& device, std::uint16_t out_bytes, std::uint16_t in
     if (boxes.standard.out_bytes == 0 || boxes.standard.in_bytes == 0) return false;
     if (out_bytes != 0) boxes.standard.out_bytes = out_bytes;
     if (in_bytes != 0) boxes.standard.in_bytes = in_bytes;
-    // Behind each other: mailboxes that overlap are refused for that.
+    // One behind the other: a master refuses mailboxes that overlap for that reason alone.
     boxes.standard.in_start = static_cast<std::uint16_t>(boxes.standard.out_start + boxes.standard.out_bytes);
     sii::store_mailboxes(at, boxes);
     device.firmware = device_from_sii(device.sii).firmware;
