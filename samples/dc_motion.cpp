@@ -201,8 +201,12 @@ class Motion {
                 break;
         }
         if (phase_ < Phase::moving && (in_phase_ > kMostWaiting || stop_asked())) {
-            fault_ =
-                phase_ == Phase::settling ? "the cycle does not come into sync" : "not all drives could be enabled";
+            // Lost output is the reason that run_program() prints.
+            if (!stop_asked())
+                fault_ =
+                    phase_ == Phase::settling ? "the cycle does not come into sync" : "not all drives could be enabled";
+            else if (!samples::output_lost())
+                fault_ = "stopped before the drives moved";
             return false;
         }
         for (const auto& axis : axes_) command(*axis);

@@ -71,7 +71,7 @@ class SimpleIo {
         if (options_.count) choose_outputs();
         if (!reach_op()) {
             if (!ends()) print_states();
-            if (stop_asked()) warn("stopped before all slaves were in OP");
+            if (stop_asked() && !samples::output_lost()) warn("stopped before all slaves were in OP");
             if (!pace_.stopped().empty()) warn(pace_.stopped());
             leave();
             return 1;
