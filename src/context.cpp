@@ -7,46 +7,51 @@
 #include <margay/margay.hpp>
 
 #include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <new>
+#include <span>
 
 namespace margay {
 
-// The constants of context_bytes() for these sizes of pointers.
+// The constants of context_bytes() for these sizes of pointers: exact, except where integers of 64 bits are aligned to
+// less than 8 octets.
 constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow) {
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
-    return actual <= constant && constant - actual < 64;
+    return alignof(std::uint64_t) == 8 ? actual == constant : actual <= constant;
 }
 static_assert(is_size(sizeof(Master), 6648, 4720), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 448, 376), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
-static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 216, 216), "context_bytes(): kClockBytes");
+static_assert(is_size(sizeof(ClockEntry), 176, 176), "context_bytes(): kClockBytes");
+static_assert(is_size(sizeof(DelayNode), 40, 40), "context_bytes(): kDelayBytes");
 static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");
 static_assert(is_size(sizeof(SlaveMarks), 24, 24), "context_bytes(): kMarksBytes");
-static_assert(is_size(sizeof(ProcessGroup), 424, 328), "context_bytes(): kGroupBytes");
+static_assert(is_size(sizeof(ProcessGroup), 424, 320), "context_bytes(): kGroupBytes");
 static_assert(is_size(sizeof(PreparedFrame) +
                           ProcessTables::datagrams_for(1) *
                               (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)),
-                      1984, 1892),
+                      1982, 1882),
               "context_bytes(): kProcessFrameBytes");
+static_assert(Arena::kBlockBytes == 64 && Arena::memory_for(1) == 65, "context_bytes(): kBlockBytes");
 
 namespace {
 
-// Divides the context's memory into arrays, from front to back.
+// Divides the context's memory into arrays, from front to back. Nothing lies between arrays that are taken in the order
+// of their alignment, and memory_of() has compared the size with all of them.
 class Carver {
   public:
     explicit Carver(std::span<std::byte> memory) : left_(memory) {}
     template <class T>
     std::span<T> take(std::size_t count) {
         static constexpr Element kElement{sizeof(T), alignof(T), [](void* at) { ::new (at) T(); }};
-        const Taken taken = array(count, kElement);
-        return {static_cast<T*>(taken.first), taken.count};
+        return {static_cast<T*>(array(count, kElement)), count};
     }
-    void* raw(std::size_t bytes, std::size_t alignment) {
-        void* at = left_.data();
-        std::size_t space = left_.size();
-        if (std::align(alignment, bytes, at, space) == nullptr) return nullptr;
-        left_ = left_.subspan(left_.size() - space + bytes);
+    std::byte* raw(std::size_t bytes, std::size_t alignment) {
+        const std::size_t skip = (0 - reinterpret_cast<std::uintptr_t>(left_.data())) % alignment;
+        std::byte* const at = left_.data() + skip;
+        left_ = left_.subspan(skip + bytes);
         return at;
     }
     std::span<std::byte> rest() const { return left_; }
@@ -57,16 +62,11 @@ class Carver {
         std::size_t alignment;
         void (*construct)(void* at);
     };
-    struct Taken {
-        void* first = nullptr;
-        std::size_t count = 0;
-    };
     // One function for all types.
-    [[gnu::noinline]] Taken array(std::size_t count, const Element& element) {
-        auto* const first = static_cast<std::byte*>(raw(count * element.bytes, element.alignment));
-        if (first == nullptr) return {};
+    [[gnu::noinline]] void* array(std::size_t count, const Element& element) {
+        std::byte* const first = raw(count * element.bytes, element.alignment);
         for (std::size_t i = 0; i < count; ++i) element.construct(first + i * element.bytes);
-        return {first, count};
+        return first;
     }
 
     std::span<std::byte> left_;
@@ -74,20 +74,57 @@ class Carver {
 
 constexpr std::uint32_t kMostGroups = 256;
 
+// What is in the context's memory before the arena, the most aligned first.
+struct Tables {
+    void* master;
+    std::span<MailboxChannel> mailboxes;
+    std::span<FrameSlot> frames;
+    std::span<Emergency> emergencies;
+    std::span<ClockEntry> clocks;
+    std::span<DelayNode> delays;
+    std::span<Event> events;
+    SlaveTable slaves;
+    std::span<Error> errors;
+    std::span<Error> warnings;
+    std::span<RingPlace> ring;
+    ProcessTables process;
+    std::span<std::byte> arena;
+};
+
 // The default logical addresses give each group 16 MiB; the application may change GroupConfiguration::start.
-ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
-    const std::size_t datagrams = ProcessTables::datagrams_for(limits.process_frames);
-    ProcessTables tables;
-    tables.groups = carver.take<ProcessGroup>(limits.groups);
-    tables.frames = carver.take<PreparedFrame>(limits.process_frames);
-    tables.datagrams = carver.take<PreparedDatagram>(datagrams);
-    tables.statuses = carver.take<DatagramStatus>(datagrams);
-    tables.plans = carver.take<DatagramPlan>(datagrams);
-    tables.scratch = carver.take<DatagramPlan>(datagrams);
-    for (std::uint32_t n = 0; n < tables.groups.size(); ++n) {
-        tables.groups[n].config.start.value = n * GroupConfiguration::kSpacing;
-        tables.groups[n].number = static_cast<std::uint8_t>(n);
+void number_groups(std::span<ProcessGroup> groups) {
+    for (std::uint32_t n = 0; n < groups.size(); ++n) {
+        groups[n].config.start.value = n * GroupConfiguration::kSpacing;
+        groups[n].number = static_cast<std::uint8_t>(n);
     }
+}
+
+Tables carve(std::span<std::byte> memory, const Limits& limits) {
+    Carver carver(memory);
+    Tables tables;
+    const std::size_t slaves = limits.slaves;
+    const std::size_t places = slaves + limits.guests;
+    const std::size_t datagrams = ProcessTables::datagrams_for(limits.process_frames);
+    tables.master = carver.raw(sizeof(Master), alignof(Master));
+    tables.mailboxes = carver.take<MailboxChannel>(slaves);
+    tables.frames = carver.take<FrameSlot>(limits.frames);
+    tables.emergencies = carver.take<Emergency>(slaves * limits.emergencies);
+    tables.clocks = carver.take<ClockEntry>(limits.clocks ? slaves : 0);
+    tables.delays = carver.take<DelayNode>(limits.clocks ? places : 0);
+    tables.events = carver.take<Event>(limits.events);
+    tables.process.groups = carver.take<ProcessGroup>(limits.groups);
+    tables.process.frames = carver.take<PreparedFrame>(limits.process_frames);
+    tables.slaves.slaves = carver.take<Slave>(slaves);
+    tables.process.datagrams = carver.take<PreparedDatagram>(datagrams);
+    tables.slaves.marks = carver.take<SlaveMarks>(slaves);
+    tables.errors = carver.take<Error>(limits.errors);
+    tables.warnings = carver.take<Error>(limits.errors);
+    tables.process.plans = carver.take<DatagramPlan>(datagrams);
+    tables.process.scratch = carver.take<DatagramPlan>(datagrams);
+    tables.ring = carver.take<RingPlace>(places);
+    tables.process.statuses = carver.take<DatagramStatus>(datagrams);
+    tables.arena = carver.rest();
+    number_groups(tables.process.groups);
     return tables;
 }
 
@@ -176,7 +213,21 @@ void Context::close() {
 }
 
 Result<> init(Context& ctx, Nic& nic, Osal& osal, const Features& features) {
-    return init_in(ctx, ContextAccess::memory(ctx), nic, osal, features);
+    const auto memory = memory_of(ctx);
+    return memory ? init_in(ctx, *memory, nic, osal, features) : Result<>(memory.error());
+}
+
+Result<std::span<std::byte>> memory_of(Context& ctx) {
+    const auto memory = ContextAccess::memory(ctx);
+    const std::size_t skip = (0 - reinterpret_cast<std::uintptr_t>(memory.data())) % alignof(std::max_align_t);
+    const std::size_t needed = ContextAccess::needed_bytes(ctx);
+    if (memory.size() >= skip && memory.size() - skip >= needed) return memory.subspan(skip);
+    Error error{.code = Errc::capacity, .step = Step::open_nic};
+    if (needed <= UINT32_MAX - skip) {  // then the available size is in the range too
+        error.expected = static_cast<std::uint32_t>(needed + skip);
+        error.actual = static_cast<std::uint32_t>(memory.size());
+    }
+    return error;
 }
 
 Result<> init_in(Context& ctx, std::span<std::byte> memory, Nic& nic, Osal& osal, const Features& features) {
@@ -185,36 +236,22 @@ Result<> init_in(Context& ctx, std::span<std::byte> memory, Nic& nic, Osal& osal
     if (ContextAccess::master(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
     const Error wrong = check_link_settings(ContextAccess::early_settings(ctx));
     if (wrong.code != Errc::none) return wrong;
-    Carver carver(memory);
-    void* place = carver.raw(sizeof(Master), alignof(Master));
-    const SlaveTable table{carver.take<Slave>(limits.slaves), carver.take<SlaveMarks>(limits.slaves)};
-    const auto frames = carver.take<FrameSlot>(limits.frames);
-    const auto mailboxes = carver.take<MailboxChannel>(limits.slaves);
-    const auto emergencies = carver.take<Emergency>(std::size_t{limits.slaves} * limits.emergencies);
-    const auto ring = carver.take<RingPlace>(std::size_t{limits.slaves} + limits.guests);
-    const auto clocks = carver.take<ClockEntry>(limits.clocks ? limits.slaves : 0);
-    const auto delays = carver.take<DelayNode>(limits.clocks ? std::size_t{limits.slaves} + limits.guests : 0);
-    const auto errors = carver.take<Error>(limits.errors);
-    const auto warnings = carver.take<Error>(limits.errors);
-    const auto events = carver.take<Event>(limits.events);
-    if (place == nullptr || ring.empty() || clocks.empty() == limits.clocks || delays.empty() == limits.clocks ||
-        table.marks.empty() || frames.empty() || mailboxes.empty())
-        return Error{.code = Errc::capacity, .step = Step::open_nic};
-    const ProcessTables process = carve_process_tables(carver, limits);
-    const std::size_t tasks = tasks_at_once(limits);
-    Master* master = ::new (place) Master(osal, nic, table, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
+    const Tables tables = carve(memory, limits);
+    Master* master =
+        ::new (tables.master) Master(osal, nic, tables.slaves, tables.frames, tables.arena, tasks_at_once(limits),
+                                     tables.mailboxes, tables.emergencies, tables.ring);
     Network& network = master->network;
-    network.process = process;
-    network.errors.use(errors);
-    network.warnings.use(warnings);
-    network.events.use(events);
+    network.process = tables.process;
+    network.errors.use(tables.errors);
+    network.warnings.use(tables.warnings);
+    network.events.use(tables.events);
     network.coe = features.coe;
     network.mailboxes.soe = features.soe;
     network.mailboxes.routing = features.routing;
     network.overlap = features.overlap;
     network.boot = features.boot;
-    network.clocks.entries = clocks;
-    network.clocks.nodes = delays;
+    network.clocks.entries = tables.clocks;
+    network.clocks.nodes = tables.delays;
     network.engine.link().settings = ContextAccess::early_settings(ctx);
     network.events.callback = ContextAccess::no_events(ctx).callback;
     network.events.user = ContextAccess::no_events(ctx).user;

@@ -1,4 +1,4 @@
-// init_redundant(): places what merges two cables at the end of the context's memory, and init() uses the rest.
+// init_redundant(): places what merges two cables at the beginning of the context's memory, and init() uses the rest.
 #include "api/init.hpp"
 #include "api/master.hpp"
 #include "api/operation.hpp"
@@ -7,8 +7,11 @@
 #include <margay/margay.hpp>
 #include <margay/redundancy.hpp>
 
-#include <memory>
+#include <cstddef>
+#include <cstdint>
 #include <new>
+#include <span>
+#include <type_traits>
 
 namespace margay {
 namespace {
@@ -22,9 +25,11 @@ struct TwoCables {
 };
 static_assert(std::is_trivially_destructible_v<FramePair>);
 constexpr std::size_t kCables = sizeof(void*) == 8 ? 1216 : 1152;
-constexpr std::size_t kPair = 3136;
-static_assert(sizeof(TwoCables) <= kCables && kCables - sizeof(TwoCables) < 64, "context_bytes(): kCablesBytes");
-static_assert(sizeof(FramePair) <= kPair && kPair - sizeof(FramePair) < 64, "context_bytes(): kPairBytes");
+constexpr std::size_t kPair = 3088;
+constexpr bool kExact = alignof(std::uint64_t) == 8;
+static_assert(kExact ? sizeof(TwoCables) == kCables : sizeof(TwoCables) <= kCables, "context_bytes(): kCablesBytes");
+static_assert(kExact ? sizeof(FramePair) == kPair : sizeof(FramePair) <= kPair, "context_bytes(): kPairBytes");
+static_assert(kCables % alignof(std::max_align_t) == 0 && kPair % alignof(std::max_align_t) == 0);
 
 }  // namespace
 
@@ -34,18 +39,15 @@ Result<> init_redundant(Context& ctx, Nic& nic, Nic& second, Osal& osal, const F
     const Limits& limits = ctx.limits();
     const std::size_t own = std::size_t{limits.frames} + limits.process_frames;
     const std::size_t pairs = own + limits.process_frames;
-    const std::size_t needed = sizeof(TwoCables) + pairs * sizeof(FramePair) + alignof(std::max_align_t);
-    const auto memory = ContextAccess::memory(ctx);
-    if (!limits.redundancy || memory.size() < needed)
-        return Error{.code = Errc::capacity, .step = Step::open_nic, .detail = Error::kRedundancy};
-    void* at = memory.data() + memory.size() - needed;
-    std::size_t space = needed;
-    at = std::align(alignof(std::max_align_t), sizeof(TwoCables) + pairs * sizeof(FramePair), at, space);
-    void* const behind = static_cast<std::byte*>(at) + sizeof(TwoCables);
-    auto* const first = static_cast<FramePair*>(behind);
+    if (!limits.redundancy) return Error{.code = Errc::capacity, .step = Step::open_nic, .detail = Error::kRedundancy};
+    const auto memory = memory_of(ctx);
+    if (!memory) return memory.error();
+    std::byte* const at = memory->data();
+    auto* const first = reinterpret_cast<FramePair*>(at + kCables);
     for (std::size_t n = 0; n < pairs; ++n) ::new (static_cast<void*>(first + n)) FramePair;
-    auto* const cables = ::new (at) TwoCables(nic, second, std::span(first, own), std::span(first + own, pairs - own));
-    const auto done = init_in(ctx, memory.first(memory.size() - needed), cables->ring, osal, features);
+    auto* const cables = ::new (static_cast<void*>(at))
+        TwoCables(nic, second, std::span(first, own), std::span(first + own, pairs - own));
+    const auto done = init_in(ctx, memory->subspan(kCables + pairs * kPair), cables->ring, osal, features);
     if (!done) return done;
     Network& network = master_of(ctx)->network;
     network.engine.link().use(cables->ring);

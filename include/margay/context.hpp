@@ -22,37 +22,41 @@ class Osal;
 struct Master;
 
 // How many octets of memory a context with these limits needs; SIZE_MAX if they are more than the processor can
-// address.
+// address. It is exact for memory that is aligned as std::max_align_t is (that of StaticContext and HostContext): with
+// one octet less, init() fails with Errc::capacity. Other memory needs the octets before its first aligned one in
+// addition. On processors with pointers of 32 bits that align integers of 64 bits to 4 octets (i386), less may suffice.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
-    // Sizes of the parts of the library, for both sizes of pointers; context.cpp checks that they are not too small and
-    // hardly too large.
+    // Sizes of the parts of the library, for both sizes of pointers; context.cpp compares them with the real sizes.
     constexpr bool kWide = sizeof(void*) == 8;
     constexpr std::size_t kFixedBytes = kWide ? 6648 : 4720;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
     // The share of one slave in the memory of the running sequences, with a mailbox of 1 KiB. On a processor with
     // pointers of 32 bits the deepest sequence needs more than one share: see Limits::arena_bytes.
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
-    constexpr std::size_t kGroupBytes = kWide ? 424 : 328;
-    constexpr std::size_t kProcessFrameBytes = kWide ? 1984 : 1892;  // a prepared frame with its datagrams
+    constexpr std::size_t kGroupBytes = kWide ? 424 : 320;
+    constexpr std::size_t kProcessFrameBytes = kWide ? 1982 : 1882;  // a prepared frame with its datagrams
     constexpr std::size_t kMailboxBytes = kWide ? 448 : 376;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
     constexpr std::size_t kMarksBytes = 24;                          // what the library notes about a slave
-    constexpr std::size_t kClockBytes = 216;                   // the clock of a slave, and its place in the topology
-    constexpr std::size_t kAlignmentBytes = 256;               // between the parts
+    constexpr std::size_t kClockBytes = 176;
+    constexpr std::size_t kDelayBytes = 40;                    // a place in the topology
     constexpr std::size_t kCablesBytes = kWide ? 1216 : 1152;  // the merging of two cables
-    constexpr std::size_t kPairBytes = 3136;                   // a frame on both cables
+    constexpr std::size_t kPairBytes = 3088;                   // a frame on both cables
+    constexpr std::size_t kBlockBytes = 64;                    // of the arena; one more octet manages it
     const std::uint64_t pairs = limits.redundancy ? limits.frames + 2U * limits.process_frames : 0;
     const std::uint64_t cables = limits.redundancy ? kCablesBytes + pairs * kPairBytes : 0;
     const std::uint64_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
-    const std::uint64_t clock = limits.clocks ? kClockBytes : 0;
+    const std::uint64_t place = kRingBytes + (limits.clocks ? kDelayBytes : 0);
+    const std::uint64_t slave = place + (limits.clocks ? kClockBytes : 0) + kMarksBytes + sizeof(Slave) +
+                                kMailboxBytes + std::uint64_t{limits.emergencies} * sizeof(Emergency);
+    const std::uint64_t tables = cables + kFixedBytes + limits.slaves * slave + limits.guests * place +
+                                 limits.frames * kFrameBytes + limits.groups * kGroupBytes +
+                                 std::uint64_t{limits.process_frames} * kProcessFrameBytes +
+                                 2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event);
+    constexpr std::size_t kAlignment = alignof(std::max_align_t);
     const std::uint64_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;
-    const std::uint64_t slave = clock + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes +
-                                std::uint64_t{limits.emergencies} * sizeof(Emergency);
-    const std::uint64_t all = kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes +
-                              limits.groups * kGroupBytes + std::uint64_t{limits.process_frames} * kProcessFrameBytes +
-                              arena + arena / 64 + limits.guests * (kRingBytes + clock) +
-                              2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event) + kAlignmentBytes +
-                              cables;
+    const std::uint64_t blocks = (arena + kBlockBytes - 1) / kBlockBytes;
+    const std::uint64_t all = (tables + kAlignment - 1) / kAlignment * kAlignment + blocks * (kBlockBytes + 1);
     return all > SIZE_MAX ? SIZE_MAX : static_cast<std::size_t>(all);
 }
 
@@ -99,7 +103,9 @@ class Context {
     [[nodiscard]] const Limits& limits() const { return limits_; }
 
   protected:
-    Context(std::span<std::byte> memory, const Limits& limits) : memory_(memory), limits_(limits) {}
+    // `memory`: context_bytes(limits) octets or more; the arena has what is more. It outlives the context.
+    Context(std::span<std::byte> memory, const Limits& limits)
+        : memory_(memory), limits_(limits), needed_bytes_(context_bytes(limits)) {}
     ~Context() = default;
     // To be called by the destructor of the class that owns the memory. Busy requests end as canceled.
     void close();
@@ -116,6 +122,7 @@ class Context {
     EventQueue no_events_;
     EmergencyRing no_emergencies_;
     Group no_group_;
+    std::size_t needed_bytes_;  // context_bytes(): a constant where the limits are, so that no code computes it
 };
 
 // A context that contains its memory: for a static variable (.bss) on a system without a heap.

@@ -35,8 +35,8 @@ struct Limits {
     std::uint32_t arena_bytes = 0;
     // False: no memory for distributed clocks (216 octets for each slave); configdc() fails with Errc::capacity.
     bool clocks = true;
-    // True: memory for init_redundant(), which needs it: 3.1 KiB for each of `frames`, and for each of `process_frames`
-    // twice.
+    // True: memory for init_redundant(), which needs it: 3088 octets for each of `frames`, and for each of
+    // `process_frames` twice.
     bool redundancy = false;
 };
 

@@ -43,6 +43,7 @@ struct ContextAccess {
     static EventQueue& no_events(Context& ctx) { return ctx.no_events_; }
     static EmergencyRing& no_emergencies(Context& ctx) { return ctx.no_emergencies_; }
     static std::span<std::byte> memory(Context& ctx) { return ctx.memory_; }
+    static std::size_t needed_bytes(Context& ctx) { return ctx.needed_bytes_; }
 };
 
 // nullptr before init().

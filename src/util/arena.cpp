@@ -31,7 +31,7 @@ std::size_t lowest_fit(const std::uint8_t* state, std::size_t all, std::size_t b
 
 Arena::Arena(std::span<std::byte> memory) {
     const auto address = reinterpret_cast<std::uintptr_t>(memory.data());
-    const std::size_t skip = (kBlockBytes - address % kBlockBytes) % kBlockBytes;
+    const std::size_t skip = (0 - address) % alignof(std::max_align_t);
     if (memory.size() < skip + kBlockBytes + 1) return;
     blocks_ = (memory.size() - skip) / (kBlockBytes + 1);
     base_ = memory.data() + skip;

@@ -21,7 +21,8 @@ class Arena {
     static constexpr std::size_t kBlockBytes = 64;
     static constexpr unsigned kOrders = 12;  // largest block: 128 KiB
 
-    // The caller owns `memory`, which must outlive the arena. One of 65 octets is used for administration.
+    // The caller owns `memory`, which must outlive the arena. One of 65 octets is used for administration. Octets
+    // before the first one with the maximum alignment are not used.
     explicit Arena(std::span<std::byte> memory);
     Arena(const Arena&) = delete;
     Arena& operator=(const Arena&) = delete;
@@ -34,10 +35,10 @@ class Arena {
     [[nodiscard]] std::size_t used_bytes() const { return used_ * kBlockBytes; }
     [[nodiscard]] std::size_t peak_bytes() const { return peak_ * kBlockBytes; }
 
-    // Size of the memory that the constructor needs for `bytes` octets of blocks.
+    // Size of the memory, with the maximum alignment, that the constructor needs for `bytes` octets of blocks.
     [[nodiscard]] static constexpr std::size_t memory_for(std::size_t bytes) {
         const std::size_t blocks = (bytes + kBlockBytes - 1) / kBlockBytes;
-        return blocks * (kBlockBytes + 1) + 2 * kBlockBytes;
+        return blocks * (kBlockBytes + 1);
     }
 
     // The sequences that have found no memory, until the next poll().

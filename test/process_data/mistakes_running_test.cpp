@@ -252,10 +252,15 @@ TEST(SmallMemory, BothLimitsOfSequencesAreNamed) {
     ASSERT_TRUE(segment.connect_master({segment.add(std::move(*sim::make_device("coupler")).assemble()), 0}));
     segment.power_up(osal.now());
     SimulatedNic nic(segment, osal);
-    HostContext ctx({.slaves = 2, .arena_bytes = 1});  // the arena also gets what the other parts leave
+    HostContext ctx({.slaves = 2, .arena_bytes = 1024});
     ASSERT_TRUE(init(ctx, nic, osal).ok());
     std::array<char, 400> text{};
     EXPECT_EQ(describe(config_init(ctx).error(), text), "not enough memory: Limits::tasks, or Limits::arena_bytes");
+    HostContext least({.slaves = 2, .arena_bytes = 1});
+    ASSERT_TRUE(init(least, nic, osal).ok());
+    EXPECT_EQ(describe(config_init(least).error(), text),
+              "counting slaves: not enough memory: Limits::tasks, or Limits::arena_bytes (needed " +
+                  std::to_string(1024 * sizeof(void*)) + ", there is room for 64)");
 }
 
 TEST_F(Mistakes, ARequestOfAnotherContextCannotBeWaitedFor) {
