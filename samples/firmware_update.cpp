@@ -177,7 +177,7 @@ void Update::show(const FoeProgress& progress, std::string_view what) {
     line_.show(text);
 }
 
-// Ctrl-C cancels the transfer; the device is told.
+// Ctrl-C cancels the transfer, and the device gets an error message.
 Result<> Update::transfer(FoeRequest& request) {
     request.slave = number_;
     request.name = options_.name;

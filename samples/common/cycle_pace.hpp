@@ -78,7 +78,7 @@ class CyclePace {
     CycleFigures figures_;
     CyclicTick tick_{};  // the deadline of the present cycle
     bool ticked_ = false;
-    OverrunCounters counted_{};  // those that the figures contain, or had before clear()
+    OverrunCounters counted_{};  // counters that the figures contain, or had before clear()
     FrameTiming timing_{};
     std::uint64_t missed_before_ = 0;  // frames before clear()
     WireWatch wire_;

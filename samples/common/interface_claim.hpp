@@ -6,8 +6,8 @@
 
 namespace margay::samples {
 
-// Holds names of network interfaces until it is destroyed, or until the program ends in any way. Names are those of the
-// network namespace of the program.
+// Holds names of network interfaces until it is destroyed, or until the program ends in any way. Each network
+// namespace has names of its own.
 class InterfaceClaim {
   public:
     InterfaceClaim() = default;

@@ -16,8 +16,8 @@ namespace margay::samples {
 // another sentence: it does not say which register or object it concerns.)
 [[nodiscard]] std::string sentence_without_slave(const Error& error);
 
-// The sentences of errors(), oldest first, which this removes. Without those that read like `printed`: errors() also
-// has the error that a call has returned, and the program has printed that one already.
+// Removes all errors from errors() and returns their sentences, oldest first, except sentences that are equal to
+// `printed`: errors() also has the error that a call has returned, and the program has printed that error already.
 [[nodiscard]] std::vector<std::string> take_errors(Context& ctx, const std::string& printed = {});
 
 // "PREOP", "SAFEOP + ERROR" …
@@ -27,8 +27,9 @@ namespace margay::samples {
 [[nodiscard]] std::vector<std::string> protocol_names(unsigned bits);
 [[nodiscard]] std::vector<std::string> coe_detail_names(unsigned bits);
 
-// A text that a slave has sent, for a terminal, JSON and XML: in UTF-8 (other octets are taken for ISO 8859-1), with ?
-// in the place of control characters and of those that are not seen, as the ones that turn the direction of a text.
+// A text that a slave has sent, for a terminal, JSON and XML: in UTF-8 (other octets count as ISO 8859-1), with ?
+// in the place of control characters and of invisible characters, for example characters that turn the direction of a
+// text.
 [[nodiscard]] std::string words_of_slave(std::string_view octets);
 
 // Describes one slave in several lines.

@@ -12,7 +12,7 @@ namespace margay::ethercat {
 // - the sources of MARGAY_MASTER0, MARGAY_MASTER1 …;
 // - the sockets of the masters in /etc/margay/*.toml, by their numbers, and then all other /run/margay/*.sock;
 // - the sources of the masters in /etc/margay/*.toml, when nothing serves a socket: margayd does not run.
-// Only those that --master selects.
+// The result has only the masters that --master selects.
 [[nodiscard]] Answer<std::vector<Master>> find_masters(const Arguments& arguments);
 
 }  // namespace margay::ethercat

@@ -221,12 +221,12 @@ struct DictionaryObjectFacts {
 // What a scan has found.
 struct RescanFacts {
     std::uint16_t slaves = 0;   // that answer
-    bool whole = true;          // all slaves were scanned; or else compared with those that the application knows
+    bool whole = true;          // all slaves were scanned; false: compared with the slaves that the application knows
     std::uint16_t missing = 0;  // that are expected and do not answer
     std::uint16_t unused = 0;   // that answer, and that the application does not use
 };
 
-// A port. Its counters count modulo 2^32, as those of EoeStatistics.
+// A port. Its counters count modulo 2^32, like the counters of EoeStatistics.
 struct EoeFacts {
     std::optional<std::uint16_t> position{};  // of the slave; not set: it is missing
     std::string interface {};                 // as eoe_bridge names it, or as the application does; empty: no name

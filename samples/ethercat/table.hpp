@@ -37,7 +37,7 @@ struct Command {
     std::size_t most = 0;
     int (*run)(Call& call) = nullptr;
     bool without_master = false;  // the command needs no source
-    // Whether the command has the option. Options that concern a segment are not those of a command for a file.
+    // Whether the command has the option. A command for a file has no options that concern a segment.
     [[nodiscard]] bool has_option(const Option& option) const;
 };
 

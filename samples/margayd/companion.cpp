@@ -193,7 +193,7 @@ void Companion::forget_repeated() {
     });
 }
 
-// Once for each time that the owner has told.
+// Called once for each Standing that the owner has passed on.
 void Companion::report_frames(const Standing& now) {
     const auto before = std::exchange(frames_, now.link);
     if (level_ < debug_level::kAll || now.link.frames_sent == before.frames_sent) return;

@@ -66,7 +66,7 @@ class Stream {
         const std::size_t whole = text.size();
         constexpr int kTries = 16;
         for (int tries = 0; !text.empty();) {
-            // A pipe that is ready has room for so many octets.
+            // A pipe that is ready has room for PIPE_BUF octets.
             const auto part = text.substr(0, PIPE_BUF);
             const ssize_t written = is_ready() ? write_part(part) : 0;
             if (written < 0 && (errno == EINTR || errno == EAGAIN) && ++tries < kTries) continue;

@@ -27,7 +27,7 @@ struct TimeStamping {
     bool send_software = false;
     bool receive_hardware = false;
     bool send_hardware = false;
-    bool all_received = false;  // the hardware stamps every received frame, not only those of PTP
+    bool all_received = false;  // the hardware stamps every received frame, not only frames of PTP
     int clock = -1;             // number of /dev/ptpN; -1: none
 };
 
@@ -42,7 +42,7 @@ struct SendingAtATime {
     enum class Holder : std::uint8_t { nobody, kernel, nic };
     Holder holder = Holder::nobody;
     std::string qdisc{};  // the queueing discipline that decides; empty: there is none
-    std::string why{};    // why nobody holds the frames
+    std::string why{};    // why frames are not held
 };
 
 struct InterfaceFacts {

@@ -12,7 +12,7 @@
 namespace margay::segment_report {
 namespace {
 
-constexpr std::size_t kOpenEntries = 60;  // a table of so many entries is shown as a whole
+constexpr std::size_t kOpenEntries = 60;  // a table of this many entries is shown as a whole
 
 Markup entry_title(const ImageEntry& entry) {
     if (entry.index == 0) return entry.name.empty() ? tag("span", "class=\"soft\"", "gap") : Markup(entry.name);

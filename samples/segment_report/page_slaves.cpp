@@ -11,7 +11,7 @@
 namespace margay::segment_report {
 namespace {
 
-constexpr std::size_t kOpenSlaves = 4;  // so many slaves have their details unfolded
+constexpr std::size_t kOpenSlaves = 4;  // this many slaves have their details unfolded
 
 std::string hex32(std::uint32_t value) { return fmt::format("0x{:08x}", value); }
 

@@ -117,9 +117,9 @@ class Picture {
         }
     }
 
-    // A run begins in a new row, and goes on in more rows. The branches of a row follow below it, those of the box on
-    // the right first, so that no line crosses a box. Those of the first slave are below the whole run, which is
-    // indented then.
+    // A run begins in a new row, and goes on in more rows. The branches of a row follow below it, the branches of the
+    // box on the right first, so that no line crosses a box. The branches of the first slave are below the whole run,
+    // which is indented then.
     void place_run(std::size_t first, int column, int depth) {
         std::size_t box = first;
         std::optional<std::size_t> head;

@@ -35,7 +35,7 @@ class Cycle {
     // Submits the frame that is due; the caller polls then. Returns the time of the next frame.
     Time step(Time now);
 
-    // Since start(): frames that have come back, and those in which the slave did not take or give all data.
+    // Since start(): frames that have come back, and frames in which the slave did not accept or provide all data.
     [[nodiscard]] unsigned frames() const { return frames_; }
     [[nodiscard]] unsigned missed() const { return missed_; }
     // By how much a frame came too late, at most, since forget_late(): the program was not executed in time.

@@ -289,7 +289,7 @@ void check_entry_limits(Session& session, const DictionaryEntry& described) {
     const auto reply = entry(session, described.index, described.subindex, kBoth);
     const std::size_t bytes = *size / 8U;
     const std::size_t head = coe::kEntryResponseBytes - coe::kInfoHeaderBytes;
-    if (!reply.ok() || reply.data.size() < head + 2 * bytes) return;  // information.entries has judged the head
+    if (!reply.ok() || reply.data.size() < head + 2 * bytes) return;  // information.entries has checked the head
     if ((std::to_integer<unsigned>(reply.data[3]) & 0x78U) != kBoth) return;
     const Bytes minimum = Bytes(reply.data).subspan(head, bytes);
     const Bytes maximum = Bytes(reply.data).subspan(head + bytes, bytes);

@@ -60,7 +60,7 @@ class MailBench {
     void put(wire::MailboxType type, Bytes data);
     // The next message of the slave, whatever it is; nullopt after `patience`.
     [[nodiscard]] std::optional<Mail> take(Duration patience);
-    // Reads everything that waits in the slave, as messages that nobody asked for. Returns how many there were.
+    // Reads everything that waits in the slave, as messages that no check asked for. Returns how many there were.
     std::size_t drain(Duration quiet);
 
     // A message, and the reply for which `is_reply` returns true. Other messages are recorded. Throws NotJudged when

@@ -1,5 +1,5 @@
 // Modular devices: the lists of slots against each other and against the PDOs, and the comparison of the modules that
-// the master expects with those that are there.
+// the master expects with the modules that are there.
 #include "subdevice_check/kept.hpp"
 #include "wire/al_status_code.hpp"
 
@@ -60,7 +60,7 @@ void check_lists(Session& session) {
                 const auto index = static_cast<std::uint16_t>(entry >> 16);
                 if (index < 0x6000 || index >= 0xF000) continue;
                 const auto slot = (index & 0x0FFFU) / *distance + 1;
-                if (slot > *most) continue;  // an object of the device itself, behind those of the slots
+                if (slot > *most) continue;  // an object of the device itself, behind the slots
                 if (slot <= idents.size() && idents[slot - 1] != 0) continue;
                 bench.fail(fmt::format("PDO 0x{:04x} maps {}, an object of slot {}, which is empty by 0xF050", pdo,
                                        object_text(index, static_cast<std::uint8_t>(entry >> 8)), slot));
