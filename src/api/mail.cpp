@@ -8,14 +8,15 @@ Error check_mailbox(Network& network, Error where) {
     Error refused = check_slave(network, where.slave, where.step);
     const bool known = refused.code == Errc::none;
     if (known) refused = check_same_slave(network, where.slave, where.step);
-    if (known && !network.slave(where.slave).mailbox.present()) refused.code = Errc::unsupported;
+    if (known && network.slave(where.slave).al.state == AlState::none)
+        refused.code = Errc::missing_slave;  // no need to wait for an answer; what it supports may be unknown
+    else if (known && !network.slave(where.slave).mailbox.present())
+        refused.code = Errc::unsupported;
     where.code = refused.code;
     where.expected = refused.expected;
     if (refused.code != Errc::none) return where;
     const Slave& slave = network.slave(where.slave);
-    if (slave.al.state == AlState::none)
-        where.code = Errc::missing_slave;  // known to be lost: no need to wait for an answer
-    else if (network.marks(slave).in_hook && slave.al.state == AlState::init)
+    if (network.marks(slave).in_hook && slave.al.state == AlState::init)
         where.code = Errc::wrong_state;  // a hook around INIT would wait in vain
     else if (!network.mailbox(slave).is_open())
         where.code = Errc::wrong_state;  // the slave never reached PREOP
@@ -24,7 +25,8 @@ Error check_mailbox(Network& network, Error where) {
 
 Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
     const Error refused = check_mailbox(network, where);
-    if (refused.code == Errc::unknown_slave || (network.slave(where.slave).mailbox.protocols & protocol) != 0)
+    if (refused.code == Errc::unknown_slave || refused.code == Errc::missing_slave ||
+        (network.slave(where.slave).mailbox.protocols & protocol) != 0)
         return refused;
     where.code = Errc::unsupported;
     return where;

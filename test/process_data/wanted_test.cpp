@@ -60,6 +60,20 @@ TEST_F(Wanted, AMissingSlaveIsSaidByEveryResult) {
     EXPECT_EQ(wkc.error().slave, 4);
 }
 
+// It was never read, so what it supports is not known.
+TEST_F(Wanted, ARequestToASlaveThatNeverAnsweredSaysThatItIsMissing) {
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3}, {.number = 4}};
+    ASSERT_EQ(scan(expected).error().slave, 4);
+    std::byte octets[4]{};
+    EXPECT_EQ(words(SDOread<std::uint32_t>(*ctx, 4, 0x1000, 0).error()),
+              "slave 4: SDO upload of 0x1000:0: the slave is missing");
+    EXPECT_EQ(SDOwrite(*ctx, 4, 0x1000, 0, std::uint32_t{1}).error().code, Errc::missing_slave);
+    EXPECT_EQ(read_object_description(*ctx, 4, 0x1000).error().code, Errc::missing_slave);
+    EXPECT_EQ(SoEread<std::uint32_t>(*ctx, 4, 0, Idn{1}).error().code, Errc::missing_slave);
+    EXPECT_EQ(FOEread(*ctx, 4, "file", 0, octets).error().code, Errc::missing_slave);
+    EXPECT_EQ(SDOread<std::uint32_t>(*ctx, 3, 0x1000, 0).error().code, Errc::unsupported) << "it is known";
+}
+
 TEST_F(Wanted, TheErrorOfAMissingOrHeldSlaveStaysInTheSlave) {
     const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .product = 0x1FF}, {.number = 4}, {.number = 5}};
     ASSERT_TRUE(tolerate(*ctx, {.missing_slaves = true}).ok());
