@@ -15,8 +15,9 @@ bool is_there(Network& network, std::uint16_t number) {
     return number != 0 && network.slave(number).al.state != AlState::none;
 }
 
-// The first slave in the ring whose clock is synchronised, and that is not lost when the slave `without` is lost. Not
-// one beside a ring, whose time the other clocks do not get.
+// The first slave in the ring whose clock is synchronised, and that is not lost when the slave `without` is lost: then
+// its time must be that of the others, because nobody looks at it before. Not one beside a ring, whose time the other
+// clocks do not get.
 std::uint16_t next_reference(Network& network, std::uint16_t without) {
     const auto ring = network.seen_ring();
     const std::size_t lost = without == 0 ? 0 : network.slave(without).ring_position;
@@ -28,7 +29,8 @@ std::uint16_t next_reference(Network& network, std::uint16_t without) {
         const std::uint16_t slave = ring[n].slave;
         if (behind || slave == 0 || !is_there(network, slave)) continue;
         const ClockEntry& clock = network.clocks.entries[slave - 1U];
-        if (clock.synchronised && (!clock.beside || network.clocks.entries[network.clocks.reference - 1U].beside))
+        if (!clock.synchronised || (without != 0 && !clock.is_in_step())) continue;
+        if (!clock.beside || network.clocks.entries[network.clocks.reference - 1U].beside)
             return slave;
     }
     return 0;

@@ -180,5 +180,21 @@ TEST(LostBranch, TheSlaveThatLearnsAndItsReferenceAreReportedLost) {
     }
 }
 
+// Its reference is lost before the slave of the branch is in step with it. No cycle carries the time of this slave
+// meanwhile, which would lead the reference away: the slave would learn a wrong rate, for up to 13 s.
+TEST(LostBranch, TheReferenceThatIsLostAtOnceKeepsItsRate) {
+    for (const Duration since : {0ms, 20ms, 60ms, 100ms}) {
+        SCOPED_TRACE(testing::Message() << since / 1ms << " ms after it was back");
+        LostBranch bus;
+        bus.bring_branch_back(10ms, since);
+        bus.segment.set_cable({5, 0}, false);
+        bus.run_late(100ms);
+        bus.segment.set_cable({5, 0}, true);
+        bus.run_late(10s);
+        EXPECT_EQ(reference_clock(*bus.ctx), 2) << bus.joined(bus.events());
+        for (std::uint16_t n = 2; n <= 7; ++n) EXPECT_TRUE(bus.in_op(n) && bus.clock(n).in_sync) << n;
+    }
+}
+
 }  // namespace
 }  // namespace margay
