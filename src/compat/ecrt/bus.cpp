@@ -140,7 +140,9 @@ bool Bus::open() {
 
 // The cycle says nothing: this thread does.
 void Bus::report_loop() {
+    std::unique_lock lock(closing_mutex);
     while (!closing) {
+        lock.unlock();
         while (const auto error = ctx->errors().take()) {
             // Slaves without a configuration stay in PREOP, and configurations wait for their slaves: no errors here.
             if (error->code == Errc::unexpected_slave) continue;
@@ -148,13 +150,18 @@ void Bus::report_loop() {
             if (error->code == Errc::sizes_differ && error->expected == 0) continue;
             say_error(*this, error->code == Errc::missing_slave ? "waiting" : "error", *error);
         }
-        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        lock.lock();
+        closes.wait_for(lock, std::chrono::milliseconds(50), [this] { return closing; });
     }
 }
 
 Bus::~Bus() {
     stop_idle();
-    closing = true;
+    {
+        const std::lock_guard lock(closing_mutex);
+        closing = true;
+    }
+    closes.notify_all();
     if (reporter.joinable()) reporter.join();
     if (ctx != nullptr) {
         (void)take_ownership(*ctx);

@@ -142,7 +142,9 @@ class Bus {
     std::atomic<bool> stop{false};
     std::thread idle;
     std::thread reporter;  // says the errors of the context
-    std::atomic<bool> closing{false};
+    std::mutex closing_mutex;
+    std::condition_variable closes;
+    bool closing = false;  // guarded by closing_mutex
     Search search;
     bool first_scan_over = false;  // guarded by facts_mutex
     std::condition_variable scanned;
