@@ -17,6 +17,7 @@
 #include "wire/sii.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 namespace margay {
@@ -271,10 +272,17 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
     if (does_not_answer(seen.error())) note_lost(network, slave);
 }
 
-bool may_come_back(Network& network) {
-    return std::ranges::any_of(network.slaves(), [](const Slave& slave) {
+// Slaves that stay in another state than the others hide changes to that state in the OR of all states. A lost slave
+// that has kept its power may come in the moment in which another one leaves. Looks then follow each other: the rest is
+// at least 4 times as long as a look, so that mailboxes keep most of the acyclic traffic.
+Time next_look(Network& network, const SuperviseRequest& wanted, Time begun, unsigned al_status) {
+    const Time now = network.engine.now();
+    const bool may_come_back = std::ranges::any_of(network.slaves(), [](const Slave& slave) {
         return slave.al.state == AlState::none && slave.seen && exchanges(slave);
     });
+    const bool hides = may_come_back || std::popcount(al_status & 0x1FU) > 1;
+    const Duration rest = hides ? std::max(wanted.interval, 4 * (now - begun)) : wanted.retry;
+    return later(now, std::min(rest, wanted.retry));
 }
 
 void note_lost(Network& network, Slave& slave) {

@@ -18,8 +18,9 @@ namespace margay {
 // executes at a time. Errors: unstable (the ring has changed meanwhile).
 [[nodiscard]] Task<Result<std::uint16_t>> find_lost(Network& network);
 
-// Whether a lost slave that has kept its power may take part in the exchange again at any moment.
-[[nodiscard]] bool may_come_back(Network& network);
+// When the states of all slaves are read again, whatever the roll of all states (`al_status`) says; `begun`: when they
+// were read.
+[[nodiscard]] Time next_look(Network& network, const SuperviseRequest& wanted, Time begun, unsigned al_status);
 
 // A slave does not answer any more: reports it, and removes it from the cycle.
 void note_lost(Network& network, Slave& slave);

@@ -18,7 +18,6 @@
 #include "station/al_state.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <utility>
 
 namespace margay {
@@ -41,7 +40,7 @@ struct Watch {
     std::uint32_t changes = 0;         // and how often it was broken or closed until then
     bool ring_moved = false;           // since the last search: the ring was closed, or is broken at another place
     Time retry_at = Time::min();
-    Time look_at = Time::min();  // when the state of all slaves is read again, whatever the roll says
+    Time look_at = Time::min();   // when the state of all slaves is read again, whatever the roll says
     std::size_t next_helped = 0;  // index of the slave that the next choice starts with: no slave blocks another one
     bool unplaced = false;        // a slave answers, and its place in the ring is not known
     Time search_at = Time::min();
@@ -227,11 +226,13 @@ bool report_working_counters(Watch& watch) {
     for (ProcessGroup& group : watch.network.process.groups) {
         if (!group.mapped || group.mapping) continue;
         std::uint32_t got = 0;
-        for (const DatagramStatus& d : group.statuses) got += d.got;
-        const bool right = std::ranges::all_of(group.statuses, &DatagramStatus::right);
-        const bool came = std::ranges::all_of(group.statuses, &DatagramStatus::came);
-        const bool right_number = std::ranges::all_of(
-            group.statuses, [](const DatagramStatus& d) { return d.got == d.expected || d.got == d.full; });
+        bool right = true, came = true, right_number = true;
+        for (const DatagramStatus& d : group.statuses) {
+            got += d.got;
+            right &= d.right();
+            came &= d.came;
+            right_number &= d.got == d.expected || d.got == d.full;
+        }
         unexpected |= group.unexpected && group.cycles_lost == 0;
         group.unexpected = false;
         if (group.settling) group.settling = static_cast<std::int32_t>(group.cycle_received - group.settled_after) <= 0;
@@ -422,19 +423,13 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     const bool changed =
         ring_has_changed(watch) || roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;
-    // When a slave changes its state between two rolls, another slave in the new state hides it: the roll has the OR of
-    // all states.
-    const bool look_is_due = network.engine.now() >= watch.look_at;
-    if (changed || unexpected || look_is_due || walk_is_due(watch, *roll)) {
-        // Slaves that stay in another state than the others hide changes to that state in the OR of all states. A lost
-        // slave that has kept its power may come in the moment in which another one leaves.
-        const bool hides = std::popcount(static_cast<unsigned>(roll->al_status & 0x1FU)) > 1 || may_come_back(network);
-        const Duration next = hides ? std::min(watch.wanted.interval, watch.wanted.retry) : watch.wanted.retry;
-        watch.look_at = later(network.engine.now(), next);
+    if (changed || unexpected || network.engine.now() >= watch.look_at || walk_is_due(watch, *roll)) {
+        watch.look_at = network.engine.now();
         auto looked = co_await look(watch, crew, *roll, unexpected);
-        // Without memory for a task now: the next round looks again.
-        if (!looked && looked.error().code != Errc::capacity) co_return looked;
-        if (!looked) watch.look_at = network.engine.now();
+        if (looked)
+            watch.look_at = next_look(network, watch.wanted, watch.look_at, roll->al_status);
+        else if (looked.error().code != Errc::capacity)  // without memory for a task now, the next round looks again
+            co_return looked;
     }
     if (network.engine.now() >= watch.groups_at) report_missing(watch);
     start_helpers(watch, crew);
