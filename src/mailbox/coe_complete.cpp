@@ -46,8 +46,8 @@ Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t ind
     if (!read && !is_longer) co_return read.error();
     const auto value = load_le<std::uint32_t>(count);
     // An object without entries has its value at subindex 0. A longer 0 is such a value, but for lists of PDOs: they
-    // may be empty.
-    if (is_longer || value > 255 || (value == 0 && *read > 1 && !is_pdo_list(index)))
+    // may be empty. An empty string has no octets.
+    if (is_longer || value > 255 || (value == 0 && *read != 1 && !is_pdo_list(index)))
         co_return misfit(channel, {.index = index}, Step::sdo_upload, Errc::unsupported, 0, 0);
     co_return std::to_integer<std::uint8_t>(count[0]);
 }
@@ -111,6 +111,9 @@ Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject o
         if (read.error().code != Errc::capacity || read.error().expected == 0) co_return read;
         co_return misfit(channel, object, Step::sdo_upload, Errc::capacity, at + read.error().expected, into.size());
     }
+    // Subindex 0 counts entries that the object does not have: it is the value of an object without entries.
+    if (count != 0 && at == (object.subindex == 0 ? kCountBytes : 0))
+        co_return misfit(channel, object, Step::sdo_upload, Errc::unsupported, 0, 0);
     co_return at;
 }
 

@@ -157,11 +157,6 @@ coe::Abort abort_of(const Error& error) {
     return error.code == Errc::sdo_abort ? static_cast<coe::Abort>(error.detail) : coe::Abort::none;
 }
 
-// Subindex 0 of an object counts entries that the object does not have: it is the value of an object without entries.
-bool counts_nothing(const SdoObject& object, Bytes whole) {
-    return object.subindex == 0 && whole.size() == 2 && whole[0] != std::byte{0};
-}
-
 }  // namespace
 
 bool is_complete_access_refused(const Error& error) {
@@ -207,9 +202,7 @@ Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, 
         if (done || !object.complete || !may_be_complete_access(done.error())) co_return done;
         first = done.error();
     }
-    auto singly = co_await sdo_upload_singly(channel, object, into, patience);
-    if (singly && counts_nothing(object, into.first(*singly)))
-        singly = channel.station().error(Errc::unsupported, Step::sdo_upload, object.index);
+    const auto singly = co_await sdo_upload_singly(channel, object, into, patience);
     if (singly && is_complete_access_refused(first)) channel.no_complete_access = true;
     const Errc code = singly.error().code;
     if (first.code != Errc::none && (code == Errc::sdo_abort || code == Errc::unsupported)) co_return first;

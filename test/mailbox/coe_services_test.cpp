@@ -94,6 +94,30 @@ TEST(CompleteAccess, OfAnObjectOfOneValueIsRefused) {
     EXPECT_NE(type, 0U);
 }
 
+// 0x6060 of this slave is a variable of one octet with the value 8: 8 is no count, from subindex 1 on neither.
+TEST(CompleteAccess, OfAnObjectOfOneOctetIsRefused) {
+    MailboxBus bus;
+    auto& slave = bus.add_scripted(64);
+    bus.start();
+    slave.on_mail = [&](const Mail& mail) {
+        const auto command = std::to_integer<unsigned>(mail[8]);
+        const bool refused = (command & 0x10) != 0 || mail[11] != std::byte{0};
+        Mail data(mail.begin() + 6, mail.begin() + 16);
+        data[1] = refused ? std::byte{0x20} : std::byte{0x30};
+        data[2] = refused ? std::byte{0x80} : std::byte{0x4F};
+        store_le<std::uint32_t>(data, 6, (command & 0x10) != 0 ? 0x06010000U : refused ? 0x06090011U : 8U);
+        slave.reply(data);
+    };
+    std::array<std::byte, 64> memory{};
+    for (const std::uint8_t subindex : std::initializer_list<std::uint8_t>{0, 1}) {
+        const auto read = SDOread(*bus.ctx, 1, 0x6060, subindex, true, memory);
+        ASSERT_FALSE(read.ok()) << *read << " octets from subindex " << unsigned{subindex};
+        EXPECT_EQ(read.error().detail, 0x06010000U) << bus.words(read.error());
+        EXPECT_EQ(read.error().subindex, subindex) << bus.words(read.error());
+    }
+    EXPECT_EQ(*SDOread(*bus.ctx, 1, 0x6060, 0, false, memory), 1U);
+}
+
 TEST(CompleteAccess, AnAssignmentIsZeroedFirstAndItsCountWrittenLast) {
     MailboxBus bus;
     auto& slave = bus.add_scripted(64);
