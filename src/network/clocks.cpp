@@ -371,32 +371,41 @@ Task<Result<>> read_difference(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
+// A slave whose register does not answer has no such register, or is lost. Then the error says so.
+static Task<Result<ClockKind>> without_register(Station station, ClockKind kind) {
+    co_await required(read<std::uint8_t>(station, reg::kType, kClockStep));  // each slave has it
+    co_return kind;
+}
+
 // A clock runs when two readings differ. A clock of 64 bits has an upper half, which is 0 for one of two offsets at
 // most, whatever the clock shows by itself.
-Task<Result<>> probe_clock(Network& network, Slave& slave) {
-    const Station station = network.station(slave);
-    ClockEntry& clock = network.clocks.of(slave);
-    clock.kind = ClockKind::none;
-    clock.pulse_ns = -1;
-    slave.dl.dc = slave.dl.dc_64bit = false;
+static Task<Result<ClockKind>> read_kind(Station station) {
     co_await required(read<std::uint8_t>(station, reg::kType, kClockStep));
     auto times = co_await read<std::uint32_t>(station, reg::kPortReceiveTime, kClockStep);
-    if (does_not_answer(times.error())) co_return Nothing{};
+    if (does_not_answer(times.error())) co_return co_await required(without_register(station, ClockKind::none));
     if (!times) co_return times.error();
-    clock.kind = ClockKind::receive_times;
     std::array<std::uint64_t, 2> seen{};
     for (std::uint64_t& time : seen) {
         const std::uint64_t offset = &time == seen.data() ? 0 : std::uint64_t{1} << 32;
-        auto written = co_await write_clock_register(station, reg::kSystemTimeOffset, offset);
-        if (does_not_answer(written.error())) co_return Nothing{};
-        if (!written) co_return written;
-        auto read_time = co_await read<std::uint64_t>(station, reg::kSystemTime, kClockStep);
-        if (does_not_answer(read_time.error())) co_return Nothing{};
+        const auto written = co_await write_clock_register(station, reg::kSystemTimeOffset, offset);
+        Result<std::uint64_t> read_time = written.error();
+        if (written) read_time = co_await read<std::uint64_t>(station, reg::kSystemTime, kClockStep);
+        if (does_not_answer(read_time.error()))
+            co_return co_await required(without_register(station, ClockKind::receive_times));
         if (!read_time) co_return read_time.error();
         time = *read_time;
     }
-    if (static_cast<std::uint32_t>(seen[0]) == static_cast<std::uint32_t>(seen[1])) co_return Nothing{};
-    clock.kind = (seen[0] | seen[1]) >> 32 != 0 ? ClockKind::bits64 : ClockKind::bits32;
+    if (static_cast<std::uint32_t>(seen[0]) == static_cast<std::uint32_t>(seen[1])) co_return ClockKind::receive_times;
+    co_return (seen[0] | seen[1]) >> 32 != 0 ? ClockKind::bits64 : ClockKind::bits32;
+}
+
+Task<Result<>> probe_clock(Network& network, Slave& slave) {
+    ClockEntry& clock = network.clocks.of(slave);
+    clock.kind = ClockKind::unknown;
+    clock.pulse_ns = -1;
+    slave.dl.dc = slave.dl.dc_64bit = false;
+    clock.kind = co_await required(read_kind(network.station(slave)));
+    if (!is_clock(clock.kind)) co_return Nothing{};
     slave.dl.dc = true;
     slave.dl.dc_64bit = clock.kind == ClockKind::bits64;
     co_return co_await required(read_pulse_length(network, slave));

@@ -275,6 +275,29 @@ TEST_F(Configdc, AReferenceThatIsMissingIsSaid) {
 }
 
 // No cycle would carry the time.
+// The chosen reference loses its power for a moment while its registers are asked: it is lost, and has a clock.
+TEST(ConfigdcWithoutPower, ALostSlaveIsNotCalledOneWithoutAClock) {
+    int failed = 0;
+    for (int cut = 0; cut < 40; ++cut) {
+        ClockBus bus;
+        bus.add_line(3);
+        bus.start();
+        ClockRequest request;
+        request.settings = kFewFrames;
+        request.settings.reference = 2;
+        ASSERT_TRUE(submit(*bus.ctx, request).ok());
+        for (int n = 0; request.busy() && n < 1'000'000; ++n) {
+            if (n == cut || n == cut + 1) bus.segment.set_power(1, n != cut, bus.osal.now());
+            bus.osal.advance(20us);
+            (void)poll(*bus.ctx, bus.osal.now());
+        }
+        if (request.state() == RequestState::success) continue;
+        ++failed;
+        EXPECT_NE(request.error().code, Errc::no_clock) << cut << ": " << bus.words(request.error());
+    }
+    EXPECT_GT(failed, 10);
+}
+
 TEST_F(Configdc, AGroupThatDoesNotExistIsRefused) {
     add({});
     start();
