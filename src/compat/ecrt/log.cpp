@@ -3,9 +3,11 @@
 #include "compat/ecrt/bus.hpp"
 
 #include <array>
+#include <charconv>
 #include <cstdarg>
 #include <cstdio>
 #include <string_view>
+#include <system_error>
 
 namespace margay::compat::ecrt {
 namespace {
@@ -64,8 +66,22 @@ void say(const char* format, ...) {
     std::fprintf(stderr, "margay ecrt: %s\n", line.data());
 }
 
+std::string with_positions(std::string words, const std::function<std::string(std::uint16_t)>& place_of) {
+    constexpr std::string_view kSlave = "slave ";
+    for (auto at = words.find(kSlave); at != std::string::npos; at = words.find(kSlave, at + 1)) {
+        const char* const digits = words.data() + at + kSlave.size();
+        std::uint16_t number = 0;
+        const auto read = std::from_chars(digits, words.data() + words.size(), number);
+        if (read.ec != std::errc{}) continue;
+        words.replace(at, static_cast<std::size_t>(read.ptr - words.data()) - at, place_of(number));
+    }
+    return words;
+}
+
 void say_error(Bus& bus, const char* what, const Error& error) {
-    say("master %u: %s: %s", bus.index, what, words_of(error, bus.place_of(error)).c_str());
+    const auto place_of = [&bus](std::uint16_t number) { return bus.place_of({.slave = number}); };
+    const auto words = with_positions(words_of(error, bus.place_of(error)), place_of);
+    say("master %u: %s: %s", bus.index, what, words.c_str());
 }
 
 }  // namespace margay::compat::ecrt

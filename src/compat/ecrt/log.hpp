@@ -1,6 +1,8 @@
 // What the facade says on stderr. Not for the cycle, except where a thing is said once.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -16,6 +18,9 @@ class Bus;
 // The error in words of a program for ecrt.h, which has no functions of the library and no numbers of slaves. `place`
 // is what the program calls the slave of the error; empty: it has no name for it.
 [[nodiscard]] std::string words_of(const Error& error, std::string_view place);
+
+// The words with each "slave N" as the program calls the slave with number N.
+[[nodiscard]] std::string with_positions(std::string words, const std::function<std::string(std::uint16_t)>& place_of);
 
 // "MASTER: WHAT: the error in words".
 void say_error(Bus& bus, const char* what, const Error& error);

@@ -136,6 +136,7 @@ void Operation::start_again() {
         std::ranges::fill(exchange->image, std::byte{0});
     }
     clock_tries_ = kMostClockTries;
+    first_clock_ = false;
     forget_slaves();
     if (plan_expected() == 0) return;
     restarts_left_ = 0;  // the reason was said; the scan goes by the list before

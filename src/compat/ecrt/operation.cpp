@@ -69,7 +69,7 @@ void Operation::step(Time now) {
                 say_error(bus_, "clocks", clock_.error());
                 if (clock_.settings.reference == 0) return;
                 say("master %u: the first clock of the ring is the reference clock", bus_.index);
-                bus_.reference = nullptr;
+                first_clock_ = true;
                 stage_ = Stage::clock;
             }
             return;
@@ -92,8 +92,8 @@ void Operation::step(Time now) {
     }
 }
 
-// The clocks were not synchronised, because frames were lost or slaves came and went: the scan finds the slaves that are
-// there.
+// The clocks were not synchronised, because frames were lost or slaves came and went: the scan finds the slaves that
+// are there.
 bool Operation::is_scanned_again(Time now) {
     const Errc code = clock_.error().code;
     if ((is_own_error(code) && code != Errc::unstable) || clock_tries_ == 0) return false;
@@ -177,7 +177,8 @@ void Operation::begin_clock(Time now) {
     const std::uint64_t time_ns = bus_.app_time.known ? bus_.app_time.at_ns : 0;
     const Time at = bus_.app_time.known ? bus_.app_time.at : now;
     clock_.settings = {};
-    clock_.settings.reference = bus_.reference != nullptr ? bus_.reference->number.load() : std::uint16_t{0};
+    clock_.settings.reference =
+        bus_.reference != nullptr && !first_clock_ ? bus_.reference->number.load() : std::uint16_t{0};
     clock_.settings.group = bus_.exchanges.front()->group;
     clock_.settings.burst_frames = 1000;
     clock_.settings.limit_ns = 10000;

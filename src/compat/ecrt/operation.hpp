@@ -85,7 +85,8 @@ class Operation {
     std::atomic<Stage> stage_{Stage::scan};  // transfers of other threads wait for the scan
     std::atomic<bool> empty_{false};         // no slave has answered
     Time retry_{};
-    unsigned waited_ = 0;  // cycles without an application time
+    bool first_clock_ = false;  // the clock of the chosen slave could not be the reference
+    unsigned waited_ = 0;       // cycles without an application time
     bool has_clock_ = false;
     bool said_time_ = false;
     // The scan of a new start may find slaves with an alias whose place was not known before it.
@@ -93,8 +94,8 @@ class Operation {
     unsigned restarts_left_ = kMostRestarts;
     static constexpr unsigned kMostClockTries = 10;
     unsigned clock_tries_ = kMostClockTries;  // left, when frames are lost while the clocks are synchronised
-    bool again_ = false;    // the start-up is not the first one
-    bool changed_ = false;  // slaves have come or gone since the last check()
+    bool again_ = false;                      // the start-up is not the first one
+    bool changed_ = false;                    // slaves have come or gone since the last check()
     Time starting_until_{};
     Time watched_until_{};  // until then each cycle compares the positions; Time{}: no longer
     Time misplaced_since_{};

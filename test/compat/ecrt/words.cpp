@@ -12,6 +12,7 @@ using margay::Errc;
 using margay::Error;
 using margay::Step;
 using margay::compat::ecrt::bound_source;
+using margay::compat::ecrt::with_positions;
 using margay::compat::ecrt::words_of;
 
 namespace {
@@ -48,6 +49,16 @@ void words_name_no_other_function() {
     const Error mistake{.code = Errc::pdo_unknown, .step = Step::map_process_data, .slave = 7};
     must(words_of(mistake, "").starts_with(to_text(Step::map_process_data)), words_of(mistake, ""));
     must(names_other_functions("slave 7: call config_map() again"), "the test sees no function");
+    const Error unreached{.code = Errc::clock_not_reached,
+                          .step = Step::configure_sync,
+                          .slave = 7,
+                          .detail = Error::kReferenceLost,
+                          .expected = 12};
+    const auto place_of = [](std::uint16_t number) { return "position " + std::to_string(number - 1); };
+    const auto reached = with_positions(words_of(unreached, "position 6"), place_of);
+    must(reached.starts_with("position 6: ") && reached.ends_with("(lost: position 11)"), reached);
+    const Error lost{.code = Errc::unstable, .step = Step::configure_clocks, .slave = 7};
+    must(words_of(lost, "position 6").find("it was lost, or came back") != std::string::npos, words_of(lost, ""));
     const Error timeout{.code = Errc::timeout, .step = Step::request_state, .slave = 7};
     must(words_of(timeout, "").ends_with(std::string(to_text(Errc::timeout))), words_of(timeout, ""));
 }
