@@ -157,7 +157,8 @@ std::string bash_completion() {
     std::string text =
         "# Completion of ethercat for bash. Made by `ethercat --completion` from the table of commands.\n"
         "_margay_ethercat_words() { COMPREPLY=($(compgen -W \"$1\" -- \"$current\")); }\n"
-        "_margay_ethercat_files() { COMPREPLY=($(compgen -f -- \"$current\")); compopt -o filenames 2>/dev/null; }\n"
+        "_margay_ethercat_files() { mapfile -t COMPREPLY < <(compgen -f -- \"$current\"); compopt -o filenames "
+        "2>/dev/null; }\n"
         "# Readline divides words at colons: \"sim:demo\" is three words.\n"
         "_margay_ethercat_sources() {\n"
         "    local name\n"

@@ -129,7 +129,8 @@ std::string bash_completion() {
         "    local current=${{COMP_WORDS[COMP_CWORD]}} previous=${{COMP_WORDS[COMP_CWORD-1]}}\n"
         "    COMPREPLY=()\n"
         "    case $previous in\n"
-        "        {}) COMPREPLY=($(compgen -d -- \"$current\")); compopt -o filenames 2>/dev/null; return ;;\n"
+        "        {}) mapfile -t COMPREPLY < <(compgen -d -- \"$current\"); compopt -o filenames 2>/dev/null; return "
+        ";;\n"
         "    esac\n"
         "    COMPREPLY=($(compgen -W \"{}\" -- \"$current\"))\n"
         "}}\ncomplete -F _margayd margayd\n",

@@ -136,9 +136,10 @@ TEST_F(EthercatTexts, TheManualPageHasNoWarnings) {
 
 // The completion in a real bash: what it offers for the words of a command line, the last of which is not finished.
 struct EthercatCompletion : EthercatTest {
-    [[nodiscard]] std::string offered(const std::string& words, int last) const {
+    [[nodiscard]] std::string offered(const std::string& words, int last, const std::string& shown = "[*]") const {
         const auto script = "source '" + kTexts + "ethercat'\ncompopt() { :; }\nCOMP_WORDS=(" + words +
-                            ")\nCOMP_CWORD=" + std::to_string(last) + "\n_margay_ethercat\necho \"${COMPREPLY[*]}\"\n";
+                            ")\nCOMP_CWORD=" + std::to_string(last) + "\n_margay_ethercat\necho \"${COMPREPLY" + shown +
+                            "}\"\n";
         folder.write("complete.bash", script);
         const auto ran = folder.run("bash -u complete.bash");
         EXPECT_EQ(ran.status, 0) << ran.err;
@@ -168,6 +169,8 @@ TEST_F(EthercatCompletion, OffersCommandsOptionsValuesAndFiles) {
     EXPECT_EQ(offered("ethercat slaves --source l", 3), "lo") << "an interface of this system";
     folder.write("image.bin", "x");
     EXPECT_EQ(offered("ethercat sii_write ima", 2), "image.bin");
+    folder.write("my image.bin", "x");
+    EXPECT_EQ(offered("ethercat sii_write my", 2, "[0]"), "my image.bin") << "one name, not two";
     EXPECT_EQ(offered("ethercat --ver", 1), "--verbose --version");
 }
 

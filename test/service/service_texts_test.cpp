@@ -4,6 +4,8 @@
 #include "common/service_configuration.hpp"
 #include "margayd/texts.hpp"
 
+#include <filesystem>
+
 namespace margay::process {
 namespace {
 
@@ -51,13 +53,15 @@ TEST_F(ServiceTexts, TheCompletionOffersOptionsAndFolders) {
     const auto offered = [&](const std::string& words, int last) {
         folder.write("complete.bash", "source '" + kServiceTexts + "margayd'\ncompopt() { :; }\nCOMP_WORDS=(" + words +
                                           ")\nCOMP_CWORD=" + std::to_string(last) +
-                                          "\n_margayd\necho \"${COMPREPLY[*]}\"\n");
+                                          "\n_margayd\necho \"${COMPREPLY[0]}\"\n");
         const auto ran = folder.run("bash -u complete.bash");
         EXPECT_EQ(ran.status, 0) << ran.err;
         return ran.out;
     };
     EXPECT_EQ(offered("margayd --ch", 1), "--check\n");
     EXPECT_EQ(offered("margayd --config et", 2), "etc\n");
+    std::filesystem::create_directory(folder.path() / "my service");
+    EXPECT_EQ(offered("margayd --config my", 2), "my service\n") << "one name, not two";
 }
 
 }  // namespace
