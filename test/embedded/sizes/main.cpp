@@ -9,7 +9,7 @@ using namespace margay;
 
 namespace {
 
-#ifdef WITH_SUPERVISION
+#if defined(WITH_SUPERVISION) || defined(WITH_REACH)
 constexpr std::uint32_t kArenaBytes = 7168;  // it brings slaves back beside its other work
 #else
 constexpr std::uint32_t kArenaBytes = 5632;
@@ -52,7 +52,7 @@ Result<> start() {
 #endif
 }
 
-Result<> exchange() {
+[[maybe_unused]] Result<> exchange() {
     if (const auto sent = send_processdata(ctx); !sent) return sent;
     if (const auto received = receive_processdata(ctx, std::chrono::milliseconds(2)); !received)
         return received.error();
@@ -82,6 +82,9 @@ Result<> bring_up() {
 #endif
     const auto octets = config_map(ctx, image);
     if (!octets) return octets.error();
+#ifdef WITH_REACH
+    return reach(ctx, AlState::op, std::chrono::seconds(10), {.period = std::chrono::milliseconds(2)});
+#else
     for (int cycle = 0; cycle < 100; ++cycle) (void)exchange();
     if (const auto asked = writestate(ctx, 0, AlState::op); !asked) return asked;
     for (int cycle = 0; cycle < 1000; ++cycle) {
@@ -90,6 +93,7 @@ Result<> bring_up() {
         if (lowest && lowest->state == AlState::op) break;
     }
     return Result<>();
+#endif
 }
 
 // One call of each function that a program with this feature needs.
@@ -126,11 +130,15 @@ Result<> run() {
     static SuperviseRequest supervision;
     if (const auto begun = submit(ctx, supervision); !begun) return begun;
 #endif
+#ifdef WITH_REACH
+    return run_cycle(ctx, {.period = std::chrono::milliseconds(2)}, [](const CycleInfo&) { return true; });
+#else
     for (;;) {
         (void)exchange();
         const Time next = poll(ctx, osal.now());
         osal.wait(next, -1);
     }
+#endif
 }
 
 }  // namespace

@@ -86,6 +86,7 @@ row(pdo_write "… and PDO writing")
 row(soe "… and SoE")
 row(eoe "… and EoE: parameters and frames")
 row(supervision "… and supervision with hot connect")
+row(reach "… and reach() and run_cycle(), which bring the supervision")
 row(texts "… and texts of errors")
 row(everything "All of it")
 
