@@ -22,9 +22,9 @@ class Osal;
 struct Master;
 
 // How many octets of memory a context with these limits needs; SIZE_MAX if they are more than the processor can
-// address. It is exact for memory that is aligned as std::max_align_t is (that of StaticContext and HostContext): with
-// one octet less, init() fails with Errc::capacity. Other memory needs the octets before its first aligned one in
-// addition. On processors with pointers of 32 bits that align integers of 64 bits to 4 octets (i386), less may suffice.
+// address. The number is exact for memory with the alignment of std::max_align_t (StaticContext and HostContext have
+// such memory): with one octet less, init() fails with Errc::capacity. Other memory also needs the octets before its
+// first aligned octet. On processors with pointers of 32 bits that align integers of 64 bits to 4 octets (i386), less may suffice.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
     // Sizes of the parts of the library, for both sizes of pointers; context.cpp compares them with the real sizes.
     constexpr bool kWide = sizeof(void*) == 8;
@@ -103,7 +103,7 @@ class Context {
     [[nodiscard]] const Limits& limits() const { return limits_; }
 
   protected:
-    // `memory`: context_bytes(limits) octets or more; the arena has what is more. It outlives the context.
+    // `memory`: context_bytes(limits) octets or more; the arena gets the rest. The memory outlives the context.
     Context(std::span<std::byte> memory, const Limits& limits)
         : memory_(memory), limits_(limits), needed_bytes_(context_bytes(limits)) {}
     ~Context() = default;

@@ -41,7 +41,7 @@ enum class EventKind : std::uint8_t {
                    // was destroyed): slaves that are lost from now on are not brought back
     clock_in_sync,      // the clock of a slave is in sync (actual: its difference to the reference clock in ns)
     clock_out_of_sync,  // the clock of a slave has left the limit (actual: its difference in ns, expected: the limit)
-    reference_clock,  // the clock of `slave` is the reference clock now, in place of the clock of `other`, which is lost
+    reference_clock,  // the clock of `slave` is the reference clock now, instead of the clock of `other`, which is lost
                       // or is behind `slave` in the ring
     clock_not_reached,  // the clock of `slave` is in the ring before the chosen reference clock (of `other`), and is
                         // not synchronised
@@ -55,7 +55,7 @@ enum class EventKind : std::uint8_t {
     ring_broken,  // with two NICs: the ring is open between `slave` at `port` (0: the first NIC) and `other` (0: the
                   // second NIC). All slaves that answered go on answering. Slaves between both are lost
     ring_closed,  // the ring is whole again
-    second_reference,  // with two NICs: the clocks that the reference clock (of `other`) does not reach (behind a break,
+    second_reference,  // with two NICs: clocks that the reference clock (of `other`) does not reach (behind a break,
                        // or at branches that only the second NIC reaches) follow the clock of `slave`, which the
                        // master keeps in step with the reference clock
     second_cable_missing,  // the second NIC reaches no slave since init_redundant(): the ring was never closed
