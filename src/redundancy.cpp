@@ -43,8 +43,9 @@ Result<> init_redundant(Context& ctx, Nic& nic, Nic& second, Osal& osal, const F
     const auto memory = memory_of(ctx);
     if (!memory) return memory.error();
     std::byte* const at = memory->data();
-    auto* const first = reinterpret_cast<FramePair*>(at + kCables);
-    for (std::size_t n = 0; n < pairs; ++n) ::new (static_cast<void*>(first + n)) FramePair;
+    FramePair* first = nullptr;
+    for (std::size_t n = pairs; n-- > 0;)
+        first = ::new (static_cast<void*>(at + kCables + n * sizeof *first)) FramePair;
     auto* const cables = ::new (static_cast<void*>(at))
         TwoCables(nic, second, std::span(first, own), std::span(first + own, pairs - own));
     const auto done = init_in(ctx, memory->subspan(kCables + pairs * kPair), cables->ring, osal, features);
