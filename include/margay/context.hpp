@@ -24,7 +24,8 @@ struct Master;
 // How many octets of memory a context with these limits needs; SIZE_MAX if they are more than the processor can
 // address. The number is exact for memory with the alignment of std::max_align_t (StaticContext and HostContext have
 // such memory): with one octet less, init() fails with Errc::capacity. Other memory also needs the octets before its
-// first aligned octet. On processors with pointers of 32 bits that align integers of 64 bits to 4 octets (i386), less may suffice.
+// first aligned octet. On processors with pointers of 32 bits that align integers of 64 bits to 4 octets (i386), less
+// may suffice.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
     // Sizes of the parts of the library, for both sizes of pointers; context.cpp compares them with the real sizes.
     constexpr bool kWide = sizeof(void*) == 8;
