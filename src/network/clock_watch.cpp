@@ -264,6 +264,12 @@ bool cycle_carries_time(const Network& network) {
                                [](const ProcessGroup& group) { return group.mapped && group.dc_reference != 0; });
 }
 
+// While no cycle carries the time, the clocks drift apart: the next round does not wait for the interval of the watch.
+void watch_soon(Network& network) {
+    constexpr Duration kSoon = std::chrono::milliseconds(10);
+    network.clocks.watch_at = std::min(network.clocks.watch_at, later(network.engine.now(), kSoon));
+}
+
 // Keeps the time of the last cycle. A cycle that has stopped to carry the time of the reference, though the reference
 // is there, carries it again after some rounds: the supervision needs some time to see that the reference is lost.
 void note_time_of_cycle(Network& network) {
@@ -288,6 +294,7 @@ void note_time_of_cycle(Network& network) {
             clocks.without_time = 0;
         else if (!clocks.paused && settled && ++clocks.without_time >= kEnough)
             (void)carry_time_of(network, &reference);
+        if (clocks.without_time != 0) watch_soon(network);
     }
 }
 
@@ -344,7 +351,10 @@ Task<Result<>> watch_clocks(Network& network) {
     clocks.shifted_ns = 0;
     note_followed_clocks(network, rounds);
     if (network.silent) {
-        if (network.redundancy == nullptr && !clocks.paused) stop_time(network);
+        if (network.redundancy == nullptr && !clocks.paused) {
+            stop_time(network);
+            watch_soon(network);
+        }
         co_return Nothing{};
     }
     const ScopedFlag watching(clocks.watching);  // configdc() forgets the reference

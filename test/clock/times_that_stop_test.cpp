@@ -105,6 +105,24 @@ TEST_F(TimesThatStop, InSyncEndsInSilence) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
+// After a silence the cycles carry no time until the reference is known to be the same. An oscillator that changes its
+// rate by 2 ppm meanwhile is 400 ns ahead after 200 ms.
+TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackSoonWhereTheWatchIsSlow) {
+    begin(4, 1s);
+    segment.set_cable({0, 0}, false);
+    cycles(1500);
+    segment.set_cable({0, 0}, true);
+    segment.slave(2).set_drift(62'000, osal.now());  // it was 60 ppm
+    std::int64_t most = 0;
+    for (unsigned n = 0; n < 5000; ++n) {
+        cycles(1);
+        most = std::max(most, std::abs(ahead_ns(3)));
+    }
+    EXPECT_GT(most, 200) << "the rate has changed";
+    EXPECT_LE(most, 800);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+}
+
 // A frame carries the time after two answers in succession: where every second or third frame is lost, none does.
 TEST_F(TimesThatStop, InSyncEndsWhereOnlyFramesWithoutTimeComeBack) {
     for (const unsigned period : {2U, 3U}) {
