@@ -71,7 +71,7 @@ Place place_to_read(const SelectedSlave& slave, Place place) {
         return slave.session().dictionary_entry(slave.position(), place.index, subindex);
     };
     const auto first = entry(0);
-    place.complete = !first || (first->bits <= 8 && entry(1));
+    place.complete = !first || (first->bits <= 8 && (entry(1) || entry(2)));  // subindex 1 may be a gap
     return place;
 }
 

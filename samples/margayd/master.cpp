@@ -306,13 +306,17 @@ void Master::leave() {
         return slave.al.state == AlState::none || (slave.al.state == configuration_.end_state && !slave.al.error);
     };
     const auto state = samples::al_text({.state = configuration_.end_state});
-    const auto asked = writestate(*ctx_, 0, configuration_.end_state);
+    Osal& osal = source_->osal();
+    const Time until = osal.now() + kEndPatience;
+    auto asked = writestate(*ctx_, 0, configuration_.end_state);
     auto read = readstate(*ctx_);
-    for (const Time until = source_->osal().now() + kEndPatience;
-         read && !std::ranges::all_of(ctx_->slaves(), is_there) && source_->osal().now() < until;
-         read = readstate(*ctx_))
-        source_->osal().wait(source_->osal().now() + 5ms, -1);
-    if (read && std::ranges::all_of(ctx_->slaves(), is_there)) {
+    const auto are_there = [&] { return read && std::ranges::all_of(ctx_->slaves(), is_there); };
+    while (!are_there() && osal.now() < until) {
+        osal.wait(osal.now() + 10ms, -1);
+        if (!asked) asked = writestate(*ctx_, 0, configuration_.end_state);  // frames may have been lost
+        read = readstate(*ctx_);
+    }
+    if (are_there()) {
         const auto gone = std::ranges::count(ctx_->slaves(), AlState::none, [](const Slave& s) { return s.al.state; });
         const auto there = static_cast<std::ptrdiff_t>(ctx_->slaves().size()) - gone;
         log(Priority::notice, gone == 0    ? "all slaves in " + state

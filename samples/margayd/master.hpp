@@ -99,8 +99,10 @@ class Master {
     bool brought_up_ = false;   // there are slaves that this master has configured
     std::vector<bool> sent_{};  // by group, in this cycle
     using Clock = std::chrono::steady_clock;
-    std::optional<Clock::time_point> lacks_since_{};         // lacks_places(), looked at once a second
-    std::optional<Clock::time_point> scanned_for_places_{};  // the last scan for this reason
+    // Since when lacks_places() is true, or false; looked at once a second.
+    std::optional<Clock::time_point> lacks_since_{};
+    std::optional<Clock::time_point> right_since_{};
+    std::optional<Clock::time_point> scanned_for_places_{};  // the last scan for this reason, unless it has helped
     Duration places_pause_{};                                // before the next one
     std::string why_scanned_{};
 

@@ -15,6 +15,7 @@ constexpr auto kSettle = 2s;  // between the last news of added slaves and the s
 // A scan takes the other slaves out of OP, and the next one may find nothing better.
 constexpr Duration kLongestPause = 10min;
 constexpr int kPauseGrows = 4;
+constexpr auto kHasHelped = 30s;  // no slave lacks a place for so long after a scan: the next scan does not wait
 
 }  // namespace
 
@@ -28,6 +29,7 @@ void Master::cycle() {
     pace_->start();
     sent_.assign(plan_.every.size(), false);
     lacks_since_.reset();
+    right_since_.reset();
     const auto every = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(kLookAround / plan_.period));
     Duration lateness{};
     for (std::uint64_t number = 0; !stopping_ && !is_to_be_scanned(); ++number) {
@@ -58,10 +60,15 @@ void Master::look_around(std::uint64_t overruns, bool settles) {
     const Error wrong = what_is_wrong(*ctx_);
     if (wrong.code == Errc::no_frame || wrong.code == Errc::nic || wrong.code == Errc::missing_slave)
         (void)source_->look_for_interfaces();
-    if (!lacks_places(wrong))
+    const auto now = Clock::now();
+    if (lacks_places(wrong)) {
+        lacks_since_ = lacks_since_.value_or(now);
+        right_since_.reset();
+    } else {
         lacks_since_.reset();
-    else if (!lacks_since_)
-        lacks_since_ = Clock::now();
+        right_since_ = right_since_.value_or(now);
+        if (now - *right_since_ >= kHasHelped) scanned_for_places_.reset();
+    }
     const auto present =
         std::ranges::count_if(ctx_->slaves(), [](const Slave& s) { return s.al.state != AlState::none; });
     const auto elsewhere = std::ranges::count_if(ctx_->slaves(), [this](const Slave& s) {
