@@ -316,6 +316,7 @@ std::string_view code_text(const Error& e) {
     if (e.code == Errc::mailbox_closed && e.step == Step::voe_receive)
         return "the inbox does not listen any more: unlisten() was called";
     if (e.code == Errc::nic && e.step == Step::open_nic) return "the network interface could not be opened";
+    if (e.code == Errc::unknown_group && e.expected != 0) return "there is no such group";
     return to_text(e.code);
 }
 
@@ -438,8 +439,13 @@ void write_cause(TextWriter& out, const Error& e) {
                 out << (e.step == Step::open_nic ? " (init() was called before)"
                                                  : " (call init(), then config_init(), then submit or wait)");
             if (e.step == Step::configure_sync) out << " (call configdc() before)";
+            if (e.slave != 0 && e.step >= Step::mailbox_send && e.step <= Step::eoe_frames)
+                out << " (the mailbox of the slave is closed: the slave is in INIT, or did not reach PREOP)";
             if (e.step == Step::configure_clocks && e.slave != 0)
                 out << " (it is in OP and needs its SYNC signals: bring it to PREOP before)";
+            break;
+        case Errc::unknown_group:
+            if (e.expected != 0) out << " (Limits::groups is " << e.expected << ")";
             break;
         case Errc::busy:
             if (e.detail != 0) out << " (" << to_text(static_cast<Operation>(e.detail)) << " is busy)";

@@ -16,6 +16,12 @@ Error refused(Errc code, std::uint8_t group) {
             .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
 
+Error refused_number(const Network& network, std::uint8_t group) {
+    Error error = refused(Errc::unknown_group, group);
+    error.expected = static_cast<std::uint32_t>(network.process.groups.size());
+    return error;
+}
+
 Error negative_timeout(std::uint8_t group) {
     Error error = refused(Errc::invalid_argument, group);
     error.detail = static_cast<std::uint32_t>(Argument::timeout);
@@ -90,7 +96,7 @@ template <class Now>
     Master* master = master_of(ctx);
     if (master == nullptr) return refused(Errc::wrong_state, group);
     Network& network = master->network;
-    if (group >= network.process.groups.size()) return refused(Errc::unknown_group, group);
+    if (group >= network.process.groups.size()) return refused_number(network, group);
     const Time at = now(master->osal);
     ProcessGroup& wanted = network.process.groups[group];
     // Another thread may send a group whose cycles overlap, and looks at no other group.
@@ -120,7 +126,7 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
     if (!master->owned_by_caller()) [[unlikely]]
         return refused(Errc::not_owner, group);
     Network& network = master->network;
-    if (group >= network.process.groups.size()) return refused(Errc::unknown_group, group);
+    if (group >= network.process.groups.size()) return refused_number(network, group);
     ProcessGroup& wanted = network.process.groups[group];
     if (!wanted.under_way) [[unlikely]]
         return receive_special(*master, wanted, timeout);

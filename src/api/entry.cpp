@@ -3,6 +3,7 @@
 #include "api/mail.hpp"
 #include "network/entries.hpp"
 #include "network/entry_names.hpp"
+#include "network/group_layout.hpp"
 #include "network/pdos.hpp"
 #include "network/wanted.hpp"
 
@@ -88,10 +89,9 @@ static Error check(Network& network, const EntryRequest& r) {
     if (network.supervised && slave.al.state == AlState::none)  // known to be lost: no need to wait for an answer
         return {.code = Errc::missing_slave, .step = Step::map_process_data, .slave = r.address.slave};
     if (is_mapped(network, slave)) return {};
-    return {.code = Errc::unknown_group,
-            .step = Step::map_process_data,
-            .slave = r.address.slave,
-            .index = slave.config.group};
+    refused = unmapped_group(network, slave.config.group);
+    refused.slave = r.address.slave;
+    return refused;
 }
 static Error check(Network& network, const EntryNameRequest& r) {
     const Error refused = check_slave(network, r.slave, Step::discover_pdos);

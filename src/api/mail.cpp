@@ -11,7 +11,7 @@ Error check_mailbox(Network& network, Error where) {
     if (known && network.slave(where.slave).al.state == AlState::none)
         refused.code = Errc::missing_slave;  // no need to wait for an answer; what it supports may be unknown
     else if (known && !network.slave(where.slave).mailbox.present())
-        refused.code = Errc::unsupported;
+        refused.code = network.slave(where.slave).sii_read ? Errc::unsupported : Errc::wrong_state;
     where.code = refused.code;
     where.expected = refused.expected;
     if (refused.code != Errc::none) return where;
@@ -25,9 +25,9 @@ Error check_mailbox(Network& network, Error where) {
 
 Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
     const Error refused = check_mailbox(network, where);
-    if (refused.code == Errc::unknown_slave || refused.code == Errc::missing_slave ||
-        (network.slave(where.slave).mailbox.protocols & protocol) != 0)
-        return refused;
+    if (refused.code == Errc::unknown_slave || refused.code == Errc::missing_slave) return refused;
+    const Slave& slave = network.slave(where.slave);
+    if (!slave.sii_read || (slave.mailbox.protocols & protocol) != 0) return refused;
     where.code = Errc::unsupported;
     return where;
 }

@@ -1,4 +1,5 @@
 // The request that maps process data.
+#include "network/group_layout.hpp"
 #include "network/groups.hpp"
 
 #include "api/master.hpp"
@@ -11,8 +12,7 @@ namespace margay {
 static Error check(Network& network, const MapRequest& request) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::map_process_data};
     if (!network.is_expected_list()) return {.code = Errc::scan_needed, .step = Step::map_process_data};
-    if (request.group < network.process.groups.size()) return {};
-    return {.code = Errc::unknown_group, .step = Step::map_process_data, .index = request.group};
+    return request.group < network.process.groups.size() ? Error{} : unmapped_group(network, request.group);
 }
 
 static Task<Result<>> run(Network& network, MapRequest& request) {

@@ -2,6 +2,7 @@
 #include "network/replan.hpp"
 
 #include "api/master.hpp"
+#include "network/group_layout.hpp"
 
 #include <margay/margay.hpp>
 
@@ -15,7 +16,7 @@ Result<> replan_processdata(Context& ctx, std::uint8_t group) {
     else if (!master->owned_by_caller())
         error.code = Errc::not_owner;
     else if (group >= master->network.process.groups.size())
-        error = {.code = Errc::unknown_group, .step = Step::map_process_data, .index = group};
+        error = unmapped_group(master->network, group);
     if (error.code != Errc::none) return error;
     return replan(master->network, group);
 }

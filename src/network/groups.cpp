@@ -266,7 +266,7 @@ Task<Result<>> configure(Network& network, Slave& slave, Pass& pass, FirstFault&
 void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
     for (Slave& slave : network.slaves()) {
         if (slave.config.group >= network.process.groups.size()) {
-            Error error = group_fault(Errc::unknown_group, slave.config.group);
+            Error error = unmapped_group(network, slave.config.group);
             error.slave = slave.number;
             faults.note(network, slave, error);
             continue;
@@ -379,7 +379,7 @@ Task<Result<std::size_t>> map_once(Network& network, Pass& pass, const ImageMemo
 // process data is read again.
 Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, const ImageMemory& memory) {
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
-    if (number >= network.process.groups.size()) co_return group_fault(Errc::unknown_group, number);
+    if (number >= network.process.groups.size()) co_return unmapped_group(network, number);
     for (unsigned left = kPasses;; --left) {
         Pass pass{.number = number, .last = left == 1};
         auto mapped = co_await map_once(network, pass, memory);

@@ -2,6 +2,7 @@
 
 #include "network/boot.hpp"
 #include "network/expectation.hpp"
+#include "network/group_layout.hpp"
 #include "network/image_layout.hpp"
 #include "network/members.hpp"
 #include "network/newcomer.hpp"
@@ -161,8 +162,8 @@ Error state_error(Network& network, const Slave& slave) {
         return start_up_error(slave, fault(slave, Errc::identity_unread, Step::identify));
     const bool process = wanted >= AlState::safeop;
     if (process && !is_mapped(network, slave)) {
-        Error error = fault(slave, Errc::unknown_group, Step::map_process_data);
-        error.index = slave.config.group;
+        Error error = unmapped_group(network, slave.config.group);
+        error.slave = slave.number;
         return error;
     }
     if (process && !has_place(slave)) {

@@ -349,8 +349,7 @@ TEST_F(BusTest, WrongCallsAreRefused) {
               "exchanging process data of group 1: there is no such group, or nothing is mapped in it: call "
               "config_map()");
     EXPECT_EQ(words(receive_processdata(ctx(), 1ms, 2).error()),
-              "exchanging process data of group 2: there is no such group, or nothing is mapped in it: call "
-              "config_map()");
+              "exchanging process data of group 2: there is no such group (Limits::groups is 2)");
     EXPECT_EQ(config_map(ctx(), image, 2).error().code, Errc::unknown_group);
     EXPECT_EQ(config_map(ctx(), std::span(image).first(1)).error().code, Errc::image_too_large);
     EXPECT_EQ(writestate(ctx(), 2, AlState::op).error().code, Errc::unknown_slave);

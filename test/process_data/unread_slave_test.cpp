@@ -3,6 +3,7 @@
 
 #include "sim/devices.hpp"
 
+#include <margay/coe.hpp>
 #include <margay/hooked_slave.hpp>
 #include <margay/run.hpp>
 
@@ -128,6 +129,17 @@ TEST(UnreadSlave, IsSaidOnceByEachCall) {
         EXPECT_TRUE(config_map(*plant.ctx, plant.image).ok()) << "its sizes were not known";
         EXPECT_TRUE(reach(*plant.ctx, AlState::op, 3s).ok());
     }
+}
+
+TEST(UnreadSlave, IsNotSaidToSupportNoMail) {
+    PairWithUnread plant;
+    EXPECT_FALSE(plant.bring_up({}).empty());
+    EXPECT_EQ(said(SDOread<std::uint32_t>(*plant.ctx, 2, 0x1000, 0).error()),
+              "slave 2: SDO upload of 0x1000:0: not possible in this state (the mailbox of the slave is closed: the "
+              "slave is in INIT, or did not reach PREOP)");
+    plant.let_read();
+    ASSERT_TRUE(config_map(*plant.ctx, plant.image).ok());
+    EXPECT_EQ(SDOread<std::uint32_t>(*plant.ctx, 2, 0x1000, 0).error().code, Errc::unsupported) << "it has no mailbox";
 }
 
 // ------------------------------------------------------------------ gone before it was read

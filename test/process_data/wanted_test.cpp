@@ -4,6 +4,8 @@
 
 #include "sim/devices.hpp"
 
+#include <margay/margay.hpp>
+
 namespace margay {
 namespace {
 
@@ -187,11 +189,13 @@ TEST_F(Wanted, AGroupThatDoesNotExistIsSaidWhenMapping) {
     ctx->slave(2).config.group = 200;
     const auto mapped = config_map(*ctx, image);
     EXPECT_EQ(words(mapped.error()),
-              "slave 2: mapping process data of group 200: there is no such group, or nothing is mapped in it: call "
-              "config_map()");
+              "slave 2: mapping process data of group 200: there is no such group (Limits::groups is 4)");
+    EXPECT_EQ(words(config_map(*ctx, image, 200).error()),
+              "mapping process data of group 200: there is no such group (Limits::groups is 4)");
     EXPECT_EQ(ctx->slave(1).al.state, AlState::safeop);
     EXPECT_EQ(ctx->slave(3).al.state, AlState::safeop);
     EXPECT_EQ(drive(), (std::vector{0xA5U, 0U, 0xA5U}));
+    EXPECT_EQ(words(what_is_wrong(*ctx)), words(mapped.error()));
 }
 
 TEST_F(Wanted, ARequestThatContradictsTheSupervisionIsRefused) {
