@@ -62,7 +62,7 @@ enum class Errc : std::uint8_t {
     // PDO objects of the slave: config_map() is needed
     remapping_needed,
     scan_needed,      // expect() was called after config_init(): the slaves were compared with another list
-    unknown_group,    // no group has this number, or the group is not mapped (index: the group)
+    unknown_group,    // the group (index) is not mapped, or does not exist (expected: how many groups exist)
     image_too_large,  // the process image does not fit the buffer (expected, actual: octets)
     fmmu_shortage,    // the slave has too few FMMUs (expected, actual)
     sm_shortage,      // the slave does not have this SyncManager (index: its register, expected, actual: number of

@@ -293,7 +293,7 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
 // refused (overlapping cycles: when that cycle is received). False from the moment when the slave is known to be lost
 // until it takes part again and its identity was compared; GroupConfiguration::lost_inputs decides what its inputs are
 // meanwhile. For the thread that receives; callable from the cycle, costs a few instructions for each datagram of the
-// group.
+// group. receive_processdata() names the one case in which inputs count as fresh although their slave has left.
 [[nodiscard]] bool inputs_fresh(Context& ctx, std::uint16_t slave);
 
 // Datagram `n` of a mapped group, in the order of group(number).datagrams. Never waits; callable from the cycle.
