@@ -44,7 +44,8 @@ class Context;
 // Reads an object (ETG.1000.6 "SDO upload"); with complete_access all subindices, beginning with `subindex` (0 or 1).
 // If the slave refuses complete access, the library reads the subindices one by one and arranges the result in the same
 // way: subindex 0 in two octets, the others directly behind it. An object of one value has no subindices: its error is
-// the slave's refusal (sdo_abort), or unsupported when the slave has refused complete access before. Errors: SDOread().
+// the slave's refusal (sdo_abort), or unsupported when the slave has refused complete access before. A value of
+// one octet that is 0 looks like an empty list, and is returned as one. Errors: SDOread().
 struct SdoUpload : MailRequest {
     SdoUpload();
     std::uint16_t index = 0;

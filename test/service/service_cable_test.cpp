@@ -119,6 +119,21 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
     EXPECT_TRUE(contains(margayd->output(), "a: all slaves in INIT\nmargayd: ends\n")) << margayd->output();
 }
 
+// No frame comes back in the moment of the end, and for 0.3 s: far less than the patience at the end.
+TEST_F(ServiceOnCable, AnOutageAtTheEndLeavesNoSlaveInOp) {
+    configure_cable("cycle_us = 20000\n");
+    auto demo = segment();
+    auto margayd = service();
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    command("drop 1");
+    std::this_thread::sleep_for(100ms);
+    margayd->terminate();
+    std::this_thread::sleep_for(300ms);
+    command("drop 0");
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    EXPECT_TRUE(contains(margayd->output(), "a: all slaves in INIT\nmargayd: ends\n")) << margayd->output();
+}
+
 TEST_F(ServiceOnCable, AnInterfaceMayBeMissingOffOrRemoved) {
     ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link del ") + Cable::kMaster));
     configure_cable();
