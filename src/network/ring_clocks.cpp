@@ -395,7 +395,7 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
         // clocks stay where they are, and are not in sync.
         begin_to_steer(network);
         comparison_ = Comparison::unsure;
-        rests_ = 0;
+        rests_ = std::exchange(learns_, false) ? UINT8_MAX : std::uint8_t{0};
         co_return Nothing{};
     }
     if (!is_in_step(network)) {
@@ -475,8 +475,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
     if (wanted == 0 || wanted == second_ || rounds_seen_ >= kEnough) {
         if (has_beside_ && now.whole && wanted != 0 && wanted != second_) {
             if (!may_teach(network)) co_return Nothing{};
-            // Perhaps it comes from a loss of power. The present second reference is behind it, and would bring it
-            // what the master has sent.
+            // Perhaps it comes from a loss of power: a second reference behind it brings it what the master has sent.
             ring_.set_second_reference({});
             co_await completion(teach(network));
         }
@@ -485,7 +484,9 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
     if (second_ == 0 || second_is_first_) co_return Nothing{};
     if (needs_lesson(network) && now.whole && may_teach(network) && rests_-- == 0) {
         co_await completion(teach(network));
-        // If the clocks have learned the time, the constant is measured anew, from what comes after the lesson.
+        // The constant is measured anew: by that of clocks that were not in step, they would be led back.
+        learns_ = comparison_ == Comparison::unsure;
+        if (learns_) comparison_ = Comparison::unknown;
         first_ = {};
         (void)ring_.take_difference();
         rests_ = UINT8_MAX;

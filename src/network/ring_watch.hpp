@@ -134,6 +134,7 @@ class RingWatch final : public RedundancyPart {
     std::uint16_t compared_behind_ = 0;  // how many slaves were behind the break when the constant was measured
     std::uint32_t taught_ways_ = 0;      // Redundancy::ways() before teach() began
     std::uint8_t rests_ = 0;             // rounds until teach() runs again
+    bool learns_ = false;                // a lesson has ended, and the second reference is not in step yet
     std::uint8_t rounds_unsettled_ = 0;  // rounds in which frames have passed slaves that are not brought back yet
     std::int64_t ahead_ns_ = 0;          // mean of the differences of the last round, without the constant
     std::int64_t change_ns_ = 0;         // how far `ahead_ns_` is from its value of the round before
