@@ -333,6 +333,8 @@ void RingWatch::use_known_constant(Network& network) {
 // The reference is another one. Without this, the copies that the head does not send would carry no time for some
 // rounds where they have the only one. While the ring changes, the rounds decide.
 Task<Result<>> RingWatch::follow_reference(Network& network) {
+    if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;  // by the time of the one before
+    if (!is_steered()) first_ = {};
     if (has_beside_ && (!arranged_ || ring_.are_times_held())) co_return Nothing{};
     wanted_second_ = choose_second(network);
     co_return co_await required(change_second(network, wanted_second_));
