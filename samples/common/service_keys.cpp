@@ -16,7 +16,7 @@ constexpr ServiceKey kKeys[] = {
      "starts at the folder of the configuration. Without it, all slaves that are there are taken as they describe "
      "themselves. The segment is then scanned again when slaves are added, and when a slave has no place in the "
      "process image or other PDOs than before: after 2 s, 8 s, 32 s and so on up to 10 minutes. Each scan brings the "
-     "slaves to INIT"},
+     "slaves to INIT. Slaves that a client has set to another state are kept in that state afterwards"},
     {"cycle_us", "NUMBER", "as the ENI says, or 1000", "50 to 1000000: time of the cycle in microseconds"},
     {"state", "\"STATE\"", "\"OP\"",
      "INIT, PREOP, SAFEOP or OP: the slaves are brought to this state and kept there. All outputs are 0"},

@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <utility>
 
 namespace margay::service {
 namespace {
@@ -145,6 +146,7 @@ void Master::work() {
         end_supervision();
         close_eoe();
         if (stopping_) break;
+        keep_targets();
         log(Priority::notice, why_scanned_ + ": the segment is scanned again");
     }
     leave();
@@ -212,12 +214,42 @@ bool Master::bring_up() {
     }
     if (eni_ && eni_->clocks) (void)configdc(*ctx_, *eni_->clocks);
     if (configuration_.state < AlState::safeop) (void)set_target(*ctx_, 0, configuration_.state);
+    restore_targets(Exchange::no);  // these slaves are not started
     map_groups();
     if (configuration_.eoe) open_eoe();
     supervise_.target = configuration_.state;
     const auto begun = submit(*ctx_, supervise_);
     if (!begun) log(Priority::error, "no supervision: " + samples::sentence(begun.error()));
+    if (begun) restore_targets(Exchange::yes);
     return begun.ok();
+}
+
+// A scan forgets the states that clients have set. A client that works at a slave in PREOP does not expect the slave in
+// OP because of another slave.
+void Master::keep_targets() {
+    kept_targets_.clear();
+    for (const Slave& slave : ctx_->slaves())
+        if (slave.target != AlState::none && slave.target != AlState::boot)
+            kept_targets_.push_back({slave.number, slave.ring_position, slave.alias, slave.identity, slave.target});
+}
+
+void Master::restore_targets(Exchange exchange) {
+    for (const KeptTarget& kept : kept_targets_) {
+        if ((kept.target >= AlState::safeop) != (exchange == Exchange::yes)) continue;
+        const bool has_name = kept.alias != 0 || kept.identity.serial != 0;
+        const auto slaves = ctx_->slaves();
+        const auto same = std::ranges::find_if(slaves, [&](const Slave& s) {
+            return s.ring_position != 0 && s.identity == kept.identity && s.alias == kept.alias &&
+                   (has_name || s.ring_position == kept.ring_position);
+        });
+        const auto state = samples::al_text({.state = kept.target});
+        if (same != slaves.end() && set_target(*ctx_, same->number, kept.target))
+            log(Priority::notice,
+                fmt::format("slave {} ({}) is kept in {}: a client has set it", same->number, same->name(), state));
+        else
+            log(Priority::warning,
+                fmt::format("slave {} before the scan is not found again: it was to be in {}", kept.number, state));
+    }
 }
 
 void Master::map_groups() {

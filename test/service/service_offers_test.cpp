@@ -31,15 +31,20 @@ TEST_F(ServiceTest, ARescanDoesNotEndTheProcessData) {
 TEST_F(ServiceTest, ASlaveWithOtherPdosLeadsToANewScan) {
     configure("a.toml", "source = \"sim:drives\"\ncycle_us = 4000\n");
     const auto ran = shell(
-        "start; says 'a: all is right: 8 slaves in OP'; e a states -p 1 PREOP; says 'slave 2: OP to PREOP'\n"
+        "start; says 'a: all is right: 8 slaves in OP'; e a states -p 5 PREOP; says 'slave 6: OP to PREOP'\n"
+        "e a states -p 1 PREOP; says 'slave 2: OP to PREOP'\n"
         "e a download -p 1 -t uint8 0x1c13 0 0 && e a download -p 1 -t uint16 0x1c13 1 0x1a01 &&\n"
         "e a download -p 1 -t uint8 0x1c13 0 1 || exit 9\n"
         "sleep 4; grep -c 'scanned again' log; e a states -p 1 OP 2>refused\n"
         "says 'other PDOs than when it was laid out: the segment is scanned again'\n"
-        "says 2 'a: all is right: 8 slaves in OP'; e a slaves -p 1; stop\n");
+        "says 'slave 6 (Pulse train axis) is kept in PREOP: a client has set it'\n"
+        "says 'slave 2: SAFEOP to OP'; e a states -p 1 OP; e a slaves -p 1,5; stop\n");
     const auto log = content_of(folder.path() / "log");
     EXPECT_EQ(ran.status, 0) << ran.err << log;
-    EXPECT_EQ(ran.out, "0\n1  0:1  OP  +  Servo drive\n") << "a slave that shall be in PREOP stays there\n" << log;
+    EXPECT_EQ(ran.out, "0\n1  0:1  OP     +  Servo drive\n5  0:5  PREOP  +  Pulse train axis\n")
+        << "a slave that shall be in PREOP stays there\n"
+        << log;
+    EXPECT_FALSE(contains(log, "slave 6: SAFEOP to PREOP")) << "it is not started before\n" << log;
 }
 
 TEST_F(ServiceTest, ARescanNamesWhatIsMissing) {
