@@ -30,8 +30,10 @@ Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc c
     return error;
 }
 
-// Mappings of PDOs and the assignments of SyncManagers.
-bool is_pdo_list(std::uint16_t index) { return index >= 0x1600 && index < 0x1C30; }
+// Lists of the standard that may be empty: of errors, of PDOs, of SyncManagers and of modules.
+bool may_be_empty(std::uint16_t index) {
+    return index == 0x1003 || (index >= 0x1600 && index < 0x1C30) || index >= 0xF000;
+}
 
 // The accesses that together are one transfer: the mailbox was opened again since the first one.
 bool is_cut(const MailboxChannel& channel, std::uint32_t epoch) { return channel.epoch() != epoch; }
@@ -45,9 +47,9 @@ Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t ind
     const bool is_longer = !read && read.error().code == Errc::capacity && read.error().expected != 0;
     if (!read && !is_longer) co_return read.error();
     const auto value = load_le<std::uint32_t>(count);
-    // An object without entries has its value at subindex 0. A longer 0 is such a value, but for lists of PDOs: they
-    // may be empty. An empty string has no octets.
-    if (is_longer || value > 255 || (value == 0 && *read != 1 && !is_pdo_list(index)))
+    // An object without entries has its value at subindex 0, and an empty string has no octets. A longer 0 is such a
+    // value, but where a list may be empty: a slave that does not say the size of the count gives 4 octets.
+    if (is_longer || value > 255 || (value == 0 && *read != 1 && !may_be_empty(index)))
         co_return misfit(channel, {.index = index}, Step::sdo_upload, Errc::unsupported, 0, 0);
     co_return std::to_integer<std::uint8_t>(count[0]);
 }

@@ -86,9 +86,11 @@ TEST(CompleteAccess, OfAnObjectOfOneValueIsRefused) {
     const auto zero = SDOread(*other.ctx, 1, 0x607A, 0, true, memory);
     ASSERT_FALSE(zero.ok()) << *zero << " octets";
     EXPECT_EQ(zero.error().detail, 0x06010000U) << other.words(zero.error());
-    // But a list of PDOs may be empty, and its count longer than an octet.
-    EXPECT_EQ(*SDOread(*other.ctx, 1, 0x1C12, 0, true, memory), 2U);
-    EXPECT_EQ(memory[0], std::byte{0});
+    // But lists of errors, PDOs and modules may be empty, and their count longer than an octet.
+    for (const std::uint16_t list : std::initializer_list<std::uint16_t>{0x1003, 0x1C12, 0xF030}) {
+        EXPECT_EQ(*SDOread(*other.ctx, 1, list, 0, true, memory), 2U) << list;
+        EXPECT_EQ(memory[0], std::byte{0});
+    }
     std::uint32_t type = 0;
     EXPECT_EQ(*SDOread(*bus.ctx, 1, 0x1000, 0, false, std::as_writable_bytes(std::span(&type, 1))), 4U);
     EXPECT_NE(type, 0U);
