@@ -200,9 +200,8 @@ Markup eeprom_section(const Report& report) {
     }
     return paragraph(
                "The EEPROM (SII) was read up to the end of its categories; sizes are in octets. The checksum covers "
-               "the configuration area. `eepromtool SOURCE NUMBER dump` shows the whole content; NUMBER is the "
-               "position "
-               "plus 1, because eepromtool counts the slaves from 1.") +
+               "the configuration area. The command eepromtool SOURCE NUMBER dump shows the whole content. NUMBER is "
+               "the position plus 1, because eepromtool counts the slaves from 1.") +
            table.markup("eeprom-table");
 }
 

@@ -134,6 +134,34 @@ TEST_F(ServiceOnCable, AnOutageAtTheEndLeavesNoSlaveInOp) {
     EXPECT_TRUE(contains(margayd->output(), "a: all slaves in INIT\nmargayd: ends\n")) << margayd->output();
 }
 
+// A client takes the outputs of slave 2 away, and the segment is laid out without them. After a loss of power the slave
+// has them again.
+TEST_F(ServiceOnCable, ASlaveThatComesBackWithOtherPdosLeadsToANewScan) {
+    configure_cable("cycle_us = 20000\n");
+    auto drives = segment("drives");
+    auto margayd = service();
+    expect_says(*margayd, "a: all is right: 8 slaves in OP");
+    const auto ethercat = [&](const std::string& words) {
+        return folder.run(bin + "ethercat " + words + " --attach run/a.sock").status;
+    };
+    const auto right_after = [&](const std::string& text, std::size_t from) {
+        const auto at = margayd->output().find(text, from);
+        return at != std::string::npos &&
+               margayd->output().find("a: all is right: 8 slaves in OP", at) != std::string::npos;
+    };
+    ASSERT_EQ(ethercat("states PREOP -p 1"), 0);
+    ASSERT_EQ(ethercat("download -p 1 -t uint8 0x1c12 0 0"), 0);
+    (void)ethercat("states OP -p 1");  // it does not fit before the scan
+    for (int n = 0; n < 1200 && !right_after("scanned again", 0); ++n) std::this_thread::sleep_for(50ms);
+    ASSERT_TRUE(right_after("scanned again", 0)) << margayd->output();
+    const auto from = margayd->output().size();
+    command("power off 2");
+    std::this_thread::sleep_for(500ms);
+    command("power on 2");
+    for (int n = 0; n < 1200 && !right_after("scanned again", from); ++n) std::this_thread::sleep_for(50ms);
+    EXPECT_TRUE(right_after("scanned again", from)) << margayd->output();
+}
+
 TEST_F(ServiceOnCable, AnInterfaceMayBeMissingOffOrRemoved) {
     ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link del ") + Cable::kMaster));
     configure_cable();
