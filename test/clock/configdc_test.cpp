@@ -298,6 +298,25 @@ TEST(ConfigdcWithoutPower, ALostSlaveIsNotCalledOneWithoutAClock) {
     EXPECT_GT(failed, 10);
 }
 
+// The cable to slaves 2 and 3 is broken for 20 us, far shorter than a step of the start-up: for one frame.
+TEST(ConfigdcWithoutCable, ABreakForOneFrameHidesNoClock) {
+    for (int cut = 0; cut < 40; ++cut) {
+        ClockBus bus;
+        bus.add_line(3);
+        bus.start();
+        ClockRequest request;
+        request.settings = kFewFrames;
+        ASSERT_TRUE(submit(*bus.ctx, request).ok());
+        for (int n = 0; request.busy() && n < 1'000'000; ++n) {
+            if (n == cut || n == cut + 1) bus.segment.set_cable({1, 0}, n != cut);
+            bus.osal.advance(20us);
+            (void)poll(*bus.ctx, bus.osal.now());
+        }
+        if (request.state() != RequestState::success) continue;
+        for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_EQ(bus.clock(n).kind, ClockKind::bits64) << n << ", cut " << cut;
+    }
+}
+
 TEST_F(Configdc, AGroupThatDoesNotExistIsRefused) {
     add({});
     start();
