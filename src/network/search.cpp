@@ -273,8 +273,8 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 }
 
 // Slaves that stay in another state than the others hide changes to that state in the OR of all states. A lost slave
-// that has kept its power may come in the moment in which another one leaves. Looks then follow each other: the rest is
-// at least 4 times as long as a look, so that mailboxes keep most of the acyclic traffic.
+// that has kept its power may come in the moment in which another one leaves. Looks then follow each other. The rest is
+// 4 times as long as a look, if `retry` is not shorter, so that mailboxes keep most of the acyclic traffic.
 Time next_look(Network& network, const SuperviseRequest& wanted, Time begun, unsigned al_status) {
     const Time now = network.engine.now();
     const bool may_come_back = std::ranges::any_of(network.slaves(), [](const Slave& slave) {

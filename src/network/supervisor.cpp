@@ -408,7 +408,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     const Time now = network.engine.now();
     const Time latest = later(later(network.compared, watch.wanted.interval), std::chrono::milliseconds(100));
     network.rested = network.is_unobserved() && now <= latest;  // not when the application has paused
-    if (network.is_unobserved()) {  // not looked at for long: perhaps another machine
+    if (network.is_unobserved()) {                              // not looked at for long: perhaps another machine
         watch.last = {};
         doubt_all(network, false);
     }
@@ -424,12 +424,13 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         ring_has_changed(watch) || roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;
     if (changed || unexpected || network.engine.now() >= watch.look_at || walk_is_due(watch, *roll)) {
-        watch.look_at = network.engine.now();
+        const Time begun = network.engine.now();
+        watch.look_at = kNever;
         auto looked = co_await look(watch, crew, *roll, unexpected);
-        if (looked)
-            watch.look_at = next_look(network, watch.wanted, watch.look_at, roll->al_status);
-        else if (looked.error().code != Errc::capacity)  // without memory for a task now, the next round looks again
-            co_return looked;
+        if (!looked && looked.error().code != Errc::capacity) co_return looked;
+        // Without memory for a task now, the next round looks again. help() may have asked for a look meanwhile.
+        if (watch.look_at == kNever)
+            watch.look_at = looked ? next_look(network, watch.wanted, begun, roll->al_status) : begun;
     }
     if (network.engine.now() >= watch.groups_at) report_missing(watch);
     start_helpers(watch, crew);
