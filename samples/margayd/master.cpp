@@ -227,29 +227,44 @@ bool Master::bring_up() {
 // A scan forgets the states that clients have set. A client that works at a slave in PREOP does not expect the slave in
 // OP because of another slave.
 void Master::keep_targets() {
-    kept_targets_.clear();
+    std::erase_if(kept_targets_, [this](const KeptTarget& kept) { return find_kept(kept) != nullptr; });
     for (const Slave& slave : ctx_->slaves())
         if (slave.target != AlState::none && slave.target != AlState::boot)
             kept_targets_.push_back({slave.number, slave.ring_position, slave.alias, slave.identity, slave.target});
 }
 
+// The same device at the same place, or else the only one with its alias or serial number.
+const Slave* Master::find_kept(const KeptTarget& kept) const {
+    const Slave* found = nullptr;
+    unsigned equal = 0;
+    for (const Slave& slave : ctx_->slaves()) {
+        if (slave.ring_position == 0 || slave.identity != kept.identity || slave.alias != kept.alias) continue;
+        if (slave.ring_position == kept.ring_position) return &slave;
+        found = &slave;
+        ++equal;
+    }
+    const bool has_name = kept.alias != 0 || kept.identity.serial != 0;
+    return has_name && equal == 1 ? found : nullptr;
+}
+
 void Master::restore_targets(Exchange exchange) {
-    for (const KeptTarget& kept : kept_targets_) {
-        if ((kept.target >= AlState::safeop) != (exchange == Exchange::yes)) continue;
-        const bool has_name = kept.alias != 0 || kept.identity.serial != 0;
-        const auto slaves = ctx_->slaves();
-        const auto same = std::ranges::find_if(slaves, [&](const Slave& s) {
-            return s.ring_position != 0 && s.identity == kept.identity && s.alias == kept.alias &&
-                   (has_name || s.ring_position == kept.ring_position);
-        });
+    std::erase_if(kept_targets_, [&](const KeptTarget& kept) {
+        if ((kept.target >= AlState::safeop) != (exchange == Exchange::yes)) return false;
+        const Slave* const same = find_kept(kept);
         const auto state = samples::al_text({.state = kept.target});
-        if (same != slaves.end() && set_target(*ctx_, same->number, kept.target))
+        if (same == nullptr) {
+            log(Priority::warning,
+                fmt::format("slave {} before the scan, which a client has set to {}, is not found again", kept.number,
+                            state));
+            return false;  // perhaps by the next scan
+        }
+        if (const auto set = set_target(*ctx_, same->number, kept.target); !set)
+            log(Priority::warning, samples::sentence(set.error()));
+        else
             log(Priority::notice,
                 fmt::format("slave {} ({}) is kept in {}: a client has set it", same->number, same->name(), state));
-        else
-            log(Priority::warning,
-                fmt::format("slave {} before the scan is not found again: it was to be in {}", kept.number, state));
-    }
+        return true;
+    });
 }
 
 void Master::map_groups() {

@@ -63,9 +63,18 @@ class Master {
     [[nodiscard]] std::string obstacle();
     // Scans and maps. False: nothing can be done with the segment now.
     bool bring_up();
+    // A state to which a client has set a slave.
+    struct KeptTarget {
+        std::uint16_t number;
+        std::uint16_t ring_position;
+        std::uint16_t alias;
+        Identity identity;
+        AlState target;
+    };
     void keep_targets();
     enum class Exchange : bool { no, yes };  // of process data: in SAFEOP and OP
     void restore_targets(Exchange exchange);
+    [[nodiscard]] const Slave* find_kept(const KeptTarget& kept) const;
     void map_groups();
     void open_eoe();
     void close_eoe();
@@ -108,14 +117,7 @@ class Master {
     std::optional<Clock::time_point> scanned_for_places_{};  // the last scan for this reason, unless it has helped
     Duration places_pause_{};                                // before the next one
     std::string why_scanned_{};
-    struct KeptTarget {
-        std::uint16_t number;
-        std::uint16_t ring_position;
-        std::uint16_t alias;
-        Identity identity;
-        AlState target;
-    };
-    std::vector<KeptTarget> kept_targets_{};  // over a scan
+    std::vector<KeptTarget> kept_targets_{};  // over a scan, and of slaves that the last one has not found
 
     std::atomic<bool> begun_{false};
     std::atomic<bool> stopping_{false};
