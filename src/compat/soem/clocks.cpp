@@ -1,8 +1,10 @@
 // Distributed clocks.
 #include "compat/soem/facade.hpp"
 
+#include <array>
 #include <cstring>
 #include <ctime>
+#include <string>
 
 namespace margay::soem {
 namespace {
@@ -101,7 +103,17 @@ boolean ecx_configdc(ecx_contextt* context) {
     request.settings.measurements = 1;
     request.settings.settle = margay::Duration{0};
     request.settings.timeout = margay::Duration{0};
-    static_cast<void>(session->run(request));
+    auto done = session->run(request);
+    if (!done && done.error().code != margay::Errc::not_in_sync) {
+        // A slave may be lost. When this is known, the other slaves get their delays and offsets without it.
+        margay::ReadStateRequest states;
+        static_cast<void>(session->run(states));
+        done = session->run(request);
+    }
+    if (!done && done.error().code != margay::Errc::not_in_sync) {
+        std::array<char, 384> text{};
+        say("ec_configdc: " + std::string(describe(done.error(), text)));
+    }
     for (int n = 1; n <= slave_count(*context); ++n) {
         ec_slavet& s = slaves_of(*context)[n];
         if (s.hasdc == 0) continue;
