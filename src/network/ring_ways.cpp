@@ -213,6 +213,7 @@ Task<Result<>> RingWatch::arrange(Network& network) {
                        network.clocks.entries[wanted - 1U].is_in_step();
     co_await required(change_second(network, ready ? wanted : std::uint16_t{0}));
     if (ring_.ways() != ways) co_return Nothing{};
+    first_ = {};  // differences with the old and with the new delays give a wrong constant
     (void)end_constant(network);
     arranged_ = true;
     ring_.release_times();

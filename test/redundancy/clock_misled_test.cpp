@@ -6,6 +6,16 @@ namespace margay {
 namespace {
 
 struct Misled : testing::Test, ClockRingBus {
+    // 8 ring slaves. Beside the ring: slave 9 at slave 7, slaves 10 and 11 at slave 3.
+    void build_beside() {
+        std::vector<std::uint32_t> ring;
+        for (unsigned n = 0; n < 8; ++n) ring.push_back(add_to_ring(nth(n)));
+        (void)add_behind(ring[6], 2, nth(50));
+        (void)add_behind(add_behind(ring[2], 2, nth(51)), 1, nth(52));
+        close_ring();
+        at = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
+        bring_up();
+    }
     void in_op(unsigned count) {
         EXPECT_EQ(wrong_cycles(count), 0U);
         ASSERT_TRUE(until_all_in_op(10'000)) << joined(events());
@@ -42,13 +52,7 @@ TEST_F(Misled, TheBreakMovesBeforeTheClocksAreCompared) {
 
 // The frame that was on the wire at each break and each repair has brought some of them a time by the old way.
 TEST_F(Misled, ClocksBesideTheRing) {
-    std::vector<std::uint32_t> ring;
-    for (unsigned n = 0; n < 8; ++n) ring.push_back(add_to_ring(nth(n)));
-    (void)add_behind(ring[6], 2, nth(50));
-    (void)add_behind(add_behind(ring[2], 2, nth(51)), 1, nth(52));
-    close_ring();
-    at = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
-    bring_up();
+    build_beside();
     for (std::size_t n = 0; n < ring_cables.size(); ++n) {
         SCOPED_TRACE(n);
         cable(ring_cables[n], false);
@@ -58,6 +62,37 @@ TEST_F(Misled, ClocksBesideTheRing) {
         const bool is_known = n > 0 && n < 7;
         for (std::uint16_t s = 1; s <= 8 && is_known; ++s) EXPECT_TRUE(slave_clock(*ctx, s).in_sync) << s;
         comes_together(n);
+    }
+}
+
+// The same second reference in the ring that is broken at cable 6 and in the whole ring, with the same number of slaves
+// behind it and another delay: differences of both have given one constant.
+TEST_F(Misled, TheRingChangesBeforeTheConstantIsKnown) {
+    struct Break {
+        std::size_t cable_number;
+        unsigned for_cycles;
+        unsigned whole_for_cycles;
+    };
+    constexpr std::array<std::array<Break, 2>, 3> kSequences{{
+        {{{1, 29, 11}, {6, 20, 22}}},
+        {{{5, 13, 16}, {6, 50, 48}}},
+        {{{4, 30, 14}, {6, 57, 61}}},
+    }};
+    build_beside();
+    for (unsigned phase = 0; phase < 10; phase += 3) {
+        for (std::size_t n = 0; n < kSequences.size(); ++n) {
+            SCOPED_TRACE(testing::Message() << "sequence " << n << ", phase " << phase);
+            while (osal.now().time_since_epoch() / 1ms % 10 != phase) (void)cycle();
+            for (const Break& next : kSequences[n]) {
+                cable(ring_cables[next.cable_number], false);
+                EXPECT_EQ(wrong_cycles(next.for_cycles), 0U);
+                cable(ring_cables[next.cable_number], true);
+                EXPECT_EQ(wrong_cycles(next.whole_for_cycles), 0U);
+            }
+            EXPECT_EQ(wrong_cycles(1500), 0U);
+            for (std::uint16_t s = 1; s <= 11; ++s) EXPECT_TRUE(slave_clock(*ctx, s).in_sync) << s;
+            EXPECT_LE(cycles(300), 100) << joined(events());
+        }
     }
 }
 
