@@ -30,8 +30,7 @@ std::uint16_t next_reference(Network& network, std::uint16_t without) {
         if (behind || slave == 0 || !is_there(network, slave)) continue;
         const ClockEntry& clock = network.clocks.entries[slave - 1U];
         if (!clock.synchronised || (without != 0 && !clock.is_in_step())) continue;
-        if (!clock.beside || network.clocks.entries[network.clocks.reference - 1U].beside)
-            return slave;
+        if (!clock.beside || network.clocks.entries[network.clocks.reference - 1U].beside) return slave;
     }
     return 0;
 }
@@ -265,9 +264,12 @@ bool cycle_carries_time(const Network& network) {
 }
 
 // While no cycle carries the time, the clocks drift apart: the next round does not wait for the interval of the watch.
+constexpr Duration kSoon = std::chrono::milliseconds(10);
 void watch_soon(Network& network) {
-    constexpr Duration kSoon = std::chrono::milliseconds(10);
-    network.clocks.watch_at = std::min(network.clocks.watch_at, later(network.engine.now(), kSoon));
+    const Time soon = later(network.engine.now(), kSoon);
+    if (soon >= network.clocks.watch_at) return;
+    network.clocks.watch_at = soon;
+    network.clocks.watched_soon = true;
 }
 
 // Keeps the time of the last cycle. A cycle that has stopped to carry the time of the reference, though the reference
@@ -294,7 +296,7 @@ void note_time_of_cycle(Network& network) {
             clocks.without_time = 0;
         else if (!clocks.paused && settled && ++clocks.without_time >= kEnough)
             (void)carry_time_of(network, &reference);
-        if (clocks.without_time != 0) watch_soon(network);
+        if (clocks.without_time != 0 && network.redundancy == nullptr) watch_soon(network);
     }
 }
 
@@ -349,7 +351,12 @@ Task<Result<>> watch_clocks(Network& network) {
         clocks.watch_at == Time::min() ? 1 : 1 + (now - clocks.watch_at) / clocks.settings.watch_interval;
     clocks.watch_at = later(now, clocks.settings.watch_interval);
     clocks.shifted_ns = 0;
-    note_followed_clocks(network, rounds);
+    clocks.rounds_soon = std::exchange(clocks.watched_soon, false) ? static_cast<std::uint16_t>(clocks.rounds_soon + 1)
+                                                                   : std::uint16_t{0};
+    if (clocks.rounds_soon == 0 || clocks.rounds_soon * kSoon >= clocks.settings.watch_interval) {
+        clocks.rounds_soon = 0;
+        note_followed_clocks(network, rounds);
+    }
     if (network.silent) {
         if (network.redundancy == nullptr && !clocks.paused) {
             stop_time(network);

@@ -44,7 +44,7 @@ struct ClockEntry : SlaveClock {
     std::uint16_t follows = 0;
     std::uint8_t times_seen = 0;
     std::uint8_t rounds_alone = 0;
-    bool told_in_sync = false;  // no event has said since that it is out of sync
+    bool told_in_sync = false;   // no event has said since that it is out of sync
     std::uint64_t local_ns = 0;  // register 0x0918 of the last measurement
     SyncRegisters sync;          // by dcsync0(), where `sync_set` is true
     SyncWatch watch;
@@ -54,16 +54,16 @@ struct ClockEntry : SlaveClock {
     bool delay_waits : 1 = false;  // the register of the slave may have another delay (network/ring_ways.cpp)
     bool delay_old : 1 = false;    // the frames go another way than when it was measured, see find_old_delays()
     bool knows_rate : 1 = false;   // it was in sync since its control loop was started
-    bool misled : 1 = false;  // it was in sync until a frame has perhaps brought it a wrong time, see note_change()
-    bool in_ring : 1 = false;      // these two: see `ring_slave`
-    bool beside : 1 = false;  // while the ring is whole, only the copy that the head does not send reaches the slave
+    bool misled : 1 = false;   // it was in sync until a frame has perhaps brought it a wrong time, see note_change()
+    bool in_ring : 1 = false;  // these two: see `ring_slave`
+    bool beside : 1 = false;   // while the ring is whole, only the copy that the head does not send reaches the slave
     bool out_of_reach : 1 = false;  // see note_reach()
     // While delays are measured: the port at which the frame arrives first, and the port at which it arrives before the
     // processing unit. They differ behind a break of a ring with two NICs.
     std::uint8_t arrival_port = 0;
     std::uint8_t passing_port = 0;
     std::uint8_t entered_port = 0;  // with one NIC: at which the last measurement has seen the frame first
-    std::int32_t passed_ns = 0;  // when the frame has passed the slave, after the reference: the delay, see there
+    std::int32_t passed_ns = 0;     // when the frame has passed the slave, after the reference: the delay, see there
     // In a ring with two NICs, as measured while it was whole (network/ring_ways.cpp). Ring slaves are those between
     // both NICs, counted from 1 at the head.
     std::uint16_t ring_slave = 0;  // this slave, or the ring slave behind which this slave is; 0: not known
@@ -110,22 +110,24 @@ struct Clocks {
     bool measuring = false;         // receive times are latched, not all of them are read: nothing else may latch
     bool watching = false;          // watch_clocks() is executing
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
+    bool watched_soon = false;      // the next round comes before the interval of the watch is over, see watch_soon()
+    std::uint16_t rounds_soon = 0;  // such rounds since an interval was counted
     std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
     std::uint8_t rounds_old = 0;    // rounds in which the delay of some clock was old
     Errc late_error = Errc::none;   // why the clock of a slave that came late was not set the last time
     std::uint16_t late_first = 0;   // index of the slave whose clock is tried first the next time
     std::uint8_t rests = 0;         // rounds until a clock may be brought to the reference, after this has failed
     bool all_in_sync = false;
-    bool is_driven = false;         // times are written to the reference, which follows them
-    bool is_paced = false;          // since the last round of the watch, a MasterClock has known the cycle:
-    std::uint64_t paced_ns = 0;     // this one, while it is in sync with it
-    bool loss_reported = false;     // that the reference is lost
-    std::uint8_t odd_times = 0;     // times in succession that note_seen_time() has left out
-    bool ways_unknown = false;      // frames enter slaves at other ports, and find_ways() does not know how
-    bool unknown_latched = false;   // more slaves have latched receive times last than are known to be in the ring
-    std::uint16_t looked_at = 0;    // the slave whose difference was read last while all clocks were in sync
-    std::uint16_t times_seen = 0;   // cycles_with_time() of the group that carries the time, in the last round
-    std::uint16_t times_sent = 0;   // by send_time() since then
+    bool is_driven = false;        // times are written to the reference, which follows them
+    bool is_paced = false;         // since the last round of the watch, a MasterClock has known the cycle:
+    std::uint64_t paced_ns = 0;    // this one, while it is in sync with it
+    bool loss_reported = false;    // that the reference is lost
+    std::uint8_t odd_times = 0;    // times in succession that note_seen_time() has left out
+    bool ways_unknown = false;     // frames enter slaves at other ports, and find_ways() does not know how
+    bool unknown_latched = false;  // more slaves have latched receive times last than are known to be in the ring
+    std::uint16_t looked_at = 0;   // the slave whose difference was read last while all clocks were in sync
+    std::uint16_t times_seen = 0;  // cycles_with_time() of the group that carries the time, in the last round
+    std::uint16_t times_sent = 0;  // by send_time() since then
     MeasuredCycle cycle;
     // shift_reference(): by how much the reference was moved since the last round, apart from the rate that the clocks
     // have learned: `shift_mean` in 16 cycles.

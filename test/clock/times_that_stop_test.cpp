@@ -123,6 +123,21 @@ TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackSoonWhereTheWatchIsSlow) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
+// The rounds of the watch that come sooner in a silence do not count as intervals: the clocks go on at their rates.
+TEST_F(TimesThatStop, AShortSilenceEndsNoSyncWhereTheWatchIsSlow) {
+    begin(4, 100ms);
+    segment.set_cable({0, 0}, false);
+    for (unsigned n = 0; n < 600; ++n) {
+        cycles(1);
+        ASSERT_TRUE(clock_status(*ctx, osal.now()).in_sync) << n;
+    }
+    segment.set_cable({0, 0}, true);
+    for (unsigned n = 0; n < 1000; ++n) {
+        cycles(1);
+        ASSERT_TRUE(clock(4).in_sync) << n;
+    }
+}
+
 // A frame carries the time after two answers in succession: where every second or third frame is lost, none does.
 TEST_F(TimesThatStop, InSyncEndsWhereOnlyFramesWithoutTimeComeBack) {
     for (const unsigned period : {2U, 3U}) {
