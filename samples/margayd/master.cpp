@@ -247,23 +247,28 @@ const Slave* Master::find_kept(const KeptTarget& kept) const {
     return has_name && equal == 1 ? found : nullptr;
 }
 
+// A slave in INIT has no mailbox to ask for its PDOs: it goes back to INIT when it has its place in the image.
 void Master::restore_targets(Exchange exchange) {
     std::erase_if(kept_targets_, [&](const KeptTarget& kept) {
-        if ((kept.target >= AlState::safeop) != (exchange == Exchange::yes)) return false;
+        const bool begins = exchange == Exchange::no;
+        if (begins ? kept.target >= AlState::safeop : kept.target == AlState::preop) return false;
+        const bool ends = !begins || kept.target == AlState::preop;
         const Slave* const same = find_kept(kept);
         const auto state = samples::al_text({.state = kept.target});
         if (same == nullptr) {
-            log(Priority::warning,
-                fmt::format("slave {} before the scan, which a client has set to {}, is not found again", kept.number,
-                            state));
+            if (ends)
+                log(Priority::warning,
+                    fmt::format("slave {} before the scan, which a client has set to {}, is not found again",
+                                kept.number, state));
             return false;  // perhaps by the next scan
         }
-        if (const auto set = set_target(*ctx_, same->number, kept.target); !set)
+        const auto set = set_target(*ctx_, same->number, ends ? kept.target : AlState::preop);
+        if (!set)
             log(Priority::warning, samples::sentence(set.error()));
-        else
+        else if (ends)
             log(Priority::notice,
                 fmt::format("slave {} ({}) is kept in {}: a client has set it", same->number, same->name(), state));
-        return true;
+        return ends;
     });
 }
 
