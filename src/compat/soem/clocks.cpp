@@ -103,14 +103,16 @@ boolean ecx_configdc(ecx_contextt* context) {
     request.settings.measurements = 1;
     request.settings.settle = margay::Duration{0};
     request.settings.timeout = margay::Duration{0};
+    // Frames may be lost, or a slave: when this is known, the other slaves get their delays and offsets without it.
+    constexpr int kMostTries = 5;
+    const auto failed = [](const auto& done) { return !done && done.error().code != margay::Errc::not_in_sync; };
     auto done = session->run(request);
-    if (!done && done.error().code != margay::Errc::not_in_sync) {
-        // A slave may be lost. When this is known, the other slaves get their delays and offsets without it.
+    for (int n = 1; n < kMostTries && failed(done); ++n) {
         margay::ReadStateRequest states;
         static_cast<void>(session->run(states));
         done = session->run(request);
     }
-    if (!done && done.error().code != margay::Errc::not_in_sync) {
+    if (failed(done)) {
         std::array<char, 384> text{};
         say("ec_configdc: " + std::string(describe(done.error(), text)));
     }
