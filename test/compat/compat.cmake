@@ -40,7 +40,7 @@ foreach(v 1 2)
 endforeach()
 
 # Programs on simulated segments. Those with one thread run in virtual time.
-foreach(program simple tools firmware eeprom lost partial closing ring edges masters low_level no_link mute services)
+foreach(program simple tools firmware eeprom lost lost_clock partial closing ring edges masters low_level no_link mute services)
   margay_compat(compat_soem1_${program} margay_soem1 ${program}.c)
 endforeach()
 margay_compat(compat_soem2_simple margay_soem2 simple_ng.c)
@@ -80,6 +80,8 @@ add_test(NAME compat/soem1_eeprom COMMAND compat_soem1_eeprom sim:digital_in_8,d
 list(APPEND virtual compat/soem1_eeprom)
 add_test(NAME compat/soem1_lost_drives COMMAND compat_soem1_lost sim:drives 2)
 list(APPEND virtual compat/soem1_lost_drives)
+add_test(NAME compat/soem1_lost_clock COMMAND compat_soem1_lost_clock sim:drives 2)
+list(APPEND virtual compat/soem1_lost_clock)
 add_test(NAME compat/soem1_partial COMMAND compat_soem1_partial sim:drives 3)
 list(APPEND virtual compat/soem1_partial)
 add_test(NAME compat/soem1_mute COMMAND compat_soem1_mute sim:${compat}/ecrt/mute.toml)

@@ -115,6 +115,7 @@ boolean ecx_configdc(ecx_contextt* context) {
     if (failed(done)) {
         std::array<char, 384> text{};
         say("ec_configdc: " + std::string(describe(done.error(), text)));
+        return FALSE;
     }
     for (int n = 1; n <= slave_count(*context); ++n) {
         ec_slavet& s = slaves_of(*context)[n];

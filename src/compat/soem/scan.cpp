@@ -119,8 +119,12 @@ int config_init(ecx_contextt& context) {
         if (session->now() >= until) return EC_NOFRAME;
         session->pause(std::chrono::milliseconds(1));
     }
+    constexpr int kMostTries = 3;  // all frames of the first step may be lost
     ScanRequest request;
-    const auto scanned = session->run(request);
+    auto scanned = session->run(request);
+    for (int n = 1; n < kMostTries && !scanned && scanned.error().slave == 0 && scanned.error().code == Errc::no_frame;
+         ++n)
+        scanned = session->run(request);
     if (!scanned && no_slaves(scanned.error())) return scanned.error().code == Errc::no_slaves ? 0 : EC_NOFRAME;
     if (!scanned && scanned.error().slave == 0 && scanned.error().code == Errc::capacity) return EC_SLAVECOUNTEXCEEDED;
     int found = 0;

@@ -155,17 +155,26 @@ bool Session::link_is_down() {
     return is_down(&source_->nic()) && is_down(source_->second());
 }
 
+// Counts how often it sends, and not the time: a thread that the system has kept waiting has not waited for a frame.
 int Session::exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
                       bool again) {
-    DatagramRequest request;
-    request.command = command;
-    request.adp = static_cast<std::uint16_t>(address);
-    request.ado = static_cast<std::uint16_t>(address >> 16);
-    request.logical = {address};
-    request.data = data;
-    request.repeat = again;
     constexpr Duration kLeast = std::chrono::microseconds(100);
-    return run(request, nullptr, std::max(timeout, kLeast)) ? request.wkc : -1;
+    constexpr Duration kFrame = std::chrono::milliseconds(2);  // EC_TIMEOUTRET: then the interface sends again
+    for (Duration left = std::max(timeout, kLeast);; left -= kFrame) {
+        DatagramRequest request;
+        request.command = command;
+        request.adp = static_cast<std::uint16_t>(address);
+        request.ado = static_cast<std::uint16_t>(address >> 16);
+        request.logical = {address};
+        request.data = data;
+        request.repeat = again;
+        const bool last = !again || left < 2 * kFrame;
+        const auto done = run(request, nullptr, last ? left : kFrame);
+        if (done) return request.wkc;
+        const Errc code = done.error().code;
+        const bool lost = code == Errc::no_frame || code == Errc::timeout || code == Errc::canceled;
+        if (last || !lost || closing()) return -1;
+    }
 }
 
 constinit std::array<Sessions::Place, Sessions::kMost> Sessions::places_;
