@@ -440,7 +440,7 @@ void write_cause(TextWriter& out, const Error& e) {
                                                  : " (call init(), then config_init(), then submit or wait)");
             if (e.step == Step::configure_sync) out << " (call configdc() before)";
             if (e.slave != 0 && e.step >= Step::mailbox_send && e.step <= Step::eoe_frames)
-                out << " (the mailbox of the slave is closed: the slave is in INIT, or did not reach PREOP)";
+                out << " (the mailbox of the slave is closed: the slave is in INIT, or was not read)";
             if (e.step == Step::configure_clocks && e.slave != 0)
                 out << " (it is in OP and needs its SYNC signals: bring it to PREOP before)";
             break;

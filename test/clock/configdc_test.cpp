@@ -274,7 +274,6 @@ TEST_F(Configdc, AReferenceThatIsMissingIsSaid) {
               "slave 3: synchronising the clocks: the slave is missing");
 }
 
-// No cycle would carry the time.
 // The chosen reference loses its power for a moment while its registers are asked: it is lost, and has a clock.
 TEST(ConfigdcWithoutPower, ALostSlaveIsNotCalledOneWithoutAClock) {
     int failed = 0;
@@ -317,6 +316,7 @@ TEST(ConfigdcWithoutCable, ABreakForOneFrameHidesNoClock) {
     }
 }
 
+// No cycle would carry the time.
 TEST_F(Configdc, AGroupThatDoesNotExistIsRefused) {
     add({});
     start();

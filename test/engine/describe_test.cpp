@@ -68,7 +68,7 @@ TEST(Describe, NamesNoObjectWhenTheRequestAsAWholeFailed) {
               "mapping process data of group 0: there is no such group, or nothing is mapped in it: call config_map()");
     EXPECT_EQ(sentence({.code = Errc::wrong_state, .step = Step::sdo_upload, .slave = 2, .index = 0x1000}),
               "slave 2: SDO upload of 0x1000:0: not possible in this state (the mailbox of the slave is closed: the "
-              "slave is in INIT, or did not reach PREOP)");
+              "slave is in INIT, or was not read)");
 }
 
 TEST(Describe, SaysThatANicCouldNotBeOpened) {

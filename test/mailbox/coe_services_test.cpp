@@ -86,6 +86,7 @@ TEST(CompleteAccess, OfAnObjectOfOneValueIsRefused) {
     const auto zero = SDOread(*other.ctx, 1, 0x607A, 0, true, memory);
     ASSERT_FALSE(zero.ok()) << *zero << " octets";
     EXPECT_EQ(zero.error().detail, 0x06010000U) << other.words(zero.error());
+    EXPECT_FALSE(SDOread(*other.ctx, 1, 0xF980, 0, true, memory).ok());
     // But lists of errors, PDOs and modules may be empty, and their count longer than an octet.
     for (const std::uint16_t list : std::initializer_list<std::uint16_t>{0x1003, 0x1C12, 0xF030}) {
         EXPECT_EQ(*SDOread(*other.ctx, 1, list, 0, true, memory), 2U) << list;

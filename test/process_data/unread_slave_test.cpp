@@ -136,7 +136,7 @@ TEST(UnreadSlave, IsNotSaidToSupportNoMail) {
     EXPECT_FALSE(plant.bring_up({}).empty());
     EXPECT_EQ(said(SDOread<std::uint32_t>(*plant.ctx, 2, 0x1000, 0).error()),
               "slave 2: SDO upload of 0x1000:0: not possible in this state (the mailbox of the slave is closed: the "
-              "slave is in INIT, or did not reach PREOP)");
+              "slave is in INIT, or was not read)");
     plant.let_read();
     ASSERT_TRUE(config_map(*plant.ctx, plant.image).ok());
     EXPECT_EQ(SDOread<std::uint32_t>(*plant.ctx, 2, 0x1000, 0).error().code, Errc::unsupported) << "it has no mailbox";
