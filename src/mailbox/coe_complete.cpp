@@ -32,8 +32,7 @@ Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc c
 
 // Lists of the standard that may be empty: of errors, of PDOs, of SyncManagers and of modules.
 bool may_be_empty(std::uint16_t index) {
-    const unsigned sixteen = index & 0xFFF0U;  // configured modules at 0xF030, detected modules at 0xF050
-    return index == 0x1003 || (index >= 0x1600 && index < 0x1C30) || sixteen == 0xF030 || sixteen == 0xF050;
+    return index == 0x1003 || (index >= 0x1600 && index < 0x1C30) || (index >= 0xF030 && index < 0xF060);
 }
 
 // The accesses that together are one transfer: the mailbox was opened again since the first one.
