@@ -169,14 +169,19 @@ bool SegmentServer::run() {
 void SegmentServer::serve(unsigned port) {
     std::array<std::byte, 1600> buffer;
     // The frames that wait have come together: the programs of the slaves do not run between them, or the replies to
-    // the last frames of a cycle would wait for the programs.
+    // the last frames of a cycle would wait for the programs. A frame that a master has sent after a reply comes later:
+    // where both share a processor, the master runs during send(). The clocks of the slaves have gone on meanwhile.
+    constexpr Duration kTogether = 10us;
     Time now = osal_.now();
+    Time processed = now;
     for (unsigned n = 1; const auto size = ends_[port].nic->receive(buffer); ++n) {
-        if (n % kBurst == 0) now = osal_.now();
+        const Time received = osal_.now();
+        if (n % kBurst == 0 || received - processed >= kTogether) now = received;
         const auto frame = MutableBytes(buffer).first(size);
         if (size < wire::kEthernetHeaderBytes) continue;
         look(frame);
         const auto passage = simulated_->segment.process(frame, now, port);
+        processed = osal_.now();
         if (!passage.returned || passage.master_port >= end_count_) {
             ++lost_;
             continue;
