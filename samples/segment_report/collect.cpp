@@ -58,7 +58,9 @@ class Collector {
             report_.cycles = settings_.cycles();
             read_domains();  // with the process data of the last cycle
         }
-        each("states", [&](SlaveState& slave) { read_end(slave); });
+        // First, and of all slaves: no cycle is sent any more, and outputs leave OP when their watchdog expires.
+        each("states", [&](SlaveState& slave) { read_al_status(slave); });
+        each("counters and clocks", [&](SlaveState& slave) { read_end(slave); });
         refresh_problems();
         read_master();
         progress({});
@@ -221,14 +223,17 @@ class Collector {
     }
 
     // What has changed until the end.
-    void read_end(SlaveState& slave) {
-        read_counters(slave, slave.counters);
-        const auto position = slave.facts.position;
-        const auto al = session_.read_registers(position, reg::kAlStatus.address, kAlOctets);
+    void read_al_status(SlaveState& slave) {
+        const auto al = session_.read_registers(slave.facts.position, reg::kAlStatus.address, kAlOctets);
         if (al)
             slave.now = samples::al_status_in(*al);
         else
             note(slave, "AL status", al.problem());
+    }
+
+    void read_end(SlaveState& slave) {
+        read_counters(slave, slave.counters);
+        const auto position = slave.facts.position;
         if (!slave.clock.facts.runs) return;
         const auto read = [&](wire::Register place) {
             const auto octets = session_.read_registers(position, place.address, place.length);

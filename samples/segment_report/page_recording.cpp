@@ -35,7 +35,8 @@ Markup listed(std::string_view id, std::string_view title, std::vector<Table::Co
     for (std::size_t n = 0; n < std::min(items.size(), kRows); ++n) add(table, *items[n]);
     const auto rest = items.size() - std::min(items.size(), kRows) + left_out;
     Markup content = table.markup();
-    if (rest != 0) content += paragraph(fmt::format("{} more: `ethercat analyse --verbose` prints them.", rest));
+    if (rest != 0)
+        content += paragraph(fmt::format("{} more: the command ethercat analyse --verbose prints them.", rest));
     return tag("div", fmt::format("id=\"{}\"", id),
                folded(Markup(title) + " " + tag("small", fmt::to_string(items.size() + left_out)), content,
                       items.size() <= 12));
@@ -195,7 +196,7 @@ Markup recording_section(const Report& report) {
     if (report.origin == Origin::recording) content += slaves_table(analysis);
     content += cyclic_table(analysis) + event_lists(analysis);
     return content + tag("div", "class=\"screen\"",
-                         folded("The whole analysis as text, as `ethercat analyse` prints it",
+                         folded("The whole analysis as text, as the command ethercat analyse prints it",
                                 tag("pre", ethercat::analysis_text(analysis, false))));
 }
 

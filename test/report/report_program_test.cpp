@@ -53,6 +53,13 @@ TEST_F(ReportProgram, AFaultEndsWith1AndThePageIsThere) {
     EXPECT_EQ(page().verdicts("fault").size(), 1U);
 }
 
+// Reading 200 slaves takes longer than the watchdogs of their outputs.
+TEST_F(ReportProgram, SlavesThatLeaveOpAfterTheCyclesAreNoFault) {
+    const auto ran = run("sim:mixed200 --cycles 100");
+    EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
+    EXPECT_TRUE(contains(ran.out, "200 slaves, all in OP")) << ran.out;
+}
+
 TEST_F(ReportProgram, TheStateBeforeTheScanIsKept) {
     folder.write("a.toml",
                  "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"drive\"\npreset = [[0x0120, 0x04, 0x00]]\n");
