@@ -148,6 +148,8 @@ class Session {
     void change_owner();
     [[nodiscard]] bool closing() const { return closing_.load(std::memory_order_relaxed); }
     Time poll_once(Request* request, Time until, bool& over);
+    bool begin(Request& request);
+    const DatagramRequest* await_one(std::span<const DatagramRequest> requests, Time until);
     void wait_for_work(Time until);
 
     PriorityLock* lock_ = nullptr;      // of the place in Sessions
