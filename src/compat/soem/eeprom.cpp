@@ -14,9 +14,10 @@ bool Eeprom::get(std::uint16_t reg, std::span<std::byte> data) {
     return session_.exchange(command, address_of(address_, reg), data, kFrame) > 0;
 }
 
+// Sent once: a command that comes a second time while the EEPROM is busy is an error.
 bool Eeprom::put(std::uint16_t reg, std::span<std::byte> data) {
     const auto command = by_position_ ? DatagramCommand::apwr : DatagramCommand::fpwr;
-    return session_.exchange(command, address_of(address_, reg), data, kFrame) > 0;
+    return session_.exchange(command, address_of(address_, reg), data, kFrame, false) > 0;
 }
 
 bool Eeprom::wait_ready(std::uint16_t& status, Duration timeout) {
@@ -69,8 +70,10 @@ std::optional<std::uint64_t> Eeprom::end_read(Duration timeout) {
 }
 
 std::optional<std::uint64_t> Eeprom::read(std::uint16_t word, Duration timeout) {
-    if (!begin_read(word, timeout)) return std::nullopt;
-    return end_read(timeout);
+    std::optional<std::uint64_t> value;
+    for (int attempt = 0; attempt < kAttempts && !value; ++attempt)  // a frame with a command may be lost
+        if (begin_read(word, timeout)) value = end_read(timeout);
+    return value;
 }
 
 bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
@@ -81,7 +84,7 @@ bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
         if ((status & EC_ESTAT_EMASK) != 0 && !command(EC_ECMD_NOP, 0)) return false;
         std::array<std::byte, 2> data{};
         std::memcpy(data.data(), &value, sizeof(value));
-        if (!put(ECT_REG_EEPDAT, data) || !command(EC_ECMD_WRITE, word)) return false;
+        if (!put(ECT_REG_EEPDAT, data) || !command(EC_ECMD_WRITE, word)) continue;  // a frame may be lost
         if (!wait_ready(status, timeout)) return false;
         if ((status & EC_ESTAT_EMASK) == 0) return true;
         session_.pause(kLook * 5);  // no acknowledgement: once more
