@@ -56,10 +56,10 @@ class Collector {
         if (settings_.cycles) {
             progress("cycles");
             report_.cycles = settings_.cycles();
-            read_domains();  // with the process data of the last cycle
         }
-        // First, and of all slaves: no cycle is sent any more, and outputs leave OP when their watchdog expires.
+        // Before all other readings: no cycle is sent any more, and outputs leave OP when their watchdog expires.
         each("states", [&](SlaveState& slave) { read_al_status(slave); });
+        if (settings_.cycles) read_domains();  // with the process data of the last cycle
         each("counters and clocks", [&](SlaveState& slave) { read_end(slave); });
         refresh_problems();
         read_master();
@@ -222,7 +222,7 @@ class Collector {
                                 config.product));
     }
 
-    // What has changed until the end.
+    // Both: what has changed until the end.
     void read_al_status(SlaveState& slave) {
         const auto al = session_.read_registers(slave.facts.position, reg::kAlStatus.address, kAlOctets);
         if (al)
