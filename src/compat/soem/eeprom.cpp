@@ -41,10 +41,13 @@ bool Eeprom::command(std::uint16_t command, std::uint16_t word) {
 
 bool Eeprom::begin_read(std::uint16_t word, Duration timeout) {
     word_ = word;
-    std::uint16_t status = 0;
-    if (!wait_ready(status, timeout)) return false;
-    if ((status & EC_ESTAT_EMASK) != 0 && !command(EC_ECMD_NOP, 0)) return false;  // clears old errors
-    return command(EC_ECMD_READ, word);
+    for (int attempt = 0; attempt < kAttempts; ++attempt) {  // a frame with a command may be lost
+        std::uint16_t status = 0;
+        if (!wait_ready(status, timeout)) return false;
+        if ((status & EC_ESTAT_EMASK) != 0 && !command(EC_ECMD_NOP, 0)) continue;  // clears old errors
+        if (command(EC_ECMD_READ, word)) return true;
+    }
+    return false;
 }
 
 // An EEPROM acknowledges no command while it stores the word before, for some milliseconds, and the ESC is not busy
@@ -56,7 +59,7 @@ std::optional<std::uint64_t> Eeprom::end_read(Duration timeout) {
         if (!wait_ready(status, timeout)) return std::nullopt;
         if ((status & EC_ESTAT_NACK) != 0) {
             session_.pause(kLook * 5);
-            if (!command(EC_ECMD_NOP, 0) || !command(EC_ECMD_READ, word_)) return std::nullopt;
+            static_cast<void>(command(EC_ECMD_NOP, 0) && command(EC_ECMD_READ, word_));
             continue;
         }
         std::array<std::byte, 8> octets{};
@@ -70,10 +73,8 @@ std::optional<std::uint64_t> Eeprom::end_read(Duration timeout) {
 }
 
 std::optional<std::uint64_t> Eeprom::read(std::uint16_t word, Duration timeout) {
-    std::optional<std::uint64_t> value;
-    for (int attempt = 0; attempt < kAttempts && !value; ++attempt)  // a frame with a command may be lost
-        if (begin_read(word, timeout)) value = end_read(timeout);
-    return value;
+    if (!begin_read(word, timeout)) return std::nullopt;
+    return end_read(timeout);
 }
 
 bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
@@ -81,7 +82,7 @@ bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
     for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {
         std::uint16_t status = 0;
         if (!wait_ready(status, timeout)) return false;
-        if ((status & EC_ESTAT_EMASK) != 0 && !command(EC_ECMD_NOP, 0)) return false;
+        if ((status & EC_ESTAT_EMASK) != 0 && !command(EC_ECMD_NOP, 0)) continue;
         std::array<std::byte, 2> data{};
         std::memcpy(data.data(), &value, sizeof(value));
         if (!put(ECT_REG_EEPDAT, data) || !command(EC_ECMD_WRITE, word)) continue;  // a frame may be lost

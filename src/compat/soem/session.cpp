@@ -155,18 +155,19 @@ bool Session::link_is_down() {
     return is_down(&source_->nic()) && is_down(source_->second());
 }
 
-// Sends again each EC_TIMEOUTRET, and the reply to any of the sendings is the result. Counts how often it sends, and
-// not the time: a thread that the system has kept waiting has not waited for a frame.
+// Sends again each EC_TIMEOUTRET, and the reply to any of the last sendings is the result. Counts how often it sends,
+// and not the time: a thread that the system has kept waiting has not waited for a frame.
 int Session::exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
                       bool again) {
     constexpr Duration kLeast = std::chrono::microseconds(100);
     constexpr Duration kFrame = std::chrono::milliseconds(2);  // EC_TIMEOUTRET
-    constexpr std::size_t kMost = 10;                          // as many as in EC_TIMEOUTSAFE
+    constexpr std::size_t kMost = 10;                          // sendings whose replies are awaited at the same time
     std::array<DatagramRequest, kMost> sendings;
     const DatagramRequest* answered = nullptr;
-    std::size_t sent = 0;
+    std::size_t next = 0;
     for (Duration left = std::max(timeout, kLeast); answered == nullptr && left > Duration{0} && !closing();) {
-        DatagramRequest& request = sendings[sent];
+        DatagramRequest& request = sendings[next];
+        next = (next + 1) % kMost;
         request.command = command;
         request.adp = static_cast<std::uint16_t>(address);
         request.ado = static_cast<std::uint16_t>(address >> 16);
@@ -174,26 +175,26 @@ int Session::exchange(DatagramCommand command, std::uint32_t address, std::span<
         request.data = data;
         request.repeat = again;
         if (!begin(request)) break;
-        ++sent;
-        const Duration wait = again && sent < kMost ? std::min(left, kFrame) : left;
-        answered = await_one(std::span(sendings).first(sent), later(now(), wait));
+        const Duration wait = again ? std::min(left, kFrame) : left;
+        answered = await_one(sendings, later(now(), wait));
         left -= wait;
     }
     const Guard guard(*this);
-    for (DatagramRequest& one : std::span(sendings).first(sent)) one.cancel();
+    for (DatagramRequest& one : sendings) one.cancel();
     return answered != nullptr ? answered->wkc : -1;
 }
 
 bool Session::begin(Request& request) {
     const Guard guard(*this);
+    request.cancel();  // the oldest sending, when there are more of them than places
     return !closing() && submit(context_, request);
 }
 
-// The first request that has succeeded; null: none has until then.
+// A request that has succeeded; null: none has until then.
 const DatagramRequest* Session::await_one(std::span<const DatagramRequest> requests, Time until) {
     constexpr Duration kLook = std::chrono::milliseconds(1);
     for (;;) {
-        bool waited = now() >= until || closing();
+        const bool waited = now() >= until || closing();
         bool over = false;
         const Time next = poll_once(nullptr, kNever, over);
         {
@@ -201,7 +202,6 @@ const DatagramRequest* Session::await_one(std::span<const DatagramRequest> reque
             const auto success = [](const DatagramRequest& one) { return one.state() == RequestState::success; };
             const auto found = std::ranges::find_if(requests, success);
             if (found != requests.end()) return &*found;
-            waited |= std::ranges::none_of(requests, &DatagramRequest::busy);
         }
         if (waited) return nullptr;
         wait_for_work(std::min({next, until, now() + kLook}));
