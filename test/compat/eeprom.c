@@ -36,6 +36,18 @@ static void ask_nobody(uint16 slave) {
     MUST(ec_siifind(slave, ECT_SII_GENERAL) > 0);
 }
 
+/* The second half of a reading repeats the command, when the EEPROM has not acknowledged it, for the word of the first. */
+static void read_in_halves(uint16 slave) {
+    uint16 n, before = (uint16)ec_readeeprom(slave, FIRST, EC_TIMEOUTEEP);
+    for (n = 0; n < WORDS; n++) {
+        uint16 value = (uint16)(0x5A00 + n);
+        MUST(ec_writeeeprom(slave, FIRST, value, EC_TIMEOUTEEP) == 1);
+        ec_readeeprom1(slave, FIRST);
+        MUST((uint16)ec_readeeprom2(slave, EC_TIMEOUTEEP) == value);
+    }
+    MUST(ec_writeeeprom(slave, FIRST, before, EC_TIMEOUTEEP) == 1);
+}
+
 int main(int argc, char **argv) {
     uint16 slave, position;
     uint8 master = 0;
@@ -46,7 +58,10 @@ int main(int argc, char **argv) {
     MUST(ec_APWR(position, ECT_REG_EEPCFG, sizeof(master), &master, EC_TIMEOUTRET3) == 1);
     write_words(position);
     MUST(ec_config_init(FALSE) >= slave);
-    if (ec_slavecount >= slave) ask_nobody(slave);
+    if (ec_slavecount >= slave) {
+        read_in_halves(slave);
+        ask_nobody(slave);
+    }
     ec_close();
     return wrong != 0;
 }

@@ -40,7 +40,6 @@ bool Eeprom::command(std::uint16_t command, std::uint16_t word) {
 }
 
 bool Eeprom::begin_read(std::uint16_t word, Duration timeout) {
-    word_ = word;
     for (int attempt = 0; attempt < kAttempts; ++attempt) {  // a frame with a command may be lost
         std::uint16_t status = 0;
         if (!wait_ready(status, timeout)) return false;
@@ -48,6 +47,14 @@ bool Eeprom::begin_read(std::uint16_t word, Duration timeout) {
         if (command(EC_ECMD_READ, word)) return true;
     }
     return false;
+}
+
+// The ESC keeps the address of the last command. So the call that repeats a command need not be the call that gave it.
+void Eeprom::repeat_read() {
+    std::array<std::byte, 2> octets{};
+    if (!get(ECT_REG_EEPADR, octets)) return;
+    const std::uint16_t word = word_at(octets.data());
+    static_cast<void>(command(EC_ECMD_NOP, word) && command(EC_ECMD_READ, word));
 }
 
 // An EEPROM acknowledges no command while it stores the word before, for some milliseconds, and the ESC is not busy
@@ -59,7 +66,7 @@ std::optional<std::uint64_t> Eeprom::end_read(Duration timeout) {
         if (!wait_ready(status, timeout)) return std::nullopt;
         if ((status & EC_ESTAT_NACK) != 0) {
             session_.pause(kLook * 5);
-            static_cast<void>(command(EC_ECMD_NOP, 0) && command(EC_ECMD_READ, word_));
+            repeat_read();
             continue;
         }
         std::array<std::byte, 8> octets{};

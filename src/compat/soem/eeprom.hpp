@@ -26,11 +26,11 @@ class Eeprom {
     bool get(std::uint16_t reg, std::span<std::byte> data);
     bool put(std::uint16_t reg, std::span<std::byte> data);
     bool command(std::uint16_t command, std::uint16_t word);
+    void repeat_read();
 
     Session& session_;
     std::uint16_t address_;
     bool by_position_;
-    std::uint16_t word_ = 0;
 };
 
 // Takes the EEPROM from the processor of the slave, and reads at a word address. nullopt: it cannot be read.

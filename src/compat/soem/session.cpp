@@ -161,37 +161,41 @@ int Session::exchange(DatagramCommand command, std::uint32_t address, std::span<
                       bool again) {
     constexpr Duration kLeast = std::chrono::microseconds(100);
     constexpr Duration kFrame = std::chrono::milliseconds(2);  // EC_TIMEOUTRET
-    constexpr std::size_t kMost = 10;                          // sendings whose replies are awaited at the same time
-    std::array<DatagramRequest, kMost> sendings;
-    const DatagramRequest* answered = nullptr;
+    std::array<Sending, kMostSendings> sendings;
+    const Sending* answered = nullptr;
     std::size_t next = 0;
     for (Duration left = std::max(timeout, kLeast); answered == nullptr && left > Duration{0} && !closing();) {
-        DatagramRequest& request = sendings[next];
-        next = (next + 1) % kMost;
-        request.command = command;
-        request.adp = static_cast<std::uint16_t>(address);
-        request.ado = static_cast<std::uint16_t>(address >> 16);
-        request.logical = {address};
-        request.data = data;
-        request.repeat = again;
-        if (!begin(request)) break;
+        Sending& sending = sendings[next];
+        next = (next + 1) % sendings.size();
+        if (!begin(sending, command, address, data, again)) break;
         const Duration wait = again ? std::min(left, kFrame) : left;
         answered = await_one(sendings, later(now(), wait));
         left -= wait;
     }
     const Guard guard(*this);
-    for (DatagramRequest& one : sendings) one.cancel();
-    return answered != nullptr ? answered->wkc : -1;
+    for (Sending& one : sendings) one.request.cancel();
+    if (answered == nullptr) return -1;
+    std::ranges::copy(answered->data, data.begin());
+    return answered->request.wkc;
 }
 
-bool Session::begin(Request& request) {
+bool Session::begin(Sending& sending, DatagramCommand command, std::uint32_t address, std::span<const std::byte> data,
+                    bool again) {
     const Guard guard(*this);
+    DatagramRequest& request = sending.request;
     request.cancel();  // the oldest sending, when there are more of them than places
+    sending.data.assign(data.begin(), data.end());
+    request.command = command;
+    request.adp = static_cast<std::uint16_t>(address);
+    request.ado = static_cast<std::uint16_t>(address >> 16);
+    request.logical = {address};
+    request.data = sending.data;
+    request.repeat = again;
     return !closing() && submit(context_, request);
 }
 
-// A request that has succeeded; null: none has until then.
-const DatagramRequest* Session::await_one(std::span<const DatagramRequest> requests, Time until) {
+// A sending whose reply is there; null: none is until then.
+const Session::Sending* Session::await_one(std::span<const Sending> sendings, Time until) {
     constexpr Duration kLook = std::chrono::milliseconds(1);
     for (;;) {
         const bool waited = now() >= until || closing();
@@ -199,9 +203,9 @@ const DatagramRequest* Session::await_one(std::span<const DatagramRequest> reque
         const Time next = poll_once(nullptr, kNever, over);
         {
             const Guard guard(*this);
-            const auto success = [](const DatagramRequest& one) { return one.state() == RequestState::success; };
-            const auto found = std::ranges::find_if(requests, success);
-            if (found != requests.end()) return &*found;
+            const auto success = [](const Sending& one) { return one.request.state() == RequestState::success; };
+            const auto found = std::ranges::find_if(sendings, success);
+            if (found != sendings.end()) return &*found;
         }
         if (waited) return nullptr;
         wait_for_work(std::min({next, until, now() + kLook}));

@@ -148,8 +148,17 @@ class Session {
     void change_owner();
     [[nodiscard]] bool closing() const { return closing_.load(std::memory_order_relaxed); }
     Time poll_once(Request* request, Time until, bool& over);
-    bool begin(Request& request);
-    const DatagramRequest* await_one(std::span<const DatagramRequest> requests, Time until);
+
+    // One of the times that exchange() sends its datagram. Each has data of its own: two of them may be answered in one
+    // poll, and only the second by no slave.
+    struct Sending {
+        std::vector<std::byte> data;
+        DatagramRequest request;
+    };
+    static constexpr std::size_t kMostSendings = 10;  // whose replies are awaited at the same time
+    bool begin(Sending& sending, DatagramCommand command, std::uint32_t address, std::span<const std::byte> data,
+               bool again);
+    const Sending* await_one(std::span<const Sending> sendings, Time until);
     void wait_for_work(Time until);
 
     PriorityLock* lock_ = nullptr;      // of the place in Sessions
