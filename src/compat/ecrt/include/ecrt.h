@@ -1,12 +1,11 @@
 /* The interface of the IgH EtherCAT master for programs in userspace (versions 1.5 and 1.6), on top of Margay.
  *
  * Programs for that interface compile with this header and run without a kernel module. For C99 and later, and for
- * C++11 and later. README.md beside this folder says for every row how far it works.
+ * C++11 and later. The README.md of this facade in the sources of Margay says for every row how far it works.
  *
  * Results: functions that return int return 0 (or a value that is not negative) or the negative of an errno value; a
- * pointer is NULL on failure. The reason of a failure goes to stderr where the
- * result does not say it: for -ENOENT (what was asked for is not there) and arguments out of range there may be no
- * line. Phases:
+ * pointer is NULL on failure. The reason of a failure goes to stderr where the result does not say it: for -ENOENT
+ * (what was asked for is not there) and arguments out of range there may be no line. Phases:
  *   [cfg] between ecrt_request_master() and ecrt_master_activate(), not in the cyclic thread; may wait
  *   [rt]  in the cyclic thread; never waits
  *   [any] in any thread; functions that talk to a slave wait for it
@@ -241,8 +240,10 @@ ec_slave_config_t* ecrt_master_slave_config(ec_master_t* master, uint16_t alias,
                                             uint32_t product_code);
 /* The slave whose clock is the reference clock; NULL: the first one with a clock [cfg]. */
 int ecrt_master_select_reference_clock(ec_master_t* master, ec_slave_config_t* sc);
-/* Ends the configuration; from now on the program exchanges frames. And back [cfg]. */
+/* Ends the configuration; from now on the program exchanges frames [cfg]. */
 int ecrt_master_activate(ec_master_t* master);
+/* Back to the configuration: all domains, slave configurations and requests end, and pointers to them must not be used
+ * any more [cfg]. */
 int ecrt_master_deactivate(ec_master_t* master);
 /* The cycle time in us [cfg]. */
 int ecrt_master_set_send_interval(ec_master_t* master, size_t send_interval);
