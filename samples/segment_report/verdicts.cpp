@@ -292,6 +292,11 @@ class Judge {
                                               counted(analysis.frames.dropped, "packet"))),
                 "recording");
         if (!only) return;
+        if (!analysis.remark.empty())
+            add(Severity::remark, of + "The recording: " + analysis.remark + ".", "recording");
+        if (const auto unread = analysis.frames.cut + analysis.frames.damaged; unread != 0)
+            add(Severity::remark, of + counted(unread, "frame was", "frames were") + " cut or damaged and not read.",
+                "recording");
         if (analysis.slaves.empty() && analysis.frames.answered != 0)
             add(Severity::remark, of + "Slaves answer, and the recording does not show which.", "recording");
         else if (analysis.slaves.empty())

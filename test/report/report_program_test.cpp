@@ -184,7 +184,7 @@ TEST_F(ReportProgram, EachMasterOfARecordingIsJudged) {
         std::string packet = one.substr(at, kPacketHeader + size);
         at += packet.size();
         if ((octet(at - size + kSource) & 0x02) != 0) continue;  // it has passed a slave
-        ++packet[1];  // of the seconds
+        ++packet[1];                                             // of the seconds
         packet[kPacketHeader + kSource + 5] = static_cast<char>(packet[kPacketHeader + kSource + 5] ^ 1);
         two += packet;
     }
@@ -234,6 +234,20 @@ TEST_F(ReportProgram, APartOfARecordingIsNoFault) {
         EXPECT_EQ(well.size(), good.empty() ? 0U : 1U) << first;
         for (const auto& text : well) EXPECT_TRUE(contains(text, good)) << text;
     }
+}
+
+TEST_F(ReportProgram, ARecordingThatIsCutOffIsAPointToLookAt) {
+    ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:demo --record whole.pcap").status, 0);
+    const std::string whole = content_of(folder.path() / "whole.pcap");
+    folder.write("cut.pcap", whole.substr(0, whole.size() - 7));
+    ASSERT_EQ(run("whole.pcap -o whole.html").status, 0);
+    EXPECT_TRUE(contains(page("whole.html").headline(), "nothing is wrong.")) << page("whole.html").headline();
+    ASSERT_EQ(run("cut.pcap -o cut.html").status, 0);
+    const auto cut = page("cut.html");
+    EXPECT_FALSE(contains(cut.headline(), "nothing is wrong")) << cut.headline();
+    const auto remarks = cut.verdicts("look at it");
+    ASSERT_FALSE(remarks.empty());
+    EXPECT_TRUE(contains(remarks[0], "breaks off or is damaged behind packet 99 (")) << remarks[0];
 }
 
 // Replies that come after the next request, because something was slow.
