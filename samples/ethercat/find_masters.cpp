@@ -134,11 +134,12 @@ Answer<std::vector<Master>> find_masters(const Arguments& arguments) {
     for (const auto& [index, place] : places)
         if (wanted->contains(index)) masters.push_back({index, open_session(index, place, arguments)});
     if (masters.empty())
-        return Problem{fmt::format("no master is selected by --master {}: {}", arguments.value("master"),
-                                   attached ? samples::counted(places.size(), "application serves a socket",
-                                                               "applications serve a socket")
-                                            : samples::counted(places.size(), "has a source", "have a source")),
-                       samples::exit_code::kUsage};
+        return Problem{
+            fmt::format(
+                "no master is selected by --master {}: {}", arguments.value("master"),
+                attached ? samples::counted(places.size(), "application serves a socket", "applications serve a socket")
+                         : samples::counted(places.size(), "master has a source", "masters have a source")),
+            samples::exit_code::kUsage};
     std::vector<std::uint32_t> there;
     for (const auto& [index, place] : places) there.push_back(index);
     if (const auto missing = wanted->missing(there);

@@ -119,7 +119,7 @@ TEST_F(EthercatSegment, WorksOnSeveralMasters) {
     EXPECT_TRUE(contains(json, "\"master\": 1,")) << json;
     fails("", "slaves -p 0 -m 0,5 " + both, 2, "no master is selected by --master 5");
     fails("", "slaves -p 0 -m 1,4-6 " + both, 2, "no master is selected by --master 4-6");
-    fails("", "slaves -m 5 " + both, 2, "no master is selected by --master 5: 2 have a source");
+    fails("", "slaves -m 5 " + both, 2, "no master is selected by --master 5: 2 masters have a source");
     fails("", "upload -p 0 0x1018 1 " + both, 2, "upload works on one master, and 2 are selected: use --master");
     const auto none = folder.run("unset MARGAY_MASTER0; " + program + " slaves");
     EXPECT_EQ(none.status, 2);
