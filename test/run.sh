@@ -10,7 +10,7 @@
 #   --no-skips   a test that is skipped fails the run
 #
 # Tests that lack something (tshark, clang 16, a compiler for another processor, QEMU, Chromium, network namespaces) are skipped and
-# say so. The last lines say how long each step took and repeat ctest's summaries.
+# say so. The last lines say how long each step took and repeat ctest's summaries; after a failure they show the failed tests.
 set -eu
 cd "$(dirname "$0")/.."
 . samples/packages.sh
@@ -48,7 +48,8 @@ step() {
     shift
     times >"$records/before"
     begin=$(date +%s)
-    "$@"
+    status=0
+    "$@" || status=$?
     end=$(date +%s)
     times >"$records/after"
     awk -v name="$name" -v clock=$((end - begin)) '
@@ -56,6 +57,16 @@ step() {
         FNR == 2 { before = after; after = seconds($1) + seconds($2) }  # the second line is about child processes
         END { printf "  %-28s %8d %18d\n", name, clock, after - before + 0.5 }
     ' "$records/before" "$records/after" >>"$records/steps"
+    return $status
+}
+
+# failures: the failed tests of ctest's log and the beginning of the output of each, without the tests that passed.
+failures() {
+    awk '
+        /^ *[0-9]+\/[0-9]+ Test +#/ { failed = /\*\*\*/ && !/\*\*\*Skipped/; left = 40 }
+        /^ +Start +[0-9]+: / { failed = 0 }
+        failed && !/^\[ RUN |^\[ +OK |^\[-+\]|^$/ && left-- > 0
+    ' "$records/log"
 }
 
 # run FOLDER CMAKE_ARGUMENT … -- CTEST_ARGUMENT …
@@ -79,7 +90,7 @@ run() {
     : >"$records/log"
     # A test that computes counts as two, so that no more of them run than there are processors. One that waits counts as one.
     step "$folder: tests" ctest --test-dir "$folder" --parallel $((2 * $(nproc))) --output-on-failure \
-        --output-log "$records/log" "$@"
+        --output-log "$records/log" "$@" || { echo "Failed in $folder:"; failures; exit 1; } >&2
     sed -n "s|^[0-9]*% tests passed.*|$folder: &|p" "$records/log" >>"$records/summaries"
     # ctest names the tests that it skipped. Where an entry of ctest is many tests, their output names them.
     grep '(Skipped)$' "$records/log" >"$records/skipped" || true
