@@ -36,7 +36,7 @@ static void ask_nobody(uint16 slave) {
     MUST(ec_siifind(slave, ECT_SII_GENERAL) > 0);
 }
 
-/* The second half of a reading repeats the command, when the EEPROM has not acknowledged it, for the word of the first. */
+/* A word in two calls, behind a writing. The EEPROM of a slave that is protected stores no word, and says so. */
 static void read_in_halves(uint16 slave) {
     uint16 n, before = (uint16)ec_readeeprom(slave, FIRST, EC_TIMEOUTEEP);
     for (n = 0; n < WORDS; n++) {
@@ -46,6 +46,7 @@ static void read_in_halves(uint16 slave) {
         MUST((uint16)ec_readeeprom2(slave, EC_TIMEOUTEEP) == value);
     }
     MUST(ec_writeeeprom(slave, FIRST, before, EC_TIMEOUTEEP) == 1);
+    MUST(ec_writeeeprom((uint16)ec_slavecount, FIRST, 0x1234, EC_TIMEOUTEEP) == 0);
 }
 
 int main(int argc, char **argv) {

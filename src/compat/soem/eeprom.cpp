@@ -5,97 +5,118 @@ namespace {
 
 constexpr Duration kFrame = std::chrono::microseconds(EC_TIMEOUTRET3);
 constexpr Duration kLook = std::chrono::microseconds(200);
-constexpr int kAttempts = EC_DEFAULTRETRIES;  // at least, whatever the timeout is
+constexpr Duration kRefused = std::chrono::milliseconds(1);  // after a command without acknowledgement
+constexpr int kAttempts = EC_DEFAULTRETRIES;                 // at least, whatever the timeout is
+// No acknowledgement, or not allowed to write. The other errors are of the contents, and no command clears them.
+constexpr unsigned kErrors = EC_ESTAT_NACK | 0x4000U;
+// The address that clears an error, so that the interface shows the address of a reading only behind its command.
+constexpr std::uint16_t kNoWord = 0xFFFF;
 
 }  // namespace
 
-bool Eeprom::get(std::uint16_t reg, std::span<std::byte> data) {
-    const auto command = by_position_ ? DatagramCommand::aprd : DatagramCommand::fprd;
-    return session_.exchange(command, address_of(address_, reg), data, kFrame) > 0;
+bool Eeprom::look(Look& shown) {
+    std::array<std::byte, 14> octets{};  // control, address, data
+    const auto read = by_position_ ? DatagramCommand::aprd : DatagramCommand::fprd;
+    if (session_.exchange(read, address_of(address_, ECT_REG_EEPSTAT), octets, kFrame) <= 0) return false;
+    shown.status = word_at(octets.data());
+    shown.word = word_at(octets.data() + 2);
+    shown.data = 0;
+    std::memcpy(&shown.data, octets.data() + 6, (shown.status & EC_ESTAT_R64) != 0 ? 8 : 4);
+    return true;
 }
 
-// Sent once: a command that comes a second time while the EEPROM is busy is an error.
-bool Eeprom::put(std::uint16_t reg, std::span<std::byte> data) {
-    const auto command = by_position_ ? DatagramCommand::apwr : DatagramCommand::fpwr;
-    return session_.exchange(command, address_of(address_, reg), data, kFrame, false) > 0;
-}
-
-bool Eeprom::wait_ready(std::uint16_t& status, Duration timeout) {
+bool Eeprom::wait_ready(Look& shown, Duration timeout) {
     const Time until = later(session_.now(), timeout);
     for (;;) {
-        std::array<std::byte, 2> octets{};
-        const bool read = get(ECT_REG_EEPSTAT, octets);
-        status = read ? word_at(octets.data()) : std::uint16_t{0};
-        if (read && (status & EC_ESTAT_BUSY) == 0) return true;
+        const bool answered = look(shown);
+        if (answered && (shown.status & EC_ESTAT_BUSY) == 0) return true;
+        if (!answered) shown = {};
         if (session_.now() >= until) return false;
         session_.pause(kLook);
     }
 }
 
-bool Eeprom::command(std::uint16_t command, std::uint16_t word) {
-    std::array<std::byte, 6> octets{};
-    put_word(octets.data(), command);
-    put_word(octets.data() + 2, word);
-    return put(ECT_REG_EEPCTL, octets);
+bool Eeprom::wait_ready(std::uint16_t& status, Duration timeout) {
+    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
+    Look shown;
+    const bool ready = wait_ready(shown, timeout);
+    status = shown.status;
+    return ready;
 }
 
-bool Eeprom::begin_read(std::uint16_t word, Duration timeout) {
+// Sent once: a command that comes a second time while the EEPROM is busy is an error. False: it may have come or not.
+bool Eeprom::command(std::uint16_t command, std::uint16_t word, std::uint16_t data) {
+    std::array<std::byte, 8> octets{};
+    put_word(octets.data(), command);
+    put_word(octets.data() + 2, word);
+    put_word(octets.data() + 6, data);
+    const auto sent = std::span(octets).first(command == EC_ECMD_WRITE ? 8 : 6);
+    const auto write = by_position_ ? DatagramCommand::apwr : DatagramCommand::fpwr;
+    return session_.exchange(write, address_of(address_, ECT_REG_EEPCTL), sent, kFrame, false) > 0;
+}
+
+// Clears an earlier error.
+bool Eeprom::is_free(const Look& shown) { return (shown.status & kErrors) == 0 || command(EC_ECMD_NOP, kNoWord); }
+
+bool Eeprom::begin(std::uint16_t word, Duration timeout) {
     for (int attempt = 0; attempt < kAttempts; ++attempt) {  // a frame with a command may be lost
-        std::uint16_t status = 0;
-        if (!wait_ready(status, timeout)) return false;
-        if ((status & EC_ESTAT_EMASK) != 0 && !command(EC_ECMD_NOP, 0)) continue;  // clears old errors
-        if (command(EC_ECMD_READ, word)) return true;
+        Look shown;
+        if (!wait_ready(shown, timeout)) return false;
+        if (is_free(shown) && command(EC_ECMD_READ, word)) return true;
     }
     return false;
 }
 
-// The ESC keeps the address of the last command. So the call that repeats a command need not be the call that gave it.
-void Eeprom::repeat_read() {
-    std::array<std::byte, 2> octets{};
-    if (!get(ECT_REG_EEPADR, octets)) return;
-    const std::uint16_t word = word_at(octets.data());
-    static_cast<void>(command(EC_ECMD_NOP, word) && command(EC_ECMD_READ, word));
-}
-
 // An EEPROM acknowledges no command while it stores the word before, for some milliseconds, and the ESC is not busy
-// meanwhile.
-std::optional<std::uint64_t> Eeprom::end_read(Duration timeout) {
+// meanwhile. The data of another address is that of a reading of the library, or the command is lost.
+std::optional<std::uint64_t> Eeprom::end(std::uint16_t word, Duration timeout) {
     const Time until = later(session_.now(), timeout);
     for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {
-        std::uint16_t status = 0;
-        if (!wait_ready(status, timeout)) return std::nullopt;
-        if ((status & EC_ESTAT_NACK) != 0) {
-            session_.pause(kLook * 5);
-            repeat_read();
-            continue;
-        }
-        std::array<std::byte, 8> octets{};
-        const std::size_t size = (status & EC_ESTAT_R64) != 0 ? 8 : 4;
-        if (!get(ECT_REG_EEPDAT, std::span(octets).first(size))) return std::nullopt;
-        std::uint64_t value = 0;
-        std::memcpy(&value, octets.data(), sizeof(value));  // in the order of the wire
-        return value;
+        Look shown;
+        if (!wait_ready(shown, timeout)) return std::nullopt;
+        const bool refused = (shown.status & kErrors) != 0;
+        if (!refused && shown.word == word) return shown.data;
+        if (refused) session_.pause(kRefused);
+        if (is_free(shown)) (void)command(EC_ECMD_READ, word);
     }
     return std::nullopt;
 }
 
 std::optional<std::uint64_t> Eeprom::read(std::uint16_t word, Duration timeout) {
-    if (!begin_read(word, timeout)) return std::nullopt;
-    return end_read(timeout);
+    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
+    if (!begin(word, timeout)) return std::nullopt;
+    return end(word, timeout);
 }
 
+void Eeprom::begin_half(std::uint16_t word, Duration timeout) {
+    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
+    session_.half_readings().erase(address_);
+    if (begin(word, timeout)) session_.half_readings()[address_] = word;
+}
+
+std::optional<std::uint64_t> Eeprom::end_half(Duration timeout) {
+    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
+    const auto begun = session_.half_readings().find(address_);
+    if (begun == session_.half_readings().end()) return std::nullopt;
+    return end(begun->second, timeout);
+}
+
+// Reads the word back: an EEPROM that is protected against writing acknowledges the command and stores nothing.
 bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
+    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
+    const std::uint16_t octets = word_at(reinterpret_cast<const std::byte*>(&value));  // in the order of the wire
     const Time until = later(session_.now(), timeout);
     for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {
-        std::uint16_t status = 0;
-        if (!wait_ready(status, timeout)) return false;
-        if ((status & EC_ESTAT_EMASK) != 0 && !command(EC_ECMD_NOP, 0)) continue;
-        std::array<std::byte, 2> data{};
-        std::memcpy(data.data(), &value, sizeof(value));
-        if (!put(ECT_REG_EEPDAT, data) || !command(EC_ECMD_WRITE, word)) continue;  // a frame may be lost
-        if (!wait_ready(status, timeout)) return false;
-        if ((status & EC_ESTAT_EMASK) == 0) return true;
-        session_.pause(kLook * 5);  // no acknowledgement: once more
+        Look shown;
+        if (!wait_ready(shown, timeout)) return false;
+        if (!is_free(shown) || !command(EC_ECMD_WRITE, word, octets)) continue;  // a frame may be lost
+        if (!wait_ready(shown, timeout)) return false;
+        if ((shown.status & kErrors) != 0) {  // no acknowledgement: once more
+            session_.pause(kRefused);
+            continue;
+        }
+        const auto stored = begin(word, timeout) ? end(word, timeout) : std::nullopt;
+        if (stored && std::memcmp(&*stored, &value, sizeof(value)) == 0) return true;
     }
     return false;
 }
@@ -146,13 +167,13 @@ void ecx_readeeprom1(ecx_contextt* context, uint16 slave, uint16 eeproma) {
     const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return;
     ecx_eeprom2master(context, slave);
-    eeprom_of(*context, *session, slave).begin_read(eeproma, us(EC_TIMEOUTEEP));
+    eeprom_of(*context, *session, slave).begin_half(eeproma, us(EC_TIMEOUTEEP));
 }
 
 uint32 ecx_readeeprom2(ecx_contextt* context, uint16 slave, int timeout) {
     const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return 0;
-    const auto read = eeprom_of(*context, *session, slave).end_read(us(timeout));
+    const auto read = eeprom_of(*context, *session, slave).end_half(us(timeout));
     return read ? static_cast<uint32>(*read) : 0;
 }
 

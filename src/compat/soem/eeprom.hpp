@@ -7,6 +7,7 @@
 
 namespace margay::soem {
 
+// Calls of several threads use the EEPROMs of a session one after the other. The library reads EEPROMs meanwhile.
 class Eeprom {
   public:
     // `address`: a station address, or 1 minus the number of the slave for a position.
@@ -15,18 +16,26 @@ class Eeprom {
 
     // Waits until the interface is not busy; the last status is in `status`.
     bool wait_ready(std::uint16_t& status, Duration timeout);
-    // Begins to read at a word address. False: the interface is busy, or the slave does not answer.
-    bool begin_read(std::uint16_t word, Duration timeout);
-    // Waits for the words. The upper half has a meaning only if the chip reads eight octets at once.
-    std::optional<std::uint64_t> end_read(Duration timeout);
+    // The words at a word address. The upper half has a meaning only if the chip reads eight octets at once.
     std::optional<std::uint64_t> read(std::uint16_t word, Duration timeout);
+    // The same in two calls.
+    void begin_half(std::uint16_t word, Duration timeout);
+    std::optional<std::uint64_t> end_half(Duration timeout);
     bool write(std::uint16_t word, std::uint16_t value, Duration timeout);
 
   private:
-    bool get(std::uint16_t reg, std::span<std::byte> data);
-    bool put(std::uint16_t reg, std::span<std::byte> data);
-    bool command(std::uint16_t command, std::uint16_t word);
-    void repeat_read();
+    // What the interface shows in one datagram: the data is that of the address.
+    struct Look {
+        std::uint16_t status = 0;
+        std::uint16_t word = 0;
+        std::uint64_t data = 0;  // in the order of the wire
+    };
+    bool look(Look& shown);
+    bool wait_ready(Look& shown, Duration timeout);
+    bool command(std::uint16_t command, std::uint16_t word, std::uint16_t data = 0);
+    bool is_free(const Look& shown);
+    bool begin(std::uint16_t word, Duration timeout);
+    std::optional<std::uint64_t> end(std::uint16_t word, Duration timeout);
 
     Session& session_;
     std::uint16_t address_;

@@ -14,7 +14,9 @@
 #include <atomic>
 #include <cstddef>
 #include <deque>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
@@ -131,6 +133,11 @@ class Session {
     [[nodiscard]] bool known_group(std::uint8_t group) const { return facts_[group].time != &kNoTime; }
     [[nodiscard]] ShownSyncManagers& shown(std::size_t slave) { return shown_[slave < shown_.size() ? slave : 0]; }
 
+    // Held while a call uses the EEPROM of a slave.
+    [[nodiscard]] std::mutex& eeprom_mutex() { return eeprom_mutex_; }
+    // The words that are being read in two calls, by the address of the slave. Use it with the mutex.
+    [[nodiscard]] std::map<std::uint16_t, std::uint16_t>& half_readings() { return half_readings_; }
+
     // Mail that no request waits for.
     [[nodiscard]] Inbox& inbox() { return *inbox_; }
 
@@ -170,6 +177,8 @@ class Session {
     Time states_at_{};         // not before
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
+    std::mutex eeprom_mutex_;
+    std::map<std::uint16_t, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;
     std::vector<ShownSyncManagers> shown_;
 };
