@@ -158,7 +158,19 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1) return 1;
     margay::RecoverRequest request;
     request.slave = slave;
-    return session->run(request) ? 1 : 0;
+    if (!session->run(request)) return 0;
+    const auto takes_part = [&] {
+        const Session::Guard guard(*session);
+        const margay::AlState state = session->slave(slave).al.state;
+        return state == margay::AlState::safeop || state == margay::AlState::op;
+    };
+    if (!takes_part()) return 1;
+    // The library has taken it out of the cycle, because another device may have been at its place. From INIT the
+    // program configures it again.
+    margay::WriteStateRequest down;
+    down.slave = slave;
+    down.wanted = margay::AlState::init;
+    return session->run(down) ? 1 : 0;
 }
 
 int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {

@@ -1,0 +1,60 @@
+/* A slave in OP loses its station address and nothing else. A program for SOEM 1.4 brings it back as its check thread
+   would: lost_address SOURCE SLAVE */
+#include <ethercat.h>
+
+#include <stdio.h>
+#include <stdlib.h>
+
+static char IOmap[4096];
+
+/* What a check thread does with a slave that is not in OP. */
+static void check(uint16 slave) {
+    ec_slavet* s = &ec_slave[slave];
+    if (s->state == EC_STATE_SAFE_OP + EC_STATE_ERROR) {
+        s->state = EC_STATE_SAFE_OP + EC_STATE_ACK;
+        ec_writestate(slave);
+    } else if (s->state == EC_STATE_SAFE_OP) {
+        s->state = EC_STATE_OPERATIONAL;
+        ec_writestate(slave);
+    } else if (s->state > EC_STATE_NONE) {
+        if (ec_reconfig_slave(slave, 500)) s->islost = FALSE;
+    } else if (!s->islost) {
+        ec_statecheck(slave, EC_STATE_OPERATIONAL, EC_TIMEOUTRET);
+        if (s->state == EC_STATE_NONE) s->islost = TRUE;
+    }
+    if (s->islost && (s->state != EC_STATE_NONE || ec_recover_slave(slave, 500))) s->islost = FALSE;
+}
+
+/* Until all slaves are in OP with a full working counter. Returns the number of cycles, or -1. */
+static int cycles_until_right(int expected) {
+    int n, slave;
+    for (n = 0; n < 2000; ++n) {
+        int wkc;
+        ec_send_processdata();
+        wkc = ec_receive_processdata(EC_TIMEOUTRET);
+        osal_usleep(1000);
+        if (n % 10 != 9) continue;
+        ec_readstate();
+        if (wkc == expected && ec_slave[0].state == EC_STATE_OPERATIONAL) return n;
+        for (slave = 1; slave <= ec_slavecount; ++slave)
+            if (ec_slave[slave].state != EC_STATE_OPERATIONAL) check((uint16)slave);
+    }
+    return -1;
+}
+
+int main(int argc, char** argv) {
+    uint16 slave, nothing = 0;
+    int expected, start, back;
+    if (argc != 3) return 2;
+    slave = (uint16)atoi(argv[2]);
+    if (!ec_init(argv[1]) || ec_config_init(FALSE) < slave) return 1;
+    ec_config_map(&IOmap);
+    ec_statecheck(0, EC_STATE_SAFE_OP, EC_TIMEOUTSTATE * 4);
+    expected = ec_group[0].outputsWKC * 2 + ec_group[0].inputsWKC;
+    start = cycles_until_right(expected);
+    if (ec_FPWR(ec_slave[slave].configadr, ECT_REG_STADR, sizeof(nothing), &nothing, EC_TIMEOUTRET3) != 1) return 1;
+    back = cycles_until_right(expected);
+    printf("in OP after %d cycles, again after %d cycles\n", start, back);
+    ec_close();
+    return start >= 0 && back > 0 ? 0 : 1;
+}
