@@ -255,8 +255,7 @@ std::vector<Command> segment_commands() {
          .summary = "Brings slaves to an AL state.",
          .forms = {"STATE"},
          .text = {"On a SOURCE of its own, the command maps the slaves for SAFEOP and OP, with outputs of 0. When it "
-                  "ends, nobody sends process "
-                  "data, and the watchdogs of the slaves end OP.",
+                  "ends, no process data is sent any more, and the watchdogs of the slaves end OP.",
                   kSelect},
          .arguments = {{"STATE", "INIT, PREOP, BOOT, SAFEOP or OP", "INIT PREOP BOOT SAFEOP OP"}},
          .options = kSlaveOptions,
