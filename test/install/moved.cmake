@@ -40,7 +40,7 @@ if(CHECK STREQUAL "pkg_config")
   endif()
 endif()
 
-# A component that is not there is an error that names those that are there.
+# A component that does not exist is an error that names the components of the installation. Another version is an error too.
 if(CHECK STREQUAL "component")
   file(WRITE ${FOLDER}/CMakeLists.txt "cmake_minimum_required(VERSION 3.25)\nproject(wrong CXX)\n"
                                       "find_package(margay REQUIRED COMPONENTS linux nosuch)\n")
@@ -52,6 +52,12 @@ if(CHECK STREQUAL "component")
   endif()
   if(NOT errors MATCHES "no component 'nosuch'; this installation has .*filters, .*sim, subdevice, wire")
     message(FATAL_ERROR "the error does not name the known components: ${errors}")
+  endif()
+  file(WRITE ${FOLDER}/CMakeLists.txt "cmake_minimum_required(VERSION 3.25)\nproject(wrong CXX)\nfind_package(margay 99.0 REQUIRED)\n")
+  execute_process(COMMAND ${CMAKE_COMMAND} -S ${FOLDER} -B ${FOLDER}/build -DCMAKE_PREFIX_PATH=${FOLDER}/moved
+                  OUTPUT_QUIET ERROR_VARIABLE errors RESULT_VARIABLE status)
+  if(status EQUAL 0 OR NOT errors MATCHES "version: ${VERSION}")
+    message(FATAL_ERROR "find_package(margay 99.0 REQUIRED) ends with ${status} and says: ${errors}")
   endif()
 endif()
 
