@@ -246,7 +246,7 @@ Answer<> StandaloneSession::reach_with_process_data(std::span<const std::uint16_
     }
     const auto ready = map();
     if (!ready) return ready.problem();
-    const auto reached = reach(*ctx_, state, std::chrono::seconds(10));
+    const auto reached = bring_to(state);
     if (!reached) return problem_of(*ctx_, reached.error());
     return {};
 }

@@ -88,6 +88,7 @@ class StandaloneSession final : public Session {
     [[nodiscard]] std::uint16_t position_of(std::uint16_t number);
     Answer<> map();
     void exchange();
+    Result<> bring_to(AlState state);
     Answer<const files::EsiDevice*> sii_of(std::uint16_t number);
     Answer<> to_boot_and_back(std::uint16_t number, bool boot);
     Answer<> reach_with_process_data(std::span<const std::uint16_t> numbers, AlState state);

@@ -16,6 +16,8 @@ namespace margay::ethercat {
 namespace {
 
 constexpr std::uint16_t kAssignment = 0x1C10;  // of SyncManager 0
+// Of process data. The frames of hundreds of slaves are on their way for more than half a millisecond.
+constexpr Duration kReplyTimeout = std::chrono::milliseconds(10);
 
 bool carries_process_data(const SmInfo& sm) { return sm.type == SmType::outputs || sm.type == SmType::inputs; }
 
@@ -174,7 +176,6 @@ Answer<> StandaloneSession::map() {
 }
 
 void StandaloneSession::exchange() {
-    constexpr Duration kReplyTimeout = std::chrono::milliseconds(10);
     for (std::uint16_t n = 0; n < ctx_->limits().groups; ++n) {
         if (!ctx_->group(n).mapped || ctx_->group(n).datagrams.empty()) continue;
         const auto group = static_cast<std::uint8_t>(n);
@@ -228,12 +229,15 @@ Answer<std::vector<DomainFacts>> StandaloneSession::domains() {
 
 // ------------------------------------------------------------------ cycles
 
+Result<> StandaloneSession::bring_to(AlState state) {
+    return reach(*ctx_, state, std::chrono::seconds(10), {.reply_timeout = kReplyTimeout});
+}
+
 Answer<StandaloneSession::CycleRun> StandaloneSession::run_cycles(unsigned cycles, const samples::PaceOptions& pace) {
-    constexpr Duration kReplyTimeout = std::chrono::milliseconds(10);
     const auto ready = map();
     if (!ready) return ready.problem();
     CycleRun run;
-    const auto reached = reach(*ctx_, AlState::op, std::chrono::seconds(10));
+    const auto reached = bring_to(AlState::op);
     if (!reached) run.problem = problem_of(*ctx_, reached.error()).text;
     samples::CyclePace keeper(*source_, *ctx_, pace);
     keeper.start();

@@ -57,8 +57,12 @@ class Collector {
             progress("cycles");
             report_.cycles = settings_.cycles();
         }
-        // Before all other readings: no cycle is sent any more, and outputs leave OP when their watchdog expires.
-        each("states", [&](SlaveState& slave) { read_al_status(slave); });
+        // Before all other readings, and with process data between: slaves leave OP when the watchdog of their outputs
+        // expires.
+        each("states", [&](SlaveState& slave) {
+            if (settings_.cycles) session_.pause(std::chrono::milliseconds(1));
+            read_al_status(slave);
+        });
         if (settings_.cycles) read_domains();  // with the process data of the last cycle
         each("counters and clocks", [&](SlaveState& slave) { read_end(slave); });
         refresh_problems();

@@ -141,6 +141,8 @@ TEST_F(EthercatSegment, BringsSlavesToStates) {
     EXPECT_EQ(out("sim:demo", "states op -v"), "0  OP\n1  OP\n2  OP\n3  OP\n4  OP\n");
     EXPECT_EQ(out("sim:demo", "states SAFEOP -p 1,3 -v"), "1  SAFEOP\n3  SAFEOP\n");
     EXPECT_EQ(out("sim:demo", "states INIT -p 2 -v"), "2  INIT\n");
+    folder.write("slow.toml", "round_trip_us = 1000\n[[slave]]\ndevice = \"drive\"\n");
+    EXPECT_EQ(out("sim:slow.toml", "states OP -v"), "0  OP\n") << "a cycle takes longer than its period";
     EXPECT_EQ(out("sim:bootloader", "states BOOT -p 1 -v"), "1  BOOT\n");
     fails("sim:demo", "states BOOT -p 1", 1, "position 1: ");
     fails("sim:demo", "states FAST", 2, "'FAST' is no state: INIT, PREOP, BOOT, SAFEOP or OP");

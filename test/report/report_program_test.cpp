@@ -60,6 +60,16 @@ TEST_F(ReportProgram, SlavesThatLeaveOpAfterTheCyclesAreNoFault) {
     EXPECT_TRUE(contains(ran.out, "200 slaves, all in OP")) << ran.out;
 }
 
+// Of the process data too: one cycle takes longer than the period.
+TEST_F(ReportProgram, LongRoundTripsAreNoFault) {
+    folder.write("slow.toml",
+                 "round_trip_us = 1000\n[[slave]]\ndevice = \"coupler\"\n"
+                 "[[slave]]\ndevice = \"digital_io_16\"\ncount = 149\n");
+    const auto ran = run("sim:slow.toml --cycles 100 --no-dictionary");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_TRUE(contains(ran.out, "150 slaves, all in OP; nothing is wrong.")) << ran.out;
+}
+
 TEST_F(ReportProgram, TheStateBeforeTheScanIsKept) {
     folder.write("a.toml",
                  "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"drive\"\npreset = [[0x0120, 0x04, 0x00]]\n");
