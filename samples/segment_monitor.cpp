@@ -34,7 +34,6 @@ struct Options {
     samples::PaceOptions pace;
 };
 
-constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
 constexpr Duration kRefresh = std::chrono::milliseconds(100);
 constexpr Duration kLineInterval = std::chrono::milliseconds(100);
 constexpr std::size_t kEventsKept = 100;
@@ -174,7 +173,7 @@ class Monitor {
 
   private:
     void cycle() {
-        model_.last = pace_.exchange(kReplyTimeout);
+        model_.last = pace_.exchange(options_.pace.reply_timeout());
         if (!model_.last) ++bad_cycles_;
         pace_.wait();
         while (const auto event = ctx_.events().take()) {

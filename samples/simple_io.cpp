@@ -44,8 +44,6 @@ struct Options {
     std::string attach{};  // path of a socket for other programs; empty: none
 };
 
-constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
-
 class SimpleIo {
   public:
     SimpleIo(samples::Source& source, const Options& options, const files::EniConfiguration* eni)
@@ -129,7 +127,7 @@ class SimpleIo {
 
     // One cycle: sends, receives, and executes the other work of the master until the next cycle is due.
     Result<std::uint32_t> cycle() {
-        const auto got = pace_.exchange(kReplyTimeout);
+        const auto got = pace_.exchange(options_.pace.reply_timeout());
         pace_.wait();
         return got;
     }

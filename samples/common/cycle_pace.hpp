@@ -12,6 +12,7 @@
 #include <margay/frame_timing.hpp>
 #include <margay/result.hpp>
 
+#include <algorithm>
 #include <optional>
 #include <string>
 
@@ -26,6 +27,11 @@ struct PaceOptions {
     std::optional<OverrunPolicy> overrun{};  // nothing: skip
     std::string histogram;                   // file for a picture (SVG) or the figures (JSON); empty: none
     FrameTimeOptions times{};                // the SOURCE must have them (wanted_times())
+
+    // How long a cycle waits for its frames: with a longer period, half of it, for segments of hundreds of slaves.
+    [[nodiscard]] Duration reply_timeout() const {
+        return std::max<Duration>(std::chrono::microseconds(500), std::chrono::microseconds(period_us) / 2);
+    }
 };
 
 // --period, --spin, --priority, --runtime, --cpu.

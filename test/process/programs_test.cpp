@@ -206,6 +206,14 @@ TEST(Programs, PrintALineOfSlavesAsALine) {
               "     └─ 12 Pulse train axis (port 2)\n");
 }
 
+TEST(Programs, WaitHalfAPeriodForTheFrames) {
+    const ShellFolder folder;
+    folder.write("slow.toml", "round_trip_us = 1000\n[[slave]]\ndevice = \"digital_io_16\"\n");
+    const auto slow = folder.run(kBin + "simple_io sim:slow.toml --cycles 100 --period 4000");
+    EXPECT_EQ(slow.status, 0) << slow.err;
+    EXPECT_TRUE(contains(slow.out, "\n100 cycles, 0 without all frames, ")) << slow.out;
+}
+
 TEST(Programs, SayWhichOptionsHaveNoEffectInVirtualTime) {
     const ShellFolder folder;
     const auto cpu = folder.run(kBin + "segment_monitor sim:demo --plain --cycles 10 --cpu 0");
