@@ -94,7 +94,7 @@ boolean ecx_configdc(ecx_contextt* context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return FALSE;
     link_clocks(*context);
-    if (slaves_of(*context)[0].hasdc == 0) return FALSE;
+    if (slaves_of(*context)[0].hasdc == 0 || !is_answered(*session)) return FALSE;
     margay::ClockRequest request;
     request.settings.system_time_at_zero = system_time_at_zero(*session);
     // The interface writes delays and offsets, and does not wait until the clocks have found their rates: the frames of

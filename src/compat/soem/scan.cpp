@@ -103,6 +103,15 @@ void clear(ecx_contextt& context) {
     std::fill_n(sii_known(context), EC_MAXEEPBITMAP, 0U);
 }
 
+// What the slave says of itself.
+void read_state(ecx_contextt& context, Session& session, std::uint16_t number) {
+    std::array<std::byte, 6> octets{};
+    ec_slavet& slave = slaves_of(context)[number];
+    const bool there = read_registers(session, slave.configadr, ECT_REG_ALSTAT, octets, us(EC_TIMEOUTRET3)) == 1;
+    slave.state = there ? static_cast<uint16>(word_at(octets.data()) & 0x1F) : uint16{EC_STATE_NONE};
+    slave.ALstatuscode = there ? word_at(octets.data() + 4) : uint16{0};
+}
+
 bool no_slaves(const Error& error) {
     return error.slave == 0 && (error.code == Errc::no_slaves || error.code == Errc::no_frame ||
                                 error.code == Errc::link_down || error.code == Errc::nic);
@@ -119,6 +128,7 @@ int config_init(ecx_contextt& context) {
         if (session->now() >= until) return EC_NOFRAME;
         session->pause(std::chrono::milliseconds(1));
     }
+    if (!is_answered(*session, us(3 * EC_TIMEOUTSAFE))) return EC_NOFRAME;
     constexpr int kMostTries = 3;  // all frames of the first step may be lost
     ScanRequest request;
     auto scanned = session->run(request);
@@ -156,6 +166,7 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     std::array<std::byte, 2> octets{};
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
     if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1) return 1;
+    if (!is_answered(*session)) return 0;
     margay::RecoverRequest request;
     request.slave = slave;
     if (!session->run(request)) return 0;
@@ -176,15 +187,18 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
 int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
     const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave)) return 0;
-    HookCaller hooks(*context, *session, kVersionCallsContextHooks);
-    hooks.attach(slave);
-    take_mailboxes(*context, *session, slave, margay::AlState::preop);
-    margay::ReconfigRequest request;
-    request.slave = slave;
-    static_cast<void>(session->run(request, &hooks));
-    const Session::Guard guard(*session);
-    copy_state(*context, *session, slave);
-    return slaves_of(*context)[slave].state & 0xF;
+    bool configured = false;
+    if (is_answered(*session)) {
+        HookCaller hooks(*context, *session, kVersionCallsContextHooks);
+        hooks.attach(slave);
+        take_mailboxes(*context, *session, slave, margay::AlState::preop);
+        margay::ReconfigRequest request;
+        request.slave = slave;
+        configured = session->run(request, &hooks).ok();
+    }
+    read_state(*context, *session, slave);
+    const int state = slaves_of(*context)[slave].state & 0xF;
+    return configured || state < EC_STATE_SAFE_OP ? state : 0;
 }
 
 }  // extern "C"
