@@ -5,24 +5,17 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 
 namespace margay::layers {
 namespace {
 
-const std::filesystem::path kTop = MARGAY_SOURCE_DIR;
-
-std::string text_of(const std::filesystem::path& file) {
-    std::ifstream in(file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
+const std::filesystem::path kProject = MARGAY_SOURCE_DIR;
 
 // The identifiers of all headers below these folders, and the names of the headers.
 std::set<std::string> names_in(const std::vector<std::string>& folders) {
     std::set<std::string> names;
     for (const auto& folder : folders)
-        for (const auto& entry : std::filesystem::recursive_directory_iterator(kTop / folder)) {
+        for (const auto& entry : std::filesystem::recursive_directory_iterator(kProject / folder)) {
             const auto extension = entry.path().extension();
             if (extension != ".h" && extension != ".hpp") continue;
             names.merge(identifiers_of(text_of(entry.path())));
@@ -35,7 +28,7 @@ TEST(Calls, ExistInTheTableForUsersOfOtherMasters) {
     CallNames names{names_in({"src/compat/soem/include", "src/compat/soem1/include"}),
                     names_in({"src/compat/ecrt/include"}), names_in({"include", "osal", "oshw"})};
     names[2].insert("eoe_bridge");  // a program
-    const auto faults = call_faults(text_of(kTop / "README.md"), names);
+    const auto faults = call_faults(text_of(kProject / "README.md"), names);
     EXPECT_TRUE(faults.empty()) << joined(faults);
 }
 

@@ -4,21 +4,15 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <iterator>
-
 namespace margay::layers {
 namespace {
 
-std::string text_of(const std::string& file) {
-    std::ifstream in(MARGAY_SOURCE_DIR "/" + file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
+const std::filesystem::path kSources = MARGAY_SOURCE_DIR;
 
 TEST(Matrix, ClaimsWhatTestsProve) {
     const auto tree = load_tree(MARGAY_SOURCE_DIR);
     for (const std::string file : {"test/matrix.md", "test/README.md"}) {
-        const auto text = text_of(file);
+        const auto text = text_of(kSources / file);
         ASSERT_NE(text.find("| works |"), std::string::npos) << file;
         const auto faults = matrix_faults(text, tree, file);
         EXPECT_TRUE(faults.empty()) << joined(faults);
@@ -26,7 +20,7 @@ TEST(Matrix, ClaimsWhatTestsProve) {
 }
 
 TEST(Matrix, EachThreadOfTheFieldNotesHasOnePlaceAndAStatus) {
-    const auto text = text_of("test/README.md");
+    const auto text = text_of(kSources / "test/README.md");
     ASSERT_NE(text.find("| `S#725`, `S#741` | works |"), std::string::npos);
     const auto faults = thread_faults(text, "test/README.md");
     EXPECT_TRUE(faults.empty()) << joined(faults);

@@ -38,6 +38,11 @@ std::size_t end_of_blank(std::string_view code, std::size_t at) {
 
 }  // namespace
 
+std::string text_of(const std::filesystem::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
 SourceTree load_tree(const std::filesystem::path& top) {
     SourceTree tree;
     for (const auto* folder : {"include", "src", "osal", "oshw", "samples", "test"}) {
@@ -45,9 +50,7 @@ SourceTree load_tree(const std::filesystem::path& top) {
         for (const auto& entry : std::filesystem::recursive_directory_iterator(top / folder)) {
             const auto extension = entry.path().extension();
             if (!entry.is_regular_file() || (extension != ".hpp" && extension != ".cpp")) continue;
-            std::ifstream in(entry.path(), std::ios::binary);
-            tree.push_back({entry.path().lexically_relative(top).generic_string(),
-                            {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()}});
+            tree.push_back({entry.path().lexically_relative(top).generic_string(), text_of(entry.path())});
         }
     }
     std::sort(tree.begin(), tree.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
@@ -82,8 +85,8 @@ std::string layer_of(std::string_view path) {
     const auto below = [&](std::string_view top) {
         return folder == top || (folder.substr(0, top.size()) == top && folder[top.size()] == '/');
     };
-    if (below("include/margay/files")) return "files";  // the public headers of src/files
-    if (below("include/margay/attach")) return "attach";  // of src/attach
+    if (below("include/margay/files")) return "files";      // the public headers of src/files
+    if (below("include/margay/attach")) return "attach";    // of src/attach
     if (below("include/margay/gateway")) return "gateway";  // of src/gateway
     if (below("include/margay")) return "include";
     if (below("samples")) return "samples";

@@ -18,6 +18,9 @@ using SourceTree = std::vector<SourceFile>;
 // Loads all C++ files below include, src, osal, oshw, samples and test.
 SourceTree load_tree(const std::filesystem::path& top);
 
+// The content of a file; empty when it cannot be read.
+std::string text_of(const std::filesystem::path& file);
+
 // The text with comments, string literals and character literals replaced by blanks; line numbers do not change.
 std::string strip(std::string_view code);
 

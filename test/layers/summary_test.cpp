@@ -4,9 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <iterator>
-
 namespace margay::layers {
 namespace {
 
@@ -116,13 +113,9 @@ constexpr SummaryProof kProofs[] = {
 };
 // clang-format on
 
-std::string text_of(const std::string& file) {
-    std::ifstream in(MARGAY_SOURCE_DIR "/" + file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
-
 TEST(Summary, SaysWhatTheMatrixSays) {
-    const auto faults = summary_faults(text_of("README.md"), text_of("test/matrix.md"), kProofs);
+    const auto faults =
+        summary_faults(text_of(MARGAY_SOURCE_DIR "/README.md"), text_of(MARGAY_SOURCE_DIR "/test/matrix.md"), kProofs);
     EXPECT_TRUE(faults.empty()) << joined(faults);
 }
 
