@@ -99,6 +99,10 @@ int main(int argc, char **argv) {
                 (unsigned)s->Obytes, o, s->Ibits, (unsigned)s->Ibytes, i, f0, f1);
         wrong += differs(golden, line);
     }
+    if (fgets(line, sizeof(line), golden) != NULL) {
+        printf("wanted more: %s\n", line);
+        ++wrong;
+    }
     /* Nothing of the memory of the program was touched. */
     for (n = 0; n < (int)sizeof(map); ++n)
         if (map[n] != 0x55) {

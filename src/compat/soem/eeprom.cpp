@@ -59,7 +59,8 @@ bool Eeprom::command(std::uint16_t command, std::uint16_t word, std::uint16_t da
 bool Eeprom::is_free(const Look& shown) { return (shown.status & kErrors) == 0 || command(EC_ECMD_NOP, kNoWord); }
 
 bool Eeprom::begin(std::uint16_t word, Duration timeout) {
-    for (int attempt = 0; attempt < kAttempts; ++attempt) {  // a frame with a command may be lost
+    const Time until = later(session_.now(), timeout);
+    for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {  // commands may be lost
         Look shown;
         if (!wait_ready(shown, timeout)) return false;
         if (is_free(shown) && command(EC_ECMD_READ, word)) return true;
