@@ -321,7 +321,7 @@ std::vector<Command> segment_commands() {
               "Shown are the slaves with identity, names and PDOs as far as the recording has them; AL states over "
               "time; mailbox conversations; cycle times; lost and late frames; working counters that fell short; "
               "distributed clocks; and the master where the recording proves it.",
-              "Several masters in one file are told by their source addresses, and by their interfaces where "
+              "Several masters in one file are distinguished by their source addresses, and by their interfaces where "
               "the addresses are alike; each has a part of its own. Packets that are not in order of time are sorted. "
               "A recorder on the interface of a Margay program sees only the replies where PACKET_QDISC_BYPASS is in "
               "use.",
