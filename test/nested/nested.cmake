@@ -186,7 +186,7 @@ set_tests_properties(embedded/footprint_table PROPERTIES FIXTURES_REQUIRED arm_a
 # The other compiler.
 margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16 COST 400
               DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_WERROR=ON MARGAY_TESTS=OFF CMAKE_BUILD_TYPE=Debug MARGAY_UNITY=ON
-                     CMAKE_CXX_FLAGS_DEBUG=-g0)
+                     CMAKE_CXX_FLAGS_DEBUG=-g0 MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE})
 set_tests_properties(clang/builds PROPERTIES LABELS build_types)
 
 # The parts in each build type by both compilers, warnings being errors. Two have no folder of their own: GCC's RelWithDebInfo
@@ -194,7 +194,7 @@ set_tests_properties(clang/builds PROPERTIES LABELS build_types)
 # GCC reports warnings at each level of optimisation, so it compiles each type completely. The warnings of clang come from its
 # front end: Debug is compiled completely, Release by the front end alone. RelWithDebInfo and MinSizeRel are the same for the front
 # end as Release, which tests show: the first has the same macros, the second one macro more, which no source and no header names.
-set(flags_of_clang_Release CMAKE_PROJECT_margay_INCLUDE=${CMAKE_CURRENT_SOURCE_DIR}/nested/front_end.cmake MARGAY_PCH=OFF)
+set(flags_of_clang_Release CMAKE_PROJECT_margay_INCLUDE=${CMAKE_CURRENT_SOURCE_DIR}/nested/front_end.cmake)
 set(gcc g++)
 set(clang clang++-16)
 set(families gcc clang)
