@@ -55,6 +55,10 @@ struct Update {
     Duration pause;
     AlState from;
 };
+// The name of the test: without it GoogleTest prints the octets of the object, with padding that differs in each build.
+void PrintTo(const Update& update, std::ostream* out) {
+    *out << "minor " << update.minor << " after " << update.pause / 1ms << " ms from " << to_text(update.from);
+}
 struct OneMapping : AfterBoot, testing::WithParamInterface<Update> {};
 
 TEST_P(OneMapping, IsEnoughWithASupervision) {
