@@ -1,8 +1,11 @@
-# Prints what each program of FOLDER needs on a Cortex-M4, and checks the bounds and what is not linked. RAM is without
-# the stack. Skips without the compiler.
+# Prints what each program of FOLDER needs on a Cortex-M4, and checks the bounds and, by the linker map of each program, what
+# is linked. RAM is without the stack. Skips without the compiler.
+cmake_minimum_required(VERSION 3.25)
 find_program(arm_size arm-none-eabi-size)
 find_program(arm_nm arm-none-eabi-nm)
-if(NOT arm_size OR NOT arm_nm)
+find_program(arm_ar arm-none-eabi-ar)
+include(${CMAKE_CURRENT_LIST_DIR}/map.cmake)
+if(NOT arm_size OR NOT arm_nm OR NOT arm_ar)
   message("SKIPPED: there is no arm-none-eabi-size")
   return()
 endif()
@@ -29,6 +32,9 @@ endfunction()
 # row(PROGRAM words): one line of the table; what it has more than `sdo` is behind the sums.
 function(row program words)
   measure(${program})
+  read_map(${program})
+  set(map_of_${program} "${map_of_${program}}" PARENT_SCOPE)
+  set(programs ${programs} ${program} PARENT_SCOPE)
   set(text ${text_of_${program}})
   set(ram ${ram_of_${program}})
   math(EXPR more "${text} - ${text_of_sdo}")
@@ -42,19 +48,6 @@ function(at_most value bound words)
   if(value GREATER bound)
     message(SEND_ERROR "${words}: ${value} octets; at most ${bound} are allowed")
   endif()
-endfunction()
-
-# without(PROGRAM NAME …): no symbol of the program contains one of these names.
-function(without program)
-  execute_process(COMMAND "${arm_nm}" -C ${FOLDER}/${program}.elf OUTPUT_VARIABLE symbols COMMAND_ERROR_IS_FATAL ANY)
-  if(NOT symbols MATCHES "margay::scan")
-    message(FATAL_ERROR "${program} does not even have margay::scan()")
-  endif()
-  foreach(name IN LISTS ARGN)
-    if(symbols MATCHES "[^\n]*${name}[^\n]*")
-      message(SEND_ERROR "${program} does not need it, but has: ${CMAKE_MATCH_0}")
-    endif()
-  endforeach()
 endfunction()
 
 # octets_of(PATTERN OBJECT variable): the sum of the sizes of all functions and constants of this name.
@@ -99,14 +92,21 @@ math(EXPR more "100 * (${by_coroutines} - ${by_machine}) / ${by_coroutines}")
 message("A change of the AL state: ${by_coroutines} octets of text as three coroutines, ${by_machine} (${more} % less) as "
         "a state machine written by hand, which has ${ram_of_machine} of RAM")
 
-set(heap malloc operator.new __cxa_throw "std::ios" __cxa_demangle printf)
-set(by_name soe_ eoe_ Eoe write_sm_pdos run_commands supervise find_lost address_newcomer ask_information compare_with_expected
-            read_device_id forward_mail send_overlapped Redundancy RingWatch "describe\\(" compare_group identify_as_expected
-            read_places prove_in_boot invalid_commands place_entries)
-without(sdo ${by_name} sdo_download ${heap})
-set(dictionary ask_dictionary find_sms_by_coe read_sm_types SdoList)
-without(sdo_alone ${by_name} ${dictionary} sdo_download ${heap})
-without(cycle ${by_name} ${dictionary} "MailboxChannel::pump" MailExchange:: MailSession sdo_ run_transfer watch_all owe_ "deliver\\(margay::MailboxChannel::FinalMessage" ${heap})
-without(everything ${heap})
+# The measured alternative for whole programs: al_state.cpp has three coroutines.
+math(EXPR octets_of_a_coroutine "(${by_coroutines} - ${by_machine}) / 3")
+message("So a coroutine costs ${octets_of_a_coroutine} octets. By the linker maps:")
+sequences(cycle 40960)
+sequences(sdo 73728)
+sequences(supervision 90112)
+math(EXPR coroutines "${coroutines_of_supervision} - ${coroutines_of_sdo}")
+math(EXPR plain "${plain_of_supervision} - ${plain_of_sdo}")
+math(EXPR without "${text_of_supervision} - ${text_of_sdo} - ${coroutines} * ${octets_of_a_coroutine}")
+message("the supervision alone: ${coroutines} coroutines, ${without} octets would be left without them; all other functions "
+        "have ${plain}; the target is 16384")
 
+foreach(program IN LISTS programs)
+  all_is_read(${program})
+  no_heap_no_exceptions(${program})
+endforeach()
+include(${CMAKE_CURRENT_LIST_DIR}/linked.cmake)
 include(${CMAKE_CURRENT_LIST_DIR}/bounds.cmake)
