@@ -24,9 +24,9 @@
 #pragma once
 
 #include <margay/detail/octet_ring.hpp>
+#include <margay/detail/writable_ring.hpp>
 #include <margay/eoe_parameters.hpp>
 #include <margay/request.hpp>
-#include <margay/spsc_ring.hpp>
 
 #include <array>
 #include <atomic>
@@ -192,7 +192,7 @@ class EoePort final : public MailRequest {
     OctetRing to_slave_;
     OctetRing from_slave_;
     std::span<std::byte> parts_;
-    SpscRingOf<std::uint32_t, 4> sending_times_;
+    WritableRingOf<std::uint32_t, 4> sending_times_;
     std::array<std::atomic<std::uint32_t>, kCounts> counts_{};
     std::array<char, kNameBytes> name_{};
     std::uint8_t name_bytes_ = 0;

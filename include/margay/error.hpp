@@ -342,7 +342,7 @@ enum class Argument : std::uint8_t {
     dc_reference,
     copy,  // SlaveToSlave
     entry_handle,
-    empty_group,      // no slave belongs to the group
+    empty_group,      // no slave belongs to the group (actual: its number)
     sync_cycle,       // members of SyncSettings
     clock_settings,   // members of ClockSettings
     file_name,        // the name of a file does not fit the mailbox

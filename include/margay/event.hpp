@@ -99,7 +99,8 @@ class EventQueue : public SpscRing<Event> {
     void (*callback)(const Event& event, void* user) = nullptr;
     void* user = nullptr;
 
-    // For the library: calls the callback, and stores the event.
+  protected:
+    // Calls the callback, and stores the event.
     void add(const Event& event) {
         if (callback != nullptr) callback(event, user);
         (void)SpscRing<Event>::add(event);

@@ -1,8 +1,7 @@
 // A ring between two threads: one thread writes, one thread reads, and no thread ever waits. The library keeps errors,
-// warnings, events and emergencies in such rings.
+// warnings, events and emergencies in such rings, and alone writes them.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -12,15 +11,14 @@
 
 namespace margay {
 
-// The memory belongs to the owner of the ring and must outlive the ring. A full ring keeps the oldest values, and drops
-// and counts new values. A ring without memory is always empty.
+// The reader's side of a ring. A full ring keeps the oldest values, and drops and counts new values. A ring without
+// memory is always empty.
 template <class T>
 class SpscRing {
     static_assert(std::is_trivially_copyable_v<T>);
 
   public:
     SpscRing() = default;
-    explicit SpscRing(std::span<T> memory) { use(memory); }
     SpscRing(const SpscRing&) = delete;
     SpscRing& operator=(const SpscRing&) = delete;
 
@@ -47,7 +45,11 @@ class SpscRing {
     [[nodiscard]] std::uint32_t count() const { return came_.load(std::memory_order_relaxed); }
     [[nodiscard]] std::uint32_t capacity() const { return size_; }
 
-    // --- The writing thread: the library ---
+    // The ring uses this many values of its memory at most.
+    static constexpr std::uint32_t kMost = 0x1FFFF;
+
+  protected:
+    // --- The writing thread: see WritableRing (detail/writable_ring.hpp) ---
 
     // Adds a value. False: the ring is full; the value was dropped and counted.
     bool add(const T& value) {
@@ -78,13 +80,11 @@ class SpscRing {
         dropped_.store(0, std::memory_order_relaxed);
     }
 
-    // Sets the memory of the ring, before the first value is added. The ring uses kMost values at most.
+    // Sets the memory of the ring, which must outlive the ring, before the first value is added.
     void use(std::span<T> memory) {
         memory_ = memory;
         size_ = static_cast<std::uint32_t>(memory.size() < kMost ? memory.size() : kMost);
     }
-
-    static constexpr std::uint32_t kMost = 0x1FFFF;
 
   private:
     // The state of the reader in one word: its index, how often the ring was cleared, and whether the reading thread
@@ -116,17 +116,6 @@ class SpscRing {
     std::atomic<std::uint32_t> cleared_to_{0};
     std::atomic<std::uint32_t> came_{0};
     std::atomic<std::uint32_t> dropped_{0};
-};
-
-// A ring with memory of its own.
-template <class T, std::uint32_t N>
-class SpscRingOf : public SpscRing<T> {
-  public:
-    static constexpr std::uint32_t kCapacity = N;
-    SpscRingOf() { this->use(values_); }
-
-  private:
-    std::array<T, N> values_{};
 };
 
 }  // namespace margay

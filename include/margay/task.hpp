@@ -147,12 +147,11 @@ class TaskReference {
     TaskReference() = default;
     // False if there is no task: the arena had no memory for it.
     [[nodiscard]] explicit operator bool() const { return promise_ != nullptr; }
-    // Destroys the task, which exists, or no task. A task must not destroy itself.
-    void end() const noexcept { detail::destroy_task(promise_); }
 
   protected:
     friend class Completion;
     friend class Crew;
+    friend struct TaskAccess;
     explicit TaskReference(detail::PromiseBase& promise) : promise_(&promise) {}
     detail::PromiseBase* promise_ = nullptr;
 };
@@ -177,16 +176,6 @@ class [[nodiscard]] Task : public TaskReference {
     Task() = default;
     Task(Task&&) = default;  // trivial, so that a Task is passed in a register
     Task& operator=(Task&&) = default;
-
-    // Begins a task that no coroutine awaits; its owner calls done() to find its end.
-    void start() {
-        if (promise_ != nullptr) promise_->self().resume();
-    }
-    [[nodiscard]] bool done() const { return promise_ == nullptr || promise_->over; }
-    // The result of a finished task.
-    [[nodiscard, gnu::noinline]] T result() const {
-        return promise_ != nullptr ? promise().result() : T(Error{.code = Errc::capacity});
-    }
 
     bool await_ready() const noexcept { return false; }
     template <std::derived_from<detail::PromiseBase> P>
@@ -217,6 +206,17 @@ class [[nodiscard]] Task : public TaskReference {
       private:
         detail::PromiseBase* task_;
     };
+
+  protected:
+    // For the owner of a task that no coroutine awaits: begins the task. done() says when the task has ended.
+    void start() {
+        if (promise_ != nullptr) promise_->self().resume();
+    }
+    [[nodiscard]] bool done() const { return promise_ == nullptr || promise_->over; }
+    // The result of a finished task.
+    [[nodiscard, gnu::noinline]] T result() const {
+        return promise_ != nullptr ? promise().result() : T(Error{.code = Errc::capacity});
+    }
 
   private:
     using TaskReference::TaskReference;

@@ -249,7 +249,7 @@ void end_some(Master& master, Request*& list, Errc code, bool (*ends)(Request& r
             RequestAccess::why(*request) = code;
             if (RequestAccess::sequence(*request)) {
                 master.network.slave_of_cut_hook = 0;
-                std::exchange(RequestAccess::sequence(*request), {}).end();
+                TaskAccess::end(std::exchange(RequestAccess::sequence(*request), {}));
             } else {
                 (void)remove(list, *request);
                 end_unbegun(master, *request, {.code = code, .step = operation(*request).step});
@@ -431,7 +431,7 @@ Result<> submit(Context& ctx, Request& request) {
 // Ends a sequence outside poll(). The callbacks of its events have the same limits as in poll().
 static void destroy_sequence(Master& master, TaskReference sequence) {
     master.in_poll = true;
-    sequence.end();
+    TaskAccess::end(sequence);
     master.in_poll = false;
 }
 

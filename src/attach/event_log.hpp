@@ -5,7 +5,7 @@
 #include "attach/job.hpp"
 
 #include <margay/context.hpp>
-#include <margay/spsc_ring.hpp>
+#include <margay/detail/writable_ring.hpp>
 
 #include <array>
 #include <deque>
@@ -34,7 +34,7 @@ class EventLog {
     void (*before_)(const Event& event, void* user);
     void* before_user_;
     std::array<Event, 512> memory_{};
-    SpscRing<Event> ring_{std::span<Event>(memory_)};
+    WritableRing<Event> ring_{std::span<Event>(memory_)};
     std::deque<EventFacts> kept_{};
     std::uint64_t last_ = 0;
 };

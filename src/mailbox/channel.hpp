@@ -19,6 +19,7 @@
 #include "station/register_access.hpp"
 #include "util/task.hpp"
 
+#include <margay/detail/writable_ring.hpp>
 #include <margay/emergency.hpp>
 #include <margay/slave.hpp>
 #include <margay/statistics.hpp>
@@ -173,7 +174,7 @@ class MailboxChannel {
     [[nodiscard]] std::size_t send_room() const { return room(info_.out_bytes); }
     [[nodiscard]] std::size_t receive_room() const { return room(info_.in_bytes); }
     [[nodiscard]] MailboxStatistics& statistics() { return statistics_; }
-    [[nodiscard]] EmergencyRing& emergencies() { return emergencies_; }
+    [[nodiscard]] WritableRing<Emergency>& emergencies() { return emergencies_; }
 
     // Set when the slave has refused complete access.
     bool no_complete_access = false;
@@ -369,7 +370,7 @@ class MailboxChannel {
     TaskHandle pump_;
     Engine::Sleep::Timer doze_;
     MailboxStatistics statistics_;
-    EmergencyRing emergencies_;
+    WritableRing<Emergency> emergencies_;
 };
 
 }  // namespace margay

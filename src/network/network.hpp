@@ -11,6 +11,7 @@
 #include "station/register_access.hpp"
 #include "util/task.hpp"
 
+#include <margay/detail/writable_ring.hpp>
 #include <margay/error_log.hpp>
 #include <margay/event.hpp>
 #include <margay/expected.hpp>
@@ -48,6 +49,13 @@ struct SlaveWork : ListNode {
     // target of the slave becomes lower than this state, the hook that keeps the slave from it ends.
     AlState upwards_to = AlState::none;
     TaskReference sequence{};
+};
+
+// The writer's side of the events.
+class WritableEvents : public EventQueue {
+  public:
+    using EventQueue::add;
+    using EventQueue::use;
 };
 
 struct Expectation;
@@ -138,9 +146,9 @@ struct Network {
     std::size_t tasks;                // number of slaves that are processed at the same time
     ScanSettings settings;
     ProcessTables process;
-    ErrorLog errors;  // these three: without memory until use() gives it to them
-    ErrorLog warnings;
-    EventQueue events;
+    WritableRing<Error> errors;  // these three: without memory until use() gives it to them
+    WritableRing<Error> warnings;
+    WritableEvents events;
     Mailboxes mailboxes;
     EmergencyListener emergency_listener{*this};
     const CoeFeature* coe = nullptr;               // see <margay/features.hpp>

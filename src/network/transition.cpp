@@ -300,14 +300,14 @@ void end_work(Network& network, SlaveWork& work) {
     Error error{.code = Errc::timeout, .step = Step::application_hook, .slave = slave.number};
     if (!marks.in_hook) error.step = Step::request_state;
     if (!marks.in_hook && marks.following) error = unfinished_error(network, slave);
-    work.sequence.end();
+    TaskAccess::end(work.sequence);
     if (!network.supervised) return network.note(slave, error);
     report_failure(network, slave, slave.al, error);
     if (marks.attempts == 0) marks.attempts = 1;
 }
 
 void drop_work(Network& network, const Slave& slave) {
-    if (SlaveWork* work = find_work(network, slave)) work->sequence.end();
+    if (SlaveWork* work = find_work(network, slave)) TaskAccess::end(work->sequence);
 }
 
 bool crosses_boot(Network& network, const Slave& slave, AlState to) {

@@ -12,6 +12,11 @@
 
 namespace margay {
 
+struct TaskAccess {
+    // Destroys the task, which exists, or no task. A task must not destroy itself.
+    static void end(TaskReference task) noexcept { detail::destroy_task(task.promise_); }
+};
+
 // The right to end a task of a Crew. The guard of the task calls release() when the task ends, either by itself or with
 // its Crew, so the handle never refers to a destroyed coroutine.
 class TaskHandle {
@@ -26,7 +31,7 @@ class TaskHandle {
     [[nodiscard]] explicit operator bool() const { return static_cast<bool>(task_); }
     void release() { task_ = {}; }
     // Ends the task if it is still running. A task must not end itself by this function.
-    void end() { std::exchange(task_, {}).end(); }
+    void end() { TaskAccess::end(std::exchange(task_, {})); }
 
   private:
     TaskReference task_;
@@ -46,8 +51,12 @@ class OwnedTask : public Task<T> {
         }
         return *this;
     }
-    ~OwnedTask() { this->end(); }
-    void reset() { std::exchange(task(), {}).end(); }
+    ~OwnedTask() { TaskAccess::end(task()); }
+    void reset() { TaskAccess::end(std::exchange(task(), {})); }
+
+    using Task<T>::done;
+    using Task<T>::result;
+    using Task<T>::start;
 
   private:
     Task<T>& task() { return *this; }

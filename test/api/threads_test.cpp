@@ -3,7 +3,7 @@
 #include "api/real_line.hpp"
 #include "real_osal.hpp"
 
-#include <margay/spsc_ring.hpp>
+#include <margay/detail/writable_ring.hpp>
 
 #include <algorithm>
 #include <atomic>
@@ -306,7 +306,7 @@ TEST_F(Threads, RequestsOfAllKindsEndWhileTheOwnerChanges) {
 TEST(ThreadsRing, AReaderSeesRisingValuesAndNoneThatWasCleared) {
     for (const std::size_t size : {1U, 2U, 3U, 7U, 64U}) {
         std::vector<std::uint64_t> memory(size);
-        SpscRing<std::uint64_t> ring{std::span(memory)};
+        WritableRing<std::uint64_t> ring{std::span(memory)};
         std::atomic<bool> stop{false};
         std::atomic<std::uint64_t> first_left{0};
         std::atomic<int> wrong{0};

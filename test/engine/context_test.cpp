@@ -1,4 +1,5 @@
 // The context and its requests, as an application uses them, with a far end that rarely answers.
+#include "api/master.hpp"
 #include "engine/scripted_nic.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 
@@ -83,7 +84,7 @@ TEST_F(ContextTest, CallbackOfEventsSetBeforeInitStays) {
     ctx.events().callback = [](const Event&, void* user) { ++*static_cast<int*>(user); };
     ctx.events().user = &told;
     ASSERT_TRUE(init(ctx, nic, osal));
-    ctx.events().add({});
+    master_of(ctx)->network.report({});
     EXPECT_EQ(told, 1);
     EXPECT_TRUE(ctx.events().take().has_value());
 }

@@ -35,7 +35,7 @@ class FrameSizes : public testing::Test {
     void expect(const char* name, std::size_t bytes, Task<T> task) {
         EXPECT_TRUE(static_cast<bool>(task));
         EXPECT_EQ(network.arena().used_bytes(), bytes) << name;
-        task.end();
+        TaskAccess::end(task);
         EXPECT_EQ(network.arena().used_bytes(), 0U) << name;
     }
 };

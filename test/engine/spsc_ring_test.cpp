@@ -1,5 +1,8 @@
 // The ring between two threads: order, capacity, and a writer that clears the ring while the other thread reads.
-#include <margay/spsc_ring.hpp>
+#include "util/task.hpp"
+
+#include <margay/context.hpp>
+#include <margay/detail/writable_ring.hpp>
 
 #include <gtest/gtest.h>
 
@@ -7,16 +10,54 @@
 #include <deque>
 #include <random>
 #include <thread>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 namespace margay {
 namespace {
 
+// What an application can call of the rings and of the tasks that the library gives it.
+template <class Ring>
+concept CanAdd = requires(Ring& ring) {
+    ring.add({});
+};
+template <class Ring>
+concept CanClear = requires(Ring& ring) {
+    ring.clear();
+};
+template <class Ring>
+concept CanUse = requires(Ring& ring) {
+    ring.use({});
+};
+template <class T>
+concept CanDrive = requires(T& task) {
+    task.start();
+}
+|| requires(T& task) { task.end(); }
+|| requires(T& task) { (void)task.result(); };
+
+template <class Ring>
+constexpr bool kOnlyRead = !CanAdd<Ring> && !CanClear<Ring> && !CanUse<Ring>;
+
+TEST(SpscRing, OfTheLibraryIsReadByTheApplicationAndNotWritten) {
+    static_assert(kOnlyRead<ErrorLog> && kOnlyRead<EventQueue> && kOnlyRead<EmergencyRing>);
+    static_assert(CanAdd<WritableRing<Error>> && CanClear<WritableRing<Error>> && CanUse<WritableRing<Error>>);
+    static_assert(std::is_same_v<decltype(std::declval<Context&>().errors()), ErrorLog&>);
+    static_assert(std::is_same_v<decltype(std::declval<Context&>().warnings()), ErrorLog&>);
+    static_assert(std::is_same_v<decltype(std::declval<Context&>().events()), EventQueue&>);
+}
+
+TEST(Task, OfAHookIsAwaitedAndNotDriven) {
+    static_assert(!CanDrive<Task<>> && !CanDrive<Task<Result<std::size_t>>> && !CanDrive<TaskReference>);
+    static_assert(CanDrive<OwnedTask<>>);
+}
+
 // The ring compared with a simple queue: sizes that divide 2^32 and other sizes, and many more values than places.
 TEST(SpscRing, KeepsTheOldestInOrderAndCountsWhatItDrops) {
     for (const std::uint32_t size : {1U, 2U, 3U, 5U, 7U, 8U, 64U, 65U}) {
         std::vector<std::uint32_t> memory(size);
-        SpscRing<std::uint32_t> ring{std::span(memory)};
+        WritableRing<std::uint32_t> ring{std::span(memory)};
         std::deque<std::uint32_t> model;
         std::mt19937 random(size);
         std::uint32_t dropped = 0;
@@ -48,7 +89,7 @@ TEST(SpscRing, KeepsTheOldestInOrderAndCountsWhatItDrops) {
 }
 
 TEST(SpscRing, WithoutMemoryIsEmptyAndFull) {
-    SpscRing<int> ring;
+    WritableRing<int> ring;
     EXPECT_FALSE(ring.take().has_value());
     EXPECT_FALSE(ring.add(1));
     EXPECT_FALSE(ring.take().has_value());
@@ -59,7 +100,7 @@ TEST(SpscRing, WithoutMemoryIsEmptyAndFull) {
 
 TEST(SpscRing, ClearedFullRingHasAllItsRoom) {
     std::array<int, 3> memory{};
-    SpscRing<int> ring{std::span(memory)};
+    WritableRing<int> ring{std::span(memory)};
     for (int n = 0; n < 5; ++n) (void)ring.add(n);
     ring.clear();
     EXPECT_FALSE(ring.take().has_value());
@@ -77,7 +118,7 @@ TEST(SpscRing, IsClearedWhileAnotherThreadReads) {
     };
     constexpr std::uint64_t kValues = 200000;
     std::array<Value, 7> memory{};
-    SpscRing<Value> ring{std::span(memory)};
+    WritableRing<Value> ring{std::span(memory)};
     std::atomic<bool> over{false};
     std::uint64_t taken = 0;
     std::uint64_t wrong = 0;

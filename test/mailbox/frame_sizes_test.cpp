@@ -23,7 +23,7 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     const auto expect = [&](const char* name, std::size_t bytes, auto task) {
         EXPECT_TRUE(static_cast<bool>(task));
         EXPECT_EQ(network.arena().used_bytes(), bytes) << name;
-        task.end();
+        TaskAccess::end(task);
         EXPECT_EQ(network.arena().used_bytes(), 0U) << name;
     };
     std::array<std::byte, 4> memory{};

@@ -4,6 +4,7 @@
 #include "compat/ecrt/pdos.hpp"
 
 #include <margay/configuration.hpp>
+#include <margay/detail/writable_ring.hpp>
 #include <margay/emergency.hpp>
 #include <margay/eoe_parameters.hpp>
 #include <margay/expected.hpp>
@@ -83,7 +84,7 @@ struct ec_slave_config {
     margay::Duration wait_before_safeop{0};
     bool overlapping = false;  // its inputs may have the logical addresses of outputs
     std::vector<margay::Emergency> emergency_memory;
-    margay::EmergencyRing emergencies;      // without memory: they are not kept
+    margay::WritableRing<margay::Emergency> emergencies;  // without memory: they are not kept
     std::uint32_t emergencies_cleared = 0;  // dropped before the last clear
 
     // Results, set by the owner of the context. `state`: bit 0 online, bit 1 operational, bits 4 to 7 AL state.
