@@ -203,6 +203,10 @@ void write_argument(TextWriter& out, const Error& e) {
         out << "the start of SYNC0 is more than 4.29 s ahead, and the clock of the slave has 32 bits";
         return;
     }
+    if (argument == Argument::empty_group) {
+        out << "no slave has group " << e.actual << " in SlaveConfiguration::group";
+        return;
+    }
     if (argument == Argument::sync_pulse)
         out << "a cycle of " << e.actual << " ns, and a pulse of " << e.expected
             << " ns (ESC register 0x0982, from the SII): ";

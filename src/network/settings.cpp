@@ -71,7 +71,10 @@ Error invalid_setting(const Network& network, const ProcessGroup& group) {
         return invalid_mapping(Argument::entry_handle);
     const bool empty =
         std::ranges::none_of(network.slaves(), [&](const Slave& slave) { return slave.config.group == group.number; });
-    return empty && !config.al_status && config.dc_reference == 0 ? invalid_mapping(Argument::empty_group) : Error{};
+    if (!empty || config.al_status || config.dc_reference != 0) return Error{};
+    Error error = invalid_mapping(Argument::empty_group);
+    error.actual = group.number;
+    return error;
 }
 
 }  // namespace margay

@@ -63,6 +63,17 @@ TEST_F(Mistakes, OneImageForTwoGroupsIsRefused) {
     EXPECT_TRUE(config_map(*ctx, second_image, 1).ok()) << "the same group again";
 }
 
+TEST_F(Mistakes, AGroupWithoutSlavesIsNamed) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_EQ(words(config_map(*ctx, image, 1).error()),
+              "mapping process data: argument out of range: no slave has group 1 in SlaveConfiguration::group");
+    ctx->slave(1).config.group = ctx->slave(2).config.group = 1;
+    EXPECT_EQ(words(config_map(*ctx, image).error()),
+              "mapping process data: argument out of range: no slave has group 0 in SlaveConfiguration::group");
+    ctx->group(0).config.al_status = true;
+    EXPECT_TRUE(config_map(*ctx, image).ok()) << "a group that reads a register";
+}
+
 TEST_F(Mistakes, WishesWrittenBeforeASubmittedScanAreWarnedOf) {
     ctx->slave(1).config.group = 1;
     ScanRequest scan;

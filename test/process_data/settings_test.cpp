@@ -205,7 +205,7 @@ TEST_F(Settings, OfAGroup) {
     static constexpr EntryHandle* kNull[] = {nullptr};
     EXPECT_EQ(group([](auto& c) { c.entries = kNull; }), at + "entries has a null pointer");
     EXPECT_EQ(words(config_map(*ctx, std::span(image).subspan(32), 1).error()),
-              "mapping process data: argument out of range: no slave has this group in SlaveConfiguration::group");
+              "mapping process data: argument out of range: no slave has group 1 in SlaveConfiguration::group");
     ctx->group(1).config.al_status = true;
     EXPECT_TRUE(config_map(*ctx, std::span(image).subspan(32), 1).ok()) << "a group for readings needs no slave";
 }
