@@ -447,7 +447,10 @@ void Request::cancel() {
     if (owner && remove(master.queue.waiting, *this)) return end_unbegun(master, *this, canceled);
     // The end of a supervision is an event: the owner ends it.
     const bool by_owner = operation(*this).operation == Operation::supervise;
-    if (!by_owner && withdraw_submitted(master.queue, *this)) return RequestAccess::end(*this, canceled, master.osal);
+    if ((owner || !by_owner) && withdraw_submitted(master.queue, *this)) {
+        if (by_owner) return end_unbegun(master, *this, canceled);
+        return RequestAccess::end(*this, canceled, master.osal);
+    }
     cancel_asked_.store(true, std::memory_order_release);
     master.queue.cancel_asked.store(true, std::memory_order_release);
     master.osal.wake();

@@ -3,6 +3,8 @@
 #include "process_data/mistakes.hpp"
 #include "util/arena.hpp"
 
+#include <thread>
+
 namespace margay {
 namespace {
 
@@ -287,6 +289,21 @@ TEST_F(Mistakes, ASupervisionThatIsDestroyedBeforeItBeginsIsReported) {
         SuperviseRequest gone;
         ASSERT_TRUE(submit(*ctx, gone).ok());
     }
+    cycles(2);
+    EXPECT_EQ(events(), std::vector<std::string>{"the supervision has ended: lost slaves are not brought back"});
+}
+
+// Another thread has submitted it, and no poll() has accepted it: the destructor would wait for a poll() of its own
+// thread.
+TEST_F(Mistakes, TheOwnerCancelsASupervisionThatAnotherThreadHasSubmitted) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    (void)events();
+    SuperviseRequest gone;
+    std::thread([&] { EXPECT_TRUE(submit(*ctx, gone).ok()); }).join();
+    gone.cancel();
+    EXPECT_FALSE(gone.busy());
+    EXPECT_EQ(gone.error().code, Errc::canceled);
     cycles(2);
     EXPECT_EQ(events(), std::vector<std::string>{"the supervision has ended: lost slaves are not brought back"});
 }
