@@ -46,7 +46,9 @@ void read_validation(Reader& r, Node node, EniInit& init) {
     if (init.wanted.empty()) r.fail(validate, "Validate has no Data");
     if (init.wanted.size() > init.data.size()) r.fail(validate, "Validate compares more octets than the command reads");
     if (init.mask.empty()) init.mask.assign(init.wanted.size(), std::byte{0xFF});
-    if (init.mask.size() != init.wanted.size()) r.fail(validate, "DataMask of Validate has another size than Data");
+    if (init.mask.size() == init.wanted.size()) return;
+    r.fail(validate, "DataMask of Validate has another size than Data");
+    init.mask.assign(init.wanted.size(), std::byte{0xFF});  // the reader continues, to name further faults
 }
 
 EniInit read_init(Reader& r, Node node) {

@@ -122,6 +122,18 @@ TEST(EniReader, RefusesWithLineAndCause) {
 }
 
 // The first one would count, and nobody would know.
+TEST(EniReader, AMaskOfAnotherSizeThanItsDataIsRefused) {
+    const std::string other = "<InitCmd><Transition>IP</Transition><Cmd>2</Cmd>";
+    for (const std::string ado : {"4096", "1288"})  // any register; the data of the SII
+        for (const std::size_t octets : {1U, 3U, 5U, 8U, 9U, 400U}) {
+            const auto init = "<InitCmd><Transition>IP</Transition><Cmd>4</Cmd><Adp>1001</Adp><Ado>" + ado +
+                              "</Ado><DataLength>400</DataLength><Validate><Data>01000000</Data><DataMask>" +
+                              std::string(octets * 2, 'f') + "</DataMask></Validate></InitCmd>";
+            const auto problem = problem_with(other, init + other);
+            EXPECT_TRUE(problem.ends_with("DataMask of Validate has another size than Data")) << problem;
+        }
+}
+
 TEST(EniReader, WhatIsThereTwiceIsRefused) {
     EXPECT_EQ(problem_with("</Config>", "</Config><Config/>"),
               "line 37, column 11: a second Config in EtherCATConfig: the first one is in line 2");
