@@ -243,10 +243,12 @@ struct {
     Osal* osal = nullptr;
     Time until{};
     std::atomic<std::uint32_t> word{1};
+    std::atomic<std::uint32_t> begun{0};
     std::atomic<std::uint32_t> awake{0};
 } sleepers;
 
 void sleep_on_the_word(void*) {
+    sleepers.begun.fetch_add(1, std::memory_order_acq_rel);
     while (sleepers.word.load(std::memory_order_acquire) == 1 &&
            (sleepers.until == kNever || sleepers.osal->now() < sleepers.until))
         sleepers.osal->sleep_while(sleepers.word, 1, sleepers.until);
@@ -258,8 +260,12 @@ void wake_all(Run& run, unsigned threads, Duration longest) {
     sleepers.osal = run.port.osal;
     sleepers.until = later(run.port.osal->now(), longest);
     sleepers.word.store(1, std::memory_order_release);
+    sleepers.begun.store(0, std::memory_order_release);
     sleepers.awake.store(0, std::memory_order_release);
     for (unsigned n = 0; n < threads; ++n) run.port.call_later(run.port.user, 1ms, sleep_on_the_word, nullptr);
+    // A busy machine lets threads wait before they begin.
+    for (Time end = run.osal.now() + 5s; sleepers.begun.load(std::memory_order_acquire) != threads;)
+        if (run.osal.now() > end || !run.wait_until(run.osal.now() + 1ms)) break;
     (void)run.wait_until(run.osal.now() + 20ms);  // now they sleep
     sleepers.word.store(2, std::memory_order_release);
     run.osal.wake_sleepers(&sleepers.word);
