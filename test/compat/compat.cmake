@@ -40,7 +40,7 @@ foreach(v 1 2)
 endforeach()
 
 # Programs on simulated segments. Those with one thread run in virtual time.
-foreach(program simple tools firmware eeprom eeprom_loss eeprom_threads lost lost_address lost_clock loss partial closing ring edges masters low_level no_link silent mute services)
+foreach(program simple tools firmware eeprom eeprom_loss eeprom_threads lost lost_address lost_clock loss partial closing ring edges masters low_level no_link silent mute services two_threads)
   margay_compat(compat_soem1_${program} margay_soem1 ${program}.c)
 endforeach()
 margay_compat(compat_soem2_simple margay_soem2 simple_ng.c)
@@ -80,6 +80,7 @@ add_test(NAME compat/soem1_eeprom COMMAND compat_soem1_eeprom sim:${compat}/eepr
 list(APPEND virtual compat/soem1_eeprom)
 add_test(NAME compat/soem1_eeprom_loss COMMAND compat_soem1_eeprom_loss sim:${compat}/eeprom_loss.toml 2)
 add_test(NAME compat/soem1_eeprom_threads COMMAND compat_soem1_eeprom_threads sim:drives 2)
+add_test(NAME compat/soem1_two_threads COMMAND compat_soem1_two_threads sim:digital_in_8,drive)
 add_test(NAME compat/soem1_lost_address COMMAND compat_soem1_lost_address sim:drives 2)
 add_test(NAME compat/soem1_silent COMMAND compat_soem1_silent sim:drive,drive)
 list(APPEND virtual compat/soem1_eeprom_loss compat/soem1_lost_address compat/soem1_silent)

@@ -37,7 +37,7 @@ bool Eeprom::wait_ready(Look& shown, Duration timeout) {
 }
 
 bool Eeprom::wait_ready(std::uint16_t& status, Duration timeout) {
-    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
+    const auto lock = session_.lock_eeproms();
     Look shown;
     const bool ready = wait_ready(shown, timeout);
     status = shown.status;
@@ -84,27 +84,30 @@ std::optional<std::uint64_t> Eeprom::end(std::uint16_t word, Duration timeout) {
 }
 
 std::optional<std::uint64_t> Eeprom::read(std::uint16_t word, Duration timeout) {
-    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
+    const auto lock = session_.lock_eeproms();
     if (!begin(word, timeout)) return std::nullopt;
     return end(word, timeout);
 }
 
 void Eeprom::begin_half(std::uint16_t word, Duration timeout) {
-    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
-    session_.half_readings().erase(address_);
-    if (begin(word, timeout)) session_.half_readings()[address_] = word;
+    const auto lock = session_.lock_eeproms();
+    const Session::Half half{std::this_thread::get_id(), address_};
+    session_.half_readings().erase(half);
+    if (begin(word, timeout)) session_.half_readings()[half] = word;
 }
 
 std::optional<std::uint64_t> Eeprom::end_half(Duration timeout) {
-    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
-    const auto begun = session_.half_readings().find(address_);
+    const auto lock = session_.lock_eeproms();
+    const auto begun = session_.half_readings().find({std::this_thread::get_id(), address_});
     if (begun == session_.half_readings().end()) return std::nullopt;
-    return end(begun->second, timeout);
+    const std::uint16_t word = begun->second;
+    session_.half_readings().erase(begun);
+    return end(word, timeout);
 }
 
 // Reads the word back: an EEPROM that is protected against writing acknowledges the command and stores nothing.
 bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
-    const std::lock_guard<std::mutex> guard(session_.eeprom_mutex());
+    const auto lock = session_.lock_eeproms();
     const std::uint16_t octets = word_at(reinterpret_cast<const std::byte*>(&value));  // in the order of the wire
     const Time until = later(session_.now(), timeout);
     for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {
@@ -132,6 +135,7 @@ Eeprom eeprom_of(ecx_contextt& context, Session& session, std::uint16_t number) 
 int assign(ecx_contextt& context, std::uint16_t number, bool to_pdi) {
     const Pinned session = session_of(context);
     if (session == nullptr || number >= most_slaves(context)) return 0;
+    const auto lock = session->lock_eeproms();
     ec_slavet& slave = slaves_of(context)[number];
     if ((slave.eep_pdi != 0) == to_pdi) return 1;
     int wkc = 0;

@@ -103,13 +103,16 @@ void clear(ecx_contextt& context) {
     std::fill_n(sii_known(context), EC_MAXEEPBITMAP, 0U);
 }
 
-// What the slave says of itself.
-void read_state(ecx_contextt& context, Session& session, std::uint16_t number) {
+// Takes what the slave says of itself, and returns its state.
+int read_state(ecx_contextt& context, Session& session, std::uint16_t number) {
     std::array<std::byte, 6> octets{};
     ec_slavet& slave = slaves_of(context)[number];
     const bool there = read_registers(session, slave.configadr, ECT_REG_ALSTAT, octets, us(EC_TIMEOUTRET3)) == 1;
-    slave.state = there ? static_cast<uint16>(word_at(octets.data()) & 0x1F) : uint16{EC_STATE_NONE};
+    const auto state = there ? static_cast<uint16>(word_at(octets.data()) & 0x1F) : uint16{EC_STATE_NONE};
+    const Session::Guard guard(session);
+    slave.state = state;
     slave.ALstatuscode = there ? word_at(octets.data() + 4) : uint16{0};
+    return state & 0xF;
 }
 
 bool no_slaves(const Error& error) {
@@ -122,6 +125,7 @@ bool no_slaves(const Error& error) {
 int config_init(ecx_contextt& context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return EC_NOFRAME;
+    const auto lock = session->lock_eeproms();
     clear(context);
     // As long as the interface waits for the first frame. The library would wait longer for a link.
     for (const Time until = later(session->now(), us(EC_TIMEOUTSAFE)); session->link_is_down();) {
@@ -163,6 +167,7 @@ extern "C" {
 int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave)) return 0;
+    const auto lock = session->lock_eeproms();
     std::array<std::byte, 2> octets{};
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
     if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1) return 1;
@@ -196,8 +201,7 @@ int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
         request.slave = slave;
         configured = session->run(request, &hooks).ok();
     }
-    read_state(*context, *session, slave);
-    const int state = slaves_of(*context)[slave].state & 0xF;
+    const int state = read_state(*context, *session, slave);
     return configured || state < EC_STATE_SAFE_OP ? state : 0;
 }
 

@@ -19,6 +19,8 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
 namespace margay::soem {
@@ -133,10 +135,13 @@ class Session {
     [[nodiscard]] bool known_group(std::uint8_t group) const { return facts_[group].time != &kNoTime; }
     [[nodiscard]] ShownSyncManagers& shown(std::size_t slave) { return shown_[slave < shown_.size() ? slave : 0]; }
 
-    // Held while a call uses the EEPROM of a slave.
-    [[nodiscard]] std::mutex& eeprom_mutex() { return eeprom_mutex_; }
-    // The words that are being read in two calls, by the address of the slave. Use it with the mutex.
-    [[nodiscard]] std::map<std::uint16_t, std::uint16_t>& half_readings() { return half_readings_; }
+    // Held while a call uses the EEPROM of a slave, or what is known of it, and while a call configures slaves. Hooks
+    // make such calls again.
+    using EepromLock = std::unique_lock<std::recursive_mutex>;
+    [[nodiscard]] EepromLock lock_eeproms() { return EepromLock(eeprom_mutex_); }
+    // The words that a thread reads in two calls, by the address of the slave. Use it with the lock.
+    using Half = std::pair<std::thread::id, std::uint16_t>;
+    [[nodiscard]] std::map<Half, std::uint16_t>& half_readings() { return half_readings_; }
 
     // Mail that no request waits for.
     [[nodiscard]] Inbox& inbox() { return *inbox_; }
@@ -177,8 +182,8 @@ class Session {
     Time states_at_{};         // not before
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
-    std::mutex eeprom_mutex_;
-    std::map<std::uint16_t, std::uint16_t> half_readings_;
+    std::recursive_mutex eeprom_mutex_;
+    std::map<Half, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;
     std::vector<ShownSyncManagers> shown_;
 };

@@ -23,11 +23,15 @@ class Sii {
     std::uint16_t slave_;
 };
 
-// Takes the EEPROM, and gives it back to the processor of the slave if the processor had it.
+// Takes the EEPROM from other threads, and gives it back to the processor of the slave if the processor had it.
 class Taken {
   public:
     Taken(ecx_contextt& context, std::uint16_t slave)
-        : context_(context), slave_(slave), pdi_had_it_(slaves_of(context)[slave].eep_pdi != 0) {}
+        : session_(session_of(context)),
+          lock_(session_ != nullptr ? session_->lock_eeproms() : Session::EepromLock()),
+          context_(context),
+          slave_(slave),
+          pdi_had_it_(slaves_of(context)[slave].eep_pdi != 0) {}
     ~Taken() {
         if (pdi_had_it_) ecx_eeprom2pdi(&context_, slave_);
     }
@@ -35,6 +39,8 @@ class Taken {
     Taken& operator=(const Taken&) = delete;
 
   private:
+    Pinned session_;
+    Session::EepromLock lock_;
     ecx_contextt& context_;
     std::uint16_t slave_;
     bool pdi_had_it_;
@@ -64,7 +70,9 @@ using namespace margay::soem;
 extern "C" {
 
 uint8 ecx_siigetbyte(ecx_contextt* context, uint16 slave, uint16 address) {
-    if (!has_slave(context, slave) || address >= EC_MAXEEPBUF) return 0xFF;
+    const Pinned session = session_of(*context);
+    if (session == nullptr || !is_slave(*context, slave) || address >= EC_MAXEEPBUF) return 0xFF;
+    const auto lock = session->lock_eeproms();
     std::uint8_t* const octets = sii_octets(*context);
     std::uint32_t* const known = sii_known(*context);
     if (context->esislave != slave) {

@@ -26,10 +26,9 @@ bool read_all(Session& session) {
     return read.ok() || !is_silent(read.error());
 }
 
-// The AL status of all slaves at once: combined by OR, as a broadcast reads it.
+// The AL status of all slaves at once: combined by OR, as a broadcast reads it. With the lock.
 std::uint16_t combined(ecx_contextt& context, Session& session) {
     std::uint16_t all = 0;
-    const Session::Guard guard(session);
     for (int n = 1; n <= slave_count(context); ++n) all |= raw_state(session.slave(static_cast<std::size_t>(n)).al);
     return all;
 }
@@ -109,15 +108,17 @@ uint16 ecx_statecheck(ecx_contextt* context, uint16 slave, uint16 reqstate, int 
     const margay::Time until = margay::later(session->now(), us(timeout));
     for (;;) {
         const bool answered = read_all(*session);
-        if (!answered) {
-            asked.state = EC_STATE_NONE;
-        } else if (slave == 0) {
-            asked.state = combined(*context, *session);
-        } else {
+        std::uint16_t low = 0;
+        {
             const Session::Guard guard(*session);
-            copy_state(*context, *session, slave);
+            if (!answered)
+                asked.state = EC_STATE_NONE;
+            else if (slave == 0)
+                asked.state = combined(*context, *session);
+            else
+                copy_state(*context, *session, slave);
+            low = asked.state & 0xF;
         }
-        const auto low = static_cast<uint16>(asked.state & 0xF);
         if (low == (reqstate & 0xF) || session->now() >= until) return low;
         session->pause(std::chrono::milliseconds(1));
     }

@@ -1,0 +1,86 @@
+/* Two threads of a program for SOEM 1.4 make the same calls: each gets what is its own: two_threads SOURCE
+   The two slaves of the source have different names and products. */
+#include <ethercat.h>
+
+#include <pthread.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "must.h"
+
+enum { CALLS = 100 };
+
+static char IOmap[4096];
+static int wrong, hooks;
+static char names[3][EC_MAXNAME + 1];
+
+static void count_wrong(int is_wrong) {
+    if (is_wrong) __sync_fetch_and_add(&wrong, 1);
+}
+
+/* The strings of the SII of two slaves. */
+static void* read_strings(void* of) {
+    const uint16 slave = *(const uint16*)of;
+    char text[EC_MAXNAME + 1];
+    int n;
+    for (n = 0; n < CALLS; ++n) {
+        text[0] = '\0';
+        ec_siistring(text, slave, 1);
+        count_wrong(strcmp(text, names[slave]) != 0);
+    }
+    return NULL;
+}
+
+/* Two words of the EEPROM of one slave, in two calls each. */
+static void* read_halves(void* of) {
+    const uint16 word = *(const uint16*)of == 1 ? 8 : 10;
+    const uint32 own = word == 8 ? ec_slave[2].eep_man : ec_slave[2].eep_id;
+    int n;
+    for (n = 0; n < CALLS; ++n) {
+        ec_readeeprom1(2, word);
+        count_wrong(ec_readeeprom2(2, EC_TIMEOUTEEP) != own);
+    }
+    return NULL;
+}
+
+/* Each success has called the hook. */
+static int hook(uint16 slave) {
+    (void)slave;
+    __sync_fetch_and_add(&hooks, 1);
+    return 1;
+}
+static int configured;
+static void* configure(void* of) {
+    int n;
+    (void)of;
+    for (n = 0; n < 20; ++n)
+        if (ec_reconfig_slave(2, 500) == EC_STATE_SAFE_OP) __sync_fetch_and_add(&configured, 1);
+    return NULL;
+}
+
+static void by_two_threads(void* (*calls)(void*)) {
+    static const uint16 numbers[2] = {1, 2};
+    pthread_t threads[2];
+    int n;
+    for (n = 0; n < 2; ++n) pthread_create(&threads[n], NULL, calls, (void*)&numbers[n]);
+    for (n = 0; n < 2; ++n) pthread_join(threads[n], NULL);
+}
+
+int main(int argc, char** argv) {
+    int slave;
+    if (argc != 2 || !ec_init(argv[1]) || ec_config_init(FALSE) != 2) return 1;
+    for (slave = 1; slave <= 2; ++slave) ec_siistring(names[slave], (uint16)slave, 1);
+    MUST(strcmp(names[1], names[2]) != 0);
+    by_two_threads(read_strings);
+    MUST(wrong == 0);
+    by_two_threads(read_halves);
+    MUST(wrong == 0);
+    ec_slave[2].PO2SOconfig = hook;
+    ec_config_map(&IOmap);
+    hooks = 0;
+    by_two_threads(configure);
+    printf("configured %d times, hooks %d\n", configured, hooks);
+    MUST(configured > 0 && hooks >= configured);
+    ec_close();
+    return wrong != 0;
+}
