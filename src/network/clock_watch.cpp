@@ -16,7 +16,7 @@ bool is_there(Network& network, std::uint16_t number) {
 }
 
 // The first slave in the ring whose clock is synchronised, and that is not lost when the slave `without` is lost: then
-// its time must be that of the others, because nobody looks at it before. Not one beside a ring, whose time the other
+// its time must be that of the others, because it is not compared before. Not one beside a ring, whose time the other
 // clocks do not get.
 std::uint16_t next_reference(Network& network, std::uint16_t without) {
     const auto ring = network.seen_ring();
