@@ -5,6 +5,7 @@
 // and the master steers the second one by its offset.
 #include "network/ring_watch.hpp"
 #include "network/wanted.hpp"
+#include "util/scoped_flag.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -172,22 +173,26 @@ Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
 // Returns the greatest difference of a clock beside the ring after the lesson.
 Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
     constexpr Duration kLesson = std::chrono::milliseconds(400);
+    Clocks& clocks = network.clocks;
+    // While a slave becomes the reference, or its clock is set, no time may reach it, and the ways are measured.
+    if (clocks.paused || clocks.measuring) co_return ring_error(Errc::unstable);
+    const ScopedFlag measuring(clocks.measuring);
     co_await required(open_ring_with(network, true));
     const Time give_up = network.engine.now() + kLesson;
     bool same = true;
-    for (std::uint16_t n = 0; n < network.clocks.settings.burst_frames && network.engine.now() < give_up && same; ++n) {
+    for (std::uint16_t n = 0; n < clocks.settings.burst_frames && network.engine.now() < give_up && same; ++n) {
         co_await required(send_time(network));
-        same = !find_old_delays(network);
+        same = !find_old_delays(network) && !clocks.paused;
     }
     std::int64_t greatest = 0;
     // A clock whose rate is wrong yet passes the right time now and then.
     for (unsigned looks = 0; looks < 8 && same; ++looks) {
         for (unsigned times = 0; times < 4; ++times) co_await required(send_time(network));
         for (Slave& slave : network.slaves()) {
-            const ClockEntry& clock = network.clocks.of(slave);
+            const ClockEntry& clock = clocks.of(slave);
             if (!clock.synchronised || !clock.beside || slave.al.state == AlState::none) continue;
             const auto read = co_await read_difference(network, slave);
-            same = same && read.ok();
+            same = same && read.ok() && !clocks.paused;
             greatest = std::max(greatest, std::abs(std::int64_t{clock.difference_ns}));
         }
     }
@@ -195,51 +200,6 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
     // A slave is lost, or back: the times belong to another way.
     if (!same) co_return ring_error(Errc::unstable);
     co_return static_cast<std::uint32_t>(greatest);
-}
-
-// The clock has not learned the rate, and is kept in step by corrections that are too great.
-bool RingWatch::needs_lesson(const Network& network) const {
-    if (comparison_ == Comparison::unsure) return true;
-    const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
-    return has_beside_ && comparison_ == Comparison::known &&
-           std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000 > network.clocks.settings.limit_ns / 2;
-}
-
-// A search reads the ports, and teach() closes one. The delays belong to the open ring with its present slaves.
-// A slave that frames pass already and that is not brought back yet makes the ways longer; a stranger stays one.
-bool RingWatch::may_teach(Network& network) {
-    constexpr std::uint8_t kMostRounds = 200;
-    if (network.searching || network.clocks.rounds_old != 0) return false;
-    const auto is_there = [](const Slave& one) { return one.ring_position != 0 && one.al.state != AlState::none; };
-    const auto there = static_cast<std::size_t>(std::ranges::count_if(network.slaves(), is_there));
-    const std::size_t seen = std::size_t{ring_.reached_by(0)} + ring_.reached_by(1);
-    if (there >= seen) rounds_unsettled_ = 0;
-    return there >= seen || rounds_unsettled_ >= kMostRounds || ++rounds_unsettled_ >= kMostRounds;
-}
-
-Task<Result<>> RingWatch::teach(Network& network) {
-    constexpr unsigned kMostLessons = 5;
-    if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;
-    taught_ways_ = ring_.ways();
-    bool done = false;
-    for (unsigned n = 0; n < kMostLessons && !done; ++n) {
-        const auto greatest = co_await required(teach_once(network));
-        done = greatest <= network.clocks.settings.limit_ns / 4;
-    }
-    if (done) comparison_ = Comparison::taught;
-    co_return Nothing{};
-}
-
-// The clocks beside a whole ring, before they follow a reference of their own: while the ring is open, the copy of the
-// head brings them the time of the reference. Then the constant of their first clock is measured.
-Task<Result<>> RingWatch::teach_beside(Network& network) {
-    constexpr unsigned kComparisons = 32;
-    co_await required(teach(network));
-    co_await required(arrange(network));
-    for (unsigned n = 0; n < kComparisons; ++n) {
-        co_await required(send_time(network));
-    }
-    co_return co_await required(steer(network));
 }
 
 // The clocks behind the break from that of the reference: all latch the same frame.
@@ -291,6 +251,7 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     }
     second_ = second;
     second_is_first_ = is_first;
+    learns_ = false;
     // The clocks beside the ring have followed others since a lesson, unless the ring is whole.
     if (comparison_ != Comparison::taught || !parts().whole) comparison_ = Comparison::unknown;
     first_ = {};
@@ -480,6 +441,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
             // Perhaps it comes from a loss of power: a second reference behind it brings it what the master has sent.
             ring_.set_second_reference({});
             co_await completion(teach(network));
+            forget_differences();  // meanwhile it has become the second reference perhaps, by follow_reference()
         }
         co_await required(change_second(network, wanted));
     }
@@ -489,8 +451,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         // The constant is measured anew: by that of clocks that were not in step, they would be led back.
         learns_ = comparison_ == Comparison::unsure;
         if (learns_) comparison_ = Comparison::unknown;
-        first_ = {};
-        (void)ring_.take_difference();
+        forget_differences();
         rests_ = UINT8_MAX;
         co_return Nothing{};
     }

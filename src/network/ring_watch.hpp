@@ -110,6 +110,10 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] const Constant* known_constant() const;
     [[nodiscard]] bool is_in_step(const Network& network) const;
     [[nodiscard]] bool is_steered() const { return comparison_ >= Comparison::unsure; }
+    void forget_differences() {
+        first_ = {};
+        (void)ring_.take_difference();
+    }
 
     Redundancy& ring_;
     RingState reported_ = RingState::unknown;

@@ -192,6 +192,57 @@ Task<Result<>> RingWatch::write_delay(Network& network, Slave& slave, std::int64
     co_return Nothing{};
 }
 
+// The clock has not learned the rate, and is kept in step by corrections that are too great; or it runs away faster
+// than it is corrected, and then the controller learns no drift.
+bool RingWatch::needs_lesson(const Network& network) const {
+    if (comparison_ == Comparison::unsure) return true;
+    const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
+    const std::int64_t step_ns = std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000;
+    return has_beside_ && comparison_ == Comparison::known &&
+           (step_ns > network.clocks.settings.limit_ns / 2 || std::abs(ahead_ns_) > kNear_ns);
+}
+
+// A search reads the ports, and teach() closes one. The delays belong to the open ring with its present slaves.
+// A slave that frames pass already and that is not brought back yet makes the ways longer; a stranger stays one.
+bool RingWatch::may_teach(Network& network) {
+    constexpr std::uint8_t kMostRounds = 200;
+    if (network.searching || network.clocks.rounds_old != 0 || network.clocks.paused) return false;
+    // In a lesson the clocks are not compared: those that a new reference misleads are known before.
+    const auto is_compared = [](const ClockEntry& clock) {
+        return clock.follows == 0 || clock.beside || clock.times_seen >= 2 * ClockEntry::kTimesOfMean;
+    };
+    if (!std::ranges::all_of(network.clocks.entries.first(network.count), is_compared)) return false;
+    const auto is_there = [](const Slave& one) { return one.ring_position != 0 && one.al.state != AlState::none; };
+    const auto there = static_cast<std::size_t>(std::ranges::count_if(network.slaves(), is_there));
+    const std::size_t seen = std::size_t{ring_.reached_by(0)} + ring_.reached_by(1);
+    if (there >= seen) rounds_unsettled_ = 0;
+    return there >= seen || rounds_unsettled_ >= kMostRounds || ++rounds_unsettled_ >= kMostRounds;
+}
+
+Task<Result<>> RingWatch::teach(Network& network) {
+    constexpr unsigned kMostLessons = 5;
+    if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;
+    taught_ways_ = ring_.ways();
+    bool done = false;
+    for (unsigned n = 0; n < kMostLessons && !done; ++n) {
+        const std::uint16_t reference = network.clocks.reference;
+        const auto greatest = co_await required(teach_once(network));
+        done = greatest <= network.clocks.settings.limit_ns / 4 && network.clocks.reference == reference;
+    }
+    if (done) comparison_ = Comparison::taught;
+    co_return Nothing{};
+}
+
+// The clocks beside a whole ring, before they follow a reference of their own: while the ring is open, the copy of the
+// head brings them the time of the reference. Then the constant of their first clock is measured.
+Task<Result<>> RingWatch::teach_beside(Network& network) {
+    constexpr unsigned kComparisons = 32;
+    co_await required(teach(network));
+    co_await required(arrange(network));
+    for (unsigned n = 0; n < kComparisons; ++n) co_await required(send_time(network));
+    co_return co_await required(steer(network));
+}
+
 // Gives all clocks the delays of the ways as they are now, and the part that the head does not reach its reference.
 // Until then, no clock gets a time.
 Task<Result<>> RingWatch::arrange(Network& network) {

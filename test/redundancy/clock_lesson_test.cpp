@@ -1,0 +1,88 @@
+// The clock at a branch beside the ring is taught the time while the ring is open for a moment ("lesson"). Meanwhile
+// other slaves come back, and another clock becomes the reference.
+#include "redundancy/clock_ring.hpp"
+
+namespace margay {
+namespace {
+
+struct LessonBus : ClockRingBus {
+    explicit LessonBus(unsigned slaves) : beside(static_cast<std::uint16_t>(slaves + 1)) {
+        std::vector<std::uint32_t> ring;
+        for (unsigned n = 0; n < slaves; ++n) ring.push_back(add_to_ring(nth(n)));
+        (void)add_behind(ring[1], 2, nth(slaves));
+        close_ring();
+        for (unsigned n = 0; n <= slaves; ++n) at.push_back(n);
+        bring_up();
+        (void)cycles(1000);
+    }
+    void power(std::uint16_t slave, bool on) { segment.set_power(at[slave - 1U], on, osal.now()); }
+    // Slave 2 is the reference, and the clock beside the ring has no power.
+    void take_away_both() {
+        power(1, false);
+        (void)cycles(1000);
+        power(beside, false);
+        (void)cycles(300);
+    }
+    void expect_in_step() {
+        for (std::uint16_t s = 1; s <= beside; ++s) EXPECT_TRUE(slave_clock(*ctx, s).in_sync) << s;
+        EXPECT_LE(cycles(300), 100) << joined(events());
+        EXPECT_EQ(reference_clock(*ctx), 1);
+        EXPECT_EQ(status().second_reference, beside);
+    }
+    std::uint16_t beside;  // the slave
+};
+
+// Slave 1 is back as the reference during a lesson for slave `beside`. Differences from between two lessons have given
+// a constant that was wrong by 340 ns, and the clock was in sync.
+TEST(ClockLesson, TheSecondReferenceIsChosenMeanwhile) {
+    for (const unsigned later : {0U, 5U, 15U}) {
+        SCOPED_TRACE(later);
+        LessonBus bus(5);
+        bus.take_away_both();
+        bus.power(1, true);
+        (void)bus.cycles(later);
+        bus.power(bus.beside, true);
+        EXPECT_EQ(bus.wrong_cycles(6000), 0U);
+        bus.expect_in_step();
+    }
+}
+
+// No lesson brings slave 1 a time while its clock is set: it has learned a rate that was wrong by up to 760 ppm, and
+// has taught it all others.
+TEST(ClockLesson, TheFirstClockIsSetMeanwhile) {
+    for (const unsigned slaves : {3U, 5U}) {
+        SCOPED_TRACE(slaves);
+        LessonBus bus(slaves);
+        bus.take_away_both();
+        bus.power(bus.beside, true);
+        (void)bus.cycles(30);
+        bus.power(1, true);
+        EXPECT_EQ(bus.wrong_cycles(6000), 0U);
+        bus.expect_in_step();
+    }
+}
+
+// Another program writes a wrong time to the clock when the master has just begun to keep it in step: it runs as fast
+// or slow as the chip can, 763 ppm, and the corrections are at most 600 ppm. It ran away for good.
+TEST(ClockLesson, AClockThatRunsAwayIsTaughtAgain) {
+    for (const std::int64_t wrong_ns : {-50'000'000, 50'000'000}) {
+        SCOPED_TRACE(wrong_ns);
+        LessonBus bus(3);
+        bus.power(bus.beside, false);
+        (void)bus.cycles(300);
+        (void)bus.events();
+        bus.power(bus.beside, true);
+        unsigned most = 5000;
+        while (LessonBus::joined(bus.events()).find("follow slave 4") == std::string::npos && most-- > 0)
+            (void)bus.cycle();
+        (void)bus.cycles(20);
+        const std::uint64_t now = bus.segment.slave(bus.at[3]).clock().copy(bus.osal.now());
+        const auto time = static_cast<std::uint64_t>(static_cast<std::int64_t>(now) + wrong_ns);
+        ASSERT_TRUE(write_register(*bus.ctx, bus.beside, 0x0910, time).ok());
+        EXPECT_LE(bus.cycles(6000), 200'000);
+        bus.expect_in_step();
+    }
+}
+
+}  // namespace
+}  // namespace margay
