@@ -366,7 +366,7 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
     const Slave& reference = network.slave(clocks.reference);
     // 0: its place in the ring is not known yet.
-    const bool before = slave.ring_position != 0 && slave.ring_position < reference.ring_position;
+    const bool before = slave.ring_position != 0 && slave.ring_position < reference.ring_position && !clock.beside;
     if (before && !is_way_unknown(network, slave, reference) && !follows_another(network, slave))
         co_return co_await required(become_reference(network, slave, ClockRate::of_reference));
     co_await required(set_clock_by_reference(network, slave));

@@ -124,6 +124,9 @@ std::uint16_t RingWatch::reference_of(Network& network, const Slave& slave) cons
 // The first clock behind the break; 0: none.
 std::uint16_t RingWatch::first_behind(Network& network, bool only_settled) const {
     std::uint16_t best = 0;
+    const Slave& reference = network.slave(network.clocks.reference);
+    // Not a clock of a branch before it, which does not become the reference.
+    if (has_beside_ && is_behind(network, reference) && reference.al.state != AlState::none) return reference.number;
     for (const Slave& slave : network.slaves()) {
         // Below SAFEOP, a slave that has come back may not have its clock yet, unless it is the reference.
         const bool settled = !only_settled || slave.number == second_ || slave.number == network.clocks.reference ||

@@ -259,7 +259,7 @@ Task<Result<>> RingWatch::arrange(Network& network) {
     if (ring_.ways() != ways) co_return Nothing{};  // the next round
     rounds_unclear_ = 0;
     // In the whole ring, a clock that was away is taught first: until then there is no second reference.
-    const std::uint16_t wanted = first_behind(network, false);
+    const std::uint16_t wanted = first_behind(network, !network.segment_in_use);  // in configdc(): all are below SAFEOP
     const bool ready = !parts().whole || wanted == second_ || comparison_ == Comparison::taught || wanted == 0 ||
                        network.clocks.entries[wanted - 1U].is_in_step();
     co_await required(change_second(network, ready ? wanted : std::uint16_t{0}));

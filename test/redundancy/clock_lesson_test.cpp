@@ -84,5 +84,27 @@ TEST(ClockLesson, AClockThatRunsAwayIsTaughtAgain) {
     }
 }
 
+// Only the second NIC reaches slaves, and the clock at the branch is the first that its frames reach. When it is back
+// without its time, its time reaches no other clock: slave 3 ran ahead by 74 ms. It does not become the reference:
+// slaves 2 and 3 made a step of 670 ns when the ring was whole.
+TEST(ClockLesson, AClockBesideTheRingLeadsNoOtherClock) {
+    for (const unsigned for_cycles : {600U, 1500U}) {
+        SCOPED_TRACE(for_cycles);
+        LessonBus bus(3);
+        bus.take_away_both();
+        bus.power(bus.beside, true);
+        std::int64_t most = 0;
+        for (unsigned n = 0; n < for_cycles; ++n) {
+            EXPECT_EQ(bus.wrong_cycles(1), 0U);
+            most = std::max(most, std::abs(bus.ahead_ns(3, 2)));
+        }
+        EXPECT_LE(most, 200) << bus.joined(bus.events());
+        EXPECT_EQ(reference_clock(*bus.ctx), 2);
+        bus.power(1, true);
+        EXPECT_EQ(bus.wrong_cycles(6000), 0U);
+        bus.expect_in_step();
+    }
+}
+
 }  // namespace
 }  // namespace margay
