@@ -1,5 +1,5 @@
-/* A slave in OP loses its station address and nothing else. A program for SOEM 1.4 brings it back as its check thread
-   would: lost_address SOURCE SLAVE */
+/* A slave in OP, or all of them, lose their station addresses and nothing else. A program for SOEM 1.4 brings them back
+   as its check thread would: lost_address SOURCE SLAVE, 0 for all */
 #include <ethercat.h>
 
 #include <stdio.h>
@@ -44,7 +44,7 @@ static int cycles_until_right(int expected) {
 
 int main(int argc, char** argv) {
     uint16 slave, nothing = 0;
-    int expected, start, back;
+    int expected, start, back, n;
     if (argc != 3) return 2;
     slave = (uint16)atoi(argv[2]);
     if (!ec_init(argv[1]) || ec_config_init(FALSE) < slave) return 1;
@@ -52,7 +52,9 @@ int main(int argc, char** argv) {
     ec_statecheck(0, EC_STATE_SAFE_OP, EC_TIMEOUTSTATE * 4);
     expected = ec_group[0].outputsWKC * 2 + ec_group[0].inputsWKC;
     start = cycles_until_right(expected);
-    if (ec_FPWR(ec_slave[slave].configadr, ECT_REG_STADR, sizeof(nothing), &nothing, EC_TIMEOUTRET3) != 1) return 1;
+    for (n = 1; n <= ec_slavecount; ++n)
+        if (slave == 0 || slave == n)
+            if (ec_FPWR(ec_slave[n].configadr, ECT_REG_STADR, sizeof(nothing), &nothing, EC_TIMEOUTRET3) != 1) return 1;
     back = cycles_until_right(expected);
     printf("in OP after %d cycles, again after %d cycles\n", start, back);
     ec_close();

@@ -115,6 +115,35 @@ int read_state(ecx_contextt& context, Session& session, std::uint16_t number) {
     return state & 0xF;
 }
 
+std::vector<std::uint16_t> slaves_without_answer(ecx_contextt& context, Session& session) {
+    ReadStateRequest states;
+    static_cast<void>(session.run(states));
+    const Session::Guard guard(session);
+    std::vector<std::uint16_t> lost;
+    for (int n = 1; n <= slave_count(context); ++n)
+        if (session.slave(static_cast<std::size_t>(n)).al.state == AlState::none)
+            lost.push_back(static_cast<std::uint16_t>(n));
+    return lost;
+}
+
+// Of slaves that were found again: the library has taken them out of the cycle, because other devices may have been at
+// their places. From INIT the program configures them again. False: one of them does not go there.
+bool take_to_init(Session& session, const std::vector<std::uint16_t>& slaves) {
+    bool all = true;
+    for (const std::uint16_t slave : slaves) {
+        {
+            const Session::Guard guard(session);
+            const AlState state = session.slave(slave).al.state;
+            if (state != AlState::safeop && state != AlState::op) continue;
+        }
+        WriteStateRequest down;
+        down.slave = slave;
+        down.wanted = AlState::init;
+        all = session.run(down).ok() && all;
+    }
+    return all;
+}
+
 bool no_slaves(const Error& error) {
     return error.slave == 0 && (error.code == Errc::no_slaves || error.code == Errc::no_frame ||
                                 error.code == Errc::link_down || error.code == Errc::nic);
@@ -172,21 +201,12 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
     if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1) return 1;
     if (!is_answered(*session)) return 0;
+    const auto lost = slaves_without_answer(*context, *session);
     margay::RecoverRequest request;
     request.slave = slave;
-    if (!session->run(request)) return 0;
-    const auto takes_part = [&] {
-        const Session::Guard guard(*session);
-        const margay::AlState state = session->slave(slave).al.state;
-        return state == margay::AlState::safeop || state == margay::AlState::op;
-    };
-    if (!takes_part()) return 1;
-    // The library has taken it out of the cycle, because another device may have been at its place. From INIT the
-    // program configures it again.
-    margay::WriteStateRequest down;
-    down.slave = slave;
-    down.wanted = margay::AlState::init;
-    return session->run(down) ? 1 : 0;
+    const bool found = session->run(request).ok();
+    const bool down = take_to_init(*session, lost);
+    return found && down ? 1 : 0;
 }
 
 int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {

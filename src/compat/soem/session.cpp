@@ -100,7 +100,16 @@ void Session::wait_for_work(Time until) {
     source_->osal().wait(until, source_->wait_handles());
 }
 
+// A slave that was away is compared by the next reading of the states. A program reads the states when it likes, and
+// its other calls do not wait for that.
 Result<> Session::run(Request& request, Between* between, Duration limit) {
+    const auto done = run_once(request, between, limit);
+    if (done || done.error().code != Errc::identity_unread) return done;
+    ReadStateRequest states;
+    return run_once(states, nullptr, limit) ? run_once(request, between, limit) : done;
+}
+
+Result<> Session::run_once(Request& request, Between* between, Duration limit) {
     const Time until = limit > Duration{0} ? later(now(), limit) : kNever;
     {
         const Guard guard(*this);

@@ -159,6 +159,7 @@ class Session {
     }
     void change_owner();
     [[nodiscard]] bool closing() const { return closing_.load(std::memory_order_relaxed); }
+    Result<> run_once(Request& request, Between* between, Duration limit);
     Time poll_once(Request* request, Time until, bool& over);
 
     // One of the times that exchange() sends its datagram. Each has data of its own: two of them may be answered in one
