@@ -138,6 +138,7 @@ class Monitor {
         if (bad_cycles_ != 0)
             samples::warn(samples::counted(bad_cycles_, "cycle") +
                           " without all frames or with a wrong working counter");
+        if (const auto advice = pace_.advice(); !advice.empty()) samples::warn(advice);
         if (const auto failed = pace_.report(); !failed.empty())
             return samples::fail(failed, samples::exit_code::kSystem);
         return bad_cycles_ != 0 || failed_ || !pace_.stopped().empty() ? samples::exit_code::kSegment

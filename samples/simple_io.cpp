@@ -85,6 +85,7 @@ class SimpleIo {
         if (const auto failed = pace_.report(); !failed.empty())
             return samples::fail(failed, samples::exit_code::kSystem);
         if (!pace_.stopped().empty()) warn(pace_.stopped());
+        if (const auto advice = pace_.advice(); !advice.empty()) warn(advice);
         return figures.wrong_wkc + figures.no_frame == 0 && pace_.stopped().empty() ? 0 : 1;
     }
 

@@ -125,6 +125,13 @@ Result<std::uint32_t> CyclePace::exchange(Duration timeout) {
     return received;
 }
 
+std::string CyclePace::advice() const {
+    if (figures_.no_frame == 0 || ctx_.statistics().unexpected == 0) return {};
+    return fmt::format(
+        "frames came back later than the cycles wait for them ({} µs): a longer --period gives them time",
+        std::chrono::duration_cast<std::chrono::microseconds>(options_.reply_timeout()).count());
+}
+
 Result<> CyclePace::send() {
     if (options_.times.send_at_us == 0 || timing_.send_at == nullptr) return send_processdata(ctx_);
     const Time begun = ticked_ ? tick_.deadline : source_.osal().now();

@@ -28,9 +28,9 @@ struct PaceOptions {
     std::string histogram;                   // file for a picture (SVG) or the figures (JSON); empty: none
     FrameTimeOptions times{};                // the SOURCE must have them (wanted_times())
 
-    // How long a cycle waits for its frames: with a longer period, half of it, for segments of hundreds of slaves.
+    // How long a cycle waits for its frames: nearly a period, because the frames of hundreds of slaves need long.
     [[nodiscard]] Duration reply_timeout() const {
-        return std::max<Duration>(std::chrono::microseconds(500), std::chrono::microseconds(period_us) / 2);
+        return std::max<Duration>(std::chrono::microseconds(500), std::chrono::microseconds(period_us) * 9 / 10);
     }
 };
 
@@ -52,6 +52,8 @@ class CyclePace {
     // Exchanges process data and counts the cycle: sends at once, or at the time that --send-at asks for, and receives.
     // Returns the error of sending, or the result of receive_processdata().
     [[nodiscard]] Result<std::uint32_t> exchange(Duration timeout);
+    // What to do where frames came back later than the cycles have waited for them. Empty: none did.
+    [[nodiscard]] std::string advice() const;
     // Why the program must end: an overrun, and the user wants to stop then. Empty: it continues.
     [[nodiscard]] const std::string& stopped() const { return stopped_; }
 

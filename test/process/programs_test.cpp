@@ -206,12 +206,20 @@ TEST(Programs, PrintALineOfSlavesAsALine) {
               "     └─ 12 Pulse train axis (port 2)\n");
 }
 
-TEST(Programs, WaitHalfAPeriodForTheFrames) {
+TEST(Programs, WaitNearlyAPeriodForTheFrames) {
     const ShellFolder folder;
     folder.write("slow.toml", "round_trip_us = 1000\n[[slave]]\ndevice = \"digital_io_16\"\n");
     const auto slow = folder.run(kBin + "simple_io sim:slow.toml --cycles 100 --period 4000");
     EXPECT_EQ(slow.status, 0) << slow.err;
     EXPECT_TRUE(contains(slow.out, "\n100 cycles, 0 without all frames, ")) << slow.out;
+    EXPECT_EQ(slow.err, "");
+    const std::string late =
+        "frames came back later than the cycles wait for them (900 µs): a longer --period gives them time\n";
+    for (const std::string name : {"simple_io", "segment_monitor --plain"}) {
+        const auto fast = folder.run(kBin + name + " sim:slow.toml --cycles 100");
+        EXPECT_EQ(fast.status, 1) << fast.err;
+        EXPECT_TRUE(contains(fast.err, ": " + late)) << fast.err;
+    }
 }
 
 TEST(Programs, SayWhichOptionsHaveNoEffectInVirtualTime) {
