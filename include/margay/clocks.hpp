@@ -42,7 +42,7 @@ struct SlaveClock {
     // shift moves the reference clock faster than the other clocks can follow, these are not in sync. Behind a break of
     // a ring with two NICs: see redundancy.hpp.
     bool in_sync = false;
-    bool sync_active = false;    // SYNC signals were activated
+    bool sync_active = false;  // SYNC signals were activated
     // How long a SYNC signal stays active: ESC register 0x0982, which the chip loads from the SII. The library reads
     // the register in configdc() and when it activates SYNC signals. 0: the signal stays active until the slave's
     // program acknowledges it by reading register 0x098E or 0x098F; without the acknowledgement there is no second
@@ -73,8 +73,9 @@ struct ClockSettings {
     std::uint8_t group = 0;
     // How often the receive times are latched and read; the delays are the mean. 1 to 255.
     std::uint8_t measurements = 16;
-    // Before the clocks are compared, this many frames bring them the time of the reference clock, so that each clock
-    // learns its drift ("static drift compensation"): `burst_bulk` of them may be on the wire at the same time.
+    // Before the clocks are compared, this number of frames brings them the time of the reference clock, so that each
+    // clock learns its drift ("static drift compensation"). `burst_bulk` of these frames may be on the wire at the same
+    // time.
     std::uint16_t burst_frames = 10000;
     std::uint8_t burst_bulk = 12;
     // The datagrams that carry the time address the reference clock by its position in the ring (ARMW), and not by its
@@ -124,8 +125,8 @@ struct ClockSettings {
 
 // All clocks together, as configdc() or the supervision has seen them last.
 struct ClockStatus {
-    std::uint16_t reference = 0;    // the slave with the reference clock; 0: none
-    bool in_sync = false;           // every present clock is in sync, except the clocks before a chosen reference
+    std::uint16_t reference = 0;  // the slave with the reference clock; 0: none
+    bool in_sync = false;         // every present clock is in sync, except the clocks before a chosen reference
     // Less than twice the greatest difference of any of these clocks (ESC registers 0x092C, OR), or the difference of
     // both references of a ring with two NICs.
     std::uint32_t greatest_ns = 0;
@@ -169,11 +170,11 @@ struct SyncRequest : SlaveRequest {
 // Activates SYNC0 (dcsync01(): SYNC0 and SYNC1) of one slave with this cycle, or switches the signals off. The first
 // SYNC0 occurs at least ClockSettings::start_delay later, at a whole multiple of the grid plus `shift`, which may be
 // negative. A cycle of 0: one pulse only. The setting replaces SlaveSetup::dc until the next config_init(); it is used
-// again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock, clock_not_reached
-// (the clock is before a chosen reference clock, or the slave with the reference clock is lost; expected: the slave
-// with the reference clock), unknown_slave, invalid_argument (a cycle that is negative, does not fit 32 bits, does not
-// fit ClockSettings::start_grid or is not longer than the pulse, SlaveClock::pulse_ns; a start that has passed, or is
-// over 4.29 s ahead of a clock of 32 bits), working_counter, no_frame.
+// again when the slave starts again. Both functions wait. Errors: wrong_state (configdc() was not called), no_clock,
+// clock_not_reached (the clock is before a chosen reference clock, or the slave with the reference clock is lost;
+// expected: the slave with the reference clock), unknown_slave, invalid_argument (a cycle that is negative, does not
+// fit 32 bits, does not fit ClockSettings::start_grid or is not longer than the pulse, SlaveClock::pulse_ns; a start
+// that has passed, or is over 4.29 s ahead of a clock of 32 bits), working_counter, no_frame.
 Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift = Duration{0});
 Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1,
                   Duration shift = Duration{0});

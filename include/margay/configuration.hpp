@@ -250,8 +250,8 @@ struct GroupConfiguration {
     std::uint8_t cycles_in_flight = 1;
     static constexpr std::uint8_t kMostCyclesInFlight = 4;
     LostInputs lost_inputs = LostInputs::keep;
-    // Executed after the application has set its outputs. A copy is left out when one of its slaves is in another group
-    // since the mapping: see what_is_wrong(). The caller's memory.
+    // Executed after the application has set its outputs. A copy is not executed when one of its slaves is in another
+    // group since the mapping: see what_is_wrong(). The caller's memory.
     Borrowed<SlaveToSlave> copies{};
     SharedImage* shared = nullptr;  // lets another thread work on the image: see shared_image.hpp
     // Entries of process data that each config_map() finds: see entry.hpp. The list and the handles are the caller's

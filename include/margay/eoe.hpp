@@ -37,10 +37,10 @@ namespace margay {
 
 // ------------------------------------------------------------------ parameters
 
-// Sets the parameters of the IP stack of a slave, as far as `ip` has them. Errors: eoe_error (detail: the EoeResult;
+// Sets the parameters of the IP stack of a slave that have a value in `ip`. Errors: eoe_error (detail: the EoeResult;
 // describe() puts it in words), invalid_argument (the mailbox of the slave is smaller than the message of 68 octets),
-// unsupported (no EoE), timeout, mailbox_error … A slave may forget the parameters with its power: a start-up
-// command (eoe_ip_message(), startup_mail.hpp) or a hook (HookedSlave::eoe_set_ip()) sets them in each start-up.
+// unsupported (no EoE), timeout, mailbox_error … A slave may forget the parameters with its power: a start-up command
+// (eoe_ip_message(), startup_mail.hpp) or a hook (HookedSlave::eoe_set_ip()) sets them in each start-up.
 struct EoeSetIp : MailRequest {
     EoeSetIp();
     EoeIp ip;
@@ -135,9 +135,9 @@ class EoePort final : public MailRequest {
     // The Ethernet port of the slave in sent frames; 0: the slave decides.
     std::uint8_t port = 0;
 
-    // The network interface to which the application passes the frames: what programs that look at the application show
-    // (`ethercat eoe`), "eoe0s1" for example. The port keeps the first kNameBytes octets. Set the name before submit(),
-    // or between the calls of poll(). Empty: none.
+    // The name of the network interface to which the application passes the frames, "eoe0s1" for example. Programs that
+    // are attached to the application show this name (`ethercat eoe`). The port keeps the first kNameBytes octets. Set
+    // the name before submit(), or between the calls of poll(). Empty: none.
     static constexpr std::size_t kNameBytes = 15;
     void set_interface_name(std::string_view name) {
         for (name_bytes_ = 0; name_bytes_ < kNameBytes && name_bytes_ < name.size(); ++name_bytes_)

@@ -43,8 +43,8 @@ class ExternalClock : public CycleClock {
     ExternalClock(const ExternalClock&) = delete;
     ExternalClock& operator=(const ExternalClock&) = delete;
 
-    // What config_map() has to find in the inputs of the bridge: for GroupConfiguration::entries, alone or among the
-    // entries of the application.
+    // The entries of the bridge that config_map() must find. Set GroupConfiguration::entries to this list, or to a list
+    // that also has the entries of the application.
     [[nodiscard]] std::array<EntryHandle*, 4> entries() { return {&internal_, &external_, &updated_, &not_connected_}; }
 
     // As MasterClock::update(). While the bridge shows no new time stamps (the other half is not connected, the slave
@@ -52,17 +52,17 @@ class ExternalClock : public CycleClock {
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
     void restart();
 
-    // Of the reference clock against the other segment. `idle` until the first time stamp. EventKind::master_in_sync
-    // and master_out_of_sync are reported for the cycle.
+    // The state of the reference clock against the other segment. `idle` until the first time stamp.
+    // EventKind::master_in_sync and master_out_of_sync are reported for the cycle.
     [[nodiscard]] PhaseState state() const { return fault_ == PhaseState::idle ? reference_.state() : fault_; }
-    // Positive when this segment is ahead.
+    // The error of the reference clock against the other segment in ns; positive when this segment is ahead.
     [[nodiscard]] std::int64_t error_ns() const { return reference_.error_ns(); }
-    // Time stamps have come with the last cycles.
+    // The bridge has shown a new time stamp within the last 16 cycles.
     [[nodiscard]] bool connected() const { return silent_ < kSilent; }
     // The system time of this segment minus the system time of the other segment, by the bridge's last time stamps.
     [[nodiscard]] std::int64_t difference_ns() const { return difference_ns_; }
     [[nodiscard]] const PhaseController& reference() const { return reference_; }
-    // The cycle against the reference clock of this segment.
+    // The clock that keeps the cycle in step with the reference clock of this segment.
     [[nodiscard]] const MasterClock& cycle() const { return cycle_; }
 
   private:

@@ -23,21 +23,22 @@ struct BootFeature;
 // and request_state. describe() names it.
 enum class Feature : std::uint8_t { none, coe, soe, overlap, boot };
 
-// The PDOs of a slave with an object dictionary are read from it (0x1C00, 0x1C12, 0x1C13 …). Without it the SII says
-// the sizes of such a slave, unless the application lists its PDOs for each SyncManager: warnings() then has
-// Errc::unsupported once for the slave, with the octets that are used. Where the SII has no sizes, config_map() fails
-// with this error. The slave may refuse SAFEOP if it has other PDOs than its SII says.
+// The PDOs of a slave with an object dictionary are read from the dictionary (0x1C00, 0x1C12, 0x1C13 …). Without this
+// feature the sizes come from the SII of the slave, unless the application lists its PDOs for each SyncManager:
+// warnings() then has Errc::unsupported once for the slave, with the octets that are used. Where the SII has no sizes,
+// config_map() fails with this error. The slave may refuse SAFEOP if it has other PDOs than its SII says.
 extern const CoeFeature kCoeFeature;
-// The process data of SoE drives is read from their parameters. Without it, the SII says the sizes of such a drive,
-// with the same warning and the same error as without kCoeFeature.
+// The process data of SoE drives is read from their parameters. Without this feature the sizes come from the SII of the
+// drive, with the same warning and the same error as without kCoeFeature.
 extern const SoeFeature kSoeFeature;
-// Mail from one slave to another is forwarded. Without it such mail is counted as unexpected.
+// Mail from one slave to another is forwarded. Without this feature such mail is counted as unexpected.
 extern const RoutingFeature kRoutingFeature;
-// GroupConfiguration::cycles_in_flight may be more than 1. Without it config_map() refuses that (Errc::unsupported).
+// GroupConfiguration::cycles_in_flight may be more than 1. Without this feature config_map() refuses such a value
+// (Errc::unsupported).
 extern const OverlapFeature kOverlapFeature;
 
-// Slaves can be brought to BOOT, where they accept firmware. Without it BOOT is refused (Errc::unsupported), and a
-// slave that was away and is in BOOT by itself is refused (Errc::identity_unread) until it has left BOOT.
+// Slaves can be brought to BOOT, where they accept firmware. Without this feature BOOT is refused (Errc::unsupported),
+// and a slave that was away and is in BOOT by itself is refused (Errc::identity_unread) until it has left BOOT.
 extern const BootFeature kBootFeature;
 
 struct Features {

@@ -1,6 +1,7 @@
-// What a NIC can do with the times of frames, in words of the NIC interface "sent at", "received at" and "send at".
-// Each of the three is an interface of its own; Nic::timing() says which of them a NIC has. Nothing in the cycle asks
-// for them, so that a NIC without them, and a program that does not use them, have no cost.
+// Three abilities of a NIC that concern the times of frames: the NIC notes when a frame was sent, notes when a frame
+// was received, or holds a frame until a given time. Each ability is an interface of its own; Nic::timing() returns the
+// interfaces that a NIC has. The library uses them only where the program asks for it, so a NIC without them, and a
+// program that does not use them, have no cost.
 #pragma once
 
 namespace margay {

@@ -30,10 +30,10 @@ struct LatchEdge {
 // occurred. Each edge is reported as EventKind::latch_edge. When edges of one kind follow each other faster than they
 // are read, only the first of them is seen.
 //
-// Goes on when the slave does not answer, and writes the latch control again when the slave has lost it. Needs a clock,
-// and for times that can be compared with other slaves configdc() before. For the thread that owns the context. Errors:
-// no_clock (the slave has no latch registers), unsupported (the slave's processor controls a latch input, ESC register
-// 0x0980), unknown_slave, invalid_argument (interval).
+// The request goes on when the slave does not answer, and writes the latch control again when the slave has lost it.
+// The slave needs a clock. Call configdc() before, so that the times can be compared with other slaves. For the thread
+// that owns the context. Errors: no_clock (the slave has no latch registers), unsupported (the slave's processor
+// controls a latch input, ESC register 0x0980), unknown_slave, invalid_argument (interval).
 struct LatchRequest : SlaveRequest {
     LatchRequest();
     Duration interval = std::chrono::milliseconds(1);

@@ -26,7 +26,8 @@ struct LinkLayerClockSettings {
     // time (SYNC0 without a shift); negative: before. Less than a cycle. The frames leave at whole multiples of the
     // cycle in the time of the NIC, so that the system time is the time of the NIC plus set_value, within the cycle.
     Duration set_value{0};
-    // Of both controllers. For the cycle, no error is an outlier: its errors contain the jitter of the driver.
+    // The settings of both controllers. The controller of the cycle treats no error as an outlier, because its errors
+    // contain the jitter of the driver.
     PhaseSettings phase{};
 };
 
@@ -45,13 +46,13 @@ class LinkLayerClock : public CycleClock {
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
     void restart();
 
-    // Of the reference clock against the clock of the NIC. set_value_wrong: see MasterClock.
+    // State and error of the reference clock against the clock of the NIC. set_value_wrong: see MasterClock.
     [[nodiscard]] PhaseState state() const { return wrong_ ? PhaseState::set_value_wrong : reference_.state(); }
     [[nodiscard]] std::int64_t error_ns() const { return reference_.error_ns(); }
-    // The controllers: of the reference clock, and of the cycle against the clock of the NIC.
+    // The two controllers: one steers the reference clock, one the cycle. Both follow the clock of the NIC.
     [[nodiscard]] const PhaseController& reference() const { return reference_; }
     [[nodiscard]] const PhaseController& cycle() const { return cycle_; }
-    // Cycles that have brought the time of the reference clock, but no time stamp.
+    // How many cycles have brought the time of the reference clock, but no time stamp.
     [[nodiscard]] std::uint64_t without_stamp() const { return without_stamp_; }
     // For the log (write_clock_log()). adjust_ns and drift_ppb belong to the reference clock.
     [[nodiscard]] const ClockRecord& record() const { return record_; }

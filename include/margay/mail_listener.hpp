@@ -43,11 +43,11 @@ class MailListener : private ListNode {
     // the number.
     std::uint16_t only_slave = 0;
     // How often the library looks for mail of the slave while no request waits for an answer. Zero: the listener gets
-    // only mail that is found by other means (requests, watch_mailboxes()). A look is a datagram of 3 octets, and
-    // there is none while the mapped mailbox status bit of the slave (SlaveConfiguration::mailbox_status) reports no
-    // mail. Looks and mail are acyclic datagrams: during a cycle they use the budget of the group
-    // (GroupConfiguration::acyclic_bytes), and a slave has at most one of them on the wire. So a slave that always has
-    // mail delays neither process data nor other slaves for longer than one message.
+    // only mail that is found by other means (requests, watch_mailboxes()). The library looks by a datagram of 3
+    // octets, and sends none while the mapped mailbox status bit of the slave (SlaveConfiguration::mailbox_status)
+    // reports no mail. These datagrams and the mail are acyclic datagrams: during a cycle they use the budget of the
+    // group (GroupConfiguration::acyclic_bytes), and a slave has at most one of them on the wire. So a slave that
+    // always has mail delays neither process data nor other slaves for longer than one message.
     Duration look_every{0};
 
     MailListener(const MailListener&) = delete;

@@ -1,5 +1,5 @@
 // Mailbox messages of any protocol, for gateways and for protocols that the library does not know. The message is what
-// follows the mailbox header; the library adds the header with its counter, repeats what is lost, and keeps the order.
+// follows the mailbox header; the library adds the header with its counter, repeats lost messages, and keeps the order.
 //
 //     margay::RawMail request;                         // lives in the caller's memory
 //     request.slave = 3;
@@ -10,10 +10,11 @@
 //
 // After a timeout or cancel() the slave may still answer, and the library does not know which message an answer belongs
 // to. The next request of this protocol waits for the late answer for 100 ms; after cancel(), until the `timeout` of
-// the cancelled request is over (3 s if it is zero). It also fetches what has come since. CoE: the library asks the
-// slave for an object of its own choice, as SDO requests do (coe.hpp). An answer of another protocol that comes later
-// cannot be distinguished from the answer to the next message: success then says nothing about the next message.
-// So set a `timeout` longer than the slave needs, or let `is_answer` compare what message and answer have in common.
+// the cancelled request is over (3 s if it is zero). It also fetches the mail that has come since. CoE: the library
+// asks the slave for an object of its own choice, as SDO requests do (coe.hpp). An answer of another protocol that
+// comes later cannot be distinguished from the answer to the next message: success then says nothing about the next
+// message. So set a `timeout` longer than the slave needs, or let `is_answer` compare the octets that a message and its
+// answer have in common.
 #pragma once
 
 #include <margay/address.hpp>
@@ -50,7 +51,8 @@ struct RawMail : MailRequest {
     bool (*is_answer)(const RawMail& request, std::span<const std::byte> mail) = nullptr;
     // Whether more mail of the answer follows this mail without a message (fragments); nullptr: the answer is one mail.
     // Called as is_answer, for mail that is the answer. The function keeps what it needs of the mail; only the last
-    // mail stays in `answer`. All of it must arrive within `timeout`; zero: each mail within 3 s after the one before.
+    // mail stays in `answer`. The whole answer must arrive within `timeout`; zero: each mail within 3 s after the one
+    // before.
     bool (*more_follows)(const RawMail& request, std::span<const std::byte> mail) = nullptr;
     std::size_t bytes = 0;  // result: size of the last mail of the answer in octets
 };

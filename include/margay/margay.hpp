@@ -132,7 +132,7 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // - invalid_argument: the slave leaves another mapped group, and a copy of that group names it (detail: copy).
 //   The copy is not executed any more, and the outputs of its destination stay as they are. what_is_wrong() says so
 //   until GroupConfiguration::copies is changed;
-// - no_place: the slave could not be read before the image was laid out, and is there since;
+// - no_place: the slave could not be read before the image was laid out, and has appeared since;
 // - remapping_needed: slave(n).config.sms, or the lists of its PDOs, were changed while config_map() executed. Where a
 //   slave has another revision than when its process data was read (new firmware writes it into the EEPROM some time
 //   after its start), config_map() itself maps the group again, with all hooks, up to four times in all; the error then
@@ -155,11 +155,11 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 
 // Plans the frames of a mapped group again, because group(n).config.block_lrw was changed: from the next
 // send_processdata() on they have LRW, or LRD and LWR. Slaves, image and logical addresses stay as they are, in any AL
-// state. A cycle on the wire is given up; group(n).datagrams and expected_wkc have other values. Callable from the
-// cycle, where it does not wait or allocate: its time grows with the number of slaves. After an error the group has the
-// frames that it had. Errors: wrong_state before init(), not_owner, unknown_group (also: the group is not mapped), busy
-// (config_map() executes for the group), unsupported (cycles overlap), too_many_frames (limits().process_frames),
-// remapping_needed (the configuration of a slave was changed: call config_map()).
+// state. A cycle that is on the wire is lost; group(n).datagrams and expected_wkc have new values. Callable from the
+// cycle, where it does not wait or allocate: its time grows with the number of slaves. After an error the frames of the
+// group are the same as before the call. Errors: wrong_state before init(), not_owner, unknown_group (also: the group
+// is not mapped), busy (config_map() executes for the group), unsupported (cycles overlap), too_many_frames
+// (limits().process_frames), remapping_needed (the configuration of a slave was changed: call config_map()).
 Result<> replan_processdata(Context& ctx, std::uint8_t group = 0);
 
 // AL states. The three functions update or use slave(n).al: the state that the slave reports, its error indication and
@@ -198,10 +198,10 @@ Result<> replan_processdata(Context& ctx, std::uint8_t group = 0);
 // the supervision executes.
 //
 // statecheck() reads all slaves until `slave`, or all slaves (0), are in `state` without error and their commands and
-// hooks after the transition have ended, or until `timeout` is over (zero: reads once). Returns what it read last. A
-// timeout is no error: compare the returned state. But two causes are an error: other_slave (another device answers in
-// the place of the slave), and start_up_unfinished (the state is reached, and commands or hooks after the transition
-// have not ended), each of the first such slave.
+// hooks after the transition have ended, or until `timeout` is over (zero: reads once). Returns the status that it has
+// read last. A timeout is no error: compare the returned state. But two causes are an error: other_slave (another
+// device answers in the place of the slave), and start_up_unfinished (the state is reached, and commands or hooks after
+// the transition have not ended), each of the first such slave.
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);
@@ -213,10 +213,10 @@ Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Du
 // its target is below SAFEOP. A held slave ends in PREOP or INIT, with the error other_slave or unexpected_slave.
 //
 // recover_slave() finds slaves that have lost their station address, for example after a loss of power, and assigns the
-// address again. With slave 0 it succeeds if it found at least one slave. With another number it succeeds if that slave
-// answers now. The identity of a slave that was away is compared. Errors: missing_slave (the slave does not answer;
-// slave 0: no lost slave was found), unknown_slave (no slave has this number), other_slave (another slave is in its
-// place), unstable (the ring has changed during the search), no_frame, capacity.
+// address to them again. With slave 0 it succeeds if it found at least one slave. With another number it succeeds if
+// that slave answers now. The identity of a slave that was away is compared. Errors: missing_slave (the slave does not
+// answer; slave 0: no lost slave was found), unknown_slave (no slave has this number), other_slave (another slave is in
+// its place), unstable (the ring has changed during the search), no_frame, capacity.
 //
 // Both wait.
 Result<> reconfigure_slave(Context& ctx, std::uint16_t slave);
@@ -299,9 +299,10 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
 // Datagram `n` of a mapped group, in the order of group(number).datagrams. Never waits; callable from the cycle.
 [[nodiscard]] PlannedDatagram process_datagram(Context& ctx, std::size_t n, std::uint8_t group = 0);
 
-// Read and write the SII EEPROM of a slave by word address (see SiiReadRequest and SiiWriteRequest). Wait. Word 7 has
-// the checksum of the words 0 to 6 in its low octet: a program that writes one of these words also writes word 7, see
-// sii_checksum(). With a wrong checksum the ESC does not load its configuration at the next power-up.
+// Read and write the SII EEPROM of a slave by word address (see SiiReadRequest and SiiWriteRequest). Both functions
+// wait. Word 7 has the checksum of the words 0 to 6 in its low octet: a program that writes one of these words also
+// writes word 7, see sii_checksum(). With a wrong checksum the ESC does not load its configuration at the next
+// power-up.
 Result<> read_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data);
 Result<> write_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data);
 

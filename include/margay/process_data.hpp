@@ -37,7 +37,8 @@ class ImageBytes {
 
 }  // namespace margay
 
-// ImageBytes converts to a span like a span does: the octets belong to the image.
+// The octets belong to the image, not to the ImageBytes: so a temporary ImageBytes converts to a span, like a temporary
+// span does.
 template <>
 inline constexpr bool std::ranges::enable_borrowed_range<margay::ImageBytes> = true;
 

@@ -1,6 +1,6 @@
 // The receive times of frames, for NICs that note when a frame has arrived: the counterpart of SendClock. A NIC that
-// can do it derives from Nic and from ReceiveClock, and says so by Nic::timing(). The application asks by
-// cycle_stamps() (cycle_stamps.hpp).
+// can do it derives from Nic and from ReceiveClock, and returns its ReceiveClock by Nic::timing(). The application gets
+// the times by cycle_stamps() (cycle_stamps.hpp).
 //
 // To port: keep the time and the first kHeadBytes octets of the last frames that receive() has returned, at least 16 of
 // them; an ArrivalTimes does that. Note a frame without a time too: otherwise the time of an older frame is returned

@@ -112,7 +112,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // up to cycles_in_flight cycles before. A slave whose target is INIT or PREOP is in no cycle. A supervision sees within
 // some cycles that it is gone, if poll() is called after each of them, and within 100 ms if no frame comes back.
 // receive_processdata() names the one change that no cycle shows.
-// Without a supervision, the last reading of its state is believed for a second of cycles, then all_right() is false
+// Without a supervision, the last reading of its state counts for a second of cycles, then all_right() is false
 // (not_supervised): call readstate() more often, or submit a SuperviseRequest.
 [[nodiscard]] bool all_right(Context& ctx);
 // The first reason why all_right() is false, by slave number; code none if all_right() is true. Codes: missing_slave,
@@ -123,10 +123,10 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // again), every error of the slave's start-up, working_counter (the slave does not take part in the cycle, or the
 // working counter of a datagram is too low), no_frame (no cycle has come back), wrong_state (no slaves yet), not_polled
 // (requests are busy, and the owner has exchanged process data for a second without a call of poll()), not_supervised
-// (no supervision is busy, and nobody has read the states of all slaves for a second of cycles), group_left_out (a
-// mapped group was not exchanged for a second of cycles; seen from the second call on), invalid_argument (a copy of a
-// mapped group is not executed, because its slave is in another group now, or GroupConfiguration::copies was changed;
-// detail: Argument::copy).
+// (no supervision is busy, and the states of all slaves were not read for a second of cycles), group_left_out (a mapped
+// group was not exchanged for a second of cycles; seen from the second call on), invalid_argument (a copy of a mapped
+// group is not executed, because its slave is in another group now, or GroupConfiguration::copies was changed; detail:
+// Argument::copy).
 [[nodiscard]] Error what_is_wrong(Context& ctx);
 
 // ------------------------------------------------------------------ the cycle

@@ -1,6 +1,6 @@
 // The clock of a NIC, for NICs that note when a frame has left. A NIC that can do it derives from Nic and from
-// SendClock; the program gives the SendClock to LinkLayerClock (link_layer_clock.hpp). Nothing else in the library asks
-// for it, so that a NIC without time stamps, and a program without LinkLayerClock, have no cost.
+// SendClock; the program gives the SendClock to LinkLayerClock (link_layer_clock.hpp). No other part of the library
+// uses it, so a NIC without time stamps, and a program without LinkLayerClock, have no cost.
 //
 // To port: keep the time and the first kHeadBytes octets of the last frames that were sent, at least 16 of them; a
 // SendTimes does that.

@@ -123,7 +123,7 @@ struct SlaveHooks {
     Hook<Transition, Moment> transition;
 };
 
-// One slave: what the library knows about it, and what the application wants of it.
+// One slave: the facts that the library knows about it, and the configuration that the application gives it.
 struct Slave {
     static constexpr std::size_t kNameBytes = 64;
     static constexpr std::size_t kSyncManagers = 8;
@@ -199,7 +199,7 @@ struct Slave {
     // The slave's part of the image of its group, after the group is mapped. The octets are writable.
     SlaveImage image;
 
-    // What the application wants of the slave. Mutable, because a context returns a const Slave.
+    // The configuration that the application gives the slave. Mutable, because a context returns a const Slave.
     mutable SlaveConfiguration config;
     mutable SlaveHooks hooks;
 

@@ -8,8 +8,8 @@
 //     };
 //
 // A refusal of the slave is the error of the transition: aoe_error, aoe_result (expected and actual: index group and
-// offset) or eoe_error. A message that is none of those named here, and a slave without the protocol, are errors too
-// (invalid_argument, unsupported).
+// offset) or eoe_error. A message of a kind that this header does not name is an error too (invalid_argument), and so
+// is a slave without the protocol (unsupported).
 #pragma once
 
 #include <margay/aoe_address.hpp>

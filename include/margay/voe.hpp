@@ -1,5 +1,5 @@
 // Vendor specific profile over EtherCAT (VoE, ETG.1000.6 "Vendor specific protocol"): messages with the ID of a vendor
-// and a type that the vendor chooses. VoE has no answers: both ends send when they want to.
+// and a type that the vendor chooses. VoE has no answers: master and slave send messages independently of each other.
 //
 //     std::array<std::byte, 2048> memory;
 //     margay::VoeInbox inbox(memory);                  // collects what the slave sends

@@ -8,9 +8,9 @@
 //     …                                                 // the cycle runs
 //
 // The server has a thread of its own. The cycle never waits for it: the thread only submits requests (request.hpp), at
-// most one for each client, and poll() executes them between the cycles like requests of any thread. What a client
-// sends has no other effect on the application: a message that is malformed or too long, a client that is slow, floods
-// or goes away ends its own connection, and the memory of the server is bounded by AttachSettings.
+// most one for each client, and poll() executes them between the cycles like requests of any thread. A message of a
+// client has no other effect on the application. The server closes the connection of a client that sends malformed or
+// too long messages, floods, is too slow or goes away. AttachSettings bounds the memory of the server.
 //
 // Cost. Clients that read facts cost the cycle nothing. The datagrams of requests to slaves (registers, SII, mailboxes,
 // states) travel in the frames of the cycle, if the application does not say otherwise: then building and reading the
@@ -34,14 +34,14 @@
 
 namespace margay {
 
-// What the `rescan` of a client may do. Nothing of it ends the process data of a group that is mapped.
+// The effect of the `rescan` of a client. No value ends the process data of a group that is mapped.
 enum class AttachScan : std::uint8_t {
-    refused,  // nothing: the client gets a sentence
-    // What recover_slave(ctx, 0) does: reads the states of all slaves and the ring, and finds lost slaves. The facts of
-    // the slaves that answer, their states and the process data stay. Slaves that are not in the table are counted and
-    // not used.
+    refused,  // no effect: the client gets a sentence that says so
+    // The same as recover_slave(ctx, 0): reads the states of all slaves and the ring, and finds lost slaves. The facts
+    // of the slaves that answer, their states and the process data stay. Slaves that are not in the table are counted
+    // and not used.
     search,
-    // While no group is mapped and no supervision is busy, what config_init() does: all slaves go through INIT to
+    // While no group is mapped and no supervision is busy, the same as config_init(): all slaves go through INIT to
     // PREOP, and the numbers, hooks and configurations of the slaves start again. Otherwise as `search`. For an
     // application that keeps no slave number and sets no hook between its calls of poll().
     whole,

@@ -1,5 +1,5 @@
 // Durations and time points of the standard library, without the calendars and time zones that <chrono> adds to them
-// in C++20. <chrono> costs each file of a user about half a second of compiling; this header costs a third of that.
+// in C++20. A file with this header compiles in a small part of the time that a file with <chrono> takes.
 #pragma once
 
 #include <version>

@@ -7,7 +7,8 @@
 
 namespace margay {
 
-// The memory is the caller's. How a record is divided is a matter of its users: add() adds its parts at once.
+// The memory is the caller's. A record consists of two parts, which add() adds at the same time. The ring does not know
+// how long a record is: the two threads agree on that.
 class OctetRing {
   public:
     explicit OctetRing(std::span<std::byte> memory) : memory_(memory) {}
@@ -16,14 +17,15 @@ class OctetRing {
 
     // --- The thread that adds ---
 
-    // Octets that are free now; the other thread only makes it more.
+    // The number of free octets now. The other thread can only increase it.
     [[nodiscard]] std::size_t room() const;
     // Adds both parts. False: no room for both, and nothing was added.
     bool add(std::span<const std::byte> head, std::span<const std::byte> data);
 
     // --- The thread that removes ---
 
-    // Copies octets from `skip` octets behind the oldest one on. The caller knows that they are there.
+    // Copies octets into `into`. The first one is `skip` octets behind the oldest octet. The caller knows that the ring
+    // has all of them.
     void peek(std::size_t skip, std::span<std::byte> into) const;
     // Removes the oldest octets.
     void drop(std::size_t octets);

@@ -1,5 +1,5 @@
-// The concepts of ranges of the standard library, without the views that <ranges> adds to them. <ranges> costs each
-// file of a user about half a second of compiling.
+// The concepts of ranges of the standard library, without the views that <ranges> adds to them. Each file of a user
+// that includes <ranges> takes longer to compile.
 #pragma once
 
 #include <span>

@@ -5,7 +5,7 @@
 //     if (!content.error.empty()) …;                   // the file cannot be read
 //     const auto eni = margay::files::read_eni(content.octets);
 //     if (!eni) …;                                    // to_text(eni.problem) says where and why
-//     for (const auto& remark : eni.remarks) …;       // what of the file is not done, by line
+//     for (const auto& remark : eni.remarks) …;       // parts of the file that the library does not use, by line
 //     margay::HostContext ctx(eni->limits());
 //     … init() …
 //     margay::files::bring_up(ctx, *eni, image);      // expect(), config_init(), configdc(), config_map(): to SAFEOP
@@ -93,7 +93,7 @@ struct EniGroup {
     Duration cycle{0};  // 0: the file does not say it
 };
 
-// The switch of the master for EoE, as the file sizes it. The library has no such switch: an EoePort has the memory
+// The sizes in the file for the EoE switch of the master. The library has no such switch: an EoePort has the memory
 // that the application gives it.
 struct EniEoe {
     std::uint32_t ports = 0;
@@ -143,10 +143,10 @@ Result<> after_scan(Context& ctx, const EniConfiguration& eni);
 // Brings the segment to SAFEOP as the file says: apply(), config_init(), after_scan(), configdc() if the file uses
 // clocks, and config_map() of each group; `image` has at least eni.image_bytes octets and is divided between the
 // groups. Returns the first error, after which the segment can be used as after an error of the same function. Waits.
-// What it does not do of the file is known then: see remarks_after_scan().
+// After the call, remarks_after_scan() names the parts of the file that the library does not apply.
 Result<> bring_up(Context& ctx, const EniConfiguration& eni, std::span<std::byte> image);
 
-// What write_eni() writes beside the slaves.
+// Parts of the ENI that write_eni() does not read from the slaves.
 struct EniSettings {
     std::string master_name = "Margay";
     Duration cycle = std::chrono::milliseconds(1);
@@ -155,9 +155,10 @@ struct EniSettings {
 
 // Describes the segment of the context as an ENI: the slaves that config_init() has found, and of each mapped group its
 // process data, with the configuration in use. The slaves must be in SAFEOP or OP, because the function reads their
-// SyncManagers, FMMUs and SYNC registers. What expect() was given is written too: alias or device id, serial number,
-// newer revisions, hot connect groups that are there. Waits. read_eni() of the text and bring_up() write the same
-// registers and station addresses again. A slave that is missing is left out, which a remark says.
+// SyncManagers, FMMUs and SYNC registers. The members of the list of expect() are written too: alias or device id,
+// serial number, newer revisions, and the hot connect groups that are present. Waits. read_eni() of the text and
+// bring_up() write the same registers and station addresses again. A slave that is missing is left out, which a remark
+// says.
 [[nodiscard]] Written write_eni(Context& ctx, const EniSettings& settings = {});
 
 }  // namespace margay::files

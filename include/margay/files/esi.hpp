@@ -261,7 +261,7 @@ struct SiiImage {
 // The description of a device as its SII gives it: the reverse of make_sii(). The vendor is in the identity.
 [[nodiscard]] Read<EsiDevice> describe_sii(std::span<const std::byte> image);
 
-// What is selected of a device.
+// The selection of a mode, a cycle and modules for a device.
 struct EsiChoice {
     std::size_t mode = 0;  // number of the operation mode, the first is 0; ignored if the device has none
     Duration cycle = std::chrono::milliseconds(1);  // for factors of the operation mode
@@ -289,8 +289,8 @@ struct EsiConfiguration {
 // first slot that differs in a sentence; empty: they are equal.
 [[nodiscard]] std::string check_modules(Context& ctx, std::uint16_t slave, std::span<const std::uint32_t> wanted);
 
-// The description of a slave as the slave says: its SII, and its object dictionary if it has CoE with SDO information.
-// Reads the SII, so the slave is best in PREOP. Waits.
+// The description of a slave from its SII, and from its object dictionary if it has CoE with SDO information. The
+// function reads the SII: bring the slave to PREOP before. Waits.
 [[nodiscard]] Read<EsiDevice> describe_slave(Context& ctx, std::uint16_t slave);
 
 // Writes an ESI file in the order of elements that ETG.2000 requires. read_esi() of the text gives the same devices.

@@ -1,4 +1,4 @@
-// What the readers of ESI and ENI files say about a file, and the result of reading one.
+// Remarks of the readers of ESI and ENI files about a file, and the result of reading a file.
 #pragma once
 
 #include <cstdint>
@@ -47,7 +47,7 @@ inline constexpr std::size_t kMostFileBytes = std::size_t{64} * 1024 * 1024;
 struct Written {
     std::string text{};
     std::string error{};
-    // What of the described slaves the format cannot express, or the writer does not know: one sentence each.
+    // Facts about the slaves that the format cannot express, or that the writer does not know: one sentence each.
     std::vector<std::string> remarks{};
     [[nodiscard]] explicit operator bool() const { return error.empty(); }
 };

@@ -10,13 +10,14 @@
 // A datagram or a stream has EtherCAT frames of type 5: the frame header (2 octets), then mailbox messages. The address
 // in the mailbox header is the station address of the slave that gets the message; 0 is the master, which answers CoE
 // by its own object dictionary (ETG.1510, read only). A reply has the address, the counter and the priority of the
-// message that it answers. What cannot be routed or is not answered in time gets a mailbox error reply.
-// src/gateway/README.md has the rules of each protocol, the error codes, and what is not there.
+// message that it answers. The gateway answers a message that cannot be routed, or that no slave answers in time, by a
+// mailbox error reply. src/gateway/README.md has the rules of each protocol, the error codes, and the parts of the
+// standard that are missing.
 //
 // The gateway has a thread of its own. The cycle never waits for it: the thread only submits requests (request.hpp),
 // and poll() executes them between the cycles like requests of any thread, after the same checks: nothing goes to a
-// slave that is lost, below PREOP, or was away and not identified since. What a client sends has no other effect on the
-// application, and the memory of the gateway is bounded by MailboxGatewaySettings.
+// slave that is lost, below PREOP, or was away and not identified since. A message of a client has no other effect on
+// the application. MailboxGatewaySettings bounds the memory of the gateway.
 //
 // Access. The protocol has no authentication: every program that reaches the port can write what the application could
 // write by the mailbox. So by default only this machine reaches it. `read_only` refuses everything that may change
