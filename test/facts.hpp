@@ -1,4 +1,4 @@
-// For tests that need a slave with facts other than those that the library has read.
+// For tests that need a slave with other facts than the library has read.
 #pragma once
 
 #include <margay/slave.hpp>

@@ -1,4 +1,5 @@
-// Files with frames of one master or of several: who is told from whom, and packets that are not in order of time.
+// Files with frames of one master or of several: how the masters are distinguished, and packets that are not in order
+// of time.
 #include "analyse/recording.hpp"
 
 #include "oshw/pcap/pcapng.hpp"

@@ -92,7 +92,7 @@ void expect_counts(const Analysis& a, std::uint64_t requests, std::uint64_t repl
     EXPECT_TRUE(a.remark.starts_with("each frame was recorded twice: the second one is left out")) << a.remark;
 }
 
-// A recorder of several interfaces writes the packets of one, then those of the other.
+// A recorder of several interfaces writes the packets of one interface, then the packets of the other interface.
 TEST_F(AnalyseTwins, TheOrderOfTheFileIsNotThatOfTheTime) {
     const auto first = cycles();
     for (const auto after : {1us, -1us}) {

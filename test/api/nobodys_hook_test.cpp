@@ -1,4 +1,4 @@
-// Hooks that no request waits for: after a state that was requested without waiting, and those that the supervision
+// Hooks that no request waits for: after a state that was requested without waiting, and hooks that the supervision
 // executes.
 #include "api/slow_hook.hpp"
 
@@ -249,7 +249,8 @@ TEST_F(NobodysHook, IsNotLeftOutByTheNextStateChange) {
     }
 }
 
-// The hook has failed, and the slave is in OP: asking for OP again is no success as long as nobody starts it again.
+// The hook has failed, and the slave is in OP: asking for OP again is no success as long as the slave is not started
+// again.
 TEST_F(NobodysHook, ThatHasFailedIsNoSuccessTheNextTime) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
@@ -321,7 +322,7 @@ TEST_F(NobodysHook, IsNotSkippedWhenNobodyReadsTheState) {
     }
 }
 
-// The way down ends a hook of the way up: an operator who lowers the target does not wait for the hook.
+// A lower target ends a hook of the way up: an application that lowers the target does not wait for the hook.
 TEST_F(NobodysHook, OfTheWayUpEndsWhenTheTargetBecomesLower) {
     begin(3);
     ASSERT_TRUE(config_map(ctx, image));

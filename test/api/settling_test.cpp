@@ -1,4 +1,5 @@
-// What follows a transition that nobody waits for, the turns of the supervision, and mappings that are cut.
+// Commands and hooks after a transition that no request waits for, the turns of the supervision, and mappings that are
+// cancelled.
 #include "api/slow_hook.hpp"
 #include "wire/esc.hpp"
 

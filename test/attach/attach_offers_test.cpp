@@ -1,5 +1,5 @@
 // What an application offers beside facts and requests to slaves: a rescan, a level of messages, its EoE ports. And
-// what a client of another version is told.
+// the answer to a client of another version.
 #include "attach/attach_fixture.hpp"
 
 namespace margay::testing_attach {

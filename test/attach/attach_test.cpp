@@ -229,7 +229,7 @@ TEST_F(Attach, AnOwnerThatDoesNotPollIsToldAndTheServerEnds) {
     waits.join();
 }
 
-// A program that is stopped, for example by a debugger: the kernel takes the connection, and nobody answers.
+// A program that is stopped, for example by a debugger: the kernel accepts the connection, and no answer comes.
 TEST_F(Attach, AClientThatIsNotAnsweredIsAskedWhetherItWaits) {
     const std::string silent = folder + "/silent.sock";
     attach::SocketAddress address;
@@ -245,7 +245,7 @@ TEST_F(Attach, AClientThatIsNotAnsweredIsAskedWhetherItWaits) {
     });
     EXPECT_EQ(client.connect(silent), silent + ": the application has not answered");
     EXPECT_EQ(asked, 2);
-    // The connection has ended: an answer that comes later is read by nobody, and no other request follows.
+    // The connection has ended: an answer that comes later is not read, and no other request follows.
     EXPECT_EQ(client.call(Operation::master, {}).text, "the application has not answered");
     EXPECT_EQ(asked, 2);
     const int accepted = ::accept(fd, nullptr, nullptr);
@@ -290,7 +290,7 @@ TEST(AttachClient, AnApplicationThatTakesNoConnectionIsNotWaitedForWithoutAWord)
     Client patient;
     patient.when_silent([&](std::chrono::seconds) {
         if (++asked == 5) ::close(::accept(listener, nullptr, nullptr));
-        return asked < 6;  // a second behind it: connected, and nobody speaks
+        return asked < 6;  // a second behind it: connected, and no message is sent
     });
     const auto said = patient.connect(path);
     EXPECT_TRUE(said.ends_with("the application has not answered")) << said;
@@ -408,7 +408,7 @@ TEST_F(Attach, MoreClientsThanPlacesAreToldSo) {
     EXPECT_EQ(server->counts().refused, 1U);
 }
 
-// Places of a full server: who loses one to a new client, and when.
+// Places of a full server: which client loses its place to a new client, and when.
 TEST(AttachPlaces, AreOfThoseWhoUseThem) {
     using attach::Connection;
     const attach::Moment begin{100s};

@@ -1,7 +1,7 @@
 // Measures a ring with two NICs: cycles with stale inputs for each break and each repair of a cable, between two frames
 // and between the two copies of a frame; how far the clocks of all slaves are from each other, against the simulation's
-// true time, before, behind and after each break; and the user instructions of a cycle by callgrind, beside those with
-// one NIC. The NICs of the second measurement answer at once; their instructions are counted too.
+// true time, before, behind and after each break; and the user instructions of a cycle by callgrind, beside the
+// instructions with one NIC. The NICs of the second measurement answer at once; their instructions are counted too.
 #include "bench/common/mapped_bus.hpp"
 #include "redundancy/clock_ring.hpp"
 

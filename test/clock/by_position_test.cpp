@@ -106,7 +106,8 @@ TEST_F(ByPosition, ByStationAddressWhileASlaveIsLost) {
     EXPECT_EQ(counting->adp, 0xFFFE);
 }
 
-// The reference itself is lost, and all behind it: nobody takes what the cycle sends, and the clocks come back.
+// The reference itself is lost, and all slaves behind it: no slave reads the time that the cycle sends, and the clocks
+// come back.
 TEST_F(ByPosition, TheReferenceComesBack) {
     bring_up_by_position();
     run();

@@ -22,7 +22,7 @@ struct ClockHarm : testing::Test, ClockBus {
     }
 };
 
-// A port behind which nobody answers keeps the receive time of an earlier frame.
+// A port behind which no slave answers keeps the receive time of an earlier frame.
 TEST_F(ClockHarm, DelaysAreRightWhileASlaveIsLost) {
     add_line(4);
     ClockSettings settings = kFewFrames;

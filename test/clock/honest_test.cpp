@@ -34,7 +34,7 @@ struct HonestBus : ClockBus {
     }
     struct Apart {
         std::int64_t all = 0;      // any two clocks
-        std::int64_t in_sync = 0;  // those that are said to be in sync, from the reference
+        std::int64_t in_sync = 0;  // of the clocks that are reported in sync, from the reference
     };
     // 4000 cycles in which the bus is shifted.
     Apart seek(MasterClock& master, Duration cycle) {
@@ -232,7 +232,7 @@ TEST_F(Honest, ALostSlaveLeavesTheOthersInSync) {
     EXPECT_FALSE(clock(3).in_sync);
 }
 
-// A device that nobody expects has a clock that nobody sets.
+// A device that is not expected has a clock that the master does not set.
 TEST_F(Honest, AnUnexpectedClockDoesNotCount) {
     add_line(3);
     bring_up(kFewFrames);

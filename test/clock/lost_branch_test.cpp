@@ -68,7 +68,7 @@ TEST(LostBranch, TheOtherBranchStaysInSync) {
             bus.segment.set_cable(LostBranch::kBranch, true);
             bus.run_late(6s);
             EXPECT_EQ(reference_clock(*bus.ctx), 2);
-            // With cycles of 10 ms, nobody compares both clocks for up to a second when the branch is back.
+            // With cycles of 10 ms, the clocks are not compared for up to a second when the branch is back.
             EXPECT_LE(bus.out, cycle < 10ms ? 0U : 200U) << bus.joined(bus.events());
             EXPECT_LE(bus.most_ns, 250);
             bus.most_ns = bus.out = 0;

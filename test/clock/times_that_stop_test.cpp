@@ -71,8 +71,8 @@ TEST_F(TimesThatStop, OnlyTwoAnswersInSuccessionTellATime) {
     }
 }
 
-// The first frame after the pause has the time of the last cycle before it, and all clocks take it: nobody says that
-// they are in sync while they recover.
+// The first frame after the pause has the time of the last cycle before it, and all clocks follow it: the library does
+// not report them in sync while they recover.
 TEST_F(TimesThatStop, AReferenceThatIsLostInAPause) {
     constexpr unsigned kUntilItIsKnown = 60;
     for (const auto pause : {20ms, 80ms, 2000ms}) {

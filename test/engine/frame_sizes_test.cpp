@@ -1,5 +1,5 @@
 // The arena memory of the protocol sequences. A larger coroutine frame costs every user memory for every slave.
-// Therefore this test fixes the sizes, and a change of a size must be deliberate. Sizes are those of the arena's
+// Therefore this test fixes the sizes, and a change of a size must be deliberate. Sizes are the sizes of the arena's
 // blocks (64 octets and doublings).
 #include "engine/scripted_nic.hpp"
 #include "network/configure.hpp"

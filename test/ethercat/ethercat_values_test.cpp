@@ -96,7 +96,7 @@ TEST(EthercatNumbers, ListsAndRanges) {
         EXPECT_EQ(all(text), "refused") << text;
 }
 
-// A slave of a running application left its place: those behind it keep their positions.
+// A slave of a running application has left its place: the slaves behind it keep their positions.
 TEST(EthercatNumbers, AMissingSlaveLeavesAGapInThePositions) {
     std::vector<SlaveFacts> slaves(3);
     slaves[0] = {.position = 1, .alias = 7};

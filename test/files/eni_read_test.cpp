@@ -121,7 +121,6 @@ TEST(EniReader, RefusesWithLineAndCause) {
               "line 1, column 2: the root element is EtherCATInfo: an ENI has EtherCATConfig");
 }
 
-// The first one would count, and nobody would know.
 TEST(EniReader, AMaskOfAnotherSizeThanItsDataIsRefused) {
     const std::string other = "<InitCmd><Transition>IP</Transition><Cmd>2</Cmd>";
     for (const std::string ado : {"4096", "1288"})  // any register; the data of the SII
@@ -134,6 +133,7 @@ TEST(EniReader, AMaskOfAnotherSizeThanItsDataIsRefused) {
         }
 }
 
+// The first one would count, and no remark would name the second one.
 TEST(EniReader, WhatIsThereTwiceIsRefused) {
     EXPECT_EQ(problem_with("</Config>", "</Config><Config/>"),
               "line 37, column 11: a second Config in EtherCATConfig: the first one is in line 2");

@@ -310,7 +310,7 @@ class MailDevice {
         step();
         return message->data;
     }
-    // The same without AoE notifications, which the device sends as long as it has been told to.
+    // The same without AoE notifications, which the device sends until the master deletes them.
     Bytes fetch_reply() {
         for (int n = 0; n < 20; ++n) {
             const Bytes data = fetch();

@@ -42,7 +42,8 @@ TEST_F(GatewayClients, EightClientsHammerAndNoCycleIsLost) {
     EXPECT_EQ(gateway->counts().clients, 8U);
 }
 
-// Two clients read large objects of one slave: the segments of one transfer never come between those of the other.
+// Two clients read large objects of one slave: the segments of one transfer never come between the segments of the
+// other.
 TEST_F(GatewayClients, SegmentedTransfersOfSeveralClientsAreKeptApart) {
     serve({.reply_timeout = 1min, .pause_in_transfer = 1min});  // whatever the load of the machine
     std::atomic<int> right{0};

@@ -1,4 +1,4 @@
-// Figures that the documents repeat: they are the same everywhere, and those that the headers compute are right.
+// Figures that the documents repeat are the same everywhere, and equal the values that the headers compute.
 #include <margay/context.hpp>
 
 #include <places.hpp>

@@ -9,7 +9,7 @@
 namespace margay::layers {
 namespace {
 
-// A folder may include itself, the folders in its row, and the folders that those may include.
+// A folder may include itself, the folders in its row, and the folders that these folders may include.
 const std::map<std::string, std::vector<std::string>>& table() {
     static const std::map<std::string, std::vector<std::string>> rows = {
         {"include", {}},

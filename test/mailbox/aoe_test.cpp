@@ -354,7 +354,7 @@ TEST_F(AoeOctets, ANotificationHasStampsAndSamples) {
     EXPECT_EQ(notes.all[2].handle, 9U);
     EXPECT_EQ(notes.all[2].time, 2U);
     EXPECT_EQ(notes.all[2].data, Mail{});
-    // Cut anywhere: the whole samples before are told, and nothing is read behind the end.
+    // Cut anywhere: the whole samples before are delivered, and nothing is read behind the end.
     for (std::size_t bytes = 0; bytes < two.size(); ++bytes) {
         notes.all.clear();
         slave.reply(joined({head, Mail(two.begin(), two.begin() + static_cast<std::ptrdiff_t>(bytes))}), kAoe);

@@ -1,5 +1,5 @@
-// Callbacks out of a mailbox, in the first mail after a silence that nobody has noticed, without a supervision. The
-// callback submits a request to the same slave: the request is refused, and the mailbox works on.
+// Callbacks out of a mailbox, in the first mail after a silence that the library has not noticed, without a
+// supervision. The callback submits a request to the same slave: the request is refused, and the mailbox works on.
 #include "mailbox/foe_bus.hpp"
 
 namespace margay {

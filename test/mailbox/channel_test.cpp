@@ -136,7 +136,7 @@ TEST_F(ChannelTest, MailThatNobodyWaitsForIsFoundByTheWatch) {
     start();
     slave.reply({0x00, 0x10, 0x10, 0x23, 0x01, 0, 0, 0, 0, 0});
     bus.idle(50ms);
-    EXPECT_FALSE(emergencies(*bus.ctx, 1).take().has_value());  // nobody reads the mailbox
+    EXPECT_FALSE(emergencies(*bus.ctx, 1).take().has_value());  // no request reads the mailbox
     (void)watch_mailboxes(*bus.ctx, 5ms);
     bus.idle(20ms);
     const auto emergency = emergencies(*bus.ctx, 1).take();

@@ -58,7 +58,7 @@ TEST(EoeGateway, APortOutlivesTheLossOfItsSlave) {
     EXPECT_EQ(one.host->frames.back(), ethernet_frame(60, 4));
     one.port.cancel();
     EXPECT_EQ(one.port.error().code, Errc::canceled);
-    // Frames of a slave that nobody exchanges stay in its mailbox.
+    // Frames of a slave without an EoePort stay in its mailbox.
     ASSERT_TRUE(one.host->send(ethernet_frame(60, 5)));
     bus.idle(20ms);
     EXPECT_TRUE(received(one.port).empty());

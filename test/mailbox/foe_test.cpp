@@ -158,7 +158,7 @@ TEST_F(FoeClient, AStreamThatFailsEndsTheTransferInTheSlaveToo) {
     EXPECT_EQ(back, image);
 }
 
-// Cancelled at each packet: the slave is told, and the next transfer works.
+// Cancelled at each packet: the slave receives an error message, and the next transfer works.
 TEST_F(FoeClient, CanBeCancelledAtAnyPacket) {
     start_bootloader();
     const auto image = Bootloader::make_image(2, 5, 4000);
@@ -251,7 +251,7 @@ TEST_F(FoeClient, ASlaveThatIsBusyForEverIsGivenUp) {
     EXPECT_GT(repeated, 15U);
     EXPECT_LT(repeated, 40U);  // with pauses in between
     bus.idle(10ms);
-    EXPECT_EQ(last, Opcode::error);  // the slave is told
+    EXPECT_EQ(last, Opcode::error);  // the slave has received the error
 }
 
 TEST_F(FoeClient, EndlessMailThatIsNoAnswerDoesNotProlongTheWait) {

@@ -1,5 +1,5 @@
-// Messages that must arrive although nobody waits for an answer: messages without a reply behind one that the slave has
-// not read yet, and the messages that end operations early.
+// Messages that must arrive although no request waits for an answer: messages without a reply behind one that the slave
+// has not read yet, and the messages that end operations early.
 #include "mailbox/mailbox_bus.hpp"
 #include "sim/library/library.hpp"
 
@@ -39,7 +39,7 @@ TEST(LostMessages, BehindAMessageThatIsNotReadYetAreRepeated) {
         std::vector<std::byte> echoes;
         std::array<std::byte, 8> echo{};
         while (inbox.take(echo)) echoes.push_back(echo[0]);
-        ASSERT_FALSE(echoes.empty());  // nobody listened to the first ones
+        ASSERT_FALSE(echoes.empty());  // no listener was there for the first ones
         EXPECT_EQ(echoes.back(), std::byte{0xEE});
     }
 }

@@ -256,7 +256,8 @@ TEST_F(LateReply, OfAnObjectThatTakesLongerThanTheDefaultTimeout) {
     }
 }
 
-// The abort of the first message, octet by octet; and a slave that has dropped the request delays nobody for long.
+// The abort of the first message, octet by octet; and a slave that has dropped the request does not delay other
+// requests for long.
 TEST_F(LateReply, TheFirstMessageIsAbortedAndARetryIsQuick) {
     slave.answers = [&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
         if (slave.received().size() == 1) return {};

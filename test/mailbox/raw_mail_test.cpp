@@ -24,7 +24,7 @@ class RawMailTest : public testing::Test {
     }
 };
 
-constexpr MailboxType kOwn{9};  // a protocol that nobody knows
+constexpr MailboxType kOwn{9};  // a protocol that the library does not know
 
 TEST_F(RawMailTest, SendsAnyTypeAndReceivesWhatAnswers) {
     answer_with({mail_bytes({4, 5})}, kOwn);
@@ -307,7 +307,7 @@ TEST_F(RawMailTest, HostileAnswers) {
     EXPECT_TRUE(ask(kOwn, Mail(4)).ok());
 }
 
-// Two requests of one type follow each other: their answers could not be told apart.
+// Two requests of one type follow each other, because their answers could not be distinguished.
 TEST_F(RawMailTest, OneAtATimeForEachProtocol) {
     slave.delay = 5ms;
     slave.on_mail = [&](const Mail& mail) { slave.reply({mail.begin() + 6, mail.end()}, kOwn); };

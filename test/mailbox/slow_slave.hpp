@@ -69,7 +69,7 @@ class SlowSlave {
     void idle(Duration time) {
         for (const Time end = bus_.osal.now() + time; bus_.osal.now() < end;) step();
     }
-    // Mail that nobody has asked for.
+    // Mail that no request has asked for.
     void say(const Mail& data, MailboxType type) { slave_.reply(data, type); }
     [[nodiscard]] ScriptedSlave& script() { return slave_; }
     [[nodiscard]] const std::vector<Mail>& received() const { return slave_.received; }

@@ -1,4 +1,5 @@
-// SoE writes of several mails that end before their last mail: the slave is told so, and the next write is complete.
+// SoE writes of several mails that end before their last mail: the slave receives a message that ends the write, and
+// the next write is complete.
 #include "mailbox/mailbox_bus.hpp"
 #include "sim/library/library.hpp"
 #include "wire/soe.hpp"

@@ -100,7 +100,7 @@ unsigned pings() {
     return replies;
 }
 
-// Asks by ARP who has the address of the gateway, and returns the answered MAC address.
+// Asks for the address of the gateway by ARP, and returns the MAC address of the answer.
 std::string arping(const char* interface) {
     const int socket = ::socket(AF_PACKET, SOCK_DGRAM | SOCK_CLOEXEC, htons(0x0806));
     EXPECT_GE(socket, 0);

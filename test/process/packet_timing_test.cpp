@@ -171,7 +171,7 @@ TEST_F(PacketTimingTest, SendAtIsRefusedWhereTheQueueingDisciplineSendsAtOnce) {
     EXPECT_FALSE(master.allow_send_at().ok());
 }
 
-// Where this kernel has etf or fq: frames leave at their time. Where it has not: the reason is told.
+// Where this kernel has etf or fq: frames leave at their time. Where it does not have them: problem() has the reason.
 TEST_F(PacketTimingTest, FramesLeaveAtTheirTimeOrTheReasonIsTold) {
     for (const std::string kind : {"etf clockid CLOCK_TAI delta 300000", "fq"}) {
         SCOPED_TRACE(kind);

@@ -109,7 +109,8 @@ TEST_P(BootInASilence, TheSameDeviceIsUsableAfterAReading) {
     EXPECT_EQ(written(device), std::byte{0x34});
 }
 
-// Its firmware uses the EEPROM: nobody takes it away, and the reading says that the device was not compared.
+// Its firmware uses the EEPROM: the library leaves it to the firmware, and the reading reports that the device was not
+// compared.
 TEST_P(BootInASilence, AFirmwareKeepsItsEeprom) {
     segment.slave(device).registers().set<std::uint8_t>(0x0501, 1);
     silence(device);

@@ -151,7 +151,8 @@ TEST_F(EqualSlaves, ThatBootInAnyOrderAreThemselves) {
     }
 }
 
-// The bridged slave is put in again while those behind it have no power: all come at once, and all are there.
+// The bridged slave is connected again while the slaves behind it have no power: all of them appear at the same time,
+// and all are found.
 TEST_F(EqualSlaves, ThatComeWithTheBridgedOneAreInTheirOrder) {
     build(Serials::none);
     bridge_second();
@@ -206,7 +207,7 @@ class NeverThere : public testing::Test, protected Plant {
         plug({coupler, 1}, device);
         segment.reconsider();
     }
-    // Outputs that name the slave. Returns whether the device had those of slave 4.
+    // Outputs that name the slave. Returns whether the device had the outputs of slave 4.
     bool gets_outputs_of_slave_4(std::uint32_t device, int count) {
         bool any = false;
         for (int n = 0; n < count; ++n) {
@@ -233,7 +234,7 @@ TEST_F(NeverThere, AnOptionalSlaveIsARivalWhereItBelongs) {
         << joined(story);
 }
 
-// The list gives its alias, and that of slave 4 to nobody.
+// The list has its alias, and no entry has the alias of slave 4.
 TEST_F(NeverThere, AnOptionalSlaveIsKnownByTheNumberThatTheListGivesIt) {
     build(5);
     bridge_third();

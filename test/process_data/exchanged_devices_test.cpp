@@ -1,5 +1,5 @@
-// Devices that are exchanged while nobody looks, while a mapping executes, or for another revision; and what was found
-// beside them: the freshness of inputs after very many cycles, and slaves that fall during a mapping.
+// Devices that are exchanged while the states are not read, while a mapping executes, or for another revision; and what
+// was found beside them: the freshness of inputs after very many cycles, and slaves that fall during a mapping.
 #include "mailbox/mailbox_bus.hpp"
 #include "process_data/identities.hpp"
 #include "sim/library/library.hpp"
@@ -246,7 +246,7 @@ TEST(ExchangedDevicesInBoot, RecoverDoesNotUseTheEepromOfASlaveInBoot) {
     bus.osal.advance(10ms);
     (void)readstate(*bus.ctx);
     ASSERT_EQ(bus.ctx->slave(2).al.state, AlState::boot);
-    bus.segment.slave(1).sii().fail_next(100'000);  // shows who uses it
+    bus.segment.slave(1).sii().fail_next(100'000);  // shows which request uses it
     const auto done = recover_slave(*bus.ctx, 0);
     EXPECT_NE(done.error().step, Step::read_sii) << "the EEPROM was taken from the firmware";
 }
@@ -437,7 +437,7 @@ TEST_F(ExchangedDevices, AFallIsSeenBesideASlaveThatStaysInTheSameState) {
     EXPECT_TRUE(all_right(*ctx)) << in_words(what_is_wrong(*ctx));
 }
 
-// The list has no slave 3. A device that comes to its place later is nobody of the list.
+// The list has no slave 3. A device that comes to its place later is no slave of the list.
 struct LeftOutNumber : ExchangedDevices, testing::WithParamInterface<bool> {};
 TEST_P(LeftOutNumber, IsNobodyAndIsNotDriven) {
     for (unsigned n = 0; n < 3; ++n) line.push_back(make({.product = 0x100 + n}));

@@ -106,8 +106,7 @@ TEST_F(HotConnectGroups, SwapPortsDuringOp) {
         EXPECT_EQ(ctx->slave(6).parent, round % 2 == 0 ? 1 : 2);
         EXPECT_EQ(ctx->slave(1).ports[2].neighbour, round % 2 == 0 ? 6 : 4);
         const auto story = events();
-        EXPECT_EQ(
-            told(story, "unexpected slave") + told(story, "another slave") + told(story, "failed"), 0)
+        EXPECT_EQ(told(story, "unexpected slave") + told(story, "another slave") + told(story, "failed"), 0)
             << joined(story);
         EXPECT_EQ(told(story, "lost, it was"), 4) << joined(story);
         EXPECT_EQ(told(story, "found again"), 4) << joined(story);
@@ -275,7 +274,7 @@ TEST_F(HotConnectGroups, AMemberThatComesBeforeItsHeadAndGoes) {
     EXPECT_TRUE(all_right(*ctx));
 }
 
-// The group was missing at config_map(), and nobody knew the size of its member: no cycle is right while the group is
+// The group was missing at config_map(), and the size of its member was not known: no cycle is right while the group is
 // there, however often it is plugged.
 TEST_F(HotConnectGroups, AMemberWithoutAPlaceIsMissedEachTime) {
     expected[3].config = expected[4].config = nullptr;
@@ -348,7 +347,7 @@ TEST_F(HotConnectGroups, AMemberBehindTheOtherHeadIsNotThatOfItsOwnGroup) {
     EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
 }
 
-// Whatever the member had before, nobody drives it behind a head that belongs to another machine.
+// The member gets no outputs behind a head that belongs to another machine, whatever state it had before.
 TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
     const auto foreign = make({.product = 0x200, .alias = 0x0099});
     plug({line[0], 2}, g.a);
@@ -374,7 +373,8 @@ TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
     expect_exchanged(5, g.a2);
 }
 
-// A group of the image with nothing but a hot connect group that is away, whose sizes nobody knows: it has no frames.
+// A group of the image that has only a hot connect group, which is away and whose sizes are not known: it has no
+// frames.
 TEST_F(HotConnectGroups, AnImageOfAbsentSlavesAloneDoesNotSayThatAllIsWell) {
     limits.groups = 2;
     expected[3].config = expected[4].config = nullptr;

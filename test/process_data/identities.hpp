@@ -69,7 +69,7 @@ struct Identities : testing::Test, Plant {
             segment.advance(osal.now());
         }
     }
-    // Its FMMUs, SyncManagers, station address and state become those of slave 2, as a program has left the device
+    // Its FMMUs, SyncManagers, station address and state become equal to slave 2, as a program has left the device
     // yesterday in this place.
     void make_like_slave_2(std::uint32_t device, AlState state) { make_like_slave_2(device, state, mapping_of(2)); }
     struct Mapping {

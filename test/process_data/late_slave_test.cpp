@@ -270,8 +270,7 @@ TEST_F(LateSlave, IsNotBroughtAboveTheHighestStateThatItsHookSets) {
 
 // ------------------------------------------------------------------ lists that change
 
-// The place in the image and the handles are those of the mapping: other PDOs of the same size would be another
-// machine.
+// The place in the image and the handles belong to the mapping: other PDOs of the same size would be another machine.
 TEST_F(LateSlave, WithOtherListsOfTheSameSizeNeedsAMapping) {
     static constexpr PdoEntry kOther[] = {{0x7010, 1, 8}};
     static constexpr Pdo kOthers[] = {{0x1600, kOther}};

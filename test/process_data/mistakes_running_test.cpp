@@ -70,7 +70,7 @@ TEST_F(Mistakes, TheTargetOfOneSlaveAboveALoweredTargetOfAll) {
     EXPECT_EQ(ctx->slave(2).al.state, AlState::op);
 }
 
-// reach() has ended its own supervision: nobody reads the states any more.
+// reach() has ended its own supervision: the states are not read any more.
 TEST_F(Mistakes, NothingIsRightForLongWithoutASupervision) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());

@@ -25,7 +25,7 @@ class NextSizes : public testing::Test, protected Bus {
         std::array<char, 400> buffer{};
         return std::string(describe(error, buffer));
     }
-    // The outputs that reach slave 3 are those that the application writes for slave 3.
+    // Slave 3 receives the outputs that the application writes for slave 3.
     void expect_outputs_of_slave_3() {
         std::ranges::fill(ctx->slave(2).image.outputs.bytes, std::byte{0x22});
         std::ranges::fill(ctx->slave(3).image.outputs.bytes, std::byte{0x33});

@@ -1,5 +1,5 @@
-// A drive that comes back with other PDOs in its dictionary than those that the image was laid out for: all sizes are
-// the same, and the objects are others.
+// A drive that comes back, and whose dictionary has other PDOs than the image: all sizes are the same, and the objects
+// are others.
 #include "process_data/identities.hpp"
 #include "sim/library/library.hpp"
 
@@ -284,7 +284,7 @@ TEST_F(OtherModules, AreReportedOnceWhileTheSupervisionTriesAgain) {
     EXPECT_EQ(errors(), Words());
 }
 
-// Lists that name the PDOs only: their entries are those that the slave has.
+// Lists that name the PDOs only: the PDOs have the entries of the slave.
 TEST_F(OtherPdos, OfListsWithoutEntries) {
     static constexpr std::array<Pdo, 1> kNamedOut{Pdo{.index = 0x1600}};
     static constexpr std::array<Pdo, 1> kNamedIn{Pdo{.index = 0x1A00}};

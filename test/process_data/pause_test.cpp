@@ -42,7 +42,7 @@ struct Pause : Identities {
         take_out(line[1]);
         put_in(tool);
     }
-    // Nothing is sent for three seconds, and nobody calls poll().
+    // Nothing is sent for three seconds, and poll() is not called.
     void stop(bool exchanges) {
         osal.advance(1500ms);
         segment.advance(osal.now());

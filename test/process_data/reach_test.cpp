@@ -164,7 +164,7 @@ TEST_F(Reach, TheCycleRunsUntilItsWorkHasHadEnough) {
               Errc::invalid_argument);
 }
 
-// A mapping or a scan during the cycle, which may fail: no cycle is told as right while nothing is exchanged.
+// A mapping or a scan during the cycle, which may fail: no cycle is reported as right while nothing is exchanged.
 TEST_F(Reach, TheCycleReportsThatItsGroupIsNotMappedAnyMore) {
     ASSERT_TRUE(scan({}).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());

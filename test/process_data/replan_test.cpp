@@ -84,7 +84,7 @@ TEST_F(ReplanTest, ASlaveThatDoesNotTakePartIsLeftOutAsBefore) {
     ASSERT_EQ(ctx->slave(3).al.state, AlState::none);
     for (const bool lrw : {false, true}) {
         ASSERT_TRUE(use_lrw(lrw).ok());
-        for (int n = 0; n < 4; ++n) (void)cycle();  // poll() reads the states of those that take part
+        for (int n = 0; n < 4; ++n) (void)cycle();  // poll() reads the states of the slaves that take part
         EXPECT_EQ(cycle().error().code, Errc::working_counter);
         for (const DatagramStatus& d : ctx->group(0).datagrams) {
             EXPECT_EQ(d.expected, lrw ? 9U : 3U);

@@ -160,7 +160,7 @@ INSTANTIATE_TEST_SUITE_P(Periods, SlowGroup, testing::Values(1, 10, 100, 500, 10
 struct OverlappedSilence : Silence {
     std::size_t flight = 2;
     std::size_t under_way = 0;
-    int wrong = 0;  // cycles whose inputs of the other machine counted as those of slave 2
+    int wrong = 0;  // cycles whose inputs of the other machine counted as inputs of slave 2
 
     void begin(std::size_t cycles_in_flight, Duration interval) {
         flight = cycles_in_flight;

@@ -46,7 +46,7 @@ TEST_P(BelowAnUnknownSlave, ItIsReportedOnce) {
     EXPECT_EQ(told(said, "product 0x00000102"), GetParam().second) << joined(said);
     EXPECT_FALSE(gets_outputs(tool));
 }
-// Another device is in the place of slave 3 when slave 2 is back: it is nobody.
+// Another device is in the place of slave 3 when slave 2 is back: it is no known slave.
 TEST_P(BelowAnUnknownSlave, AnotherDeviceStaysAStranger) {
     const auto other = make({.product = 0x777});
     power(other, true);

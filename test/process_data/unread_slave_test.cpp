@@ -239,7 +239,7 @@ TEST(UnreadSlave, AtAnotherPlaceIsNotTheLostOne) {
         << Plant::joined(errors);
 }
 
-// Two are lost, and one of them comes: which one it is, nobody knows.
+// Two slaves are lost, and one of them comes back: the library cannot know which one it is.
 TEST(UnreadSlave, ThatMayBeOneOfTwoIsSaidWithoutANumber) {
     PairWithUnread plant;
     const auto last = plant.make({.product = 0x102});

@@ -29,7 +29,7 @@ struct UnshownSlaves : Identities {
         run(2500);
         ASSERT_TRUE(readstate(*ctx).ok());
     }
-    // Cycles of 1 ms; those of group 1 every two seconds.
+    // Cycles of 1 ms; group 1 has one every two seconds.
     void run(int count) {
         for (int n = 0; n < count; ++n) {
             write_outputs();

@@ -105,7 +105,7 @@ TEST_F(ClockBranch, ASlaveThatWasAwayHasTheDelayOfTheWholeRing) {
 }
 
 // Slave 7 at a branch of slave 6 comes back while slave 8, beside the ring, is taught the time by the frames of the
-// head: the delays of the lesson are not those of its way any more.
+// head: the delays of the lesson do not belong to its way any more.
 TEST_F(ClockBranch, ASlaveThatComesBackDuringALesson) {
     add_ring(6);
     add_branch(3, 2, 2);

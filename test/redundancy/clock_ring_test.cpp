@@ -6,7 +6,7 @@ namespace {
 
 struct ClockRing : testing::Test, ClockRingBus {};
 
-// The delays of a ring are those of the line that it is without the cable to the second NIC.
+// A ring has the same delays as the line that remains without the cable to the second NIC.
 TEST_F(ClockRing, DelaysAreThoseOfALine) {
     build(6);
     start();

@@ -163,7 +163,7 @@ struct RandomRing : ClockRingBus {
                       std::to_string(slave.parent) + " port " + std::to_string(slave.parent_port);
         }
         SCOPED_TRACE(places);
-        if (std::ranges::none_of(reached(), [](bool one) { return one; })) return;  // nothing can be told
+        if (std::ranges::none_of(reached(), [](bool one) { return one; })) return;  // nothing can be concluded
         EXPECT_EQ(status().ring == RingState::whole, is_whole());
         EXPECT_TRUE(status().swapped == swapped || !is_whole());
         EXPECT_EQ(told_broken, !is_whole());

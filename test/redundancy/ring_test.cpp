@@ -92,7 +92,7 @@ TEST(Ring, AtMostOneCycleIsStaleWhenItBreaksBetweenTheCopies) {
         }
 }
 
-// The slaves between two breaks are lost, those at both ends go on, and the lost ones come back.
+// The slaves between two breaks are lost, the slaves at both ends go on, and the lost slaves come back.
 TEST(Ring, SlavesBetweenTwoBreaksAreLostAndComeBack) {
     RingBus bus;
     bus.build_line(8);
@@ -349,13 +349,13 @@ struct RingOfBranches : testing::Test {
     RingBus bus;
 
     void SetUp() override {
-        (void)bus.add_to_ring();                // slave 1
-        const auto two = bus.add_to_ring();     // slave 2
-        (void)bus.add_behind(two, 3);           // slave 3
-        const auto three = bus.add_to_ring();   // slave 4
-        (void)bus.add_to_ring();                // slave 5
-        (void)bus.add_behind(three, 2);         // slave 6
-        (void)bus.add_behind(0, 2);             // slave 7
+        (void)bus.add_to_ring();               // slave 1
+        const auto two = bus.add_to_ring();    // slave 2
+        (void)bus.add_behind(two, 3);          // slave 3
+        const auto three = bus.add_to_ring();  // slave 4
+        (void)bus.add_to_ring();               // slave 5
+        (void)bus.add_behind(three, 2);        // slave 6
+        (void)bus.add_behind(0, 2);            // slave 7
         bus.close_ring();
         bus.start();
         bus.run();
@@ -383,8 +383,8 @@ TEST_F(RingOfBranches, ABrokenCableIsNamedAndTheSlavesBehindIt) {
         std::string between;
         std::string behind;
     } cases[] = {
-        {0, "the first NIC and slave 1", "1234567"},   {1, "slave 1 port 1 and slave 2", "23456"},
-        {2, "slave 2 port 1 and slave 4", "456"},      {3, "slave 4 port 1 and slave 5", "5"},
+        {0, "the first NIC and slave 1", "1234567"},  {1, "slave 1 port 1 and slave 2", "23456"},
+        {2, "slave 2 port 1 and slave 4", "456"},     {3, "slave 4 port 1 and slave 5", "5"},
         {4, "slave 5 port 1 and the second NIC", ""},
     };
     for (const auto& one : cases) {

@@ -149,7 +149,7 @@ TEST_F(ReportSegment, TheImageHasItsEntriesByNameAndTheirValues) {
     }
     EXPECT_LE(end, domains->at(0).data.size() * 8);
     EXPECT_LT(domains->at(0).data.size() * 8 - end, 8U);
-    // The entries of each slave are those of its PDOs.
+    // Each slave shows the entries of its PDOs.
     for (const SlaveState& slave : out.report.slaves) {
         std::vector<std::string> expected, got;
         for (const auto& sm : slave.sync_managers)

@@ -108,7 +108,7 @@ inline constexpr QuirkRow kQuirks[] = {
     {"sii_mailbox_in_large", "eeprom.content"},
 };
 
-// The checks of one row: those of messages need messages.
+// The checks of one row: the checks of messages need messages.
 inline std::string only(std::string_view check) {
     std::string names(check);
     if (check.starts_with("messages.")) names += ",mailbox.answers,mailbox.one_reply,segments.upload";

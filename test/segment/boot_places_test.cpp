@@ -1,4 +1,4 @@
-// Mailboxes that the SII does not tell: those of BOOT, and others of PREOP.
+// Mailboxes that the SII does not describe: the mailboxes of BOOT, and other mailboxes for PREOP.
 #include "mailbox/foe_bus.hpp"
 #include "wire/sync_manager.hpp"
 
@@ -29,7 +29,7 @@ TEST(BootPlaces, AreThoseOfTheApplicationUntilTheNextScan) {
     EXPECT_EQ(bring(bus, AlState::boot).code, Errc::none);
     const auto firmware = sim::Bootloader::make_image(2, 3, 5000);
     EXPECT_TRUE(FOEwrite(*bus.ctx, 1, "firmware", sim::Bootloader::kPassword, firmware).ok());
-    // Those of PREOP are still those of the SII, and others count from the next INIT on.
+    // PREOP still has the mailboxes of the SII, and other mailboxes count from the next INIT on.
     bus.idle(500ms);
     ASSERT_EQ(bring(bus, AlState::preop).code, Errc::none);
     const auto has_mailbox = [&bus] {

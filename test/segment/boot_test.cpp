@@ -82,7 +82,8 @@ TEST_F(Boot, ByStateRequestFromPreopAndBackToPreop) {
     const auto before = *mailbox_statistics(*bus.ctx, 1);
     ASSERT_TRUE(FOEwrite(*bus.ctx, 1, "firmware", kPassword, firmware).ok());
     const auto after = *mailbox_statistics(*bus.ctx, 1);
-    EXPECT_LT(after.sent - before.sent, firmware.size() / 500 + 80);  // with those repeated for a busy slave
+    EXPECT_LT(after.sent - before.sent, firmware.size() / 500 + 80);  // with the packets that are repeated for a busy
+                                                                      // slave
     EXPECT_EQ(bring(bus, AlState::init).code, Errc::none);
     EXPECT_EQ(state(), AlState::init);
     std::array<char, 32> text{};

@@ -1,5 +1,5 @@
 // Entries of process data of slaves with a dictionary. The master finds them while it reads the PDOs, either the PDOs
-// of the application or those of the slave.
+// of the application or the lists of the slave.
 #include "segment/field_notes.hpp"
 
 namespace margay {

@@ -64,7 +64,7 @@ TEST_F(FieldNotes, AProcessorThatReadsAlControlLateIsWaitedFor) {
     ASSERT_TRUE(writestate(ctx, 1, AlState::init));
     const auto at_once = writestate(ctx, 1, AlState::preop);
     EXPECT_TRUE(at_once.ok()) << words(at_once.error());
-    // A processor that reads nothing any more is told as such, in bounded time.
+    // A processor that reads nothing any more is reported in bounded time.
     segment.slave(0).halt_firmware(osal.now());
     osal.advance(20ms);
     (void)writestate(ctx, 1, AlState::init);
@@ -310,7 +310,7 @@ TEST_F(FieldNotes, TheWholeStartUpIsReplayedForASlaveThatWasWithoutPower) {
     for (int n = 0; n < 3000 && !right; ++n) right = cycle().ok() && ctx.slave(2).al == AlStatus{AlState::op, false, 0};
     EXPECT_TRUE(right) << told(2);
     EXPECT_EQ(choice.done, 2);
-    // That of the replay, and those that read the PDOs: 0x1C00, 0x1C12, 0x1601, 0x1C13 and 0x1A00.
+    // The request of the replay, and the requests that read the PDOs: 0x1C00, 0x1C12, 0x1601, 0x1C13 and 0x1A00.
     EXPECT_EQ(mailbox_statistics(ctx, 2)->sent, sent + 1 + 5);
     EXPECT_EQ(beside_the_cycle(1, 0x1C12, 1), 0x1600U) << "nobody else was asked";
     EXPECT_EQ(beside_the_cycle(2, 0x1C12, 1), 0x1601U);

@@ -85,7 +85,7 @@ TEST_F(ModularIo, TheDictionaryHasTheObjectsOfTheSlots) {
     EXPECT_EQ(SDOread<std::uint8_t>(ctx, 1, 0x6000, 1, 1s).error().detail, 0x06020000U);
 }
 
-// The PDOs of the application are those that the modules have: they are compared, since nobody can change them.
+// The application lists the PDOs that the modules have: they are compared, since the PDOs of modules cannot be changed.
 TEST_F(ModularIo, TheApplicationMayNameThePdos) {
     static constexpr PdoEntry kLampEntries[] = {{0x7000, 1, 1}, {0x7000, 2, 1}, {0x7000, 3, 1}, {0x7000, 4, 1}};
     static constexpr PdoEntry kPreset[] = {{0x7030, 1, 32}};

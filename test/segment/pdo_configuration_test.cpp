@@ -269,7 +269,7 @@ TEST_F(PdoConfiguration, SizesThatTheApplicationContradictsAreNamed) {
     EXPECT_EQ(ctx.slave(1).image.inputs.bits, 160U);
 }
 
-// A service tool assigns other PDOs of the same size: the image and the handles are still those of the mapping.
+// A service tool assigns other PDOs of the same size: the image and the handles still belong to the mapping.
 TEST_F(PdoConfiguration, PdosThatAnSdoHasWrittenNeedAMapping) {
     plug_odd({});
     plug_odd({});

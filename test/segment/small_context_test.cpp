@@ -105,7 +105,7 @@ TEST_F(SmallContext, WithoutTheFeatureOverlappingCyclesAreRefused) {
     EXPECT_TRUE(config_map(small, image));
 }
 
-// Without the feature the dictionary is not read: the SII says the PDOs, and this is told.
+// Without the feature the dictionary is not read: the PDOs come from the SII, and a warning reports it.
 TEST_F(SmallContext, WithoutTheFeatureTheSiiSaysThePdosAndThisIsTold) {
     plug_line({"coupler", "digital_out_8", "analog_io_4_2"});
     switch_on();

@@ -102,7 +102,7 @@ TEST_F(ServiceTest, TheEoePortsAreShownWithTheirInterfaces) {
     folder.write("commands",
                  functions() +
                      "start; says 'a: all is right'; e a eoe --interval 50; echo again\n"
-                     // The kernel asks who has the address: broadcasts for the slave.
+                     // The kernel asks for the address by ARP: broadcasts for the slave.
                      "ip addr add 192.168.78.1/24 dev gw-of-line; n=0\n"
                      "until e a eoe --interval 10 --json | grep -q '\"sent_frames\": [1-9]'; do\n"
                      "  bash -c 'echo > /dev/udp/192.168.78.2/9'; n=$((n+1)); [ $n -lt 100 ] || exit 97; done\n"

@@ -42,7 +42,7 @@ TEST_F(ServiceTexts, TheExampleOfTheManualIsAConfiguration) {
     const auto from = help.find("\nExample:\n") + 10;
     configure("example.toml", help.substr(from, help.find("\n\n", from) - from) + "\n");
     const auto ran = shell("margayd --check");
-    // The ENI and the group are those of the user.
+    // The ENI and the group come from the user.
     EXPECT_TRUE(contains(ran.err, "example.toml: line 3: ")) << ran.err;
     EXPECT_TRUE(contains(ran.err, "example.toml: line 5: there is no group 'automation'")) << ran.err;
     EXPECT_FALSE(contains(ran.err, "line 1: ") || contains(ran.err, "line 4: ")) << ran.err;

@@ -53,7 +53,7 @@ class ServiceThreads : public testing::Test {
         ::rmdir(folder.c_str());
     }
 
-    // A port of this machine that nobody uses now, over UDP and TCP.
+    // A port of this machine that is free now, for UDP and TCP.
     static std::uint16_t free_port() {
         for (int n = 0; n < 100; ++n) {
             sockaddr_in address{

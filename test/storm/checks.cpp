@@ -150,7 +150,7 @@ void World::check_copies(std::uint8_t group) {
     if (!ctx_->group(group).mapped) return;
     const auto image = ctx_->group(group).image;
     for (const SlaveToSlave& copy : ctx_->group(group).config.copies) {
-        // Old inputs are not copied, and those of the last cycle before a loss still are.
+        // Old inputs are not copied, and the inputs of the last cycle before a loss still are.
         if (!ctx_->slave(copy.from_slave).takes_part || !inputs_fresh(*ctx_, copy.from_slave)) continue;
         const auto part = [&](const ImagePart& of, std::uint32_t bit) {
             return bits_of(image, {.offset_bits = of.offset_bits + bit, .bits = copy.bits, .bytes = {}});

@@ -84,7 +84,7 @@ constexpr Set kVoeSend = [](Operation& o, std::uint32_t slave, std::uint32_t a, 
     all.r.header = {.vendor_id = a % 3, .vendor_type = static_cast<std::uint16_t>(b % 3)};
     all.r.data = std::span<const std::byte>(all.data).first(a % 64);
 };
-// The gateway, its subordinates, and a device that nobody has.
+// The gateway, its subordinates, and a device that does not exist.
 constexpr std::array<std::uint16_t, 4> kAmsPorts{1000, 1001, 1002, 9};
 template <class R>
 void address_aoe(R& r, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {

@@ -1,7 +1,7 @@
 // A tree of twenty slaves for a hundred thousand cycles on a bad line. Then every wire is broken and every slave
-// switched off, at every step of a bring-up and of a recovery. The rules are those of the storm: no input is delivered
-// as valid that the slave never had, no output is applied that the application did not write, every request ends, and
-// all slaves come back.
+// switched off, at every step of a bring-up and of a recovery. The rules of the storm apply: no input is delivered as
+// valid that the slave never had, no output is applied that the application did not write, every request ends, and all
+// slaves come back.
 #include "storm/operations.hpp"
 #include "storm/run.hpp"
 

@@ -37,7 +37,7 @@ void World::choose_group() {
     wire::sii::store_configuration(image, configuration);
 }
 
-// The last one or two of the ring, behind which nobody hangs.
+// The last one or two slaves of the ring, behind which no slave is connected.
 void World::choose_away() {
     away_.clear();
     if (plan_.settings.expect == 5) {
@@ -100,7 +100,8 @@ void World::switch_away() {
     run_for(std::chrono::milliseconds(5));
 }
 
-// Some time after the steps have begun they come, in the order of the ring: equal slaves are told apart by it alone.
+// Some time after the steps have begun they come, in the order of the ring: equal slaves are distinguished by this
+// order alone.
 void World::come_back() {
     Time at = osal_.now() + std::chrono::milliseconds(plan_.seed % 200);
     auto order = away_;

@@ -66,7 +66,7 @@ void World::check_lost(std::uint16_t number, Time at, const char* how) {
     std::vector<std::uint32_t> there;
     for (std::uint32_t n = 0; n < presence_.size(); ++n)
         if (is_there(n)) there.push_back(n);
-    // Of two devices with one address, nobody knows which one has answered, and both lose it.
+    // Of two devices with one address, the master cannot know which one has answered, and both lose the address.
     if (there.size() != 1 || renamed_.contains(there[0])) return;
     // A device that was cut off during a scan comes back with the address that another slave has got: not that slave.
     constexpr std::size_t kProductAt = 20;  // SII word 0x000A

@@ -289,7 +289,7 @@ TEST_P(Areas, SafeValuesOfAllWhenOneFails) {
     EXPECT_EQ(AreaValues::speed::load(memory.values), 0);
 }
 
-// Both watchdog triggers are those of one watchdog (0x0420).
+// Both watchdog triggers belong to one watchdog (0x0420).
 TEST_P(Areas, AreRefusedWhenTheyAreTooOld) {
     ASSERT_EQ(request(4), (AlStatus{AlState::safeop, false, 0}));
     first(1, 1);

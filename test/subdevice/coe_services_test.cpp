@@ -69,7 +69,7 @@ Abort information_abort(Bench& bench, const std::vector<std::byte>& request) {
                                                      : Abort::none;
 }
 
-// The objects of the bench device, without those of its stored values.
+// The objects of the bench device, without the objects of its stored values.
 std::vector<int> indices_without_stored_values() {
     const std::set<int> absent{0x1010, 0x1011, 0x10F0};
     std::vector<int> out;

@@ -384,7 +384,7 @@ TEST_F(EsmTest, AnotherRequestDropsTheOneThatWaits) {
     EXPECT_EQ(esc.al_status(), ok(AlState::init));
 }
 
-// The checks before the question are those of the first time.
+// The checks before the question are the same as the first time.
 TEST_F(EsmTest, WhatChangesWhileATransitionWaitsIsCheckedAgain) {
     const auto wait = [](Transition, Time now) { return Verdict::wait(now + 10ms); };
     struct Change {

@@ -1,4 +1,5 @@
-// Events that interrupt() must not see again: those that nobody can serve now stay masked, those of step() stay active.
+// Events that interrupt() must not see again: events that no function can serve now stay masked, events for step() stay
+// active.
 #include "interrupted.hpp"
 
 namespace margay::subdevice {
@@ -6,7 +7,7 @@ namespace {
 
 using namespace testing;
 
-// ------------------------------------------------------------------ events that nobody can serve now
+// ------------------------------------------------------------------ events that no function can serve now
 
 TEST(EventStorm, AFullMailboxOfAMasterThatDoesNotReadKeepsTheLineQuiet) {
     Interrupted rig(RunMode::interrupts);

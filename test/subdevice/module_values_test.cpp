@@ -199,7 +199,7 @@ TEST(ModuleValues, ARestoreAfterASaveThatWasGivenUpErasesTheMemory) {
     EXPECT_EQ(ScaleRack(store, {0x51}).gain(1), 55);
 }
 
-// A module was exchanged, and the old layout is in use until INIT: the values are those of the old module.
+// A module was exchanged, and the old layout is in use until INIT: the values belong to the old module.
 TEST(ModuleValues, ASaveBeforeTheNewLayoutIsOneOfTheOldModules) {
     MemoryStore store;
     {

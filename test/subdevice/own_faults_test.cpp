@@ -1,5 +1,5 @@
 // Device::fall_back() in the functions of the author that a transition calls: the fault is never lost, and the master
-// is never told of a success first.
+// never gets a success first.
 #include "bench_device.hpp"
 
 #include <utility>

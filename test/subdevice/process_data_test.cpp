@@ -247,7 +247,7 @@ TEST_F(DcTest, OpWaitsForSync0) {
     EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::op, false, 0}));
 }
 
-// SYNC0 of an earlier activation, whose event nobody has acknowledged below SAFEOP.
+// SYNC0 of an earlier activation, whose event was not acknowledged below SAFEOP.
 TEST_F(DcTest, AnOldEventOfSync0DoesNotCount) {
     (void)bench.request(2);
     bench.esc.raise(wire::al_event::kDcSync0);

@@ -236,7 +236,7 @@ TEST_F(EepromTest, WritesAWordAndTellsTheAuthor) {
     EXPECT_EQ(command(0x0201, 1024, 1) & 0x7F00, 0x2200);
     EXPECT_EQ(command(0x0400, 0) & 0x7F00, 0x0400);
     EXPECT_EQ(bench.esc.get<std::uint16_t>(0x0508), 0xBEEF) << "reload hands the alias over";
-    image[1] = std::byte{0xA7};  // 0x0141: bit 1, and of the bits 4 to 7 those of the ports 1 and 3
+    image[1] = std::byte{0xA7};  // 0x0141: bit 1, and of the bits 4 to 7 the bits of the ports 1 and 3
     EXPECT_EQ(command(0x0400, 0) & 0x7F00, 0x0400);
     EXPECT_EQ(bench.esc.get<std::uint32_t>(0x0508), 0x0015'BEEFu) << "and enhanced link detection";
 }

@@ -113,7 +113,7 @@ TEST(OldOutputs, OutputsOfAnExpiredWatchdogDoNotLeadToOp) {
 }
 
 // The outputs and the request for a lower state come in one cycle of the master. The device executes the request first,
-// and nobody reads the outputs: their AL event stays.
+// and the device does not read the outputs: their AL event stays.
 void come_with_a_request(int control, AlState lower) {
     SCOPED_TRACE(::testing::Message() << std::hex << control << " " << static_cast<int>(lower));
     Bench bench;

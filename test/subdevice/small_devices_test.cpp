@@ -269,7 +269,7 @@ TEST(SmallNumbers, PaddingIsZeroAfterAnotherValue) {
     EXPECT_EQ(bench.exchange({0x40, 0x00, 0x80, 5, 0, 0, 0, 0}).at(4), std::byte{0});
 }
 
-// The octet of a small number may have more bits than the number: an upload has those of the number.
+// The octet of a small number may have more bits than the number: an upload has only the bits of the number.
 TEST(SmallNumbers, AnUploadHasTheirBitsOnly) {
     LittleBench<kLittleSetter, kLittleSetterObjects, LittleSettings> bench;
     bench.memory.values.open = 0xF3;

@@ -384,7 +384,7 @@ AlStatus safeop_of(std::uint16_t outputs_bytes) {
     return bench.request(4);
 }
 
-// Otherwise the outputs of the master come into an object that nobody may write, or nowhere.
+// Otherwise the outputs of the master come into an object that is read only, or into no object.
 TEST(StandardDevice, AnAssignmentNeedsPdosOfItsDirection) {
     EXPECT_EQ(safeop_of<kInputsInOutputs>(2), (AlStatus{AlState::preop, true, 0x0025}));
     EXPECT_EQ(safeop_of<kOutputsInInputs>(2), (AlStatus{AlState::preop, true, 0x0024}));

@@ -1,5 +1,5 @@
 // The SII data that other masters read from real slaves. The test collects them from the output of tshark, reads them
-// with our readers, and compares them with the values that those masters wrote to the SyncManagers of the slaves.
+// with our readers, and compares them with the values that these masters wrote to the SyncManagers of the slaves.
 #include <places.hpp>
 #include "sii_image.hpp"
 #include "wire/sii_category.hpp"
@@ -119,7 +119,8 @@ class SiiCaptures : public ::testing::Test {
         if (std::system("command -v tshark >/dev/null 2>&1") != 0) GTEST_SKIP() << "tshark is not installed";
     }
 
-    // Compares the SyncManagers of the SII with those that the master configured. Lengths of 0 come from the PDOs.
+    // Compares the SyncManagers of the SII with the SyncManagers that the master configured. Lengths of 0 come from the
+    // PDOs.
     static void expect_as_written(const std::string& capture, unsigned slave, Bytes content, std::size_t count) {
         const auto written = sync_managers_written(capture, slave);
         ASSERT_EQ(written.size(), count);

@@ -12,7 +12,7 @@ enum class Clients {
     none,
     facts,     // slaves, process data, events, statistics, EoE ports, level of messages: no datagrams
     between,   // also registers, SII and rescans; the group has no acyclic budget, so these datagrams go in frames of
-               // their own, and a cycle receives those that come back during it
+               // their own, and a cycle receives the frames that come back during it
     in_cycle,  // as `between`, but the datagrams ride in the frames of the cycle
 };
 

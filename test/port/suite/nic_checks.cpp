@@ -121,8 +121,9 @@ void burst_is_complete(Run& run) {
 }
 
 void full_is_busy(Run& run) {
-    // Many more frames than a NIC stores. Frames may be lost here because nobody fetches them. But send() either takes
-    // a whole frame or says busy, a busy frame is not on the wire, and no frame is changed, doubled or overtaken.
+    // Many more frames than a NIC stores. Frames may be lost here because the suite does not fetch them. But send()
+    // either takes a whole frame or says busy, a busy frame is not on the wire, and no frame is changed, doubled or
+    // overtaken.
     FarEnd far(run);
     Durations taken;
     for (unsigned n = 0; n < 300; ++n) {
@@ -187,7 +188,7 @@ void frame_ends_wait(Run& run) {
 }
 
 void stored_frame_ends_wait(Run& run) {
-    // A frame that arrives while nobody waits, and is not fetched, ends the next wait().
+    // A frame that arrives while no thread waits, and is not fetched, ends the next wait().
     FarEnd far(run);
     Nic& nic = *run.port.nic;
     if (!far.send_patiently(60, 0)) return far.report();

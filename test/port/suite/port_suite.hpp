@@ -18,7 +18,8 @@
 
 namespace margay::port {
 
-// What the suite needs to know of a port. All functions receive `user`; those that are nullptr cause skipped checks.
+// The functions and values of a port that the suite needs. All functions receive `user`; if a function is nullptr, its
+// checks are skipped.
 struct Port {
     Osal* osal = nullptr;
     Nic* nic = nullptr;  // nullptr: only the Osal is checked
