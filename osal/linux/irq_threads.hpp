@@ -33,8 +33,8 @@ class IrqThreads {
         const char* sys = "/sys";
     };
 
-    // Finds those of the interface, by the name of the thread, or by the interrupts of its device (MSI) in /sys. At
-    // most kMost are kept. False: there is none. Needs no privilege.
+    // Finds the IRQ threads of the interface, by the name of the thread, or by the interrupts of its device (MSI) in
+    // /sys. At most kMost are kept. False: there is none. Needs no privilege.
     bool find(std::string_view interface, const Places& places) noexcept;
     bool find(std::string_view interface) noexcept { return find(interface, Places{}); }
     [[nodiscard]] std::span<const IrqThread> all() const noexcept { return std::span(threads_).first(count_); }

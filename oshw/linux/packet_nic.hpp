@@ -58,7 +58,7 @@ class PacketNic final : public Nic, public SendClock, public ReceiveClock, publi
     // later; frames until then have none. While time stamps are on, one thread calls receive(), send_time_ns()
     // and receive_time_ns(). Not callable from the cycle.
     [[nodiscard]] Result<> stamp_frames(Stamps stamps, Stamped which = Stamped::sent) noexcept;
-    // Send times of the last frames; see SendClock. Reads those that the kernel has ready.
+    // Send times of the last frames; see SendClock. Reads the times that the kernel has ready.
     [[nodiscard]] std::optional<std::uint64_t> send_time_ns(std::span<const std::byte> head) noexcept override;
     [[nodiscard]] std::optional<std::uint64_t> receive_time_ns(std::span<const std::byte> head) noexcept override;
 

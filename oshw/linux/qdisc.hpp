@@ -38,8 +38,8 @@ class Qdiscs {
     // Reads them by netlink, in the network namespace of the calling thread. False: error() says why. Needs no
     // privilege. Not callable from the cycle.
     [[nodiscard]] bool read(int interface_index) noexcept;
-    // Adds those in messages of the kernel (RTM_NEWQDISC) that belong to the interface. False: the last message was
-    // read, or a message is an error.
+    // Adds the queueing disciplines of the interface that messages of the kernel (RTM_NEWQDISC) name. False: the last
+    // message was read, or a message is an error.
     bool add(std::span<const std::byte> messages, int interface_index) noexcept;
 
     [[nodiscard]] std::span<const Qdisc> all() const noexcept { return std::span(all_).first(count_); }

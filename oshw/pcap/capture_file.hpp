@@ -51,7 +51,7 @@ class CaptureFile {
         return Bytes(bytes_).subspan(frame.offset, frame.length);
     }
     // The file has the frames of both NICs of a ring, for example by PcapRingRecorder: EtherCAT frames of exactly two
-    // interfaces, which send by different source addresses. `macs`: those addresses, of interface 0 first, without the
+    // interfaces, which send by different source addresses. `macs`: these addresses, of interface 0 first, without the
     // mark of the first slave.
     [[nodiscard]] bool is_of_ring(std::array<MacAddress, 2>& macs) const noexcept;
     // Number of skipped packets.

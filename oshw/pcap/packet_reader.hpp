@@ -44,7 +44,7 @@ class PacketReader {
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
     // Why the file ends in the middle of a packet, for example after a full disk; empty: it does not.
     [[nodiscard]] const std::string& cut_off() const noexcept { return cut_off_; }
-    // Number of packets so far, with those that are left out.
+    // Number of packets so far, including the packets that are left out.
     [[nodiscard]] std::uint64_t packets() const noexcept { return number_; }
     // Of them: packets without a time in the file, which have the time of the packet before.
     [[nodiscard]] std::uint64_t untimed() const noexcept { return untimed_; }

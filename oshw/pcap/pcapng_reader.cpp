@@ -52,7 +52,7 @@ bool PcapngReader::end_with(std::string problem) {
     return false;
 }
 
-// Reads octets behind those of the block. False: the file ends before.
+// Reads more octets into the block. False: the file ends before.
 bool PcapngReader::fill(std::size_t octets) {
     const std::size_t before = block_.size();
     block_.resize(before + octets);

@@ -30,8 +30,8 @@ class PcapRingRecorder {
     [[nodiscard]] Result<> close() { return file_.close(); }
     [[nodiscard]] const std::string& problem() const noexcept { return file_.problem(); }
 
-    // The NICs to use in place of those of the constructor. Buffered file I/O: do not use them in a cycle with
-    // deadlines, nor by two threads.
+    // The NICs to use in place of the NICs that the constructor gets. Buffered file I/O: do not use them in a cycle
+    // with deadlines, nor by two threads.
     [[nodiscard]] Nic& first() noexcept { return first_; }
     [[nodiscard]] Nic& second() noexcept { return second_; }
 

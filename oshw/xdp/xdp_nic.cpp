@@ -54,7 +54,7 @@ class Handle {
     int fd_ = -1;
 };
 
-// The libraries print to standard error unless they are told otherwise. What they find, problem() says.
+// Switches off the messages of libbpf and libxdp on standard error. problem() has the reason of a failure.
 class Quiet {
   public:
     Quiet() : before_(libbpf_set_print(nullptr)) {}

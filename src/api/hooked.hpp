@@ -9,7 +9,7 @@
 namespace margay {
 
 // Checks and executes the request for the slave of the hook, without the queue. The request lives
-// as long as the task. Its errors are those of the request.
+// as long as the task. It has the errors of the request.
 [[nodiscard]] Task<> run_in_hook(HookedSlave hooked, Request& request);
 
 // The same for a request of the type R with one value, and with the timeout of start-up.

@@ -18,7 +18,7 @@
 
 namespace margay::attach {
 
-// The arguments of all operations; an operation uses those that it needs, and the others are 0.
+// The arguments of all operations; an operation uses the arguments that it needs, and the others are 0.
 struct Arguments {
     std::uint16_t slave = 0;    // number; of the operation `group`: the group
     std::uint16_t index = 0;    // object, IDN, ESC register

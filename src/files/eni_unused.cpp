@@ -187,7 +187,7 @@ class MailboxReader {
     bool named_ = false;
 };
 
-// 20 ms is what tools write where nobody has chosen a time.
+// Tools write 20 ms where the user has not chosen a time.
 void name_poll_times(Reader& r, const std::deque<EniSlaveData>& slaves) {
     Node first{};
     unsigned count = 0;

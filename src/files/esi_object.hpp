@@ -17,7 +17,7 @@ struct SaidEntry {
     std::string name{};
 };
 
-// `entries`: those that the slave describes, in their order.
+// `entries`: the entries that the slave describes, in their order.
 [[nodiscard]] EsiObject esi_object(std::uint16_t index, std::string name, unsigned max_subindex,
                                    std::span<const SaidEntry> entries);
 

@@ -27,7 +27,7 @@ struct OtherModule {
 [[nodiscard]] Result<OtherModule> find_other_module(Context& ctx, std::uint16_t slave,
                                                     std::span<const std::uint32_t> wanted);
 
-// The configured list that the slave has; empty: it has none, or nobody has written it.
+// The configured list that the slave has; empty: it has none, or no master has written it.
 [[nodiscard]] std::vector<std::uint32_t> modules_in_use(Context& ctx, std::uint16_t slave);
 
 }  // namespace margay::files

@@ -1,4 +1,4 @@
-// AoE commands over a mailbox channel: any number at a time for each slave, told apart by their invoke IDs.
+// AoE commands over a mailbox channel: any number at a time for each slave, distinguished by their invoke IDs.
 #pragma once
 
 #include "mailbox/channel.hpp"

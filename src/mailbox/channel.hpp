@@ -99,7 +99,7 @@ class MailboxChannel {
     // `ends`: what of end_operations() it ends.
     void send_final_message(wire::MailboxType type, Bytes data, std::uint8_t ends = 0);
     // Ends operations of one protocol, a bit for each, that were given up in the slave: by `how`, which sends final
-    // messages. A slave that is away, or that does not take them, is told when it is there again.
+    // messages. A slave that is away, or that does not take these messages, gets them when it is there again.
     using EndOperations = void (*)(MailboxChannel& channel, std::uint8_t which);
     void end_operations(std::uint8_t which, EndOperations how);
 

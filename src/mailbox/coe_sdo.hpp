@@ -31,7 +31,7 @@ namespace margay {
 // Waits until no reply to an earlier request can arrive that would be taken for the reply to a request of this key
 // (MailboxChannel::is_doubtful()): a slave that is slow, or that keeps messages in a queue, still answers a request
 // that was given up. The slave answers in order, so the sequence asks for another object. `session` is of CoE. Errors:
-// those of an exchange, complete with `step` and the index and subindex of the key.
+// the errors of an exchange, complete with `step` and the index and subindex of the key.
 [[nodiscard]] Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::uint64_t key,
                                          MailPatience patience, Step step);
 

@@ -124,7 +124,7 @@ void SdoUploading::read_initiated(std::uint8_t command, Bytes data) {
     if ((command & sdo::kExpedited) != 0) {
         const std::size_t unused = (command >> sdo::kExpeditedUnusedShift) & 3U;
         const bool indicated = (command & sdo::kSizeIndicated) != 0;
-        // Without a size the value is as long as the buffer of the caller, who knows the object.
+        // Without a size the value is as long as the buffer of the caller: the caller knows the object.
         const std::size_t size = indicated ? coe::kExpeditedBytes - unused : std::min(coe::kExpeditedBytes, room_);
         if (size > room_) return fail(Errc::capacity, size, room_);
         keep(data.subspan(SdoLayout::expedited_data, size));

@@ -71,7 +71,7 @@ class FoeTransfer : public MailClient {
         const std::uint32_t first = answer_ == wire::foe::Opcode::data ? 1 : 0;
         return phase_ == Phase::request || (number_ & 0xFFFF) <= first;
     }
-    // The slave must be told that the transfer has ended early.
+    // The slave must get an error message, because the transfer has ended early.
     [[nodiscard]] bool must_abort() const { return slave_open_; }
     [[nodiscard]] std::array<std::byte, kAbortBytes> abort_message() const;
     [[nodiscard]] FoeRequest& request() const { return request_; }

@@ -17,8 +17,8 @@ namespace margay {
                                        const MailPatience& patience);
 
 // Executes a procedure command: sets it, waits until its data state reports the end, and clears it. A command that is
-// given up is cleared too, whatever the reason. Errors: those of reading and writing, command_failed (detail: the data
-// state). Between its reads other requests to the slave have their turn.
+// given up is cleared too, whatever the reason. Errors: the errors of reading and writing, command_failed (detail: the
+// data state). Between its reads other requests to the slave have their turn.
 [[nodiscard]] Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, const MailPatience& patience);
 
 }  // namespace margay

@@ -14,10 +14,10 @@ struct SoeFeature {
 };
 
 // Outputs are the MDT, inputs the AT. Each contains the data of all drives in sequence; for each drive the control word
-// or the status word is first. The drives are those of the numbers 0 to 7 that answer. False, and nothing found, when
-// the slave has no SoE or no drive answers: this is not a failure, the SII may contain the process data. Errors:
-// anything but the refusal of a drive that does not exist; error().index is the IDN. `content`: the drives, and the
-// parameters in their order with their lengths, are added.
+// or the status word is first. The drives are the numbers 0 to 7 that answer. False, and nothing found, when the slave
+// has no SoE or no drive answers: this is not a failure, the SII may contain the process data. Errors: anything but the
+// refusal of a drive that does not exist; error().index is the IDN. `content`: the drives, and the parameters in their
+// order with their lengths, are added.
 [[nodiscard]] Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, FoundSms& found,
                                                  CheckValue& content);
 

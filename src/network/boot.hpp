@@ -8,12 +8,12 @@ namespace margay {
 
 struct BootFeature {
     // Does what is necessary before the slave can go to `to`: see crosses_boot(). Errors: unsupported (no bootstrap
-    // mailboxes), those of the way to INIT and of the registers.
+    // mailboxes), the errors of the way to INIT and of the registers.
     Task<Result<>> (*prepare)(Network& network, Slave& slave, AlState to, Time until);
     // The slave has gone from `from` to `to`: opens or closes its mailbox. May be called again.
     void (*reached)(Network& network, Slave& slave, AlState from, AlState to);
-    // prove() for a slave in BOOT that was away. Errors besides those of prove(): identity_unread (its firmware uses
-    // the EEPROM, or mail is under way). A context without this part compares the slave when it has left BOOT.
+    // prove() for a slave in BOOT that was away. Errors besides the errors of prove(): identity_unread (its firmware
+    // uses the EEPROM, or mail is under way). A context without this part compares the slave when it has left BOOT.
     Task<Result<>> (*prove)(Network& network, Slave& slave);
 };
 

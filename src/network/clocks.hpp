@@ -33,7 +33,8 @@ struct SyncRegisters {
 // The clock whose time the frames bring to a slave, as the ring is now.
 struct FollowedClock {
     std::uint16_t slave = 0;    // the reference, or the second reference of a ring with two NICs; 0: no time arrives
-    std::int64_t ahead_ns = 0;  // how far that clock is ahead of the reference; 0 where this cannot be told from 0
+    std::int64_t ahead_ns = 0;  // how far that clock is ahead of the reference; 0 where it cannot be distinguished from
+                                // 0
     std::int64_t moves_ns = 0;  // how far it may be from there until the next round
     bool silent = false;        // its time has not been seen since the last round
 };
@@ -64,8 +65,8 @@ struct ClockEntry : SlaveClock {
     std::uint8_t passing_port = 0;
     std::uint8_t entered_port = 0;  // with one NIC: at which the last measurement has seen the frame first
     std::int32_t passed_ns = 0;     // when the frame has passed the slave, after the reference: the delay, see there
-    // In a ring with two NICs, as measured while it was whole (network/ring_ways.cpp). Ring slaves are those between
-    // both NICs, counted from 1 at the head.
+    // In a ring with two NICs, as measured while it was whole (network/ring_ways.cpp). Ring slaves are the slaves
+    // between both NICs, counted from 1 at the head.
     std::uint16_t ring_slave = 0;  // this slave, or the ring slave behind which this slave is; 0: not known
     std::uint16_t way = 0;         // sum over the slaves before it when its delay was measured, see way_part()
     std::int32_t away_ns = 0;      // of a ring slave: how long the frame is away behind the way to the next ring slave,
@@ -237,7 +238,7 @@ void find_entry_ports(Network& network);
 // Sets ClockEntry::delay_old. A slave that is lost, or that is back, changes the delays of all slaves behind it, unless
 // the clock that they follow is behind it too. Returns whether some delay is old.
 bool find_old_delays(Network& network);
-// unstable or unsupported when the receive times of a slave cannot be those of the ways of the frames.
+// unstable or unsupported when the receive times of a slave contradict the ways of the frames.
 [[nodiscard]] Error check_receive_times(Network& network);
 // With one NIC: writes what compute_clock_delays() has found into the facts of the slaves where it differs from what
 // the DL status tells.

@@ -22,7 +22,7 @@ inline constexpr std::array<std::byte, 256> kClearedRegisters{};
 // Clears all SyncManagers of a slave in INIT, and its SYNC activation.
 [[nodiscard]] Task<Result<>> clear_sync_managers(Station station, const Slave& slave);
 
-// Whether the FMMUs in the slave are those that its place in the image requires.
+// Whether the slave has the FMMUs that its place in the image requires.
 [[nodiscard]] Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& layout);
 
 }  // namespace margay

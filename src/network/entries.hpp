@@ -30,7 +30,7 @@ class EntryMatcher final : public EntrySink {
     EntryMatcher(std::span<EntryHandle* const> handles, const Slave& slave);
     // Whether any handle is of this slave.
     [[nodiscard]] bool wanted() const { return wanted_; }
-    // Deletes the results of the slave's PDOs; those of the lists stay.
+    // Deletes the results of the slave's PDOs; the results of the lists stay.
     void forget() override;
 
     void add(const FoundEntry& entry) override;

@@ -51,7 +51,7 @@ void compare_with_expected(Network& network, FirstFault& faults);
 [[nodiscard]] std::uint8_t group_above(Network& network, std::uint16_t place);
 
 // A slave that was away keeps its station address with its power, and may have been put behind another head meanwhile.
-// There it is no member of its group, but perhaps one of the other. Errors besides those of reading the ring:
+// There it is no member of its group, but perhaps one of the other. Errors besides the errors of reading the ring:
 // other_slave, unstable.
 [[nodiscard]] Task<Result<>> compare_group(Network& network, const Slave& slave);
 

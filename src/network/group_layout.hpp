@@ -17,7 +17,7 @@ namespace margay {
 }
 
 // Lays out the process data of the slaves of the group in `image`, and prepares its frames. No slave takes part yet.
-// Errors: those of the whole group, see config_map().
+// Errors: the errors of the whole group, see config_map().
 [[nodiscard]] Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image);
 
 }  // namespace margay

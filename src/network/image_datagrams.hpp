@@ -35,7 +35,7 @@ struct DatagramPlan {
 // for a slave that the datagram reads from, and 1 (LWR) or 2 (LRW) for a slave that it writes to. Returns the number of
 // datagrams. The first frame keeps room for the readings that are wanted. Errors: too_many_frames when `into` is too
 // small, invalid_argument (detail: Argument::reserve_bytes or dc_reference), unknown_slave (the reference clock), and
-// those of make_fmmus().
+// the errors of make_fmmus().
 [[nodiscard]] Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t group,
                                                  const GroupConfiguration& wanted, const ImageLayout& layout,
                                                  std::span<DatagramPlan> into);

@@ -40,7 +40,7 @@ struct ImageLayout {
 
 // Assigns every slave of the group its place in `image`: fills slave.image. A slave whose process data failed is not
 // checked, because it does not exchange. On an error no slave of the group has a place. Errors, with the slave:
-// image_too_large, and those of check_found().
+// image_too_large, and the errors of check_found().
 [[nodiscard]] Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
                                           std::span<std::byte> image);
 

@@ -1,4 +1,4 @@
-// The mailboxes of a slave, for a description: the normal ones, or those of BOOT.
+// The mailboxes of a slave, for a description: the normal mailboxes, or the mailboxes of BOOT.
 #pragma once
 
 #include "network/network.hpp"

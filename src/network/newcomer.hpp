@@ -83,7 +83,7 @@ inline constexpr std::uint16_t kUndecided = 0x0300;
 [[nodiscard]] Task<Result<Verdict>> verify_newcomer(Network& network, std::uint16_t n);
 
 // Reads alias and identity of the slave that answers at the address of `slave`, and compares them with what is known of
-// it. Errors besides those of reading: other_slave.
+// it. Errors besides the errors of reading: other_slave.
 [[nodiscard]] Task<Result<>> compare_identity(Network& network, Slave& slave);
 
 // The first difference between two identities, the revision last; code none if there is none, or if the identity of

@@ -28,8 +28,9 @@ struct ListedBits {
 [[nodiscard]] ListedBits listed_bits(const SmPdos& list);
 
 // Reserves the place in the image for a slave that cannot be read now: with the sizes of slave.config.sms if these are
-// set, otherwise with those of the PDO lists if these contain all entries. Returns whether the sizes are known; then
-// slave.config.sms contains them, and slave.place_kept says that start addresses and control octets are still missing.
+// set, otherwise with the sizes of the PDO lists if these contain all entries. Returns whether the sizes are known;
+// then slave.config.sms contains them, and slave.place_kept says that start addresses and control octets are still
+// missing.
 [[nodiscard]] bool keep_place(Slave& slave);
 // Removes the values that keep_place() has written to slave.config. Call it before the slave is read.
 void forget_kept_place(Slave& slave);

@@ -9,8 +9,8 @@
 namespace margay {
 
 // Reads the SII, then offers the EEPROM to the slave's PDI again. The entries of PDOs that are not assigned are not
-// read. A SyncManager without a PDO has the length of category 41. Errors: those of reading, and sii_format … when the
-// categories are contradictory; then nothing is found. `entries` (may be nullptr) receives the entries of the
+// read. A SyncManager without a PDO has the length of category 41. Errors: the errors of reading, and sii_format … when
+// the categories are contradictory; then nothing is found. `entries` (may be nullptr) receives the entries of the
 // SyncManagers that have no list of the application.
 [[nodiscard]] Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& found,
                                              EntrySink* entries = nullptr);

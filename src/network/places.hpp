@@ -1,11 +1,11 @@
 // Which lost slave of the line a newcomer is. A newcomer that is taken for another slave is driven as the wrong
 // machine, which is worse than a machine that stands still. So the rules are, in this order:
 //
-// 1. The serial number or the alias of one lost slave, known or expected, is that of the newcomer: it is that slave.
-// 2. Equal slaves are told apart by the neighbour in the direction of the NIC. Where frames come from the master, the
-//    newcomer is the slave that was seen last at this port of the slave above it. Between a break of the ring and the
-//    second NIC the neighbour is the slave below it: the newcomer is the slave that was above that slave, or that was
-//    at the second NIC.
+// 1. One lost slave, known or expected, has the serial number or the alias of the newcomer: the newcomer is this slave.
+// 2. Equal slaves are distinguished by the neighbour in the direction of the NIC. Where frames come from the master,
+//    the newcomer is the slave that was seen last at this port of the slave above it. Between a break of the ring and
+//    the second NIC the neighbour is the slave below it: the newcomer is the slave that was above that slave, or that
+//    was at the second NIC.
 // 3. As many newcomers as lost slaves are between the same two known slaves: all are there, in the order of their
 //    numbers. Where rule 2 says something else, the other newcomers are asked first: not all of them may belong there.
 // 4. Several lost slaves were at this neighbour, because one of them was bridged while the others went on, and not all

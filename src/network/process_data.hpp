@@ -135,7 +135,7 @@ void set_outputs(ProcessGroup& group);
         return Result<>();
     return not_sent(group, link);
 }
-// Sends all frames of a cycle; callable from the cycle. Errors: those of not_sent().
+// Sends all frames of a cycle; callable from the cycle. Errors: the errors of not_sent().
 [[nodiscard]] Result<> send_cycle(ProcessGroup& group, Link& link, Time now);
 
 // A group without frames, for example of a hot connect group that is away and whose sizes are not known: whether other

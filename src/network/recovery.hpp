@@ -19,7 +19,7 @@ class ChangeReport {
     AlStatus before_;
 };
 
-// Reads a slave that is there now and was not read by the scan. Errors: other_slave, those of the SII and its
+// Reads a slave that is there now and was not read by the scan. Errors: other_slave, the errors of the SII and its
 // registers.
 [[nodiscard]] Task<Result<>> read_missing_slave(Network& network, Slave& slave);
 
@@ -28,8 +28,8 @@ class ChangeReport {
 
 // The whole start-up of a slave that answers at its station address, from INIT to SAFEOP: mailboxes, start-up commands,
 // the hook, process data. The slave takes part in no cycle meanwhile. A slave whose group is not mapped, or that is not
-// wanted in SAFEOP, ends in PREOP. Errors besides those of the steps: no_place (the image has no place for the slave),
-// pdo_size (its place has another size). See reconfigure_slave().
+// wanted in SAFEOP, ends in PREOP. Errors besides the errors of the steps: no_place (the image has no place for the
+// slave), pdo_size (its place has another size). See reconfigure_slave().
 [[nodiscard]] Task<Result<>> reconfigure(Network& network, Slave& slave);
 
 // Brings a slave that answers at its station address to its goal(), up or down. Acknowledges an error, and executes the
@@ -42,9 +42,9 @@ void note_change(Network& network, Slave& slave, const AlStatus& before);
 // Stores `now` as the state of the slave; reports an event when the state has changed.
 void note_state(Network& network, Slave& slave, const AlStatus& now);
 
-// A slave that has lost its power, its station address or its own program may have other PDOs: those that the
-// application has written by mail are gone, and a spare part, or another master, may have stored others. They are read
-// and compared before the slave takes part again.
+// A slave that has lost its power, its station address or its own program may have other PDOs: PDOs that the
+// application has written by mail are gone, and a spare part, or another master, may have stored others. The PDOs are
+// read and compared before the slave takes part again.
 void doubt_pdos(Network& network, const Slave& slave);
 
 }  // namespace margay

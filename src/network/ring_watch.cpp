@@ -212,7 +212,7 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
     note_ends(network, head, false, *this);
     // The break was reported already. Its new place is reported when the places of the ring have been read again.
     if (reported_ == RingState::broken && front + behind != network.ring_count) return;
-    if (reported_ != RingState::broken && network.parts_read.whole) {  // the ports are those of the whole ring
+    if (reported_ != RingState::broken && network.parts_read.whole) {  // the ports of the whole ring
         const Slave* const last = last_slave(network, end_port_);
         end_ = last != nullptr ? last->number : std::uint16_t{0};
     }

@@ -6,8 +6,8 @@
 namespace margay {
 
 // Reads the whole ring: the slave and the neighbours of each place. Then identifies the newcomers. A newcomer gets a
-// station address of its own, its identity is read, and it is taken as one of these slaves, if vendor and product are
-// those of that slave, and what expect() says of it (a slave with another revision is read again):
+// station address of its own, its identity is read, and it is taken as one of these slaves, if vendor and product equal
+// that slave and its entry in the list of expect() (a slave with another revision is read again):
 // - the lost slave with the alias or device id that is set on the newcomer, at any place;
 // - in a hot connect group: the next lost member of the group, or another lost member that it can be;
 // - a lost slave of the line whose number is between those of the slaves of the line before it and behind it in the
@@ -36,8 +36,8 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 
 // Compares the identity of the slave that answers at the address of `slave` with the known one, and of a member of a
 // hot connect group that was away, whether it is behind the head of its group. Another slave loses its FMMUs and its
-// station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave, those of reading
-// the SII.
+// station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave, the errors of
+// reading the SII.
 [[nodiscard]] Task<Result<>> prove(Network& network, Slave& slave);
 
 // The same as prove() before a request of the application changes the state of the slave, where the identity is not

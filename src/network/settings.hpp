@@ -21,7 +21,7 @@ inline constexpr std::uint16_t kDividerFor100us = 2498;
     return invalid_mapping(Argument::highest, slave.number);
 }
 
-// Errors of `slave.config`: invalid_argument (detail: the Argument), and those of the start-up commands.
+// Errors of `slave.config`: invalid_argument (detail: the Argument), and the errors of the start-up commands.
 [[nodiscard]] Error invalid_setting(const Slave& slave);
 
 // Errors of GroupConfiguration before the image is laid out: invalid_argument (detail: the Argument).

@@ -13,8 +13,8 @@ namespace margay {
 // unstable (a scan has begun meanwhile: the slaves are others).
 [[nodiscard]] Task<Result<AlStatus>> read_states(Network& network);
 
-// The same. Without a supervision the identities of doubted slaves are compared, too. Errors: also those of prove(),
-// and identity_unread (a request uses the slave, and has not compared it yet).
+// The same. Without a supervision the identities of doubted slaves are compared, too. Errors: also the errors of
+// prove(), and identity_unread (a request uses the slave, and has not compared it yet).
 [[nodiscard]] Task<Result<AlStatus>> observe_states(Network& network);
 
 // Requests `state` of one slave, or of all (0), without waiting for it. An error indication in slave.al is
@@ -25,7 +25,7 @@ namespace margay {
 
 // Reads states until the slave, or all slaves (0), are in `state` without error and what follows the transition has
 // ended, or until `until`; kNever: reads once. Returns the status read last: of the slave, or the lowest state. Errors:
-// those of read_states().
+// the errors of read_states().
 [[nodiscard]] Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlState state, Time until);
 
 }  // namespace margay

@@ -14,7 +14,7 @@ namespace margay {
 // each state that is requested. Other slaves refuse such a request themselves. Code none otherwise.
 [[nodiscard]] Error left_out_state(const Slave& slave, AlState from, AlState to);
 
-// Requests `state` and waits for it. slave.al is the start and is updated. Errors: above_highest, those of
+// Requests `state` and waits for it. slave.al is the start and is updated. Errors: above_highest, the errors of
 // around_transition() and of change_al_state(). A failure after the state was reached is an error too; slave.al then
 // contains the reached state. The change of the state itself is given up at `until`; kNever: after al_timeout().
 [[nodiscard]] Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state, Time until = kNever);
@@ -25,7 +25,7 @@ void mark_unfinished(Network& network, Slave& slave, Transition which);
 // Whether the slave is in a state whose commands or hook after the transition have not succeeded.
 [[nodiscard]] bool is_unfinished(const Network& network, const Slave& slave);
 
-// The same for a request of the application. Additional errors: those of refusal().
+// The same for a request of the application. Additional errors: the errors of refusal().
 [[nodiscard]] Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until);
 
 // Completes a state that was requested without waiting, if the slave has reached it: starts the commands and the hook

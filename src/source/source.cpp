@@ -172,7 +172,7 @@ class SourceOpener {
         return nic.problem().empty() ? second.problem() : nic.problem();
     }
 
-    // A ring is recorded in one file; a user who has two files learns how they become one.
+    // A ring is recorded in one file. For two files, the message names the command that puts them together.
     static std::string with_two_files(const std::string& file, const std::string& problem) {
         const auto plus = file.find('+');
         std::error_code ignored;

@@ -84,9 +84,9 @@ class Source {
                                             : init_redundant(ctx, *outermost_, *second_outermost_, *osal_);
     }
 
-    // For SourceOptions::wait_for_interfaces: opens interfaces that have appeared, and closes those that were removed.
-    // In the thread that owns the context, a few system calls; for example once a second while no frame comes back.
-    // Returns why an interface is not open; empty: all are.
+    // For SourceOptions::wait_for_interfaces: opens interfaces that have appeared, and closes interfaces that were
+    // removed. In the thread that owns the context, a few system calls; for example once a second while no frame comes
+    // back. Returns why an interface is not open; empty: all are.
     [[nodiscard]] std::string look_for_interfaces();
 
     // The times of frames that the options ask for: to be given to cycle_stamps() and send_processdata_at(). In a ring

@@ -63,7 +63,7 @@ class Device final : private EsmClient {
     std::uint32_t sync0(Time now);
     void sync1(Time now);
 
-    // Executes single parts of one process data update, for authors who choose the order of the parts (see part::).
+    // Executes single parts of one process data update, for devices that choose the order of the parts (see part::).
     // Outputs are taken only when they have arrived: a call in each period of a timer does not hide that the master is
     // silent.
     void process(unsigned parts, Time now) {

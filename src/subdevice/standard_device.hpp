@@ -234,7 +234,7 @@ class StandardObjects {
         // The author writes the PDOs of a device with more SyncManagers.
         if ((of_outputs && !Description.more_outputs.empty()) || (of_inputs && !Description.more_inputs.empty()))
             return false;
-        // An author who writes the assignment has PDOs of other indices: this list adds no PDO without a value.
+        // A device with an assignment of its own has PDOs of other indices: this list adds no PDO without a value.
         if (object.index == 0x1600 && kRx.entries == 0 && replaced(Description.outputs.assignment())) return false;
         if (object.index == 0x1A00 && kTx.entries == 0 && replaced(Description.inputs.assignment())) return false;
         // A modular device with PDOs of its own has no other ones: a module may have that index.
