@@ -156,9 +156,9 @@ struct ClockRequest : Request {
 // reference), wrong_state (slave: the slave is in OP with SYNC signals; slave 0: there are no slaves yet), not_in_sync
 // (slave: the clock with the greatest difference, expected: the limit, actual: the difference in ns; all other work is
 // done, and a cycle may bring the clock into sync later), unstable (slave: the slave was lost or came back meanwhile;
-// slave 0: the slaves in the ring have changed), invalid_argument, no_frame, capacity, unsupported (slave: in a ring
-// with two NICs the reference clock is at a branch that only the second NIC reaches; or the receive times of the slave
-// do not show what is behind it).
+// slave 0: the slaves in the ring have changed), invalid_argument, working_counter, no_frame, capacity, unsupported
+// (slave: in a ring with two NICs the reference clock is at a branch that only the second NIC reaches; or the receive
+// times of the slave do not show what is behind it).
 Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
 
 // Activates or switches off the SYNC signals of one slave now; see dcsync0().

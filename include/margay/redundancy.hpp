@@ -100,7 +100,7 @@ struct CableStatus {
     std::uint32_t refused = 0;   // frames that the NIC did not accept
     std::uint32_t received = 0;  // frames of both NICs that came back at this NIC
     std::uint32_t lost = 0;      // frames of this NIC that did not come back in time
-    std::uint32_t late = 0;      // frames that came back at this NIC when nobody waited for them any more
+    std::uint32_t late = 0;      // frames that came back at this NIC after the wait for them was over
 };
 
 enum class RingState : std::uint8_t { unknown, whole, broken };
