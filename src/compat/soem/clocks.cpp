@@ -57,6 +57,7 @@ void set_sync(ecx_contextt& context, std::uint16_t number, bool on, std::uint32_
               std::int32_t shift, bool two) {
     const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(context, number)) return;
+    const auto lock = session->lock_eeproms();
     ec_slavet& s = slaves_of(context)[number];
     const auto write = [&](std::uint16_t reg, std::uint64_t value, std::size_t size) {
         std::array<std::byte, 8> octets{};
@@ -93,6 +94,7 @@ extern "C" {
 boolean ecx_configdc(ecx_contextt* context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return FALSE;
+    const auto lock = session->lock_eeproms();
     link_clocks(*context);
     if (slaves_of(*context)[0].hasdc == 0 || !is_answered(*session)) return FALSE;
     margay::ClockRequest request;

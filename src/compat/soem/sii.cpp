@@ -52,6 +52,11 @@ bool has_slave(ecx_contextt* context, std::uint16_t slave) {
     return session_of(context) != nullptr && is_slave(*context, slave);
 }
 
+bool answers(ecx_contextt& context, Session& session, std::uint16_t slave) {
+    std::array<std::byte, 1> octet{};
+    return read_registers(session, slaves_of(context)[slave].configadr, ECT_REG_TYPE, octet, us(EC_TIMEOUTRET3)) == 1;
+}
+
 // One SyncManager of the category.
 void fill_sm(Sii& sii, std::uint16_t at, ec_eepromSMt& sm) {
     sm.PhStart = sii.word(at);
@@ -82,7 +87,11 @@ uint8 ecx_siigetbyte(ecx_contextt* context, uint16 slave, uint16 address) {
     const auto is_known = [&](unsigned n) { return (known[n / 32] >> (n % 32) & 1U) != 0; };
     if (is_known(address)) return octets[address];
     const unsigned first = address & ~3U;
-    const auto read = read_sii(*context, slave, static_cast<std::uint16_t>(first / 2));
+    // Frames may be lost, and the caller cannot tell 0xFF from contents.
+    constexpr int kMostTries = 3;
+    auto read = read_sii(*context, slave, static_cast<std::uint16_t>(first / 2));
+    for (int n = 1; n < kMostTries && !read && answers(*context, *session, slave); ++n)
+        read = read_sii(*context, slave, static_cast<std::uint16_t>(first / 2));
     if (!read) return 0xFF;
     const auto words = static_cast<std::uint32_t>(*read);
     std::memcpy(octets + first, &words, sizeof(words));

@@ -64,7 +64,11 @@ int ecx_readstate(ecx_contextt* context) {
 int ecx_writestate(ecx_contextt* context, uint16 slave) {
     const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return EC_NOFRAME;
-    const std::uint16_t value = slaves_of(*context)[slave].state;
+    std::uint16_t value = 0;
+    {
+        const Session::Guard guard(*session);  // another thread may read the states
+        value = slaves_of(*context)[slave].state;
+    }
     const auto state = static_cast<margay::AlState>(value & 0xF);
     const bool known = session->slave(1).number == 1 && slave <= slave_count(*context);
     if (!known || state == margay::AlState::none) {
