@@ -71,6 +71,7 @@ CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
 }
 
 void CyclePace::start() {
+    unexpected_before_ = ctx_.statistics().unexpected;
     if (source_.virtual_time()) {
         for (const auto& [given, name] :
              {std::pair{options_.spin_us != 0, "--spin"}, std::pair{options_.priority != 0, "--priority"},
@@ -126,9 +127,13 @@ Result<std::uint32_t> CyclePace::exchange(Duration timeout) {
 }
 
 std::string CyclePace::advice() const {
-    if (figures_.no_frame == 0 || ctx_.statistics().unexpected == 0) return {};
+    const auto unexpected = ctx_.statistics().unexpected - unexpected_before_;
+    if (figures_.no_frame == 0 || unexpected == 0) return {};
     return fmt::format(
-        "frames came back later than the cycles wait for them ({} µs): a longer --period gives them time",
+        "{} that no cycle waited for: late, doubled or unknown. A cycle waits {} µs; if frames need longer, use a "
+        "longer "
+        "--period",
+        counted(unexpected, "frame came back", "frames came back"),
         std::chrono::duration_cast<std::chrono::microseconds>(options_.reply_timeout()).count());
 }
 
@@ -141,6 +146,7 @@ Result<> CyclePace::send() {
 void CyclePace::clear() {
     figures_ = {};
     wire_.forget();
+    unexpected_before_ = ctx_.statistics().unexpected;
     if (timing_.send_at != nullptr) missed_before_ = timing_.send_at->missed();
 }
 

@@ -52,7 +52,8 @@ class CyclePace {
     // Exchanges process data and counts the cycle: sends at once, or at the time that --send-at asks for, and receives.
     // Returns the error of sending, or the result of receive_processdata().
     [[nodiscard]] Result<std::uint32_t> exchange(Duration timeout);
-    // What to do where frames came back later than the cycles have waited for them. Empty: none did.
+    // Says that frames came back that no cycle waited for any more, and what to do if they were late. Empty: none did,
+    // or all cycles had their frames.
     [[nodiscard]] std::string advice() const;
     // Why the program must end: an overrun, and the user wants to stop then. Empty: it continues.
     [[nodiscard]] const std::string& stopped() const { return stopped_; }
@@ -89,6 +90,7 @@ class CyclePace {
     OverrunCounters counted_{};  // counters that the figures contain, or had before clear()
     FrameTiming timing_{};
     std::uint64_t missed_before_ = 0;  // frames before clear()
+    std::uint64_t unexpected_before_ = 0;
     WireWatch wire_;
     std::string stopped_;
 };
