@@ -28,10 +28,10 @@ static void ask_nobody(uint16 slave) {
     uint16 position = (uint16)(1 - slave);
     uint16 nobody = 0, station = htoes(ec_slave[slave].configadr);
     uint8 vendor = (uint8)ec_slave[slave].eep_man;
-    MUST(ec_APWR(position, ECT_REG_STADR, sizeof(nobody), &nobody, EC_TIMEOUTRET3) == 1);
+    MUST(ec_APWR(position, ECT_REG_STADR, sizeof(nobody), &nobody, EC_TIMEOUTSAFE) == 1);
     MUST(ec_siigetbyte(slave, 2 * ECT_SII_MANUF) == 0xFF);
     MUST(ec_siifind(slave, ECT_SII_GENERAL) == 0);
-    MUST(ec_APWR(position, ECT_REG_STADR, sizeof(station), &station, EC_TIMEOUTRET3) == 1);
+    MUST(ec_APWR(position, ECT_REG_STADR, sizeof(station), &station, EC_TIMEOUTSAFE) == 1);
     MUST(ec_siigetbyte(slave, 2 * ECT_SII_MANUF) == vendor);
     MUST(ec_siifind(slave, ECT_SII_GENERAL) > 0);
 }
@@ -56,7 +56,7 @@ int main(int argc, char **argv) {
     slave = (uint16)atoi(argv[2]);
     position = (uint16)(1 - slave);
     if (!ec_init(argv[1])) return 1;
-    MUST(ec_APWR(position, ECT_REG_EEPCFG, sizeof(master), &master, EC_TIMEOUTRET3) == 1);
+    MUST(ec_APWR(position, ECT_REG_EEPCFG, sizeof(master), &master, EC_TIMEOUTSAFE) == 1);
     write_words(position);
     MUST(ec_config_init(FALSE) >= slave);
     if (ec_slavecount >= slave) {

@@ -48,8 +48,8 @@ int main(int argc, char **argv) {
     ec_slave[slave].SM[1].SMlength = (uint16)HI_WORD(data);
     ec_slave[slave].mbx_ro = (uint16)LO_WORD(data);
     ec_slave[slave].mbx_rl = (uint16)HI_WORD(data);
-    ec_FPWR(ec_slave[slave].configadr, ECT_REG_SM0, sizeof(ec_smt), &ec_slave[slave].SM[0], EC_TIMEOUTRET);
-    ec_FPWR(ec_slave[slave].configadr, ECT_REG_SM1, sizeof(ec_smt), &ec_slave[slave].SM[1], EC_TIMEOUTRET);
+    ec_FPWR(ec_slave[slave].configadr, ECT_REG_SM0, sizeof(ec_smt), &ec_slave[slave].SM[0], EC_TIMEOUTSAFE);
+    ec_FPWR(ec_slave[slave].configadr, ECT_REG_SM1, sizeof(ec_smt), &ec_slave[slave].SM[1], EC_TIMEOUTSAFE);
     ec_slave[slave].state = EC_STATE_BOOT;
     ec_writestate(slave);
     if (ec_statecheck(slave, EC_STATE_BOOT, EC_TIMEOUTSTATE * 10) != EC_STATE_BOOT) {

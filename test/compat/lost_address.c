@@ -1,5 +1,5 @@
 /* A slave in OP, or all of them, lose their station addresses and nothing else. A program for SOEM 1.4 brings them back
-   as its check thread would: lost_address SOURCE SLAVE, 0 for all */
+   as its check thread would: lost_address SOURCE SLAVE ROUNDS (SLAVE 0: all) */
 #include <ethercat.h>
 
 #include <stdio.h>
@@ -44,19 +44,23 @@ static int cycles_until_right(int expected) {
 
 int main(int argc, char** argv) {
     uint16 slave, nothing = 0;
-    int expected, start, back, n;
-    if (argc != 3) return 2;
+    int expected, n, round, rounds, back;
+    if (argc != 4) return 2;
     slave = (uint16)atoi(argv[2]);
+    rounds = atoi(argv[3]);
     if (!ec_init(argv[1]) || ec_config_init(FALSE) < slave) return 1;
     ec_config_map(&IOmap);
     ec_statecheck(0, EC_STATE_SAFE_OP, EC_TIMEOUTSTATE * 4);
     expected = ec_group[0].outputsWKC * 2 + ec_group[0].inputsWKC;
-    start = cycles_until_right(expected);
-    for (n = 1; n <= ec_slavecount; ++n)
-        if (slave == 0 || slave == n)
-            if (ec_FPWR(ec_slave[n].configadr, ECT_REG_STADR, sizeof(nothing), &nothing, EC_TIMEOUTRET3) != 1) return 1;
-    back = cycles_until_right(expected);
-    printf("in OP after %d cycles, again after %d cycles\n", start, back);
+    if (cycles_until_right(expected) < 0) return 1;
+    for (round = 0; round < rounds; ++round) {
+        for (n = 1; n <= ec_slavecount; ++n)
+            if (slave == 0 || slave == n)
+                ec_FPWR(ec_slave[n].configadr, ECT_REG_STADR, sizeof(nothing), &nothing, EC_TIMEOUTRET3);
+        back = cycles_until_right(expected);
+        if (round == 0 || back < 0) printf("round %d: in OP again after %d cycles\n", round, back);
+        if (back < 0) return 1;
+    }
     ec_close();
-    return start >= 0 && back > 0 ? 0 : 1;
+    return 0;
 }

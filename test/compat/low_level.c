@@ -24,7 +24,7 @@ static ecx_contextt context;
 
 static int wrong;
 
-static uint16 user_ram(void) { return etohs(ecx_FPRDw(PORT, SLAVES[1].configadr, USER_RAM, EC_TIMEOUTRET3)); }
+static uint16 user_ram(void) { return etohs(ecx_FPRDw(PORT, SLAVES[1].configadr, USER_RAM, EC_TIMEOUTSAFE)); }
 
 /* A frame that writes the value and reads the station address. Returns where the address will be. */
 static int build(uint8 idx, uint16 value) {
@@ -41,7 +41,7 @@ static void frames(void) {
     int at = build(idx, 0x1111);
     MUST(ecx_outframe(PORT, idx, 0) == PORT->txbuflength[idx]);
     MUST(user_ram() == 0x1111);
-    MUST(ecx_waitinframe(PORT, idx, EC_TIMEOUTRET) == 1);
+    MUST(ecx_waitinframe(PORT, idx, EC_TIMEOUTSAFE) == 1);
     memcpy(&word, &PORT->rxbuf[idx][at], 2);
     MUST(etohs(word) == SLAVES[1].configadr);
     MUST(ecx_waitinframe(PORT, idx, EC_TIMEOUTRET) == EC_NOFRAME); /* it was taken */

@@ -45,9 +45,9 @@ int main(int argc, char **argv) {
     MUST(wkc == ec_group[0].outputsWKC * 2 + ec_group[0].inputsWKC);
     answers(0x06, 0x21);
     word = htoes(EC_STATE_INIT);
-    MUST(ec_APWR(position, ECT_REG_ALCTL, sizeof(word), &word, EC_TIMEOUTRET3) == 1);
+    MUST(ec_APWR(position, ECT_REG_ALCTL, sizeof(word), &word, EC_TIMEOUTSAFE) == 1);
     word = 0;
-    MUST(ec_APWR(position, ECT_REG_STADR, sizeof(word), &word, EC_TIMEOUTRET3) == 1);
+    MUST(ec_APWR(position, ECT_REG_STADR, sizeof(word), &word, EC_TIMEOUTSAFE) == 1);
     cycles(50);
     MUST(cycles(1) > 0 && cycles(1) < wkc);
     answers(0x00, 0x40);

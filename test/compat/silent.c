@@ -49,10 +49,10 @@ int main(int argc, char** argv) {
     MUST_LAST(15000, ec_statecheck(2, EC_STATE_SAFE_OP, 2000), EC_STATE_NONE);
     ec_slave[2].state = EC_STATE_PRE_OP;
     MUST_LAST(15000, ec_writestate(2), EC_NOFRAME);
-    MUST_LAST(15000, ec_recover_slave(2, 500), 0);
-    MUST_LAST(20000, ec_reconfig_slave(2, 500), 0);
+    MUST_LAST(30000, ec_recover_slave(2, 500), 0);
+    MUST_LAST(40000, ec_reconfig_slave(2, 500), 0);
     MUST(ec_slave[2].state == EC_STATE_NONE);
-    MUST_LAST(15000, ec_configdc(), FALSE);
+    MUST_LAST(30000, ec_configdc(), FALSE);
     MUST_LAST(100000, ec_config_init(FALSE), EC_NOFRAME);
     MUST(ec_config_init(FALSE) == 2);
     ec_config_map(&IOmap);
@@ -63,6 +63,16 @@ int main(int argc, char** argv) {
     }
     MUST(ec_reconfig_slave(2, 500) == 0);
     MUST(ec_slave[2].state == EC_STATE_NONE);
+    /* It is there again, and answers before a program has read the states. */
+    {
+        uint8 control[2] = {1, 0};
+        uint32 vendor = 0;
+        int size = sizeof(vendor);
+        MUST(ec_FPWR(ec_slave[1].configadr, ECT_REG_DLCTL, sizeof(control), control, EC_TIMEOUTRET3) == 1);
+        osal_usleep(300000);
+        MUST(ec_SDOread(2, 0x1018, 1, FALSE, &size, &vendor, EC_TIMEOUTRXM) == 1);
+        MUST(etohl(vendor) == ec_slave[2].eep_man);
+    }
     ec_close();
     return wrong != 0;
 }

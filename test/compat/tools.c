@@ -35,7 +35,7 @@ int main(int argc, char **argv) {
     check(ec_slavecount >= slave, "number of slaves by a broadcast");
     position = (uint16)(1 - slave);
     word = htoes(0);
-    check(ec_APWR(position, ECT_REG_EEPCFG, 1, &word, EC_TIMEOUTRET) == 1, "the EEPROM for the master");
+    check(ec_APWR(position, ECT_REG_EEPCFG, 1, &word, EC_TIMEOUTSAFE) == 1, "the EEPROM for the master");
     words = ec_readeepromAP(position, ECT_SII_MANUF, EC_TIMEOUTEEP);
     vendor = (uint32)etohll(words);
     check(vendor != 0, "vendor by position");
@@ -59,7 +59,7 @@ int main(int argc, char **argv) {
     check(memcmp(dump + 2 * ECT_SII_MANUF, &ec_slave[slave].eep_man, 4) == 0, "dump of the SII");
     ec_eeprom2pdi((uint16)slave);
     check(ec_slave[slave].eep_pdi == 1, "the EEPROM for the slave");
-    check(etohs(ec_FPRDw(ec_slave[slave].configadr, ECT_REG_ALSTAT, EC_TIMEOUTRET)) == EC_STATE_PRE_OP, "AL status register");
+    check(etohs(ec_FPRDw(ec_slave[slave].configadr, ECT_REG_ALSTAT, EC_TIMEOUTSAFE)) == EC_STATE_PRE_OP, "AL status register");
 
     /* objects */
     if (ec_slave[slave].mbx_proto & ECT_MBXPROT_COE) {

@@ -96,7 +96,7 @@ boolean ecx_configdc(ecx_contextt* context) {
     if (session == nullptr) return FALSE;
     const auto lock = session->lock_eeproms();
     link_clocks(*context);
-    if (slaves_of(*context)[0].hasdc == 0 || !is_answered(*session)) return FALSE;
+    if (slaves_of(*context)[0].hasdc == 0 || !session->is_answered(us(EC_TIMEOUTSAFE))) return FALSE;
     margay::ClockRequest request;
     request.settings.system_time_at_zero = system_time_at_zero(*session);
     // The interface writes delays and offsets, and does not wait until the clocks have found their rates: the frames of

@@ -60,9 +60,6 @@ int read_registers(Session& session, std::uint16_t station, std::uint16_t addres
 int write_registers(Session& session, std::uint16_t station, std::uint16_t address, std::span<const std::byte> data,
                     Duration timeout);
 
-// Whether a frame comes back, within the time that the interface waits for one. The library would wait longer.
-[[nodiscard]] bool is_answered(Session& session, Duration timeout = us(EC_TIMEOUTRET3));
-
 // Adds the error of a mailbox service to the list of the program, and what push_unasked() adds. Returns what the
 // service returns.
 int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, std::uint16_t index,

@@ -18,11 +18,6 @@ int write_registers(Session& session, std::uint16_t station, std::uint16_t addre
     return session.exchange(DatagramCommand::fpwr, address_of(station, address), sent, timeout);
 }
 
-bool is_answered(Session& session, Duration timeout) {
-    std::array<std::byte, 1> octet{};
-    return session.exchange(DatagramCommand::brd, address_of(0, ECT_REG_TYPE), octet, timeout) >= 0;
-}
-
 namespace {
 
 // The data of the program changes only when a slave has taken part, and never by a write.

@@ -126,24 +126,6 @@ std::vector<std::uint16_t> slaves_without_answer(ecx_contextt& context, Session&
     return lost;
 }
 
-// Of slaves that were found again: the library has taken them out of the cycle, because other devices may have been at
-// their places. From INIT the program configures them again. False: one of them does not go there.
-bool take_to_init(Session& session, const std::vector<std::uint16_t>& slaves) {
-    bool all = true;
-    for (const std::uint16_t slave : slaves) {
-        {
-            const Session::Guard guard(session);
-            const AlState state = session.slave(slave).al.state;
-            if (state != AlState::safeop && state != AlState::op) continue;
-        }
-        WriteStateRequest down;
-        down.slave = slave;
-        down.wanted = AlState::init;
-        all = session.run(down).ok() && all;
-    }
-    return all;
-}
-
 bool no_slaves(const Error& error) {
     return error.slave == 0 && (error.code == Errc::no_slaves || error.code == Errc::no_frame ||
                                 error.code == Errc::link_down || error.code == Errc::nic);
@@ -156,12 +138,13 @@ int config_init(ecx_contextt& context) {
     if (session == nullptr) return EC_NOFRAME;
     const auto lock = session->lock_eeproms();
     clear(context);
+    session->forget_lost();
     // As long as the interface waits for the first frame. The library would wait longer for a link.
     for (const Time until = later(session->now(), us(EC_TIMEOUTSAFE)); session->link_is_down();) {
         if (session->now() >= until) return EC_NOFRAME;
         session->pause(std::chrono::milliseconds(1));
     }
-    if (!is_answered(*session, us(3 * EC_TIMEOUTSAFE))) return EC_NOFRAME;
+    if (!session->is_answered(us(3 * EC_TIMEOUTSAFE))) return EC_NOFRAME;
     constexpr int kMostTries = 3;  // all frames of the first step may be lost
     ScanRequest request;
     auto scanned = session->run(request);
@@ -200,20 +183,25 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     std::array<std::byte, 2> octets{};
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
     if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1) return 1;
-    if (!is_answered(*session)) return 0;
-    const auto lost = slaves_without_answer(*context, *session);
+    if (!session->is_answered(us(EC_TIMEOUTSAFE))) return 0;
+    session->note_lost(slaves_without_answer(*context, *session));
+    // When frames are lost, slaves may have their addresses again without the library knowing them.
+    constexpr int kMostTries = 5;
     margay::RecoverRequest request;
     request.slave = slave;
-    const bool found = session->run(request).ok();
-    const bool down = take_to_init(*session, lost);
-    return found && down ? 1 : 0;
+    bool found = session->run(request).ok();
+    for (int n = 1; n < kMostTries && !found && session->is_answered(us(EC_TIMEOUTSAFE)); ++n) {
+        (void)slaves_without_answer(*context, *session);
+        found = session->run(request).ok();
+    }
+    return session->settle_lost() && found ? 1 : 0;
 }
 
 int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
     const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave)) return 0;
     bool configured = false;
-    if (is_answered(*session)) {
+    if (session->is_answered(us(EC_TIMEOUTSAFE))) {
         HookCaller hooks(*context, *session, kVersionCallsContextHooks);
         hooks.attach(slave);
         take_mailboxes(*context, *session, slave, margay::AlState::preop);

@@ -100,13 +100,55 @@ void Session::wait_for_work(Time until) {
     source_->osal().wait(until, source_->wait_handles());
 }
 
-// A slave that was away is compared by the next reading of the states. A program reads the states when it likes, and
-// its other calls do not wait for that.
+// The next reading of the states finds a slave that is there again, and compares it. A program reads the states when it
+// likes, and its other calls do not wait for that.
 Result<> Session::run(Request& request, Between* between, Duration limit) {
     const auto done = run_once(request, between, limit);
-    if (done || done.error().code != Errc::identity_unread) return done;
+    const bool was_away = done.error().code == Errc::identity_unread || done.error().code == Errc::missing_slave;
+    if (done || !was_away || !is_answered()) return done;
     ReadStateRequest states;
-    return run_once(states, nullptr, limit) ? run_once(request, between, limit) : done;
+    (void)run_once(states, nullptr, limit);
+    return run_once(request, between, limit);
+}
+
+void Session::note_lost(const std::vector<std::uint16_t>& slaves) {
+    const Guard guard(*this);
+    lost_.insert(slaves.begin(), slaves.end());
+}
+
+void Session::forget_lost() {
+    const Guard guard(*this);
+    lost_.clear();
+}
+
+bool Session::settle_lost() {
+    std::vector<std::uint16_t> there;
+    {
+        const Guard guard(*this);
+        std::erase_if(lost_, [&](std::uint16_t number) {
+            if (number > context_.slaves().size()) return true;
+            const AlState state = slave(number).al.state;
+            const bool takes_part = state == AlState::safeop || state == AlState::op;
+            if (takes_part) there.push_back(number);
+            return !takes_part && state != AlState::none;
+        });
+    }
+    bool all = true;
+    for (const std::uint16_t number : there) {
+        WriteStateRequest down;
+        down.slave = number;
+        down.wanted = AlState::init;
+        const bool done = run(down).ok();
+        all = all && done;
+        const Guard guard(*this);
+        if (done) lost_.erase(number);
+    }
+    return all;
+}
+
+bool Session::is_answered(Duration timeout) {
+    std::array<std::byte, 1> octet{};
+    return exchange(DatagramCommand::brd, 0, octet, timeout) >= 0;
 }
 
 Result<> Session::run_once(Request& request, Between* between, Duration limit) {

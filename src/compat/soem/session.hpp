@@ -17,6 +17,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <span>
 #include <string>
 #include <thread>
@@ -101,6 +102,18 @@ class Session {
     int exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
                  bool again = true);
 
+    // Whether a frame comes back, within the time that the interface waits for one: EC_TIMEOUTRET3. The library would
+    // wait longer.
+    [[nodiscard]] bool is_answered(Duration timeout = std::chrono::milliseconds(6));
+
+    // Slaves that ecx_recover_slave() searches. When one is there again, the library has taken it out of the cycle,
+    // because another device may have been at its place: in SAFEOP or OP it has no process data. settle_lost() takes
+    // such slaves to INIT, from where the program configures them again. False: one of them does not go there yet.
+    void note_lost(const std::vector<std::uint16_t>& slaves);
+    bool settle_lost();
+    // The next scan has other slaves.
+    void forget_lost();
+
     static constexpr std::size_t kFlights = 16;
     // Of a frame index of the program.
     [[nodiscard]] Flight& flight_of(std::size_t index) { return flights_[index % kFlights]; }
@@ -183,6 +196,7 @@ class Session {
     Time states_at_{};         // not before
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
+    std::set<std::uint16_t> lost_;  // with the lock of the session
     std::recursive_mutex eeprom_mutex_;
     std::map<Half, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;

@@ -20,7 +20,7 @@ bool is_silent(const Error& error) {
 
 // Reads the AL status of all slaves. False: no slave answers.
 bool read_all(Session& session) {
-    if (!is_answered(session)) return false;
+    if (!session.is_answered()) return false;
     ReadStateRequest request;
     const auto read = session.run(request);
     return read.ok() || !is_silent(read.error());
@@ -78,7 +78,8 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
         const std::uint16_t station = slave == 0 ? std::uint16_t{0} : slaves_of(*context)[slave].configadr;
         return session->exchange(command, address_of(station, ECT_REG_ALCTL), octets, us(EC_TIMEOUTRET3));
     }
-    if (!is_answered(*session)) return EC_NOFRAME;
+    if (!session->is_answered()) return EC_NOFRAME;
+    (void)session->settle_lost();
     const int all = slave == 0 ? slave_count(*context) : 1;
     const int first = slave == 0 ? 1 : slave;
     const int last = slave == 0 ? slave_count(*context) : slave;

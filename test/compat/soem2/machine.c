@@ -175,7 +175,7 @@ static void fall(uint16 slave) {
     uint16 word = htoes(EC_STATE_PRE_OP);
     const int before = hooks;
     int n;
-    MUST(ecx_FPWR(&ctx.port, ctx.slavelist[slave].configadr, ECT_REG_ALCTL, sizeof(word), &word, EC_TIMEOUTRET3) == 1);
+    MUST(ecx_FPWR(&ctx.port, ctx.slavelist[slave].configadr, ECT_REG_ALCTL, sizeof(word), &word, EC_TIMEOUTSAFE) == 1);
     wait_cycles(20);
     for (n = 0; n < 2000 && (ctx.slavelist[slave].state != EC_STATE_OPERATIONAL || hooks == before); ++n) osal_usleep(2000);
     MUST(ctx.slavelist[slave].state == EC_STATE_OPERATIONAL);
