@@ -127,14 +127,13 @@ Result<std::uint32_t> CyclePace::exchange(Duration timeout) {
 }
 
 std::string CyclePace::advice() const {
-    const auto unexpected = ctx_.statistics().unexpected - unexpected_before_;
-    if (figures_.no_frame == 0 || unexpected == 0) return {};
-    return fmt::format(
-        "{} that no cycle waited for: late, doubled or unknown. A cycle waits {} µs; if frames need longer, use a "
-        "longer "
-        "--period",
-        counted(unexpected, "frame came back", "frames came back"),
-        std::chrono::duration_cast<std::chrono::microseconds>(options_.reply_timeout()).count());
+    if (figures_.no_frame == 0) return {};
+    auto text = fmt::format("a cycle waits {} µs for its frames: if they need longer, use a longer --period",
+                            std::chrono::duration_cast<std::chrono::microseconds>(options_.reply_timeout()).count());
+    if (const auto unexpected = ctx_.statistics().unexpected - unexpected_before_; unexpected != 0)
+        text += fmt::format(" ({} that no cycle waited for: late, doubled or unknown)",
+                            counted(unexpected, "frame came back", "frames came back"));
+    return text;
 }
 
 Result<> CyclePace::send() {

@@ -52,8 +52,7 @@ class CyclePace {
     // Exchanges process data and counts the cycle: sends at once, or at the time that --send-at asks for, and receives.
     // Returns the error of sending, or the result of receive_processdata().
     [[nodiscard]] Result<std::uint32_t> exchange(Duration timeout);
-    // Says that frames came back that no cycle waited for any more, and what to do if they were late. Empty: none did,
-    // or all cycles had their frames.
+    // How long the cycles have waited, and what to do if that is too short. Empty: all cycles had their frames.
     [[nodiscard]] std::string advice() const;
     // Why the program must end: an overrun, and the user wants to stop then. Empty: it continues.
     [[nodiscard]] const std::string& stopped() const { return stopped_; }

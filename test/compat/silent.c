@@ -49,10 +49,10 @@ int main(int argc, char** argv) {
     MUST_LAST(15000, ec_statecheck(2, EC_STATE_SAFE_OP, 2000), EC_STATE_NONE);
     ec_slave[2].state = EC_STATE_PRE_OP;
     MUST_LAST(15000, ec_writestate(2), EC_NOFRAME);
-    MUST_LAST(30000, ec_recover_slave(2, 500), 0);
-    MUST_LAST(40000, ec_reconfig_slave(2, 500), 0);
+    MUST_LAST(40000, ec_recover_slave(2, 500), 0);
+    MUST_LAST(50000, ec_reconfig_slave(2, 500), 0);
     MUST(ec_slave[2].state == EC_STATE_NONE);
-    MUST_LAST(30000, ec_configdc(), FALSE);
+    MUST_LAST(40000, ec_configdc(), FALSE);
     MUST_LAST(100000, ec_config_init(FALSE), EC_NOFRAME);
     MUST(ec_config_init(FALSE) == 2);
     ec_config_map(&IOmap);
