@@ -42,12 +42,14 @@ void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number
 }
 
 // The clock whose time the cycle of the group carries: the first one of the segment, if the group has any clock.
-// Another one would write zeros into the clocks before it.
-std::uint16_t clock_of(ecx_contextt& context, std::uint8_t group) {
+// Another one would write zeros into the clocks before it. ecx_configdc() finds that some chips with the feature have
+// no clock that runs. With the lock.
+std::uint16_t clock_of(ecx_contextt& context, Session& session, std::uint8_t group) {
     std::uint16_t first = 0;
     for (int n = 1; n <= slave_count(context); ++n) {
         const ec_slavet& s = slaves_of(context)[n];
-        if (s.hasdc == 0) continue;
+        const ClockKind kind = slave_clock(session.context(), static_cast<std::uint16_t>(n)).kind;
+        if (s.hasdc == 0 || kind == ClockKind::none || kind == ClockKind::receive_times) continue;
         if (first == 0) first = static_cast<std::uint16_t>(n);
         if (takes_part(s, group)) return first;
     }
@@ -370,7 +372,7 @@ int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool over
         session->facts(group).blocked = groups_of(context)[group].blockLRW;
         config.block_lrw = groups_of(context)[group].blockLRW != 0;
         if (group != 0) config.start = {static_cast<std::uint32_t>(group) << EC_LOGGROUPOFFSET};
-        config.dc_reference = clock_of(context, group);
+        config.dc_reference = clock_of(context, *session, group);
     }
     map(context, *session, request, hooks);
     const int used = show_group(context, *session, group, static_cast<std::uint8_t*>(image), overlapped);
