@@ -105,6 +105,8 @@ class Bus {
 
     // The segment is scanned again; transfers that have not begun wait for that. For the owner, before activation.
     void scan_again() { search.again = scan_busy = true; }
+    // Before activation: waits while the segment is scanned, at most 3 s.
+    void await_scan() const;
 
     // Reads the receive times of all ports (ports.cpp). For the owner, before activation.
     void measure_ports();

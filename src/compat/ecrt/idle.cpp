@@ -11,6 +11,10 @@ namespace margay::compat::ecrt {
 
 using namespace std::chrono_literals;
 
+void Bus::await_scan() const {
+    for (int n = 0; n < 3000 && !active && scan_busy; ++n) std::this_thread::sleep_for(1ms);
+}
+
 void Bus::start_idle() {
     if (idle.joinable()) return;
     stop = false;

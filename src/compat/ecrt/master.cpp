@@ -215,8 +215,7 @@ int ecrt_master_activate(ec_master_t* master) {
     if (!may_configure(*master, "ecrt_master_activate")) return -EPERM;
     Bus& bus = *master->bus;
     // Directly behind ecrt_master_deactivate(): a scan that is cut short has no aliases, and places would be guessed.
-    for (int n = 0; n < 3000 && !bus.active && bus.scan_busy; ++n)
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    bus.await_scan();
     const std::lock_guard lock(bus.config_mutex);
     if (bus.active) {
         say("master %u is active already", bus.index);

@@ -15,8 +15,10 @@ bool valid_sync(std::uint8_t index) { return index < EC_MAX_SYNC_MANAGERS; }
 
 // The slave's own PDOs, where the program has set none. Waits for the slave; once for a configuration.
 void ask_slave(ec_slave_config& config) {
+    if (config.asked) return;
+    config.bus.await_scan();
     Slave slave;
-    if (config.asked || !config.bus.slave_of(config, slave)) return;
+    if (!config.bus.slave_of(config, slave)) return;
     config.asked = true;
     const auto known = pdos_of(config.bus, slave);
     for (std::size_t n = 0; n < known->syncs.size(); ++n)

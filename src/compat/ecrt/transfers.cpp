@@ -102,8 +102,7 @@ bool is_configured(Bus& bus, const Slave& slave) {
 }
 
 void await_start(Bus& bus, std::uint16_t position, Ready wanted) {
-    for (int n = 0; !bus.active && bus.scan_busy && n < 3000; ++n)
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    bus.await_scan();
     for (int n = 0; bus.active && n < (bus.cycling ? 10000 : 3000); ++n) {
         if (bus.cycling && pthread_equal(bus.owner, pthread_self()) != 0) return;  // waiting would be for ever
         if (is_ready(bus, position, wanted)) return;
