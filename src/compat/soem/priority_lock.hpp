@@ -53,4 +53,27 @@ class PriorityLock {
     std::atomic<std::uint32_t> word_{0};
 };
 
+// The same for a thread that may have the lock already. A thread that waits gets it next.
+class RecursivePriorityLock {
+  public:
+    void lock() noexcept {
+        const std::uint32_t me = PriorityLock::thread();
+        if (owner_.load(std::memory_order_relaxed) != me) {
+            lock_.lock();
+            owner_.store(me, std::memory_order_relaxed);
+        }
+        ++depth_;
+    }
+    void unlock() noexcept {
+        if (--depth_ != 0) return;
+        owner_.store(0, std::memory_order_relaxed);
+        lock_.unlock();
+    }
+
+  private:
+    PriorityLock lock_;
+    std::atomic<std::uint32_t> owner_{0};  // written by the thread that has the lock
+    unsigned depth_ = 0;
+};
+
 }  // namespace margay::soem

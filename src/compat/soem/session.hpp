@@ -150,8 +150,8 @@ class Session {
 
     // Held while a call uses the EEPROM of a slave, or what is known of it, and while a call configures slaves. Hooks
     // make such calls again.
-    using EepromLock = std::unique_lock<std::recursive_mutex>;
-    [[nodiscard]] EepromLock lock_eeproms() { return EepromLock(eeprom_mutex_); }
+    using EepromLock = std::unique_lock<RecursivePriorityLock>;
+    [[nodiscard]] EepromLock lock_eeproms() { return EepromLock(eeprom_lock_); }
     // The words that a thread reads in two calls, by the address of the slave. Use it with the lock.
     using Half = std::pair<std::thread::id, std::uint16_t>;
     [[nodiscard]] std::map<Half, std::uint16_t>& half_readings() { return half_readings_; }
@@ -197,7 +197,7 @@ class Session {
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
     std::set<std::uint16_t> lost_;  // with the lock of the session
-    std::recursive_mutex eeprom_mutex_;
+    RecursivePriorityLock eeprom_lock_;
     std::map<Half, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;
     std::vector<ShownSyncManagers> shown_;
