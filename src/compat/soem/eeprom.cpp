@@ -55,15 +55,15 @@ bool Eeprom::command(std::uint16_t command, std::uint16_t word, std::uint16_t da
     return session_.exchange(write, address_of(address_, ECT_REG_EEPCTL), sent, kFrame, false) > 0;
 }
 
-// Clears an earlier error.
-bool Eeprom::is_free(const Look& shown) { return (shown.status & kErrors) == 0 || command(EC_ECMD_NOP, kNoWord); }
+// Of an earlier command. False: there are some, and the command that clears them may be lost.
+bool Eeprom::clear_errors(const Look& shown) { return (shown.status & kErrors) == 0 || command(EC_ECMD_NOP, kNoWord); }
 
 bool Eeprom::begin(std::uint16_t word, Duration timeout) {
     const Time until = later(session_.now(), timeout);
     for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {  // commands may be lost
         Look shown;
         if (!wait_ready(shown, timeout)) return false;
-        if (is_free(shown) && command(EC_ECMD_READ, word)) return true;
+        if (clear_errors(shown) && command(EC_ECMD_READ, word)) return true;
     }
     return false;
 }
@@ -78,7 +78,7 @@ std::optional<std::uint64_t> Eeprom::end(std::uint16_t word, Duration timeout) {
         const bool refused = (shown.status & kErrors) != 0;
         if (!refused && shown.word == word) return shown.data;
         if (refused) session_.pause(kRefused);
-        if (is_free(shown)) (void)command(EC_ECMD_READ, word);
+        if (clear_errors(shown)) (void)command(EC_ECMD_READ, word);
     }
     return std::nullopt;
 }
@@ -113,7 +113,7 @@ bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
     for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {
         Look shown;
         if (!wait_ready(shown, timeout)) return false;
-        if (!is_free(shown) || !command(EC_ECMD_WRITE, word, octets)) continue;  // a frame may be lost
+        if (!clear_errors(shown) || !command(EC_ECMD_WRITE, word, octets)) continue;  // a frame may be lost
         if (!wait_ready(shown, timeout)) return false;
         if ((shown.status & kErrors) != 0) {  // no acknowledgement: once more
             session_.pause(kRefused);

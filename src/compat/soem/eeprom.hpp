@@ -33,7 +33,7 @@ class Eeprom {
     bool look(Look& shown);
     bool wait_ready(Look& shown, Duration timeout);
     bool command(std::uint16_t command, std::uint16_t word, std::uint16_t data = 0);
-    bool is_free(const Look& shown);
+    bool clear_errors(const Look& shown);
     bool begin(std::uint16_t word, Duration timeout);
     std::optional<std::uint64_t> end(std::uint16_t word, Duration timeout);
 

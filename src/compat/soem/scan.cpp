@@ -183,15 +183,14 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     std::array<std::byte, 2> octets{};
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
     if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1) return 1;
-    if (!session->is_answered(us(EC_TIMEOUTSAFE))) return 0;
-    session->note_lost(slaves_without_answer(*context, *session));
     // When frames are lost, slaves may have their addresses again without the library knowing them.
     constexpr int kMostTries = 5;
     margay::RecoverRequest request;
     request.slave = slave;
-    bool found = session->run(request).ok();
-    for (int n = 1; n < kMostTries && !found && session->is_answered(us(EC_TIMEOUTSAFE)); ++n) {
-        (void)slaves_without_answer(*context, *session);
+    bool found = false;
+    for (int n = 0; n < kMostTries && !found; ++n) {
+        if (!session->is_answered(us(EC_TIMEOUTSAFE))) return 0;
+        session->note_lost(slaves_without_answer(*context, *session));
         found = session->run(request).ok();
     }
     return session->settle_lost() && found ? 1 : 0;
