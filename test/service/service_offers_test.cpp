@@ -67,7 +67,7 @@ TEST_F(ServiceTest, ASlaveWithAnErrorIsNamed) {
         << "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_in_8\"\nsii_status = 0x2000\n";
     configure("a.toml", "source = \"sim:" + (folder.path() / "b.toml").string() + "\"\n");
     const auto ran = shell(
-        "start; says 'a: 2 slaves found'; e a slaves; echo \"ends $?\"; e a slaves -q 2>quiet; wc -c <quiet\n"
+        "start; says 'a: slave 1: SAFEOP to OP'; e a slaves; echo \"ends $?\"; e a slaves -q 2>quiet; wc -c <quiet\n"
         "stop\n");
     EXPECT_TRUE(contains(ran.out, "  E  ")) << ran.out << content_of(folder.path() / "log");
     EXPECT_TRUE(ran.out.ends_with("ends 1\n" + ran.out.substr(0, ran.out.find("ends 1\n")) + "0\n")) << ran.out;
