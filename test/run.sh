@@ -1,7 +1,9 @@
 #!/bin/sh
 # Builds everything and runs all tests, each once: those that measure optimised code, execute programs or need real time
 # without sanitizers in build/, all others under AddressSanitizer and UndefinedBehaviorSanitizer in build-sanitized/, then
-# the tests with threads again under ThreadSanitizer in build-threads/. Stops at the first of these runs that fails.
+# the tests with threads again under ThreadSanitizer in build-threads/. Stops at the first of these runs that fails. A test that
+# fails runs once more when all others have ended: a machine that others use too may keep a program of a test from the processor
+# for longer than the test waits. The last lines name such a test. A report of a sanitizer always fails the run.
 #
 #   sh test/run.sh [--quick] [--no-skips] [ctest arguments …]
 #
@@ -69,6 +71,15 @@ failures() {
     ' "$records/log"
 }
 
+# failed_alone FOLDER: runs the failed tests again, one at a time. Succeeds if all of them pass now.
+failed_alone() {
+    if grep -q 'ERROR: [A-Z][a-z]*Sanitizer:\|WARNING: ThreadSanitizer:\|: runtime error: \|\*\*\*Exception' "$records/log"; then return 1; fi
+    failures
+    ctest --test-dir "$1" --rerun-failed --output-on-failure --output-log "$records/alone" || return 1
+    sed -n 's|^ *[0-9]*/[0-9]* Test *#[0-9]*: \([^ ]*\) .* Passed .*|'"$1"': \1 failed among others and passed alone|p' \
+        "$records/alone" >>"$records/summaries"
+}
+
 # run FOLDER CMAKE_ARGUMENT … -- CTEST_ARGUMENT …
 run() {
     folder=$1
@@ -90,7 +101,7 @@ run() {
     : >"$records/log"
     # A test that computes counts as two, so that no more of them run than there are processors. One that waits counts as one.
     step "$folder: tests" ctest --test-dir "$folder" --parallel $((2 * $(nproc))) --output-on-failure \
-        --output-log "$records/log" "$@" || { echo "Failed in $folder:"; failures; exit 1; } >&2
+        --output-log "$records/log" "$@" || failed_alone "$folder" || { echo "Failed in $folder:"; failures; exit 1; } >&2
     sed -n "s|^[0-9]*% tests passed.*|$folder: &|p" "$records/log" >>"$records/summaries"
     # ctest names the tests that it skipped. Where an entry of ctest is many tests, their output names them.
     grep '(Skipped)$' "$records/log" >"$records/skipped" || true

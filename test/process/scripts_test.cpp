@@ -90,6 +90,44 @@ TEST_F(Checkout, ARunEndsWithTheTimeOfEachStepAndTheSummaries) {
     EXPECT_TRUE(ran.out.ends_with(end)) << ran.out;
 }
 
+// ctest's part of a run with one test that failed among others: `output` is what the test printed, `alone` what ctest
+// says of the second run.
+TEST_F(Checkout, AFailedTestRunsOnceMoreAloneUnlessASanitizerOrACrashReportedIt) {
+    const auto run = [&](const std::string& output, const std::string& alone, int status) {
+        folder.write_script("bin/ctest",
+                            "echo \"ctest $*\" >>'" + file("log") +
+                                "'\n"
+                                "case $* in *--rerun-failed*) again=yes;; esac\n"
+                                "while [ $# -gt 0 ]; do case $1 in --output-log) log=$2;; esac; shift; done\n"
+                                "if [ \"$again\" ]; then echo '1/1 Test #3: service/shard_2 ........ " +
+                                alone + "  0.10 sec' >\"$log\"; exit " + std::to_string(status) +
+                                "; fi\n"
+                                "printf '%s\\n' '3/7 Test #3: service/shard_2 ...***Failed  1.0 sec' '" +
+                                output + "' '86% tests passed, 1 tests failed out of 7' >\"$log\"; exit 8\n");
+        folder.write("log", "");
+        return script("sh test/run.sh --quick");
+    };
+    const auto late = run("too late", "  Passed ", 0);
+    EXPECT_EQ(late.status, 0) << late.err;
+    EXPECT_TRUE(contains(late.out, "too late")) << "what failed is shown: " << late.out;
+    EXPECT_TRUE(
+        late.out.ends_with("\nbuild: service/shard_2 failed among others and passed alone\n"
+                           "build: 86% tests passed, 1 tests failed out of 7\n"))
+        << late.out;
+
+    const auto wrong = run("wrong", "***Failed", 8);
+    EXPECT_EQ(wrong.status, 1);
+    EXPECT_TRUE(contains(wrong.err, "Failed in build:\n3/7 Test #3: service/shard_2")) << wrong.err;
+
+    for (const auto* report :
+         {"==7==ERROR: AddressSanitizer: heap-use-after-free", "WARNING: ThreadSanitizer: data race",
+          "a.cpp:3:1: runtime error: signed integer overflow", "8/9 Test #8: a ...***Exception: SegFault"}) {
+        const auto ran = run(report, "  Passed ", 0);
+        EXPECT_EQ(ran.status, 1) << report;
+        EXPECT_FALSE(contains(log(), "--rerun-failed")) << report;
+    }
+}
+
 TEST_F(Checkout, CompilersFitIntoTheMemory) {
     const auto compilers = [&](const std::string& meminfo) {
         folder.write("meminfo", meminfo);
