@@ -2,6 +2,7 @@
 
 #include "network/by_address.hpp"
 #include "network/places.hpp"
+#include "network/ring_reading.hpp"
 #include "network/scan.hpp"
 #include "network/topology.hpp"
 
@@ -294,6 +295,7 @@ Task<Result<>> RingWatch::find_beginning(Network& network) {
 }
 
 Task<Result<>> RingWatch::read_ports(Network& network) {
+    const Searching searching(network);
     const std::uint32_t changes = ring_.changes();
     const auto read_one = [&network](Slave& s) { return read_dl_status(network, s); };
     co_await required(for_each_slave(network, read_one));

@@ -401,7 +401,9 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         co_return Nothing{};
     }
     doubt_after_silence(watch);
-    if (network.redundancy != nullptr && network.redundancy->are_ports_old() && !network.segment_in_use) {
+    // A search keeps the places that it has read until it has ended.
+    const bool in_use = network.segment_in_use || network.searching;
+    if (network.redundancy != nullptr && network.redundancy->are_ports_old() && !in_use) {
         co_await required(network.redundancy->read_ports(network));
     }
     (void)count_lost_frames(watch);

@@ -153,6 +153,25 @@ TEST_F(EqualRing, ABridgedLastSlaveIsNotGuessed) {
     for (const std::size_t n : {1U, 2U, 3U, 4U}) EXPECT_EQ(bus->ctx->slave(n).al.state, AlState::op) << n;
 }
 
+// Slave 1 is back and closes the ring while a search asks the slave at the branch who it is: the places of the search
+// stay those of the broken ring.
+TEST_F(EqualRing, TheRingIsClosedDuringASearch) {
+    for (unsigned apart = 0; apart <= 24; ++apart) {
+        SCOPED_TRACE(std::to_string(apart) + " cycles apart");
+        build_with_branch(1, 2, Serials::none);
+        power(1, false);
+        drive(300);
+        power(8, false);
+        drive(300);
+        power(8, true);
+        drive(apart);
+        power(1, true);
+        for (unsigned n = 0; n < 10 && !bus->all_in_op(); ++n) drive(100);
+        EXPECT_TRUE(bus->all_in_op()) << bus->joined(bus->events());
+        EXPECT_EQ(wrong, 0U);
+    }
+}
+
 // Within a millisecond one slave comes and another one goes: as many slaves answer as before.
 TEST_F(EqualRing, ABreakThatMovesIsNoticed) {
     build(6, false);
