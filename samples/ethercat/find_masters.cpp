@@ -118,6 +118,9 @@ std::unique_ptr<Session> open_session(unsigned index, const Place& place, const 
 }  // namespace
 
 Answer<std::vector<Master>> find_masters(const Arguments& arguments) {
+    for (const auto* option : {"attach", "source"})
+        if (const auto values = arguments.values(option); std::ranges::find(values, "") != values.end())
+            return Problem{fmt::format("--{} is empty", option), samples::exit_code::kUsage};
     const auto places = places_of(arguments);
     if (places.empty())
         return Problem{"no source: use --source, or set MARGAY_MASTER0, or --attach; see ethercat --help",

@@ -32,7 +32,7 @@ std::string Client::connect(const std::string& path) {
     path_ = path;
     given_up_ = false;
     SocketAddress address;
-    if (!address.set(path)) return path + ": the path is empty, or too long for a socket";
+    if (auto error = address.set(path); !error.empty()) return error;
     fd_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd_ < 0) return path + ": no application can be reached: " + std::strerror(errno);
     // A stopped application takes no connections: when too many wait already, this one finds no place (EAGAIN).

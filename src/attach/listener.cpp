@@ -46,7 +46,7 @@ std::string Listener::replace_left_behind() {
     if (::lstat(path_.c_str(), &found) != 0) return {};
     if (!S_ISSOCK(found.st_mode)) return path_ + ": is there and is no socket";
     SocketAddress address;
-    if (!address.set(path_)) return path_ + ": the path is too long for a socket";
+    if (auto error = address.set(path_); !error.empty()) return error;
     const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (probe < 0) return failed(path_, "no socket");
     const bool dead = ::connect(probe, address.pointer(), address.bytes()) != 0 && errno == ECONNREFUSED;
@@ -79,7 +79,7 @@ std::string Listener::set_access(const AttachSettings& settings) const {
 // No client can connect before listen(), and the permissions are right by then.
 std::string Listener::bind_and_listen(const AttachSettings& settings) {
     SocketAddress address;
-    if (!address.set(path_)) return path_ + ": the path is empty, or too long for a socket";
+    if (auto error = address.set(path_); !error.empty()) return error;
     if (auto error = replace_left_behind(); !error.empty()) return error;
     fd_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd_ < 0) return failed(path_, "no socket");

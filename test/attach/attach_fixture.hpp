@@ -67,7 +67,7 @@ class Raw {
   public:
     explicit Raw(const std::string& path) : fd_(::socket(AF_UNIX, SOCK_STREAM, 0)) {
         attach::SocketAddress address;
-        connected_ = address.set(path) && ::connect(fd_, address.pointer(), address.bytes()) == 0;
+        connected_ = address.set(path).empty() && ::connect(fd_, address.pointer(), address.bytes()) == 0;
     }
     ~Raw() { ::close(fd_); }
     Raw(const Raw&) = delete;

@@ -203,7 +203,7 @@ TEST_F(Attach, ASocketThatIsServedIsNotReplacedAndOneThatWasLeftBehindIs) {
     EXPECT_NE(second.error().find("another program serves this socket"), std::string::npos) << second.error();
     const std::string left = folder + "/left.sock";
     attach::SocketAddress address;
-    ASSERT_TRUE(address.set(left));
+    ASSERT_EQ(address.set(left), "");
     const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
     ASSERT_EQ(::bind(fd, address.pointer(), address.bytes()), 0);
     ::close(fd);
@@ -212,6 +212,10 @@ TEST_F(Attach, ASocketThatIsServedIsNotReplacedAndOneThatWasLeftBehindIs) {
     EXPECT_NE(nobody.error().find("there is no user 'no-such-user'"), std::string::npos) << nobody.error();
     AttachServer nowhere(ctx, folder + "/no/such/folder.sock");
     EXPECT_NE(nowhere.error().find("cannot be bound"), std::string::npos) << nowhere.error();
+    EXPECT_EQ(AttachServer(ctx, "").error(), "the path of the socket is empty");
+    const std::string longest(107, 'a');
+    EXPECT_EQ(AttachServer(ctx, longest + 'a').error(),
+              longest + "a: the path has 108 octets, and the path of a socket has at most 107");
 }
 
 TEST_F(Attach, AnOwnerThatDoesNotPollIsToldAndTheServerEnds) {
@@ -233,7 +237,7 @@ TEST_F(Attach, AnOwnerThatDoesNotPollIsToldAndTheServerEnds) {
 TEST_F(Attach, AClientThatIsNotAnsweredIsAskedWhetherItWaits) {
     const std::string silent = folder + "/silent.sock";
     attach::SocketAddress address;
-    ASSERT_TRUE(address.set(silent));
+    ASSERT_EQ(address.set(silent), "");
     const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
     ASSERT_EQ(::bind(fd, address.pointer(), address.bytes()), 0);
     ASSERT_EQ(::listen(fd, 1), 0);
@@ -267,7 +271,7 @@ TEST(AttachClient, AnApplicationThatTakesNoConnectionIsNotWaitedForWithoutAWord)
     ASSERT_NE(::mkdtemp(folder.data()), nullptr);
     const std::string path = folder + "/s.sock";
     attach::SocketAddress address;
-    ASSERT_TRUE(address.set(path));
+    ASSERT_EQ(address.set(path), "");
     const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
     ASSERT_EQ(::listen(listener, 0), 0);

@@ -126,7 +126,7 @@ void serve_octets(int listener, unsigned connections, After after = After::refus
 
 TEST_F(EthercatAttach, TextsOfAnotherProgramHaveNoControlCharacters) {
     attach::SocketAddress address;
-    ASSERT_TRUE(address.set(folder.path() / "s.sock"));
+    ASSERT_EQ(address.set(folder.path() / "s.sock"), "");
     const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
     ASSERT_EQ(::listen(listener, 4), 0);
@@ -145,7 +145,7 @@ TEST_F(EthercatAttach, AFileThatIsWrittenIsSaidToBeWritten) {
           std::pair(After::gone, "did not come back: it is not there")}) {
         const std::string socket = after == After::gone ? "gone.sock" : "other.sock";
         attach::SocketAddress address;
-        ASSERT_TRUE(address.set(folder.path() / socket));
+        ASSERT_EQ(address.set(folder.path() / socket), "");
         const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
         ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
         ASSERT_EQ(::listen(listener, 4), 0);
@@ -161,7 +161,7 @@ TEST_F(EthercatAttach, AFileThatIsWrittenIsSaidToBeWritten) {
 
 TEST_F(EthercatAttach, AnswersWithTooFewOctetsAreRefused) {
     attach::SocketAddress address;
-    ASSERT_TRUE(address.set(folder.path() / "s.sock"));
+    ASSERT_EQ(address.set(folder.path() / "s.sock"), "");
     const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
     ASSERT_EQ(::listen(listener, 4), 0);
@@ -178,7 +178,7 @@ TEST_F(EthercatAttach, AnswersWithTooFewOctetsAreRefused) {
 
 TEST_F(EthercatAttach, AnApplicationThatEndsBeforeItsAnswerIsASystemError) {
     attach::SocketAddress address;
-    ASSERT_TRUE(address.set(folder.path() / "s.sock"));
+    ASSERT_EQ(address.set(folder.path() / "s.sock"), "");
     const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     ASSERT_EQ(::bind(listener, address.pointer(), address.bytes()), 0);
     ASSERT_EQ(::listen(listener, 4), 0);

@@ -121,6 +121,8 @@ TEST_F(EthercatSegment, WorksOnSeveralMasters) {
     fails("", "slaves -p 0 -m 1,4-6 " + both, 2, "no master is selected by --master 4-6");
     fails("", "slaves -m 5 " + both, 2, "no master is selected by --master 5: 2 masters have a source");
     fails("", "upload -p 0 0x1018 1 " + both, 2, "upload works on one master, and 2 are selected: use --master");
+    fails("", "slaves --attach ''", 2, "--attach is empty");
+    fails("", "slaves --source sim:demo --source ''", 2, "--source is empty");
     const auto none = folder.run("unset MARGAY_MASTER0; " + program + " slaves");
     EXPECT_EQ(none.status, 2);
     EXPECT_TRUE(contains(none.err, "ethercat: no source: use --source, or set MARGAY_MASTER0")) << none.err;
