@@ -21,14 +21,14 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
     return alignof(std::uint64_t) == 8 ? actual == constant : actual <= constant;
 }
-static_assert(is_size(sizeof(Master), 6648, 4720), "context_bytes(): kFixedBytes");
+static_assert(is_size(sizeof(Master), 6656, 4720), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 448, 376), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(is_size(sizeof(ClockEntry), 176, 176), "context_bytes(): kClockBytes");
 static_assert(is_size(sizeof(DelayNode), 40, 40), "context_bytes(): kDelayBytes");
 static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");
 static_assert(is_size(sizeof(SlaveMarks), 24, 24), "context_bytes(): kMarksBytes");
-static_assert(is_size(sizeof(ProcessGroup), 424, 320), "context_bytes(): kGroupBytes");
+static_assert(is_size(sizeof(ProcessGroup), 432, 328), "context_bytes(): kGroupBytes");
 static_assert(is_size(sizeof(PreparedFrame) +
                           ProcessTables::datagrams_for(1) *
                               (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)),

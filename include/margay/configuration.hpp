@@ -250,6 +250,11 @@ struct GroupConfiguration {
     std::uint8_t cycles_in_flight = 1;
     static constexpr std::uint8_t kMostCyclesInFlight = 4;
     LostInputs lost_inputs = LostInputs::keep;
+    // Inputs in the image change only within receive_processdata() of this group. poll(), calls that wait, and
+    // receive_processdata() of another group receive frames too: a reply of this group that such a call finds stays in
+    // its frame until this group is received. For applications in which a thread reads the image while another thread
+    // owns the context and polls. Counts from the next config_map() on. Always so where cycles_in_flight is 2 or more.
+    bool hold_inputs = false;
     // Executed after the application has set its outputs. A copy is not executed when one of its slaves is in another
     // group since the mapping: see what_is_wrong(). The caller's memory.
     Borrowed<SlaveToSlave> copies{};

@@ -29,12 +29,12 @@ struct Master;
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
     // Sizes of the parts of the library, for both sizes of pointers; context.cpp compares them with the real sizes.
     constexpr bool kWide = sizeof(void*) == 8;
-    constexpr std::size_t kFixedBytes = kWide ? 6648 : 4720;  // the engine, the queue of requests, one frame buffer
+    constexpr std::size_t kFixedBytes = kWide ? 6656 : 4720;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
     // The share of one slave in the memory of the running sequences, with a mailbox of 1 KiB. On a processor with
     // pointers of 32 bits the deepest sequence needs more than one share: see Limits::arena_bytes.
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
-    constexpr std::size_t kGroupBytes = kWide ? 424 : 320;
+    constexpr std::size_t kGroupBytes = kWide ? 432 : 328;
     constexpr std::size_t kProcessFrameBytes = kWide ? 1982 : 1882;  // a prepared frame with its datagrams
     constexpr std::size_t kMailboxBytes = kWide ? 448 : 376;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring

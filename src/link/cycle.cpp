@@ -64,6 +64,7 @@ SendStatus Link::send_rest(std::span<PreparedFrame> frames, SendStatus all, Time
 
 // Writes the index and the outputs into the frame.
 void Link::fill(PreparedFrame& frame, std::uint8_t index) {
+    if (frame.is_held()) drop_held(frame);
     for (PreparedDatagram& d : frame.datagrams) {
         std::byte* at = &frame.bytes[d.offset];
         at[1] = std::byte{index};
@@ -158,6 +159,7 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
 // After a frame that was lost, the time in the next one is too early: the clocks would take it if the reference was
 // lost meanwhile. So the next frame only reads the reference.
 void Link::mark_not_received(PreparedFrame& frame) {
+    if (frame.is_held()) drop_held(frame);
     frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
     for (PreparedReading& r : frame.readings) {
@@ -227,12 +229,13 @@ void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterRead
     // The reference shows this time by chance only: where cycles are exact, it would often show the expected time
     // itself.
     constexpr std::uint64_t kBeside_ns = 64;
+    const bool as_sent = sent.parked ? sent.no_time : std::memcmp(time, data, reading.bytes) == 0;
     std::array<std::byte, sizeof(std::uint64_t)> next{};
     store_le<std::uint64_t>(next, 0, (before.value == 0 ? into.value : 2 * into.value - before.value) + kBeside_ns);
     if (*head < kFirstWithTime) {
         ++reading.without;
         if (before.slaves != 0) *head = with_time(*head);
-    } else if ((before.slaves <= 1 || into.slaves < before.slaves) && std::memcmp(time, data, reading.bytes) == 0) {
+    } else if ((before.slaves <= 1 || into.slaves < before.slaves) && as_sent) {
         const MutableBytes address(head + 2, 2);
         const bool standby = reading.standby != 0 && load_le<std::uint16_t>(address) != reading.standby;
         *head = static_cast<std::byte>(standby ? Command::FPRD : Command::NOP);
@@ -306,7 +309,7 @@ bool Link::accept_prepared(Bytes frame, Time now, List<Waiter>& ready) {
     FrameSlot* slot = frames_.find(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
     if (slot == nullptr || slot->prepared == nullptr || !is_reply(*slot, frame)) return false;
     PreparedFrame& sent = *slot->prepared;
-    if (sent.overlapped)
+    if (sent.park != PreparedFrame::kNever && sent.park != receiving_)
         keep(sent, frame);
     else
         commit_frame(sent, frame);
@@ -324,13 +327,49 @@ void Link::accept_frame(Bytes frame, Time now, List<Waiter>& ready) {
     if (!accept_prepared(frame, now, ready)) accept_datagrams(frame, now, ready);
 }
 
+// A frame from the NIC while the cycle of the group of `awaited` is being received.
+void Link::accept_in_cycle(const PreparedFrame& awaited, Bytes frame, Time now, List<Waiter>& ready) {
+    receiving_ = awaited.park;
+    accept_frame(frame, now, ready);
+    receiving_ = PreparedFrame::kNever;
+}
+
 CycleEnd Link::receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready) {
     if (PreparedFrame& first = frames.front(); first.end == CycleEnd::unjudged)
         commit_short(first, first.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes]);
-    for (const PreparedFrame& frame : frames)
-        while (frame.slot != nullptr)
-            if (!receive_one(now, ready)) return CycleEnd::missing;
+    for (PreparedFrame& frame : frames)
+        if (frame.is_held()) commit_held(frame);
+    for (const PreparedFrame& frame : frames) {
+        while (frame.slot != nullptr) {
+            const std::size_t length = nic_.receive(buffer_);
+            if (length == 0) return CycleEnd::missing;
+            accept_in_cycle(frame, Bytes(buffer_.data(), length), now, ready);
+        }
+    }
     return CycleEnd::odd;
+}
+
+void Link::commit_held(PreparedFrame& frame) {
+    commit_frame(frame, frame.bytes);
+    drop_held(frame);
+}
+
+// The frame is again as frames are that never contained a reply.
+void Link::drop_held(PreparedFrame& frame) {
+    const auto clear = [&frame](std::size_t at, std::size_t bytes) {
+        std::ranges::fill(MutableBytes(frame.bytes).subspan(at, bytes), std::byte{0});
+    };
+    for (const PreparedDatagram& d : frame.datagrams)
+        clear(d.offset + wire::kDatagramHeaderBytes, d.bytes + wire::kWorkingCounterBytes);
+    for (const PreparedReading& r : frame.readings) {
+        const std::size_t data = r.offset + wire::kDatagramHeaderBytes;
+        // BRD combines by OR what is sent and what the slaves have. The time that is sent next is already in the frame.
+        if (frame.bytes[r.offset] == static_cast<std::byte>(Command::BRD)) clear(data, r.bytes);
+        clear(data + r.bytes, wire::kWorkingCounterBytes);
+    }
+    frame.parked = false;
+    frame.no_time = false;
+    frame.settle_form();
 }
 
 bool Link::receive_one(Time now, List<Waiter>& ready) {

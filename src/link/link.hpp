@@ -174,7 +174,10 @@ class Link {
     static void commit_frame(PreparedFrame& sent, Bytes frame);
     [[nodiscard]] bool accept_prepared(Bytes frame, Time now, List<Waiter>& ready);
     static void keep(PreparedFrame& sent, Bytes reply);
+    static void commit_held(PreparedFrame& frame);
+    static void drop_held(PreparedFrame& frame);
     void accept_frame(Bytes frame, Time now, List<Waiter>& ready);
+    void accept_in_cycle(const PreparedFrame& awaited, Bytes frame, Time now, List<Waiter>& ready);
     // Until this time the queue is left to the cycles.
     [[nodiscard]] Time cycles_until();
     static void remove_riders(PreparedFrame& frame);
@@ -211,7 +214,8 @@ class Link {
     bool down_ = false;             // the NIC had no link at cable_seen_ms_
     std::array<std::byte, wire::kMaxFrameBytes> buffer_{};  // the frame that is being built or read
     std::uint32_t cable_seen_ms_ = 0;
-    List<Waiter> early_;  // received by drain()
+    List<Waiter> early_;                               // received by drain()
+    std::uint16_t receiving_ = PreparedFrame::kNever;  // PreparedFrame::park of the cycle that is being received
 };
 
 }  // namespace margay

@@ -74,7 +74,7 @@ SendStatus Link::send_overlapped(std::span<PreparedFrame> frames, Duration since
 }
 
 // Collects the reply: copies it into the frame, and the end of the cycle commits it. The headers stay as they were
-// sent.
+// sent. Of an overlapped cycle, or of a held frame.
 void Link::keep(PreparedFrame& sent, Bytes reply) {
     const auto copy = [&](std::size_t offset, std::size_t bytes) {
         const std::size_t data = offset + wire::kDatagramHeaderBytes;
@@ -84,11 +84,12 @@ void Link::keep(PreparedFrame& sent, Bytes reply) {
     for (const PreparedReading& r : sent.readings) {
         const std::size_t data = r.offset + wire::kDatagramHeaderBytes;
         const bool is_time = sent.bytes[r.offset] != as_byte(wire::Command::BRD);
-        sent.no_time |= is_time && std::ranges::equal(Bytes(sent.bytes).subspan(data, r.bytes),
-                                                      reply.subspan(data, r.bytes));
+        sent.no_time |=
+            is_time && std::ranges::equal(Bytes(sent.bytes).subspan(data, r.bytes), reply.subspan(data, r.bytes));
         copy(r.offset, r.bytes);
     }
     sent.parked = true;
+    sent.settle_form();
 }
 
 bool Link::receive_overlapped(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready) {

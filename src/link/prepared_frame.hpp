@@ -62,7 +62,7 @@ struct PreparedFrame {
     FrameSlot* slot = nullptr;  // while it is in flight (not used for overlapped cycles): `own`, or a slot of the link
                                 // when datagrams ride along
     CycleEnd end = CycleEnd::missing;
-    bool plain = false;  // one datagram in which every slave takes part, and no reading
+    bool plain = false;  // one datagram in which every slave takes part, no reading, and no parked reply
     // Some slave does not take part. Inputs are then sent as they are in the image, so that the octets that no slave
     // writes come back unchanged.
     bool degraded = false;
@@ -71,8 +71,12 @@ struct PreparedFrame {
     bool apart = false;  // inputs are never sent: they overlap outputs in the image, or another thread sends the frame
     bool overlapped = false;  // of a cycle that one thread may send and another receive, see link/overlap.cpp
     bool refused = false;     // overlapped frames only: the NIC has not accepted it
-    bool parked = false;      // overlapped frames only: its reply is in `bytes`,
+    bool parked = false;      // its reply is in `bytes`,
     bool no_time = false;     // and has the time that was sent, so that the reference clock has not answered
+    // Whether its reply is parked. Any other value: unless a frame with this value is being received.
+    static constexpr std::uint16_t kNever = 0;
+    static constexpr std::uint16_t kAlways = 1;
+    std::uint16_t park = kNever;
     std::uint16_t size = wire::kFramePrefixBytes;  // octets without riders
     std::uint16_t last = 0;                        // offset of the last datagram, riders not counted
     std::uint16_t datagram_count = 0;              // readings included, riders not
@@ -82,13 +86,17 @@ struct PreparedFrame {
     FrameSlot own;
     std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as sent last
 
+    // A reply is parked until the group is received.
+    [[nodiscard]] bool is_held() const { return parked && !overlapped; }
     // Call it when the accepted working counters of its datagrams have changed.
     void settle() {
         degraded = doubted;
         regrouped = true;
         for (const PreparedDatagram& d : datagrams) degraded |= d.status->accepted != d.status->full;
-        plain = datagrams.size() == 1 && readings.empty() && !degraded;
+        settle_form();
     }
+    // Call it when `degraded` or `parked` has changed.
+    void settle_form() { plain = datagrams.size() == 1 && readings.empty() && !degraded && !parked; }
 };
 
 }  // namespace margay

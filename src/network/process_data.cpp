@@ -115,10 +115,9 @@ std::span<PreparedReading> append_readings(ProcessGroup& group, const ReadingPla
                                            wire::FrameBuilder& builder) {
     for (std::size_t n = 0; n < plans.count; ++n) {
         const ReadingPlan& plan = plans.at[n];
-        group.readings[n] = {
-            .offset = static_cast<std::uint16_t>(builder.size()),
-            .bytes = static_cast<std::uint8_t>(plan.bytes),
-            .into = &(group.*plan.into)};
+        group.readings[n] = {.offset = static_cast<std::uint16_t>(builder.size()),
+                             .bytes = static_cast<std::uint8_t>(plan.bytes),
+                             .into = &(group.*plan.into)};
         (void)builder.append(plan.command, 0, plan.address, plan.bytes);
     }
     return std::span(group.readings).first(plans.count);
@@ -130,8 +129,7 @@ void finish(PreparedFrame& frame, wire::FrameBuilder& builder) {
     frame.datagram_count = static_cast<std::uint16_t>(frame.datagrams.size() + frame.readings.size());
     frame.wire_bytes = static_cast<std::uint16_t>(wire::bytes_on_the_wire(frame.size));
     frame.slot = nullptr;
-    frame.refused = false;
-    frame.parked = false;
+    frame.refused = frame.parked = frame.no_time = false;
     frame.own.prepared = &frame;
     frame.own.length = static_cast<std::uint16_t>(frame.size - wire::kFramePrefixBytes);
     frame.end = CycleEnd::missing;
@@ -185,6 +183,8 @@ void build_frame(ProcessGroup& group, PreparedFrame& frame, std::span<PreparedDa
     // Overlapped frames do not send inputs: the inputs belong to the owner's thread, not to the sending thread.
     frame.overlapped = group.overlap.sets > 1;
     frame.apart = group.layout.overlapped || frame.overlapped;
+    const auto own = static_cast<std::uint16_t>(group.number + PreparedFrame::kAlways + 1);
+    frame.park = frame.overlapped ? PreparedFrame::kAlways : group.config.hold_inputs ? own : PreparedFrame::kNever;
     frame.owner = &kOwner;
     frame.group = &group;
 }
@@ -311,7 +311,7 @@ bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t ab
         return false;
     }
     for (const PreparedFrame& frame : group.prepared)
-        if (frame.slot != nullptr) return false;
+        if (frame.slot != nullptr || frame.parked) return false;
     const TimeSource source =
         reference == nullptr ? TimeSource{} : time_source_of(group.slaves, *reference, group.by_position);
     for (PreparedFrame& frame : group.prepared) {

@@ -46,8 +46,13 @@ std::unique_ptr<Session> Session::open(const std::string& source, const Limits& 
         say(source + ": the master does not begin");
         return nullptr;
     }
-    // Each poll sends what is queued, and does not wait for the next cycle.
-    for (std::size_t n = 0; n < limits.groups; ++n) session->context_.group(n).config.acyclic_bytes = 0;
+    // Each poll sends what is queued, and does not wait for the next cycle. A program reads inputs between its own
+    // calls while its other threads poll.
+    for (std::size_t n = 0; n < limits.groups; ++n) {
+        GroupConfiguration& config = session->context_.group(n).config;
+        config.acyclic_bytes = 0;
+        config.hold_inputs = true;
+    }
     session->inbox_ = std::make_unique<Inbox>(session->context_);
     return session;
 }
