@@ -20,15 +20,16 @@ bool is_before_reference(Network& network, const Slave& slave) {
 
 // How many frames have brought the time of the reference since the last round: frames of the cycle, and others.
 std::uint32_t times_since_last_round(Network& network) {
-    // A round may lie between the end of a cycle and the count of its lost frame: then the next round counts one less.
-    constexpr std::int16_t kUncounted = -1;
+    // A frame that is lost lowers the number, until the next frame comes back. By more, the count has begun anew.
+    constexpr std::int16_t kMostLost = 1000;
     Clocks& clocks = network.clocks;
     const std::uint32_t sent = std::exchange(clocks.times_sent, std::uint16_t{0});
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference != clocks.reference) continue;
         const std::uint16_t now = cycles_with_time(group);
         const auto times = static_cast<std::int16_t>(now - clocks.times_seen);
-        if (times != kUncounted) clocks.times_seen = now;
+        if (network.silent || (times < 0 && times >= -kMostLost)) return sent;
+        clocks.times_seen = now;
         return sent + (times > 0 ? static_cast<std::uint32_t>(times) : 0U);
     }
     return sent;
@@ -351,8 +352,7 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToke
     const bool begins = clocks.returning != slave.number;
     if (begins) {
         // Perhaps a slave that is being recovered becomes the reference now.
-        if (network.redundancy == nullptr && clocks.paused)
-            co_return Error{.code = Errc::busy, .slave = slave.number};
+        if (network.redundancy == nullptr && clocks.paused) co_return Error{.code = Errc::busy, .slave = slave.number};
         clocks.returning = slave.number;
         if (!carry_time_of(network, nullptr)) co_return Error{.code = Errc::busy, .slave = slave.number};
         // While it got what the master has sent, its rate has followed the jitter of the master.

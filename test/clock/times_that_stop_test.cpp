@@ -123,6 +123,20 @@ TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackSoonWhereTheWatchIsSlow) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
+// After a silence, only times that have come count: the register shows what was before the silence.
+TEST_F(TimesThatStop, AfterASilenceNoClockIsInSyncBeforeItIsCompared) {
+    begin(4);
+    segment.set_cable({0, 0}, false);
+    segment.slave(2).set_drift(80'000, osal.now());  // it was 60 ppm
+    cycles(3000);
+    segment.set_cable({0, 0}, true);
+    for (unsigned n = 0; n < 3000; ++n) {
+        cycles(1);
+        ASSERT_TRUE(!clock(3).in_sync || std::abs(ahead_ns(3)) <= 400) << ahead_ns(3) << " ns, cycle " << n;
+    }
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+}
+
 // The rounds of the watch that come sooner in a silence do not count as intervals: the clocks go on at their rates.
 TEST_F(TimesThatStop, AShortSilenceEndsNoSyncWhereTheWatchIsSlow) {
     begin(4, 100ms);
