@@ -138,7 +138,7 @@ int config_init(ecx_contextt& context) {
     if (session == nullptr) return EC_NOFRAME;
     const auto lock = session->lock_eeproms();
     clear(context);
-    session->forget_lost();
+    session->forget_lost(0);
     // As long as the interface waits for the first frame. The library would wait longer for a link.
     for (const Time until = later(session->now(), us(EC_TIMEOUTSAFE)); session->link_is_down();) {
         if (session->now() >= until) return EC_NOFRAME;
@@ -182,7 +182,8 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     const auto lock = session->lock_eeproms();
     std::array<std::byte, 2> octets{};
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
-    if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1) return 1;
+    if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1)
+        return session->settle_lost(slave) ? 1 : 0;
     // When frames are lost, slaves may have their addresses again without the library knowing them.
     constexpr int kMostTries = 5;
     margay::RecoverRequest request;
@@ -193,7 +194,7 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
         session->note_lost(slaves_without_answer(*context, *session));
         found = session->run(request).ok();
     }
-    return session->settle_lost() && found ? 1 : 0;
+    return found && session->settle_lost(slave) ? 1 : 0;
 }
 
 int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
@@ -207,6 +208,7 @@ int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
         margay::ReconfigRequest request;
         request.slave = slave;
         configured = session->run(request, &hooks).ok();
+        if (configured) session->forget_lost(slave);
     }
     const int state = read_state(*context, *session, slave);
     return configured || state < EC_STATE_SAFE_OP ? state : 0;

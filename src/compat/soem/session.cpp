@@ -121,39 +121,93 @@ void Session::note_lost(const std::vector<std::uint16_t>& slaves) {
     lost_.insert(slaves.begin(), slaves.end());
 }
 
-void Session::forget_lost() {
+void Session::forget_lost(std::uint16_t asked) {
     const Guard guard(*this);
-    lost_.clear();
+    if (asked == 0)
+        lost_.clear();
+    else
+        lost_.erase(asked);
 }
 
-bool Session::settle_lost() {
-    std::vector<std::uint16_t> there;
+// The lost slaves that are there, in SAFEOP or OP. Those in another state are lost no more.
+std::vector<std::uint16_t> Session::back_of_lost(std::uint16_t asked) {
+    const Guard guard(*this);
+    std::vector<std::uint16_t> back;
+    std::erase_if(lost_, [&](std::uint16_t number) {
+        if (number > context_.slaves().size()) return true;
+        if (asked != 0 && number != asked) return false;
+        const AlState state = slave(number).al.state;
+        const bool exchanges = state == AlState::safeop || state == AlState::op;
+        if (exchanges) back.push_back(number);
+        return !exchanges && state != AlState::none;
+    });
+    return back;
+}
+
+// Whether an FMMU of the slave is active, or it needs none. No answer: it is not known.
+std::optional<bool> Session::is_mapped(std::uint16_t number) {
+    constexpr std::uint16_t kFirstFmmu = 0x0600;
+    constexpr std::size_t kFmmuBytes = 16;
+    constexpr std::size_t kActive = 12;
+    std::array<std::byte, 16 * kFmmuBytes> fmmus{};
+    std::uint16_t station = 0;
+    std::size_t count = 0;
     {
         const Guard guard(*this);
-        std::erase_if(lost_, [&](std::uint16_t number) {
-            if (number > context_.slaves().size()) return true;
-            const AlState state = slave(number).al.state;
-            const bool takes_part = state == AlState::safeop || state == AlState::op;
-            if (takes_part) there.push_back(number);
-            return !takes_part && state != AlState::none;
-        });
+        const Slave& found = slave(number);
+        if (found.image.inputs.bits == 0 && found.image.outputs.bits == 0) return true;
+        station = found.station_address.value;
+        count = std::min<std::size_t>(found.dl.fmmus, 16);
     }
+    const auto octets = std::span(fmmus).first(count * kFmmuBytes);
+    const auto address = address_of(station, kFirstFmmu);
+    if (exchange(DatagramCommand::fprd, address, octets, std::chrono::milliseconds(6)) != 1) return std::nullopt;
+    bool any = false;
+    for (std::size_t n = 0; n < count; ++n) any |= (fmmus[n * kFmmuBytes + kActive] & std::byte{1}) != std::byte{0};
+    return any;
+}
+
+bool Session::settle_lost(std::uint16_t asked) {
     bool all = true;
-    for (const std::uint16_t number : there) {
-        WriteStateRequest down;
-        down.slave = number;
-        down.wanted = AlState::init;
-        const bool done = run(down).ok();
+    for (const std::uint16_t number : back_of_lost(asked)) {
+        const auto mapped = is_mapped(number);
+        bool done = mapped.has_value();
+        if (mapped == false) {
+            WriteStateRequest down;
+            down.slave = number;
+            down.wanted = AlState::init;
+            done = run(down).ok();
+        }
         all = all && done;
-        const Guard guard(*this);
-        if (done) lost_.erase(number);
+        if (done) forget_lost(number);
     }
     return all;
 }
 
-bool Session::is_answered(Duration timeout) {
+void Session::watch(unsigned watchers) {
+    watchers_ = watchers;
+    static_cast<void>(watch_mailboxes(context_, watchers == 0 ? Duration{0} : std::chrono::milliseconds(1)));
+}
+
+void Session::begin_watch() {
+    const Guard guard(*this);
+    watch(watchers_ + 1);
+}
+
+void Session::end_watch() {
+    const Guard guard(*this);
+    watch(watchers_ - 1);
+}
+
+void Session::watch_always() {
+    const Guard guard(*this);
+    if (!handles_mail_) watch(watchers_ + 1);
+    handles_mail_ = true;
+}
+
+int Session::answers(Duration timeout) {
     std::array<std::byte, 1> octet{};
-    return exchange(DatagramCommand::brd, 0, octet, timeout) >= 0;
+    return exchange(DatagramCommand::brd, 0, octet, timeout);
 }
 
 Result<> Session::run_once(Request& request, Between* between, Duration limit) {

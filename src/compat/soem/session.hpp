@@ -102,17 +102,19 @@ class Session {
     int exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
                  bool again = true);
 
-    // Whether a frame comes back, within the time that the interface waits for one: EC_TIMEOUTRET3. The library would
-    // wait longer.
-    [[nodiscard]] bool is_answered(Duration timeout = std::chrono::milliseconds(6));
+    // How many slaves a frame meets; -1: no frame comes back within the time that the interface waits for one,
+    // EC_TIMEOUTRET3. The library would wait longer.
+    [[nodiscard]] int answers(Duration timeout = std::chrono::milliseconds(6));
+    [[nodiscard]] bool is_answered(Duration timeout = std::chrono::milliseconds(6)) { return answers(timeout) >= 0; }
 
-    // Slaves that ecx_recover_slave() searches. When one is there again, the library has taken it out of the cycle,
-    // because another device may have been at its place: in SAFEOP or OP it has no process data. settle_lost() takes
-    // such slaves to INIT, from where the program configures them again. False: one of them does not go there yet.
+    // Slaves that ecx_recover_slave() searches. When one is there again, the library may have cleared its FMMUs,
+    // because another device may have been at its place: in SAFEOP or OP it has no process data then. settle_lost()
+    // takes such a slave to INIT, from where the program configures it again; `asked`: one slave, or 0 for all. False:
+    // one of them does not go there yet.
     void note_lost(const std::vector<std::uint16_t>& slaves);
-    bool settle_lost();
-    // The next scan has other slaves.
-    void forget_lost();
+    bool settle_lost(std::uint16_t asked);
+    // The slave is configured again; 0: the next scan has other slaves.
+    void forget_lost(std::uint16_t asked);
 
     static constexpr std::size_t kFlights = 16;
     // Of a frame index of the program.
@@ -156,8 +158,12 @@ class Session {
     using Half = std::pair<std::thread::id, std::uint16_t>;
     [[nodiscard]] std::map<Half, std::uint16_t>& half_readings() { return half_readings_; }
 
-    // Mail that no request waits for.
+    // Mail that no request waits for. The library looks for it while a call waits for it (begin_watch() to
+    // end_watch()), and always once the program handles mail by ecx_mbxhandler().
     [[nodiscard]] Inbox& inbox() { return *inbox_; }
+    void begin_watch();
+    void end_watch();
+    void watch_always();
 
   private:
     friend class Sessions;
@@ -174,6 +180,9 @@ class Session {
     [[nodiscard]] bool closing() const { return closing_.load(std::memory_order_relaxed); }
     Result<> run_once(Request& request, Between* between, Duration limit);
     Time poll_once(Request* request, Time until, bool& over);
+    std::vector<std::uint16_t> back_of_lost(std::uint16_t asked);
+    std::optional<bool> is_mapped(std::uint16_t number);
+    void watch(unsigned watchers);
 
     // One of the times that exchange() sends its datagram. Each has data of its own: two of them may be answered in one
     // poll, and only the second by no slave.
@@ -197,6 +206,8 @@ class Session {
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
     std::set<std::uint16_t> lost_;  // with the lock of the session
+    unsigned watchers_ = 0;         // with the lock of the session: the calls that wait for mail, and the handler
+    bool handles_mail_ = false;
     RecursivePriorityLock eeprom_lock_;
     std::map<Half, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;

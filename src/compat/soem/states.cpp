@@ -79,7 +79,7 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
         return session->exchange(command, address_of(station, ECT_REG_ALCTL), octets, us(EC_TIMEOUTRET3));
     }
     if (!session->is_answered()) return EC_NOFRAME;
-    (void)session->settle_lost();
+    (void)session->settle_lost(slave);
     const int all = slave == 0 ? slave_count(*context) : 1;
     const int first = slave == 0 ? 1 : slave;
     const int last = slave == 0 ? slave_count(*context) : slave;
@@ -102,8 +102,7 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
     if (written) return all;
     if (is_silent(written.error())) return EC_NOFRAME;
     // The request was sent to all slaves that can be asked.
-    if (slave == 0) return std::max(all - 1, 0);
-    return 0;
+    return slave == 0 ? session->answers() : 0;
 }
 
 uint16 ecx_statecheck(ecx_contextt* context, uint16 slave, uint16 reqstate, int timeout) {
