@@ -38,7 +38,7 @@ static void* read_halves(void* of) {
     int n;
     for (n = 0; n < CALLS; ++n) {
         ec_readeeprom1(2, word);
-        count_wrong(ec_readeeprom2(2, EC_TIMEOUTEEP) != own);
+        count_wrong(ec_readeeprom2(2, 100 * EC_TIMEOUTEEP) != own); /* on a busy machine too */
     }
     return NULL;
 }
@@ -56,6 +56,35 @@ static void* configure(void* of) {
     for (n = 0; n < 20; ++n)
         if (ec_reconfig_slave(2, 500) == EC_STATE_SAFE_OP) __sync_fetch_and_add(&configured, 1);
     return NULL;
+}
+
+/* Mail of slave 2: one call waits for it while another one gives up, and the mail comes afterwards. */
+static int received;
+static void* wait_long(void* of) {
+    ec_mbxbuft mail;
+    (void)of;
+    ec_clearmbx(&mail);
+    received = ec_mbxreceive(2, &mail, 5000000);
+    return NULL;
+}
+static void mail_behind_a_call_that_gives_up(void) {
+    ec_mbxbuft mail;
+    uint8* const octets = (uint8*)&mail;
+    pthread_t waiting;
+    pthread_create(&waiting, NULL, wait_long, NULL);
+    osal_usleep(20000);
+    ec_clearmbx(&mail);
+    MUST(ec_mbxreceive(2, &mail, 10000) == 0);
+    osal_usleep(20000);
+    ec_clearmbx(&mail);
+    octets[0] = 10;   /* length */
+    octets[5] = 0x03; /* CoE */
+    octets[7] = 0x20; /* SDO request */
+    octets[8] = 0x40; /* upload of 0x1000:00 */
+    octets[10] = 0x10;
+    MUST(ec_mbxsend(2, &mail, EC_TIMEOUTTXM) == 1);
+    pthread_join(waiting, NULL);
+    MUST(received == 1);
 }
 
 static void by_two_threads(void* (*calls)(void*)) {
@@ -81,6 +110,7 @@ int main(int argc, char** argv) {
     by_two_threads(configure);
     printf("configured %d times, hooks %d\n", configured, hooks);
     MUST(configured > 0 && hooks >= configured);
+    mail_behind_a_call_that_gives_up();
     ec_close();
     return wrong != 0;
 }

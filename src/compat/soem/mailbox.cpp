@@ -11,16 +11,12 @@ namespace {
 // Looks for mail that no request waits for, as long as the object lives.
 class Watch {
   public:
-    explicit Watch(Session& session) : session_(session) { set(std::chrono::milliseconds(1)); }
-    ~Watch() { set(Duration{0}); }
+    explicit Watch(Session& session) : session_(session) { session_.begin_watch(); }
+    ~Watch() { session_.end_watch(); }
     Watch(const Watch&) = delete;
     Watch& operator=(const Watch&) = delete;
 
   private:
-    void set(Duration every) {
-        const Session::Guard guard(session_);
-        static_cast<void>(watch_mailboxes(session_.context(), every));
-    }
     Session& session_;
 };
 
@@ -179,10 +175,7 @@ int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int ti
 int ecx_mbxhandler(ecx_contextt* context, uint8, int) {
     const Pinned session = session_of(context);
     if (session == nullptr) return 0;
-    if (context->EOEhook != nullptr) {
-        const Session::Guard guard(*session);
-        static_cast<void>(watch_mailboxes(session->context(), std::chrono::milliseconds(1)));
-    }
+    if (context->EOEhook != nullptr) session->watch_always();
     session->poll_now();
     serve_eoe_hook(*context, *session);
     for (int n = 1; n <= slave_count(*context); ++n)
