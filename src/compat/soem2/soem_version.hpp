@@ -5,7 +5,6 @@
 #include <soem/soem.h>
 
 #include <cstdint>
-#include <utility>
 
 namespace margay::soem {
 
@@ -54,8 +53,8 @@ inline void set_status(ec_groupt& g, std::uint8_t* octets, int count) {
 }
 inline void set_status_slave(ec_groupt& g, int place, std::uint16_t number) { g.mbxstatuslookup[place] = number; }
 inline void begin_context(ecx_contextt& c) { ecx_initmbxpool(&c); }
-// When no thread is in a call of the context any more.
-inline void end_context(ecx_contextt& c) { osal_mutex_destroy(std::exchange(c.mbxpool.mbxmutex, nullptr)); }
+// Ends the pool of mailbox buffers. Other threads may take and give back buffers at the same time.
+void end_context(ecx_contextt& c);
 inline void before_hooks(ecx_contextt& c, std::uint16_t number) { ecx_mbxENIinitcmds(&c, number, ECT_ESMTRANS_PS); }
 
 }  // namespace margay::soem

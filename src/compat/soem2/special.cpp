@@ -2,6 +2,25 @@
 #include "compat/soem/facade.hpp"
 
 #include <cstdlib>
+#include <mutex>
+#include <utility>
+
+namespace margay::soem {
+namespace {
+
+// The mutex of a pool ends with its context, while threads may still be in calls that use the pool. So each call holds
+// this lock, which does not end.
+constinit PriorityLock pools_lock;
+using PoolsGuard = std::lock_guard<PriorityLock>;
+
+}  // namespace
+
+void end_context(ecx_contextt& c) {
+    const PoolsGuard guard(pools_lock);
+    osal_mutex_destroy(std::exchange(c.mbxpool.mbxmutex, nullptr));
+}
+
+}  // namespace margay::soem
 
 using namespace margay::soem;
 
@@ -19,6 +38,7 @@ int ecx_config_map_group(ecx_contextt* context, void* pIOmap, uint8 group) {
 }
 
 int ecx_initmbxpool(ecx_contextt* context) {
+    const PoolsGuard guard(pools_lock);
     ec_mbxpoolt& pool = context->mbxpool;
     if (pool.mbxmutex == nullptr) pool.mbxmutex = static_cast<osal_mutext*>(osal_mutex_create());
     for (int n = 0; n < EC_MBXPOOLSIZE; ++n) pool.mbxemptylist[n] = n;
@@ -38,6 +58,7 @@ int ecx_initmbxqueue(ecx_contextt* context, uint8 group) {
 }
 
 ec_mbxbuft* ecx_getmbx(ecx_contextt* context) {
+    const PoolsGuard guard(pools_lock);
     ec_mbxpoolt& pool = context->mbxpool;
     if (pool.mbxmutex == nullptr) return nullptr;
     osal_mutex_lock(pool.mbxmutex);
@@ -52,6 +73,7 @@ ec_mbxbuft* ecx_getmbx(ecx_contextt* context) {
 }
 
 int ecx_dropmbx(ecx_contextt* context, ec_mbxbuft* mbx) {
+    const PoolsGuard guard(pools_lock);
     ec_mbxpoolt& pool = context->mbxpool;
     const auto place = mbx - pool.mbx;
     if (pool.mbxmutex == nullptr || mbx == nullptr || mbx < pool.mbx || place >= EC_MBXPOOLSIZE) return 0;
