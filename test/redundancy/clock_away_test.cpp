@@ -288,5 +288,23 @@ TEST(ClockAwayFirst, WaitsForTheWholeRingBesideClocks) {
     }
 }
 
+// Slave 1 hangs at no NIC for a while, and its oscillator gets warmer. When it is the reference again, it leads the
+// other clocks out of the limit until they have followed it.
+TEST_F(ClockAway, AReferenceThatComesBackWithAnotherRate) {
+    prepare(6);
+    cable(ring_cables[1], false);
+    segment.set_master_cable(0, false);
+    EXPECT_EQ(wrong_cycles(500), 0U);
+    EXPECT_EQ(reference_clock(*ctx), 2);
+    warm(0, 80'000);
+    EXPECT_EQ(wrong_cycles(500), 0U);
+    segment.set_master_cable(0, true);
+    EXPECT_EQ(wrong_cycles(20), 0U);
+    cable(ring_cables[1], true);
+    EXPECT_EQ(wrong_cycles(3000), 0U);
+    EXPECT_EQ(reference_clock(*ctx), 1);
+    EXPECT_TRUE(all_in_sync()) << joined(events());
+}
+
 }  // namespace
 }  // namespace margay
