@@ -335,7 +335,8 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
     // Until the controller knows this rate, the difference changes from round to round.
     const std::int64_t known_ns = std::abs(ahead_ns_) <= jitter_ns_ / 2 ? 0 : ahead_ns_;
     const std::int64_t change_ns = change_ns_ <= jitter_ns_ ? 0 : change_ns_;
-    return {.slave = second_, .ahead_ns = known_ns, .moves_ns = half_ns + change_ns, .silent = rounds_deaf_ > 1};
+    const std::int64_t moves_ns = half_ns + change_ns + lost_way_ns(network, slave);
+    return {.slave = second_, .ahead_ns = known_ns, .moves_ns = moves_ns, .silent = rounds_deaf_ > 1};
 }
 
 void RingWatch::begin_to_steer(Network& network) {

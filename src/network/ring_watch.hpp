@@ -99,6 +99,7 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] bool are_places_new(Network& network) const;
     [[nodiscard]] bool is_behind(Network& network, const Slave& slave) const;
     [[nodiscard]] std::int64_t passes_at_ns(Network& network, const Slave& slave) const;
+    [[nodiscard]] std::int64_t lost_way_ns(Network& network, const Slave& slave) const;
     [[nodiscard]] Task<Result<>> write_delay(Network& network, Slave& slave, std::int64_t earliest_ns);
     [[nodiscard]] Task<Result<>> arrange(Network& network);
     [[nodiscard]] Task<Result<>> steer(Network& network);

@@ -130,6 +130,21 @@ std::int64_t RingWatch::passes_at_ns(Network& network, const Slave& slave) const
     return std::int64_t{clock.passed_ns} - (behind ? at->return_ns : at->away_ns);
 }
 
+// Behind a break, the frames pass the branches beside the ring before the ring slaves. A branch that is lost behind the
+// second reference makes the way from there to the ring slaves shorter than their delays say, by this at most.
+std::int64_t RingWatch::lost_way_ns(Network& network, const Slave& slave) const {
+    const ClockEntry& second = network.clocks.entries[second_ - 1U];
+    if (!has_beside_ || parts().whole || network.clocks.of(slave).beside || !second.beside) return 0;
+    std::int64_t lost_ns = 0;
+    for (const Slave& other : network.slaves()) {
+        const ClockEntry& clock = network.clocks.of(other);
+        if (other.al.state != AlState::none || !clock.beside || !is_behind(network, other)) continue;
+        const ClockEntry* const at = timed_ring_slave(network, clock.ring_slave, 1);
+        if (at != nullptr && clock.passed_ns > second.passed_ns) lost_ns += at->return_ns;
+    }
+    return lost_ns;
+}
+
 // Whether a frame that was on the wire at the change has brought the slave a wrong time: its register, or that of the
 // clock whose time comes, has the delay of the ways before.
 bool RingWatch::is_misled(Network& network, const Slave& slave) const {

@@ -136,6 +136,22 @@ TEST_F(ClockBranch, ABranchThatIsLost) {
     expect_all_in_step();
 }
 
+// Behind a break, the frames pass both branches before the ring slaves. The branch of slave 5 has gone when the ring
+// breaks: the way from the second reference, at the branch of slave 8, is shorter.
+TEST_F(ClockBranch, ABranchThatIsLostBesideABreak) {
+    add_ring(8);
+    add_branch(5, 2, 2);
+    add_branch(8, 2);
+    bring_up_ring();
+    cable(branch_cables[0], false);
+    go(27);
+    cut(4, 2000);
+    mend(4, 3000);
+    cable(branch_cables[0], true);
+    go(8000);
+    expect_all_in_step();
+}
+
 // The delays are measured anew while slave 5 is the reference and slaves 1 and 2, which were away, are before it.
 TEST_F(ClockBranch, DelaysOfClocksBeforeTheReference) {
     add_ring(6);
