@@ -70,23 +70,31 @@ void add_sentence(std::string& text, const std::string& sentence) {
     text += sentence;
 }
 
+// A port of a ring that leads to no slave of the list: to the second NIC, or to slaves that an application does not
+// use.
+bool leads_out(const Report& report, const SlaveFacts& slave, std::uint8_t port) {
+    const Port& facts = slave.ports[port];
+    if (!facts.link || !facts.open || facts.neighbour != 0 || port == slave.entry_port) return false;
+    return std::ranges::none_of(report.slaves, [&](const SlaveState& other) {
+        return other.facts.parent == slave.position && other.facts.parent_port == port;
+    });
+}
+
 // The port of the last slave that leads to the second NIC: a frame leaves there, and no slave is behind it.
 std::optional<CableEnd> second_end(const Report& report) {
-    for (const SlaveState& slave : report.slaves)
-        for (std::uint8_t port = 0; port < 4; ++port) {
-            const Port& facts = slave.facts.ports[port];
-            const bool entry = port == slave.facts.entry_port;
-            if (facts.link && facts.open && facts.neighbour == 0 && !entry) return CableEnd{slave.facts.position, port};
-        }
+    for (auto slave = report.slaves.rbegin(); slave != report.slaves.rend(); ++slave)
+        for (std::uint8_t port = 0; port < 4; ++port)
+            if (leads_out(report, slave->facts, port)) return CableEnd{slave->facts.position, port};
     return std::nullopt;
 }
 
-// The port of a slave that leads to a broken cable.
-std::uint8_t dark_port(const Report& report, std::size_t place) {
-    const SlaveFacts& slave = report.slaves[place].facts;
+// The port of a slave that leads to a broken cable, perhaps by slaves that are not in the list.
+std::uint8_t dark_port(const Report& report, const SlaveFacts& slave) {
     for (std::uint8_t port = 0; port < 4; ++port)
         if (port != slave.entry_port && slave.ports[port].type != PortType::not_implemented && !slave.ports[port].link)
             return port;
+    for (std::uint8_t port = 0; port < 4; ++port)
+        if (leads_out(report, slave, port)) return port;
     return slave.entry_port;
 }
 
@@ -95,8 +103,19 @@ std::uint8_t dark_port(const Report& report, std::size_t place) {
 RingState ring_of(const Report& report) {
     RingState state{.ring = report.master.devices.size() > 1};
     if (!state.ring) return state;
-    for (const SlaveState& slave : report.slaves)
-        if (!slave.facts.parent && slave.facts.position != 0) state.behind = slave.facts.position;
+    // The list of an application lacks the slaves that the application does not use: the slave before the break can be
+    // one of them.
+    const SlaveFacts* before = nullptr;
+    for (const SlaveState& slave : report.slaves) {
+        const SlaveFacts& s = slave.facts;
+        const bool first = before == nullptr && (s.position == 0 || s.ports[s.entry_port].link);
+        if (!s.parent && !first) {
+            state.behind = s.position;
+            if (before != nullptr) state.before = CableEnd{before->position, dark_port(report, *before)};
+            break;
+        }
+        before = &s;
+    }
     state.unconnected = !second_end(report);
     return state;
 }
@@ -108,7 +127,7 @@ std::vector<Cable> cables_of(const Report& report) {
         const SlaveFacts& s = slave.facts;
         CableEnd near{s.parent, s.parent_port};
         const bool behind = ring.behind == s.position;
-        if (behind) near = {static_cast<std::uint16_t>(s.position - 1), dark_port(report, s.position - 1U)};
+        if (behind) near = ring.before;
         all.push_back(cable_between(report, near, {s.position, s.entry_port}, s.ports[s.entry_port].type));
         all.back().broken = behind;
         if (behind) all.back().health = Health::bad;

@@ -61,7 +61,8 @@ struct Cable {
 // The master of a ring has two NICs, and slaves that are reached by the second NIC alone are behind a break.
 struct RingState {
     bool ring = false;
-    std::optional<std::uint16_t> behind{};  // the first slave behind the break
+    std::optional<std::uint16_t> behind{};  // the first slave of the list behind the break
+    CableEnd before{};                      // the last end before the break; of a slave of the list, or of the master
     bool unconnected = false;               // no slave has a link to the second NIC
     [[nodiscard]] bool whole() const { return ring && !behind && !unconnected; }
 };

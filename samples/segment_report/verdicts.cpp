@@ -134,7 +134,9 @@ class Judge {
         if (state.whole()) return add(Severity::good, "The ring is closed.", "topology");
         if (state.behind)
             add(Severity::fault,
-                fmt::format("The ring is broken between slave {} and slave {}.", *state.behind - 1, *state.behind),
+                fmt::format("The ring is broken between {} and slave {}.",
+                            state.before.slave ? fmt::format("slave {}", *state.before.slave) : "the master",
+                            *state.behind),
                 "topology");
         if (state.unconnected)
             add(Severity::fault, "The ring is not closed: no slave has a link to the second NIC.", "topology");

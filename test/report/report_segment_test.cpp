@@ -133,6 +133,54 @@ TEST_F(ReportSegment, ARingHasBothCablesAndTheBreak) {
     EXPECT_EQ(broken.count("//svg[@id='topology']//g[@class='cable good']"), 3U);
 }
 
+// An application lists the slaves that it uses: others that got power later are in the ring and not in the list.
+TEST_F(ReportSegment, ABreakBehindSlavesThatAreNotInTheList) {
+    folder.write("broken.toml",
+                 "ring = { slave = \"z\", port = 1 }\n[[slave]]\ndevice = \"drive\"\ncount = 4\n"
+                 "[[slave]]\nname = \"z\"\ndevice = \"drive\"\ncable_broken = true\n");
+    auto report = made("broken.toml", {}, {.dictionaries = false}).report;
+    ASSERT_EQ(report.slaves.size(), 5U);
+    const auto all = cables_of(report);
+    ASSERT_EQ(all.size(), 6U);
+    EXPECT_EQ(cable_text(all[4]), "cable between slave 3 and slave 4");
+    report.slaves.erase(report.slaves.begin() + 1, report.slaves.begin() + 4);
+    auto& ports = report.slaves[0].facts.ports;
+    for (auto& port : ports)
+        if (port.neighbour == 2) port.neighbour = 0;  // a slave that the application does not know
+    EXPECT_EQ(ring_of(report).behind, 4U);
+    const auto cables = cables_of(report);
+    ASSERT_EQ(cables.size(), 3U);
+    EXPECT_EQ(cable_text(cables[1]), "cable between slave 0 and slave 4");
+    EXPECT_TRUE(cables[1].broken);
+    EXPECT_EQ(cables[1].near.port, 1U);
+    EXPECT_EQ(cable_text(cables[2]), "cable between slave 4 and the second NIC");
+    const ReadPage page(write_page(report).html);
+    EXPECT_TRUE(contains(page.verdicts("fault").at(0), "The ring is broken between slave 0 and slave 4."));
+    // All slaves before the break are unknown.
+    report.slaves.erase(report.slaves.begin());
+    EXPECT_EQ(cable_text(cables_of(report).at(0)), "cable between the master and slave 4");
+    EXPECT_TRUE(cables_of(report).at(0).broken);
+}
+
+// The slaves between two slaves of the list are not used, and the ring is whole.
+TEST_F(ReportSegment, AWholeRingWithSlavesThatAreNotInTheList) {
+    folder.write("whole.toml",
+                 "ring = { slave = \"z\", port = 1 }\n[[slave]]\ndevice = \"drive\"\ncount = 3\n"
+                 "[[slave]]\nname = \"z\"\ndevice = \"drive\"\n");
+    auto report = made("whole.toml", {}, {.dictionaries = false}).report;
+    ASSERT_EQ(report.slaves.size(), 4U);
+    report.slaves.erase(report.slaves.begin() + 1, report.slaves.begin() + 3);
+    report.slaves[1].facts.parent = 0;  // the next known slave in the direction of the master
+    for (auto& port : report.slaves[0].facts.ports)
+        if (port.neighbour == 2) port.neighbour = 0;
+    EXPECT_TRUE(ring_of(report).whole());
+    EXPECT_EQ(cable_text(cables_of(report).at(2)), "cable between slave 3 and the second NIC");
+    // The first slave is not used either.
+    report.slaves.erase(report.slaves.begin());
+    report.slaves[0].facts.parent.reset();
+    EXPECT_TRUE(ring_of(report).whole());
+}
+
 TEST_F(ReportSegment, TheImageHasItsEntriesByNameAndTheirValues) {
     ethercat::StandaloneSession session(source("demo"));
     const auto domains = session.domains();
