@@ -40,7 +40,8 @@ int lock_interface(const std::string& name) {
     return -1;
 }
 
-// Each configuration has a ring of the size that the program wants.
+// Each configuration has a ring of the size that the program wants. Only while the master is active: before that, the
+// program may be adding configurations, and none has the number of its slave.
 void keep_emergencies(Bus& bus, std::uint16_t slave) {
     EmergencyRing& ring = emergencies(*bus.ctx, slave);
     for (const auto& config : bus.configs) {
@@ -75,7 +76,7 @@ void changed(const Event& event, void* user) {
     if (event.kind == EventKind::slave_count) bus.answering = event.actual;
     if (bus.active && (event.kind == EventKind::stranger || event.kind == EventKind::other_slave))
         bus.strangers.push_back({.vendor = event.detail, .product = event.actual});
-    if (event.kind == EventKind::emergency) keep_emergencies(bus, event.slave);
+    if (bus.active && event.kind == EventKind::emergency) keep_emergencies(bus, event.slave);
     switch (event.kind) {
         case EventKind::slave_count:
         case EventKind::lost:
