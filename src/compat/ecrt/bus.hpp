@@ -191,8 +191,11 @@ class Bus {
     std::map<std::uint16_t, std::pair<Identity, std::uint16_t>> known_objects;  // the number of them, likewise
 
     std::atomic<bool> active{false};
-    pthread_t owner{};                 // of the context, after activation
+    std::atomic<pthread_t> owner{};    // of the context, after activation; other threads compare themselves with it
     std::atomic<bool> cycling{false};  // the cycle has begun
+    [[nodiscard]] bool is_owner() const {
+        return pthread_equal(owner.load(std::memory_order_relaxed), pthread_self()) != 0;
+    }
     std::vector<std::unique_ptr<Exchange>> exchanges;
     std::unique_ptr<Operation> operation;
     // Of the operation before: the slaves of the context point to them until a scan with another list has ended.

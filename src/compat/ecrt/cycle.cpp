@@ -21,12 +21,12 @@ constexpr Duration kDoNotWait{-1};
     Bus& bus = *master.bus;
     (void)take_ownership(*bus.ctx);
     bus.steady.thread = 0;
-    bus.owner = pthread_self();
+    bus.owner.store(pthread_self(), std::memory_order_relaxed);
     bus.cycling = true;
     return true;
 }
 inline bool be_owner(const ec_master_t& master) {
-    if (pthread_equal(master.bus->owner, pthread_self()) == 0) [[unlikely]]
+    if (!master.bus->is_owner()) [[unlikely]]
         return change_owner(master);
     return true;
 }

@@ -243,7 +243,7 @@ int ecrt_master_activate(ec_master_t* master) {
     (void)watch_mailboxes(*bus.ctx, emergencies_wanted ? std::chrono::milliseconds(10) : std::chrono::milliseconds(0));
     // No thread polls until the cycle begins. A transfer of this thread must not poll, because the cyclic thread may
     // begin meanwhile. The thread that calls receive or send becomes the owner.
-    bus.owner = {};
+    bus.owner = pthread_t{};
     bus.cycling = false;
     std::thread([&bus] { (void)take_ownership(*bus.ctx); }).join();
     bus.active = true;
@@ -265,7 +265,7 @@ int ecrt_master_deactivate(ec_master_t* master) {
 void ecrt_master_deactivate_slaves(ec_master_t* master) {
     Bus& bus = *master->bus;
     if (!master->reserved || !bus.active || !bus.operation->running()) return;
-    if (pthread_equal(bus.owner, pthread_self()) == 0) return;
+    if (!bus.is_owner()) return;
     bus.operation->lower();
     (void)set_target(*bus.ctx, 0, AlState::preop);
 }

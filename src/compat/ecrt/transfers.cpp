@@ -104,7 +104,7 @@ bool is_configured(Bus& bus, const Slave& slave) {
 void await_start(Bus& bus, std::uint16_t position, Ready wanted) {
     bus.await_scan();
     for (int n = 0; bus.active && n < (bus.cycling ? 10000 : 3000); ++n) {
-        if (bus.cycling && pthread_equal(bus.owner, pthread_self()) != 0) return;  // waiting would be for ever
+        if (bus.cycling && bus.is_owner()) return;  // waiting would be for ever
         if (is_ready(bus, position, wanted)) return;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
