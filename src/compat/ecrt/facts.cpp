@@ -35,6 +35,14 @@ void Bus::refresh_facts(Time now) {
     // Later only for the link: all other changes have events.
     facts_at = refresh_at = now + (active && operation != nullptr && operation->running() ? 500ms : 10ms);
     const auto slaves = ctx->slaves();
+    if (scan_busy.load(std::memory_order_relaxed)) {
+        scan_slaves.store(static_cast<std::uint32_t>(slaves.size()), std::memory_order_relaxed);
+        const auto read = std::ranges::count_if(slaves, [](const Slave& slave) { return slave.seen; });
+        scan_index.store(static_cast<std::uint32_t>(read), std::memory_order_relaxed);
+    }
+    // A scan begins with no slaves: until it is over, they are those of the scan before.
+    const bool scanning = active ? operation->scanning() : search.scanning;
+    if (scanning && !silent) return refresh_links(responding.load(std::memory_order_relaxed));
     facts.assign(slaves.begin(), slaves.end());
     std::uint32_t count = 0;
     std::uint32_t states = 0;
@@ -46,11 +54,6 @@ void Bus::refresh_facts(Time now) {
     if (active && !silent && !strangers.empty() && answering > count) {
         count = answering;
         states |= static_cast<std::uint32_t>(AlState::init);  // they stay in INIT
-    }
-    if (scan_busy.load(std::memory_order_relaxed)) {
-        scan_slaves.store(static_cast<std::uint32_t>(slaves.size()), std::memory_order_relaxed);
-        const auto read = std::ranges::count_if(slaves, [](const Slave& slave) { return slave.seen; });
-        scan_index.store(static_cast<std::uint32_t>(read), std::memory_order_relaxed);
     }
     responding.store(count, std::memory_order_relaxed);
     al_states.store(states, std::memory_order_relaxed);

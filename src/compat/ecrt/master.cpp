@@ -114,6 +114,15 @@ void give_memory(Bus& bus) {
     }
 }
 
+// The scan of the start-up takes some cycles: until it is over, the states are those of before.
+void take_states(Bus& bus) {
+    for (const auto& config : bus.configs) {
+        Slave slave;
+        const bool online = config->expected != nullptr && bus.slave_of(*config, slave);
+        config->state = online ? 1U | static_cast<std::uint32_t>(slave.al.state) << 4 : 0U;
+    }
+}
+
 }  // namespace
 
 extern "C" {
@@ -233,6 +242,7 @@ int ecrt_master_activate(ec_master_t* master) {
         bus.start_idle();
         return error;
     }
+    take_states(bus);
     give_memory(bus);
     for (const auto& domain : bus.domains) {
         domain->state = {};
