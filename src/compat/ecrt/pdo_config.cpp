@@ -59,19 +59,21 @@ std::optional<Place> find(ec_slave_config& config, std::uint16_t index, std::uin
     return std::nullopt;
 }
 
-// The SyncManager in the domain, added at its first entry.
-const DomainPart& part_of(ec_domain& domain, ec_slave_config& config, std::uint8_t sm) {
-    for (const DomainPart& part : domain.parts)
-        if (part.config == &config && part.sync_manager == sm) return part;
+// The offset of the SyncManager in the domain, added at its first entry. Threads with other configurations may do the
+// same.
+std::uint32_t offset_of(ec_domain& domain, ec_slave_config& config, std::uint8_t sm) {
     std::uint32_t bits = 0;
     for (PdoWish& pdo : config.syncs[sm].pdos) {
         complete(config, pdo);
         bits += bits_of(pdo);
     }
     const std::uint32_t bytes = bits / 8 + (bits % 8 != 0 ? 1 : 0);
+    const std::lock_guard lock(domain.bus.config_mutex);
+    for (const DomainPart& part : domain.parts)
+        if (part.config == &config && part.sync_manager == sm) return part.offset;
     domain.parts.push_back({&config, sm, config.syncs[sm].direction == EC_DIR_OUTPUT, domain.size, bytes});
     domain.size += bytes;
-    return domain.parts.back();
+    return domain.parts.back().offset;
 }
 
 bool is_domain_of(const ec_slave_config& config, const ec_domain* domain) {
@@ -86,9 +88,9 @@ int put(ec_slave_config& config, ec_domain& domain, Place place, unsigned int* b
             config.alias, config.position, place.sync_manager);
         return -EFAULT;
     }
-    const DomainPart& part = part_of(domain, config, place.sync_manager);
+    const std::uint32_t offset = offset_of(domain, config, place.sync_manager);
     if (bit_position != nullptr) *bit_position = place.bit % 8;
-    return static_cast<int>(part.offset + place.bit / 8);
+    return static_cast<int>(offset + place.bit / 8);
 }
 
 PdoWish* assigned(ec_slave_config& config, std::uint16_t index) {
