@@ -42,6 +42,7 @@ struct Search {
     bool scanning = false;
     bool again = false;  // the watch has seen slaves come or go
     Time retry{};
+    Time spare_until{};  // the next scan waits until then for the end of transfers; Time{}: none is to come
 };
 
 // What the program has told about time.
@@ -107,6 +108,8 @@ class Bus {
     void scan_again() { search.again = scan_busy = true; }
     // Before activation: waits while the segment is scanned, at most 3 s.
     void await_scan() const;
+    // The segment is scanned, or the master is being activated or deactivated: no transfer begins. Any thread.
+    [[nodiscard]] bool is_changing() const { return turns % 2 != 0 || scan_busy; }
 
     // Reads the receive times of all ports (ports.cpp). For the owner, before activation.
     void measure_ports();
@@ -191,8 +194,10 @@ class Bus {
     std::map<std::uint16_t, std::pair<Identity, std::uint16_t>> known_objects;  // the number of them, likewise
 
     std::atomic<bool> active{false};
-    std::atomic<pthread_t> owner{};    // of the context, after activation; other threads compare themselves with it
-    std::atomic<bool> cycling{false};  // the cycle has begun
+    std::atomic<unsigned> turns{0};  // of activation and deactivation, beginnings and ends: odd while one is at work
+    std::atomic<unsigned> transfers{0};  // calls of other threads that wait for a slave, or begin a request
+    std::atomic<pthread_t> owner{};      // of the context, after activation; other threads compare themselves with it
+    std::atomic<bool> cycling{false};    // the cycle has begun
     [[nodiscard]] bool is_owner() const {
         return pthread_equal(owner.load(std::memory_order_relaxed), pthread_self()) != 0;
     }
@@ -222,6 +227,7 @@ class Bus {
     void hand_back(std::unique_lock<std::mutex>& lock);
     void take_over();
     void step_search(Time now);
+    [[nodiscard]] bool spares_transfers(Time now);
     void report_loop();
 };
 
@@ -251,8 +257,34 @@ class Bus {
 enum class Ready : std::uint8_t { read, for_mail, for_pdos };
 
 // While the segment is scanned, and while it starts up after activation, its slaves have no numbers or no mailboxes
-// yet. Waits until the one at this position is ready, 10 s at most. Returns at once in the cyclic thread.
-void await_start(Bus& bus, std::uint16_t position, Ready wanted);
+// yet. Waits until the one at this position is ready, 10 s at most. Returns at once in the cyclic thread. False: the
+// slave is not ready.
+bool await_start(Bus& bus, std::uint16_t position, Ready wanted);
+
+// Activation or deactivation, while it is at work.
+class Turn {
+  public:
+    explicit Turn(Bus& bus) : bus_(bus) { ++bus_.turns; }
+    ~Turn() { ++bus_.turns; }
+    Turn(const Turn&) = delete;
+    Turn& operator=(const Turn&) = delete;
+
+  private:
+    Bus& bus_;
+};
+
+// A transfer of a call that waits. It begins when its slave is ready, as await_start() says, and nothing is at work
+// that would end it. Activation, deactivation and the next scan wait for its end, 1 s.
+class Passage {
+  public:
+    Passage(Bus& bus, std::uint16_t position, Ready wanted);
+    ~Passage() { --bus_.transfers; }
+    Passage(const Passage&) = delete;
+    Passage& operator=(const Passage&) = delete;
+
+  private:
+    Bus& bus_;
+};
 
 }  // namespace margay::compat::ecrt
 

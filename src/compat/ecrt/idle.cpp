@@ -47,6 +47,17 @@ void Bus::stop_idle() {
     (void)take_ownership(*ctx);
 }
 
+// A scan ends transfers. Those that are under way have 1 s to end by themselves.
+bool Bus::spares_transfers(Time now) {
+    if (search.spare_until == Time{}) search.spare_until = now + 1s;
+    if (now < search.spare_until) {
+        const std::unique_lock lock(config_mutex, std::try_to_lock);
+        if (!lock.owns_lock() || are_under_way(*this)) return true;
+    }
+    search.spare_until = now;
+    return false;
+}
+
 void Bus::step_search(Time now) {
     if (search.scanning) {
         if (search.scan.busy()) return;
@@ -77,16 +88,18 @@ void Bus::step_search(Time now) {
         return;
     }
     if (search.watch.busy()) {
-        if (!search.again) return;
+        if (!search.again || spares_transfers(now)) return;
         search.watch.cancel();
     } else if (now < search.retry) {
         return;
     }
+    if (spares_transfers(now)) return;
     search.again = false;
     if (!submit(*ctx, search.scan)) {
         search.retry = now + 500ms;
         return;
     }
+    search.spare_until = {};
     search.scanning = true;
     scan_busy = true;
 }

@@ -55,7 +55,8 @@ std::uint16_t objects_of(Bus& bus, const Slave& slave) {
     request.slave = slave.number;
     request.list = ObjectList::all;
     request.timeout = kPatience;
-    if (!submit(*bus.ctx, request)) return 0;
+    const Passage passage(bus, static_cast<std::uint16_t>(slave.ring_position - 1), Ready::for_mail);
+    if (bus.active || !submit(*bus.ctx, request)) return 0;
     const auto listed = wait(*bus.ctx, request);
     if (!listed && !is_answer(listed.error())) return 0;  // it is asked again
     const auto count = static_cast<std::uint16_t>(listed ? request.count : 0U);

@@ -147,6 +147,7 @@ void ecrt_release_master(ec_master_t* master) {
     if (master == nullptr) return;
     const std::lock_guard lock(open_masters().mutex);
     if (master->reserved) {
+        const Turn turn(*master->bus);
         end_operation(*master->bus);
         master->bus->reserved = false;
         if (master->bus.use_count() > 1) master->bus->start_idle();
@@ -225,6 +226,7 @@ int ecrt_master_activate(ec_master_t* master) {
     Bus& bus = *master->bus;
     // Directly behind ecrt_master_deactivate(): a scan that is cut short has no aliases, and places would be guessed.
     bus.await_scan();
+    const Turn turn(bus);
     const std::lock_guard lock(bus.config_mutex);
     if (bus.active) {
         say("master %u is active already", bus.index);
@@ -267,6 +269,7 @@ int ecrt_master_deactivate(ec_master_t* master) {
         say("master %u is not active", bus.index);
         return -EINVAL;
     }
+    const Turn turn(bus);
     end_operation(bus);
     bus.start_idle();
     return 0;

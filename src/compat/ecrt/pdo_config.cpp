@@ -29,7 +29,9 @@ void ask_slave(ec_slave_config& config) {
 void complete(ec_slave_config& config, PdoWish& pdo) {
     Slave slave;
     if (pdo.listed || !config.bus.slave_of(config, slave)) return;
-    pdo.entries = read_pdo(config.bus, slave, *pdos_of(config.bus, slave), pdo.index);
+    const auto known = pdos_of(config.bus, slave);
+    const Passage passage(config.bus, static_cast<std::uint16_t>(slave.ring_position - 1), Ready::for_mail);
+    pdo.entries = read_pdo(config.bus, slave, *known, pdo.index);
     pdo.listed = !pdo.entries.empty();
 }
 

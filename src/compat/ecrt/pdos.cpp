@@ -207,7 +207,11 @@ std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
             (!again || found->second->unread.code == Errc::none))
             return found->second;
     }
-    auto known = std::make_shared<KnownPdos>(read_settled(bus, slave));
+    std::shared_ptr<KnownPdos> known;
+    {
+        const Passage passage(bus, static_cast<std::uint16_t>(slave.ring_position - 1), Ready::for_mail);
+        known = std::make_shared<KnownPdos>(read_settled(bus, slave));
+    }
     if (known->unread.code == Errc::wrong_state)
         say("master %u: position %d: it is configured, and its PDOs can be asked for when it has reached SAFEOP",
             bus.index, slave.ring_position - 1);

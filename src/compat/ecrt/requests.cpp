@@ -40,6 +40,7 @@ constexpr std::uint16_t kExchanged = 3;
 
 // One datagram reads the registers and writes them.
 void exchange_or_later(ec_reg_request& request) {
+    const Beginning beginning(request.config);
     if (too_early(request.config)) {
         request.last = Transfer::exchange_later;
         note_waiting(request.config);
@@ -80,8 +81,12 @@ bool may_have(std::size_t octets) {
     return octets <= kMost;
 }
 
+Beginning::Beginning(ec_slave_config& config) : bus_(config.bus) { ++bus_.transfers; }
+Beginning::~Beginning() { --bus_.transfers; }
+
 bool too_early(const ec_slave_config& config) {
     const Bus& bus = config.bus;
+    if (bus.turns % 2 != 0) return true;
     if (!bus.active) return bus.scan_busy;
     return bus.operation->scanning() || (!bus.operation->running() && bus.dirty) ||
            config.start_up.load(std::memory_order_acquire) != StartUp::over;
@@ -119,11 +124,13 @@ void note_waiting(ec_slave_config& config) { config.bus.requests_wait = true; }
 bool are_under_way(const Bus& bus) {
     const auto any = [](const auto& requests, const auto& is_busy) { return std::ranges::any_of(requests, is_busy); };
     const auto transfers = [](const auto& one) { return one->read.busy() || one->write.busy(); };
-    return std::ranges::any_of(bus.configs, [&](const auto& config) {
-        return any(config->sdo_requests, [](const auto& one) { return one->upload.busy() || one->download.busy(); }) ||
-               any(config->soe_requests, transfers) || any(config->foe_requests, transfers) ||
-               any(config->reg_requests, [&](const auto& one) { return transfers(one) || one->exchange.busy(); });
-    });
+    return bus.transfers != 0 || std::ranges::any_of(bus.configs, [&](const auto& config) {
+               return any(config->sdo_requests,
+                          [](const auto& one) { return one->upload.busy() || one->download.busy(); }) ||
+                      any(config->soe_requests, transfers) || any(config->foe_requests, transfers) ||
+                      any(config->reg_requests,
+                          [&](const auto& one) { return transfers(one) || one->exchange.busy(); });
+           });
 }
 
 void begin_waiting(Bus& bus) {

@@ -62,6 +62,18 @@ template <class Read, class Write>
     }
 }
 
+// A request that is about to begin: activation and scans wait for it as for one that is under way.
+class Beginning {
+  public:
+    explicit Beginning(ec_slave_config& config);
+    ~Beginning();
+    Beginning(const Beginning&) = delete;
+    Beginning& operator=(const Beginning&) = delete;
+
+  private:
+    Bus& bus_;
+};
+
 // The segment is scanned, which ends transfers and gives numbers to the slaves, or this slave goes through INIT yet.
 [[nodiscard]] bool too_early(const ec_slave_config& config);
 
@@ -85,7 +97,7 @@ concept Timed = requires(Wish& wish) {
 
 // Begins the requests of all configurations that wait, as far as their slaves are ready. For the owner; does not wait.
 void begin_waiting(Bus& bus);
-// Whether some request of the configurations is under way.
+// Whether some request of the configurations, or a transfer of a call that waits, is under way.
 [[nodiscard]] bool are_under_way(const Bus& bus);
 // A request waits: begin_waiting() looks for it.
 void note_waiting(ec_slave_config& config);
@@ -98,6 +110,7 @@ template <class Wish>
 // `what` is read or write.
 template <class Wish>
 void begin_or_later(Wish& wish, SlaveRequest& request, Transfer what) {
+    const Beginning beginning(wish.config);
     if (!has_to_wait(wish)) {
         wish.last = begin(wish.config, request) ? what : Transfer::refused;
         return;
@@ -123,6 +136,7 @@ void begin_if_due(Wish& wish, Read& read, Write& write) {
                 return;
             }
         }
+    const Beginning beginning(wish.config);
     if (has_to_wait(wish)) {
         wish.last = later;
         note_waiting(wish.config);

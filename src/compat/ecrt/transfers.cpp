@@ -44,7 +44,7 @@ bool is_ready(Bus& bus, std::uint16_t position, Ready wanted) {
 // Submits, waits, and says what failed. The request is gone afterwards.
 template <class Request>
 int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
-    await_start(bus, position, Ready::for_mail);
+    const Passage passage(bus, position, Ready::for_mail);
     request.slave = bus.number_at(position);
     if (request.slave == 0) {
         say("master %u: there is no slave at position %u", bus.index, position);
@@ -101,11 +101,26 @@ bool is_configured(Bus& bus, const Slave& slave) {
            });
 }
 
-void await_start(Bus& bus, std::uint16_t position, Ready wanted) {
+bool await_start(Bus& bus, std::uint16_t position, Ready wanted) {
     bus.await_scan();
     for (int n = 0; bus.active && n < (bus.cycling ? 10000 : 3000); ++n) {
-        if (bus.cycling && bus.is_owner()) return;  // waiting would be for ever
-        if (is_ready(bus, position, wanted)) return;
+        if (bus.cycling && bus.is_owner()) return false;  // waiting would be for ever
+        if (is_ready(bus, position, wanted)) return true;
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return !bus.active && !bus.scan_busy;
+}
+
+Passage::Passage(Bus& bus, std::uint16_t position, Ready wanted) : bus_(bus) {
+    using std::chrono::steady_clock;
+    const auto give_up = steady_clock::now() + std::chrono::seconds(15);
+    for (;;) {
+        const unsigned turns = bus.turns;
+        const bool ready = await_start(bus, position, wanted);
+        ++bus.transfers;
+        const bool may_begin = turns == bus.turns && (!ready || !bus.is_changing());
+        if (may_begin || steady_clock::now() >= give_up) return;
+        --bus.transfers;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
 }
