@@ -95,18 +95,48 @@ int put(ec_slave_config& config, ec_domain& domain, Place place, unsigned int* b
     return static_cast<int>(offset + place.bit / 8);
 }
 
-PdoWish* assigned(ec_slave_config& config, std::uint16_t index) {
+// A PDO that the program changes: its SyncManager is as the program sets it from now on. nullptr: it is not assigned.
+PdoWish* changed(ec_slave_config& config, std::uint16_t index) {
     for (SyncWish& sync : config.syncs)
         for (PdoWish& pdo : sync.pdos)
-            if (pdo.index == index) return &pdo;
+            if (pdo.index == index) {
+                sync.set = true;
+                sync.from_slave = false;
+                return &pdo;
+            }
     return nullptr;
 }
 
+// As assigned by the program, or by the slave.
+PdoWish* assigned(ec_slave_config& config, std::uint16_t index) {
+    PdoWish* pdo = changed(config, index);
+    if (pdo == nullptr) {
+        ask_slave(config);
+        pdo = changed(config, index);
+    }
+    if (pdo == nullptr) say("configuration %u:%u: PDO 0x%04x is not assigned", config.alias, config.position, index);
+    return pdo;
+}
+
+bool is_valid(const ec_slave_config& config, std::uint8_t sync_index, ec_direction_t direction) {
+    if (direction == EC_DIR_OUTPUT || direction == EC_DIR_INPUT) return true;
+    say("configuration %u:%u: SyncManager %u: invalid direction %d", config.alias, config.position, sync_index,
+        static_cast<int>(direction));
+    return false;
+}
+
+void set(SyncWish& sync, ec_direction_t direction, ec_watchdog_mode_t watchdog) {
+    sync.set = true;
+    sync.from_slave = false;
+    sync.direction = direction;
+    sync.watchdog = watchdog;
+}
+
 int take(ec_slave_config& config, const ec_sync_info_t& from) {
-    if (const int error = ecrt_slave_config_sync_manager(&config, from.index, from.dir, from.watchdog_mode); error != 0)
-        return error;
+    if (!is_valid(config, from.index, from.dir)) return -EINVAL;
     SyncWish& sync = config.syncs[from.index];
-    sync.pdos.clear();
+    set(sync, from.dir, from.watchdog_mode);
+    sync.pdos.clear();  // nothing of the slave is needed for it
     for (unsigned n = 0; from.pdos != nullptr && n < from.n_pdos; ++n) {
         const ec_pdo_info_t& pdo = from.pdos[n];
         PdoWish wish{.index = pdo.index, .listed = false, .entries = {}};
@@ -129,18 +159,10 @@ int ecrt_slave_config_sync_manager(ec_slave_config_t* sc, uint8_t sync_index, ec
         say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, sync_index);
         return -ENOENT;
     }
-    if (direction != EC_DIR_OUTPUT && direction != EC_DIR_INPUT) {
-        say("configuration %u:%u: SyncManager %u: invalid direction %d", sc->alias, sc->position, sync_index,
-            static_cast<int>(direction));
-        return -EINVAL;
-    }
+    if (!is_valid(*sc, sync_index, direction)) return -EINVAL;
     if (refuse_active(*sc)) return -EBUSY;
-    if (!sc->syncs[sync_index].set && !sc->asked) ask_slave(*sc);  // its PDOs stay until the program clears them
-    SyncWish& sync = sc->syncs[sync_index];
-    sync.set = true;
-    sync.from_slave = false;
-    sync.direction = direction;
-    sync.watchdog = watchdog_mode;
+    if (!sc->syncs[sync_index].set) ask_slave(*sc);  // its PDOs stay until the program clears them
+    set(sc->syncs[sync_index], direction, watchdog_mode);
     return 0;
 }
 
@@ -164,6 +186,7 @@ int ecrt_slave_config_pdo_assign_add(ec_slave_config_t* sc, uint8_t sync_index, 
     if (!valid_sync(sync_index)) return -EINVAL;
     if (refuse_active(*sc)) return -EBUSY;
     SyncWish& sync = sc->syncs[sync_index];
+    if (!sync.set) ask_slave(*sc);  // the PDO is one more
     if (sync.direction == EC_DIR_INVALID) sync.direction = index >= 0x1A00 ? EC_DIR_INPUT : EC_DIR_OUTPUT;
     sync.set = true;
     sync.from_slave = false;
@@ -180,10 +203,7 @@ int ecrt_slave_config_pdo_assign_add(ec_slave_config_t* sc, uint8_t sync_index, 
 int ecrt_slave_config_pdo_mapping_clear(ec_slave_config_t* sc, uint16_t pdo_index) {
     if (refuse_active(*sc)) return -EBUSY;
     PdoWish* pdo = assigned(*sc, pdo_index);
-    if (pdo == nullptr) {
-        say("configuration %u:%u: PDO 0x%04x is not assigned", sc->alias, sc->position, pdo_index);
-        return -ENOENT;
-    }
+    if (pdo == nullptr) return -ENOENT;
     pdo->listed = true;
     pdo->entries.clear();
     return 0;
@@ -193,10 +213,7 @@ int ecrt_slave_config_pdo_mapping_add(ec_slave_config_t* sc, uint16_t pdo_index,
                                       uint8_t entry_subindex, uint8_t entry_bit_length) {
     if (refuse_active(*sc)) return -EBUSY;
     PdoWish* pdo = assigned(*sc, pdo_index);
-    if (pdo == nullptr) {
-        say("configuration %u:%u: PDO 0x%04x is not assigned", sc->alias, sc->position, pdo_index);
-        return -ENOENT;
-    }
+    if (pdo == nullptr) return -ENOENT;
     complete(*sc, *pdo);
     pdo->listed = true;
     pdo->entries.push_back({entry_index, entry_subindex, entry_bit_length});
@@ -211,7 +228,6 @@ int ecrt_slave_config_pdos(ec_slave_config_t* sc, unsigned int n_syncs, const ec
             say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, syncs[n].index);
             return -ENOENT;
         }
-        sc->syncs[syncs[n].index].set = true;  // nothing of the slave is needed for it
         if (const int error = take(*sc, syncs[n]); error != 0) return error;
     }
     return 0;
