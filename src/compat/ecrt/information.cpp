@@ -73,7 +73,7 @@ int sync_at(Bus& bus, std::uint16_t position, std::uint8_t index, SyncWish& sync
         await_start(bus, position, Ready::for_pdos);
         if (!bus.slave_at(position, slave)) return -ENOENT;
         if (bus.active && !bus.cycling) {
-            say("master %u: the PDOs of a slave can be asked for when the cycle has begun", bus.index);
+            say("master %u: position %u: its PDOs can be asked for when the cycle has begun", bus.index, position);
             return -EIO;
         }
     }

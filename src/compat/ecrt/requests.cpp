@@ -233,7 +233,7 @@ ec_soe_request_t* ecrt_slave_config_create_soe_request(ec_slave_config_t* sc, ui
                                                        size_t size) {
     if (!may_have(size)) return nullptr;
     if (drive_no > 7) {
-        say("IDN 0x%04x: there is no drive %u", idn, drive_no);
+        say("configuration %u:%u: IDN 0x%04x: there is no drive %u", sc->alias, sc->position, idn, drive_no);
         return nullptr;
     }
     const std::lock_guard lock(sc->bus.config_mutex);

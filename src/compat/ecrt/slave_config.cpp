@@ -81,7 +81,11 @@ int ecrt_slave_config_complete_sdo(ec_slave_config_t* sc, uint16_t index, const 
 int ecrt_slave_config_idn(ec_slave_config_t* sc, uint8_t drive_no, uint16_t idn, ec_al_state_t state,
                           const uint8_t* data, size_t size) {
     if (drive_no > 7 || (state != EC_AL_STATE_PREOP && state != EC_AL_STATE_SAFEOP)) {
-        say("IDN 0x%04x: drive %u or state %d is not possible", idn, drive_no, static_cast<int>(state));
+        if (drive_no > 7)
+            say("configuration %u:%u: IDN 0x%04x: there is no drive %u", sc->alias, sc->position, idn, drive_no);
+        else
+            say("configuration %u:%u: IDN 0x%04x: it can be written in PREOP (2) or SAFEOP (4), not in %d", sc->alias,
+                sc->position, idn, static_cast<int>(state));
         return -EINVAL;
     }
     return add_write(*sc, {.parameter = true, .index = idn, .subindex = drive_no, .state = state, .data = {}}, data,
@@ -91,7 +95,8 @@ int ecrt_slave_config_idn(ec_slave_config_t* sc, uint8_t drive_no, uint16_t idn,
 int ecrt_slave_config_emerg_size(ec_slave_config_t* sc, size_t elements) {
     if (refuse_active(*sc)) return -EBUSY;
     if (elements > EmergencyRing::kMost) {
-        say("emergencies of a slave: %zu are wanted, %u are possible", elements, EmergencyRing::kMost);
+        say("configuration %u:%u: %zu emergencies are wanted, %u are possible", sc->alias, sc->position, elements,
+            EmergencyRing::kMost);
         return -ENOMEM;
     }
     sc->emergency_memory.assign(elements, {});
