@@ -1,8 +1,8 @@
 // Threads that read objects all the time, while another one activates the master, cycles, and deactivates it: each
 // transfer succeeds. The slaves are there all the time, and the states say so. Ends with 0 when everything is as
 // expected.
-#include "check.h"
-#include "cycle.h"
+#include <check.h>
+#include <cycle.h>
 
 #include <ecrt.h>
 
