@@ -12,7 +12,7 @@ namespace margay::files {
 namespace {
 
 void named(Node parent, const char* element, const std::string& text) {
-    set(add(parent, element, printable(text)), "LcId", std::string("1033"));
+    set(add(parent, element, text), "LcId", std::string("1033"));
 }
 
 std::string physics(const EsiDevice& device) {
@@ -25,7 +25,7 @@ std::string physics(const EsiDevice& device) {
 
 void write_type(Node device, const EsiDevice& d) {
     static constexpr std::array kChecks{"NONE", "EQ", "EQ_OR_G", "LW_EQ", "LW_EQ_HW_EQ_OR_G"};
-    Node type = add(device, "Type", printable(d.type));
+    Node type = add(device, "Type", d.type);
     set(type, "ProductCode", hex_dec(d.identity.product, 8));
     set(type, "RevisionNo", hex_dec(d.identity.revision, 8));
     if (d.revision_check != RevisionCheck::none)
@@ -85,7 +85,7 @@ void write_dictionary(Node device, const EsiDevice& d) {
             for (const EsiObject::Item& item : object.items) {
                 Node sub = add(data_type, "SubItem");
                 add(sub, "SubIdx", std::uint64_t{item.subindex});
-                add(sub, "Name", printable(item.name));
+                add(sub, "Name", item.name);
                 add(sub, "Type", item.data_type.empty() ? std::string("BYTE") : item.data_type);
                 add(sub, "BitSize", std::uint64_t{item.bits});
                 add(sub, "BitOffs", bits);
@@ -218,8 +218,8 @@ void write_modes(Node device, const EsiDevice& d) {
     Node dc = add(device, "Dc");
     for (const EsiMode& mode : d.modes) {
         Node node = add(dc, "OpMode");
-        add(node, "Name", printable(mode.name));
-        if (!mode.description.empty()) add(node, "Desc", printable(mode.description));
+        add(node, "Name", mode.name);
+        if (!mode.description.empty()) add(node, "Desc", mode.description);
         add(node, "AssignActivate", hex_dec(mode.assign_activate));
         if (mode.sync0_cycle_given) {
             Node cycle = add(node, "CycleTimeSync0", std::to_string(mode.sync0_cycle_ns));
@@ -287,7 +287,7 @@ void write_device(Node devices, const EsiDevice& d) {
     write_type(device, d);
     named(device, "Name", d.name);
     write_info(device, d);
-    add(device, "GroupType", printable(d.group.empty() ? "Devices" : d.group));
+    add(device, "GroupType", d.group.empty() ? "Devices" : d.group);
     write_dictionary(device, d);
     write_sync_managers(device, d);
     write_pdos(device, d.pdos);
@@ -327,9 +327,9 @@ Written write_esi(const EsiFile& esi) {
         Node modules = add(descriptions, "Modules");
         for (const EsiModule& m : esi.modules) {
             Node module = add(modules, "Module");
-            Node type = add(module, "Type", printable(m.type));
+            Node type = add(module, "Type", m.type);
             set(type, "ModuleIdent", hex_dec(m.ident, 8));
-            if (!m.module_class.empty()) set(type, "ModuleClass", printable(m.module_class));
+            if (!m.module_class.empty()) set(type, "ModuleClass", m.module_class);
             named(module, "Name", m.name);
             write_pdos(module, m.pdos);
             if (!m.commands.empty()) write_module_commands(add(module, "Mailbox"), m.commands);

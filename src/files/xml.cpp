@@ -1,5 +1,6 @@
 #include "files/xml.hpp"
 
+#include "files/xml_form.hpp"
 #include "wire/sii_category.hpp"
 
 #include <algorithm>
@@ -247,6 +248,7 @@ bool Reader::open(std::string_view octets) {
     text_ = latin1 || wrong ? from_latin1(octets) : std::string(octets);
     for (std::size_t n = 0; n < text_.size(); ++n)
         if (text_[n] == '\n') lines_.push_back(n + 1);
+    if (const auto fault = form_fault(text_)) return refuse(fault->offset, "no well-formed XML: " + fault->text);
     // As a fragment: otherwise text outside of the root element is not seen.
     constexpr unsigned kWanted = pugi::parse_default | pugi::parse_doctype | pugi::parse_fragment;
     const auto parsed = document_.load_buffer(text_.data(), text_.size(), kWanted, pugi::encoding_utf8);

@@ -8,15 +8,25 @@
 
 namespace margay::files {
 
+// XML 1.0 has no control characters: they become blanks. It has neither U+FFFE nor U+FFFF: they become U+FFFD.
+[[nodiscard]] inline std::string printable(std::string_view text) {
+    std::string result(text);
+    for (char& c : result)
+        if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+    for (const std::string_view none : {"\xEF\xBF\xBE", "\xEF\xBF\xBF"})
+        for (auto at = result.find(none); at != std::string::npos; at = result.find(none, at)) result[at + 2] = '\xBD';
+    return result;
+}
+
 inline Node add(Node parent, const char* name) { return parent.append_child(name); }
 inline Node add(Node parent, const char* name, const std::string& text) {
     Node node = parent.append_child(name);
-    node.text().set(text.c_str());
+    node.text().set(printable(text).c_str());
     return node;
 }
 inline Node add(Node parent, const char* name, std::uint64_t value) { return add(parent, name, std::to_string(value)); }
 inline void set(Node node, const char* attribute, const std::string& value) {
-    node.append_attribute(attribute).set_value(value.c_str());
+    node.append_attribute(attribute).set_value(printable(value).c_str());
 }
 inline void set(Node node, const char* attribute, bool value) { set(node, attribute, std::string(value ? "1" : "0")); }
 
@@ -39,16 +49,6 @@ inline void set(Node node, const char* attribute, bool value) { set(node, attrib
     std::vector<std::byte> bytes;
     for (std::size_t n = 0; n < octets; ++n) bytes.push_back(static_cast<std::byte>(value >> (8 * n)));
     return hex_octets(bytes);
-}
-
-// XML 1.0 has no control characters: they become blanks. It has neither U+FFFE nor U+FFFF: they become U+FFFD.
-[[nodiscard]] inline std::string printable(std::string_view text) {
-    std::string result(text);
-    for (char& c : result)
-        if (static_cast<unsigned char>(c) < 0x20) c = ' ';
-    for (const std::string_view none : {"\xEF\xBF\xBE", "\xEF\xBF\xBF"})
-        for (auto at = result.find(none); at != std::string::npos; at = result.find(none, at)) result[at + 2] = '\xBD';
-    return result;
 }
 
 [[nodiscard]] inline std::string to_string(const pugi::xml_document& document) {

@@ -186,6 +186,66 @@ TEST(EsiReader, HostileXmlIsRefused) {
               "line 1, column 1: the encoding 'ebcdic' is not supported: convert the file to UTF-8");
 }
 
+// What a lenient reader would take for a name, or for no name at all.
+TEST(EsiReader, ReferencesAndCharactersThatXmlDoesNotHaveAreRefused) {
+    const auto named = [](const std::string& name) { return to_text(read_example("Example works", name).problem); };
+    const auto expect = [&](const std::string& name, const std::string& text) {
+        const std::string said = named(name);
+        EXPECT_TRUE(said.starts_with("line 3, column ")) << said;
+        EXPECT_TRUE(said.ends_with(": no well-formed XML: " + text)) << said;
+    };
+    expect("AB&T", "an '&' that begins no reference: as a text it is &amp;");
+    expect("a & b", "an '&' that begins no reference: as a text it is &amp;");
+    expect("a&foo;b", "the entity '&foo;' is unknown");
+    expect("a&Amp;b", "the entity '&Amp;' is unknown");
+    expect("a&#;b", "'&#;' is no reference to a character");
+    expect("a&#x;b", "'&#x;' is no reference to a character");
+    expect("a&#X41;b", "'&#X41;' is no reference to a character");
+    expect("a&#65b", "'&#65b' is no reference to a character");
+    expect("a&#4294967361;b", "'&#4294967361;' refers to no character of XML");
+    for (const std::string one : {"&#0;", "&#x1F;", "&#xD800;", "&#xFFFF;", "&#x110000;"})
+        expect("a" + one, "'" + one + "' refers to no character of XML");
+    expect("a\x01z", "the octet 0x01 is no character of XML");
+    expect("<!-- \x1B -->", "the octet 0x1b is no character of XML");
+    expect("a\xEF\xBF\xBFz", "U+FFFE and U+FFFF are no characters of XML");
+    expect("a]]>b", "']]>' in a text");
+    expect("<!-- a -- b -->", "'--' in a comment");
+    expect("<!-- a --->", "'--' in a comment");
+    expect("<a b='&zz;'/>", "the entity '&zz;' is unknown");
+    expect("<a b=\"<\"/>", "'<' in the value of an attribute");
+    expect("<?xml version='1.0'?>", "an XML declaration that is not at the beginning of the file");
+    expect("<?a+b?>", "a processing instruction whose name has no end");
+    const std::string all = "a&amp;&lt;&gt;&quot;&apos;&#181;&#xB5;<!-- & ]]> --><![CDATA[&]]><?x &?><a b='>\"&#9;'/>";
+    EXPECT_EQ(named(all), "");
+    EXPECT_EQ(read_example("Example works", all)->vendor_name, "a&<>\"'µµ&");
+    EXPECT_EQ(named("AB&T").substr(0, 18), "line 3, column 45:");
+}
+
+TEST(EsiReader, AnXmlDeclarationIsRight) {
+    const auto first = [](const std::string& begin) {
+        const std::string esi(kExampleEsi);
+        const auto read = read_esi(begin + esi.substr(esi.find("?>") + 2));
+        return read ? "" : to_text(read.problem);
+    };
+    for (const char* right : {"", "<?xml version='1.0'?>", "<?xml version = \"1.1\"  encoding='UTF-8' ?>",
+                              "<?xml version='1.0' encoding='utf-8' standalone='no'?>", "<?xml-stylesheet a?>"})
+        EXPECT_EQ(first(right), "");
+    EXPECT_EQ(first("<?xml version='2.0'?>"),
+              "line 1, column 1: no well-formed XML: the XML declaration has no version 1.0");
+    EXPECT_EQ(first("<?xml encoding='UTF-8' version='1.0'?>"),
+              "line 1, column 1: no well-formed XML: the XML declaration has no version 1.0");
+    EXPECT_EQ(first("<?xml version='1.0' encoding=''?>"),
+              "line 1, column 20: no well-formed XML: the encoding has no name");
+    EXPECT_EQ(first("<?xml version='1.0' standalone='maybe'?>"),
+              "line 1, column 20: no well-formed XML: standalone is neither yes nor no");
+    EXPECT_EQ(first("<?xml version='1.0' more='1'?>"),
+              "line 1, column 21: no well-formed XML: the XML declaration has more than version, encoding and "
+              "standalone");
+    EXPECT_EQ(first("\n<?xml version='1.0'?>"),
+              "line 2, column 1: no well-formed XML: an XML declaration that is not at the beginning of the file");
+    EXPECT_EQ(first("\xEF\xBB\xBF\xEF\xBB\xBF"), "line 1, column 1: no well-formed XML: a second byte order mark");
+}
+
 // Few octets that stand for many subindices: each object of a type has them all.
 TEST(EsiReader, AFileThatGrowsWithoutBoundIsRefused) {
     std::string text =

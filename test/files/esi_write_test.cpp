@@ -91,11 +91,14 @@ TEST(EsiWriter, NamesHaveCharactersOfXmlOnly) {
     auto esi = read_esi(kExampleEsi);
     ASSERT_TRUE(esi);
     esi->devices[0].name = "a\x1B\xEF\xBF\xBE\xEF\xBF\xBF<&\xC3\xA4";
+    esi->devices[0].fmmus[0] = {FmmuUse::unused, "b\x02"};  // a word of the file
+    esi->devices[0].mailbox->commands[0].comment = "c\x03";
     const std::string text = write_esi(*esi).text;
     EXPECT_EQ(text.find("\xEF\xBF\xBE"), std::string::npos);
     EXPECT_EQ(text.find("\xEF\xBF\xBF"), std::string::npos);
     const auto again = read_esi(text);
     ASSERT_TRUE(again) << to_text(again.problem);
+    EXPECT_EQ(again->devices[0].fmmus[0].text, "b");
     EXPECT_EQ(again->devices[0].name, "a \xEF\xBF\xBD\xEF\xBF\xBD<&\xC3\xA4");
 }
 
