@@ -40,7 +40,7 @@ foreach(v 1 2)
 endforeach()
 
 # Programs on simulated segments. Those with one thread run in virtual time.
-foreach(program simple tools firmware eeprom eeprom_loss eeprom_threads lost lost_address lost_clock loss partial closing ring edges masters low_level no_link silent clock_order mute services two_threads held_inputs cable)
+foreach(program simple tools firmware eeprom eeprom_loss eeprom_threads lost lost_address lost_clock loss partial closing ring edges masters low_level no_link silent clock_order mute services two_threads held_inputs cable closing_scan)
   margay_compat(compat_soem1_${program} margay_soem1 ${program}.c)
 endforeach()
 margay_compat(compat_soem2_simple margay_soem2 simple_ng.c)
@@ -104,6 +104,7 @@ add_test(NAME compat/soem1_services COMMAND compat_soem1_services sim:drive,soe_
 list(APPEND virtual compat/soem1_mute compat/soem1_services)
 add_test(NAME compat/soem1_closing COMMAND compat_soem1_closing sim:drives 25)
 set_tests_properties(compat/soem1_closing PROPERTIES TIMEOUT 300)
+add_test(NAME compat/soem1_closing_scan COMMAND compat_soem1_closing_scan sim:drives 40)
 add_test(NAME compat/soem1_ring COMMAND compat_soem1_ring sim:${compat}/ring.toml sim:drives)
 list(APPEND virtual compat/soem1_ring)
 foreach(segment demo drives dc_bench)

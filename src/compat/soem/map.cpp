@@ -382,7 +382,7 @@ int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool over
         down.wanted = AlState::preop;
         static_cast<void>(session->run(down));
     }
-    return used;
+    return session->closing() ? 0 : used;
 }
 
 }  // namespace margay::soem

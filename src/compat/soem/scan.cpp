@@ -133,41 +133,52 @@ bool no_slaves(const Error& error) {
 
 }  // namespace
 
+namespace {
+
+int find_slaves(ecx_contextt& context, Session& session) {
+    session.forget_lost(0);
+    // As long as the interface waits for the first frame. The library would wait longer for a link.
+    for (const Time until = later(session.now(), us(EC_TIMEOUTSAFE)); session.link_is_down() && !session.closing();) {
+        if (session.now() >= until) return EC_NOFRAME;
+        session.pause(std::chrono::milliseconds(1));
+    }
+    if (!session.is_answered(us(3 * EC_TIMEOUTSAFE))) return EC_NOFRAME;
+    constexpr int kMostTries = 3;  // all frames of the first step may be lost
+    ScanRequest request;
+    auto scanned = session.run(request);
+    for (int n = 1; n < kMostTries && !scanned && scanned.error().slave == 0 && scanned.error().code == Errc::no_frame;
+         ++n)
+        scanned = session.run(request);
+    if (!scanned && no_slaves(scanned.error())) return scanned.error().code == Errc::no_slaves ? 0 : EC_NOFRAME;
+    if (!scanned && scanned.error().slave == 0 && scanned.error().code == Errc::capacity) return EC_SLAVECOUNTEXCEEDED;
+    int found = 0;
+    {
+        const Session::Guard guard(session);
+        session.inbox().clear();
+        found = static_cast<int>(session.context().slaves().size());
+    }
+    if (found >= most_slaves(context)) return EC_SLAVECOUNTEXCEEDED;
+    slave_count(context) = found;
+    for (int n = 1; n <= found; ++n) fill_slave(context, session, static_cast<std::uint16_t>(n));
+    if (context.manualstatechange != 0) {
+        WriteStateRequest down;
+        down.wanted = AlState::init;
+        static_cast<void>(session.run(down));
+    }
+    return found;
+}
+
+}  // namespace
+
 int config_init(ecx_contextt& context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return EC_NOFRAME;
     const auto lock = session->lock_eeproms();
     clear(context);
-    session->forget_lost(0);
-    // As long as the interface waits for the first frame. The library would wait longer for a link.
-    for (const Time until = later(session->now(), us(EC_TIMEOUTSAFE)); session->link_is_down();) {
-        if (session->now() >= until) return EC_NOFRAME;
-        session->pause(std::chrono::milliseconds(1));
-    }
-    if (!session->is_answered(us(3 * EC_TIMEOUTSAFE))) return EC_NOFRAME;
-    constexpr int kMostTries = 3;  // all frames of the first step may be lost
-    ScanRequest request;
-    auto scanned = session->run(request);
-    for (int n = 1; n < kMostTries && !scanned && scanned.error().slave == 0 && scanned.error().code == Errc::no_frame;
-         ++n)
-        scanned = session->run(request);
-    if (!scanned && no_slaves(scanned.error())) return scanned.error().code == Errc::no_slaves ? 0 : EC_NOFRAME;
-    if (!scanned && scanned.error().slave == 0 && scanned.error().code == Errc::capacity) return EC_SLAVECOUNTEXCEEDED;
-    int found = 0;
-    {
-        const Session::Guard guard(*session);
-        session->inbox().clear();
-        found = static_cast<int>(session->context().slaves().size());
-    }
-    if (found >= most_slaves(context)) return EC_SLAVECOUNTEXCEEDED;
-    slave_count(context) = found;
-    for (int n = 1; n <= found; ++n) fill_slave(context, *session, static_cast<std::uint16_t>(n));
-    if (context.manualstatechange != 0) {
-        WriteStateRequest down;
-        down.wanted = AlState::init;
-        static_cast<void>(session->run(down));
-    }
-    return found;
+    const int found = find_slaves(context, *session);
+    if (!session->closing()) return found;
+    clear(context);  // another thread closes the master, and what was read of the slaves is not complete
+    return EC_NOFRAME;
 }
 
 }  // namespace margay::soem

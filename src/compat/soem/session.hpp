@@ -67,6 +67,8 @@ class Session {
 
     [[nodiscard]] Time now() { return source_->osal().now(); }
     [[nodiscard]] bool virtual_time() const { return source_->virtual_time(); }
+    // Another thread closes the master: no frame is sent any more, and all calls end.
+    [[nodiscard]] bool closing() const { return closing_.load(std::memory_order_relaxed); }
     [[nodiscard]] bool redundant() const { return source_->second() != nullptr; }
 
     // What the calling thread does between two polls of a request, without the lock.
@@ -177,7 +179,6 @@ class Session {
 #endif
     }
     void change_owner();
-    [[nodiscard]] bool closing() const { return closing_.load(std::memory_order_relaxed); }
     Result<> run_once(Request& request, Between* between, Duration limit);
     Time poll_once(Request* request, Time until, bool& over);
     std::vector<std::uint16_t> back_of_lost(std::uint16_t asked);

@@ -12,10 +12,10 @@ void copy_state(ecx_contextt& context, Session& session, std::uint16_t number) {
 
 namespace {
 
-// No frame has come back, or none could be sent.
+// No frame has come back, or none could be sent, or another thread closes the master.
 bool is_silent(const Error& error) {
     return error.code == Errc::no_frame || error.code == Errc::nic || error.code == Errc::nic_busy ||
-           error.code == Errc::link_down;
+           error.code == Errc::link_down || error.code == Errc::canceled;
 }
 
 // Reads the AL status of all slaves. False: no slave answers.

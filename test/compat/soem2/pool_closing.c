@@ -32,7 +32,7 @@ int main(int argc, char** argv) {
     for (n = 0; n < CONTEXTS; ++n) osal_thread_create(&threads[n], 128000, (void*)&use, &contexts[n]);
     for (n = 0; n < atoi(argv[2]); ++n) {
         ecx_contextt* const context = &contexts[n % CONTEXTS];
-        MUST(ecx_init(context, argv[1]) > 0);
+        if (ecx_init(context, argv[1]) <= 0) return 2;
         osal_usleep((uint32)(n * 37 % 500));
         ecx_close(context);
         MUST(ecx_getmbx(context) == NULL);
