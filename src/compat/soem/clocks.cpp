@@ -56,8 +56,9 @@ void link_clocks(ecx_contextt& context) {
 void set_sync(ecx_contextt& context, std::uint16_t number, bool on, std::uint32_t cycle0, std::uint32_t cycle1,
               std::int32_t shift, bool two) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(context, number)) return;
+    if (session == nullptr) return;
     const auto lock = session->lock_eeproms();
+    if (!is_slave(context, *session, number)) return;
     ec_slavet& s = slaves_of(context)[number];
     const auto write = [&](std::uint16_t reg, std::uint64_t value, std::size_t size) {
         std::array<std::byte, 8> octets{};

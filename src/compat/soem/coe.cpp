@@ -6,8 +6,8 @@ using namespace margay::soem;
 namespace {
 
 // The slave has a mailbox that can be used.
-Pinned usable(ecx_contextt* context, uint16 slave) {
-    return is_slave(*context, slave) ? session_of(context) : Pinned(-1, nullptr);
+bool usable(const Pinned& session, ecx_contextt* context, uint16 slave) {
+    return session != nullptr && is_slave(*context, *session, slave);
 }
 
 }  // namespace
@@ -16,8 +16,8 @@ extern "C" {
 
 int ecx_SDOread(ecx_contextt* context, uint16 slave, uint16 index, uint8 subindex, boolean CA, int* psize, void* p,
                 int timeout) {
-    const Pinned session = usable(context, slave);
-    if (session == nullptr || *psize < 0) return 0;
+    const Pinned session = session_of(context);
+    if (!usable(session, context, slave) || *psize < 0) return 0;
     margay::SdoUpload request;
     request.slave = slave;
     request.index = index;
@@ -32,8 +32,8 @@ int ecx_SDOread(ecx_contextt* context, uint16 slave, uint16 index, uint8 subinde
 
 int ecx_SDOwrite(ecx_contextt* context, uint16 Slave, uint16 Index, uint8 SubIndex, boolean CA, int psize,
                  const void* p, int Timeout) {
-    const Pinned session = usable(context, Slave);
-    if (session == nullptr || psize < 0) return 0;
+    const Pinned session = session_of(context);
+    if (!usable(session, context, Slave) || psize < 0) return 0;
     margay::SdoDownload request;
     request.slave = Slave;
     request.index = Index;
@@ -46,8 +46,8 @@ int ecx_SDOwrite(ecx_contextt* context, uint16 Slave, uint16 Index, uint8 SubInd
 }
 
 int ecx_RxPDO(ecx_contextt* context, uint16 Slave, uint16 RxPDOnumber, int psize, const void* p) {
-    const Pinned session = usable(context, Slave);
-    if (session == nullptr || psize < 0) return 0;
+    const Pinned session = session_of(context);
+    if (!usable(session, context, Slave) || psize < 0) return 0;
     margay::MailPdoSend request;
     request.slave = Slave;
     request.number = RxPDOnumber;
@@ -58,8 +58,8 @@ int ecx_RxPDO(ecx_contextt* context, uint16 Slave, uint16 RxPDOnumber, int psize
 }
 
 int ecx_TxPDO(ecx_contextt* context, uint16 slave, uint16 TxPDOnumber, int* psize, void* p, int timeout) {
-    const Pinned session = usable(context, slave);
-    if (session == nullptr || *psize < 0) return 0;
+    const Pinned session = session_of(context);
+    if (!usable(session, context, slave) || *psize < 0) return 0;
     margay::MailPdoFetch request;
     request.slave = slave;
     request.number = TxPDOnumber;

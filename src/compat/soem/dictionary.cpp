@@ -43,7 +43,7 @@ extern "C" {
 
 int ecx_readODlist(ecx_contextt* context, uint16 Slave, ec_ODlistt* pODlist) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, Slave)) return 0;
+    if (session == nullptr || !is_slave(*context, *session, Slave)) return 0;
     pODlist->Slave = Slave;
     pODlist->Entries = 0;
     margay::ObjectListRequest request;
@@ -57,7 +57,7 @@ int ecx_readODlist(ecx_contextt* context, uint16 Slave, ec_ODlistt* pODlist) {
 
 int ecx_readODdescription(ecx_contextt* context, uint16 Item, ec_ODlistt* pODlist) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, pODlist->Slave) || Item >= EC_MAXODLIST) return 0;
+    if (session == nullptr || !is_slave(*context, *session, pODlist->Slave) || Item >= EC_MAXODLIST) return 0;
     pODlist->DataType[Item] = 0;
     pODlist->ObjectCode[Item] = 0;
     pODlist->MaxSub[Item] = 0;
@@ -78,7 +78,7 @@ int ecx_readODdescription(ecx_contextt* context, uint16 Item, ec_ODlistt* pODlis
 
 int ecx_readOEsingle(ecx_contextt* context, uint16 Item, uint8 SubI, ec_ODlistt* pODlist, ec_OElistt* pOElist) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, pODlist->Slave) || Item >= EC_MAXODLIST) return 0;
+    if (session == nullptr || !is_slave(*context, *session, pODlist->Slave) || Item >= EC_MAXODLIST) return 0;
     margay::EntryDescriptionRequest request;
     request.slave = pODlist->Slave;
     request.index = pODlist->Index[Item];

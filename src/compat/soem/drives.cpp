@@ -34,7 +34,7 @@ extern "C" {
 int ecx_SoEread(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elementflags, uint16 idn, int* psize, void* p,
                 int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave) || *psize < 0) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave) || *psize < 0) return 0;
     margay::SoeRead request;
     request.slave = slave;
     request.drive = driveNo;
@@ -50,7 +50,7 @@ int ecx_SoEread(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elemen
 int ecx_SoEwrite(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elementflags, uint16 idn, int psize, void* p,
                  int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave) || psize < 0) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave) || psize < 0) return 0;
     margay::SoeWrite request;
     request.slave = slave;
     request.drive = driveNo;
@@ -66,7 +66,6 @@ int ecx_SoEwrite(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 eleme
 int ecx_readIDNmap(ecx_contextt* context, uint16 slave, MapBits* Osize, MapBits* Isize) {
     *Osize = 0;
     *Isize = 0;
-    if (!is_slave(*context, slave)) return 0;
     for (uint8 drive = 0; drive < kDrives; ++drive) {
         *Osize += static_cast<MapBits>(telegram_bits(context, slave, drive, EC_IDN_MDTCONFIG));
         *Isize += static_cast<MapBits>(telegram_bits(context, slave, drive, EC_IDN_ATCONFIG));

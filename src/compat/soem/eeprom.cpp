@@ -127,6 +127,7 @@ bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
 
 namespace {
 
+// With the lock of the EEPROMs.
 Eeprom eeprom_of(ecx_contextt& context, Session& session, std::uint16_t number) {
     return {session, slaves_of(context)[number].configadr, false};
 }
@@ -155,6 +156,7 @@ int assign(ecx_contextt& context, std::uint16_t number, bool to_pdi) {
 std::optional<std::uint64_t> read_sii(ecx_contextt& context, std::uint16_t slave, std::uint16_t word) {
     const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(context)) return std::nullopt;
+    const auto lock = session->lock_eeproms();
     ecx_eeprom2master(&context, slave);
     return eeprom_of(context, *session, slave).read(word, us(EC_TIMEOUTEEP));
 }
@@ -171,6 +173,7 @@ int ecx_eeprom2pdi(ecx_contextt* context, uint16 slave) { return assign(*context
 void ecx_readeeprom1(ecx_contextt* context, uint16 slave, uint16 eeproma) {
     const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return;
+    const auto lock = session->lock_eeproms();
     ecx_eeprom2master(context, slave);
     eeprom_of(*context, *session, slave).begin_half(eeproma, us(EC_TIMEOUTEEP));
 }
@@ -178,6 +181,7 @@ void ecx_readeeprom1(ecx_contextt* context, uint16 slave, uint16 eeproma) {
 uint32 ecx_readeeprom2(ecx_contextt* context, uint16 slave, int timeout) {
     const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return 0;
+    const auto lock = session->lock_eeproms();
     const auto read = eeprom_of(*context, *session, slave).end_half(us(timeout));
     return read ? static_cast<uint32>(*read) : 0;
 }
@@ -185,6 +189,7 @@ uint32 ecx_readeeprom2(ecx_contextt* context, uint16 slave, int timeout) {
 uint32 ecx_readeeprom(ecx_contextt* context, uint16 slave, uint16 eeproma, int timeout) {
     const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return 0;
+    const auto lock = session->lock_eeproms();
     ecx_eeprom2master(context, slave);
     const auto read = eeprom_of(*context, *session, slave).read(eeproma, us(timeout));
     return read ? static_cast<uint32>(*read) : 0;
@@ -193,6 +198,7 @@ uint32 ecx_readeeprom(ecx_contextt* context, uint16 slave, uint16 eeproma, int t
 int ecx_writeeeprom(ecx_contextt* context, uint16 slave, uint16 eeproma, uint16 data, int timeout) {
     const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return 0;
+    const auto lock = session->lock_eeproms();
     ecx_eeprom2master(context, slave);
     return eeprom_of(*context, *session, slave).write(eeproma, data, us(timeout)) ? 1 : 0;
 }

@@ -70,7 +70,7 @@ int ecx_EOEdefinehook(ecx_contextt* context, void* hook) {
 
 int ecx_EOEsetIp(ecx_contextt* context, uint16 slave, uint8 port, eoe_param_t* ipparam, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave)) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave)) return 0;
     if (port != 0) say_once("ecx_EOEsetIp(): the port is not sent");
     margay::EoeSetIp request;
     request.slave = slave;
@@ -89,7 +89,7 @@ int ecx_EOEsetIp(ecx_contextt* context, uint16 slave, uint8 port, eoe_param_t* i
 
 int ecx_EOEgetIp(ecx_contextt* context, uint16 slave, uint8, eoe_param_t* ipparam, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave)) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave)) return 0;
     margay::EoeGetIp request;
     request.slave = slave;
     request.timeout = mail_time(timeout);
@@ -114,8 +114,8 @@ int ecx_EOEgetIp(ecx_contextt* context, uint16 slave, uint8, eoe_param_t* ippara
 
 int ecx_EOEsend(ecx_contextt* context, uint16 slave, uint8 port, int psize, void* p, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave) || psize <= 0 || psize > kMostOctets) return 0;
-    const std::size_t mailbox = slaves_of(*context)[slave].mbx_l;
+    if (session == nullptr || !is_slave(*context, *session, slave) || psize <= 0 || psize > kMostOctets) return 0;
+    const std::size_t mailbox = value_of(*context, *session, slave, &ec_slavet::mbx_l);
     if (mailbox < kMailHeader + kEoeHeader + kBlock) return 0;
     const std::size_t most = (mailbox - kMailHeader - kEoeHeader) / kBlock * kBlock;
     static std::atomic<unsigned> frames{0};
@@ -141,7 +141,7 @@ int ecx_EOEsend(ecx_contextt* context, uint16 slave, uint8 port, int psize, void
 
 int ecx_EOErecv(ecx_contextt* context, uint16 slave, uint8, int* psize, void* p, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave)) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave)) return 0;
     uint8 fragment = 0;
     uint16 frame_size = 0;
     uint16 offset = 0;
@@ -152,7 +152,7 @@ int ecx_EOErecv(ecx_contextt* context, uint16 slave, uint8, int* psize, void* p,
         const auto letter = await_letter(*context, *session, slave, margay::MailboxType::eoe, until - session->now());
         if (!letter) return 0;
         ec_mbxbuft mail{};
-        put_letter(*letter, slaves_of(*context)[slave].configadr, 0, mail);
+        put_letter(*letter, value_of(*context, *session, slave, &ec_slavet::configadr), 0, mail);
         int size = room;
         const int done = ecx_EOEreadfragment(&mail, &fragment, &frame_size, &offset, &frame, &size, p);
         if (done != 0) {

@@ -94,6 +94,11 @@ std::string text_of(const ec_errort& e) {
     }
 }
 
+bool has_mailbox(ecx_contextt& context, std::uint16_t slave) {
+    const Pinned session = session_of(context);
+    return session != nullptr && value_of(context, *session, slave, &ec_slavet::mbx_l) != 0;
+}
+
 }  // namespace
 
 void push(ecx_contextt& context, ec_errort& entry) {
@@ -119,7 +124,7 @@ int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, 
             entry.ErrorCode = static_cast<uint16>(error.detail);
             break;
         case Errc::unsupported:  // the library does not send it: the answer of such a slave
-            if (slaves_of(context)[slave].mbx_l == 0) return 0;
+            if (!has_mailbox(context, slave)) return 0;
             entry.Etype = EC_ERR_TYPE_MBX_ERROR;
             entry.ErrorCode = static_cast<uint16>(wire::MailboxErrorCode::unsupported_protocol);
             break;

@@ -28,9 +28,20 @@ using Pinned = Sessions::Pinned;
 // For all of a mailbox service: the time of one answer, and the time to send the request.
 [[nodiscard]] inline Duration mail_time(int timeout) { return us(timeout) + std::chrono::microseconds(EC_TIMEOUTTXM); }
 
+// A scan writes the number of slaves and what it has found of them with the lock of the EEPROMs and the lock of the
+// session. A thread that has one of these locks can read it; these functions are for a thread that has none.
+[[nodiscard]] inline int slaves_found(ecx_contextt& context, Session& session) {
+    const Session::Guard guard(session);
+    return slave_count(context);
+}
 // The slave exists: a number from 1 to the number of slaves.
-[[nodiscard]] inline bool is_slave(ecx_contextt& context, int number) {
-    return number >= 1 && number <= slave_count(context) && number < most_slaves(context);
+[[nodiscard]] inline bool is_slave(ecx_contextt& context, Session& session, int number) {
+    return number >= 1 && number < most_slaves(context) && number <= slaves_found(context, session);
+}
+template <class Value>
+[[nodiscard]] Value value_of(ecx_contextt& context, Session& session, std::uint16_t number, Value ec_slavet::*field) {
+    const Session::Guard guard(session);
+    return slaves_of(context)[number].*field;
 }
 
 [[nodiscard]] inline std::span<std::byte> octets_at(void* data, std::size_t size) {

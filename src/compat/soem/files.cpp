@@ -74,7 +74,7 @@ int ecx_FOEdefinehook(ecx_contextt* context, void* hook) {
 int ecx_FOEread(ecx_contextt* context, uint16 slave, char* filename, uint32 password, int* psize, void* p,
                 int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave) || *psize < 0) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave) || *psize < 0) return 0;
     Progress progress(*context, *session, slave, 0);
     margay::FoeRead request;
     request.slave = slave;
@@ -92,7 +92,7 @@ int ecx_FOEread(ecx_contextt* context, uint16 slave, char* filename, uint32 pass
 int ecx_FOEwrite(ecx_contextt* context, uint16 slave, char* filename, uint32 password, int psize, void* p,
                  int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave) || psize < 0) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave) || psize < 0) return 0;
     Progress progress(*context, *session, slave, static_cast<std::size_t>(psize));
     margay::FoeWrite request;
     request.slave = slave;

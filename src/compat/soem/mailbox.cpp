@@ -20,12 +20,16 @@ class Watch {
     Session& session_;
 };
 
+void put_letter(ecx_contextt& context, Session& session, const Letter& letter, ec_mbxbuft& into) {
+    const auto station = value_of(context, session, letter.slave, &ec_slavet::configadr);
+    put_letter(letter, station, value_of(context, session, letter.slave, &ec_slavet::mbx_cnt), into);
+}
+
 // The hook has taken the fragment.
 bool eaten(ecx_contextt& context, Session& session, const Letter& letter) {
     if (context.EOEhook == nullptr || letter.type != MailboxType::eoe) return false;
     ec_mbxbuft buffer{};
-    put_letter(letter, slaves_of(context)[letter.slave].configadr, slaves_of(context)[letter.slave].mbx_cnt, buffer);
-    static_cast<void>(session);
+    put_letter(context, session, letter, buffer);
     return context.EOEhook(&context, letter.slave, &buffer) > 0;
 }
 
@@ -38,10 +42,10 @@ bool are_same(const MailboxInfo& one, const MailboxInfo& other) {
 
 // A program that has set the mailboxes of one state alone leaves the other mailboxes as the SII describes them.
 void take_mailboxes(ecx_contextt& context, Session& session, std::uint16_t number, AlState state) {
+    const Session::Guard guard(session);
     const ec_slavet& s = slaves_of(context)[number];
     const MailboxInfo written{.out_start = s.mbx_wo, .out_bytes = s.mbx_l, .in_start = s.mbx_ro, .in_bytes = s.mbx_rl};
     if (!written.present()) return;
-    const Session::Guard guard(session);
     const Slave& slave = session.slave(number);
     if (are_same(written, slave.mailbox) || are_same(written, slave.boot_mailbox)) return;
     const auto placed = place_mailboxes(session.context(), number, state, written);
@@ -117,8 +121,8 @@ void ec_clearmbx(ec_mbxbuft* Mbx) { std::memset(Mbx, 0, sizeof(ec_mbxbuft)); }
 
 int ecx_mbxempty(ecx_contextt* context, uint16 slave, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave)) return 0;
-    const std::uint16_t station = slaves_of(*context)[slave].configadr;
+    if (session == nullptr || !is_slave(*context, *session, slave)) return 0;
+    const std::uint16_t station = value_of(*context, *session, slave, &ec_slavet::configadr);
     const margay::Time until = margay::later(session->now(), us(timeout));
     for (;;) {
         std::array<std::byte, 1> status{};
@@ -133,16 +137,20 @@ int ecx_mbxempty(ecx_contextt* context, uint16 slave, int timeout) {
 
 int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_l == 0) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave) ||
+        value_of(*context, *session, slave, &ec_slavet::mbx_l) == 0)
+        return 0;
     return send_mail(*session, slave, *mbx, us(timeout));
 }
 
 int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_rl == 0) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave) ||
+        value_of(*context, *session, slave, &ec_slavet::mbx_rl) == 0)
+        return 0;
     const auto letter = await_letter(*context, *session, slave, std::nullopt, us(timeout));
     if (!letter) return 0;
-    put_letter(*letter, slaves_of(*context)[slave].configadr, slaves_of(*context)[slave].mbx_cnt, *mbx);
+    put_letter(*context, *session, *letter, *mbx);
     return 1;
 }
 
@@ -150,7 +158,8 @@ int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int tim
 
 int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
     const Pinned session = session_of(context);
-    const bool usable = session != nullptr && is_slave(*context, slave) && slaves_of(*context)[slave].mbx_l != 0;
+    const bool usable = session != nullptr && is_slave(*context, *session, slave) &&
+                        value_of(*context, *session, slave, &ec_slavet::mbx_l) != 0;
     const int sent = usable ? send_mail(*session, slave, *mbx, us(timeout)) : 0;
     ecx_dropmbx(context, mbx);  // it belongs to the library from the call on
     return sent;
@@ -159,7 +168,9 @@ int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeou
 int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int timeout) {
     *mbx = nullptr;
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_rl == 0) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave) ||
+        value_of(*context, *session, slave, &ec_slavet::mbx_rl) == 0)
+        return 0;
     ec_mbxbuft* const buffer = ecx_getmbx(context);
     if (buffer == nullptr) return 0;  // mail waits until the program gives a buffer back
     const auto letter = await_letter(*context, *session, slave, std::nullopt, us(timeout));
@@ -167,7 +178,7 @@ int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int ti
         ecx_dropmbx(context, buffer);
         return 0;
     }
-    put_letter(*letter, slaves_of(*context)[slave].configadr, slaves_of(*context)[slave].mbx_cnt, *buffer);
+    put_letter(*context, *session, *letter, *buffer);
     *mbx = buffer;
     return 1;
 }
@@ -178,8 +189,9 @@ int ecx_mbxhandler(ecx_contextt* context, uint8, int) {
     if (context->EOEhook != nullptr) session->watch_always();
     session->poll_now();
     serve_eoe_hook(*context, *session);
-    for (int n = 1; n <= slave_count(*context); ++n)
-        if (slaves_of(*context)[n].mbxhandlerstate == ECT_MBXH_CYCLIC) push_unasked(*context, static_cast<uint16>(n));
+    const int slaves = slaves_found(*context, *session);
+    for (uint16 n = 1; n <= slaves; ++n)
+        if (value_of(*context, *session, n, &ec_slavet::mbxhandlerstate) == ECT_MBXH_CYCLIC) push_unasked(*context, n);
     return 0;
 }
 

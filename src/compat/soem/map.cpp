@@ -28,9 +28,10 @@ struct ImageOfProgram {
 // What the program wants of a slave, before the mapping.
 void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number, std::uint8_t group) {
     const ec_slavet& s = slaves_of(context)[number];
-    const bool changed = std::memcmp(session.shown(number).data(), s.SM, sizeof(s.SM)) != 0;
+    bool changed = false;
     {
         const Session::Guard guard(session);
+        changed = std::memcmp(session.shown(number).data(), s.SM, sizeof(s.SM)) != 0;
         const Slave& slave = session.slave(number);
         slave.config.group = group;
         slave.config.block_lrw = s.blockLRW != 0;
@@ -349,8 +350,9 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
 
 int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes) {
     const Pinned session = session_of(context);
-    if (session == nullptr || image == nullptr || slave_count(context) < 1 || group >= most_groups(context)) return 0;
+    if (session == nullptr || image == nullptr || group >= most_groups(context)) return 0;
     HookCaller hooks(context, *session, true);
+    if (slave_count(context) < 1) return 0;
     for (int n = 1; n <= slave_count(context); ++n) {
         if (!takes_part(slaves_of(context)[n], group)) continue;
         const auto number = static_cast<std::uint16_t>(n);

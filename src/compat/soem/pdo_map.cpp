@@ -32,7 +32,8 @@ unsigned assigned_bits(ecx_contextt* context, uint16 slave, uint16 assignment) {
 int read_map(ecx_contextt* context, uint16 slave, MapBits* Osize, MapBits* Isize) {
     *Osize = 0;
     *Isize = 0;
-    if (!is_slave(*context, slave)) return 0;
+    const Pinned session = session_of(context);
+    if (session == nullptr || !is_slave(*context, *session, slave)) return 0;
     ec_slavet& s = slaves_of(*context)[slave];
     const uint32 count = read_number(context, slave, ECT_SDO_SMCOMMTYPE, 0);
     if (count <= 2) return 0;
@@ -48,7 +49,7 @@ int read_map(ecx_contextt* context, uint16 slave, MapBits* Osize, MapBits* Isize
         (type == 3 ? *Osize : *Isize) += static_cast<MapBits>(bits);
     }
     // The program has not changed them.
-    if (const Pinned session = session_of(context)) std::memcpy(session->shown(slave).data(), s.SM, sizeof(s.SM));
+    std::memcpy(session->shown(slave).data(), s.SM, sizeof(s.SM));
     return *Osize > 0 || *Isize > 0 ? 1 : 0;
 }
 

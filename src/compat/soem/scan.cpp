@@ -82,6 +82,7 @@ void fill_slave(ecx_contextt& context, Session& session, std::uint16_t number) {
     // The name of the interface is the first string of the SII, and not the string that the SII calls the name.
     char first[EC_MAXNAME + 1] = "";
     ecx_siistring(&context, first, number, 1);
+    const Session::Guard guard(session);
     if (first[0] != '\0') std::memcpy(s.name, first, sizeof(s.name));
     std::memcpy(session.shown(number).data(), s.SM, sizeof(s.SM));
     ec_slavet& all = slaves_of(context)[0];
@@ -91,7 +92,8 @@ void fill_slave(ecx_contextt& context, Session& session, std::uint16_t number) {
     groups_of(context)[0].Ebuscurrent = all.Ebuscurrent;
 }
 
-void clear(ecx_contextt& context) {
+void clear(ecx_contextt& context, Session& session) {
+    const Session::Guard guard(session);
     slave_count(context) = 0;
     std::memset(static_cast<void*>(slaves_of(context)), 0,
                 sizeof(ec_slavet) * static_cast<std::size_t>(most_slaves(context)));
@@ -107,7 +109,8 @@ void clear(ecx_contextt& context) {
 int read_state(ecx_contextt& context, Session& session, std::uint16_t number) {
     std::array<std::byte, 6> octets{};
     ec_slavet& slave = slaves_of(context)[number];
-    const bool there = read_registers(session, slave.configadr, ECT_REG_ALSTAT, octets, us(EC_TIMEOUTRET3)) == 1;
+    const std::uint16_t station = value_of(context, session, number, &ec_slavet::configadr);
+    const bool there = read_registers(session, station, ECT_REG_ALSTAT, octets, us(EC_TIMEOUTRET3)) == 1;
     const auto state = there ? static_cast<uint16>(word_at(octets.data()) & 0x1F) : uint16{EC_STATE_NONE};
     const Session::Guard guard(session);
     slave.state = state;
@@ -156,9 +159,9 @@ int find_slaves(ecx_contextt& context, Session& session) {
         const Session::Guard guard(session);
         session.inbox().clear();
         found = static_cast<int>(session.context().slaves().size());
+        if (found >= most_slaves(context)) return EC_SLAVECOUNTEXCEEDED;
+        slave_count(context) = found;
     }
-    if (found >= most_slaves(context)) return EC_SLAVECOUNTEXCEEDED;
-    slave_count(context) = found;
     for (int n = 1; n <= found; ++n) fill_slave(context, session, static_cast<std::uint16_t>(n));
     if (context.manualstatechange != 0) {
         WriteStateRequest down;
@@ -174,10 +177,10 @@ int config_init(ecx_contextt& context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return EC_NOFRAME;
     const auto lock = session->lock_eeproms();
-    clear(context);
+    clear(context, *session);
     const int found = find_slaves(context, *session);
     if (!session->closing()) return found;
-    clear(context);  // another thread closes the master, and what was read of the slaves is not complete
+    clear(context, *session);  // another thread closes the master, and what was read of the slaves is not complete
     return EC_NOFRAME;
 }
 
@@ -189,8 +192,9 @@ extern "C" {
 
 int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave)) return 0;
+    if (session == nullptr) return 0;
     const auto lock = session->lock_eeproms();
+    if (!is_slave(*context, *session, slave)) return 0;
     std::array<std::byte, 2> octets{};
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
     if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1)
@@ -210,7 +214,7 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
 
 int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
     const Pinned session = session_of(context);
-    if (session == nullptr || !is_slave(*context, slave)) return 0;
+    if (session == nullptr || !is_slave(*context, *session, slave)) return 0;
     bool configured = false;
     if (session->is_answered(us(EC_TIMEOUTSAFE))) {
         HookCaller hooks(*context, *session, kVersionCallsContextHooks);

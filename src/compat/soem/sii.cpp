@@ -49,7 +49,8 @@ class Taken {
 constexpr std::uint16_t offset(std::uint16_t address, int by) { return static_cast<std::uint16_t>(address + by); }
 
 bool has_slave(ecx_contextt* context, std::uint16_t slave) {
-    return session_of(context) != nullptr && is_slave(*context, slave);
+    const Pinned session = session_of(context);
+    return session != nullptr && is_slave(*context, *session, slave);
 }
 
 bool answers(ecx_contextt& context, Session& session, std::uint16_t slave) {
@@ -76,7 +77,7 @@ extern "C" {
 
 uint8 ecx_siigetbyte(ecx_contextt* context, uint16 slave, uint16 address) {
     const Pinned session = session_of(*context);
-    if (session == nullptr || !is_slave(*context, slave) || address >= EC_MAXEEPBUF) return 0xFF;
+    if (session == nullptr || !is_slave(*context, *session, slave) || address >= EC_MAXEEPBUF) return 0xFF;
     const auto lock = session->lock_eeproms();
     std::uint8_t* const octets = sii_octets(*context);
     std::uint32_t* const known = sii_known(*context);

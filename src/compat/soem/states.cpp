@@ -65,24 +65,28 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
     const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return EC_NOFRAME;
     std::uint16_t value = 0;
+    std::uint16_t station = 0;
+    int slaves = 0;
+    bool known = false;
     {
-        const Session::Guard guard(*session);  // another thread may read the states
+        const Session::Guard guard(*session);  // another thread may read the states, or search the slaves
         value = slaves_of(*context)[slave].state;
+        station = slave == 0 ? std::uint16_t{0} : slaves_of(*context)[slave].configadr;
+        slaves = slave_count(*context);
+        known = session->slave(1).number == 1 && slave <= slaves;
     }
     const auto state = static_cast<margay::AlState>(value & 0xF);
-    const bool known = session->slave(1).number == 1 && slave <= slave_count(*context);
     if (!known || state == margay::AlState::none) {
         std::array<std::byte, 2> octets{};
         put_word(octets.data(), value);
         const auto command = slave == 0 ? DatagramCommand::bwr : DatagramCommand::fpwr;
-        const std::uint16_t station = slave == 0 ? std::uint16_t{0} : slaves_of(*context)[slave].configadr;
         return session->exchange(command, address_of(station, ECT_REG_ALCTL), octets, us(EC_TIMEOUTRET3));
     }
     if (!session->is_answered()) return EC_NOFRAME;
     (void)session->settle_lost(slave);
-    const int all = slave == 0 ? slave_count(*context) : 1;
+    const int all = slave == 0 ? slaves : 1;
     const int first = slave == 0 ? 1 : slave;
-    const int last = slave == 0 ? slave_count(*context) : slave;
+    const int last = slave == 0 ? slaves : slave;
     if (state == margay::AlState::boot || state == margay::AlState::preop)
         for (int n = first; n <= last; ++n) take_mailboxes(*context, *session, static_cast<std::uint16_t>(n), state);
     if (state == margay::AlState::boot) {
@@ -107,7 +111,7 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
 
 uint16 ecx_statecheck(ecx_contextt* context, uint16 slave, uint16 reqstate, int timeout) {
     const Pinned session = session_of(context);
-    if (session == nullptr || slave > slave_count(*context) || slave >= most_slaves(*context)) return 0;
+    if (session == nullptr || (slave != 0 && !is_slave(*context, *session, slave))) return 0;
     ec_slavet& asked = slaves_of(*context)[slave];
     const margay::Time until = margay::later(session->now(), us(timeout));
     for (;;) {

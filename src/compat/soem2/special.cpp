@@ -89,19 +89,25 @@ int ecx_dropmbx(ecx_contextt* context, ec_mbxbuft* mbx) {
 }
 
 int ecx_slavembxcyclic(ecx_contextt* context, uint16 slave) {
-    if (!is_slave(*context, slave) || context->slavelist[slave].mbxstatus == nullptr) return 0;
+    const Pinned session = session_of(context);
+    if (session == nullptr || !is_slave(*context, *session, slave)) return 0;
+    const Session::Guard guard(*session);
+    if (context->slavelist[slave].mbxstatus == nullptr) return 0;
     context->slavelist[slave].mbxhandlerstate = ECT_MBXH_CYCLIC;
     return 1;
 }
 
 int ecx_mbxENIinitcmds(ecx_contextt* context, uint16 slave, uint16_t transition) {
-    if (context->ENI == nullptr || !is_slave(*context, slave)) return 1;
-    const ec_slavet& here = context->slavelist[slave];
+    const Pinned session = session_of(context);
+    if (session == nullptr || context->ENI == nullptr || !is_slave(*context, *session, slave)) return 1;
+    const auto vendor = value_of(*context, *session, slave, &ec_slavet::eep_man);
+    const auto product = value_of(*context, *session, slave, &ec_slavet::eep_id);
+    const auto revision = value_of(*context, *session, slave, &ec_slavet::eep_rev);
     int right = 1;
     for (int n = 0; n < context->ENI->slavecount; ++n) {
         const ec_enislavet& wanted = context->ENI->slave[n];
-        if (wanted.Slave != slave || wanted.VendorId != here.eep_man || wanted.ProductCode != here.eep_id ||
-            wanted.RevisionNo != here.eep_rev)
+        if (wanted.Slave != slave || wanted.VendorId != vendor || wanted.ProductCode != product ||
+            wanted.RevisionNo != revision)
             continue;
         for (int c = 0; c < wanted.CoECmdCount; ++c) {
             ec_enicoecmdt& command = wanted.CoECmds[c];
