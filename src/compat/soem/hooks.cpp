@@ -37,11 +37,13 @@ void HookCaller::run() {
             const Session::Guard guard(session_);
             copy_state(context_, session_, call.number);
         }
-        std::array<ec_smt, EC_MAXSM> before{};
-        std::copy_n(slave.SM, EC_MAXSM, before.begin());
         before_hooks(context_, call.number);
         call_hooks(context_, call.number, with_context_);
-        const bool changed = std::memcmp(before.data(), slave.SM, sizeof(slave.SM)) != 0;
+        bool changed = false;  // by the program; what ecx_readPDOmap() writes is shown
+        {
+            const Session::Guard guard(session_);
+            changed = std::memcmp(session_.shown(call.number).data(), slave.SM, sizeof(slave.SM)) != 0;
+        }
         if (changed) take_sync_managers(context_, session_, call.number);
         call.done = true;
     }

@@ -29,27 +29,42 @@ unsigned assigned_bits(ecx_contextt* context, uint16 slave, uint16 assignment) {
     return bits;
 }
 
+// What the dictionary says of a SyncManager.
+struct Read {
+    uint32 type = 0;
+    unsigned bits = 0;
+};
+
+Read read_sync_manager(ecx_contextt* context, uint16 slave, unsigned sm) {
+    Read read{.type = read_number(context, slave, ECT_SDO_SMCOMMTYPE, static_cast<uint8>(sm + 1))};
+    if (sm == 2 && read.type == 2) read.type = 3;  // devices that count the SyncManagers from the wrong one
+    if (read.type == 3 || read.type == 4)
+        read.bits = assigned_bits(context, slave, static_cast<uint16>(ECT_SDO_PDOASSIGN + sm));
+    return read;
+}
+
 int read_map(ecx_contextt* context, uint16 slave, MapBits* Osize, MapBits* Isize) {
     *Osize = 0;
     *Isize = 0;
     const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, *session, slave)) return 0;
-    ec_slavet& s = slaves_of(*context)[slave];
     const uint32 count = read_number(context, slave, ECT_SDO_SMCOMMTYPE, 0);
     if (count <= 2) return 0;
-    for (unsigned sm = 2; sm < count && sm < EC_MAXSM; ++sm) {
-        uint32 type = read_number(context, slave, ECT_SDO_SMCOMMTYPE, static_cast<uint8>(sm + 1));
-        if (sm == 2 && type == 2) type = 3;  // devices that count the SyncManagers from the wrong one
-        s.SMtype[sm] = static_cast<uint8>(type);
-        if (type == 0) s.SM[sm].SMflags = htoel(etohl(s.SM[sm].SMflags) & EC_SMENABLEMASK);
-        if (type != 3 && type != 4) continue;
-        const unsigned bits = assigned_bits(context, slave, static_cast<uint16>(ECT_SDO_PDOASSIGN + sm));
-        if (bits == 0) continue;
-        s.SM[sm].SMlength = htoes(static_cast<uint16>((bits + 7) / 8));
-        (type == 3 ? *Osize : *Isize) += static_cast<MapBits>(bits);
+    const unsigned end = std::min<unsigned>(count, EC_MAXSM);
+    std::array<Read, EC_MAXSM> all{};
+    for (unsigned sm = 2; sm < end; ++sm) all[sm] = read_sync_manager(context, slave, sm);
+    // All at once: another thread may configure the slave.
+    const Session::Guard guard(*session);
+    ec_slavet& s = slaves_of(*context)[slave];
+    for (unsigned sm = 2; sm < end; ++sm) {
+        const Read& read = all[sm];
+        s.SMtype[sm] = static_cast<uint8>(read.type);
+        if (read.type == 0) s.SM[sm].SMflags = htoel(etohl(s.SM[sm].SMflags) & EC_SMENABLEMASK);
+        if (read.bits == 0) continue;
+        s.SM[sm].SMlength = htoes(static_cast<uint16>((read.bits + 7) / 8));
+        (read.type == 3 ? *Osize : *Isize) += static_cast<MapBits>(read.bits);
     }
-    // The program has not changed them.
-    std::memcpy(session->shown(slave).data(), s.SM, sizeof(s.SM));
+    std::memcpy(session->shown(slave).data(), s.SM, sizeof(s.SM));  // the program has not changed them
     return *Osize > 0 || *Isize > 0 ? 1 : 0;
 }
 
