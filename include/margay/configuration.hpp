@@ -133,6 +133,10 @@ struct SlaveConfiguration {
     bool no_mailbox : 1 = false;          // its mailbox is not used. Set this before the slave leaves INIT, by expect()
     bool no_complete_access : 1 = false;  // CoE objects are always read and written subindex by subindex
     bool fixed_pdos : 1 = false;  // the PDOs of `setup` describe what the slave has; the library writes none of them
+    // When the slave starts up again, with another revision too, its SyncManagers and FMMUs are set as they were
+    // mapped, and the library does not compare which PDOs the slave has. Outputs reach the wrong objects if the slave
+    // has others: for an application whose preop_to_safeop writes the PDOs at each start-up.
+    bool unchecked_pdos : 1 = false;
     // The highest state that the slave is brought to: PREOP (no process data), SAFEOP or OP.
     AlState highest = AlState::op;
     // The SyncManagers in the order of their data in the image. Numbers, directions and sizes that are changed here,
@@ -140,9 +144,9 @@ struct SlaveConfiguration {
     // slave is exchanged as it was mapped; when it leaves SAFEOP meanwhile, it stays in PREOP with
     // Errc::remapping_needed. The same after an SDO of the application to a PDO mapping or a PDO assignment (0x1600 to
     // 0x1BFF, 0x1C10 to 0x1C2F), or SoEwrite() of a telegram (S-0-0015, S-0-0016, S-0-0024), unless the slave has
-    // refused the request; the same by RawMail; and when a slave comes back with another revision. The library does
-    // not see what AoE writes, and does not compare what a hook or a start-up command writes to these objects: a hook
-    // or command must write the same values at each start-up.
+    // refused the request; the same by RawMail; and, without unchecked_pdos, when a slave comes back with another
+    // revision. The library does not see what AoE writes, and does not compare what a hook or a start-up command writes
+    // to these objects: a hook or command must write the same values at each start-up.
     std::uint8_t sm_count = 0;
     std::array<ProcessSm, kProcessSms> sms{};
     // Timeout of the slave's process data watchdog: the time without outputs after which the watchdog expires. In

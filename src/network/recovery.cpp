@@ -219,6 +219,7 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
 
 void doubt_pdos(Network& network, const Slave& slave) {
     const SlaveConfiguration& config = slave.config;
+    if (config.unchecked_pdos) return;
     const bool written = !config.fixed_pdos && std::ranges::all_of(config.used_sms(), [&](const ProcessSm& sm) {
         const SmPdos* const list = find_list(slave, sm.number);
         return list != nullptr && std::ranges::none_of(list->pdos, [](const Pdo& pdo) { return pdo.entries.empty(); });

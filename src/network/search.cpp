@@ -44,12 +44,12 @@ void read_again(Slave& slave) {
 
 // A device of another revision, for example with new firmware, may have other PDOs.
 void revise(Network& network, Slave& slave) {
-    network.marks(slave).pdos_written = true;
+    if (!slave.config.unchecked_pdos) network.marks(slave).pdos_written = true;
     read_again(slave);
 }
 
 // Whether the slave differs from the known one in its revision alone, and expect() does not name another revision.
-bool accept_revision(Network& network, Slave& slave, const Error& differs) {
+bool accept_revision(Slave& slave, const Error& differs) {
     if (differs.code != Errc::other_slave || differs.subindex != static_cast<std::uint8_t>(IdentityField::revision) ||
         slave.held)
         return false;
@@ -58,8 +58,6 @@ bool accept_revision(Network& network, Slave& slave, const Error& differs) {
         slave.identity.revision = differs.expected;
         return false;
     }
-    revise(network, slave);
-    set_takes_part(network, slave, false);  // its place in the image is for the PDOs of the other revision
     return true;
 }
 
@@ -322,11 +320,15 @@ Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
 
 Task<Result<>> prove(Network& network, Slave& slave) {
     auto same = co_await compare_identity(network, slave);
-    if (accept_revision(network, slave, same.error())) {
-        auto unmapped = co_await unmap(network.station(slave));  // no outputs until config_map() has read its PDOs
-        if (!unmapped) {
-            slave.identity.revision = same.error().expected;  // compared again
-            co_return unmapped;
+    if (accept_revision(slave, same.error())) {
+        if (!slave.config.unchecked_pdos) {
+            revise(network, slave);
+            set_takes_part(network, slave, false);  // its place in the image is for the PDOs of the other revision
+            auto unmapped = co_await unmap(network.station(slave));  // no outputs until config_map() has read its PDOs
+            if (!unmapped) {
+                slave.identity.revision = same.error().expected;  // compared again
+                co_return unmapped;
+            }
         }
         same = Nothing{};
     }

@@ -116,7 +116,8 @@ void note_boot(Network& network, const Slave& slave) {
     network.marks(slave).from_boot = true;
     // Without the part of BOOT nothing compares the slave before it leaves BOOT.
     network.marks(slave).boot_read = network.boot != nullptr;
-    network.marks(slave).pdos_in_doubt = network.marks(slave).new_firmware = !is_by_application(slave.config);
+    const bool checked = !is_by_application(slave.config) && !slave.config.unchecked_pdos;
+    network.marks(slave).pdos_in_doubt = network.marks(slave).new_firmware = checked;
 }
 
 bool may_be_exchanged(const Network& network, const Slave& slave) {

@@ -40,7 +40,7 @@ foreach(v 1 2)
 endforeach()
 
 # Programs on simulated segments. Those with one thread run in virtual time.
-foreach(program simple tools firmware eeprom eeprom_loss eeprom_threads lost lost_address lost_clock loss partial closing ring edges masters low_level no_link silent clock_order mute services two_threads held_inputs cable closing_scan)
+foreach(program simple tools firmware eeprom eeprom_loss eeprom_threads lost lost_address lost_clock loss partial closing ring edges masters low_level no_link silent clock_order mute services two_threads held_inputs cable closing_scan new_firmware)
   margay_compat(compat_soem1_${program} margay_soem1 ${program}.c)
 endforeach()
 margay_compat(compat_soem2_simple margay_soem2 simple_ng.c)
@@ -82,6 +82,8 @@ add_test(NAME compat/soem1_eeprom COMMAND compat_soem1_eeprom sim:${compat}/eepr
 list(APPEND virtual compat/soem1_eeprom)
 add_test(NAME compat/soem1_eeprom_loss COMMAND compat_soem1_eeprom_loss sim:${compat}/eeprom_loss.toml 2)
 add_test(NAME compat/soem1_eeprom_threads COMMAND compat_soem1_eeprom_threads sim:drives 2)
+add_test(NAME compat/soem1_new_firmware COMMAND compat_soem1_new_firmware sim:bootloader 2 0x4d47 9)
+list(APPEND virtual compat/soem1_new_firmware)
 add_test(NAME compat/soem1_cable COMMAND compat_soem1_cable sim:drive,drive,drive)
 list(APPEND virtual compat/soem1_cable)
 add_test(NAME compat/soem1_two_threads COMMAND compat_soem1_two_threads sim:digital_in_8,drive)

@@ -313,6 +313,20 @@ TEST_F(OtherPdos, BesideSizesOfTheApplication) {
     expect_not_driven();
 }
 
+// The application says that it writes the PDOs itself at each start-up, and here it does not.
+TEST_F(OtherPdos, AreNotComparedWhereTheApplicationSaysSo) {
+    begin();
+    ASSERT_TRUE(write_mapping());
+    ctx->slave(2).config.unchecked_pdos = true;
+    map();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    expect_right_objects();
+    power_off_and_on();
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::op);
+    EXPECT_TRUE(all_right(*ctx));
+    EXPECT_EQ(object(0x60FF), 0x1111) << "the drive has its own PDOs again";
+}
+
 // The list of the configurable telegram has the velocity command in the place of the position command.
 TEST_F(OtherPdos, OfADriveWithSoe) {
     begin("soe_drive");
