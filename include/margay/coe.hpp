@@ -54,6 +54,9 @@ struct SdoUpload : MailRequest {
     bool complete_access = false;
     std::span<std::byte> data;  // destination of the value; the caller's memory
     std::size_t bytes = 0;      // result: size of the value in octets
+    // The time for each answer of the slave, while `timeout` limits the whole request. Zero or less: `timeout`, and 3 s
+    // without `timeout`.
+    Duration answer_timeout{0};
 };
 
 // Writes an object (ETG.1000.6 "SDO download"). If the slave refuses complete access, the library writes the subindices
@@ -64,6 +67,7 @@ struct SdoDownload : MailRequest {
     std::uint8_t subindex = 0;
     bool complete_access = false;
     Borrowed<std::byte> data;
+    Duration answer_timeout{0};  // see SdoUpload
 };
 
 // The object lists of a dictionary (ETG.1000.6 "Get OD list"). `lengths` returns five numbers: how many objects each of
@@ -78,7 +82,8 @@ struct ObjectListRequest : MailRequest {
     // poll() calls this function in the thread that polls; it must neither wait nor call the library.
     void (*found)(std::span<const std::uint16_t> indices, void* user) = nullptr;  // must not throw
     void* user = nullptr;
-    std::uint32_t count = 0;  // result: number of all indices
+    std::uint32_t count = 0;     // result: number of all indices
+    Duration answer_timeout{0};  // see SdoUpload
 };
 
 // An object of the dictionary (ETG.1000.6 "Get object description").

@@ -17,19 +17,12 @@ static Error check_file(Network& network, const FoeRequest& request, Step step) 
 static Error check(Network& network, const FoeRead& request) { return check_file(network, request, Step::foe_read); }
 static Error check(Network& network, const FoeWrite& request) { return check_file(network, request, Step::foe_write); }
 
-// `timeout` limits the whole transfer, answer_timeout each answer.
-static MailPatience patience_of_file(FoeRequest& request) {
-    MailPatience patience = patience_of(request);
-    patience.each = request.answer_timeout;
-    return patience;
-}
-
 static Task<Result<>> run(Network& network, FoeRead& request) {
-    co_return co_await required(foe_read(channel_of(network, request), request, patience_of_file(request)));
+    co_return co_await required(foe_read(channel_of(network, request), request, patience_of_each(request)));
 }
 
 static Task<Result<>> run(Network& network, FoeWrite& request) {
-    co_return co_await required(foe_write(channel_of(network, request), request, patience_of_file(request)));
+    co_return co_await required(foe_write(channel_of(network, request), request, patience_of_each(request)));
 }
 
 static constexpr OperationDescription kRead = describe_mail<FoeRead, check, run>(Operation::foe_read, Step::foe_read);

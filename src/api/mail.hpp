@@ -24,6 +24,14 @@ constexpr OperationDescription describe_mail(Operation operation, Step step) {
     return patience;
 }
 
+// For requests of several messages.
+template <class R>
+[[nodiscard]] MailPatience patience_of_each(R& request) {
+    MailPatience patience = patience_of(request);
+    if (request.answer_timeout > Duration{0}) patience.each = request.answer_timeout;
+    return patience;
+}
+
 [[nodiscard]] inline MailboxChannel& channel_of(Network& network, const MailRequest& request) {
     return network.mailboxes.channel(request.slave);
 }

@@ -27,7 +27,7 @@ static Error check(Network& network, const SdoDownload& r) {
 
 static Task<Result<>> run(Network& network, SdoUpload& request) {
     const SdoObject object{request.index, request.subindex, request.complete_access};
-    auto read = co_await sdo_upload(channel_of(network, request), object, request.data, patience_of(request));
+    auto read = co_await sdo_upload(channel_of(network, request), object, request.data, patience_of_each(request));
     request.bytes = read ? *read : std::size_t{0};
     co_return read ? Result<>() : Result<>(read.error());
 }
@@ -35,7 +35,7 @@ static Task<Result<>> run(Network& network, SdoUpload& request) {
 static Task<Result<>> run(Network& network, SdoDownload& request) {
     const SdoObject object{request.index, request.subindex, request.complete_access};
     PdoWrite note(network, request.slave, decides_on_pdos(object.index));
-    auto written = co_await sdo_download(channel_of(network, request), object, request.data, patience_of(request));
+    auto written = co_await sdo_download(channel_of(network, request), object, request.data, patience_of_each(request));
     if (!object.complete && written.error().code == Errc::sdo_abort) note.refused();
     co_return written;
 }

@@ -19,7 +19,7 @@ static Error check(Network& network, const EntryDescriptionRequest& r) {
 
 static Task<Result<>> run(Network& network, ObjectListRequest& request) {
     ObjectListQuery query(request.list, request.found, request.user);
-    auto done = co_await ask_information(channel_of(network, request), query, {}, patience_of(request));
+    auto done = co_await ask_information(channel_of(network, request), query, {}, patience_of_each(request));
     request.count = query.count();
     co_return done;
 }

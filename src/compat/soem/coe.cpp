@@ -24,7 +24,7 @@ int ecx_SDOread(ecx_contextt* context, uint16 slave, uint16 index, uint8 subinde
     request.subindex = CA != FALSE && subindex > 1 ? std::uint8_t{1} : subindex;
     request.complete_access = CA != FALSE;
     request.data = octets_at(p, static_cast<std::size_t>(*psize));
-    request.timeout = mail_time(timeout);
+    request.answer_timeout = mail_time(timeout);
     const auto done = session->run(request);
     if (done) *psize = static_cast<int>(request.bytes);
     return mail_result(*context, slave, done.error(), index, subindex);
@@ -40,7 +40,7 @@ int ecx_SDOwrite(ecx_contextt* context, uint16 Slave, uint16 Index, uint8 SubInd
     request.subindex = CA != FALSE && SubIndex > 1 ? std::uint8_t{1} : SubIndex;
     request.complete_access = CA != FALSE;
     request.data = octets_at(p, static_cast<std::size_t>(psize));
-    request.timeout = mail_time(Timeout);
+    request.answer_timeout = mail_time(Timeout);
     const auto done = session->run(request);
     return mail_result(*context, Slave, done.error(), Index, SubIndex);
 }

@@ -50,7 +50,7 @@ int ecx_readODlist(ecx_contextt* context, uint16 Slave, ec_ODlistt* pODlist) {
     request.slave = Slave;
     request.found = take_indices;
     request.user = pODlist;
-    request.timeout = 10 * mail_time(kTime);  // of many messages
+    request.answer_timeout = mail_time(kTime);
     const auto done = session->run(request);
     return result(*context, Slave, done.error(), 0, 0);
 }
