@@ -87,7 +87,7 @@ int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool over
 
 // The datagrams of a group that only write, which are the first ones: their working counter counts twice.
 struct Writing {
-    unsigned count = 0;
+    std::span<const DatagramStatus> datagrams{};
     unsigned wkc = 0;  // if all slaves take part
 };
 Writing writing_datagrams(Session& session, std::uint8_t group);

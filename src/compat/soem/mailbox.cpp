@@ -49,7 +49,9 @@ void take_mailboxes(ecx_contextt& context, Session& session, std::uint16_t numbe
     const Slave& slave = session.slave(number);
     if (are_same(written, slave.mailbox) || are_same(written, slave.boot_mailbox)) return;
     const auto placed = place_mailboxes(session.context(), number, state, written);
-    if (placed.error().code != Errc::none) say_once("a slave cannot have the mailboxes that the program has written");
+    if (placed) return;
+    std::array<char, 400> text{};
+    say_once("the mailboxes that the program has written are not used: " + std::string(describe(placed.error(), text)));
 }
 
 void put_letter(const Letter& letter, std::uint16_t station, std::uint8_t counter, ec_mbxbuft& into) {

@@ -38,6 +38,7 @@ void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number
         slave.config.no_complete_access = (s.CoEdetails & ECT_COEDET_SDOCA) == 0;
         slave.config.source = ConfigurationSource::none;
         slave.config.sm_count = 0;
+        slave.config.unchecked_pdos = true;  // the interface sets what it has mapped, with other firmware too
     }
     if (changed) take_sync_managers(context, session, number);
 }
@@ -149,7 +150,7 @@ void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) 
     facts.shown_time = &dc_time(context);
     facts.block_lrw = &g.blockLRW;
     const Writing writing = writing_datagrams(session, group);
-    facts.writing_datagrams = writing.count;
+    facts.writing = writing.datagrams;
     const unsigned written = writing.wkc;
     const bool split = written != 0;
     g.outputsWKC = static_cast<uint16>(out);
@@ -258,7 +259,8 @@ void map(ecx_contextt& context, Session& session, MapRequest& request, HookCalle
     empty_others(context, session, request.group);
     const auto mapped = session.run(request, &hooks);
     if (!mapped && mapped.error().code == Errc::image_overlaps)
-        say_once("a group is not mapped, because its memory is that of another group with slaves");
+        say_once("group " + std::to_string(request.group) +
+                 " is not mapped, because its memory is that of another group with slaves");
     bool again = false;
     for (int n = 1; n <= slave_count(context); ++n) {
         if (!takes_part(slaves_of(context)[n], request.group)) continue;
@@ -281,12 +283,14 @@ Writing writing_datagrams(Session& session, std::uint8_t group) {
     const Group& mapped = session.context().group(group);
     // Also a group without inputs, and slaves that refuse LRW: the first datagram is an LWR.
     constexpr std::uint8_t kLwr = 11;
+    std::size_t count = 0;
     Writing writing;
     for (const DatagramStatus& datagram : mapped.datagrams) {
-        if (process_datagram(session.context(), writing.count, group).command != kLwr) break;
+        if (process_datagram(session.context(), count, group).command != kLwr) break;
         writing.wkc += datagram.full;
-        ++writing.count;
+        ++count;
     }
+    writing.datagrams = mapped.datagrams.first(count);
     return writing;
 }
 

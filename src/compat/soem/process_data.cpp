@@ -19,9 +19,9 @@ int partial_counter(Session& session, std::uint8_t group, const Error& error) {
 }
 
 // The working counters of writing datagrams once more, because the interface counts them twice.
-int counted_twice(Session& session, std::uint8_t group, unsigned writing) {
+int counted_twice(const Session::GroupFacts& facts) {
     int sum = 0;
-    for (const DatagramStatus& datagram : session.context().group(group).datagrams.first(writing))
+    for (const DatagramStatus& datagram : facts.writing)
         if (datagram.came) sum += datagram.got;
     return sum;
 }
@@ -38,10 +38,11 @@ int counted_twice(Session& session, std::uint8_t group, unsigned writing) {
     return send_processdata(*facts.context, facts.group).ok() ? 1 : 0;
 }
 
-// The thread is not the owner, the cycle is not right, or datagrams count twice.
-[[gnu::noinline]] int other_cycle(const Session::GroupFacts& facts, Result<std::uint32_t> received) {
+// The thread is not the owner, or the cycle is not right.
+[[gnu::noinline]] int other_cycle(const Session::GroupFacts& facts, Error error) {
     Session& session = *facts.session;
-    if (!received && received.error().code == Errc::not_owner) {
+    Result<std::uint32_t> received(error);
+    if (error.code == Errc::not_owner) {
         session.be_owner();
         received = receive_processdata(*facts.context, std::chrono::microseconds(facts.timeout_us), facts.group);
     }
@@ -49,7 +50,7 @@ int counted_twice(Session& session, std::uint8_t group, unsigned writing) {
     const int wkc = received ? static_cast<int>(*received) : partial_counter(session, facts.group, received.error());
     if (wkc < 0) return wkc;
     show_time(facts);
-    return wkc + counted_twice(session, facts.group, facts.writing_datagrams);
+    return wkc + counted_twice(facts);
 }
 
 // The program has written blockLRW since the frames were planned.
@@ -61,8 +62,9 @@ int counted_twice(Session& session, std::uint8_t group, unsigned writing) {
     if (block == config.block_lrw) return;
     config.block_lrw = block;
     const auto planned = replan_processdata(*facts.context, facts.group);
-    if (planned.error().code == Errc::too_many_frames) say_once("blockLRW: there are not enough frames for it");
-    facts.writing_datagrams = writing_datagrams(*facts.session, facts.group).count;
+    if (planned.error().code == Errc::too_many_frames)
+        say_once("group " + std::to_string(facts.group) + ": blockLRW: there are not enough frames for it");
+    facts.writing = writing_datagrams(*facts.session, facts.group).datagrams;
 }
 
 struct Send {
@@ -82,10 +84,11 @@ struct Receive {
     static int run(Session::GroupFacts& facts, int timeout_us) {
         facts.timeout_us = timeout_us;
         const auto received = receive_processdata(*facts.context, std::chrono::microseconds(timeout_us), facts.group);
-        if (!received || facts.writing_datagrams != 0) [[unlikely]]
-            return other_cycle(facts, received);
+        if (!received) [[unlikely]]
+            return other_cycle(facts, received.error());
         show_time(facts);
-        return static_cast<int>(*received);
+        const int wkc = static_cast<int>(*received);
+        return facts.writing.empty() ? wkc : wkc + counted_twice(facts);
     }
 };
 

@@ -25,7 +25,7 @@ bool wants_virtual_time() {
 
 void say(const std::string& text) { std::fprintf(stderr, "margay: %s\n", text.c_str()); }
 
-void say_once(const char* text) {
+void say_once(const std::string& text) {
     static std::mutex mutex;
     static auto* const said = new std::set<std::string>;  // threads may use it while the process ends
     const std::lock_guard<std::mutex> guard(mutex);

@@ -31,7 +31,7 @@ class Inbox;
 // Prints one sentence of the library to standard error.
 void say(const std::string& text);
 // The same, once for each text.
-void say_once(const char* text);
+void say_once(const std::string& text);
 
 class Session {
   public:
@@ -141,8 +141,9 @@ class Session {
         std::int64_t* shown_time = nullptr;            // where the program reads it; set by the first mapping
         const std::uint8_t* block_lrw = &kNotBlocked;  // where the program writes it; set by the first mapping
         Session* session = nullptr;
-        unsigned writing_datagrams = 0;  // the first ones of a cycle: their working counter counts twice
-        int timeout_us = 0;              // of the call that receives
+        // The first datagrams of a cycle that write: their working counter counts twice.
+        std::span<const DatagramStatus> writing{};
+        int timeout_us = 0;  // of the call that receives
         std::uint8_t group = 0;
         std::uint8_t blocked = 0;  // the value that the frames are planned for
     };
