@@ -173,7 +173,16 @@ Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
     co_return Nothing{};
 }
 
-// Returns the greatest difference of a clock beside the ring after the lesson.
+// Whether a cycle has come back in which a slave is missing that is not known to be lost.
+static bool falls_short(const Network& network) {
+    const auto is_short = [](const DatagramStatus& status) { return status.came && !status.usable(); };
+    return std::ranges::any_of(network.process.groups, [&is_short](const ProcessGroup& group) {
+        return group.mapped && std::ranges::any_of(group.statuses, is_short);
+    });
+}
+
+// Returns the greatest difference of a clock beside the ring after the lesson. While the ring is open, a break leaves
+// the slaves behind it without process data: then the lesson ends at once.
 Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
     constexpr Duration kLesson = std::chrono::milliseconds(400);
     Clocks& clocks = network.clocks;
@@ -182,10 +191,14 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
     const ScopedFlag measuring(clocks.measuring);
     co_await required(open_ring_with(network, true));
     const Time give_up = network.engine.now() + kLesson;
+    constexpr unsigned kEnough = 3;
+    const bool was_short = falls_short(network);
+    unsigned times_short = 0;
     bool same = true;
     for (std::uint16_t n = 0; n < clocks.settings.burst_frames && network.engine.now() < give_up && same; ++n) {
         co_await required(send_time(network));
-        same = !find_old_delays(network) && !clocks.paused;
+        times_short = !was_short && falls_short(network) ? times_short + 1 : 0;
+        same = !find_old_delays(network) && !clocks.paused && times_short < kEnough;
     }
     std::int64_t greatest = 0;
     // A clock whose rate is wrong yet passes the right time now and then.
@@ -362,7 +375,7 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
         // clocks stay where they are, and are not in sync.
         begin_to_steer(network);
         comparison_ = Comparison::unsure;
-        rests_ = std::exchange(learns_, false) ? UINT8_MAX : std::uint8_t{0};
+        if (!std::exchange(learns_, false)) rests_ = 0;
         co_return Nothing{};
     }
     if (!is_in_step(network)) {
@@ -451,12 +464,13 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
     }
     if (second_ == 0 || second_is_first_) co_return Nothing{};
     if (needs_lesson(network) && now.whole && may_teach(network) && rests_-- == 0) {
-        co_await completion(teach(network));
+        const auto taught = co_await teach(network);
+        constexpr std::uint8_t kRestsSoon = 20;  // it was broken off
+        rests_ = taught ? UINT8_MAX : kRestsSoon;
         // The constant is measured anew: by that of clocks that were not in step, they would be led back.
         learns_ = comparison_ == Comparison::unsure;
         if (learns_) comparison_ = Comparison::unknown;
         forget_differences();
-        rests_ = UINT8_MAX;
         co_return Nothing{};
     }
     co_return co_await required(steer(network));

@@ -6,14 +6,33 @@ namespace margay {
 namespace {
 
 struct LessonBus : ClockRingBus {
-    explicit LessonBus(unsigned slaves) : beside(static_cast<std::uint16_t>(slaves + 1)) {
+    // `leaf`: the last slave of the ring has a slave at port 3, which is not numbered in `at`.
+    explicit LessonBus(unsigned slaves, bool leaf = false) : beside(static_cast<std::uint16_t>(slaves + 1)) {
         std::vector<std::uint32_t> ring;
         for (unsigned n = 0; n < slaves; ++n) ring.push_back(add_to_ring(nth(n)));
         (void)add_behind(ring[1], 2, nth(slaves));
         close_ring();
         for (unsigned n = 0; n <= slaves; ++n) at.push_back(n);
+        if (leaf) {
+            at.insert(at.begin() + static_cast<std::ptrdiff_t>(slaves), slaves + 1);
+            numbers.assign(at.begin(), at.end());
+            for (std::uint16_t n = 0; n < at.size(); ++n) numbers[at[n]] = static_cast<std::uint16_t>(n + 1);
+            (void)add_behind(ring[slaves - 1U], 3, nth(slaves + 1));
+            ++beside;
+        }
         bring_up();
         (void)cycles(1000);
+    }
+    // Whether the last slave of the ring has closed its port to the second NIC.
+    bool is_open() {
+        std::array<std::byte, 2> control{};
+        segment.slave(static_cast<std::uint32_t>(ring_cables.size()) - 2).read(wire::reg::kDlControl.address, control);
+        return (control[1] & std::byte{0x0C}) == std::byte{0x0C};
+    }
+    void until_open() {
+        unsigned most = 5000;
+        while (!is_open() && most-- > 0) (void)cycle();
+        ASSERT_TRUE(is_open());
     }
     void power(std::uint16_t slave, bool on) { segment.set_power(at[slave - 1U], on, osal.now()); }
     // Slave 2 is the reference, and the clock beside the ring has no power.
@@ -104,6 +123,53 @@ TEST(ClockLesson, AClockBesideTheRingLeadsNoOtherClock) {
         EXPECT_EQ(bus.wrong_cycles(6000), 0U);
         bus.expect_in_step();
     }
+}
+
+// A ring cable breaks while the ring is open: the lesson ends, so that the slaves before the break have process data
+// again at once. The other slaves have it when the chip opens the port that was closed for a second.
+TEST(ClockLesson, ABreakEndsTheLesson) {
+    for (const unsigned later : {0U, 200U}) {
+        SCOPED_TRACE(later);
+        LessonBus bus(5);
+        bus.power(bus.beside, false);
+        (void)bus.cycles(300);
+        bus.power(bus.beside, true);
+        ASSERT_NO_FATAL_FAILURE(bus.until_open());
+        (void)bus.cycles(later);
+        ASSERT_TRUE(bus.is_open());
+        bus.cable(bus.ring_cables[3], false);
+        std::array<unsigned, 6> stale{};
+        for (unsigned n = 0; n < 1200; ++n) {
+            (void)bus.cycle();
+            for (std::uint16_t s = 1; s <= 5; ++s) stale[s] += inputs_fresh(*bus.ctx, s) ? 0U : 1U;
+        }
+        for (std::uint16_t s = 1; s <= 3; ++s) EXPECT_LE(stale[s], 30U) << s;
+        for (std::uint16_t s = 4; s <= 5; ++s) EXPECT_LE(stale[s], 1000U - later) << s;
+        EXPECT_EQ(bus.stale_cycles(100), 0U) << bus.joined(bus.events());
+    }
+}
+
+// A slave is lost during a lesson, which is broken off: the others have process data again at once. The next lesson
+// does not wait for 2.5 s.
+TEST(ClockLesson, ASlaveThatIsLostEndsTheLesson) {
+    LessonBus bus(5, true);
+    const std::uint64_t now = bus.segment.slave(bus.at[bus.beside - 1U]).clock().copy(bus.osal.now());
+    ASSERT_TRUE(write_register(*bus.ctx, bus.beside, 0x0910, now + 50'000'000).ok());
+    ASSERT_NO_FATAL_FAILURE(bus.until_open());
+    (void)bus.cycles(50);
+    bus.power(6, false);
+    unsigned stale = 0;
+    unsigned waits = 0;
+    while (!slave_clock(*bus.ctx, bus.beside).in_sync && waits < 5000) {
+        EXPECT_EQ(bus.wrong_cycles(1), 0U);
+        stale += inputs_fresh(*bus.ctx, 1) ? 0U : 1U;
+        ++waits;
+    }
+    EXPECT_LE(stale, 30U);
+    EXPECT_LE(waits, 3000U) << bus.joined(bus.events());
+    bus.power(6, true);
+    (void)bus.cycles(6000);
+    bus.expect_in_step();
 }
 
 }  // namespace
