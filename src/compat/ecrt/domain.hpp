@@ -13,6 +13,7 @@
 
 #include <ecrt.h>
 
+#include <atomic>
 #include <cstdint>
 #include <vector>
 
@@ -64,7 +65,7 @@ struct ec_domain {
 
     margay::compat::ecrt::Bus& bus;
     std::vector<margay::compat::ecrt::DomainPart> parts;
-    std::uint32_t size = 0;
+    std::atomic<std::uint32_t> size{0};        // changed with the parts; for all threads
     margay::compat::ecrt::Judgement complete;  // if all slaves take part
 
     // After activation.
