@@ -1,5 +1,5 @@
 # cmake -DBUILD=… -DWORK=… -DPROGRAM=… -P package.cmake: installs the facade, and builds a C program with the installed package in
-# the ways of its users: find_package() by three names, and pkg-config. Each program runs on a simulated segment.
+# the ways of its users: find_package() by three names, with and without a version, and pkg-config. Each program runs on a simulated segment.
 function(run)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
   if(failed)
@@ -16,10 +16,12 @@ if(NOT headers STREQUAL header)
   message(FATAL_ERROR "the header folder has more than ecrt.h: ${headers}")
 endif()
 set(ENV{MARGAY_MASTER0} sim:demo)
+set(version_of_EtherCAT 1.5.2)
+set(version_of_EtherLab 1.6)
 foreach(package ethercat EtherCAT EtherLab)
   file(WRITE ${WORK}/${package}/CMakeLists.txt "cmake_minimum_required(VERSION 3.25)
 project(consumer C)
-find_package(${package} REQUIRED)
+find_package(${package} ${version_of_${package}} REQUIRED)
 add_executable(consumer ${PROGRAM})
 target_link_libraries(consumer PRIVATE EtherLab::ethercat)
 ")
