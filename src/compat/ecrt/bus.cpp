@@ -10,8 +10,12 @@
 #include <sys/un.h>
 #include <unistd.h>
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstddef>
+#include <map>
+#include <mutex>
+#include <system_error>
 
 namespace margay::compat::ecrt {
 namespace {
@@ -25,9 +29,19 @@ constexpr Limits kLimits{.slaves = 512,
                          .errors = 256,
                          .events = 256};
 
+// The interfaces that masters of this program have, with the number of the master.
+struct OwnInterfaces {
+    std::mutex mutex;
+    std::map<std::string, unsigned> masters;
+};
+OwnInterfaces& own_interfaces() {
+    static OwnInterfaces* const all = new OwnInterfaces;  // threads may still use it while the process ends
+    return *all;
+}
+
 // Two programs on one interface would disturb each other. A socket with the name of the interface is the reservation:
-// the system removes it when the program ends. Returns -1 when another program has it.
-int lock_interface(const std::string& name) {
+// the system removes it when the program ends. Returns -1 with the reason in errno.
+int reserve(const std::string& name) {
     const int socket_fd = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (socket_fd < 0) return -1;
     sockaddr_un address{};
@@ -36,7 +50,9 @@ int lock_interface(const std::string& name) {
     const std::size_t length = path.copy(address.sun_path + 1, sizeof address.sun_path - 2);
     const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + length);
     if (::bind(socket_fd, reinterpret_cast<const sockaddr*>(&address), size) == 0) return socket_fd;
+    const int reason = errno;
     ::close(socket_fd);
+    errno = reason;
     return -1;
 }
 
@@ -102,14 +118,43 @@ bool Bus::lock_interfaces() {
         const std::string name = hosted::parse_interface(source_name.substr(begin, end - begin)).name;
         begin = end + 1;
         if (name.empty()) continue;  // open_source() says it
-        const int lock = lock_interface(name);
-        if (lock < 0) {
-            say("master %u: another program uses %s", index, name.c_str());
-            return false;
-        }
-        lock_sockets.push_back(lock);
+        if (!lock_interface(name)) return false;
     }
     return true;
+}
+
+bool Bus::lock_interface(const std::string& name) {
+    OwnInterfaces& own = own_interfaces();
+    const std::lock_guard lock(own.mutex);
+    if (std::ranges::find(locked, name) != locked.end()) {
+        say("master %u: %s: both ends of a ring are %s", index, source_name.c_str(), name.c_str());
+        return false;
+    }
+    if (const auto user = own.masters.find(name); user != own.masters.end()) {
+        say("master %u: master %u of this program uses %s", index, user->second, name.c_str());
+        return false;
+    }
+    const int reservation = reserve(name);
+    if (reservation < 0 && errno == EADDRINUSE) {
+        say("master %u: another program uses %s", index, name.c_str());
+        return false;
+    }
+    if (reservation < 0) {
+        say("master %u: %s cannot be reserved: %s", index, name.c_str(),
+            std::generic_category().message(errno).c_str());
+        return false;
+    }
+    lock_sockets.push_back(reservation);
+    locked.push_back(name);
+    own.masters[name] = index;
+    return true;
+}
+
+void Bus::unlock_interfaces() {
+    OwnInterfaces& own = own_interfaces();
+    const std::lock_guard lock(own.mutex);
+    for (const std::string& name : locked) own.masters.erase(name);
+    for (const int reservation : lock_sockets) ::close(reservation);
 }
 
 bool Bus::open() {
@@ -180,7 +225,7 @@ Bus::~Bus() {
     ctx.reset();
     old_operations.clear();
     old_configs.clear();
-    for (const int lock : lock_sockets) ::close(lock);
+    unlock_interfaces();
 }
 
 }  // namespace margay::compat::ecrt

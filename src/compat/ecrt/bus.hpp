@@ -135,6 +135,7 @@ class Bus {
     const unsigned index;
     const std::string source_name;
     std::vector<int> lock_sockets;
+    std::vector<std::string> locked;  // names of interfaces
     std::unique_ptr<hosted::Source> source;
     std::unique_ptr<HostContext> ctx;
     bool reserved = false;
@@ -222,6 +223,8 @@ class Bus {
 
   private:
     [[nodiscard]] bool lock_interfaces();
+    [[nodiscard]] bool lock_interface(const std::string& name);
+    void unlock_interfaces();
     void refresh_links(std::uint32_t count);
     void idle_loop();
     void hand_back(std::unique_lock<std::mutex>& lock);

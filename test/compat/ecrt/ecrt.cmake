@@ -160,6 +160,11 @@ foreach(segment nosuch0 eth0+eth1 sim:nosuch "")
   set_tests_properties(compat/ecrt/${name} PROPERTIES PASS_REGULAR_EXPRESSION "margay ecrt: master 0: [^\n]+")
 endforeach()
 
+# One interface twice: no other program uses it.
+margay_ecrt_test(refused_twice ecrt_user nosuch0+nosuch0)
+set_tests_properties(compat/ecrt/refused_twice PROPERTIES
+  PASS_REGULAR_EXPRESSION "margay ecrt: master 0: nosuch0.nosuch0: both ends of a ring are nosuch0" FAIL_REGULAR_EXPRESSION "another program")
+
 # The installed package.
 if(MARGAY_INSTALL)
   add_test(NAME compat/ecrt/package COMMAND ${CMAKE_COMMAND} -DBUILD=${PROJECT_BINARY_DIR} -DWORK=${CMAKE_CURRENT_BINARY_DIR}/ecrt_package
