@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <map>
 #include <thread>
 
@@ -40,9 +41,10 @@ std::shared_ptr<Bus> bus_of(unsigned index) {
     if (auto known = all.buses[index].lock()) return known;
     const std::string name = bound_source(index);
     if (name.empty()) {
+        const char* const file = std::getenv("MARGAY_MASTERS");
         say("master %u: no segment is bound to it: set MARGAY_MASTER%u to a network interface (eth0) or a simulated "
-            "segment (sim:demo), or write that into /etc/margay/masters.conf",
-            index, index);
+            "segment (sim:demo), or write that into %s",
+            index, index, file != nullptr ? file : "/etc/margay/masters.conf");
         return nullptr;
     }
     auto bus = std::make_shared<Bus>(index, name);
