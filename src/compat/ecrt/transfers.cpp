@@ -54,6 +54,7 @@ int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
     if (done) done = wait(*bus.ctx, request);
     if (done) return 0;
     error = done.error();
+    error.slave = request.slave;  // also where the library names none, because no cycle asks it
     say_error(bus, "transfer", error);
     return errno_of(error);
 }
