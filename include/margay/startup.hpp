@@ -64,7 +64,8 @@ enum class Moment : std::uint8_t { before, after };
 
 namespace detail {
 struct StartupMail;
-}
+extern const StartupMail kSoeStartup;
+}  // namespace detail
 
 struct StartupCommand {
     enum class Kind : std::uint8_t {
@@ -96,8 +97,8 @@ struct StartupCommand {
     std::array<std::byte, 8> mask{};   // of check_register: the bits of the value that are compared
     Borrowed<std::byte> data{};        // for longer values, instead of `value`. The caller's memory
     Duration timeout{0};               // zero: SlaveTimes::mailbox for mail, one reading for a register
-    // Of send_aoe and send_eoe, set by the functions of the same names: a program links only the protocols that it
-    // uses.
+    // Of write_parameter, execute_parameter, send_aoe and send_eoe, set by the functions of the same names: a program
+    // links only the protocols that it uses.
     const detail::StartupMail* mail = nullptr;
 
     // Copies of the command: executed after the state is reached; allowed to fail; with another timeout.
@@ -193,7 +194,8 @@ template <std::integral T>
             .index = idn.value,
             .subindex = drive,
             .length = sizeof(T),
-            .value = detail::little_endian(value)};
+            .value = detail::little_endian(value),
+            .mail = &detail::kSoeStartup};
 }
 [[nodiscard]] constexpr StartupCommand write_parameter(Transition when, std::uint8_t drive, Idn idn,
                                                        Borrowed<std::byte> data) {
@@ -201,11 +203,15 @@ template <std::integral T>
             .transitions = when,
             .index = idn.value,
             .subindex = drive,
-            .data = data};
+            .data = data,
+            .mail = &detail::kSoeStartup};
 }
 [[nodiscard]] constexpr StartupCommand execute_parameter(Transition when, std::uint8_t drive, Idn idn) {
-    return {
-        .kind = StartupCommand::Kind::execute_parameter, .transitions = when, .index = idn.value, .subindex = drive};
+    return {.kind = StartupCommand::Kind::execute_parameter,
+            .transitions = when,
+            .index = idn.value,
+            .subindex = drive,
+            .mail = &detail::kSoeStartup};
 }
 
 }  // namespace margay

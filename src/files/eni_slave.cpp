@@ -253,7 +253,7 @@ void read_coe(Reader& r, Node protocol, EniSlaveData& s) {
 void read_soe(Reader& r, Node protocol, EniSlaveData& s) {
     for (const Node node : protocol.child("InitCmds").children("InitCmd")) {
         if (r.boolean(child(node, "Disabled"))) continue;
-        StartupCommand command{.kind = StartupCommand::Kind::write_parameter};
+        StartupCommand command{.kind = StartupCommand::Kind::write_parameter, .mail = &detail::kSoeStartup};
         command.transitions = read_transitions(r, node);
         command.index = r.required<std::uint16_t>(node, "IDN");
         command.subindex = r.number<std::uint8_t>(child(node, "DriveNo"));

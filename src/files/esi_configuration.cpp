@@ -210,7 +210,10 @@ class Configurator {
                                    .index = index,
                                    .subindex = one.subindex,
                                    .data = Borrowed<std::byte>(std::span<const std::byte>(one.data))};
-            if (one.protocol == mailbox_protocol::kSoE) command.kind = StartupCommand::Kind::write_parameter;
+            if (one.protocol == mailbox_protocol::kSoE) {
+                command.kind = StartupCommand::Kind::write_parameter;
+                command.mail = &detail::kSoeStartup;
+            }
             commands_.push_back(command);
         }
     }

@@ -1,10 +1,10 @@
 #include "network/startup.hpp"
 
 #include "mailbox/coe_sdo.hpp"
-#include "mailbox/soe.hpp"
 #include "network/pdos.hpp"
 #include "network/startup_mail.hpp"
 #include "util/check_value.hpp"
+#include "wire/soe.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -52,7 +52,7 @@ Argument invalid_member(const StartupCommand& command) {
     const auto transitions = static_cast<unsigned>(command.transitions);
     if (transitions == 0 || transitions > kTransitions) return Argument::command_transition;
     if (command.kind > StartupCommand::Kind::send_eoe || command.moment > Moment::after ||
-        (is_message(command) && command.mail == nullptr))
+        ((is_message(command) || by_soe(command)) && command.mail == nullptr))
         return Argument::command_kind;
     if (command.timeout < Duration{0}) return Argument::command_time;
     const std::size_t bytes = command.octets().size();
@@ -146,31 +146,19 @@ MailPatience patience_of(Network& network, const Slave& slave, const StartupComm
     return {.give_up = later(network.engine.now(), command.timeout), .each = command.timeout};
 }
 
-// The protocol of the command, as far as the slave must announce it.
-unsigned protocol_of(const StartupCommand& command) {
-    if (is_message(command)) return command.mail->protocol;
-    return by_soe(command) ? mailbox_protocol::kSoE : 0U;
-}
-
 Task<Result<>> mail(Network& network, Slave& slave, const StartupCommand& command) {
-    const unsigned protocol = protocol_of(command);
+    // The protocol, as far as the slave must announce it.
+    const bool by_part = command.kind != StartupCommand::Kind::write_object;
+    const unsigned protocol = by_part ? command.mail->protocol : 0U;
     if (!network.has_mailbox(slave) || !network.mailbox(slave).is_open() ||
         (slave.mailbox.protocols & protocol) != protocol)
         co_return network.station(slave).error(Errc::unsupported, Step::none, command.index);
     MailboxChannel& channel = network.mailbox(slave);
     const MailPatience patience = patience_of(network, slave, command);
-    if (is_message(command)) {
-        if (command.octets().size() > channel.send_room())
-            co_return Error{.code = Errc::invalid_argument,
-                            .actual = static_cast<std::uint32_t>(Argument::command_message)};
-        co_return co_await required(command.mail->send(channel, command.octets(), patience));
-    }
-    if (by_soe(command)) {
-        const SoeTarget target{.idn = Idn{command.index}, .drive = command.subindex};
-        if (command.kind == StartupCommand::Kind::execute_parameter)
-            co_return co_await required(soe_execute(channel, target, patience));
-        co_return co_await required(soe_write(channel, target, command.octets(), patience));
-    }
+    if (is_message(command) && command.octets().size() > channel.send_room())
+        co_return Error{.code = Errc::invalid_argument,
+                        .actual = static_cast<std::uint32_t>(Argument::command_message)};
+    if (by_part) co_return co_await required(command.mail->send(channel, command, patience));
     const SdoObject object{.index = command.index, .subindex = command.subindex, .complete = command.complete_access};
     co_return co_await required(sdo_download(channel, object, command.octets(), patience));
 }

@@ -39,7 +39,8 @@ std::uint32_t next_invoke_id(Time now) {
     return 0x8000'0000U | static_cast<std::uint32_t>(now.time_since_epoch() / std::chrono::microseconds(1));
 }
 
-Task<Result<>> send_command(MailboxChannel& channel, Bytes message, const MailPatience& patience) {
+Task<Result<>> send_command(MailboxChannel& channel, const StartupCommand& command, const MailPatience& patience) {
+    const Bytes message = command.octets();
     const aoe::Header header = aoe::load_header(message);
     const Bytes data = message.subspan(aoe::kHeaderBytes);
     AoeCall call{.command = header.command,

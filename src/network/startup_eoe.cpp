@@ -38,7 +38,8 @@ bool is_eoe_message(std::span<const std::byte> message) {
 
 namespace {
 
-Task<Result<>> send_request(MailboxChannel& channel, Bytes message, const MailPatience& patience) {
+Task<Result<>> send_request(MailboxChannel& channel, const StartupCommand& command, const MailPatience& patience) {
+    const Bytes message = command.octets();
     const EoeCall call{.type = eoe::load_header(message).type, .parameters = message.subspan(eoe::kHeaderBytes)};
     co_return co_await required(eoe_call(channel, call, patience));
 }

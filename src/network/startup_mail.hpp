@@ -1,5 +1,5 @@
-// The protocols of start-up commands that are messages (StartupCommand::mail). Each is linked only with the commands
-// that name it.
+// The protocols of start-up commands by mailbox other than CoE (StartupCommand::mail). Each is linked only with the
+// commands that name it.
 #pragma once
 
 #include "mailbox/channel.hpp"
@@ -11,10 +11,10 @@ namespace margay {
 struct detail::StartupMail {
     std::uint16_t protocol;  // mailbox_protocol
     MailboxType type;
-    // Whether a slave answers the message with a result alone.
+    // Of a command that is a message: whether a slave answers it with a result alone.
     bool (*valid)(Bytes message);
-    // Sends a valid message, which outlives the task, and returns the error of the answer.
-    Task<Result<>> (*send)(MailboxChannel& channel, Bytes message, const MailPatience& patience);
+    // Executes a valid command, which outlives the task, and returns the error of the answer.
+    Task<Result<>> (*send)(MailboxChannel& channel, const StartupCommand& command, const MailPatience& patience);
 };
 
 }  // namespace margay

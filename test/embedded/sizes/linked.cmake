@@ -26,10 +26,9 @@ only_members("startup" startup everything)
 only("(run_commands|invalid_commands)" startup everything)
 only_members("coe_pdo_write" pdo_write everything)
 only("write_sm_pdos" pdo_write everything)
-# Start-up commands of SoE are no part of their own: a list of commands brings SoE.
-only_members("soe soe_transfer" soe startup everything)
-only("soe_" soe startup everything)
-only_members("mail_order listener_watch" soe startup eoe everything)
+only_members("soe soe_transfer" soe everything)
+only("soe_" soe everything)
+only_members("mail_order listener_watch" soe eoe everything)
 only_members("eoe eoe_port eoe_relay hooked_slave mail_check" eoe everything)
 only("eoe_" eoe everything)
 only_members("supervision supervisor line_errors" ${supervised})
@@ -50,4 +49,5 @@ nowhere(
   entry_names external_clock foe foe_transfer frame_times hooked hooked_file hooked_mail latches link_layer_clock listen mail_pdo
   mailbox_places master_clock phase_controller raw_mail redundancy redundancy_merge redundancy_opening redundancy_time
   reference_clock registers replan ring_clocks ring_watch ring_ways sdo_stream sii sii_write soe_listener startup_aoe startup_eoe
+  startup_soe
   voe voe_inbox)
