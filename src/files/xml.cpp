@@ -1,5 +1,6 @@
 #include "files/xml.hpp"
 
+#include "files/xml_encoding.hpp"
 #include "files/xml_form.hpp"
 #include "wire/sii_category.hpp"
 
@@ -71,21 +72,6 @@ void merge_text(Node first) {
         first.parent().remove_child(next);
     }
     first.set_value(all.c_str());
-}
-
-std::string from_latin1(std::string_view octets) {
-    std::string utf8;
-    utf8.reserve(octets.size() + octets.size() / 16);
-    for (const char c : octets) {
-        const auto octet = static_cast<unsigned char>(c);
-        if (octet < 0x80) {
-            utf8 += c;
-        } else {
-            utf8 += static_cast<char>(0xC0 | (octet >> 6));
-            utf8 += static_cast<char>(0x80 | (octet & 0x3F));
-        }
-    }
-    return utf8;
 }
 
 // Whether opening it waits for a program that writes. Not of a pipe that is open already: the names of the system for
@@ -241,11 +227,12 @@ bool Reader::open(std::string_view octets) {
         return refuse(zero, "a zero octet is no XML");
     }
     const std::string encoding = declared_encoding(octets);
-    const bool latin1 = encoding == "iso-8859-1" || encoding == "latin1" || encoding == "windows-1252";
-    if (!latin1 && !encoding.empty() && encoding != "utf-8" && encoding != "us-ascii")
+    const bool latin1 = encoding == "iso-8859-1" || encoding == "latin1";
+    const bool windows = encoding == "windows-1252";
+    if (!latin1 && !windows && !encoding.empty() && encoding != "utf-8" && encoding != "us-ascii")
         return refuse(0, "the encoding " + quoted(encoding) + " is not supported: convert the file to UTF-8");
-    const bool wrong = !latin1 && !wire::sii::is_utf8(std::as_bytes(std::span(octets)));
-    text_ = latin1 || wrong ? from_latin1(octets) : std::string(octets);
+    const bool wrong = !latin1 && !windows && !wire::sii::is_utf8(std::as_bytes(std::span(octets)));
+    text_ = windows ? from_windows_1252(octets) : latin1 || wrong ? from_latin1(octets) : std::string(octets);
     for (std::size_t n = 0; n < text_.size(); ++n)
         if (text_[n] == '\n') lines_.push_back(n + 1);
     if (const auto fault = form_fault(text_)) return refuse(fault->offset, "no well-formed XML: " + fault->text);

@@ -281,6 +281,12 @@ TEST(EsiReader, LatinOneAndByteOrderMarks) {
         "</Descriptions></EtherCATInfo>");
     ASSERT_TRUE(latin);
     EXPECT_EQ(latin->vendor_name, "µ");
+    const auto windows = read_esi(
+        "<?xml version=\"1.0\" encoding=\"Windows-1252\"?>\n<EtherCATInfo><Vendor><Id>1</Id><Name>\xB5 \x80 \x96 "
+        "\x84\x9F</Name></Vendor><Descriptions><Devices><Device><Type>a</Type></Device></Devices>"
+        "</Descriptions></EtherCATInfo>");
+    ASSERT_TRUE(windows);
+    EXPECT_EQ(windows->vendor_name, "µ € – „Ÿ");
     const auto marked = read_esi("\xEF\xBB\xBF" + std::string(kExampleEsi));
     ASSERT_TRUE(marked) << to_text(marked.problem);
 }
