@@ -68,6 +68,7 @@ class Describer {
         sii::SyncManagers list(*content);
         while (const auto sm = list.next())
             d_.sync_managers.push_back({.type = sm->type,
+                                        .use = sm->type == SmType::unused ? kUnusedSm : "",
                                         .start = sm->start,
                                         .control = sm->control,
                                         .default_bytes = sm->length_bytes,
@@ -125,6 +126,7 @@ class Describer {
         mailbox.protocols = fixed.mailboxes.standard.protocols;
         mailbox.coe_details = general_.coe_details;
         mailbox.soe_channels = general_.soe_channels;
+        mailbox.ds402_channels = general_.ds402_channels;
         mailbox.data_link_layer = (general_.flags & sii::general_flag::kMailboxDataLink) != 0;
     }
 

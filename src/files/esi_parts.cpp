@@ -82,7 +82,11 @@ EsiMode read_mode(Reader& r, Node node) {
     const Node cycle1 = node.child("CycleTimeSync1");
     mode.sync1_cycle_ns = r.number<std::int64_t>(content(cycle1));
     mode.sync1_factor = r.number<std::int16_t>(attribute(cycle1, "Factor"));
+    if (mode.sync1_factor < 0 && mode.sync1_cycle_ns == 0)
+        r.remark(cycle1, "a negative factor of CycleTimeSync1 is not used: SYNC1 has no cycle of its own");
     mode.sync1_shift_ns = r.number<std::int64_t>(child(node, "ShiftTimeSync1"));
+    if (mode.sync1_shift_ns < 0)
+        r.remark(node.child("ShiftTimeSync1"), "a negative ShiftTimeSync1 is not used: SYNC1 is not before its SYNC0");
     for (const Node sm : node.children("Sm")) {
         EsiModeSm one{.number = r.number<std::uint8_t>(attribute(sm, "No"))};
         for (const Node pdo : sm.children("Pdo")) {
@@ -181,6 +185,7 @@ EsiMailbox read_esi_mailbox(Reader& r, Node node) {
         mailbox.coe_details = coe_detail::kSdo;
         for (const Flag& flag : kCoeFlags)
             if (r.boolean(attribute(coe, flag.name))) mailbox.coe_details |= flag.bit;
+        mailbox.ds402_channels = r.number<std::uint8_t>(attribute(coe, "DS402Channels"));
     }
     mailbox.soe_channels = r.number<std::uint8_t>(attribute(node.child("SoE"), "ChannelCount"),
                                                   node.child("SoE") ? std::uint8_t{1} : std::uint8_t{0});

@@ -1,6 +1,8 @@
 // The devices of an ESI file.
 #include "files/esi_read.hpp"
 
+#include "files/esi_types.hpp"
+
 #include <algorithm>
 #include <array>
 #include <map>
@@ -38,7 +40,7 @@ EsiSyncManager read_sm(Reader& r, Node node) {
     sm.enabled = word ? r.boolean(enable) : r.number<std::uint8_t>(enable) != 0;
     sm.op_only = r.boolean(attribute(node, "OpOnly"));
     sm.is_virtual = r.boolean(attribute(node, "Virtual"));
-    if (sm.type == SmType::unused)
+    if (sm.type == SmType::unused && !same_word(sm.use, kUnusedSm))
         r.remark(node, "the use '" + sm.use +
                            "' of a SyncManager is none of the standard: its direction follows from "
                            "the control octet");

@@ -1,6 +1,7 @@
 // The SII image of a device of an ESI file (ETG.1000.6 and ETG.2010: the tables of the SII).
 #include <margay/files/esi.hpp>
 
+#include "files/esi_types.hpp"
 #include "files/xml.hpp"
 #include "wire/sii_check.hpp"
 #include "wire/sii_writer.hpp"
@@ -117,13 +118,14 @@ class Builder {
         g.foe_details = (mailbox.protocols & mailbox_protocol::kFoE) != 0 ? 1 : 0;
         g.eoe_details = (mailbox.protocols & mailbox_protocol::kEoE) != 0 ? 1 : 0;
         g.soe_channels = mailbox.soe_channels;
+        g.ds402_channels = mailbox.ds402_channels;
     }
 
     void sync_managers() {
         for (const EsiSyncManager& sm : device_.sync_managers) {
             SmType type = sm.type;
             // A name of its own: the direction of the control octet says more to a master than "unused".
-            if (type == SmType::unused && (sm.control & 0x03) != 0x02)
+            if (type == SmType::unused && !same_word(sm.use, kUnusedSm) && (sm.control & 0x03) != 0x02)
                 type = sm.direction() == Direction::outputs ? SmType::outputs : SmType::inputs;
             std::uint8_t enable = sm.enabled ? sii::sm_enable::kEnable : std::uint8_t{0};
             if (sm.is_virtual) enable |= sii::sm_enable::kVirtual;

@@ -1,6 +1,7 @@
 // Writes ESI files, in the order of elements of ETG.2000.
 #include <margay/files/esi.hpp>
 
+#include "files/esi_types.hpp"
 #include "files/transitions.hpp"
 #include "files/xml_writer.hpp"
 
@@ -112,7 +113,7 @@ void write_sync_managers(Node device, const EsiDevice& d) {
     static constexpr std::array kUses{"", "MBoxOut", "MBoxIn", "Outputs", "Inputs"};
     for (const EsiSyncManager& sm : d.sync_managers) {
         const auto type = static_cast<std::size_t>(sm.type);
-        const std::string use = type != 0 && type < kUses.size() ? kUses[type] : sm.use.empty() ? "Unused" : sm.use;
+        const std::string use = type != 0 && type < kUses.size() ? kUses[type] : sm.use.empty() ? kUnusedSm : sm.use;
         Node node = add(device, "Sm", use);
         if (sm.least_bytes != 0) set(node, "MinSize", std::to_string(sm.least_bytes));
         if (sm.most_bytes != 0) set(node, "MaxSize", std::to_string(sm.most_bytes));
@@ -202,6 +203,7 @@ void write_mailbox(Node device, const EsiMailbox& m) {
         set(coe, "PdoConfig", (m.coe_details & coe_detail::kPdoConfiguration) != 0);
         set(coe, "PdoUpload", (m.coe_details & coe_detail::kUploadAtStartup) != 0);
         set(coe, "CompleteAccess", (m.coe_details & coe_detail::kCompleteAccess) != 0);
+        if (m.ds402_channels != 0) set(coe, "DS402Channels", std::to_string(m.ds402_channels));
         write_commands(coe, m.commands, mailbox_protocol::kCoE);
     }
     if (has(mailbox_protocol::kSoE)) {
@@ -298,6 +300,16 @@ void write_device(Node devices, const EsiDevice& d) {
     if (d.eeprom) write_eeprom(device, *d.eeprom);
 }
 
+// What of the data an ESI has no place for, and what the writer has none for.
+std::vector<std::string> left_out(const EsiFile& esi) {
+    std::vector<std::string> lost;
+    for (const EsiDevice& d : esi.devices)
+        if (d.mailbox && d.mailbox->ds402_channels != 0 && (d.mailbox->protocols & mailbox_protocol::kCoE) == 0)
+            lost.push_back(d.type + ": the number of DS402 channels is left out: an ESI has it for slaves with CoE");
+    if (!esi.further_files.empty()) lost.push_back("the references to further files (InfoReference) are left out");
+    return lost;
+}
+
 }  // namespace
 
 Written write_esi(const EsiFile& esi) {
@@ -335,7 +347,7 @@ Written write_esi(const EsiFile& esi) {
             if (!m.commands.empty()) write_module_commands(add(module, "Mailbox"), m.commands);
         }
     }
-    return {.text = to_string(document)};
+    return {.text = to_string(document), .remarks = left_out(esi)};
 }
 
 }  // namespace margay::files

@@ -332,6 +332,18 @@ TEST(EsiModel, OperationModesBecomeSyncSettings) {
     EXPECT_EQ(sync.sync1_cycle, Duration{0});
 }
 
+// SYNC1 follows its SYNC0.
+TEST(EsiModel, ATimeOfSync1ThatIsNotUsedIsARemark) {
+    const auto esi = read_example(
+        "</OpMode>", "<CycleTimeSync1 Factor=\"-2\">0</CycleTimeSync1><ShiftTimeSync1>-5000</ShiftTimeSync1></OpMode>");
+    ASSERT_TRUE(esi) << to_text(esi.problem);
+    EXPECT_TRUE(read_example().remarks.empty());
+    ASSERT_EQ(esi.remarks.size(), 2U);
+    EXPECT_EQ(esi.remarks[0].text, "a negative factor of CycleTimeSync1 is not used: SYNC1 has no cycle of its own");
+    EXPECT_EQ(esi.remarks[1].text, "a negative ShiftTimeSync1 is not used: SYNC1 is not before its SYNC0");
+    EXPECT_GT(esi.remarks[1].line, 1U);
+}
+
 TEST(EsiConfiguration, DescribesTheSlave) {
     const auto esi = read_example();
     ASSERT_TRUE(esi);

@@ -60,6 +60,7 @@ void expect_same_device(const EsiDevice& a, const EsiDevice& b) {
         EXPECT_EQ(a.mailbox->protocols, b.mailbox->protocols);
         // That there is CoE at all says that there are SDOs.
         EXPECT_EQ(a.mailbox->coe_details | coe_detail::kSdo, b.mailbox->coe_details | coe_detail::kSdo);
+        EXPECT_EQ(a.mailbox->ds402_channels, b.mailbox->ds402_channels);
     }
     ASSERT_EQ(a.modes.size(), b.modes.size());
     for (std::size_t n = 0; n < a.modes.size(); ++n) {
@@ -84,6 +85,52 @@ TEST(EsiWriter, WhatIsReadIsWhatWasWritten) {
     EXPECT_EQ(again->devices[0].mailbox->commands.size(), 1U);
     EXPECT_EQ(make_sii(esi->devices[0]).octets, make_sii(again->devices[0]).octets);
     EXPECT_EQ(write_esi(*again).text, written.text);
+}
+
+// The number of axes by CoE, and a SyncManager that is not used.
+TEST(EsiWriter, TheSiiOfADeviceComesBack) {
+    namespace sii = wire::sii;
+    for (const char* name : {"drive", "bootloader", "bootloader_open", "analog_in_4"}) {
+        const auto image = sim::make_device(name)->sii;
+        const auto described = describe_sii(image);
+        ASSERT_TRUE(described) << name;
+        EsiFile esi{.vendor = described->identity.vendor, .vendor_name = "Vendor"};
+        esi.devices.push_back(*described);
+        const Written written = write_esi(esi);
+        EXPECT_TRUE(written.remarks.empty()) << name;
+        const auto read = read_esi(written.text);
+        ASSERT_TRUE(read) << to_text(read.problem);
+        for (const Remark& remark : read.remarks) ADD_FAILURE() << name << ": " << to_text(remark);
+        for (const EsiDevice* device : {&*described, read->devices.data()}) {
+            const auto again = make_sii(*device);
+            ASSERT_TRUE(again) << again.error;
+            const auto ours = sii::find_category(again.octets, sii::category::kSyncManager).value_or(Bytes{});
+            EXPECT_TRUE(
+                std::ranges::equal(ours, sii::find_category(image, sii::category::kSyncManager).value_or(Bytes{})))
+                << name;
+            const auto general = [](Bytes of) {
+                return sii::parse_general(sii::find_category(of, sii::category::kGeneral).value_or(Bytes{})).value;
+            };
+            EXPECT_EQ(general(again.octets).ds402_channels, general(image).ds402_channels) << name;
+        }
+    }
+    const auto drive = describe_sii(sim::make_device("drive")->sii);
+    ASSERT_TRUE(drive);
+    EXPECT_EQ(drive->mailbox->ds402_channels, 1);
+}
+
+// An ESI has the number of axes for slaves with CoE, and the writer has no references to further files.
+TEST(EsiWriter, WhatIsLeftOutIsNamed) {
+    auto esi = read_esi(kExampleEsi);
+    ASSERT_TRUE(esi);
+    EXPECT_TRUE(write_esi(*esi).remarks.empty());
+    esi->devices[0].mailbox->protocols = mailbox_protocol::kSoE;
+    esi->devices[0].mailbox->ds402_channels = 2;
+    esi->further_files.emplace_back("modules.xml");
+    EXPECT_EQ(
+        write_esi(*esi).remarks,
+        (std::vector<std::string>{"EX100: the number of DS402 channels is left out: an ESI has it for slaves with CoE",
+                                  "the references to further files (InfoReference) are left out"}));
 }
 
 // Names come from slaves: XML 1.0 has no character below U+0020 but blanks, and neither U+FFFE nor U+FFFF.

@@ -55,7 +55,7 @@ struct EsiPdo {
 };
 
 struct EsiSyncManager {
-    SmType type = SmType::unused;  // unused: the file uses a name of its own
+    SmType type = SmType::unused;  // unused: the file says "Unused", or uses a name of its own
     std::string use{};             // as in the file
     std::uint16_t start = 0;
     std::uint8_t control = 0;
@@ -93,6 +93,7 @@ struct EsiMailbox {
     std::uint16_t protocols = 0;   // mailbox_protocol bits
     std::uint8_t coe_details = 0;  // coe_detail bits
     std::uint8_t soe_channels = 0;
+    std::uint8_t ds402_channels = 0;  // axes by CoE
     Duration request_timeout{0};
     Duration response_timeout{0};
     std::vector<EsiCommand> commands{};
