@@ -153,13 +153,15 @@ void add_register_command(Reader& r, const EniInit& init, EniSlaveData& slave) {
         command.kind = StartupCommand::Kind::write_register;
         set_value(command, init.data, slave);
     } else {
-        if (!init.validates) return;  // reading alone has no effect
+        // Reading alone has no effect, but the slave must answer where the command has a counter.
+        if (!init.validates && (!init.counter || init.data.empty())) return;
         if (init.wanted.size() > command.value.size() || init.at_least) {
             r.remark(init.node, named(init) + "it compares more than 8 octets, or with EQ_OR_G");
             return;
         }
         command.kind = StartupCommand::Kind::check_register;
-        set_value(command, init.wanted, slave);
+        const std::vector<std::byte> nothing(std::min(init.data.size(), command.value.size()));  // no bit is compared
+        set_value(command, init.validates ? init.wanted : nothing, slave);
         std::ranges::copy(init.mask, command.mask.begin());
     }
     if (init.ado + command.octets().size() > 0x10000) {

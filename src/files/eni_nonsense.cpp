@@ -1,6 +1,7 @@
 // What an ENI file says and the library does not use, where it means nothing or contradicts what is used: the file is
 // not what its author thinks.
 #include "files/eni_read.hpp"
+#include "files/transitions.hpp"
 
 #include <algorithm>
 
@@ -14,10 +15,23 @@ struct UnusedNumber {
     std::string_view element;
     std::uint64_t most;
 };
-constexpr UnusedNumber kUnusedNumbers[] = {
-    {"ByteSize", 0xFFFF'FFFF}, {"ControlByte", 0xFF},  {"StartAddress", 0xFFFF},   {"DefaultSize", 0xFFFF},
-    {"MinSize", 0xFFFF},       {"MaxSize", 0xFFFF},    {"StartAddr", 0xFFFF'FFFF}, {"Priority", 0xFFFF'FFFF},
-    {"TaskId", 0xFFFF'FFFF},   {"BeforeSlave", 0xFFFF}};
+constexpr UnusedNumber kUnusedNumbers[] = {{"ByteSize", 0xFFFF'FFFF},
+                                           {"ControlByte", 0xFF},
+                                           {"StartAddress", 0xFFFF},
+                                           {"DefaultSize", 0xFFFF},
+                                           {"MinSize", 0xFFFF},
+                                           {"MaxSize", 0xFFFF},
+                                           {"StartAddr", 0xFFFF'FFFF},
+                                           {"Priority", 0xFFFF'FFFF},
+                                           {"TaskId", 0xFFFF'FFFF},
+                                           {"BeforeSlave", 0xFFFF},
+                                           {"Adp", 0xFFFF},
+                                           {"Cnt", 0xFFFF},
+                                           {"Retries", 0xFFFF},
+                                           {"Count", 0xFFFF'FFFF},
+                                           {"CycleTime1", 0xFFFF'FFFF},
+                                           {"Timeout", 0xFFFF'FFFF},
+                                           {"Cmd", 0xFF}};
 
 bool is_one_of(std::string_view text, std::initializer_list<std::string_view> words) {
     return std::ranges::any_of(words, [&](std::string_view word) { return same_word(text, word); });
@@ -42,6 +56,18 @@ std::string wanted_word(std::string_view parent, std::string_view element, std::
         return is_one_of(text, {"0", "1", "true", "false"}) ? "" : "neither true nor false";
     if (element == "Port" && parent == "PreviousPort")
         return is_one_of(text, {"A", "B", "C", "D"}) ? "" : "no port from A to D";
+    if (element == "Type" && parent.size() == 3 && parent.starts_with("Sm"))
+        return is_one_of(text, {"MBoxOut", "MBoxIn", "Outputs", "Inputs", "Unused"}) ? "" : "no use of a SyncManager";
+    if (element == "Protocol" && parent == "Mailbox")
+        return is_one_of(text, {"AoE", "EoE", "CoE", "FoE", "SoE", "VoE"}) ? "" : "no protocol of a mailbox";
+    if (element == "PotentialReferenceClock")
+        return is_one_of(text, {"0", "1", "true", "false"}) ? "" : "neither true nor false";
+    if (element == "Data" && parent == "IdentifyCmd")
+        return text.size() % 2 == 0 && has_hex_digits(text, text.size()) ? "" : "no whole number of octets";
+    if (element == "Transition" && parent == "IdentifyCmd")
+        return transition_by_initials(text) != Transition::none || is_one_of(text, {"II", "PP", "SS", "PO"})
+                   ? ""
+                   : "no transition";
     if (parent != "Info") return {};
     if (element == "Destination" || element == "Source")
         return has_hex_digits(text, 12) ? "" : "no MAC address of 12 hexadecimal digits";
@@ -79,8 +105,8 @@ void name_nonsense_below(Reader& r, Node top) {
 // The elements Sm<n> against the init commands.
 void compare_sync_managers(Reader& r, const EniSlaveData& s) {
     for (const auto& [number, sm] : s.sms) {
-        const Value start = child(s.node.child("ProcessData").child(("Sm" + std::to_string(number)).c_str()),
-                                  "StartAddress");
+        const Value start =
+            child(s.node.child("ProcessData").child(("Sm" + std::to_string(number)).c_str()), "StartAddress");
         const Number said = parse_number(start.text);
         if (start.there && said.valid && said.magnitude <= 0xFFFF && said.magnitude != sm.start && sm.bytes != 0)
             r.remark(start.at, "StartAddress of Sm" + std::to_string(number) + " is " + hex(said.magnitude) +
@@ -141,9 +167,8 @@ struct Placed {
 
 // A variable may lie in another one, as the members of a struct do. One that lies in it by half is at a wrong place.
 void name_straddling(Reader& r, std::vector<Placed> all) {
-    std::ranges::sort(all, [](const Placed& a, const Placed& b) {
-        return a.begin != b.begin ? a.begin < b.begin : a.end > b.end;
-    });
+    std::ranges::sort(
+        all, [](const Placed& a, const Placed& b) { return a.begin != b.begin ? a.begin < b.begin : a.end > b.end; });
     std::vector<Placed> around;  // each contains the next one
     for (const Placed& one : all) {
         while (!around.empty() && around.back().end <= one.begin) around.pop_back();

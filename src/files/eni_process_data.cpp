@@ -151,6 +151,8 @@ class CycleReader {
         if (time) {
             carries_time = true;
             by_position = cmd == EniCmd::armw;
+            if (const Value adp = child(node, "Adp"); adp.there && !time_node) time_adp = r_.number<std::uint16_t>(adp);
+            if (!time_node) time_node = node;
             time_group = static_cast<std::uint8_t>(eni_.groups.size());
         } else if (cmd == EniCmd::brd && ado == 0x0130) {
             group.config.al_status = true;
@@ -274,6 +276,9 @@ class CycleReader {
             for (const EniSlaveData& slave : slaves_) {
                 bool reads = false;
                 bool writes = false;
+                for (const EniFmmu& fmmu : slave.status_fmmus)  // also of a slave without process data
+                    reads |= (slave.group == number || slave.group < 0) && fmmu.begin_bit < one.end &&
+                             one.begin < fmmu.end_bit && one.cmd != EniCmd::lwr;
                 for (const auto& [index, fmmu] : slave.fmmus) {
                     if (slave.group != number || fmmu.begin_bit >= one.end || one.begin >= fmmu.end_bit) continue;
                     reads |= fmmu.reads && one.cmd != EniCmd::lwr;
@@ -328,6 +333,8 @@ class CycleReader {
     bool carries_time = false;
     bool by_position = false;
     std::uint8_t time_group = 0;
+    std::optional<std::uint16_t> time_adp{};  // of the first command for the time
+    Node time_node{};
     std::uint64_t bytes = 0;
 };
 
@@ -402,6 +409,33 @@ void make_process_data(Reader& r, EniSlaveData& s) {
     s.config.fixed_pdos = true;  // the start-up commands of the file write them
 }
 
+namespace {
+
+// The slave whose clock is the reference: the one that the command for the time addresses, or else the one with
+// ReferenceClock. 0: neither.
+std::uint16_t reference_of(Reader& r, const CycleReader& cycles, const std::deque<EniSlaveData>& slaves) {
+    const auto by_dc = std::ranges::find_if(slaves, &EniSlaveData::reference_clock);
+    const std::uint16_t said = by_dc == slaves.end() ? std::uint16_t{0} : by_dc->slave.number;
+    if (!cycles.time_adp) return said;
+    const auto addressed = std::ranges::find_if(slaves, [&](const EniSlaveData& s) {
+        if (!cycles.by_position) return s.slave.station_address == *cycles.time_adp;
+        return s.slave.ring_position == static_cast<std::uint16_t>(-*cycles.time_adp);
+    });
+    const std::string begin = "the cyclic command for the time addresses ";
+    if (addressed == slaves.end()) {
+        r.remark(cycles.time_node, begin + "no slave of the file: the reference clock is " +
+                                       (said == 0 ? "the first one" : "that of slave " + std::to_string(said)));
+        return said;
+    }
+    if (said != 0 && said != addressed->slave.number)
+        r.remark(cycles.time_node, begin + "slave " + std::to_string(addressed->slave.number) +
+                                       ", and ReferenceClock is at slave " + std::to_string(said) +
+                                       ": the command decides");
+    return addressed->slave.number;
+}
+
+}  // namespace
+
 void read_eni_cycles(Reader& r, Node config, std::deque<EniSlaveData>& slaves, EniConfiguration& into) {
     CycleReader cycles(r, slaves, into);
     for (const Node cyclic : config.children("Cyclic")) {
@@ -423,8 +457,8 @@ void read_eni_cycles(Reader& r, Node config, std::deque<EniSlaveData>& slaves, E
     ClockSettings clocks{.group = cycles.time_group, .by_position = cycles.by_position};
     if (!into.groups.empty() && into.groups[clocks.group].cycle > Duration{0})
         clocks.cycle = into.groups[clocks.group].cycle;
+    clocks.reference = reference_of(r, cycles, slaves);
     for (const EniSlaveData& s : slaves) {
-        if (s.reference_clock && clocks.reference == 0) clocks.reference = s.slave.number;
         // Files without CycleTime: the cycle is that of the slaves' SYNC0.
         const bool said = !into.groups.empty() && into.groups[clocks.group].cycle > Duration{0};
         if (!said && s.uses_clock && s.setup.dc.sync0_cycle > Duration{0}) clocks.cycle = s.setup.dc.sync0_cycle;

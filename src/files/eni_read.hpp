@@ -74,7 +74,8 @@ struct EniSlaveData {
     SlaveSetup setup{};
     std::vector<EniInit> inits{};         // those that address this slave
     bool has_inits = false;               // without init commands the file describes only mailbox commands
-    std::map<unsigned, EniFmmu> fmmus{};  // by number
+    std::map<unsigned, EniFmmu> fmmus{};  // of process data, by number
+    std::vector<EniFmmu> status_fmmus{};  // of the status of its mailbox
     std::map<unsigned, EniSm> sms{};
     std::vector<StartupCommand> mail{};
     std::vector<StartupCommand> registers{};

@@ -127,6 +127,7 @@ void see_fmmus(Reader& r, const EniInit& init, EniSlaveData& s) {
         if (!f.active) continue;
         if (f.physical_start == kMailboxStatus) {
             s.config.mailbox_status = true;
+            s.status_fmmus.push_back(fmmu);
             continue;
         }
         const auto number = static_cast<unsigned>((offset + at) / reg::kFmmuStride);
@@ -250,6 +251,18 @@ void read_coe(Reader& r, Node protocol, EniSlaveData& s) {
     }
 }
 
+// Why a command of SoE is not sent; empty: it writes the value of a parameter.
+std::string not_a_value(Reader& r, Node node, const StartupCommand& command, bool no_data) {
+    constexpr unsigned kWriteRequest = 3;
+    constexpr unsigned kValue = 0x40;  // the element of the IDN, a bit of the SoE header
+    const auto code = r.number<std::uint8_t>(child(node, "OpCode"), kWriteRequest);
+    const auto elements = r.number<std::uint8_t>(child(node, "Elements"), kValue);
+    if (command.subindex > 7) return "the drive number " + std::to_string(command.subindex) + " is more than 7";
+    if (no_data || code != kWriteRequest) return "only writing a value is";
+    if (elements != kValue) return "Elements is " + std::to_string(elements) + ", and only the value (64) is written";
+    return {};
+}
+
 void read_soe(Reader& r, Node protocol, EniSlaveData& s) {
     for (const Node node : protocol.child("InitCmds").children("InitCmd")) {
         if (r.boolean(child(node, "Disabled"))) continue;
@@ -259,11 +272,8 @@ void read_soe(Reader& r, Node protocol, EniSlaveData& s) {
         command.subindex = r.number<std::uint8_t>(child(node, "DriveNo"));
         command.timeout = read_eni_time(r, child(node, "Timeout"));
         std::vector<std::byte> data = r.octets(child(node, "Data"));
-        constexpr unsigned kWriteRequest = 3;
-        const Value code = child(node, "OpCode");
-        if (data.empty() || (code.there && r.number<std::uint8_t>(code) != kWriteRequest) || command.subindex > 7) {
-            r.remark(node,
-                     "the SoE command for IDN " + hex(command.index) + " is not supported: only writing a value is");
+        if (const std::string why = not_a_value(r, node, command, data.empty()); !why.empty()) {
+            r.remark(node, "the SoE command for IDN " + hex(command.index) + " is not supported: " + why);
             continue;
         }
         if (command.transitions == Transition::none) continue;

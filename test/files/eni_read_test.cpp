@@ -168,6 +168,126 @@ TEST(EniReader, AValueThatIsWrongIsNoRemarkBesides) {
     }
 }
 
+TEST(EniReader, ACommandOfSoeThatWritesNoValueIsNamed) {
+    const auto said = [](const std::string& command) {
+        std::string text = kExampleEni;
+        const std::string end = "</Mailbox>";
+        text.insert(text.find(end), "<SoE><InitCmds><InitCmd><Transition>PS</Transition>" + command +
+                                        "<IDN>32769</IDN><Data>0100</Data></InitCmd></InitCmds></SoE>");
+        const auto eni = read_eni(text);
+        EXPECT_TRUE(eni) << to_text(eni.problem);
+        for (const Remark& remark : eni.remarks)
+            if (remark.text.find("SoE") != std::string::npos) return remark.text;
+        EXPECT_EQ(eni->expected()[0].config->startup().size(), 4U);
+        return std::string();
+    };
+    const std::string begin = "the SoE command for IDN 0x8001 is not supported: ";
+    EXPECT_EQ(said("<OpCode>3</OpCode>"), "");
+    EXPECT_EQ(said("<OpCode>3</OpCode><DriveNo>7</DriveNo><Elements>64</Elements>"), "");
+    EXPECT_EQ(said("<OpCode>2</OpCode>"), begin + "only writing a value is");
+    EXPECT_EQ(said("<DriveNo>8</DriveNo>"), begin + "the drive number 8 is more than 7");
+    EXPECT_EQ(said("<Elements>16</Elements>"), begin + "Elements is 16, and only the value (64) is written");
+}
+
+TEST(EniReader, TheCommandForTheTimeNamesTheReferenceClock) {
+    struct Result {
+        std::uint16_t reference;
+        std::string said;
+    };
+    const auto read = [](const std::string& command, unsigned with_dc) {
+        std::string text = kExampleEni;
+        text.insert(text.find("</Frame></Cyclic>"),
+                    "<Cmd><State>OP</State>" + command + "<Ado>2320</Ado><DataLength>8</DataLength></Cmd>");
+        std::size_t at = text.find("</Slave>");
+        if (with_dc == 2) at = text.find("</Slave>", at + 1);
+        if (with_dc != 0) text.insert(at, "<DC><ReferenceClock>1</ReferenceClock></DC>");
+        const auto eni = read_eni(text);
+        EXPECT_TRUE(eni) << to_text(eni.problem);
+        Result result{eni->clocks ? eni->clocks->reference : std::uint16_t{99}, {}};
+        for (const Remark& remark : eni.remarks)
+            if (remark.text.find("for the time") != std::string::npos) result.said = remark.text;
+        return result;
+    };
+    const std::string begin = "the cyclic command for the time addresses ";
+    for (const std::string to_second : {"<Cmd>14</Cmd><Adp>1002</Adp>", "<Cmd>13</Cmd><Adp>65535</Adp>"}) {
+        EXPECT_EQ(read(to_second, 0).reference, 2);
+        EXPECT_EQ(read(to_second, 0).said, "");
+        EXPECT_EQ(read(to_second, 2).said, "");
+        EXPECT_EQ(read(to_second, 1).reference, 2);
+        EXPECT_EQ(read(to_second, 1).said, begin + "slave 2, and ReferenceClock is at slave 1: the command decides");
+    }
+    EXPECT_EQ(read("<Cmd>14</Cmd><Adp>7</Adp>", 0).reference, 0);
+    EXPECT_EQ(read("<Cmd>14</Cmd><Adp>7</Adp>", 0).said,
+              begin + "no slave of the file: the reference clock is the first one");
+    EXPECT_EQ(read("<Cmd>13</Cmd><Adp>9</Adp>", 2).reference, 2);
+    EXPECT_EQ(read("<Cmd>13</Cmd><Adp>9</Adp>", 2).said,
+              begin + "no slave of the file: the reference clock is that of slave 2");
+}
+
+TEST(EniReader, ValuesThatMeanNothingAreNamed) {
+    const auto said = [](const std::string& before, const std::string& element) {
+        std::string text = kExampleEni;
+        text.insert(text.find(before), element);
+        const auto eni = read_eni(text);
+        EXPECT_TRUE(eni) << to_text(eni.problem);
+        for (const Remark& remark : eni.remarks)
+            if (remark.text.ends_with(": it is not used")) return remark.text;
+        return std::string();
+    };
+    EXPECT_EQ(said("<Ado>304</Ado><DataLength>2", "<Cnt>2</Cnt>"), "");
+    EXPECT_EQ(said("<Ado>304</Ado><DataLength>2", "<Cnt>zz</Cnt>"),
+              "Cnt is 'zz', which is no number from 0 to 65535: it is not used");
+    EXPECT_EQ(said("</Mailbox>", "<Protocol>IP</Protocol>"),
+              "Protocol is 'IP', which is no protocol of a mailbox: it is not used");
+    EXPECT_EQ(said("<Pdo>#x1600</Pdo></Sm2>", "<Type>Outwards</Type>"),
+              "Type is 'Outwards', which is no use of a SyncManager: it is not used");
+    EXPECT_EQ(said("</Slave>", "<DC><CycleTime1>1e3</CycleTime1></DC>"),
+              "CycleTime1 is '1e3', which is no number from 0 to 4294967295: it is not used");
+    EXPECT_EQ(said("</Slave>", "<DC><PotentialReferenceClock>zz</PotentialReferenceClock></DC>"),
+              "PotentialReferenceClock is 'zz', which is neither true nor false: it is not used");
+    const std::string identify =
+        "<HotConnect><GroupName>G</GroupName><GroupMemberCnt>1</GroupMemberCnt><IdentifyCmd>@<Ado>18</Ado>"
+        "<Validate><Data>0710</Data></Validate></IdentifyCmd></HotConnect>";
+    for (const auto& [element, cause] : std::initializer_list<std::pair<std::string, std::string>>{
+             {"<Transition>zz</Transition>", "no transition"},
+             {"<Adp>zz</Adp>", "no number from 0 to 65535"},
+             {"<Data>zz</Data>", "no whole number of octets"},
+             {"<Cmd>zz</Cmd>", "no number from 0 to 255"},
+             {"<Transition>IP</Transition><Cmd>1</Cmd><Adp>0</Adp><Data>0000</Data>", ""}}) {
+        std::string node = identify;
+        node.replace(node.find('@'), 1, element);
+        const auto name = element.substr(1, element.find('>') - 1);
+        EXPECT_EQ(said("</Slave>", node),
+                  cause.empty() ? "" : name + " is 'zz', which is " + cause + ": it is not used");
+    }
+}
+
+// Its counter says that the slave must answer.
+TEST(EniReader, AReadWithACounterIsACheck) {
+    const auto startup = [](const std::string& counter) {
+        std::string text = kExampleEni;
+        text.insert(
+            text.find("<InitCmd><Transition>IP</Transition><Cmd>2</Cmd>"),
+            "<InitCmd><Transition>PS</Transition><Cmd>4</Cmd><Adp>1001</Adp><Ado>3968</Ado><Data>000000000000000000"
+            "00</Data>" +
+                counter + "<Retries>3</Retries></InitCmd>");
+        auto eni = read_eni(text);
+        EXPECT_TRUE(eni) << to_text(eni.problem);
+        std::optional<StartupCommand> found;
+        for (const StartupCommand& one : eni->expected()[0].config->startup())
+            if (one.index == 0x0F80) found = one;
+        return found;
+    };
+    EXPECT_FALSE(startup(""));
+    const auto check = startup("<Cnt>1</Cnt>");
+    ASSERT_TRUE(check);
+    EXPECT_EQ(check->kind, StartupCommand::Kind::check_register);
+    EXPECT_EQ(check->octets().size(), 8U);
+    EXPECT_EQ(check->mask, (std::array<std::byte, 8>{})) << "no bit is compared";
+    EXPECT_EQ(check->retries, 3);
+    EXPECT_FALSE(check->any_counter);
+}
+
 TEST(EniReader, HotConnectGroupsAreIdentifiedByAliasOrId) {
     std::string text = kExampleEni;
     const auto at = text.find("</Slave>\n<Cyclic>");
