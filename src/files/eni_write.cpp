@@ -38,8 +38,12 @@ class EniWriter {
             write_slave(config, slave);
             if (!error_.empty()) return {.error = error_};
         }
-        for (std::size_t n = 0; n < ctx_.limits().groups; ++n)
-            if (ctx_.group(n).mapped) write_cyclic(config, n);
+        for (std::size_t n = 0; n < ctx_.limits().groups; ++n) {
+            if (!ctx_.group(n).mapped) continue;
+            write_cyclic(config, n);
+            if (!ctx_.group(n).config.copies.empty())
+                remarks_.push_back("group " + std::to_string(n) + ": the copies from slave to slave are left out");
+        }
         write_image(config);
         return {.text = to_string(document_), .remarks = std::move(remarks_)};
     }
@@ -75,11 +79,16 @@ class EniWriter {
         const bool sync = slave_clock(ctx_, slave.number).sync_active;
         if (sync && (!read(slave, 0x0980, registers.assign_activate) || !read(slave, 0x09A0, registers.cycles))) return;
         registers.sync = sync;
+        for (const std::uint16_t address : watchdogs_in_use(slave))
+            if (!read(slave, address, registers.watchdogs.emplace_back(address, std::array<std::byte, 2>{}).second))
+                return;
+        fmmus_.push_back(registers.fmmus);
         const auto described = describe_of(slave);
         Node node = add(config, "Slave");
         write_slave_info(node, slave);
         write_process_data(node, slave, described);
         if (slave.mailbox.present()) write_mailbox(node, slave);
+        keep(unwritable(slave));
         keep(write_slave_inits(add(node, "InitCmds"), slave, registers));
         if (slave.parent != 0) {
             Node port = add(node, "PreviousPort");
@@ -286,7 +295,7 @@ class EniWriter {
             Node cmd = cyclic_cmd(frames[datagram.frame], "process data", datagram.command, {"SAFEOP", "OP"});
             add(cmd, "Addr", std::uint64_t{datagram.address.value});
             add(cmd, "DataLength", std::uint64_t{datagram.bytes});
-            add(cmd, "Cnt", std::uint64_t{group.datagrams[n].full});
+            add(cmd, "Cnt", std::uint64_t{counter_of(datagram)});
             const std::uint64_t offset = range.before + (datagram.address.value - range.begin);
             if (datagram.command != kLwr) add(cmd, "InputOffs", offset);
             if (datagram.command != kLrd) add(cmd, "OutputOffs", offset);
@@ -306,6 +315,26 @@ class EniWriter {
             add(cmd, "DataLength", std::uint64_t{2});
             add(cmd, "Cnt", std::uint64_t{names_.size()});
         }
+    }
+
+    // The working counter of the slaves that are in the file (ETG.1000.4): the group may have others, which are
+    // missing.
+    [[nodiscard]] unsigned counter_of(const PlannedDatagram& datagram) const {
+        const std::uint64_t begin = std::uint64_t{datagram.address.value};
+        unsigned sum = 0;
+        for (const std::vector<std::byte>& fmmus : fmmus_) {
+            bool reads = false;
+            bool writes = false;
+            for (std::size_t at = 0; at + reg::kFmmuStride <= fmmus.size(); at += reg::kFmmuStride) {
+                const wire::Fmmu one = wire::load_fmmu(std::span(fmmus).subspan(at, reg::kFmmuStride));
+                const std::uint64_t first = one.logical_start.value;
+                if (!one.active || first >= begin + datagram.bytes || begin >= first + one.length_bytes) continue;
+                reads |= one.read && datagram.command != kLwr;
+                writes |= one.write && datagram.command != kLrd;
+            }
+            sum += (reads ? 1U : 0U) + (writes ? (datagram.command == kLrd || datagram.command == kLwr ? 1U : 2U) : 0U);
+        }
+        return sum;
     }
 
     static Node cyclic_cmd(Node frame, const char* comment, std::uint8_t command,
@@ -369,6 +398,7 @@ class EniWriter {
     const EniSettings& settings_;
     pugi::xml_document document_;
     std::vector<std::pair<std::uint16_t, EsiDevice>> names_;
+    std::vector<std::vector<std::byte>> fmmus_{};  // of the slaves of the file
     std::vector<std::string> remarks_;
     std::string error_;
 };

@@ -6,6 +6,9 @@
 #include <margay/context.hpp>
 
 #include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
 
 namespace margay::files {
 
@@ -17,6 +20,8 @@ struct SlaveRegisters {
     std::array<std::byte, 2> assign_activate{};
     std::array<std::byte, 8> cycles{};
     bool sync = false;
+    // Of the watchdogs that the configuration sets: address and value.
+    std::vector<std::pair<std::uint16_t, std::array<std::byte, 2>>> watchdogs{};
 };
 
 // The init commands of a slave. Returns what of its configuration an ENI cannot express, a sentence each.
@@ -28,9 +33,15 @@ struct SlaveRegisters {
 [[nodiscard]] std::vector<std::string> write_hot_connect(Node node, Context& ctx, const Slave& slave);
 // The start-up commands by mailbox, the modules, and the PDOs that are written. Reads the list of configured modules.
 void write_mail_commands(Node mailbox, Context& ctx, const Slave& slave);
+// The registers of the watchdogs that the configuration sets; config_map() writes them.
+[[nodiscard]] std::vector<std::uint16_t> watchdogs_in_use(const Slave& slave);
+// What of the mailbox commands and of the states of the slave an ENI cannot express, a sentence each.
+[[nodiscard]] std::vector<std::string> unwritable(const Slave& slave);
 // The start-up commands of EoE or AoE in their element, `name`.
 void write_message_commands(Node mailbox, const char* name, StartupCommand::Kind kind,
-                            std::span<const StartupCommand> commands);
+                            const SlaveConfiguration& config);
+// The time that a command by mailbox may take, in ms, rounded up. 0: not given.
+[[nodiscard]] std::uint64_t mail_timeout_ms(const StartupCommand& command, const SlaveConfiguration& config);
 void write_transitions(Node command, Transition transitions);
 // Reads the SII up to its end mark; returns an error in words.
 [[nodiscard]] std::string read_sii_image(Context& ctx, std::uint16_t slave, std::vector<std::byte>& image);

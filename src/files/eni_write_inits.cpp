@@ -37,6 +37,8 @@ class InitWriter {
         process_sync_managers();
         fmmus();
         registers_of({Transition::preop_to_safeop});
+        for (const auto& [address, value] : registers_.watchdogs)
+            command({"PS"}, "set watchdog", kFpwr, address, hex_octets(value));
         state({"PS"}, kFpwr, "SAFEOP", 0x04, 0x04, ms(slave_.config.times().to_safeop, 10000));
         registers_of({Transition::safeop_to_op});
         state({"SO"}, kFpwr, "OP", 0x08, 0x08, ms(slave_.config.times().to_op, 10000));
@@ -169,12 +171,11 @@ class InitWriter {
 };
 
 void coe_command(Node inits, Transition transitions, std::uint16_t index, std::uint8_t subindex,
-                 const std::string& data, Duration timeout, bool complete) {
+                 const std::string& data, std::uint64_t timeout_ms, bool complete) {
     Node node = add(inits, "InitCmd");
     if (complete) set(node, "CompleteAccess", true);
     write_transitions(node, transitions);
-    const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(timeout).count();
-    add(node, "Timeout", static_cast<std::uint64_t>(ms));
+    add(node, "Timeout", timeout_ms);
     add(node, "Ccs", std::uint64_t{1});
     add(node, "Index", std::uint64_t{index});
     add(node, "SubIndex", std::uint64_t{subindex});
@@ -187,8 +188,8 @@ void pdo_commands(Node inits, const Slave& slave) {
     const bool assign = (slave.coe_details & coe_detail::kPdoAssignment) != 0;
     const bool configure = (slave.coe_details & coe_detail::kPdoConfiguration) != 0;
     const auto write = [&](std::uint16_t index, std::size_t subindex, std::uint32_t value, std::size_t octets) {
-        coe_command(inits, kWhen, index, static_cast<std::uint8_t>(subindex), hex_value(value, octets), Duration{0},
-                    false);
+        coe_command(inits, kWhen, index, static_cast<std::uint8_t>(subindex), hex_value(value, octets),
+                    mail_timeout_ms({}, slave.config), false);
     };
     for (const SmPdos& list : slave.config.pdos()) {
         const auto assignment = static_cast<std::uint16_t>(0x1C10 + list.sync_manager);
@@ -218,7 +219,7 @@ void module_commands(Node inits, Context& ctx, const Slave& slave) {
     if (idents.empty()) return;
     const auto write = [&](std::size_t subindex, std::uint64_t value, std::size_t octets) {
         coe_command(inits, Transition::init_to_preop, kConfiguredModules, static_cast<std::uint8_t>(subindex),
-                    hex_value(value, octets), Duration{0}, false);
+                    hex_value(value, octets), mail_timeout_ms({}, slave.config), false);
     };
     write(0, 0, 1);
     for (std::size_t n = 0; n < idents.size(); ++n) write(n + 1, idents[n], 4);
@@ -236,23 +237,24 @@ void write_mail_commands(Node mailbox, Context& ctx, const Slave& slave) {
     Node inits = add(coe, "InitCmds");
     module_commands(inits, ctx, slave);
     if (!slave.config.fixed_pdos) pdo_commands(inits, slave);
-    write_message_commands(mailbox, "EoE", StartupCommand::Kind::send_eoe, slave.config.startup());
+    write_message_commands(mailbox, "EoE", StartupCommand::Kind::send_eoe, slave.config);
     Node soe = add(mailbox, "SoE");
     Node parameters = add(soe, "InitCmds");
     for (const StartupCommand& one : slave.config.startup()) {
         if (one.kind == StartupCommand::Kind::write_object)
-            coe_command(inits, one.transitions, one.index, one.subindex, hex_octets(one.octets()), one.timeout,
-                        one.complete_access);
+            coe_command(inits, one.transitions, one.index, one.subindex, hex_octets(one.octets()),
+                        mail_timeout_ms(one, slave.config), one.complete_access);
         if (one.kind != StartupCommand::Kind::write_parameter) continue;
         Node node = add(parameters, "InitCmd");
         write_transitions(node, one.transitions);
-        add(node, "Timeout", std::uint64_t{0});
+        add(node, "Timeout", mail_timeout_ms(one, slave.config));
         add(node, "OpCode", std::uint64_t{3});
         add(node, "DriveNo", std::uint64_t{one.subindex});
         add(node, "IDN", std::uint64_t{one.index});
+        add(node, "Elements", std::uint64_t{0x40});  // the value
         add(node, "Data", hex_octets(one.octets()));
     }
-    write_message_commands(mailbox, "AoE", StartupCommand::Kind::send_aoe, slave.config.startup());
+    write_message_commands(mailbox, "AoE", StartupCommand::Kind::send_aoe, slave.config);
     if (!inits.first_child()) coe.remove_child(inits);
     if (!coe.first_child()) mailbox.remove_child(coe);
     if (!parameters.first_child()) mailbox.remove_child(soe);

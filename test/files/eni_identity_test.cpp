@@ -94,6 +94,12 @@ TEST(EniIdentity, AGroupMayBeMissingAndComesLater) {
     const auto up = bring_up(second.ctx, *eni, second.image);
     ASSERT_TRUE(up) << words(up.error());
     EXPECT_EQ(second.ctx.slave(6).ring_position, 0);
+    // The counters of a file that is written now are those of its own slaves.
+    const Written without = write_eni(second.ctx);
+    EXPECT_EQ(without.remarks, std::vector<std::string>{"slave 6 is missing and is left out"});
+    const auto read = read_eni(without.text);
+    ASSERT_TRUE(read) << to_text(read.problem);
+    for (const Remark& remark : read.remarks) EXPECT_FALSE(remark.text.starts_with("Cnt is")) << to_text(remark);
     SuperviseRequest supervise;
     ASSERT_TRUE(submit(second.ctx, supervise));
     ASSERT_TRUE(second.to_op(1ms));

@@ -61,7 +61,7 @@ struct Machine {
         }
         return device;
     }
-    // Station address, FMMUs, SyncManagers, SYNC.
+    // Station address, watchdogs, FMMUs, SyncManagers, SYNC.
     [[nodiscard]] std::vector<std::byte> registers(std::uint32_t n) {
         std::vector<std::byte> all;
         const auto add = [&](std::uint16_t address, std::size_t octets) {
@@ -69,6 +69,9 @@ struct Machine {
             all.insert(all.end(), some.begin(), some.end());
         };
         add(0x0010, 2);
+        add(0x0400, 2);
+        add(0x0410, 2);
+        add(0x0420, 2);
         add(0x0600, 0x80);
         for (std::uint16_t sm = 0; sm < 8; ++sm) {
             add(static_cast<std::uint16_t>(0x0800 + 8 * sm), 5);  // start, length, control

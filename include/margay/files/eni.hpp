@@ -143,7 +143,9 @@ Result<> after_scan(Context& ctx, const EniConfiguration& eni);
 // Brings the segment to SAFEOP as the file says: apply(), config_init(), after_scan(), configdc() if the file uses
 // clocks, and config_map() of each group; `image` has at least eni.image_bytes octets and is divided between the
 // groups. Returns the first error, after which the segment can be used as after an error of the same function. Waits.
-// After the call, remarks_after_scan() names the parts of the file that the library does not apply.
+// After the call, remarks_after_scan() names the parts of the file that the library does not apply. Where eni.clocks is
+// set, the cycle that brings the slaves to OP must follow the reference clock, with the cycle time of the group:
+// MasterClock (master_clock.hpp).
 Result<> bring_up(Context& ctx, const EniConfiguration& eni, std::span<std::byte> image);
 
 // Parts of the ENI that write_eni() does not read from the slaves.
@@ -157,8 +159,8 @@ struct EniSettings {
 // process data, with the configuration in use. The slaves must be in SAFEOP or OP, because the function reads their
 // SyncManagers, FMMUs and SYNC registers. The members of the list of expect() are written too: alias or device id,
 // serial number, newer revisions, and the hot connect groups that are present. Waits. read_eni() of the text and
-// bring_up() write the same registers and station addresses again. A slave that is missing is left out, which a remark
-// says.
+// bring_up() write the same registers and station addresses again. Remarks say what an ENI cannot express; a slave that
+// is missing is left out.
 [[nodiscard]] Written write_eni(Context& ctx, const EniSettings& settings = {});
 
 }  // namespace margay::files
