@@ -166,7 +166,7 @@ class Console {
         if (device == nullptr) return fmt::format("slave {} has no inputs", *n + 1);
         const auto offset = number(words[2]);
         const auto inputs = device->inputs();
-        if (!offset || *offset + words.size() - 3 > inputs.size())
+        if (!offset || *offset > inputs.size() || words.size() - 3 > inputs.size() - *offset)
             return fmt::format("slave {} has {} of inputs now", *n + 1, counted(inputs.size(), "octet"));
         std::vector<std::byte> octets;
         for (std::size_t i = 3; i < words.size(); ++i) {

@@ -175,6 +175,17 @@ void reach_op_and_exchange(Plant& plant) {
 
 class ReadyMadeSegments : public testing::TestWithParam<std::string> {};
 
+// The sum of offset and number of octets has more than 64 bits.
+TEST(SegmentConsole, InputsAreSetWithinTheirBounds) {
+    Plant plant(load_segment("digital_in_8"));
+    ASSERT_TRUE(plant.good()) << plant.error();
+    EXPECT_EQ(plant.command("set 1 0 7"), "07");
+    for (const std::string wrong :
+         {"set 1 0xffffffffffffffff 1", "set 1 0xfffffffffffffffe 1 2 3", "set 1 1 1", "set 1 0 1 2", "set 1 2 1"})
+        EXPECT_EQ(plant.command(wrong), "slave 1 has 1 octet of inputs now") << wrong;
+    EXPECT_EQ(plant.command("get 1 in"), "07");
+}
+
 TEST_P(ReadyMadeSegments, ReachOpAndExchangeProcessData) {
     Plant plant(GetParam());
     reach_op_and_exchange(plant);
