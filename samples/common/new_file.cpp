@@ -56,10 +56,21 @@ NewFile::~NewFile() {
     if (target_.is_replaced && begun_ && !committed_) fs::remove(beside_, ignored);
 }
 
+// The first call chooses a name that no file of the user has; "x" follows no symbolic link.
+std::FILE* NewFile::open() {
+    if (begun_ || !target_.is_replaced) return std::fopen(beside_.c_str(), "wb");
+    constexpr int kMost = 100;
+    for (int n = 1;; ++n) {
+        std::FILE* file = std::fopen(beside_.c_str(), "wbx");
+        if (file != nullptr || errno != EEXIST || n > kMost) return file;
+        beside_ = fmt::format("{}.new{}", target_.path, n);
+    }
+}
+
 std::string NewFile::write(std::string_view content) {
     if (!target_.error.empty()) return target_.error;
     if (content.empty() && !target_.is_replaced) return {};  // a reader of a pipe would take it for the end
-    std::FILE* file = std::fopen(beside_.c_str(), "wb");
+    std::FILE* file = open();
     if (file == nullptr) return file_failure(path_, "cannot be written", errno);
     begun_ = true;
     errno = 0;
@@ -74,8 +85,9 @@ std::string NewFile::write(std::string_view content) {
 
 std::string NewFile::commit() {
     if (!target_.is_replaced) return {};
-    begun_ = true;
     if (!target_.error.empty()) return target_.error;
+    if (!begun_)
+        if (auto failed = write({}); !failed.empty()) return failed;
     std::error_code error;
     if (target_.existed) fs::permissions(beside_, fs::status(target_.path, error).permissions(), error);
     if (std::rename(beside_.c_str(), target_.path.c_str()) != 0)

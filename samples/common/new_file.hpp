@@ -1,6 +1,7 @@
 // A file that replaces an older one only when it is complete.
 #pragma once
 
+#include <cstdio>
 #include <string>
 #include <string_view>
 
@@ -15,9 +16,10 @@ struct FileTarget {
 };
 [[nodiscard]] FileTarget target_of(const std::string& path);
 
-// The new content is written beside the file, into FILE.new, and commit() renames it. Without commit() the older file
-// keeps its content, and the destructor removes FILE.new. What is no regular file (a device, a pipe) is written
-// directly. Errors are sentences that name the file as the user does; empty when there is no error.
+// The new content is written beside the file, into FILE.new (FILE.new1, … if the user has a file of this name), and
+// commit() renames it. Without commit() the older file keeps its content, and the destructor removes FILE.new. What is
+// no regular file (a device, a pipe) is written directly. Errors are sentences that name the file as the user does;
+// empty when there is no error.
 class NewFile {
   public:
     explicit NewFile(std::string path);
@@ -26,13 +28,15 @@ class NewFile {
     NewFile& operator=(const NewFile&) = delete;
 
     [[nodiscard]] const std::string& path() const { return path_; }
-    // Where the content is written; another writer may write there in the place of write().
+    // Where the content is written, after the first write(); another writer may write there afterwards.
     [[nodiscard]] const std::string& beside() const { return beside_; }
     // Replaces what was written before.
     [[nodiscard]] std::string write(std::string_view content);
     [[nodiscard]] std::string commit();
 
   private:
+    [[nodiscard]] std::FILE* open();
+
     std::string path_;  // as the user has written it
     FileTarget target_;
     std::string beside_;

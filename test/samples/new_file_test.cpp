@@ -49,6 +49,23 @@ TEST_F(NewFileTest, WithoutCommitNothingChanges) {
     EXPECT_EQ(content_of(at("a.new")), "of another one");
 }
 
+TEST_F(NewFileTest, AFileOfTheUserBesideItStays) {
+    folder.write("a", "old");
+    folder.write("a.new", "of the user");
+    folder.write("victim", "of the user");
+    fs::create_symlink("victim", folder.path() / "a.new1");
+    NewFile file(at("a"));
+    EXPECT_EQ(file.write("new"), "");
+    EXPECT_EQ(file.write("newer"), "");
+    EXPECT_EQ(file.beside(), at("a.new2"));
+    EXPECT_EQ(file.commit(), "");
+    EXPECT_EQ(content_of(at("a")), "newer");
+    EXPECT_EQ(content_of(at("a.new")), "of the user");
+    EXPECT_EQ(content_of(at("victim")), "of the user");
+    EXPECT_TRUE(fs::is_symlink(folder.path() / "a.new1"));
+    EXPECT_FALSE(fs::is_symlink(folder.path() / "a"));
+}
+
 TEST_F(NewFileTest, ALinkStaysALink) {
     folder.write("a", "old");
     fs::create_symlink("a", folder.path() / "link");
