@@ -124,6 +124,10 @@ std::string slave_text(const Analysis& a, std::size_t number) {
     if (!s.order.empty() && s.order != s.name) text += fmt::format(" ({})", s.order);
     text += fmt::format("\n    vendor {}, product {}, revision {}, serial {}\n", hex(s.vendor, 8), hex(s.product, 8),
                         hex(s.revision, 8), hex(s.serial, 8));
+    if (!s.position && s.station)
+        for (std::size_t n = 0; n < a.slaves.size(); ++n)
+            if (a.slaves[n].position && a.slaves[n].station == s.station)
+                text += fmt::format("    perhaps {}, to which a scan has given the same address\n", slave_name(a, n));
     if (s.state) text += fmt::format("    last AL state {}\n", state_words(*s.state));
     if (s.sii_octets != 0) text += fmt::format("    {} of the SII\n", counted(s.sii_octets, "octet"));
     for (const auto& [type, mail] : s.mail) {

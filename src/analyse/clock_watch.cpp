@@ -75,9 +75,12 @@ void ClockWatch::look_at_reference(const Exchanged& e, const SlaveTrack* slave) 
     if (slave != nullptr) reference.slave = slave->number;
     std::uint64_t time =
         e.received.size() >= 8 ? load_le<std::uint64_t>(e.received) : load_le<std::uint32_t>(e.received);
-    // 32 bits are extended by the time before.
-    if (e.received.size() < 8 && reference.readings != 0)
-        time = reference.last_ns + static_cast<std::uint32_t>(time - reference.last_ns);
+    // 32 bits are extended to the time that is nearest to the one that is due: a late reply is older than the last one.
+    if (e.received.size() < 8 && reference.readings != 0) {
+        const auto due = reference.last_ns + static_cast<std::uint64_t>((e.sent_at.at - reference.last.at).count());
+        time = due + static_cast<std::uint64_t>(std::int64_t{static_cast<std::int32_t>(
+                         static_cast<std::uint32_t>(time) - static_cast<std::uint32_t>(due))});
+    }
     if (reference.readings++ == 0) {
         reference.first_ns = time;
         reference.first = e.sent_at;

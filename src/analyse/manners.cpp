@@ -82,7 +82,6 @@ void Manners::datagram(const Exchanged& e) {
     if (is(Command::FPRD, reg::kAlStatus.address, 6)) ++status_looks_;
     if (is(Command::FPRD, reg::kSiiControl.address, 10)) ++sii_triples_;
     if (is(Command::FPWR, reg::kSiiControl.address, 4)) ++sii_commands_;
-    if (is(Command::BWR, reg::kAliasEnable.address, 1)) ++alias_offs_;
 }
 
 void Manners::finish() {

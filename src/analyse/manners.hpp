@@ -23,7 +23,6 @@ class Manners {
     std::uint64_t status_looks_ = 0;                // FPRD of 6 octets from 0x0130
     std::uint64_t sii_triples_ = 0;                 // FPRD of 10 octets from 0x0502
     std::uint64_t sii_commands_ = 0;                // FPWR of 4 octets to 0x0502
-    std::uint64_t alias_offs_ = 0;                  // BWR of one octet to 0x0103
     bool margay_reset_ = false;                     // a frame in which Margay resets all slaves
 };
 
