@@ -49,9 +49,11 @@ std::string Listener::replace_left_behind() {
     if (auto error = address.set(path_); !error.empty()) return error;
     const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (probe < 0) return failed(path_, "no socket");
-    const bool dead = ::connect(probe, address.pointer(), address.bytes()) != 0 && errno == ECONNREFUSED;
+    const int why = ::connect(probe, address.pointer(), address.bytes()) == 0 ? 0 : errno;
     ::close(probe);
-    if (!dead) return path_ + ": another program serves this socket";
+    if (why == EACCES || why == EPERM)
+        return path_ + ": is a socket of another user; whether a program serves it is unknown";
+    if (why != ECONNREFUSED) return path_ + ": another program serves this socket";
     if (::unlink(path_.c_str()) != 0) return failed(path_, "the socket of an ended program cannot be removed");
     return {};
 }
