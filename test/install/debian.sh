@@ -72,6 +72,18 @@ contents)
         lib/pkgconfig/margay.pc; do
         [ -f "$root/usr/$file" ] || fail "there is no /usr/$file"
     done
+    # Each library that a pkg-config file names is in the package, or in a package that it depends on.
+    needed=$(field "$dev" Depends | sed 's/([^)]*)//g; s/[ ,|]/\n/g' | grep .)
+    needed="$needed
+$(echo "$needed" | xargs dpkg-query -W -f '${Depends}\n' 2>/dev/null | sed 's/([^)]*)//g; s/[ ,|]/\n/g')"
+    for name in $(sed -n 's/^Libs[^:]*://p' "$root"/usr/lib/pkgconfig/*.pc | tr ' ' '\n' | sed -n 's/^-l//p' | sort -u); do
+        case $name in stdc++ | m | pthread) continue ;; esac  # of the compiler and the C library
+        [ -z "$(find "$root/usr/lib" -name "lib$name.*")" ] || continue
+        owner=$(dpkg -S "*/lib$name.so" | sed -n '1s/:.*//p')
+        [ -n "$owner" ] || fail "no package has the library $name"
+        echo "$needed" | grep -qx "$owner" ||
+            fail "libmargay-dev does not depend on $owner: $(field "$dev" Depends)"
+    done
     dpkg-deb -c "$tools" | grep -Eq 'include/|\.a$' && fail "headers or archives in margay"
     dpkg-deb -c "$dev" | grep -q ' \./usr/bin/' && fail "programs in libmargay-dev"
     grep -q '^ExecStart=/usr/bin/margayd$' "$root/usr/lib/systemd/system/margayd.service" || fail "the path in the unit"
