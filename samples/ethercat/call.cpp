@@ -38,6 +38,10 @@ int Call::fail(const Problem& problem) const {
     return ethercat::fail(arguments_, problem);
 }
 
+void Call::warn(const std::string& text) const {
+    if (!has("quiet")) samples::warn("warning: " + text);
+}
+
 int Call::each_master(const std::function<Answer<>(Master& master, Output& output)>& work) {
     int code = samples::exit_code::kWell;
     auto all = nlohmann::ordered_json::array();

@@ -58,6 +58,8 @@ class Call {
     // Reports a problem on standard error and returns its exit code. With --json the output is {"error": "…"} if there
     // is none yet.
     int fail(const Problem& problem) const;
+    // Unless the user wants no warnings (--quiet).
+    void warn(const std::string& text) const;
 
     // Calls `work` for each master and prints its output; {"masters": [{"master": 0, …}]} with --json. A problem of one
     // master is its key "error" then, and does not stop the others. Returns the greatest exit code.

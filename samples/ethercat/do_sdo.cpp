@@ -121,8 +121,7 @@ int run_sdos(Call& call) {
         if (!selected) return selected.problem();
         output.json["slaves"] = nlohmann::ordered_json::array();
         if (selected->size() > 1 && std::ranges::none_of(*selected, has_coe))
-            samples::warn(fmt::format("warning: no slave of master {} has an object dictionary (CoE){}", master.index,
-                                      hint(call)));
+            call.warn(fmt::format("no slave of master {} has an object dictionary (CoE){}", master.index, hint(call)));
         return Call::each_slave(*selected, output, [&](const SlaveFacts& slave) -> Answer<> {
             if (!has_coe(slave) && selected->size() > 1) return {};
             if (const auto checked = check_coe(call, slave); !checked) return checked;

@@ -221,8 +221,7 @@ int run_xml(Call& call) {
     for (const SlaveFacts& slave : *selected) {
         auto described = master.session->describe(slave.position);
         if (!described) return call.fail(described.problem());
-        for (const auto& remark : described->remarks)
-            samples::warn(fmt::format("warning: slave {}: {}", slave.position, remark));
+        for (const auto& remark : described->remarks) call.warn(fmt::format("slave {}: {}", slave.position, remark));
         const Identity& identity = described->device.identity;
         if (esi.vendor == 0) esi.vendor = identity.vendor;
         if (identity.vendor != esi.vendor)
@@ -235,7 +234,7 @@ int run_xml(Call& call) {
     esi.vendor_name = fmt::format("Vendor 0x{:08x}", esi.vendor);
     const auto written = files::write_esi(esi);
     if (!written) return call.fail({written.error});
-    for (const auto& remark : written.remarks) samples::warn("warning: " + remark);
+    for (const auto& remark : written.remarks) call.warn(remark);
     Output output;
     output.json = {
         {"master", master.index}, {"vendor", esi.vendor}, {"devices", esi.devices.size()}, {"xml", written.text}};
