@@ -97,7 +97,7 @@ int write_esi(margay::Context& ctx, const std::string& path) {
             samples::warn(fmt::format("slave {}: {}", slave.number, to_text(device.problem)));
             continue;
         }
-        if (esi.vendor == 0) esi.vendor = device->identity.vendor;
+        if (esi.devices.empty()) esi.vendor = device->identity.vendor;  // 0 is that of an EEPROM without an identity
         const bool other = device->identity.vendor != esi.vendor;
         if (other)
             samples::warn(fmt::format("slave {} is of another vendor, and an ESI has one: left out", slave.number));

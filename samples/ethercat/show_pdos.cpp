@@ -223,7 +223,7 @@ int run_xml(Call& call) {
         if (!described) return call.fail(described.problem());
         for (const auto& remark : described->remarks) call.warn(fmt::format("slave {}: {}", slave.position, remark));
         const Identity& identity = described->device.identity;
-        if (esi.vendor == 0) esi.vendor = identity.vendor;
+        if (esi.devices.empty()) esi.vendor = identity.vendor;  // 0 is that of an EEPROM without an identity
         if (identity.vendor != esi.vendor)
             return call.fail({fmt::format("an ESI file has one vendor; slave {} is of vendor 0x{:08x}, and the slaves "
                                           "before it of 0x{:08x}: select slaves of one vendor",

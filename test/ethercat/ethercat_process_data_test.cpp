@@ -90,6 +90,21 @@ TEST_F(EthercatProcessData, WritesAnEsiThatTheReaderAccepts) {
 
 TEST_F(EthercatProcessData, ListsConfigurations) {
     EXPECT_EQ(out("sim:demo", "config"),
+// A blank EEPROM has the vendor 0.
+TEST_F(EthercatProcessData, AnEsiHasOneVendorAlsoIfThatIs0) {
+    for (const std::string vendor : {"0", "2"})
+        folder.write("v" + vendor + ".xml",
+                     "<EtherCATInfo><Vendor><Id>" + vendor +
+                         "</Id><Name>V</Name></Vendor><Descriptions><Devices><Device><Type ProductCode=\"1\" "
+                         "RevisionNo=\"1\">T</Type><Name>N</Name><GroupType>G</GroupType></Device></Devices>"
+                         "</Descriptions></EtherCATInfo>");
+    fails("sim:v0.xml,v2.xml", "xml", 2, "slave 1 is of vendor 0x00000002, and the slaves before it of 0x00000000");
+    EXPECT_TRUE(contains(out("sim:v0.xml", "xml"), "<Id>#x00000000</Id>"));
+    const auto ran = folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:v0.xml,v2.xml --write-esi all.xml");
+    EXPECT_TRUE(contains(ran.err, "slave 2 is of another vendor, and an ESI has one: left out")) << ran.err;
+    EXPECT_TRUE(contains(content_of(folder.path() / "all.xml"), "<Id>#x00000000</Id>"));
+}
+
               "0:0  0x00004d47/0x00000100  0  SAFEOP\n"
               "0:1  0x00004d47/0x00001008  1  SAFEOP\n"
               "0:2  0x00004d47/0x00002008  2  SAFEOP\n"
