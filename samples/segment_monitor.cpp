@@ -174,7 +174,7 @@ class Monitor {
 
   private:
     void cycle() {
-        model_.last = pace_.exchange(options_.pace.reply_timeout());
+        model_.last = pace_.exchange(pace_.reply_timeout());
         if (!model_.last) ++bad_cycles_;
         pace_.wait();
         while (const auto event = ctx_.events().take()) {
@@ -261,7 +261,7 @@ int main(int argc, char** argv) {
         "terminal)");
     samples::add_pace_options(arguments, options.pace);
     return arguments.run(argc, argv, [&] {
-        if (const auto wrong = refusal(options.pace.times, options.pace.period_us); !wrong.empty())
+        if (const auto wrong = options.pace.refusal(options.pace.plan()); !wrong.empty())
             return samples::fail(wrong, samples::exit_code::kUsage);
         options.source.options.times = wanted_times(options.pace.times);
         return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });

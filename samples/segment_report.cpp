@@ -223,13 +223,10 @@ class Program {
     }
 
     [[nodiscard]] Cycles run_cycles(ethercat::StandaloneSession& session) const {
-        Cycles cycles{.period_us = options_.pace.period_us};
         const auto run = session.run_cycles(options_.cycles, options_.pace);
-        if (!run) {
-            cycles.problem = run.problem().text;
-            return cycles;
-        }
-        cycles.figures = run->figures;
+        if (!run) return {.problem = run.problem().text};
+        Cycles cycles{.figures = run->figures,
+                      .period_us = static_cast<unsigned>(run->period / std::chrono::microseconds(1))};
         if (!run->problem.empty()) cycles.problem = "Not all slaves have reached OP: " + run->problem;
         return cycles;
     }
@@ -272,7 +269,7 @@ void add_options(samples::Arguments& arguments, Options& options) {
     arguments.option(
         "--cycles", options.cycles,
         "bring the slaves to OP with outputs of 0, run this number of cycles, and show their times; 0: none");
-    samples::add_period_options(arguments, options.pace);
+    samples::add_period_options(arguments, options.pace, samples::kPeriodOfEni);
     arguments.option("--cycle-log", options.cycle_log,
                      "show the times of an application's cycles in this file (simple_io, dc_motion or segment_monitor "
                      "--histogram FILE.json)");

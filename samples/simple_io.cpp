@@ -47,7 +47,7 @@ struct Options {
 class SimpleIo {
   public:
     SimpleIo(samples::Source& source, const Options& options, const files::EniConfiguration* eni)
-        : source_(source), options_(options), eni_(eni) {}
+        : source_(source), options_(options), eni_(eni), pace_(source, ctx_, options.pace, options.pace.plan(eni)) {}
 
     // Returns the exit code of the program.
     int run() {
@@ -128,7 +128,7 @@ class SimpleIo {
 
     // One cycle: sends, receives, and executes the other work of the master until the next cycle is due.
     Result<std::uint32_t> cycle() {
-        const auto got = pace_.exchange(options_.pace.reply_timeout());
+        const auto got = pace_.exchange(pace_.reply_timeout());
         pace_.wait();
         return got;
     }
@@ -141,7 +141,10 @@ class SimpleIo {
         pace_.start();
         for (int n = 0; n < 10; ++n) (void)cycle();
         if (!submit(ctx_, supervise_)) return false;
-        const auto in_op = [](const Slave& slave) { return slave.al.state == AlState::op && !slave.al.error; };
+        const auto in_op = [this](const Slave& slave) {
+            if (slave.ring_position == 0) return samples::may_be_missing(ctx_.slaves(), slave);
+            return slave.al.state == AlState::op && !slave.al.error;
+        };
         bool all_in_op = false;
         for (unsigned n = 0; !all_in_op && !ends() && (n < kLeastCycles || source_.osal().now() < give_up); ++n) {
             (void)cycle();
@@ -191,7 +194,7 @@ class SimpleIo {
     const files::EniConfiguration* eni_;  // nullptr: as the slaves say
     HostContext ctx_{source_.limits(samples::with_room({.slaves = 1024, .process_frames = 64}, eni_))};
     std::array<std::byte, 65536> image_{};
-    samples::CyclePace pace_{source_, ctx_, options_.pace};
+    samples::CyclePace pace_;
     unsigned cycles_ = 0;  // in OP
     std::vector<samples::Drive> drives_;
     std::vector<std::span<std::byte>> counting_;  // outputs that get the counter
@@ -200,17 +203,27 @@ class SimpleIo {
     std::optional<AttachServer> attach_{};  // ends before the context
 };
 
-int run(samples::Source& source, const Options& options) {
+int run(samples::Source& source, const Options& options, const files::EniConfiguration* eni) {
     // Line buffering: each event appears in a terminal or a log file at once.
     std::setvbuf(stdout, nullptr, _IOLBF, 0);
     samples::stop_at_signals();  // after a signal, too, the program puts the slaves to INIT before it ends
-    samples::EniFile eni;
-    if (!options.eni.empty()) eni = samples::load_eni(options.eni);
-    if (eni.configuration && eni.configuration->groups.size() > 1)
-        eni.error = options.eni + ": has several Cyclic elements, and this program has one cycle";
-    if (!eni.error.empty()) return samples::fail(eni.error, samples::exit_code::kSystem);
-    const auto program = std::make_unique<SimpleIo>(source, options, eni.configuration ? &*eni.configuration : nullptr);
-    return program->run();
+    return std::make_unique<SimpleIo>(source, options, eni)->run();
+}
+
+int open_and_run(Options& options) {
+    samples::EniFile file;
+    if (!options.eni.empty()) file = samples::load_eni(options.eni);
+    if (file.configuration && file.configuration->groups.size() > 1)
+        file.error = options.eni + ": has several Cyclic elements, and this program has one cycle";
+    if (!file.error.empty()) return samples::fail(file.error, samples::exit_code::kSystem);
+    const auto* eni = file.configuration ? &*file.configuration : nullptr;
+    const auto plan = options.pace.plan(eni);
+    if (!plan.remark.empty()) samples::warn("warning: " + plan.remark);
+    if (const auto wrong = options.pace.refusal(plan); !wrong.empty())
+        return samples::fail(wrong, samples::exit_code::kUsage);
+    options.source.options.times = wanted_times(options.pace.times);
+    options.source.options.real_time = !options.attach.empty();
+    return run_on_source(options.source, [&](samples::Source& source) { return run(source, options, eni); });
 }
 
 }  // namespace
@@ -234,12 +247,6 @@ int main(int argc, char** argv) {
         "--attach", options.attach,
         "let `ethercat --attach` and other programs work on this one, by a socket at this path; a simulated "
         "segment then runs in the time of the system");
-    samples::add_pace_options(arguments, options.pace);
-    return arguments.run(argc, argv, [&] {
-        if (const auto wrong = refusal(options.pace.times, options.pace.period_us); !wrong.empty())
-            return samples::fail(wrong, samples::exit_code::kUsage);
-        options.source.options.times = wanted_times(options.pace.times);
-        options.source.options.real_time = !options.attach.empty();
-        return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });
-    });
+    samples::add_pace_options(arguments, options.pace, samples::kPeriodOfEni);
+    return arguments.run(argc, argv, [&] { return open_and_run(options); });
 }

@@ -37,15 +37,33 @@ bool has_coe(const margay::Slave& slave) {
     return slave.mailbox.present() && (slave.mailbox.protocols & margay::mailbox_protocol::kCoE) != 0;
 }
 
-void print_segment(margay::Context& ctx, const Options& options, const margay::samples::ProcessMap* map) {
+// The process image of a group.
+struct GroupMap {
+    std::size_t group = 0;
+    margay::samples::ProcessMap map{};
+};
+
+// An ENI with several Cyclic elements has a group for each of them, with an image of its own.
+void add_maps(margay::Context& ctx, nlohmann::ordered_json& segment, const std::vector<GroupMap>& maps) {
+    using margay::samples::map_json;
+    if (maps.size() == 1) segment["process_image"] = map_json(ctx, maps[0].map);
+    if (maps.size() < 2) return;
+    for (const auto& [group, map] : maps) {
+        nlohmann::ordered_json one{{"group", group}};
+        one.update(map_json(ctx, map));
+        segment["process_images"].push_back(std::move(one));
+    }
+}
+
+void print_segment(margay::Context& ctx, const Options& options, const std::vector<GroupMap>& maps) {
     using namespace margay::samples;
-    if (options.cstruct && map != nullptr) {
-        write_out(map_cstruct(ctx, *map));
+    if (options.cstruct && !maps.empty()) {
+        write_out(map_cstruct(ctx, maps[0].map));
         return;
     }
     if (options.json) {
         auto segment = segment_json(ctx);
-        if (map != nullptr) segment["process_image"] = map_json(ctx, *map);
+        add_maps(ctx, segment, maps);
         for (const margay::Slave& slave : ctx.slaves())
             if (options.sdo && has_coe(slave))
                 segment["slaves"][slave.number - 1U]["dictionary"] =
@@ -60,7 +78,8 @@ void print_segment(margay::Context& ctx, const Options& options, const margay::s
         write_out("\n");
     }
     write_out(topology_text(ctx));
-    if (map != nullptr) write_out("\n" + map_text(ctx, *map));
+    for (const auto& [group, map] : maps)
+        write_out("\n" + (maps.size() == 1 ? std::string() : fmt::format("Group {}: ", group)) + map_text(ctx, map));
 }
 
 int save(const std::string& path, const margay::files::Written& written) {
@@ -79,9 +98,13 @@ int map_and_print(margay::Context& ctx, const Options& options, const margay::fi
     std::vector<std::byte> image(std::size_t{1} << 20);
     if (options.packed) ctx.group(0).config.packing = margay::Packing::bits;
     const auto mapped = map_groups(ctx, eni, image);
-    if (!mapped && !ctx.group(0).mapped) return fail(sentence(mapped.error()));
-    const ProcessMap map = read_process_map(ctx);
-    print_segment(ctx, options, &map);
+    std::vector<GroupMap> maps;
+    for (std::size_t n = 0; n < ctx.limits().groups; ++n)
+        if (ctx.group(n).mapped) maps.push_back({n, read_process_map(ctx, static_cast<std::uint8_t>(n))});
+    if (maps.empty() && !mapped) return fail(sentence(mapped.error()));
+    if (options.cstruct && maps.size() > 1)
+        return fail("--cstruct describes one process image, and the ENI has several Cyclic elements");
+    print_segment(ctx, options, maps);
     const int status = options.write_eni.empty() ? 0 : save(options.write_eni, margay::files::write_eni(ctx));
     (void)margay::writestate(ctx, 0, margay::AlState::preop);
     return status;
@@ -124,7 +147,7 @@ int scan_and_print(margay::samples::Source& source, const Options& options) {
     if (options.map || !options.write_eni.empty())
         status = map_and_print(ctx, options, plan);
     else
-        print_segment(ctx, options, nullptr);
+        print_segment(ctx, options, {});
     bool told = found.ok();
     while (const auto error = ctx.errors().take()) {
         told |= *error == found.error();

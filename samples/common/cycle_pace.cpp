@@ -20,8 +20,8 @@ namespace {
 // Other work of the master ends this long before the deadline, so that it does not delay the cycle.
 constexpr Duration kQuietBefore = std::chrono::microseconds(100);
 
-CyclicOptions cyclic(const PaceOptions& options, bool real) {
-    return {.period = std::chrono::microseconds(options.period_us),
+CyclicOptions cyclic(const PaceOptions& options, Duration period, bool real) {
+    return {.period = period,
             .spin = std::chrono::microseconds(options.spin_us),
             .priority = options.priority,
             .runtime = std::chrono::microseconds(options.runtime_us),
@@ -33,8 +33,9 @@ CyclicOptions cyclic(const PaceOptions& options, bool real) {
 
 }  // namespace
 
-void add_period_options(Arguments& arguments, PaceOptions& options) {
-    arguments.option("--period", options.period_us, "cycle period in µs", Bounds{50, 1'000'000});
+void add_period_options(Arguments& arguments, PaceOptions& options, const std::string& usual) {
+    arguments.option("--period", options.period_us, fmt::format("cycle period in µs [{}]", usual),
+                     Bounds{50, 1'000'000});
     arguments.option("--spin", options.spin_us,
                      "time before each cycle, in µs, in which the program polls the clock instead of sleeping",
                      Bounds{0, 1'000'000});
@@ -47,8 +48,8 @@ void add_period_options(Arguments& arguments, PaceOptions& options) {
     arguments.option("--cpu", options.cpu, "bind the program to this processor [any]", Bounds{0, 1023});
 }
 
-void add_pace_options(Arguments& arguments, PaceOptions& options) {
-    add_period_options(arguments, options);
+void add_pace_options(Arguments& arguments, PaceOptions& options, const std::string& usual) {
+    add_period_options(arguments, options, usual);
     arguments.choice(
         "--overrun", options.overrun,
         "when a cycle took longer than its period: skip the missed cycles [default], catch-up: execute them "
@@ -61,12 +62,18 @@ void add_pace_options(Arguments& arguments, PaceOptions& options) {
 }
 
 CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
+    : CyclePace(source, ctx, options, options.plan()) {}
+
+CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options, const CyclePlan& plan)
     : source_(source),
       ctx_(ctx),
       options_(options),
-      runner_(cyclic(options, !source.virtual_time())),
-      virtual_(std::chrono::microseconds(options.period_us), Duration::zero()),
+      plan_(plan),
+      due_(plan.every.size()),
+      runner_(cyclic(options, plan.period, !source.virtual_time())),
+      virtual_(plan.period, Duration::zero()),
       timing_(source.timing()) {
+    if (plan.clock) clock_.emplace(*plan.clock);
     virtual_.set_policy(options.overrun.value_or(OverrunPolicy::skip));
 }
 
@@ -78,11 +85,22 @@ void CyclePace::start() {
               std::pair{options_.runtime_us != 0, "--runtime"}, std::pair{options_.cpu >= 0, "--cpu"}})
             if (given) warn(fmt::format("{} has no effect: time is virtual on this SOURCE", name));
         virtual_.start(source_.osal().now());
-        return;
+    } else {
+        for (const auto& refusal : runner_.prepare())
+            warn(fmt::format("{}: {}", refusal.what, std::strerror(refusal.error)));
+        runner_.start();
     }
-    for (const auto& refusal : runner_.prepare())
-        warn(fmt::format("{}: {}", refusal.what, std::strerror(refusal.error)));
-    runner_.start();
+    continue_phase();
+}
+
+void CyclePace::continue_phase() {
+    constexpr Duration kLongest = std::chrono::seconds(1);  // without a cycle; then the phase is a new one
+    if (!clock_ || clock_->record().at == Time{} || clock_->record().at + kLongest < source_.osal().now()) return;
+    const Duration period = clock_period();
+    const Duration off = (deadline() - clock_->record().at) % period;
+    adjust(off > Duration{0} ? period - off : Duration{0});
+    (void)wait();
+    clear();
 }
 
 Duration CyclePace::wait() {
@@ -118,28 +136,68 @@ void CyclePace::adjust(Duration by) {
 
 Result<std::uint32_t> CyclePace::exchange(Duration timeout) {
     Times times{.start = source_.osal().now()};
-    const auto sent = send();
-    times.sent = source_.osal().now();
-    const auto received = sent ? receive_processdata(ctx_, timeout) : Result<std::uint32_t>(sent.error());
+    const auto received = exchange_groups(timeout, times);
     times.back = source_.osal().now();
+    keep_in_step(times);
     count(times, received);
+    ++cycle_;
     return received;
+}
+
+Result<std::uint32_t> CyclePace::exchange_groups(Duration timeout, Times& times) {
+    Error first;
+    std::uint32_t sum = 0;
+    const auto keep = [&first](const Error& error) {
+        if (first.code == Errc::none) first = error;
+    };
+    for (std::size_t n = 0; n < due_.size(); ++n) {
+        due_[n] = cycle_ % plan_.every[n] == 0;
+        const auto sent = due_[n] ? send(static_cast<std::uint8_t>(n)) : Result<>();
+        if (sent) continue;
+        keep(sent.error());
+        due_[n] = false;
+    }
+    times.sent = source_.osal().now();
+    for (std::size_t n = 0; n < due_.size(); ++n) {
+        if (!due_[n]) continue;
+        const auto received = receive_processdata(ctx_, timeout, static_cast<std::uint8_t>(n));
+        if (received)
+            sum += *received;
+        else
+            keep(received.error());
+    }
+    return first.code == Errc::none ? Result<std::uint32_t>(sum) : Result<std::uint32_t>(first);
+}
+
+// The time by which the frames have left late is no error of the phase.
+void CyclePace::keep_in_step(const Times& times) {
+    if (!clock_ || cycle_ % plan_.every[clock_->settings().group] != 0) return;
+    adjust(-clock_->update(ctx_, is_held() ? std::max(times.start - departure(), Duration{0}) : tick_.lateness));
+}
+
+Duration CyclePace::reply_timeout() const {
+    return std::max<Duration>(std::chrono::microseconds(500), plan_.period * 9 / 10);
 }
 
 std::string CyclePace::advice() const {
     if (figures_.no_frame == 0) return {};
     auto text = fmt::format("a cycle waits {} µs for its frames: if they need longer, use a longer --period",
-                            std::chrono::duration_cast<std::chrono::microseconds>(options_.reply_timeout()).count());
+                            std::chrono::duration_cast<std::chrono::microseconds>(reply_timeout()).count());
     if (const auto unexpected = ctx_.statistics().unexpected - unexpected_before_; unexpected != 0)
         text += fmt::format(" ({} that no cycle waited for: late, doubled or unknown)",
                             counted(unexpected, "frame came back", "frames came back"));
     return text;
 }
 
-Result<> CyclePace::send() {
-    if (options_.times.send_at_us == 0 || timing_.send_at == nullptr) return send_processdata(ctx_);
+bool CyclePace::is_held() const { return options_.times.send_at_us != 0 && timing_.send_at != nullptr; }
+
+Time CyclePace::departure() const {
     const Time begun = ticked_ ? tick_.deadline : source_.osal().now();
-    return send_processdata_at(ctx_, *timing_.send_at, begun + std::chrono::microseconds(options_.times.send_at_us));
+    return begun + std::chrono::microseconds(options_.times.send_at_us);
+}
+
+Result<> CyclePace::send(std::uint8_t group) {
+    return is_held() ? send_processdata_at(ctx_, *timing_.send_at, departure(), group) : send_processdata(ctx_, group);
 }
 
 void CyclePace::clear() {

@@ -1,8 +1,11 @@
-// In which cycles the groups of a segment are exchanged, when an ENI gives them different cycle times.
+// The cycle that an ENI wants: its period, the cycles in which each group is exchanged, and the clock that the cycle
+// follows.
 #pragma once
 
 #include <margay/files/eni.hpp>
+#include <margay/master_clock.hpp>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,7 +14,11 @@ namespace margay::samples {
 struct CyclePlan {
     Duration period = std::chrono::milliseconds(1);  // of the shortest cycle
     std::vector<unsigned> every{1};                  // group n is exchanged in each every[n]-th cycle
-    std::string error{};                             // why there is no plan; empty: there is one
+    // Where the ENI uses distributed clocks: the cycle of the clocks' group follows the reference clock, and its frames
+    // pass half a cycle before SYNC0.
+    std::optional<MasterClockSettings> clock{};
+    std::string remark{};  // a sentence about a cycle that the clocks may not accept; empty: none
+    std::string error{};   // why there is no plan; empty: there is one
 };
 
 // `eni`: nullptr, or the file with the groups. `cycle`: the wish of the user; zero: as the file says, or 1 ms.

@@ -5,11 +5,13 @@
 #include "wire/al_status_code.hpp"
 #include "wire/sii_category.hpp"
 
+#include <margay/expected.hpp>
 #include <margay/redundancy.hpp>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <array>
 #include <iterator>
 #include <span>
@@ -265,6 +267,15 @@ nlohmann::ordered_json segment_json(Context& ctx) {
     auto slaves = nlohmann::ordered_json::array();
     for (const Slave& slave : ctx.slaves()) slaves.push_back(slave_json(slave));
     return {{"slaves", slaves}};
+}
+
+// The head of a group decides: without it no member is looked for.
+bool may_be_missing(std::span<const Slave> slaves, const Slave& slave) {
+    const auto group_of = [](const Slave& one) { return one.wanted == nullptr ? 0 : one.wanted->hot_connect; };
+    if (slave.config.optional || (slave.wanted != nullptr && slave.wanted->optional)) return true;
+    if (group_of(slave) == 0) return false;
+    const auto head = std::ranges::find_if(slaves, [&](const Slave& one) { return group_of(one) == group_of(slave); });
+    return head->ring_position == 0;
 }
 
 std::string ring_remark(Context& ctx) {

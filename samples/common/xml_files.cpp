@@ -45,12 +45,14 @@ Result<std::uint16_t> scan_by(Context& ctx, const files::EniConfiguration* eni) 
 
 Result<std::size_t> map_groups(Context& ctx, const files::EniConfiguration* eni, std::span<std::byte> image) {
     std::size_t sum = 0;
+    Error first;
     const std::size_t groups = eni == nullptr ? 1 : std::max<std::size_t>(eni->groups.size(), 1);
     for (std::size_t n = 0; n < groups; ++n) {
         const auto used = config_map(ctx, image.subspan(sum), static_cast<std::uint8_t>(n));
-        if (!used) return used.error();
-        sum += *used;
+        if (!used && first.code == Errc::none) first = used.error();
+        sum += used ? *used : ctx.group(n).image.size();
     }
+    if (first.code != Errc::none) return first;
     return sum;
 }
 

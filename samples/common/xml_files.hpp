@@ -19,7 +19,8 @@ struct EniFile {
 };
 [[nodiscard]] EniFile load_eni(const std::string& path);
 
-// Maps the groups of the file, or group 0 without a file. Returns the octets of all of them.
+// Maps the groups of the file, or group 0 without a file; after an error it continues with the other groups. Returns
+// the octets of all of them, or the first error.
 [[nodiscard]] Result<std::size_t> map_groups(Context& ctx, const files::EniConfiguration* eni,
                                              std::span<std::byte> image);
 

@@ -169,6 +169,8 @@ struct ConfigFacts {
     std::optional<std::uint16_t> position{};  // of the attached slave
     AlState state = AlState::none;
     std::vector<SyncManagerFacts> sync_managers{};
+    std::string problem{};        // why the SyncManagers could not be read; empty: they were
+    bool may_be_missing = false;  // an optional slave, or one of a hot connect group that is away
     std::vector<Sdo> sdos{};
     std::vector<Parameter> parameters{};
     std::optional<std::uint16_t> assign_activate{};

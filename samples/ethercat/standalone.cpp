@@ -48,9 +48,8 @@ Answer<> StandaloneSession::open_source() {
     refused_ = !refusal.empty();
     if (refused_) return Problem{refusal};
     if (settings_.note_states) found_states_ = samples::look_at_states(source_->nic(), source_->osal());
-    const auto* plan = eni_.configuration ? &*eni_.configuration : nullptr;
     auto ctx = std::make_unique<HostContext>(
-        source_->limits(samples::with_room({.slaves = 2048, .process_frames = 256}, plan)));
+        source_->limits(samples::with_room({.slaves = 2048, .process_frames = 256}, eni())));
     const auto ready = source_->begin(*ctx);
     if (!ready) return problem_of(*ctx, ready.error());
     ctx_ = std::move(ctx);
@@ -63,7 +62,7 @@ Answer<> StandaloneSession::open_source() {
 Answer<std::uint16_t> StandaloneSession::scan() {
     mapped_ = clocks_measured_ = false;
     sii_.clear();
-    const auto found = samples::scan_by(*ctx_, eni_.configuration ? &*eni_.configuration : nullptr);
+    const auto found = samples::scan_by(*ctx_, eni());
     if (!found && found.error().slave == 0) return problem_of(*ctx_, found.error());
     bool told = found.ok();
     while (const auto error = ctx_->errors().take()) {
@@ -246,7 +245,9 @@ Answer<> StandaloneSession::reach_with_process_data(std::span<const std::uint16_
     }
     const auto ready = map();
     if (!ready) return ready.problem();
-    const auto reached = bring_to(state);
+    const samples::PaceOptions options{};
+    samples::CyclePace pace(*source_, *ctx_, options, options.plan(eni()));
+    const auto reached = bring_to(state, pace);
     if (!reached) return problem_of(*ctx_, reached.error());
     return {};
 }
@@ -270,7 +271,7 @@ void StandaloneSession::pause(std::chrono::milliseconds time) {
     while (mapped_ && source_->osal().now() < end && !samples::stop_asked()) {
         const Time next = std::min(end, source_->osal().now() + kCycle);
         exchange();
-        wait_until(next);
+        if (!follows_clock()) wait_until(next);
     }
     wait_until(end);
 }
@@ -295,6 +296,7 @@ Answer<> StandaloneSession::close() {
         if (!back) result = problem_of(*ctx_, back.error());
         (void)statecheck(*ctx_, 0, AlState::preop, std::chrono::seconds(3));
     }
+    pace_.reset();
     ctx_.reset();
     if (source_ == nullptr) return result;
     const auto remark = source_->finish();

@@ -72,9 +72,11 @@ class StandaloneSession final : public Session {
     // Whether the segment was not scanned because another master may be running it.
     [[nodiscard]] bool refused() const { return refused_; }
     [[nodiscard]] bool virtual_time() const { return source_ != nullptr && source_->virtual_time(); }
-    // Brings all slaves to OP and exchanges process data with outputs of 0. They stay in OP until close().
+    // Brings all slaves to OP and exchanges process data with outputs of 0. They stay in OP until close(), if the
+    // caller calls pause() between its readings.
     struct CycleRun {
         samples::CycleFigures figures{};
+        Duration period{0};
         std::string problem{};  // why not all slaves have reached OP; empty: they have
     };
     Answer<CycleRun> run_cycles(unsigned cycles, const samples::PaceOptions& pace);
@@ -87,8 +89,13 @@ class StandaloneSession final : public Session {
     Answer<std::uint16_t> number_of(std::uint16_t position);
     [[nodiscard]] std::uint16_t position_of(std::uint16_t number);
     Answer<> map();
+    [[nodiscard]] const files::EniConfiguration* eni() const {
+        return eni_.configuration ? &*eni_.configuration : nullptr;
+    }
     void exchange();
-    Result<> bring_to(AlState state);
+    [[nodiscard]] bool follows_clock() const { return pace_ && pace_->follows_clock(); }
+    // With the cycle of the ENI.
+    Result<> bring_to(AlState state, samples::CyclePace& pace);
     Answer<const files::EsiDevice*> sii_of(std::uint16_t number);
     Answer<> to_boot_and_back(std::uint16_t number, bool boot);
     Answer<> reach_with_process_data(std::span<const std::uint16_t> numbers, AlState state);
@@ -111,6 +118,9 @@ class StandaloneSession final : public Session {
     samples::EniFile eni_{};
     std::unique_ptr<HostContext> ctx_{};
     bool mapped_ = false;
+    // Of run_cycles(). Where it follows a clock, the later exchanges continue it: these slaves leave OP when the cycle
+    // jumps.
+    std::optional<samples::CyclePace> pace_{};
     bool keep_states_ = false;  // the user has asked for a state: it stays at the end
     bool clocks_measured_ = false;
     std::vector<std::byte> image_{};

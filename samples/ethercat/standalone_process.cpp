@@ -139,7 +139,7 @@ Answer<std::vector<ConfigFacts>> StandaloneSession::configs() {
     std::vector<ConfigFacts> all;
     AliasAddress address;
     for (const Slave& slave : ctx_->slaves()) {
-        if (slave.alias != 0) address = {slave.alias, 0};
+        if (slave.alias != 0) address = {.alias = slave.alias, .relative = 0};
         ConfigFacts config{.alias = address.alias,
                            .relative = address.relative++,
                            .vendor = slave.identity.vendor,
@@ -150,11 +150,14 @@ Answer<std::vector<ConfigFacts>> StandaloneSession::configs() {
             config.product = slave.wanted->product.value_or(0);
         }
         if (slave.ring_position != 0) config.position = position_of(slave.number);
+        config.may_be_missing = samples::may_be_missing(ctx_->slaves(), slave);
         if (config.position) {
             auto sms = sync_managers(*config.position);
-            if (!sms) return sms.problem();
-            std::ranges::copy_if(*sms, std::back_inserter(config.sync_managers),
-                                 [](const SyncManagerFacts& sm) { return !sm.mailbox; });
+            if (!sms && sms.problem().code == samples::exit_code::kSystem) return sms.problem();
+            if (!sms) config.problem = sms.problem().text;
+            if (sms)
+                std::ranges::copy_if(*sms, std::back_inserter(config.sync_managers),
+                                     [](const SyncManagerFacts& sm) { return !sm.mailbox; });
         }
         add_startup(config, slave.config);
         all.push_back(std::move(config));
@@ -169,13 +172,20 @@ Answer<> StandaloneSession::map() {
     if (!ready) return ready.problem();
     if (mapped_) return {};
     image_.assign(std::size_t{1} << 20, std::byte{0});
-    const auto done = samples::map_groups(*ctx_, eni_.configuration ? &*eni_.configuration : nullptr, image_);
-    if (!done && !ctx_->group(0).mapped) return problem_of(*ctx_, done.error());
+    const auto done = samples::map_groups(*ctx_, eni(), image_);
+    bool any = done.ok();
+    for (std::size_t n = 0; n < ctx_->limits().groups; ++n) any |= ctx_->group(n).mapped;
+    if (!any) return problem_of(*ctx_, done.error());
     mapped_ = true;
     return {};
 }
 
 void StandaloneSession::exchange() {
+    if (follows_clock()) {
+        (void)pace_->wait();
+        (void)pace_->exchange(kReplyTimeout);
+        return;
+    }
     for (std::uint16_t n = 0; n < ctx_->limits().groups; ++n) {
         if (!ctx_->group(n).mapped || ctx_->group(n).datagrams.empty()) continue;
         const auto group = static_cast<std::uint8_t>(n);
@@ -229,21 +239,25 @@ Answer<std::vector<DomainFacts>> StandaloneSession::domains() {
 
 // ------------------------------------------------------------------ cycles
 
-Result<> StandaloneSession::bring_to(AlState state) {
-    return reach(*ctx_, state, std::chrono::seconds(10), {.reply_timeout = kReplyTimeout});
+Result<> StandaloneSession::bring_to(AlState state, samples::CyclePace& pace) {
+    return reach(*ctx_, state, std::chrono::seconds(10),
+                 {.period = pace.clock_period(), .reply_timeout = kReplyTimeout, .clock = pace.clock()});
 }
 
 Answer<StandaloneSession::CycleRun> StandaloneSession::run_cycles(unsigned cycles, const samples::PaceOptions& pace) {
     const auto ready = map();
     if (!ready) return ready.problem();
-    CycleRun run;
-    const auto reached = bring_to(AlState::op);
+    const auto plan = pace.plan(eni());
+    if (!plan.error.empty()) return Problem{settings_.eni + ": " + plan.error};
+    if (!plan.remark.empty()) note(plan.remark);
+    CycleRun run{.period = plan.period};
+    auto& keeper = pace_.emplace(*source_, *ctx_, pace, plan);
+    const auto reached = bring_to(AlState::op, keeper);
     if (!reached) run.problem = problem_of(*ctx_, reached.error()).text;
-    samples::CyclePace keeper(*source_, *ctx_, pace);
     keeper.start();
     for (unsigned n = 0; n < cycles && !samples::stop_asked(); ++n) {
+        if (n != 0) keeper.wait();
         (void)keeper.exchange(kReplyTimeout);
-        keeper.wait();
     }
     run.figures = keeper.figures();
     return run;

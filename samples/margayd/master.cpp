@@ -99,6 +99,12 @@ std::string Master::open_here() {
     }
     plan_ = samples::plan_cycles(eni_ ? &*eni_ : nullptr, std::chrono::microseconds(configuration_.cycle_us));
     if (!plan_.error.empty()) return plan_.error;
+    if (!plan_.remark.empty()) log(Priority::warning, plan_.remark);
+    if (plan_.clock) {
+        // The same part of the limit as the default: an error within it corrects the phase.
+        plan_.clock->phase.limit_ns = configuration_.in_sync_us * 1000U;
+        plan_.clock->phase.outlier_ns = plan_.clock->phase.limit_ns / 4 * 3;
+    }
     auto source = samples::open_source(configuration_.source, {.real_time = true, .wait_for_interfaces = true});
     if (!source) return source.error();
     source_ = source.take();
@@ -287,15 +293,6 @@ void Master::map_groups() {
         else if (!mapped)
             log(Priority::error, "no process data: " + samples::sentence(mapped.error()));
     }
-    clock_.reset();
-    if (!eni_ || !eni_->clocks) return;
-    const Duration period = plan_.period * plan_.every[eni_->clocks->group];
-    // The same part of the limit as the default: an error within it corrects the phase.
-    const std::uint32_t limit_ns = configuration_.in_sync_us * 1000U;
-    clock_.emplace(
-        MasterClockSettings{.group = eni_->clocks->group,
-                            .set_value = -period / 2,
-                            .phase = {.cycle = period, .outlier_ns = limit_ns / 4 * 3, .limit_ns = limit_ns}});
 }
 
 // ------------------------------------------------------------------ EoE

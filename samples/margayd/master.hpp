@@ -80,8 +80,6 @@ class Master {
     void close_eoe();
     // Exchanges process data until the thread is asked to end, or the segment must be scanned again.
     void cycle();
-    void exchange(std::uint64_t number, Duration& lateness);
-    void keep_in_step(std::uint64_t number, Duration lateness);
     void look_around(std::uint64_t overruns, bool settles);
     [[nodiscard]] bool is_to_be_scanned();
     [[nodiscard]] bool has_strangers() const;
@@ -104,12 +102,10 @@ class Master {
     std::unique_ptr<AttachServer> attach_{};  // these two end before the context
     std::unique_ptr<MailboxGateway> gateway_{};
     std::vector<std::byte> image_{};
-    std::optional<MasterClock> clock_{};
     std::optional<samples::CyclePace> pace_{};
     SuperviseRequest supervise_{};
-    bool is_ours_ = false;      // slaves in SAFEOP or OP are this master's own
-    bool brought_up_ = false;   // there are slaves that this master has configured
-    std::vector<bool> sent_{};  // by group, in this cycle
+    bool is_ours_ = false;     // slaves in SAFEOP or OP are this master's own
+    bool brought_up_ = false;  // there are slaves that this master has configured
     using Clock = std::chrono::steady_clock;
     // Since when lacks_places() is true, or false; looked at once a second.
     std::optional<Clock::time_point> lacks_since_{};

@@ -20,39 +20,22 @@ constexpr auto kHasHelped = 30s;  // no slave lacks a place for so long after a 
 }  // namespace
 
 void Master::cycle() {
-    samples::PaceOptions pace{.period_us = static_cast<unsigned>(plan_.period / 1us),
-                              .spin_us = configuration_.spin_us,
+    samples::PaceOptions pace{.spin_us = configuration_.spin_us,
                               .priority = configuration_.priority,
                               .cpu = configuration_.cpu,
                               .histogram = {}};
-    pace_.emplace(*source_, *ctx_, pace);
+    pace_.emplace(*source_, *ctx_, pace, plan_);
     pace_->start();
-    sent_.assign(plan_.every.size(), false);
     lacks_since_.reset();
     right_since_.reset();
     const auto every = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(kLookAround / plan_.period));
-    Duration lateness{};
     for (std::uint64_t number = 0; !stopping_ && !is_to_be_scanned(); ++number) {
-        exchange(number, lateness);
+        // Errors of a cycle are not reported here: the supervision finds their reason and reports it by events.
+        (void)pace_->exchange(plan_.period / 2);
         if (number % every == 0) look_around(pace_->figures().overruns, number < 3 * every);
-        lateness = pace_->wait();
+        (void)pace_->wait();
     }
     pace_.reset();
-}
-
-// Errors of a cycle are not reported here: the supervision finds their reason and reports it by events.
-void Master::exchange(std::uint64_t number, Duration& lateness) {
-    for (std::size_t n = 0; n < plan_.every.size(); ++n) {
-        sent_[n] = number % plan_.every[n] == 0 && ctx_->group(static_cast<std::uint8_t>(n)).mapped;
-        if (sent_[n]) (void)send_processdata(*ctx_, static_cast<std::uint8_t>(n));
-    }
-    for (std::size_t n = 0; n < plan_.every.size(); ++n)
-        if (sent_[n]) (void)receive_processdata(*ctx_, plan_.period / 2, static_cast<std::uint8_t>(n));
-    keep_in_step(number, lateness);
-}
-
-void Master::keep_in_step(std::uint64_t number, Duration lateness) {
-    if (clock_ && number % plan_.every[clock_->settings().group] == 0) pace_->adjust(-clock_->update(*ctx_, lateness));
 }
 
 // Once a second: a few system calls, if the interface seems to be gone.

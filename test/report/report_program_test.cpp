@@ -1,6 +1,7 @@
 // The program segment_report: files, exit codes, recordings, a running application, a segment of another master.
 #include "report/report_fixture.hpp"
 
+#include "process/made_eni.hpp"
 #include "process/netns.hpp"
 
 #include <sys/stat.h>
@@ -51,6 +52,35 @@ TEST_F(ReportProgram, AFaultEndsWith1AndThePageIsThere) {
     EXPECT_EQ(ran.out,
               "report.html: 1 slave, in SAFEOP; cable between the master and slave 0 damaged 20 frames; 1 fault.\n");
     EXPECT_EQ(page().verdicts("fault").size(), 1U);
+}
+
+TEST_F(ReportProgram, TheCyclesAreAsTheEniSays) {
+    for (const auto cycle : {1ms, 4ms}) {
+        folder.write("clocked.xml", process::clocked_eni("sim:coupler,drive,drive", 2, cycle));
+        const auto ran = run("sim:coupler,drive,drive --eni clocked.xml --cycles 500");
+        EXPECT_EQ(ran.status, 0) << ran.out << ran.err << page().text("//ul[@class='verdicts']");
+        EXPECT_EQ(ran.out, "report.html: 3 slaves, all in OP; nothing is wrong.\n");
+        EXPECT_TRUE(page().has("500 cycles with a period of " + std::to_string(cycle / 1us) + " µs"));
+    }
+    folder.write("groups.xml", process::eni_of_two_groups());
+    const auto ran = run("sim:drive,drive --eni groups.xml --cycles 500");
+    EXPECT_EQ(ran.status, 0) << ran.out << ran.err << page().text("//ul[@class='verdicts']");
+    EXPECT_EQ(ran.out, "report.html: 2 slaves, all in OP; nothing is wrong.\n");
+}
+
+// The whole group may be away.
+TEST_F(ReportProgram, AHotConnectGroupThatIsAwayIsNoFault) {
+    folder.write("there.toml",
+                 "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_io_16\"\n"
+                 "[[slave]]\nname = \"grip\"\ndevice = \"digital_out_8\"\nalias = 5\n");
+    folder.write("away.toml", "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_io_16\"\n");
+    folder.write("group.xml", process::eni_with_group(folder.path() / "there.toml", 3, 5));
+    const auto ran = run("sim:away.toml --eni group.xml");
+    EXPECT_EQ(ran.status, 0) << ran.out << ran.err << page().text("//ul[@class='verdicts']");
+    EXPECT_EQ(ran.out, "report.html: 2 slaves, all in SAFEOP; nothing is wrong.\n");
+    const auto cycles =
+        folder.run(std::string(MARGAY_BIN_DIR) + "/simple_io sim:away.toml --eni group.xml --cycles 100");
+    EXPECT_EQ(cycles.status, 0) << cycles.out << cycles.err;
 }
 
 // Reading 200 slaves takes longer than the watchdogs of their outputs.

@@ -1,11 +1,7 @@
 // margayd with an ENI that uses distributed clocks: the cycle follows the reference clock.
 #include "service/service_fixture.hpp"
 
-#include "common/source.hpp"
-
-#include <margay/files/eni.hpp>
-#include <margay/host_context.hpp>
-#include <margay/margay.hpp>
+#include "process/made_eni.hpp"
 
 namespace margay::process {
 namespace {
@@ -14,25 +10,8 @@ using namespace std::chrono_literals;
 
 const std::string kClockedSlaves = "sim:coupler,drive,drive";
 
-// The ENI of these slaves, with SYNC0 in the second one.
-std::string eni_with_clocks() {
-    static constexpr SlaveSetup kSetup{.dc = {.source = SyncSettings::Source::application, .shift = 100us}};
-    auto source = samples::open_source(kClockedSlaves);
-    EXPECT_TRUE(source) << source.error();
-    HostContext ctx;
-    std::vector<std::byte> image(4096);
-    EXPECT_TRUE(source->begin(ctx));
-    EXPECT_TRUE(config_init(ctx));
-    ctx.slave(2).config.setup = &kSetup;
-    EXPECT_TRUE(configdc(ctx, {.cycle = 2ms}));
-    EXPECT_TRUE(config_map(ctx, image));
-    const auto written = files::write_eni(ctx, {.cycle = 2ms});
-    EXPECT_TRUE(written) << written.error;
-    return written.text;
-}
-
 TEST_F(ServiceTest, TheCycleFollowsTheReferenceClockOfAnEni) {
-    folder.write("etc/machine.xml", eni_with_clocks());
+    folder.write("etc/machine.xml", clocked_eni(kClockedSlaves, 2, 2ms));
     // A machine that runs tests is late by tens of microseconds. A wrong sign or a wrong phase misses half a period,
     // 1000.
     configure("a.toml",
