@@ -176,7 +176,7 @@ Answer<std::vector<ConfigFacts>> AttachedSession::configs() {
     std::vector<ConfigFacts> all;
     AliasAddress address;
     for (const auto& slave : *slaves_now) {
-        if (slave.alias != 0) address = {slave.alias, 0};
+        if (slave.alias != 0) address = {.alias = slave.alias, .relative = 0};
         const auto& identity = slave.seen ? slave.identity : slave.wanted;
         ConfigFacts config{.alias = address.alias,
                            .relative = address.relative++,
@@ -186,9 +186,10 @@ Answer<std::vector<ConfigFacts>> AttachedSession::configs() {
         if (slave.ring_position != 0) {
             config.position = static_cast<std::uint16_t>(slave.ring_position - 1);
             auto sms = sync_managers(*config.position);
-            if (!sms) return sms.problem();
-            for (auto& sm : *sms)
-                if (!sm.mailbox) config.sync_managers.push_back(std::move(sm));
+            if (!sms && sms.problem().code == samples::exit_code::kSystem) return sms.problem();
+            if (!sms) config.problem = sms.problem().text;
+            for (std::size_t n = 0; sms && n < sms->size(); ++n)
+                if (!(*sms)[n].mailbox) config.sync_managers.push_back(std::move((*sms)[n]));
         }
         const auto startup = ask(Operation::startup, {.slave = slave.number});
         if (!startup) return startup.problem();

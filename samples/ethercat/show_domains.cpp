@@ -31,6 +31,7 @@ std::string config_details(const ConfigFacts& config) {
         fmt::format("Alias: {}\nPosition: {}\nVendor Id: 0x{:08x}\nProduct code: 0x{:08x}\nAttached slave: {}\n",
                     config.alias, config.relative, config.vendor, config.product,
                     config.position ? fmt::format("{} ({})", *config.position, to_text(config.state)) : "none");
+    if (!config.problem.empty()) text += "SM: could not be read\n";
     for (const auto& sm : config.sync_managers) {
         text += fmt::format("SM{}, Dir: {}, Watchdog: {}\n", sm.number, sm.outputs() ? "Output" : "Input",
                             sm.watchdog() ? "Enable" : "Disable");
@@ -80,7 +81,7 @@ nlohmann::ordered_json config_json(const ConfigFacts& config) {
               {"sync0_cycle_ns", config.sync0_cycle_ns},
               {"sync0_shift_ns", config.sync0_shift_ns},
               {"sync1_cycle_ns", config.sync1_cycle_ns}};
-    return {
+    nlohmann::ordered_json all{
         {"alias", config.alias},
         {"position", config.relative},
         {"vendor", config.vendor},
@@ -91,6 +92,8 @@ nlohmann::ordered_json config_json(const ConfigFacts& config) {
         {"sdos", sdos},
         {"parameters", parameters},
         {"dc", dc}};
+    if (!config.problem.empty()) all["error"] = config.problem;
+    return all;
 }
 
 // ------------------------------------------------------------------ domains
@@ -135,13 +138,18 @@ Answer<std::vector<DomainFacts>> selected_domains(const Call& call, Master& mast
     if (!wanted) return wanted.problem();
     auto all = master.session->domains();
     if (!all || !*wanted) return all;
+    std::vector<std::uint32_t> known;
+    for (const DomainFacts& domain : *all) known.push_back(domain.index);
+    if (const auto missing = (*wanted)->missing(known)) return Problem{fmt::format("there is no domain {}", *missing)};
     std::erase_if(*all, [&](const DomainFacts& domain) { return !(*wanted)->contains(domain.index); });
-    if (all->empty()) return Problem{fmt::format("there is no domain {}", call.value("domain"))};
     return all;
 }
 
-// The lines, or with --json the document. The octets of all domains are appended to `octets`.
-int print_data_lines(Call& call, Octets& octets) {
+// The lines, or with --json the document. The octets of all domains are written to the file of --output-file, which is
+// not given with lines.
+int print_data_lines(Call& call) {
+    Octets octets;
+    const auto path = call.has("output-file") ? call.value("output-file") : std::string("-");
     return call.each_master([&](Master& master, Output& output) -> Answer<> {
         const auto domains = selected_domains(call, master);
         if (!domains) return domains.problem();
@@ -151,7 +159,8 @@ int print_data_lines(Call& call, Octets& octets) {
             output.json["domains"].push_back(domain_json(domain));
             octets.insert(octets.end(), domain.data.begin(), domain.data.end());
         }
-        return {};
+        // Before the document is printed: it says whether the file was written.
+        return path == "-" || &master != &call.masters().back() ? Answer<>() : write_octets(path, octets);
     });
 }
 
@@ -166,14 +175,17 @@ int run_config(Call& call) {
         const auto configs = master.session->configs();
         if (!configs) return configs.problem();
         output.json["configs"] = nlohmann::ordered_json::array();
+        std::string unread;  // the one-line form does not need it
         for (const ConfigFacts& config : *configs) {
             const bool by_alias = *aliases ? (*aliases)->contains(config.alias) : !*positions || config.alias == 0;
             if (!by_alias || (*positions && !(*positions)->contains(config.relative))) continue;
             output.text += call.has("verbose") ? config_details(config) : config_line(config);
             output.json["configs"].push_back(config_json(config));
+            if (unread.empty()) unread = config.problem;
         }
         if (output.json["configs"].empty() && (*aliases || *positions))
             return Problem{"no configuration is selected by --alias and --position"};
+        if (!unread.empty() && (call.has("verbose") || call.json())) return Problem{unread};
         return {};
     });
 }
@@ -201,17 +213,8 @@ int run_data(Call& call) {
     if (again && call.has("output-file"))
         return call.fail(
             {"--output-file takes the octets of one cycle: leave out --watch and --count", samples::exit_code::kUsage});
+    if (again || call.json()) return call.repeat([&] { return print_data_lines(call); });
     Octets all;
-    if (again || call.json()) {
-        const int code = call.repeat([&] {
-            all.clear();
-            return print_data_lines(call, all);
-        });
-        if (code != samples::exit_code::kWell || !call.has("output-file") || call.value("output-file") == "-")
-            return code;
-        const auto written = write_octets(call.value("output-file"), all);
-        return written ? samples::exit_code::kWell : call.fail(written.problem());
-    }
     for (Master& master : call.masters()) {
         const auto domains = selected_domains(call, master);
         if (!domains) return call.fail(domains.problem());

@@ -218,6 +218,19 @@ TEST_F(EthercatAttach, ObjectsOfADriveAreTheSame) {
     EXPECT_EQ(written.out, "0x000004d2 1234\n");
 }
 
+// Its mailbox is closed, and so its PDOs are not known; the one-line form shows none.
+TEST_F(EthercatAttach, ASlaveInInitHidesNoConfiguration) {
+    const auto ran =
+        attached("e states -p 1 INIT; e config; echo \"rc $?\"; e config -v; echo \"rc $?\"", "sim:drive,drive,drive");
+    EXPECT_TRUE(contains(ran.out, "  0  OP\n")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "  1  INIT\n")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "  2  OP\nrc 0\n")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "Attached slave: 1 (INIT)\nSM: could not be read\n")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "Attached slave: 2 (OP)\nSM2, Dir: Output")) << ran.out;
+    EXPECT_TRUE(ran.out.ends_with("rc 1\n")) << ran.out;
+    EXPECT_TRUE(contains(ran.err, "position 1: ")) << ran.err;
+}
+
 TEST_F(EthercatAttach, ShowsTheProcessDataAndChangesStates) {
     const auto ran = attached(
         "e master && e domains && e data | wc -c && e states -p 3 PREOP && e slaves -p 3 && e states -p 3 OP && "

@@ -1,5 +1,6 @@
 // The commands of ethercat about process data: pdos, cstruct, xml, config, domains, data.
 #include "ethercat/ethercat_fixture.hpp"
+#include "process/made_eni.hpp"
 
 #include <margay/files/esi.hpp>
 
@@ -8,6 +9,7 @@
 namespace margay::process {
 namespace {
 
+using namespace std::chrono_literals;
 using EthercatProcessData = EthercatTest;
 
 TEST_F(EthercatProcessData, ListsPdosOfTheDictionaryAndOfTheSii) {
@@ -88,8 +90,6 @@ TEST_F(EthercatProcessData, WritesAnEsiThatTheReaderAccepts) {
     fails("sim:demo", "xml -p 1 -o no/such/folder", 3, "no/such/folder: cannot be written");
 }
 
-TEST_F(EthercatProcessData, ListsConfigurations) {
-    EXPECT_EQ(out("sim:demo", "config"),
 // A blank EEPROM has the vendor 0.
 TEST_F(EthercatProcessData, AnEsiHasOneVendorAlsoIfThatIs0) {
     for (const std::string vendor : {"0", "2"})
@@ -105,6 +105,8 @@ TEST_F(EthercatProcessData, AnEsiHasOneVendorAlsoIfThatIs0) {
     EXPECT_TRUE(contains(content_of(folder.path() / "all.xml"), "<Id>#x00000000</Id>"));
 }
 
+TEST_F(EthercatProcessData, ListsConfigurations) {
+    EXPECT_EQ(out("sim:demo", "config"),
               "0:0  0x00004d47/0x00000100  0  SAFEOP\n"
               "0:1  0x00004d47/0x00001008  1  SAFEOP\n"
               "0:2  0x00004d47/0x00002008  2  SAFEOP\n"
@@ -116,6 +118,64 @@ TEST_F(EthercatProcessData, AnEsiHasOneVendorAlsoIfThatIs0) {
     EXPECT_TRUE(contains(details, "SDO configuration:\n  None.\n")) << details;
     EXPECT_TRUE(contains(out("sim:demo", "config --json"), "\"attached\": 4"));
     fails("sim:demo", "config -a 9", 1, "no configuration is selected by --alias and --position");
+}
+
+// `address` as in the output of `slaves` and `domains`.
+TEST_F(EthercatProcessData, ListsConfigurationsByTheirAlias) {
+    folder.write(
+        "alias.toml",
+        "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_in_8\"\nalias = 5555\n[[slave]]\ndevice = "
+        "\"digital_out_8\"\n");
+    EXPECT_EQ(out("sim:alias.toml", "config"),
+              "0:0  0x00004d47/0x00000100  0  SAFEOP\n"
+              "5555:0  0x00004d47/0x00001008  1  SAFEOP\n"
+              "5555:1  0x00004d47/0x00002008  2  SAFEOP\n");
+    EXPECT_EQ(out("sim:alias.toml", "config -a 5555 -p 1"), "5555:1  0x00004d47/0x00002008  2  SAFEOP\n");
+    EXPECT_EQ(out("sim:alias.toml", "config -p 0"), "0:0  0x00004d47/0x00000100  0  SAFEOP\n");
+    EXPECT_TRUE(contains(out("sim:alias.toml", "config --json"), "\"alias\": 5555"));
+}
+
+// Its reference clock drifts, and a drive accepts only frames at their place before SYNC0.
+TEST_F(EthercatProcessData, TheCycleFollowsTheReferenceClockOfAnEni) {
+    const std::string bin = std::string(MARGAY_BIN_DIR) + "/";
+    for (const auto cycle : {1ms, 4ms}) {
+        folder.write("clocked.xml", clocked_eni("sim:coupler,drive,drive", 2, cycle));
+        EXPECT_EQ(out("sim:coupler,drive,drive", "states OP --eni clocked.xml"), "") << cycle.count();
+        const auto ran = folder.run(bin + "simple_io sim:coupler,drive,drive --eni clocked.xml --cycles 1000");
+        EXPECT_EQ(ran.status, 0) << ran.err;
+        EXPECT_EQ(ran.err, "");
+        EXPECT_TRUE(contains(ran.out, "1000 cycles, 0 without all frames, 0 with a wrong working counter\n"))
+            << ran.out;
+    }
+    const auto other =
+        folder.run(bin + "simple_io sim:coupler,drive,drive --eni clocked.xml --cycles 10 --period 3000");
+    EXPECT_TRUE(
+        contains(other.err,
+                 "simple_io: warning: the ENI uses clocks in a cycle of 4000 µs: slaves with SYNC0 may refuse a "
+                 "cycle of 3000 µs\n"))
+        << other.err;
+}
+
+// Each Cyclic element of an ENI has an image of its own.
+TEST_F(EthercatProcessData, AllGroupsOfAnEniAreShown) {
+    const std::string bin = std::string(MARGAY_BIN_DIR) + "/";
+    folder.write("groups.xml", eni_of_two_groups());
+    const auto map = folder.run(bin + "slaveinfo sim:drive,drive --eni groups.xml --map");
+    EXPECT_EQ(map.status, 0) << map.err;
+    EXPECT_TRUE(contains(map.out, "\nGroup 0: Process image: 34 octets")) << map.out;
+    EXPECT_TRUE(contains(map.out, "\nGroup 1: Process image: 34 octets")) << map.out;
+    EXPECT_TRUE(contains(map.out, "  slave 2 Servo drive, outputs\n")) << map.out;
+    const auto json = folder.run(bin + "slaveinfo sim:drive,drive --eni groups.xml --map --json");
+    EXPECT_TRUE(contains(json.out, "\"process_images\": [")) << json.out;
+    EXPECT_TRUE(contains(json.out, "\"group\": 1,")) << json.out;
+    const auto code = folder.run(bin + "slaveinfo sim:drive,drive --eni groups.xml --map --cstruct");
+    EXPECT_EQ(code.status, 1);
+    EXPECT_EQ(code.err, "slaveinfo: --cstruct describes one process image, and the ENI has several Cyclic elements\n");
+    // A slave of the first group fails: the other group is mapped.
+    ASSERT_EQ(folder.run("sed -i '0,/<Index>24672/s//<Index>24575/' groups.xml").status, 0);
+    const auto domains = ethercat("sim:drive,drive", "domains --eni groups.xml");
+    EXPECT_TRUE(contains(domains.out, "Domain1: ")) << domains.out << domains.err;
+    EXPECT_TRUE(contains(domains.err, "0x5fff")) << domains.err;
 }
 
 // The list of modules in the file says 0x401 for slot 2, where 0x302 is.
@@ -232,7 +292,11 @@ TEST_F(EthercatProcessData, PrintsProcessData) {
     EXPECT_EQ(content_of(folder.path() / "octets"), std::string(14, '\0')) << "the file is not forgotten";
     fails("sim:demo", "data --watch -o image", 2, "--output-file takes the octets of one cycle");
     fails("sim:demo", "data -d 2", 1, "there is no domain 2");
+    fails("sim:demo", "data -d 0,2", 1, "there is no domain 2");
     fails("sim:demo", "data -o no/such/folder", 3, "cannot be written");
+    const auto lost = ethercat("sim:demo", "data --json -o no/such/folder");
+    EXPECT_EQ(lost.status, 3);
+    EXPECT_TRUE(contains(lost.out, "\"error\": \"no/such/folder: cannot be written")) << lost.out;
     const auto full = ethercat("sim:demo", "data >/dev/full");
     EXPECT_EQ(full.status, 3);
     EXPECT_TRUE(contains(full.err, "standard output cannot be written: No space left on device")) << full.err;
