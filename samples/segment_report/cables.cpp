@@ -139,6 +139,33 @@ std::vector<Cable> cables_of(const Report& report) {
     return all;
 }
 
+std::vector<LooseEnd> loose_ends(const Report& report, const std::vector<Cable>& cables) {
+    const auto has_cable = [&](std::uint16_t slave, std::uint8_t port) {
+        return std::ranges::any_of(cables, [&](const Cable& cable) {
+            return (cable.near.slave == slave && cable.near.port == port) ||
+                   (cable.far.slave == slave && cable.far.port == port);
+        });
+    };
+    std::vector<LooseEnd> all;
+    for (const SlaveState& slave : report.slaves)
+        for (std::uint8_t port = 0; port < 4 && slave.counters; ++port) {
+            const CableEnd end{slave.facts.position, port};
+            const Health health = ethercat::link_health(*slave.counters, port);
+            if (slave.facts.ports[port].link || health == Health::good || has_cable(slave.facts.position, port))
+                continue;
+            const EndCounts counts = counts_of(slave.counters, port);
+            std::string text;
+            if (counts.damaged != 0) text = counter(counts.damaged, "damaged frame", "damaged frames");
+            if (counts.symbols != 0)
+                text += (text.empty() ? "" : ", ") +
+                        counter(counts.symbols, "error of the physical layer", "errors of the physical layer");
+            if (counts.lost_links != 0)
+                text += (text.empty() ? "" : ", ") + counter(counts.lost_links, "interruption", "interruptions");
+            all.push_back({end, health, std::move(text)});
+        }
+    return all;
+}
+
 std::string end_text(const CableEnd& end) {
     if (end.slave) return fmt::format("slave {}, port {}", *end.slave, end.port);
     return end.port == 0 ? "the master" : "the second NIC of the master";

@@ -48,6 +48,14 @@ struct Cable {
 // All cables in the order of the slaves, with that of the second NIC of a ring behind them.
 [[nodiscard]] std::vector<Cable> cables_of(const Report& report);
 
+// A port without a link that has counted errors: a cable was there, or should be there.
+struct LooseEnd {
+    CableEnd end{};
+    Health health = Health::good;
+    std::string text{};
+};
+[[nodiscard]] std::vector<LooseEnd> loose_ends(const Report& report, const std::vector<Cable>& cables);
+
 // "slave 2, port 1", "the master", "the second NIC of the master".
 [[nodiscard]] std::string end_text(const CableEnd& end);
 // "cable between slave 2 and slave 3", "E-bus contact between slave 2 and slave 3".

@@ -126,8 +126,9 @@ class Collector {
             note(slave, "PDOs", sms.problem());
     }
 
-    [[nodiscard]] std::string text_object(const SlaveState& slave, std::uint16_t index) {
+    [[nodiscard]] std::string text_object(SlaveState& slave, std::uint16_t index) {
         const auto value = session_.upload(slave.facts.position, index, 0, false);
+        if (!value) slave.versions.unread.insert(index);
         if (!value) return {};
         std::string text;
         for (const std::byte b : *value)
@@ -137,9 +138,9 @@ class Collector {
 
     void read_versions(SlaveState& slave) {
         if (!has_coe(slave.facts)) return;
-        slave.versions = {.name = text_object(slave, kDeviceName),
-                          .hardware = text_object(slave, kHardwareVersion),
-                          .software = text_object(slave, kSoftwareVersion)};
+        slave.versions.name = text_object(slave, kDeviceName);
+        slave.versions.hardware = text_object(slave, kHardwareVersion);
+        slave.versions.software = text_object(slave, kSoftwareVersion);
     }
 
     // Slaves of the same product are alike. The entries of slaves with the same revision are read once.
@@ -179,7 +180,7 @@ class Collector {
                 if (value)
                     dictionary.values[{object.index, entry.subindex}] = std::move(*value);
                 else
-                    ++dictionary.unread;
+                    dictionary.unread.insert({object.index, entry.subindex});
             }
         return dictionary;
     }
@@ -220,7 +221,7 @@ class Collector {
             return;
         }
         for (std::size_t n = 0; n < configs->size(); ++n)
-            if (const auto& config = (*configs)[n]; !config.position)
+            if (const auto& config = (*configs)[n]; !config.position && !config.may_be_missing)
                 report_.missing.push_back(
                     fmt::format("Configured slave {} (vendor 0x{:08x}, product 0x{:08x}) is missing.", n, config.vendor,
                                 config.product));

@@ -19,16 +19,20 @@ using Key = std::pair<std::uint16_t, std::uint8_t>;
 constexpr std::string_view kAbsent = "(not there)";
 constexpr std::size_t kCommonWords = 0x08;  // words 0 to 7 of the EEPROM: the configuration area
 
+// Nothing: the value could not be read, and the slave takes no part in this comparison.
+using ValueOf = std::function<std::optional<std::string>(const SlaveState&)>;
+
 // The values of all slaves of a group, if they are not all the same.
 std::optional<Difference> compare(const Report& report, const std::vector<std::uint16_t>& group, Kind kind,
-                                  std::string what, const std::function<std::string(const SlaveState&)>& value_of) {
+                                  std::string what, const ValueOf& value_of) {
     Difference difference{.kind = kind, .what = std::move(what)};
     for (const auto place : group) {
         const SlaveState& slave = report.slaves[place];
         const auto value = value_of(slave);
-        auto same = std::ranges::find(difference.variants, value, &Variant::value);
+        if (!value) continue;
+        auto same = std::ranges::find(difference.variants, *value, &Variant::value);
         if (same == difference.variants.end())
-            same = difference.variants.insert(difference.variants.end(), {.value = value});
+            same = difference.variants.insert(difference.variants.end(), {.value = *value});
         same->positions.push_back(slave.facts.position);
     }
     if (difference.variants.size() < 2) return std::nullopt;
@@ -39,9 +43,9 @@ std::optional<Difference> compare(const Report& report, const std::vector<std::u
 
 // The content of the EEPROM without what belongs to one device: the configuration area with the alias and the
 // checksum, and the serial number.
-std::string eeprom_text(const SlaveState& slave) {
+std::optional<std::string> eeprom_text(const SlaveState& slave) {
     constexpr std::size_t kSerial = 0x0E;
-    if (!slave.eeprom.problem.empty()) return "could not be read";
+    if (!slave.eeprom.problem.empty()) return std::nullopt;
     std::uint64_t sum = 0xCBF2'9CE4'8422'2325;  // FNV-1a
     for (std::size_t n = 2 * kCommonWords; n < slave.eeprom.used.size(); ++n)
         if (n / 2 != kSerial && n / 2 != kSerial + 1)
@@ -50,25 +54,30 @@ std::string eeprom_text(const SlaveState& slave) {
                        static_cast<std::uint32_t>(sum ^ (sum >> 32)));
 }
 
-std::string configuration_text(const SlaveState& slave) {
+std::optional<std::string> configuration_text(const SlaveState& slave) {
     std::string text;
     for (std::size_t word = 0; word < kCommonWords - 1; ++word)
         if (word != 4 && 2 * word + 1 < slave.eeprom.used.size())  // word 4 is the alias
             text +=
                 fmt::format("{}{:04x}", text.empty() ? "" : " ", load_le<std::uint16_t>(slave.eeprom.used, 2 * word));
-    return text.empty() ? "could not be read" : text;
+    return text.empty() ? std::nullopt : std::optional(text);
 }
 
 std::vector<Difference> device_differences(const Report& report, const std::vector<std::uint16_t>& group) {
     std::vector<Difference> all;
-    const auto add = [&](Kind kind, std::string_view what, const std::function<std::string(const SlaveState&)>& value) {
+    const auto add = [&](Kind kind, std::string_view what, const ValueOf& value) {
         if (auto difference = compare(report, group, kind, std::string(what), value))
             all.push_back(std::move(*difference));
     };
     add(Kind::device, "revision", [](const auto& s) { return fmt::format("0x{:08x}", s.facts.identity.revision); });
-    add(Kind::device, "software version (object 0x100A)", [](const auto& s) { return s.versions.software; });
-    add(Kind::device, "hardware version (object 0x1009)", [](const auto& s) { return s.versions.hardware; });
-    add(Kind::device, "device name (object 0x1008)", [](const auto& s) { return s.versions.name; });
+    const auto add_version = [&](std::string_view what, std::uint16_t index, std::string DeviceVersions::*text) {
+        add(Kind::device, what, [index, text](const SlaveState& s) {
+            return s.versions.unread.contains(index) ? std::nullopt : std::optional(s.versions.*text);
+        });
+    };
+    add_version("software version (object 0x100A)", 0x100A, &DeviceVersions::software);
+    add_version("hardware version (object 0x1009)", 0x1009, &DeviceVersions::hardware);
+    add_version("device name (object 0x1008)", 0x1008, &DeviceVersions::name);
     add(Kind::device, "name", [](const auto& s) { return s.facts.name; });
     add(Kind::device, "ESC", [](const auto& s) {
         return fmt::format("type 0x{:02x}, revision {}, build {}", s.facts.dl.type, s.facts.dl.revision,
@@ -122,22 +131,35 @@ void add_object_differences(const Report& report, const std::vector<std::uint16_
     std::map<std::string, std::vector<std::uint16_t>> remarks;
     for (const auto place : group) {
         const SlaveState& slave = report.slaves[place];
+        if (!slave.eeprom.problem.empty()) remarks["the EEPROM could not be read"].push_back(slave.facts.position);
         if (!slave.dictionary) continue;
         const auto& [objects, values, unread, problem] = *slave.dictionary;
         if (problem.empty()) with.push_back(place);
         if (!problem.empty()) remarks["no dictionary to compare: " + problem].push_back(slave.facts.position);
-        if (unread != 0) remarks[fmt::format("{} values could not be read", unread)].push_back(slave.facts.position);
+        if (!unread.empty())
+            remarks[samples::counted(unread.size(), "value") + " could not be read"].push_back(slave.facts.position);
     }
+    const auto unread_of = [&](std::uint16_t place) { return report.slaves[place].dictionary->unread; };
+    out.partly_read = std::ranges::any_of(group, [&](std::uint16_t place) {
+        const SlaveState& slave = report.slaves[place];
+        return !slave.eeprom.problem.empty() || (slave.dictionary && !slave.dictionary->problem.empty());
+    });
+    for (const auto place : with) out.partly_read |= unread_of(place) != unread_of(with.front());
     for (const auto& [words, positions] : remarks)
         out.remarks.push_back(fmt::format("{}: {}", slaves_text(positions), words));
     if (with.size() < 2) return;
     for (const auto& [key, facts] : entries_of(report, with)) {
         if (covered_elsewhere(key)) continue;
-        ++out.objects;
-        const auto value = [&, key = key, type = facts.type](const SlaveState& slave) {
+        const auto value = [&, key = key, type = facts.type](const SlaveState& slave) -> std::optional<std::string> {
+            if (slave.dictionary->unread.contains(key)) return std::nullopt;
             const auto at = slave.dictionary->values.find(key);
             return at == slave.dictionary->values.end() ? std::string(kAbsent) : samples::value_text(type, at->second);
         };
+        // Values that could not be read are not compared.
+        if (std::ranges::count_if(with, [&](std::uint16_t place) { return value(report.slaves[place]).has_value(); }) <
+            2)
+            continue;
+        ++out.objects;
         auto difference = compare(report, with, kind_of(key, facts),
                                   fmt::format("object 0x{:04X}:{:02X}", key.first, key.second), value);
         if (!difference) continue;

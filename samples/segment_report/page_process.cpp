@@ -102,7 +102,10 @@ Markup group_markup(const AlikeGroup& group) {
                                              : fmt::format("; {} of the dictionary compared.",
                                                            counted(group.objects, "entry", "entries"))));
     if (matter.empty())
-        content += paragraph(tag("span", "class=\"good\"", "Revision, firmware, EEPROM and settings are the same."));
+        content += paragraph(tag("span", "class=\"good\"",
+                                 !group.partly_read
+                                     ? "Revision, firmware, EEPROM and settings are the same."
+                                     : "What could be read of revision, firmware, EEPROM and settings is the same."));
     else
         content += differences_table(matter);
     if (!natural.empty())

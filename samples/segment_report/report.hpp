@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -31,7 +32,7 @@ using ethercat::SyncManagerFacts;
 struct Dictionary {
     std::vector<DictionaryObjectFacts> objects{};
     std::map<std::pair<std::uint16_t, std::uint8_t>, Octets> values{};  // by index and subindex
-    std::size_t unread = 0;                                             // entries whose value could not be read
+    std::set<std::pair<std::uint16_t, std::uint8_t>> unread{};          // entries whose value could not be read
     std::string problem{};                                              // why there is no dictionary
 };
 
@@ -55,6 +56,7 @@ struct DeviceVersions {
     std::string name{};
     std::string hardware{};
     std::string software{};
+    std::set<std::uint16_t> unread{};  // their objects that could not be read: the slave need not have them
 };
 
 struct SlaveState {

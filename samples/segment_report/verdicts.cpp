@@ -116,6 +116,13 @@ class Judge {
             add(cable.health == Health::bad ? Severity::fault : Severity::remark,
                 name + ": " + findings_text(cable) + ".", "cables");
         }
+        for (const LooseEnd& loose : loose_ends(report_, cables_)) {
+            good = false;
+            add(loose.health == Health::bad ? Severity::fault : Severity::remark,
+                capital(end_text(loose.end)) + " has no link, and has counted " + loose.text +
+                    ": if a device belongs there, check its supply and the cable.",
+                "cables");
+        }
         if (good && !cables_.empty())
             add(Severity::good,
                 fmt::format("No error was counted on {}.", cables_.size() == 1

@@ -44,6 +44,25 @@ TEST_F(ReportAlike, AnObjectOfOneDriveHasAnotherValue) {
     EXPECT_EQ(out.page.worst, Severity::remark);
 }
 
+TEST_F(ReportAlike, WhatCouldNotBeReadIsNoDifference) {
+    for (const std::string quirk : {"never_replies", "error_replies"}) {
+        folder.write("two.toml",
+                     "[[slave]]\ndevice = \"drive\"\n[[slave]]\ndevice = \"drive\"\nquirks = [\"" + quirk + "\"]\n");
+        const auto out = made("two.toml");
+        const auto groups = find_differences(out.report);
+        ASSERT_EQ(groups.size(), 1U);
+        EXPECT_EQ(groups[0].count(Difference::Kind::device), 0U) << quirk;
+        EXPECT_EQ(groups[0].count(Difference::Kind::setting), 0U) << quirk;
+        EXPECT_TRUE(groups[0].partly_read) << quirk;
+        EXPECT_TRUE(std::ranges::any_of(groups[0].remarks, [](const std::string& remark) {
+            return remark.starts_with("slave 1: ") && remark.ends_with(" values could not be read");
+        })) << quirk;
+        const ReadPage page(out.page.html);
+        EXPECT_FALSE(contains(page.text("//section[@id='alike']"), "(not there)")) << quirk;
+        EXPECT_TRUE(page.has("What could be read of revision, firmware, EEPROM and settings is the same.")) << quirk;
+    }
+}
+
 TEST_F(ReportAlike, RevisionAndEepromDiffer) {
     write_image("digital_in_8", "a.bin", [](std::string&) {});
     write_image("digital_in_8", "b.bin", [](std::string& octets) { octets[26] = 7; });  // words 0x0C and 0x0D

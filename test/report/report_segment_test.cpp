@@ -83,6 +83,22 @@ TEST_F(ReportSegment, TheVerdictNamesTheCableThePortsAndWhatToDo) {
     EXPECT_EQ(page.text("//svg[@id='topology']//g[@class='cable bad']/text[@class='count']"), "✕14");
 }
 
+// The slaves behind a broken cable do not answer: what its port has counted is all that shows it.
+TEST_F(ReportSegment, APortWithoutALinkThatHasCountedErrorsIsNamed) {
+    folder.write("dead.toml",
+                 "[[slave]]\ndevice = \"digital_io_16\"\nerrors = [[1, 200, 60]]\n"
+                 "[[slave]]\ndevice = \"digital_io_16\"\ncable_broken = true\n");
+    const auto out = made("dead.toml");
+    const ReadPage page(out.page.html);
+    const auto faults = page.verdicts("fault");
+    ASSERT_EQ(faults.size(), 1U);
+    EXPECT_TRUE(
+        faults[0].starts_with("Slave 0, port 1 has no link, and has counted 200 damaged frames, 61 interruptions: "
+                              "if a device belongs there, check its supply and the cable."))
+        << faults[0];
+    EXPECT_FALSE(page.has("No error was counted"));
+}
+
 TEST_F(ReportSegment, ErrorsThatComeMeanwhileAreNamed) {
     folder.write("noise.toml", "noise = { corrupted = 0.02, seed = 3 }\n[[slave]]\ndevice = \"drive\"\ncount = 3\n");
     const auto out = made("noise.toml");
