@@ -66,10 +66,12 @@ void Operation::plan_groups() {
             const auto [known, added] = first.try_emplace(part.config, domain.get());
             if (!added) root[find(domain.get())] = find(known->second);
         }
-    // A domain without entries needs no frames: it belongs to the exchange of the first one that has some.
-    const auto filled = std::ranges::find_if(bus_.domains, [](const auto& domain) { return !domain->parts.empty(); });
+    // A domain without entries needs no frames: it belongs to the exchange of the first one that has some, or of the
+    // first one if none has.
+    auto home = std::ranges::find_if(bus_.domains, [](const auto& domain) { return !domain->parts.empty(); });
+    if (home == bus_.domains.end()) home = bus_.domains.begin();
     for (const auto& domain : bus_.domains)
-        if (domain->parts.empty() && filled != bus_.domains.end()) root[domain.get()] = find(filled->get());
+        if (domain->parts.empty() && domain != *home) root[domain.get()] = find(home->get());
     std::map<ec_domain*, Exchange*> exchange_of;
     for (const auto& domain : bus_.domains) {
         Exchange*& exchange = exchange_of[find(domain.get())];

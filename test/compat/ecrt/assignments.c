@@ -1,5 +1,5 @@
-/* PDOs that a program adds to what the slave has by itself, and lists that are refused, which change nothing. Ends with
- * 0 when everything is as expected. */
+/* PDOs that a program adds to what the slave has by itself; lists that are refused, which change nothing; domains
+ * without entries. Ends with 0 when everything is as expected. */
 #include "check.h"
 #include "cycle.h"
 
@@ -81,10 +81,35 @@ static int refused_lists(size_t before) {
     return 0;
 }
 
+/* The slave comes to OP, and nothing is said about the domains. */
+static int domains_without_entries(void) {
+    ec_slave_config_t* const sc = configure();
+    ec_domain_t* const second = ecrt_master_create_domain(master);
+    int n, good = 0;
+    CHECK(sc != NULL && second != NULL);
+    CHECK(ecrt_master_activate(master) == 0);
+    for (n = 0; n < 20000 && good < 200; ++n) {
+        ec_slave_config_state_t state;
+        next_cycle();
+        ecrt_master_receive(master);
+        ecrt_domain_process(domain);
+        ecrt_domain_process(second);
+        ecrt_slave_config_state(sc, &state);
+        good += state.operational;
+        ecrt_domain_queue(domain);
+        ecrt_domain_queue(second);
+        ecrt_master_send(master);
+    }
+    CHECK(good == 200);
+    ecrt_release_master(master);
+    return 0;
+}
+
 int main(void) {
     size_t before = 0;
     if (without_a_change(&before) != 0) return 1;
     if (one_more_pdo(before, 0) != 0 || one_more_pdo(before, 1) != 0) return 1;
     if (one_more_entry(before) != 0 || another_mapping() != 0) return 1;
-    return refused_lists(before);
+    if (refused_lists(before) != 0) return 1;
+    return domains_without_entries();
 }
