@@ -116,6 +116,7 @@ boolean ecx_configdc(ecx_contextt* context) {
         done = session->run(request);
     }
     if (failed(done)) {
+        if (session->closing()) return FALSE;
         std::array<char, 384> text{};
         say("ec_configdc: " + std::string(describe(done.error(), text)));
         return FALSE;

@@ -31,7 +31,7 @@ bool Eeprom::wait_ready(Look& shown, Duration timeout) {
         const bool answered = look(shown);
         if (answered && (shown.status & EC_ESTAT_BUSY) == 0) return true;
         if (!answered) shown = {};
-        if (session_.now() >= until) return false;
+        if (session_.now() >= until || session_.closing()) return false;
         session_.pause(kLook);
     }
 }

@@ -79,7 +79,7 @@ std::optional<Letter> await_letter(ecx_contextt& context, Session& session, std:
             if (!eaten(context, session, *letter)) return letter;
         }
         push_unasked(context, slave);
-        if (last) return std::nullopt;
+        if (last || session.closing()) return std::nullopt;
         last = session.now() >= until;
         session.pause(std::chrono::milliseconds(1));
     }
@@ -130,7 +130,7 @@ int ecx_mbxempty(ecx_contextt* context, uint16 slave, int timeout) {
         std::array<std::byte, 1> status{};
         const int wkc = read_registers(*session, station, ECT_REG_SM0STAT, status, us(EC_TIMEOUTRET));
         if (wkc > 0 && (status[0] & std::byte{0x08}) == std::byte{0}) return 1;
-        if (session->now() >= until) return 0;
+        if (session->now() >= until || session->closing()) return 0;
         session->pause(std::chrono::microseconds(200));
     }
 }

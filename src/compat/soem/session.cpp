@@ -332,7 +332,14 @@ Sessions::Pinned::Pinned(int place, const void* owner) {
     if (place_->owner.load() == owner)
         session_ = place_->session;
     else
-        place_->users.fetch_sub(1);
+        leave(*place_);
+}
+
+// The last call that leaves a session without an owner ends it.
+void Sessions::leave(Place& place) {
+    if (place.users.fetch_sub(1) != 1 || place.owner.load() != nullptr) return;
+    const std::lock_guard<std::mutex> guard(sessions_mutex);
+    if (place.owner.load() == nullptr) end(place);
 }
 
 int Sessions::add(std::unique_ptr<Session> session, const void* owner) {
@@ -372,8 +379,8 @@ void Sessions::remove(int place, const void* owner) {
         found.lock.unlock();
         if (!mine) return;
     }
-    // Other threads leave their calls. A hook that closes the session of its own call would wait for itself: then the
-    // next add() ends the session.
+    // Other threads leave their calls at once. A hook that closes the session of its own call would wait for itself:
+    // then that call ends the session.
     constexpr int kMostWaits = 2000;
     for (int n = 0; n < kMostWaits && found.users.load() != 0; ++n)
         std::this_thread::sleep_for(std::chrono::milliseconds(1));

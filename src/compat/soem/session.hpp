@@ -238,7 +238,7 @@ class Sessions {
       public:
         Pinned(int place, const void* owner);
         ~Pinned() {
-            if (session_ != nullptr) place_->users.fetch_sub(1);
+            if (session_ != nullptr) leave(*place_);
         }
         Pinned(const Pinned&) = delete;
         Pinned& operator=(const Pinned&) = delete;
@@ -284,6 +284,7 @@ class Sessions {
         Session* session = nullptr;               // stays when the owner is gone and calls have pinned it
     };
     static void end(Place& place);
+    static void leave(Place& place);
     // What with_lock() does when there is more to do than two instructions that compare and exchange. A function of its
     // own, so that the usual way saves few registers.
     template <class Work, class... Arguments>

@@ -127,7 +127,7 @@ uint16 ecx_statecheck(ecx_contextt* context, uint16 slave, uint16 reqstate, int 
                 copy_state(*context, *session, slave);
             low = asked.state & 0xF;
         }
-        if (low == (reqstate & 0xF) || session->now() >= until) return low;
+        if (low == (reqstate & 0xF) || session->now() >= until || session->closing()) return low;
         session->pause(std::chrono::milliseconds(1));
     }
 }
