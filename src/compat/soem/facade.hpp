@@ -113,7 +113,11 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
 class HookCaller final : public Session::Between {
   public:
     HookCaller(ecx_contextt& context, Session& session, bool with_context)
-        : lock_(session.lock_eeproms()), context_(context), session_(session), with_context_(with_context) {}
+        : configuring_(session.lock_configuring()),
+          eeproms_(session.lock_eeproms()),
+          context_(context),
+          session_(session),
+          with_context_(with_context) {}
     ~HookCaller();
     // Makes the library wait in PREOP until the hooks of the slave have been called.
     void attach(std::uint16_t number);
@@ -130,7 +134,8 @@ class HookCaller final : public Session::Between {
     };
     static Task<> wait_for_call(HookedSlave slave, void* user);
 
-    Session::EepromLock lock_;  // a slave has the hook of one caller
+    Session::LongLock configuring_;  // a slave has the hook of one caller
+    Session::LongLock eeproms_;
     ecx_contextt& context_;
     Session& session_;
     bool with_context_;

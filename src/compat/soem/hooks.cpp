@@ -37,8 +37,10 @@ void HookCaller::run() {
             const Session::Guard guard(session_);
             copy_state(context_, session_, call.number);
         }
+        eeproms_.unlock();
         before_hooks(context_, call.number);
         call_hooks(context_, call.number, with_context_);
+        eeproms_.lock();
         bool changed = false;  // by the program; what ecx_readPDOmap() writes is shown
         {
             const Session::Guard guard(session_);

@@ -176,7 +176,8 @@ int find_slaves(ecx_contextt& context, Session& session) {
 int config_init(ecx_contextt& context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return EC_NOFRAME;
-    const auto lock = session->lock_eeproms();
+    const auto configuring = session->lock_configuring();
+    const auto eeproms = session->lock_eeproms();
     clear(context, *session);
     const int found = find_slaves(context, *session);
     if (!session->closing()) return found;
@@ -193,7 +194,8 @@ extern "C" {
 int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     const Pinned session = session_of(context);
     if (session == nullptr) return 0;
-    const auto lock = session->lock_eeproms();
+    const auto configuring = session->lock_configuring();
+    const auto eeproms = session->lock_eeproms();
     if (!is_slave(*context, *session, slave)) return 0;
     std::array<std::byte, 2> octets{};
     const std::uint16_t station = slaves_of(*context)[slave].configadr;

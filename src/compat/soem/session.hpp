@@ -153,10 +153,14 @@ class Session {
     [[nodiscard]] bool known_group(std::uint8_t group) const { return facts_[group].time != &kNoTime; }
     [[nodiscard]] ShownSyncManagers& shown(std::size_t slave) { return shown_[slave < shown_.size() ? slave : 0]; }
 
-    // Held while a call uses the EEPROM of a slave, or what is known of it, and while a call configures slaves. Hooks
-    // make such calls again.
-    using EepromLock = std::unique_lock<RecursivePriorityLock>;
-    [[nodiscard]] EepromLock lock_eeproms() { return EepromLock(eeprom_lock_); }
+    // Hooks make calls that need these locks again.
+    using LongLock = std::unique_lock<RecursivePriorityLock>;
+    // Held while a call uses the EEPROM of a slave, or what is known of it, and while a call configures slaves, but not
+    // while their hooks run: a hook may wait for another thread that uses an EEPROM.
+    [[nodiscard]] LongLock lock_eeproms() { return LongLock(eeprom_lock_); }
+    // Held while a call searches or configures slaves, also while hooks run. A thread takes it before that of the
+    // EEPROMs.
+    [[nodiscard]] LongLock lock_configuring() { return LongLock(configuring_lock_); }
     // The words that a thread reads in two calls, by the address of the slave. Use it with the lock.
     using Half = std::pair<std::thread::id, std::uint16_t>;
     [[nodiscard]] std::map<Half, std::uint16_t>& half_readings() { return half_readings_; }
@@ -213,6 +217,7 @@ class Session {
     RecursivePriorityLock eeprom_lock_;
     std::map<Half, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;
+    RecursivePriorityLock configuring_lock_;
     std::vector<ShownSyncManagers> shown_;
 };
 

@@ -28,7 +28,7 @@ class Taken {
   public:
     Taken(ecx_contextt& context, std::uint16_t slave)
         : session_(session_of(context)),
-          lock_(session_ != nullptr ? session_->lock_eeproms() : Session::EepromLock()),
+          lock_(session_ != nullptr ? session_->lock_eeproms() : Session::LongLock()),
           context_(context),
           slave_(slave),
           pdi_had_it_(slaves_of(context)[slave].eep_pdi != 0) {}
@@ -40,7 +40,7 @@ class Taken {
 
   private:
     Pinned session_;
-    Session::EepromLock lock_;
+    Session::LongLock lock_;
     ecx_contextt& context_;
     std::uint16_t slave_;
     bool pdi_had_it_;
