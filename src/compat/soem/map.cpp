@@ -148,7 +148,8 @@ void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) 
     Session::GroupFacts& facts = session.facts(group);
     facts.time = &mapped.dc_time;
     facts.shown_time = &dc_time(context);
-    facts.block_lrw = &g.blockLRW;
+    if (facts.empty) facts.blocked = Session::kNotBlocked;
+    facts.block_lrw = facts.empty ? &Session::kEmpty : &g.blockLRW;
     const Writing writing = writing_datagrams(session, group);
     facts.writing = writing.datagrams;
     const unsigned written = writing.wkc;
@@ -189,6 +190,7 @@ int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std:
     const auto extra = static_cast<std::uint32_t>(status);
     const std::uint32_t cyclic = overlapped ? std::max(g.Obytes, g.Ibytes + extra) : g.Obytes + g.Ibytes + extra;
     show_segments(g, cyclic, overlapped ? 0 : g.Obytes);
+    session.facts(group).empty = cyclic == 0;
     show_counters(context, session, group);
     // Slaves that were in another group are not counted there any more.
     for (int n = 0; n < most_groups(context); ++n)
@@ -249,7 +251,10 @@ void empty_others(ecx_contextt& context, Session& session, std::uint8_t group) {
         }
         MapRequest nothing;
         nothing.group = other;
-        if (empty) static_cast<void>(session.run(nothing));
+        if (!empty) continue;
+        static_cast<void>(session.run(nothing));
+        const Session::Guard guard(session);
+        session.facts(other).empty = true;
     }
 }
 

@@ -53,25 +53,27 @@ int counted_twice(const Session::GroupFacts& facts) {
     return wkc + counted_twice(facts);
 }
 
-// The program has written blockLRW since the frames were planned.
-[[gnu::noinline]] void plan_again(Session::GroupFacts& facts) {
+// The program has written blockLRW since the frames were planned. False: there is no process data to send.
+[[gnu::noinline]] bool plan_again(Session::GroupFacts& facts) {
     facts.session->be_owner();
+    if (facts.empty) return false;
     facts.blocked = *facts.block_lrw;
     GroupConfiguration& config = facts.context->group(facts.group).config;
     const bool block = facts.blocked != 0;
-    if (block == config.block_lrw) return;
+    if (block == config.block_lrw) return true;
     config.block_lrw = block;
     const auto planned = replan_processdata(*facts.context, facts.group);
     if (planned.error().code == Errc::too_many_frames)
         say_once("group " + std::to_string(facts.group) + ": blockLRW: there are not enough frames for it");
     facts.writing = writing_datagrams(*facts.session, facts.group).datagrams;
+    return true;
 }
 
 struct Send {
     static constexpr int kNone = 0;
     static int run(Session::GroupFacts& facts) {
         if (*facts.block_lrw != facts.blocked) [[unlikely]]
-            plan_again(facts);
+            if (!plan_again(facts)) return 0;
         const auto sent = send_processdata(*facts.context, facts.group);
         if (!sent) [[unlikely]]
             return other_sending(facts, sent.error());

@@ -135,6 +135,7 @@ class Session {
     // everything here: after a call of the library it then needs one register of the processor, which it has to save.
     static constexpr RegisterReading kNoTime{};
     static constexpr std::uint8_t kNotBlocked = 0;
+    static constexpr std::uint8_t kEmpty = 1;  // block_lrw of an empty group: a cycle sees it without another look
     struct alignas(64) GroupFacts {
         Context* context = nullptr;
         const RegisterReading* time = &kNoTime;        // of the reference clock; another one after the first mapping
@@ -146,6 +147,7 @@ class Session {
         int timeout_us = 0;  // of the call that receives
         std::uint8_t group = 0;
         std::uint8_t blocked = 0;  // the value that the frames are planned for
+        bool empty = false;        // mapped without process data
     };
     using ShownSyncManagers = std::array<std::byte, 64>;
     // Of any group, also of a group that the library does not know.
@@ -215,9 +217,9 @@ class Session {
     unsigned watchers_ = 0;         // with the lock of the session: the calls that wait for mail, and the handler
     bool handles_mail_ = false;
     RecursivePriorityLock eeprom_lock_;
+    RecursivePriorityLock configuring_lock_;
     std::map<Half, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;
-    RecursivePriorityLock configuring_lock_;
     std::vector<ShownSyncManagers> shown_;
 };
 
