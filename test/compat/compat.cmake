@@ -185,6 +185,9 @@ foreach(case "gcc ${CMAKE_CXX_COMPILER}" "clang ${MARGAY_CLANG_TSAN}")
   set_tests_properties(compat/priority_lock_${label} PROPERTIES SKIP_RETURN_CODE 77)
 endforeach()
 
+add_test(NAME compat/soem_versions
+         COMMAND ${CMAKE_COMMAND} -DFILE=${PROJECT_SOURCE_DIR}/src/compat/soem/soem-config-version.cmake -P ${compat}/soem_versions.cmake)
+
 # The table of the README names every function.
 add_test(NAME compat/readme
          COMMAND ${CMAKE_COMMAND} -DREADME=${PROJECT_SOURCE_DIR}/src/compat/README.md
