@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-/* A device with sizes that the program knows; this list is empty */
+/* A device with sizes that the program knows; the library has no list of devices */
 typedef struct {
     uint32 man;
     uint32 id;
