@@ -92,6 +92,39 @@ TEST_F(TimesThatStop, AReferenceThatIsLostInAPause) {
     }
 }
 
+// Group 1 was exchanged some times and is not exchanged any more. The first clock is back and learns the rate by frames
+// that the cycles of group 0 take along; some of them are lost.
+TEST_F(TimesThatStop, AGroupThatIsNotExchangedAnyMore) {
+    add_line(5);
+    start();
+    ctx->group(1).config.acyclic_bytes = 1498;
+    ctx->slave(5).config.group = 1;
+    ASSERT_TRUE(configdc(*ctx, {.burst_frames = 2000}).ok());
+    (void)config_map(*ctx, image, 0);
+    (void)config_map(*ctx, MutableBytes(image).subspan(512), 1);
+    for (unsigned n = 0; n < 10; ++n) {
+        cycles(1);
+        ASSERT_TRUE(send_processdata(*ctx, 1));
+        ASSERT_TRUE(receive_processdata(*ctx, 500us, 1).ok());
+    }
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(3000);
+    bridge_first();
+    segment.slave(0).set_drift(-60'000, osal.now());  // it was -100 ppm
+    cycles(3000);
+    ASSERT_EQ(reference_clock(*ctx), 2);
+    restore_first();
+    segment.set_noise({.lost = 0.02, .seed = 5});
+    std::int64_t most = 0;
+    for (unsigned n = 0; n < 6000; ++n) {
+        cycles(1);
+        for (std::uint16_t s = 3; s <= 4; ++s) most = std::max(most, std::abs(ahead_ns(s, 2)));
+    }
+    EXPECT_LE(most, 200);
+    EXPECT_EQ(reference_clock(*ctx), 1);
+    for (std::uint16_t s = 1; s <= 4; ++s) EXPECT_TRUE(clock(s).in_sync && std::abs(ahead_ns(s)) <= 200) << s;
+}
+
 TEST_F(TimesThatStop, InSyncEndsInSilence) {
     begin(4);
     segment.set_cable({0, 0}, false);
