@@ -81,7 +81,7 @@ void Analyser::datagram(const Exchanged& e) {
     auto* slave = wire::is_logical(e.header.command) ? nullptr : slaves_.find(e);
     cycles_.datagram(e);
     if (wire::is_logical(e.header.command)) return;
-    slaves_.look(e, slave);
+    slave = slaves_.look(e, slave);
     states_.look(e, slave);
     clocks_.look(e, slave);
     manners_.datagram(e);
@@ -105,6 +105,7 @@ Analysis Analyser::finish() {
     clocks_.finish();
     manners_.finish();
     for (const auto& track : slaves_.all()) name_slave(slaves_.facts(track), track);
+    slaves_.finish();
     return std::move(analysis_);
 }
 

@@ -86,40 +86,106 @@ void SlaveTracks::look_at_ring(const Exchanged& e) {
     analysis_.ring_sizes.add({e.at, *e.passed}, kMostEvents);
 }
 
-void SlaveTracks::assign_station(SlaveTrack& slave, std::uint16_t station) {
+// A slave that was seen by this station address and whose position is not known: the recording begins behind the scan.
+SlaveTrack* SlaveTracks::without_position(std::uint16_t station) {
+    for (const auto* known : {&stations_, &cleared_})
+        if (const auto at = known->find(station); at != known->end())
+            return facts(tracks_[at->second]).position ? nullptr : &tracks_[at->second];
+    return nullptr;
+}
+
+// The slave that was seen by its position until now is the one that was seen by its station address before.
+SlaveTrack& SlaveTracks::join(SlaveTrack& slave, SlaveTrack& to) {
+    auto& from = facts(slave);
+    auto& into = facts(to);
+    into.position = from.position;
+    if (from.alias) into.alias = from.alias;
+    if (from.state) into.state = from.state;
+    if (from.unanswered != 0 && into.unanswered == 0) into.first_unanswered = from.first_unanswered;
+    into.unanswered += from.unanswered;
+    if (!into.clock.seen()) into.clock = from.clock;
+    for (std::size_t n = 0; n < slave.sii.size(); ++n) {
+        if (!slave.sii_read[n]) continue;
+        if (to.sii.size() <= n) {
+            to.sii.resize(n + 1, std::byte{0xFF});
+            to.sii_read.resize(n + 1);
+        }
+        if (!to.sii_read[n]) ++into.sii_octets;
+        to.sii[n] = slave.sii[n];
+        to.sii_read[n] = true;
+    }
+    to.sii_word = slave.sii_word;
+    to.sii_reading = slave.sii_reading;
+    to.sii_eight = slave.sii_eight;
+    for (const auto& [n, sm] : slave.sync_managers) to.sync_managers[n] = sm;
+    positions_[*from.position] = to.number;
+    slave.joined_to = to.number;
+    return to;
+}
+
+SlaveTrack& SlaveTracks::assign_station(SlaveTrack& slave, std::uint16_t station) {
     auto& f = facts(slave);
+    SlaveTrack* before = station == 0 || f.station || !f.position ? nullptr : without_position(station);
+    if (before != nullptr) {
+        stations_[station] = before->number;
+        return join(slave, *before);
+    }
     if (f.station)
         if (const auto old = stations_.find(*f.station); old != stations_.end() && old->second == slave.number)
             stations_.erase(old);
     f.station = station;
     stations_[station] = slave.number;
+    return slave;
 }
 
-void SlaveTracks::look(const Exchanged& e, SlaveTrack* slave) {
+SlaveTrack* SlaveTracks::look(const Exchanged& e, SlaveTrack* slave) {
     look_at_ring(e);
     const bool well = e.answered && e.wkc != 0;
     if (well && writes_registers(e.header.command)) {
         if (const auto at = octets_at(e, e.sent, reg::kStationAddress.address, 2)) {
-            if (slave != nullptr)
-                assign_station(*slave, load_le<std::uint16_t>(*at));
-            else if (e.header.command == Command::BWR)
+            if (slave != nullptr) {
+                slave = &assign_station(*slave, load_le<std::uint16_t>(*at));
+            } else if (e.header.command == Command::BWR) {
+                if (!stations_.empty()) cleared_ = std::move(stations_);
                 stations_.clear();
+            }
         }
         if (e.header.command == Command::BWR)
             for (auto& track : tracks_) look_at_sii(e, track);
     }
-    if (slave == nullptr || !well) return;
-    auto& f = facts(*slave);
+    if (slave == nullptr || !well) return slave;
     if (reads_registers(e.header.command)) {
         if (const auto at = octets_at(e, e.received, reg::kStationAlias.address, 2))
-            f.alias = load_le<std::uint16_t>(*at);
+            facts(*slave).alias = load_le<std::uint16_t>(*at);
         if (const auto at = octets_at(e, e.received, reg::kStationAddress.address, 2);
-            at && load_le<std::uint16_t>(*at) != 0 && e.header.command == Command::APRD &&
-            stations_.count(load_le<std::uint16_t>(*at)) == 0)
-            assign_station(*slave, load_le<std::uint16_t>(*at));
+            at && e.header.command == Command::APRD) {
+            const auto station = load_le<std::uint16_t>(*at);
+            const auto known = stations_.find(station);
+            if (station != 0 && (known == stations_.end() || !facts(tracks_[known->second]).position))
+                slave = &assign_station(*slave, station);
+        }
     }
     look_at_sii(e, *slave);
     look_at_sync_managers(e, *slave);
+    return slave;
+}
+
+void SlaveTracks::finish() {
+    std::vector<std::size_t> place(tracks_.size());
+    std::vector<Slave> kept;
+    for (auto& track : tracks_) {
+        if (track.joined_to) continue;
+        place[track.number] = kept.size();
+        kept.push_back(std::move(facts(track)));
+    }
+    for (const auto& track : tracks_)
+        if (track.joined_to) place[track.number] = place[*track.joined_to];
+    for (auto& event : analysis_.states.items)
+        if (event.slave) event.slave = place[*event.slave];
+    for (auto& conversation : analysis_.conversations.items) conversation.slave = place[conversation.slave];
+    for (auto& emergency : analysis_.emergencies.items) emergency.slave = place[emergency.slave];
+    if (analysis_.reference.slave) analysis_.reference.slave = place[*analysis_.reference.slave];
+    analysis_.slaves = std::move(kept);
 }
 
 void SlaveTracks::look_at_sii(const Exchanged& e, SlaveTrack& slave) {

@@ -18,6 +18,7 @@ struct SlaveTrack {
     std::vector<std::byte> last_mail[2]{};                      // to and from the slave, since its mailbox was set up
     std::map<std::uint32_t, std::vector<std::byte>> objects{};  // identity, PDOs: index << 8 | subindex
     std::map<std::uint32_t, std::string> names{};               // of objects (subindex 0xFFF) and entries
+    std::optional<std::size_t> joined_to{};                     // number of the track that goes on in its place
     [[nodiscard]] bool sii_has(std::size_t from, std::size_t octets) const;
 };
 
@@ -28,8 +29,11 @@ class SlaveTracks {
     // The slave that a datagram addresses; one that was not seen before is added if it answers. nullptr: all slaves, a
     // logical address, no answer of an unknown slave, or too many slaves.
     [[nodiscard]] SlaveTrack* find(const Exchanged& e);
-    // What a datagram says about the slave's addresses, registers and SII.
-    void look(const Exchanged& e, SlaveTrack* slave);
+    // What a datagram says about the slave's addresses, registers and SII. Returns the slave, which is another track
+    // where its new station address is that of a slave whose position was not known: both are one slave.
+    [[nodiscard]] SlaveTrack* look(const Exchanged& e, SlaveTrack* slave);
+    // Removes the slaves that were joined to others. Call once, at the end; numbers of tracks are not valid then.
+    void finish();
     [[nodiscard]] Slave& facts(const SlaveTrack& track) { return analysis_.slaves[track.number]; }
     [[nodiscard]] std::vector<SlaveTrack>& all() { return tracks_; }
 
@@ -38,7 +42,9 @@ class SlaveTracks {
     [[nodiscard]] SlaveTrack* by_station(std::uint16_t station, bool add);
     [[nodiscard]] SlaveTrack* added();
     void look_at_ring(const Exchanged& e);
-    void assign_station(SlaveTrack& slave, std::uint16_t station);
+    [[nodiscard]] SlaveTrack& assign_station(SlaveTrack& slave, std::uint16_t station);
+    [[nodiscard]] SlaveTrack* without_position(std::uint16_t station);
+    [[nodiscard]] SlaveTrack& join(SlaveTrack& slave, SlaveTrack& to);
     void look_at_sii(const Exchanged& e, SlaveTrack& slave);
     void take_sii(SlaveTrack& slave, Bytes data);
     void look_at_sync_managers(const Exchanged& e, SlaveTrack& slave);
@@ -47,6 +53,7 @@ class SlaveTracks {
     std::vector<SlaveTrack> tracks_{};  // reserved for kMostSlaves, so that pointers stay valid
     std::map<std::uint16_t, std::size_t> positions_{};
     std::map<std::uint16_t, std::size_t> stations_{};
+    std::map<std::uint16_t, std::size_t> cleared_{};  // stations_ before a broadcast write of all station addresses
     std::optional<std::uint16_t> ring_{};
 };
 

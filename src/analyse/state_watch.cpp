@@ -93,7 +93,8 @@ void StateWatch::all_reported(const Exchanged& e, std::uint16_t word) {
     const auto state = word & al::kStateMask;
     if (state != 1 && state != 2 && state != 4 && state != 8) return;
     if ((word & al::kErrorIndication) != 0) return;  // of any of them
-    for (const auto& track : slaves_.all()) reported(e, track.number, word, std::nullopt);
+    for (const auto& track : slaves_.all())
+        if (!track.joined_to) reported(e, track.number, word, std::nullopt);
 }
 
 }  // namespace margay::analyse

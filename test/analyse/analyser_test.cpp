@@ -23,6 +23,8 @@ Part cyclic(std::uint16_t wkc) {
     return part;
 }
 
+wire::DatagramAddress at(std::uint16_t adp, wire::Register place) { return {adp, place.address}; }
+
 // Headers that promise an EtherCAT frame, and a packet that ends behind them or in the middle of them.
 TEST(FrameFinderTest, ATaggedPacketWithoutAFrameHeaderHoldsNoFrame) {
     auto packet = octets_of({0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 2, 2, 2, 2, 2, 2, 0x81, 0, 0, 1, 0x88, 0xA4});
@@ -266,6 +268,77 @@ TEST_F(AnalyserTest, LooksIntoVlanTagsAndUdp) {
     EXPECT_EQ(a.frames.vlan, 4u);
     EXPECT_EQ(a.frames.udp, 4u);
     EXPECT_EQ(a.cyclic.at(0).datagrams.at(0).wkcs.at(3), 4u);
+}
+
+// The recording begins in operation, and the master scans later: a slave that was seen by its station address alone is
+// the slave that gets this address at a position.
+struct AnalyserRescan : AnalyserTest {
+    Duration now{};
+    void one(const Part& part) { exchange(now += 1ms, {part}); }
+    void state(Command command, std::uint16_t adp, unsigned state) {
+        one({command, at(adp, wire::reg::kAlStatus), octets_of({state, 0}), 1});
+    }
+    void in_operation() {
+        state(Command::FPRD, 0x1001, 8);
+        state(Command::FPRD, 0x1002, 8);
+    }
+    void station(Command command, std::uint16_t adp, unsigned low) {
+        one({command, at(adp, wire::reg::kStationAddress), octets_of({low, 0x10}), 1});
+    }
+    void expect_two_slaves_in(AlState wanted) {
+        const auto a = analyser.finish();
+        ASSERT_EQ(a.slaves.size(), 2u);
+        for (std::uint16_t n = 0; n < 2; ++n) {
+            EXPECT_EQ(a.slaves[n].station, 0x1001 + n);
+            EXPECT_EQ(a.slaves[n].position, n);
+            ASSERT_TRUE(a.slaves[n].state);
+            EXPECT_EQ(a.slaves[n].state->state, wanted) << n;
+        }
+        for (const auto& event : a.states.items) EXPECT_LT(event.slave.value_or(0), 2u);
+        EXPECT_EQ(a.states.items.back().slave, 1u);
+    }
+};
+
+TEST_F(AnalyserRescan, ASlaveThatGetsItsStationAddressAgainIsOneSlave) {
+    in_operation();
+    station(Command::APWR, 0, 1);
+    station(Command::APWR, 0xFFFF, 2);
+    state(Command::FPRD, 0x1001, 2);
+    state(Command::APRD, 0xFFFF, 2);
+    expect_two_slaves_in(AlState::preop);
+}
+
+TEST_F(AnalyserRescan, TheAddressesAreClearedAndTheSlavesReadByPositionBefore) {
+    in_operation();
+    one({Command::BWR, at(0, wire::reg::kStationAddress), octets_of({0, 0}), 2});
+    state(Command::APRD, 0, 1);
+    state(Command::APRD, 0xFFFF, 1);
+    station(Command::APWR, 0, 1);
+    station(Command::APWR, 0xFFFF, 2);
+    state(Command::FPRD, 0x1001, 2);
+    state(Command::FPRD, 0x1002, 2);
+    expect_two_slaves_in(AlState::preop);
+}
+
+TEST_F(AnalyserRescan, TheAddressesAreReadByPosition) {
+    in_operation();
+    station(Command::APRD, 0, 1);
+    station(Command::APRD, 0xFFFF, 2);
+    state(Command::APRD, 0, 4);
+    state(Command::APRD, 0xFFFF, 4);
+    expect_two_slaves_in(AlState::safeop);
+}
+
+// Two slaves have exchanged their places: each of them had a position before.
+TEST_F(AnalyserRescan, ASlaveWithAnotherPositionIsAnotherSlave) {
+    station(Command::APWR, 0, 1);
+    in_operation();
+    station(Command::APWR, 0xFFFF, 1);
+    const auto a = analyser.finish();
+    ASSERT_EQ(a.slaves.size(), 3u);
+    EXPECT_EQ(a.slaves[0].position, 0);
+    EXPECT_EQ(a.slaves[1].station, 0x1002);
+    EXPECT_EQ(a.slaves[2].position, 1);
 }
 
 TEST_F(AnalyserTest, DamagedAndCutFramesAreCounted) {
