@@ -67,6 +67,19 @@ std::string man_signals() {
                      "every 5 s.");
 }
 
+std::string man_slaves() {
+    return ".SH SLAVES\n" +
+           paragraph(
+               "Messages number the slaves of a master from 1, as the ENI file lists them or the scan has found them; "
+               "`ethercat` names the position in the ring, which begins with 0.") +
+           paragraph(
+               "Without an ENI file the segment is scanned again when slaves were added or exchanged. With an ENI file "
+               "it is not: its slaves keep the places of the first scan. A slave of a line that gets its power later "
+               "comes into operation. In a ring, or where the slave has a branch behind it, the slaves behind it were "
+               "taken for other ones at the start, and stay out of operation: restart the master, by SIGHUP with a "
+               "changed configuration or by `systemctl restart margayd`.");
+}
+
 std::string man_service() {
     return ".SH UNDER SYSTEMD\n" +
            paragraph(
@@ -109,7 +122,7 @@ std::string man_page() {
     text += ".SH CONFIGURATION\n" + escaped(kConfiguration) + "\n";
     for (const ServiceKey& key : samples::service_keys())
         text += man_entry(fmt::format("{} = {}", key.name, key.value), key_text(key));
-    text += ".SH EXAMPLE\n" + verbatim(kExample) + man_signals() + man_service();
+    text += ".SH EXAMPLE\n" + verbatim(kExample) + man_slaves() + man_signals() + man_service();
     text += ".SH FILES\n" + man_entry("/etc/margay/*.toml", "the configuration") +
             man_entry("/run/margay/NAME.sock", "the socket of a master");
     text += ".SH EXIT STATUS\n" + escaped(kExitCodes.substr(kExitCodes.find(':') + 2)) + "\n";
