@@ -177,11 +177,13 @@ Answer<std::vector<ConfigFacts>> AttachedSession::configs() {
     AliasAddress address;
     for (const auto& slave : *slaves_now) {
         if (slave.alias != 0) address = {.alias = slave.alias, .relative = 0};
-        const auto& identity = slave.seen ? slave.identity : slave.wanted;
+        const auto expected_or = [&](std::uint32_t wanted, std::uint32_t found) {
+            return wanted == 0 && slave.seen ? found : wanted;
+        };
         ConfigFacts config{.alias = address.alias,
                            .relative = address.relative++,
-                           .vendor = identity.vendor,
-                           .product = identity.product,
+                           .vendor = expected_or(slave.wanted.vendor, slave.identity.vendor),
+                           .product = expected_or(slave.wanted.product, slave.identity.product),
                            .state = slave.al.state};
         if (slave.ring_position != 0) {
             config.position = static_cast<std::uint16_t>(slave.ring_position - 1);

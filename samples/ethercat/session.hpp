@@ -164,7 +164,7 @@ struct ConfigFacts {
     };
     std::uint16_t alias = 0;
     std::uint16_t relative = 0;
-    std::uint32_t vendor = 0;
+    std::uint32_t vendor = 0;  // the expected one; of the slave where none is expected
     std::uint32_t product = 0;
     std::optional<std::uint16_t> position{};  // of the attached slave
     AlState state = AlState::none;

@@ -145,9 +145,9 @@ Answer<std::vector<ConfigFacts>> StandaloneSession::configs() {
                            .vendor = slave.identity.vendor,
                            .product = slave.identity.product,
                            .state = slave.al.state};
-        if (slave.wanted != nullptr && !slave.seen) {
-            config.vendor = slave.wanted->vendor.value_or(0);
-            config.product = slave.wanted->product.value_or(0);
+        if (slave.wanted != nullptr) {
+            config.vendor = slave.wanted->vendor.value_or(slave.seen ? config.vendor : 0);
+            config.product = slave.wanted->product.value_or(slave.seen ? config.product : 0);
         }
         if (slave.ring_position != 0) config.position = position_of(slave.number);
         config.may_be_missing = samples::may_be_missing(ctx_->slaves(), slave);

@@ -178,6 +178,15 @@ TEST_F(EthercatProcessData, AllGroupsOfAnEniAreShown) {
     EXPECT_TRUE(contains(domains.err, "0x5fff")) << domains.err;
 }
 
+// The ids are the expected ones, also where another slave answers.
+TEST_F(EthercatProcessData, ListsTheExpectedIdsOfAConfiguration) {
+    folder.write("two.toml", "[[slave]]\ndevice = \"drive\"\ncount = 2\n");
+    folder.write("other.toml", "[[slave]]\ndevice = \"drive\"\n[[slave]]\ndevice = \"digital_io_16\"\n");
+    ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:two.toml --write-eni two.xml").status, 0);
+    const auto other = ethercat("sim:other.toml", "config --eni two.xml");
+    EXPECT_TRUE(contains(other.out, "0:1  0x00004d47/0x00005402  1  PREOP\n")) << other.out << other.err;
+}
+
 // The list of modules in the file says 0x401 for slot 2, where 0x302 is.
 TEST_F(EthercatProcessData, NamesTheSlotWithAnotherModuleThanInTheEni) {
     const std::string bin = std::string(MARGAY_BIN_DIR) + "/";
