@@ -242,6 +242,22 @@ TEST_F(EthercatAttach, ShowsTheProcessDataAndChangesStates) {
     EXPECT_TRUE(contains(ran.out, "3  0:3  OP  +")) << ran.out;
 }
 
+TEST_F(EthercatAttach, ErrorCountersAreReset) {
+    folder.write("errors.toml",
+                 "[[slave]]\ndevice = \"digital_io_16\"\nerrors = [[1, 20, 6]]\n[[slave]]\n"
+                 "device = \"digital_io_16\"\nerrors = [[0, 7, 2]]\n");
+    const auto ran = attached("e crc --json >before.txt && e crc reset && e crc --json >after.txt", "sim:errors.toml");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    const auto counters = [](unsigned crc, unsigned lost) {
+        return "\"crc\": " + std::to_string(crc) + ",\n              \"phy\": 0,\n              \"forwarded\": 0,\n" +
+               "              \"lost_links\": " + std::to_string(lost) + ",";
+    };
+    const auto before = content_of(folder.path() / "before.txt"), after = content_of(folder.path() / "after.txt");
+    EXPECT_TRUE(contains(before, counters(20, 6)) && contains(before, counters(7, 2))) << before;
+    EXPECT_TRUE(contains(after, counters(0, 0))) << after;
+    EXPECT_FALSE(contains(after, counters(20, 6)) || contains(after, counters(7, 2))) << after;
+}
+
 TEST_F(EthercatAttach, ARescanComparesTheSlavesAndTheProcessDataGoesOn) {
     const auto ran = attached("e rescan && e rescan --verbose && e rescan --json && e slaves -p 3");
     EXPECT_EQ(ran.status, 0) << ran.err;

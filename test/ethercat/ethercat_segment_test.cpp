@@ -182,8 +182,8 @@ TEST_F(EthercatSegment, ShowsAndResetsErrorCounters) {
     EXPECT_EQ(noisy.status, 0) << noisy.err;
     EXPECT_TRUE(contains(noisy.out, "\"crc\": ")) << noisy.out;
     EXPECT_FALSE(contains(noisy.out,
-                          "\"crc\": 0,\n          \"phy\": 0,\n          \"forwarded\": 0,\n          "
-                          "\"lost_links\": 0,\n          \"next\": 1"))
+                          "\"crc\": 0,\n              \"phy\": 0,\n              \"forwarded\": 0,\n              "
+                          "\"lost_links\": 0,\n              \"next\": 1"))
         << noisy.out;
     EXPECT_TRUE(contains(ethercat("sim:noisy.toml", "graph").out, "slave0 -> slave1 [color=\"orange\""));
     fails("sim:demo", "crc set", 2, "'set': crc has the argument reset, or none");
