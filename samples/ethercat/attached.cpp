@@ -77,7 +77,8 @@ Problem AttachedSession::problem_of(const Error& error, std::string_view slave_t
     const auto found = std::ranges::find(known_, error.slave, &attach::SlaveFacts::number);
     if (found == known_.end() || found->ring_position == 0)
         return {fmt::format("configured slave {}: {}", error.slave, words)};
-    return {fmt::format("position {}: {}", found->ring_position - 1, words)};
+    return {.text = fmt::format("position {}: {}", found->ring_position - 1, words),
+            .aborted = error.code == Errc::sdo_abort};
 }
 
 Answer<Octets> AttachedSession::ask(Operation operation, const attach::Arguments& arguments,

@@ -30,6 +30,7 @@ struct Problem {
     std::string text{};
     int code = samples::exit_code::kSegment;
     bool refused = false;  // by the application that serves the socket: it has not asked the slave
+    bool aborted = false;  // the slave has answered an SDO request with an abort
 };
 
 // A value, or a problem.

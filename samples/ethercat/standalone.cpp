@@ -19,8 +19,9 @@ Problem problem_of(Context& ctx, const Error& error) {
     if (error.slave == 0) return {samples::sentence(error)};
     const auto position = ctx.slave(error.slave).ring_position;
     const auto words = samples::sentence_without_slave(error);
-    return position == 0 ? Problem{fmt::format("configured slave {}: {}", error.slave, words)}
-                         : Problem{fmt::format("position {}: {}", position - 1, words)};
+    return {.text = position == 0 ? fmt::format("configured slave {}: {}", error.slave, words)
+                                  : fmt::format("position {}: {}", position - 1, words),
+            .aborted = error.code == Errc::sdo_abort};
 }
 
 StandaloneSession::~StandaloneSession() { (void)close(); }

@@ -128,6 +128,8 @@ class Collector {
 
     [[nodiscard]] std::string text_object(SlaveState& slave, std::uint16_t index) {
         const auto value = session_.upload(slave.facts.position, index, 0, false);
+        if (!value && value.problem().aborted) return {};  // the slave has no such text
+        if (!value && slave.versions.unread.empty()) note(slave, "versions", value.problem());
         if (!value) slave.versions.unread.insert(index);
         if (!value) return {};
         std::string text;

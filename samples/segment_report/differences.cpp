@@ -142,7 +142,8 @@ void add_object_differences(const Report& report, const std::vector<std::uint16_
     const auto unread_of = [&](std::uint16_t place) { return report.slaves[place].dictionary->unread; };
     out.partly_read = std::ranges::any_of(group, [&](std::uint16_t place) {
         const SlaveState& slave = report.slaves[place];
-        return !slave.eeprom.problem.empty() || (slave.dictionary && !slave.dictionary->problem.empty());
+        return !slave.eeprom.problem.empty() || !slave.versions.unread.empty() ||
+               (slave.dictionary && !slave.dictionary->problem.empty());
     });
     for (const auto place : with) out.partly_read |= unread_of(place) != unread_of(with.front());
     for (const auto& [words, positions] : remarks)

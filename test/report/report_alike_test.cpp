@@ -63,6 +63,36 @@ TEST_F(ReportAlike, WhatCouldNotBeReadIsNoDifference) {
     }
 }
 
+// Without dictionaries too, versions that could not be read are named, and not called the same.
+TEST_F(ReportAlike, VersionsThatCouldNotBeReadAreNotTheSame) {
+    folder.write("two.toml",
+                 "[[slave]]\ndevice = \"drive\"\n[[slave]]\ndevice = \"drive\"\nquirks = [\"never_replies\"]\n");
+    const auto out = made("two.toml", {}, {.dictionaries = false});
+    const ReadPage page(out.page.html);
+    EXPECT_FALSE(page.has("settings are the same"));
+    EXPECT_TRUE(std::ranges::any_of(page.verdicts("look at it"), [](const std::string& text) {
+        return contains(text, "Slave 1: could not be read: versions: ");
+    }));
+    const auto groups = find_differences(out.report);
+    ASSERT_EQ(groups.size(), 1U);
+    EXPECT_EQ(groups[0].count(Difference::Kind::device), 0U);
+}
+
+// A slave that answers with an abort has no such object: an older firmware perhaps.
+TEST_F(ReportAlike, AVersionThatASlaveDoesNotHaveIsADifference) {
+    folder.write("two.toml", "[[slave]]\ndevice = \"drive\"\ncount = 2\n");
+    ethercat::StandaloneSession session(source("two.toml"));
+    const auto aborted = session.upload(0, 0x5FFF, 0, false);
+    ASSERT_FALSE(aborted);
+    EXPECT_TRUE(aborted.problem().aborted);
+    auto report = made("two.toml").report;
+    EXPECT_TRUE(report.slaves[1].versions.unread.empty());
+    report.slaves[1].versions.software.clear();
+    const auto groups = find_differences(report);
+    ASSERT_EQ(groups.size(), 1U);
+    EXPECT_NE(find(groups[0], "software version"), nullptr);
+}
+
 TEST_F(ReportAlike, RevisionAndEepromDiffer) {
     write_image("digital_in_8", "a.bin", [](std::string&) {});
     write_image("digital_in_8", "b.bin", [](std::string& octets) { octets[26] = 7; });  // words 0x0C and 0x0D
