@@ -27,6 +27,7 @@ struct Value {
 [[nodiscard]] Value content(Node node);
 [[nodiscard]] Value child(Node node, const char* name);
 [[nodiscard]] Value attribute(Node node, const char* name);
+[[nodiscard]] constexpr bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r'; }
 // Compares without regard to upper and lower case.
 [[nodiscard]] bool same_word(std::string_view a, std::string_view b);
 
