@@ -1,6 +1,7 @@
 // The description of a device that its SII gives: the reverse of esi_sii.cpp.
 #include <margay/files/esi.hpp>
 
+#include "files/esi_categories.hpp"
 #include "files/esi_types.hpp"
 #include "files/xml.hpp"
 #include "wire/sii_category.hpp"
@@ -35,6 +36,8 @@ class Describer {
         return std::move(d_);
     }
 
+    [[nodiscard]] const std::vector<Remark>& remarks() const { return remarks_; }
+
   private:
     std::string text(sii::StringNumber number) const {
         std::array<char, 768> into{};
@@ -55,6 +58,7 @@ class Describer {
                 d_.ports[port] = PortType::mii;
             if (kind == sii::PhysicalPort::ebus) d_.ports[port] = PortType::ebus;
         }
+        d_.sysman_class = general_.sysman_class;
         d_.no_lrw = (general_.flags & sii::general_flag::kNotLrw) != 0;
         d_.safeop_configuration = (general_.flags & sii::general_flag::kEnableSafeOp) != 0;
         d_.device_id_by_al_status = (general_.flags & sii::general_flag::kIdentAlStatus) != 0;
@@ -138,12 +142,28 @@ class Describer {
         const Bytes boot = image_.subspan(sii::word::kBootMailbox * sii::kWordBytes, 8);
         if (std::ranges::any_of(boot, [](std::byte octet) { return octet != std::byte{0}; }))
             eeprom.boot_mailbox.assign(boot.begin(), boot.end());
+        categories(eeprom);
+    }
+
+    // The categories that are not made from the description of the device.
+    void categories(EsiEeprom& eeprom) {
+        constexpr std::uint16_t kProductionData = 3;
+        sii::CategoryWalker walker(image_);
+        while (const auto category = walker.next()) {
+            const std::uint16_t type = category->place.type;
+            if (is_described_category(type) || type == sii::category::kNop) continue;
+            if (type == kProductionData)
+                remarks_.push_back({.text = "category 3 of the SII, with production data of one slave, is left out"});
+            else
+                eeprom.categories.push_back({type, {category->content.begin(), category->content.end()}});
+        }
     }
 
     Bytes image_;
     Bytes strings_;
     sii::General general_;
     EsiDevice d_;
+    std::vector<Remark> remarks_;
 };
 
 }  // namespace
@@ -156,7 +176,9 @@ Read<EsiDevice> describe_sii(std::span<const std::byte> image) {
         return result;
     }
     if (fixed.fault != sii::Fault::none) result.remarks.push_back({.text = std::string(to_text(fixed.fault))});
-    result.value = Describer(image).run(fixed.value);
+    Describer describer(image);
+    result.value = describer.run(fixed.value);
+    result.remarks.insert(result.remarks.end(), describer.remarks().begin(), describer.remarks().end());
     return result;
 }
 

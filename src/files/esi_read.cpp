@@ -57,6 +57,16 @@ RevisionCheck revision_check(Reader& r, Node type) {
     return RevisionCheck::none;
 }
 
+// An attribute of one tool: a value that does not fit leaves the device usable.
+std::uint8_t sysman_class(Reader& r, Node type) {
+    const Value value = attribute(type, "TcSmClass");
+    const Number number = parse_number(value.text);
+    if (!value.there || (number.valid && !number.negative && number.magnitude <= 0xFF))
+        return static_cast<std::uint8_t>(number.magnitude);
+    r.remark(type, "TcSmClass is " + quoted(value.text) + ", which is no number from 0 to 255: it is not used");
+    return 0;
+}
+
 std::array<PortType, 4> ports_of(Reader& r, Node device) {
     std::array<PortType, 4> ports{};
     const std::string_view physics = device.attribute("Physics").value();  // a blank is a port that is absent
@@ -194,6 +204,7 @@ EsiDevice read_esi_device(Reader& r, Node node) {
     }
     device.dictionary = read_esi_dictionary(r, node);
     if (const Node slots = node.child("Slots")) device.slots = read_esi_slots(r, slots);
+    device.sysman_class = sysman_class(r, type);
     if (const Node eeprom = node.child("Eeprom")) device.eeprom = read_esi_eeprom(r, eeprom);
     read_esc(r, device, node.child("ESC"));
     return device;

@@ -1,6 +1,7 @@
 // The SII image of a device of an ESI file (ETG.1000.6 and ETG.2010: the tables of the SII).
 #include <margay/files/esi.hpp>
 
+#include "files/esi_categories.hpp"
 #include "files/esi_types.hpp"
 #include "files/xml.hpp"
 #include "wire/sii_check.hpp"
@@ -54,10 +55,15 @@ class Builder {
     // Strings of the SII are ISO 8859-1.
     std::string_view text(std::string_view utf8) {
         std::string& latin1 = texts_.emplace_back();
+        bool lost = false;
         for (std::size_t at = 0; at < utf8.size();) {
             const std::uint32_t point = code_point(utf8, at);
             latin1 += point < 0x100 ? static_cast<char>(static_cast<unsigned char>(point)) : '?';
+            lost = lost || point >= 0x100;
         }
+        if (lost && !named_characters_)
+            remarks_.push_back("the SII has characters of ISO 8859-1 only, the others become '?': " + quoted(utf8));
+        named_characters_ = named_characters_ || lost;
         if (latin1.size() <= 255) return latin1;
         remarks_.push_back("a name of more than 255 octets is cut: " + std::string(utf8.substr(0, 32)) + "…");
         latin1.resize(255);
@@ -106,6 +112,7 @@ class Builder {
             const unsigned value = kind == PortType::mii ? 1 : kind == PortType::ebus ? 3 : 0;
             g.physical_ports = static_cast<std::uint16_t>(g.physical_ports | value << (4 * port));
         }
+        g.sysman_class = device_.sysman_class;
         g.identification_address = device_.device_id_address;
         if (device_.safeop_configuration) g.flags |= sii::general_flag::kEnableSafeOp;
         if (device_.no_lrw) g.flags |= sii::general_flag::kNotLrw;
@@ -174,6 +181,9 @@ class Builder {
                     error_ = "a shift time of the operation mode '" + mode.name + "' does not fit in 32 bits";
                 return static_cast<std::int32_t>(ns);
             };
+            if (mode.sync1_cycle_ns != 0)
+                remarks_.push_back("CycleTimeSync1 of the operation mode '" + mode.name + "' is " +
+                                   std::to_string(mode.sync1_cycle_ns) + " ns: the SII has its factor only");
             sii::DcOpMode m{.sync0_cycle_time_ns = static_cast<std::uint32_t>(mode.sync0_cycle_ns),
                             .sync0_shift_time_ns = shift(mode.sync0_shift_ns),
                             .sync1_shift_time_ns = shift(mode.sync1_shift_ns),
@@ -189,11 +199,7 @@ class Builder {
         if (!device_.eeprom) return;
         for (const EsiCategory& one : device_.eeprom->categories) {
             const bool first = one.type <= sii::category::kLastDeviceSpecific;
-            const bool ours = one.type == sii::category::kStrings || one.type == sii::category::kGeneral ||
-                              one.type == sii::category::kFmmu || one.type == sii::category::kSyncManager ||
-                              one.type == sii::category::kTxPdo || one.type == sii::category::kRxPdo ||
-                              one.type == sii::category::kDc || one.type == sii::category::kEnd;
-            if (ours) {
+            if (is_described_category(one.type)) {
                 remarks_.push_back("the file's category " + std::to_string(one.type) +
                                    " is not used: it is made from the description of the device");
                 continue;
@@ -217,6 +223,7 @@ class Builder {
     std::vector<sii::RawCategory> before_;
     std::vector<sii::RawCategory> after_;
     std::vector<std::string> remarks_;
+    bool named_characters_ = false;
     std::string error_;
 };
 

@@ -29,9 +29,11 @@ void write_type(Node device, const EsiDevice& d) {
     Node type = add(device, "Type", d.type);
     set(type, "ProductCode", hex_dec(d.identity.product, 8));
     set(type, "RevisionNo", hex_dec(d.identity.revision, 8));
+    if (d.identity.serial != 0) set(type, "SerialNo", hex_dec(d.identity.serial, 8));
     if (d.revision_check != RevisionCheck::none)
         set(type, "CheckRevisionNo", std::string(kChecks[static_cast<std::size_t>(d.revision_check)]));
     if (d.no_lrw) set(type, "UseLrdLwr", true);
+    if (d.sysman_class != 0) set(type, "TcSmClass", std::to_string(d.sysman_class));
 }
 
 void write_info(Node device, const EsiDevice& d) {

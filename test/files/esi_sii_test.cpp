@@ -133,6 +133,19 @@ TEST(EsiSii, WhatDoesNotFitIsSaid) {
     EXPECT_EQ(faults(many.octets), "");
 }
 
+TEST(EsiSii, WhatAnSiiCannotSayIsNamed) {
+    auto esi = read_esi(kExampleEsi);
+    ASSERT_TRUE(esi);
+    EsiDevice device = esi->devices[0];
+    EXPECT_TRUE(make_sii(device).remarks.empty());
+    device.name = "10 € – µ";
+    device.modes[1].sync1_cycle_ns = 500;
+    EXPECT_EQ(
+        make_sii(device).remarks,
+        (std::vector<std::string>{"the SII has characters of ISO 8859-1 only, the others become '?': '10 € – µ'",
+                                  "CycleTimeSync1 of the operation mode 'DC' is 500 ns: the SII has its factor only"}));
+}
+
 // Images that a tool of others made of the same files. The tool could not read the vendor's id and took 0; the SM types
 // and the second DC mode of its images are wrong, too.
 class FieldEsi : public ::testing::TestWithParam<const char*> {};

@@ -224,6 +224,71 @@ INSTANTIATE_TEST_SUITE_P(Devices, RealSii,
                          ::testing::Values("akd.bin", "ek1100.bin", "el2004.bin", "el2262.bin", "el2828.bin",
                                            "el2889.bin"));
 
+// What an SII says comes back: the image of the ESI of each ready-made device is the image of the device.
+TEST(EsiWriter, TheSiiOfEachDeviceSurvivesTheWayThroughAnEsi) {
+    for (const std::string_view name : sim::device_names()) {
+        const auto model = sim::make_device(name);
+        ASSERT_TRUE(model);
+        const Bytes theirs = model->sii;
+        const auto described = describe_sii(theirs);
+        ASSERT_TRUE(described) << name;
+        EsiFile esi{.vendor = described->identity.vendor, .vendor_name = "Vendor"};
+        esi.devices.push_back(*described);
+        const Written written = write_esi(esi);
+        const auto read = read_esi(written.text);
+        ASSERT_TRUE(read) << to_text(read.problem);
+        EXPECT_TRUE(read.remarks.empty()) << name << ": " << to_text(read.remarks[0]);
+        const auto ours = make_sii(read->devices[0]);
+        ASSERT_TRUE(ours) << ours.error;
+        ASSERT_EQ(ours.octets.size(), theirs.size()) << name;
+        const auto general = sii::find_category(theirs, sii::category::kGeneral);
+        const auto channels = static_cast<std::size_t>(general->data() - theirs.data()) + 9;
+        const auto uses = sii::find_category(theirs, sii::category::kFmmu);  // an unused FMMU is 0 or 0xFF
+        const auto first_use = uses ? static_cast<std::size_t>(uses->data() - theirs.data()) : 0;
+        for (std::size_t n = 0; n < theirs.size(); ++n) {
+            if (n >= 28 && n < 32) continue;                          // the serial number
+            if (!written.remarks.empty() && n == channels) continue;  // named
+            if (uses && n >= first_use && n < first_use + uses->size() && theirs[n] == std::byte{0}) continue;
+            EXPECT_EQ(ours.octets[n], theirs[n]) << name << ", octet " << n;
+        }
+        EXPECT_EQ(written.remarks.size(), name == "soe_drive" ? 1U : 0U) << name;
+    }
+}
+
+TEST(EsiWriter, WhatAnSiiCarriesBesidesTheDescriptionIsKept) {
+    auto esi = read_esi(kExampleEsi);
+    ASSERT_TRUE(esi);
+    EsiDevice& device = esi->devices[0];
+    device.sysman_class = 17;
+    device.mailbox->ds402_channels = 2;
+    device.identity.serial = 0x77;
+    device.eeprom->categories = {{2, {std::byte{1}, std::byte{2}}}, {0x0801, {std::byte{3}, std::byte{4}}}};
+    const auto again = read_esi(write_esi(*esi).text);
+    ASSERT_TRUE(again) << to_text(again.problem);
+    EXPECT_TRUE(again.remarks.empty());
+    EXPECT_EQ(again->devices[0].identity.serial, 0x77U);
+    const auto image = make_sii(again->devices[0]);
+    ASSERT_TRUE(image) << image.error;
+    EXPECT_EQ(image.octets, make_sii(device).octets);
+    const auto general = sii::parse_general(*sii::find_category(image.octets, sii::category::kGeneral)).value;
+    EXPECT_EQ(general.sysman_class, 17);
+    EXPECT_EQ(sii::find_category(image.octets, 0x0801)->size(), 2U);
+    auto described = describe_sii(image.octets);
+    ASSERT_TRUE(described);
+    EXPECT_TRUE(described.remarks.empty());
+    EXPECT_EQ(described->identity.serial, 0U) << "the number of one slave";
+    EXPECT_EQ(described->sysman_class, 17);
+    ASSERT_EQ(described->eeprom->categories.size(), 2U);
+    EXPECT_EQ(described->eeprom->categories[1].type, 0x0801);
+    described->identity.serial = 0x77;
+    EXPECT_EQ(make_sii(*described).octets, image.octets);
+    device.eeprom->categories = {{3, {std::byte{1}, std::byte{2}}}};
+    const auto with_production_data = describe_sii(make_sii(device).octets);
+    ASSERT_EQ(with_production_data.remarks.size(), 1U);
+    EXPECT_EQ(with_production_data.remarks[0].text,
+              "category 3 of the SII, with production data of one slave, is left out");
+}
+
 TEST(EsiWriter, DescribesASlaveWithItsDictionary) {
     VirtualOsal osal;
     sim::Segment segment;

@@ -203,6 +203,7 @@ struct EsiDevice {
     bool no_lrw = false;  // the device cannot be exchanged by LRW
     bool safeop_configuration = false;
     std::int16_t ebus_current_ma = 0;
+    std::uint8_t sysman_class = 0;  // TcSmClass
     SlaveTimes times{};
     std::uint16_t device_id_address = 0;  // IdentificationAdo
     bool device_id_by_al_status = false;
@@ -259,7 +260,8 @@ struct SiiImage {
 };
 [[nodiscard]] SiiImage make_sii(const EsiDevice& device);
 
-// The description of a device as its SII gives it: the reverse of make_sii(). The vendor is in the identity.
+// The description of a device as its SII gives it: the reverse of make_sii(). The vendor is in the identity. What
+// belongs to one slave is left out: the serial number, the alias, and the category of production data (3).
 [[nodiscard]] Read<EsiDevice> describe_sii(std::span<const std::byte> image);
 
 // The selection of a mode, a cycle and modules for a device.

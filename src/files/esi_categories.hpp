@@ -1,0 +1,20 @@
+// Categories of the SII, from the view of an ESI.
+#pragma once
+
+#include "wire/sii.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace margay::files {
+
+// The category is made from the description of the device; an ESI carries the others as they are.
+[[nodiscard]] inline bool is_described_category(std::uint16_t type) {
+    namespace category = wire::sii::category;
+    static constexpr std::array kDescribed{category::kStrings,     category::kGeneral, category::kFmmu,
+                                           category::kSyncManager, category::kTxPdo,   category::kRxPdo,
+                                           category::kDc,          category::kEnd};
+    return std::ranges::find(kDescribed, type) != kDescribed.end();
+}
+
+}  // namespace margay::files
