@@ -108,6 +108,9 @@ EsiSlot read_slot(Reader& r, Node node) {
     slot.name = english(node, "Name");
     slot.least = r.number<std::uint32_t>(attribute(node, "MinInstances"));
     slot.most = r.number<std::uint32_t>(attribute(node, "MaxInstances"), 1);
+    if (slot.least > slot.most)
+        r.remark(node, "MinInstances is " + std::to_string(slot.least) + ", and MaxInstances " +
+                           std::to_string(slot.most) + ": there are as many slots as MaxInstances says");
     for (const Node ident : node.children("ModuleIdent"))
         slot.idents.push_back({r.number<std::uint32_t>(content(ident)), r.boolean(attribute(ident, "Default"))});
     for (const Node one : node.children("ModuleClass"))

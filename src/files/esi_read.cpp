@@ -102,6 +102,28 @@ void read_info(Reader& r, EsiDevice& device, Node info) {
     }
 }
 
+// Elements of Info that are not used: nonsense in them says that something is wrong with the file.
+void name_odd_info(Reader& r, Node info) {
+    const Node controller = info.child("EtherCATController");
+    const Node times = info.child("StateMachine").child("Timeout");
+    const auto name = [&r](const Value& value, const std::string& wanted) {
+        r.remark(value.at, value.name + " is " + quoted(value.text) + ", which is " + wanted + ": it is not used");
+    };
+    for (const Value& value : {child(controller, "DpramSize"), child(controller, "SmCount"),
+                               child(controller, "FmmuCount"), child(times, "BackToSafeopTimeout")}) {
+        const Number number = parse_number(value.text);
+        constexpr std::uint64_t kMost = 0xFFFF'FFFF;
+        const bool right = number.valid && number.magnitude <= kMost && (!number.negative || number.magnitude == 0);
+        if (value.there && !right) name(value, "no number from 0 to " + std::to_string(kMost));
+    }
+    for (const Node at : {info, controller}) {
+        const Value alias = child(at, "StationAliasSupported");
+        const bool right =
+            alias.text == "0" || alias.text == "1" || same_word(alias.text, "true") || same_word(alias.text, "false");
+        if (alias.there && !right) name(alias, "neither true nor false");
+    }
+}
+
 void read_mail_times(Reader& r, EsiDevice& device, Node info) {
     if (!device.mailbox) return;
     const Node times = info.child("Mailbox").child("Timeout");
@@ -182,12 +204,14 @@ EsiDevice read_esi_device(Reader& r, Node node) {
     device.identity.product = r.number<std::uint32_t>(attribute(type, "ProductCode"));
     device.identity.revision = r.number<std::uint32_t>(attribute(type, "RevisionNo"));
     device.identity.serial = r.number<std::uint32_t>(attribute(type, "SerialNo"));
+    device.sysman_class = sysman_class(r, type);
     device.revision_check = revision_check(r, type);
     device.no_lrw = r.boolean(attribute(type, "UseLrdLwr"));
     device.name = english(node, "Name");
     device.group = Reader::text(child(node, "GroupType"));
     device.ports = ports_of(r, node);
     read_info(r, device, node.child("Info"));
+    name_odd_info(r, node.child("Info"));
     limit(r, node, "Sm", 16);
     limit(r, node, "Fmmu", 16);
     for (const Node fmmu : node.children("Fmmu")) {
@@ -204,7 +228,6 @@ EsiDevice read_esi_device(Reader& r, Node node) {
     }
     device.dictionary = read_esi_dictionary(r, node);
     if (const Node slots = node.child("Slots")) device.slots = read_esi_slots(r, slots);
-    device.sysman_class = sysman_class(r, type);
     if (const Node eeprom = node.child("Eeprom")) device.eeprom = read_esi_eeprom(r, eeprom);
     read_esc(r, device, node.child("ESC"));
     return device;

@@ -259,6 +259,32 @@ TEST(EsiReader, AFileThatGrowsWithoutBoundIsRefused) {
               std::string::npos);
 }
 
+// Nonsense in elements that are not used.
+TEST(EsiReader, ValuesWithoutAMeaningAreNamed) {
+    const auto said = [](const std::string& replace, const std::string& by) {
+        const auto esi = read_example(replace, by);
+        if (!esi) return to_text(esi.problem);
+        if (esi.remarks.size() != 1) return std::to_string(esi.remarks.size()) + " remarks";
+        return esi.remarks[0].text;
+    };
+    const auto in_info = [&](const std::string& text) { return said("<Info>", "<Info>" + text); };
+    EXPECT_EQ(in_info("<EtherCATController><DpramSize>zz</DpramSize></EtherCATController>"),
+              "DpramSize is 'zz', which is no number from 0 to 4294967295: it is not used");
+    EXPECT_EQ(in_info("<EtherCATController><StationAliasSupported>zz</StationAliasSupported></EtherCATController>"),
+              "StationAliasSupported is 'zz', which is neither true nor false: it is not used");
+    EXPECT_EQ(in_info("<StateMachine><Timeout><BackToSafeopTimeout>99999999999</BackToSafeopTimeout></Timeout>"
+                      "</StateMachine>"),
+              "BackToSafeopTimeout is '99999999999', which is no number from 0 to 4294967295: it is not used");
+    EXPECT_EQ(in_info("<EtherCATController><DpramSize>4096</DpramSize><SmCount>#x4</SmCount></EtherCATController>"),
+              "0 remarks");
+    EXPECT_EQ(said("<Type ", "<Type TcSmClass=\"zz\" "),
+              "TcSmClass is 'zz', which is no number from 0 to 255: it is not used");
+    EXPECT_EQ(
+        said("</Device>", "<Slots><Slot MinInstances='5' MaxInstances='2'><Name>a</Name></Slot></Slots></Device>"),
+        "MinInstances is 5, and MaxInstances 2: there are as many slots as MaxInstances says");
+    EXPECT_EQ(said("<CoE ", "<CoE DS402Channels=\"256\" ").substr(0, 8), "line 61,");
+}
+
 TEST(EsiReader, ADeviceWithAFaultLeavesTheOthers) {
     std::string text = kExampleEsi;
     const auto begin = text.find("    <Device ");
