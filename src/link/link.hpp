@@ -65,6 +65,8 @@ class Link {
                                         std::size_t rider_budget_bytes);
     // Receives frames from the NIC until all of these frames are back, or the NIC has none.
     [[nodiscard]] CycleEnd receive_cycle(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
+    // Commits the reply that is parked in a held frame; see PreparedFrame::is_held().
+    static void commit_held(PreparedFrame& frame);
     // When a cycle of any group was sent last.
     [[nodiscard]] Time last_cycle() const { return last_cycle_; }
     // Whether cycles keep their interval, so that queued datagrams wait for the next cycle.
@@ -174,7 +176,6 @@ class Link {
     static void commit_frame(PreparedFrame& sent, Bytes frame);
     [[nodiscard]] bool accept_prepared(Bytes frame, Time now, List<Waiter>& ready);
     static void keep(PreparedFrame& sent, Bytes reply);
-    static void commit_held(PreparedFrame& frame);
     static void drop_held(PreparedFrame& frame);
     void accept_frame(Bytes frame, Time now, List<Waiter>& ready);
     void accept_in_cycle(const PreparedFrame& awaited, Bytes frame, Time now, List<Waiter>& ready);

@@ -86,6 +86,10 @@ struct PreparedFrame {
     FrameSlot own;
     std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as sent last
 
+    // Call it when `overlapped` is known; `hold`: replies are parked while the group with this number is not received.
+    void set_park(bool hold, std::uint8_t number) {
+        park = overlapped ? kAlways : hold ? static_cast<std::uint16_t>(kAlways + 1U + number) : kNever;
+    }
     // A reply is parked until the group is received.
     [[nodiscard]] bool is_held() const { return parked && !overlapped; }
     // Call it when the accepted working counters of its datagrams have changed.

@@ -183,8 +183,7 @@ void build_frame(ProcessGroup& group, PreparedFrame& frame, std::span<PreparedDa
     // Overlapped frames do not send inputs: the inputs belong to the owner's thread, not to the sending thread.
     frame.overlapped = group.overlap.sets > 1;
     frame.apart = group.layout.overlapped || frame.overlapped;
-    const auto own = static_cast<std::uint16_t>(group.number + PreparedFrame::kAlways + 1);
-    frame.park = frame.overlapped ? PreparedFrame::kAlways : group.config.hold_inputs ? own : PreparedFrame::kNever;
+    frame.set_park(group.config.hold_inputs, group.number);
     frame.owner = &kOwner;
     frame.group = &group;
 }
@@ -421,6 +420,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
     Error error = cycle_error(Errc::working_counter, group.number);
     std::uint32_t missing = 0;
     for (PreparedFrame& frame : frames) {
+        if (frame.is_held()) Link::commit_held(frame);  // behind a frame that has not come
         if (frame.end != CycleEnd::missing) continue;
         if (reset_unmarked(frame)) error.detail = Error::kUnmarked;
         link.give_up_prepared(frame, now);

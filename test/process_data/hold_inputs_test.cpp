@@ -153,6 +153,33 @@ TEST_P(HoldInputsTest, ALostSlaveKeepsItsInputs) {
     EXPECT_EQ(input(1), value) << "known to be lost: the inputs of the other slave come";
 }
 
+TEST_P(HoldInputsTest, AFrameThatIsLostLeavesThoseBehindIt) {
+    for (int n = 0; n < 2; ++n) bus.add(8 * 800, 8 * 800);
+    bus.start({.slaves = 8});
+    GetParam().set(ctx().group(0).config);
+    ctx().group(0).config.hold_inputs = true;
+    std::vector<std::byte> image(4096);
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    const Group& group = ctx().group(0);
+    ASSERT_GT(group.frames, 1);
+    ASSERT_TRUE(bus.cycle().ok());
+    for (int n = 0; n < 5; ++n) {
+        ++value;
+        std::ranges::fill(bus.device(2).inputs(), std::byte{value});
+        bus.device(2).poke();
+        bus.segment.lose_next({0, 0});
+        ASSERT_TRUE(send_processdata(ctx()).ok());
+        poll_until_back();
+        const auto received = receive();
+        EXPECT_EQ(received.error().code, Errc::no_frame);
+        EXPECT_EQ(received.error().actual, 1U) << "one of " << group.frames;
+        EXPECT_FALSE(group.datagrams.front().came);
+        EXPECT_TRUE(group.datagrams.back().fresh);
+        EXPECT_EQ(ctx().slave(2).image.inputs.bytes[799], std::byte{value});
+    }
+    EXPECT_TRUE(bus.cycle().ok());
+}
+
 TEST_P(HoldInputsTest, RequestsTravelWithTheCycleAndEndInThePoll) {
     start();
     for (int n = 0; n < 5; ++n) ASSERT_TRUE(bus.cycle().ok());
