@@ -149,9 +149,11 @@ Answer<std::vector<DomainFacts>> selected_domains(const Call& call, Master& mast
 // not given with lines.
 int print_data_lines(Call& call) {
     Octets octets;
+    bool complete = true;
     const auto path = call.has("output-file") ? call.value("output-file") : std::string("-");
     return call.each_master([&](Master& master, Output& output) -> Answer<> {
         const auto domains = selected_domains(call, master);
+        complete &= static_cast<bool>(domains);
         if (!domains) return domains.problem();
         output.json["domains"] = nlohmann::ordered_json::array();
         for (const DomainFacts& domain : *domains) {
@@ -160,7 +162,8 @@ int print_data_lines(Call& call) {
             octets.insert(octets.end(), domain.data.begin(), domain.data.end());
         }
         // Before the document is printed: it says whether the file was written.
-        return path == "-" || &master != &call.masters().back() ? Answer<>() : write_octets(path, octets);
+        const bool write = path != "-" && complete && &master == &call.masters().back();
+        return write ? write_octets(path, octets) : Answer<>();
     });
 }
 
@@ -185,7 +188,7 @@ int run_config(Call& call) {
         }
         if (output.json["configs"].empty() && (*aliases || *positions))
             return Problem{"no configuration is selected by --alias and --position"};
-        if (!unread.empty() && (call.has("verbose") || call.json())) return Problem{unread};
+        if (!unread.empty() && call.has("verbose")) return Problem{unread};
         return {};
     });
 }

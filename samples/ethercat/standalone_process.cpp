@@ -139,7 +139,9 @@ Answer<std::vector<ConfigFacts>> StandaloneSession::configs() {
     std::vector<ConfigFacts> all;
     AliasAddress address;
     for (const Slave& slave : ctx_->slaves()) {
-        if (slave.alias != 0) address = {.alias = slave.alias, .relative = 0};
+        const bool expected = !slave.seen && slave.wanted != nullptr;
+        const std::uint16_t alias = expected ? slave.wanted->alias.value_or(0) : slave.alias;
+        if (alias != 0) address = {.alias = alias, .relative = 0};
         ConfigFacts config{.alias = address.alias,
                            .relative = address.relative++,
                            .vendor = slave.identity.vendor,

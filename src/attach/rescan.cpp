@@ -2,6 +2,7 @@
 
 #include "api/operation.hpp"
 #include "api/supervision.hpp"
+#include "network/members.hpp"
 #include "network/scan.hpp"
 
 #include <algorithm>
@@ -18,9 +19,13 @@ bool exchanges_nothing(const Network& network) {
     });
 }
 
-bool is_missing(const Slave& slave) {
-    const bool optional = slave.wanted != nullptr && slave.wanted->optional;
-    return slave.al.state == AlState::none && !optional && (slave.seen || slave.wanted != nullptr);
+// A hot connect group may be away as a whole.
+bool is_missing(const Network& network, const Slave& slave) {
+    const bool known = slave.seen || slave.wanted != nullptr;
+    if (slave.al.state != AlState::none || !known) return false;
+    if (slave.wanted == nullptr) return true;
+    const std::uint8_t group = slave.wanted->hot_connect;
+    return !slave.wanted->optional && (group == 0 || head_is_there(network, group));
 }
 
 RescanFacts rescan_facts(Network& network, bool whole) {
@@ -31,7 +36,7 @@ RescanFacts rescan_facts(Network& network, bool whole) {
     const auto strange = [](const RingPlace& place) { return place.slave == 0; };
     return {.whole = whole,
             .slaves = count(network.slaves(), answers),
-            .missing = count(network.slaves(), is_missing),
+            .missing = count(network.slaves(), [&](const Slave& slave) { return is_missing(network, slave); }),
             .unused = count(network.seen_ring(), strange)};
 }
 

@@ -33,7 +33,7 @@ SlaveFacts facts_of(Context& ctx, const Slave& s) {
     SlaveFacts facts{.number = s.number,
                      .ring_position = s.ring_position,
                      .station_address = s.station_address.value,
-                     .alias = s.alias,
+                     .alias = s.seen || s.wanted == nullptr ? s.alias : s.wanted->alias.value_or(0),
                      .dl_status = s.dl_status,
                      .identity = s.identity,
                      .dl = s.dl,

@@ -3,6 +3,7 @@
 #include "attach/facts.hpp"
 #include "attach/socket_address.hpp"
 #include "ethercat/ethercat_fixture.hpp"
+#include "process/made_eni.hpp"
 
 #include <sys/socket.h>
 #include <unistd.h>
@@ -220,15 +221,33 @@ TEST_F(EthercatAttach, ObjectsOfADriveAreTheSame) {
 
 // Its mailbox is closed, and so its PDOs are not known; the one-line form shows none.
 TEST_F(EthercatAttach, ASlaveInInitHidesNoConfiguration) {
-    const auto ran =
-        attached("e states -p 1 INIT; e config; echo \"rc $?\"; e config -v; echo \"rc $?\"", "sim:drive,drive,drive");
+    const auto ran = attached(
+        "e states -p 1 INIT; e config; echo \"rc $?\"; e config --json >c.json; echo \"json $?\"; e config -v; "
+        "echo \"rc $?\"",
+        "sim:drive,drive,drive");
     EXPECT_TRUE(contains(ran.out, "  0  OP\n")) << ran.out;
     EXPECT_TRUE(contains(ran.out, "  1  INIT\n")) << ran.out;
-    EXPECT_TRUE(contains(ran.out, "  2  OP\nrc 0\n")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, "  2  OP\nrc 0\njson 0\n")) << ran.out;
+    EXPECT_TRUE(contains(content_of(folder.path() / "c.json"), "\"error\": \"position 1: "));
     EXPECT_TRUE(contains(ran.out, "Attached slave: 1 (INIT)\nSM: could not be read\n")) << ran.out;
     EXPECT_TRUE(contains(ran.out, "Attached slave: 2 (OP)\nSM2, Dir: Output")) << ran.out;
     EXPECT_TRUE(ran.out.ends_with("rc 1\n")) << ran.out;
     EXPECT_TRUE(contains(ran.err, "position 1: ")) << ran.err;
+}
+
+// The ENI expects a coupler, and a group of two drives that is known by the alias of the first.
+TEST_F(EthercatAttach, AHotConnectGroupThatIsAwayIsNotMissing) {
+    const std::string coupler = "[[slave]]\ndevice = \"coupler\"\n";
+    folder.write("away.toml", coupler);
+    folder.write("there.toml", coupler + "[[slave]]\ndevice = \"drive\"\nalias = 5\n[[slave]]\ndevice = \"drive\"\n");
+    folder.write("group.xml", process::eni_with_group(folder.path() / "there.toml", 3, 5, 2));
+    const std::string configured = "5:0  0x00004d47/0x00005402  -  -\n5:1  0x00004d47/0x00005402  -  -\n";
+    const auto ran = attached("e rescan -v && e rescan --json && e config -a 5", "sim:away.toml --eni group.xml");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(ran.err, "");
+    EXPECT_TRUE(contains(ran.out, "\"missing\": 0")) << ran.out;
+    EXPECT_TRUE(ran.out.ends_with(configured)) << ran.out;
+    EXPECT_EQ(out("sim:away.toml", "config -a 5 --eni group.xml"), configured);
 }
 
 TEST_F(EthercatAttach, ShowsTheProcessDataAndChangesStates) {

@@ -306,6 +306,9 @@ TEST_F(EthercatProcessData, PrintsProcessData) {
     const auto lost = ethercat("sim:demo", "data --json -o no/such/folder");
     EXPECT_EQ(lost.status, 3);
     EXPECT_TRUE(contains(lost.out, "\"error\": \"no/such/folder: cannot be written")) << lost.out;
+    const auto first = ethercat("", "data --json -o part -S sim:no-such.toml -S sim:demo");
+    EXPECT_EQ(first.status, 3) << first.err;
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / "part")) << "the octets of one master of two";
     const auto full = ethercat("sim:demo", "data >/dev/full");
     EXPECT_EQ(full.status, 3);
     EXPECT_TRUE(contains(full.err, "standard output cannot be written: No space left on device")) << full.err;

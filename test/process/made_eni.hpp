@@ -55,12 +55,14 @@ inline std::string eni_of_two_groups() {
     return written.text;
 }
 
-// With a hot connect group of one slave, the last one, by its alias.
-inline std::string eni_with_group(const std::string& segment, std::uint16_t slaves, std::uint16_t alias) {
+// With a hot connect group of the last `members` slaves, whose head is known by its alias.
+inline std::string eni_with_group(const std::string& segment, std::uint16_t slaves, std::uint16_t alias,
+                                  std::uint16_t members = 1) {
     std::vector<ExpectedSlave> list(slaves);
-    for (std::uint16_t n = 0; n + 1 < slaves; ++n) list[n].number = static_cast<std::uint16_t>(n + 1);
-    list.back().alias = alias;
-    list.back().hot_connect = 1;
+    const auto head = static_cast<std::uint16_t>(slaves - members);
+    for (std::uint16_t n = 0; n < head; ++n) list[n].number = static_cast<std::uint16_t>(n + 1);
+    for (std::uint16_t n = head; n < slaves; ++n) list[n].hot_connect = 1;
+    list[head].alias = alias;
     auto source = samples::open_source("sim:" + segment);
     EXPECT_TRUE(source) << source.error();
     HostContext ctx;
