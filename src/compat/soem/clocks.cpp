@@ -95,7 +95,8 @@ extern "C" {
 boolean ecx_configdc(ecx_contextt* context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return FALSE;
-    // Its request waits until no slave is being configured, and a hook that is executed meanwhile needs the second lock.
+    // Its request waits until no slave is being configured, and a hook that is executed meanwhile needs the second
+    // lock.
     const auto configuring = session->lock_configuring();
     const auto eeproms = session->lock_eeproms();
     link_clocks(*context);
