@@ -5,8 +5,10 @@
 // receive and send polls: it becomes the owner of the context by its first call, and the start-up of the segment
 // (operation.hpp) runs as requests inside these calls. Nothing in them waits.
 //
-// Locks. `turn` is held by the thread that uses the context before activation. `config` guards the objects of the
-// program. `facts` guards the copies of the slaves; the cyclic thread only tries it. The cyclic thread waits for none.
+// Locks. `configuring` keeps activation away from calls that change a configuration. `turn` is held by the thread that
+// uses the context before activation. `config` guards the objects of the program; it is not held while a thread waits
+// for a slave. `facts` guards the copies of the slaves; the cyclic thread only tries it. The cyclic thread waits for
+// none.
 #pragma once
 
 #include "compat/ecrt/domain.hpp"
@@ -29,6 +31,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <shared_mutex>
 #include <string>
 #include <thread>
 #include <vector>
@@ -185,6 +188,7 @@ class Bus {
     std::atomic<std::uint32_t> scan_slaves{0};  // that the present scan has counted
     std::atomic<std::uint32_t> scan_index{0};   // that it has read
 
+    std::shared_mutex configuring;  // shared by each Change; exclusive in activation and deactivation; locked first
     std::mutex config_mutex;
     std::vector<std::unique_ptr<ec_domain>> domains;
     std::vector<std::unique_ptr<ec_slave_config>> configs;
@@ -277,7 +281,7 @@ class Turn {
 };
 
 // A transfer of a call that waits. It begins when its slave is ready, as await_start() says, and nothing is at work
-// that would end it. Activation, deactivation and the next scan wait for its end, 1 s.
+// that would end it. Activation and the next scan wait for its end, 1 s.
 class Passage {
   public:
     Passage(Bus& bus, std::uint16_t position, Ready wanted);

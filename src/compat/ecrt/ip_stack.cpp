@@ -29,7 +29,8 @@ Ipv4Address octets(struct in_addr address) {
 }
 
 int set_address(ec_slave_config& config, std::optional<Ipv4Address> EoeIp::*which, struct in_addr address) {
-    if (refuse_active(config)) return -EBUSY;
+    const Change change(config);
+    if (change.refused()) return -EBUSY;
     config.ip.*which = octets(address);
     return 0;
 }
@@ -45,7 +46,8 @@ extern "C" {
 
 int ecrt_slave_config_eoe_mac_address(ec_slave_config_t* sc, const unsigned char* mac_address) {
     if (mac_address == nullptr) return -EINVAL;
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     MacAddress& mac = sc->ip.mac.emplace();
     std::memcpy(mac.data(), mac_address, mac.size());
     return 0;
@@ -69,7 +71,8 @@ int ecrt_slave_config_eoe_dns_address(ec_slave_config_t* sc, struct in_addr dns_
 
 int ecrt_slave_config_eoe_hostname(ec_slave_config_t* sc, const char* name) {
     if (name == nullptr) return -EINVAL;
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     return sc->ip.set_host_name(name) ? 0 : -EINVAL;
 }
 

@@ -149,6 +149,7 @@ void ecrt_release_master(ec_master_t* master) {
     if (master == nullptr) return;
     const std::lock_guard lock(open_masters().mutex);
     if (master->reserved) {
+        const std::lock_guard no_change(master->bus->configuring);
         const Turn turn(*master->bus);
         end_operation(*master->bus);
         master->bus->reserved = false;
@@ -226,6 +227,7 @@ int ecrt_master_setup_domain_memory(ec_master_t* master) {
 int ecrt_master_activate(ec_master_t* master) {
     if (!may_configure(*master, "ecrt_master_activate")) return -EPERM;
     Bus& bus = *master->bus;
+    const std::lock_guard no_change(bus.configuring);
     // Directly behind ecrt_master_deactivate(): a scan that is cut short has no aliases, and places would be guessed.
     bus.await_scan();
     const Turn turn(bus);
@@ -267,6 +269,7 @@ int ecrt_master_activate(ec_master_t* master) {
 int ecrt_master_deactivate(ec_master_t* master) {
     if (!may_configure(*master, "ecrt_master_deactivate")) return -EPERM;
     Bus& bus = *master->bus;
+    const std::lock_guard no_change(bus.configuring);
     if (!bus.active) {
         say("master %u is not active", bus.index);
         return -EINVAL;

@@ -160,7 +160,8 @@ int ecrt_slave_config_sync_manager(ec_slave_config_t* sc, uint8_t sync_index, ec
         return -ENOENT;
     }
     if (!is_valid(*sc, sync_index, direction)) return -EINVAL;
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     if (!sc->syncs[sync_index].set) ask_slave(*sc);  // its PDOs stay until the program clears them
     set(sc->syncs[sync_index], direction, watchdog_mode);
     return 0;
@@ -168,7 +169,8 @@ int ecrt_slave_config_sync_manager(ec_slave_config_t* sc, uint8_t sync_index, ec
 
 int ecrt_slave_config_pdo_assign_clear(ec_slave_config_t* sc, uint8_t sync_index) {
     if (!valid_sync(sync_index)) return -EINVAL;
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     SyncWish& sync = sc->syncs[sync_index];
     sync.set = true;
     sync.from_slave = false;
@@ -184,7 +186,8 @@ int ecrt_slave_config_pdo_assign_clear(ec_slave_config_t* sc, uint8_t sync_index
 
 int ecrt_slave_config_pdo_assign_add(ec_slave_config_t* sc, uint8_t sync_index, uint16_t index) {
     if (!valid_sync(sync_index)) return -EINVAL;
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     SyncWish& sync = sc->syncs[sync_index];
     if (!sync.set) ask_slave(*sc);  // the PDO is one more
     if (sync.direction == EC_DIR_INVALID) sync.direction = index >= 0x1A00 ? EC_DIR_INPUT : EC_DIR_OUTPUT;
@@ -201,7 +204,8 @@ int ecrt_slave_config_pdo_assign_add(ec_slave_config_t* sc, uint8_t sync_index, 
 }
 
 int ecrt_slave_config_pdo_mapping_clear(ec_slave_config_t* sc, uint16_t pdo_index) {
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     PdoWish* pdo = assigned(*sc, pdo_index);
     if (pdo == nullptr) return -ENOENT;
     pdo->listed = true;
@@ -211,7 +215,8 @@ int ecrt_slave_config_pdo_mapping_clear(ec_slave_config_t* sc, uint16_t pdo_inde
 
 int ecrt_slave_config_pdo_mapping_add(ec_slave_config_t* sc, uint16_t pdo_index, uint16_t entry_index,
                                       uint8_t entry_subindex, uint8_t entry_bit_length) {
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     PdoWish* pdo = assigned(*sc, pdo_index);
     if (pdo == nullptr) return -ENOENT;
     complete(*sc, *pdo);
@@ -221,7 +226,8 @@ int ecrt_slave_config_pdo_mapping_add(ec_slave_config_t* sc, uint16_t pdo_index,
 }
 
 int ecrt_slave_config_pdos(ec_slave_config_t* sc, unsigned int n_syncs, const ec_sync_info_t syncs[]) {
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     for (unsigned int n = 0; syncs != nullptr && n < n_syncs; ++n) {
         if (syncs[n].index == 0xFF) break;
         if (!valid_sync(syncs[n].index)) {
@@ -234,12 +240,14 @@ int ecrt_slave_config_pdos(ec_slave_config_t* sc, unsigned int n_syncs, const ec
 }
 
 void ecrt_slave_config_overlapping_pdos(ec_slave_config_t* sc, uint8_t allow_overlapping_pdos) {
-    if (!refuse_active(*sc)) sc->overlapping = allow_overlapping_pdos != 0;
+    const Change change(*sc);
+    if (!change.refused()) sc->overlapping = allow_overlapping_pdos != 0;
 }
 
 int ecrt_slave_config_reg_pdo_entry(ec_slave_config_t* sc, uint16_t entry_index, uint8_t entry_subindex,
                                     ec_domain_t* domain, unsigned int* bit_position) {
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     if (!is_domain_of(*sc, domain)) return -EINVAL;
     auto place = find(*sc, entry_index, entry_subindex);
     if (!place) {
@@ -256,7 +264,8 @@ int ecrt_slave_config_reg_pdo_entry(ec_slave_config_t* sc, uint16_t entry_index,
 
 int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t* sc, uint8_t sync_index, unsigned int pdo_pos,
                                         unsigned int entry_pos, ec_domain_t* domain, unsigned int* bit_position) {
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     if (!is_domain_of(*sc, domain)) return -EINVAL;
     if (!valid_sync(sync_index)) {
         say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, sync_index);
@@ -287,7 +296,7 @@ int ecrt_domain_reg_pdo_entry_list(ec_domain_t* domain, const ec_pdo_entry_reg_t
     for (const ec_pdo_entry_reg_t* reg = pdo_entry_regs; reg->index != 0; ++reg) {
         ec_slave_config_t* config =
             ecrt_master_slave_config(&handle, reg->alias, reg->position, reg->vendor_id, reg->product_code);
-        if (config == nullptr) return -ENOENT;
+        if (config == nullptr) return domain->bus.active ? -EBUSY : -ENOENT;
         const int offset =
             ecrt_slave_config_reg_pdo_entry(config, reg->index, reg->subindex, domain, reg->bit_position);
         if (offset < 0) return offset;

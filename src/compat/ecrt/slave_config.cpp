@@ -21,12 +21,22 @@ bool margay::compat::ecrt::refuse_active(const ec_slave_config& config) {
     return config.bus.active;
 }
 
+// While the master is active, the call waits for nothing.
+Change::Change(ec_slave_config& config) {
+    if (!config.bus.active) {
+        before_activation_ = std::shared_lock(config.bus.configuring);
+        alone_ = std::unique_lock(config.changing);
+    }
+    refused_ = refuse_active(config);
+}
+
 namespace {
 
 int add_write(ec_slave_config& config, StartupWrite write, const std::uint8_t* data, std::size_t size) {
     if (data == nullptr && size != 0) return -EINVAL;
     if (!may_have(size)) return -ENOMEM;
-    if (refuse_active(config)) return -EBUSY;
+    const Change change(config);
+    if (change.refused()) return -EBUSY;
     const auto* octets = reinterpret_cast<const std::byte*>(data);
     write.data.assign(octets, octets + size);
     config.startup.push_back(std::move(write));
@@ -45,7 +55,8 @@ int add_value(ec_slave_config_t* sc, std::uint16_t index, std::uint8_t subindex,
 extern "C" {
 
 int ecrt_slave_config_watchdog(ec_slave_config_t* sc, uint16_t watchdog_divider, uint16_t watchdog_intervals) {
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     if (watchdog_divider != 0) sc->times.watchdog_divider = watchdog_divider;
     sc->watchdog_intervals = watchdog_intervals;
     return 0;
@@ -53,7 +64,8 @@ int ecrt_slave_config_watchdog(ec_slave_config_t* sc, uint16_t watchdog_divider,
 
 int ecrt_slave_config_dc(ec_slave_config_t* sc, uint16_t assign_activate, uint32_t sync0_cycle, int32_t sync0_shift,
                          uint32_t sync1_cycle, int32_t) {
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     sc->dc = {true, assign_activate, sync0_cycle, sync0_shift, sync1_cycle};
     return 0;
 }
@@ -93,7 +105,8 @@ int ecrt_slave_config_idn(ec_slave_config_t* sc, uint8_t drive_no, uint16_t idn,
 }
 
 int ecrt_slave_config_emerg_size(ec_slave_config_t* sc, size_t elements) {
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     if (elements > EmergencyRing::kMost) {
         say("configuration %u:%u: %zu emergencies are wanted, %u are possible", sc->alias, sc->position, elements,
             EmergencyRing::kMost);
@@ -140,7 +153,8 @@ int ecrt_slave_config_state(const ec_slave_config_t* sc, ec_slave_config_state_t
 
 int ecrt_slave_config_state_timeout(ec_slave_config_t* sc, ec_al_state_t from_state, ec_al_state_t to_state,
                                     unsigned int timeout_ms) {
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     const Duration time = std::chrono::milliseconds(timeout_ms);
     if (to_state < from_state)
         sc->times.down = time;

@@ -15,7 +15,9 @@
 
 #include <atomic>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <shared_mutex>
 #include <vector>
 
 namespace margay::compat::ecrt {
@@ -74,6 +76,7 @@ struct ec_slave_config {
     const std::uint32_t vendor;
     const std::uint32_t product;
 
+    std::mutex changing;  // of a Change
     margay::compat::ecrt::SyncWishes syncs;
     bool asked = false;  // the slave was asked for what the program has not set
     std::vector<margay::compat::ecrt::StartupWrite> startup;
@@ -85,7 +88,7 @@ struct ec_slave_config {
     bool overlapping = false;  // its inputs may have the logical addresses of outputs
     std::vector<margay::Emergency> emergency_memory;
     margay::WritableRing<margay::Emergency> emergencies;  // without memory: they are not kept
-    std::uint32_t emergencies_cleared = 0;  // dropped before the last clear
+    std::uint32_t emergencies_cleared = 0;                // dropped before the last clear
 
     // Results, set by the owner of the context. `state`: bit 0 online, bit 1 operational, bits 4 to 7 AL state.
     std::atomic<std::uint32_t> state{0};
@@ -107,5 +110,19 @@ namespace margay::compat::ecrt {
 
 // True, and said: the master is active, so the configuration cannot be changed any more.
 [[nodiscard]] bool refuse_active(const ec_slave_config& config);
+
+// A call that changes a configuration, also while it waits for the slave. The calls for one configuration follow each
+// other. Activation waits for their end, and a call that begins during activation is refused afterwards.
+class Change {
+  public:
+    explicit Change(ec_slave_config& config);
+    // True, and said: the master is active.
+    [[nodiscard]] bool refused() const { return refused_; }
+
+  private:
+    std::shared_lock<std::shared_mutex> before_activation_;
+    std::unique_lock<std::mutex> alone_;
+    bool refused_ = false;
+};
 
 }  // namespace margay::compat::ecrt

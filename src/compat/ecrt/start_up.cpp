@@ -205,7 +205,8 @@ using namespace margay::compat::ecrt;
 // The interface stores any key, and reads the keys that it knows.
 int ecrt_slave_config_flag(ec_slave_config_t* sc, const char* key, int32_t value) {
     if (key == nullptr) return -EINVAL;
-    if (refuse_active(*sc)) return -EBUSY;
+    const Change change(*sc);
+    if (change.refused()) return -EBUSY;
     const std::string_view flag(key);
     if (flag == "WaitBeforeSAFEOPms") {
         if (value < 0) return -EINVAL;
