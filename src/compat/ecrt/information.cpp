@@ -70,7 +70,7 @@ int sync_at(Bus& bus, std::uint16_t position, std::uint8_t index, SyncWish& sync
     Slave slave;
     auto known = bus.slave_at(position, slave) ? kept_pdos(bus, slave) : nullptr;
     if (known == nullptr) {
-        await_start(bus, position, Ready::for_pdos);
+        await_start(bus, position, Ready::read);
         if (!bus.slave_at(position, slave)) return -ENOENT;
         if (bus.active && !bus.cycling) {
             say("master %u: position %u: its PDOs can be asked for when the cycle has begun", bus.index, position);

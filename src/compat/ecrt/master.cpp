@@ -108,6 +108,17 @@ void end_operation(Bus& bus) {
     (void)expect(*bus.ctx, {});
 }
 
+// The start-up would end transfers: they have 1 s to end by themselves. They look at the configurations meanwhile.
+std::unique_lock<std::mutex> lock_after_transfers(Bus& bus) {
+    std::unique_lock lock(bus.config_mutex);
+    for (int n = 0; n < 1000 && are_under_way(bus); ++n) {
+        lock.unlock();
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        lock.lock();
+    }
+    return lock;
+}
+
 // What the program has written into the memory before activation stays there.
 void give_memory(Bus& bus) {
     for (const auto& domain : bus.domains) {
@@ -231,13 +242,11 @@ int ecrt_master_activate(ec_master_t* master) {
     // Directly behind ecrt_master_deactivate(): a scan that is cut short has no aliases, and places would be guessed.
     bus.await_scan();
     const Turn turn(bus);
-    const std::lock_guard lock(bus.config_mutex);
     if (bus.active) {
         say("master %u is active already", bus.index);
         return 0;
     }
-    // The start-up would end them.
-    for (int n = 0; n < 1000 && are_under_way(bus); ++n) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    const std::unique_lock lock = lock_after_transfers(bus);
     bus.stop_idle();
     bus.search.scan.cancel();
     bus.search.watch.cancel();

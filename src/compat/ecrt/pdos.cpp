@@ -209,8 +209,11 @@ std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
     }
     std::shared_ptr<KnownPdos> known;
     {
-        const Passage passage(bus, static_cast<std::uint16_t>(slave.ring_position - 1), Ready::for_mail);
-        known = std::make_shared<KnownPdos>(read_settled(bus, slave));
+        const auto position = static_cast<std::uint16_t>(slave.ring_position - 1);
+        const Passage passage(bus, position, Ready::for_pdos);
+        Slave present;  // with the number that it has now: the master may have been activated meanwhile
+        if (!bus.slave_at(position, present)) present = slave;
+        known = std::make_shared<KnownPdos>(read_settled(bus, present));
     }
     if (known->unread.code == Errc::wrong_state)
         say("master %u: position %d: it is configured, and its PDOs can be asked for when it has reached SAFEOP",
