@@ -214,6 +214,8 @@ std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
         Slave present;  // with the number that it has now: the master may have been activated meanwhile
         if (!bus.slave_at(position, present)) present = slave;
         known = std::make_shared<KnownPdos>(read_settled(bus, present));
+        if (known->unread.code != Errc::none)
+            known->unread.slave = present.number;  // also where the library names none
     }
     if (known->unread.code == Errc::wrong_state)
         say("master %u: position %d: it is configured, and its PDOs can be asked for when it has reached SAFEOP",

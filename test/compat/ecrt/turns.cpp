@@ -104,6 +104,18 @@ int main() {
     // Without a cycle the call ends.
     CHECK(ecrt_master_activate(master) == 0);
     CHECK(read_vendor(master, 0) == -EIO);
+    for (unsigned ms = 0; ms < 500; ++ms) {
+        ecrt_master_receive(master);
+        ecrt_master_send(master);
+        next_cycle();
+    }
+    int result = 0;
+    std::thread other([&] {
+        ec_sync_info_t sync;
+        result = ecrt_master_get_sync_manager(master, 2, 3, &sync);
+    });
+    other.join();
+    CHECK(result == -EIO);
     ecrt_release_master(master);
     std::printf("all was read, and without a cycle there was an end\n");
     return 0;
