@@ -1,5 +1,5 @@
-/* PDOs that a program adds to what the slave has by itself; lists that are refused, which change nothing; domains
- * without entries. Ends with 0 when everything is as expected. */
+/* PDOs that a program adds to what the slave has by itself; lists of one SyncManager that are refused, which
+ * change nothing; domains without entries. Ends with 0 when everything is as expected. */
 #include "check.h"
 #include "cycle.h"
 
