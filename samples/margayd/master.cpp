@@ -197,6 +197,16 @@ std::string Master::obstacle() {
         samples::counted(*slaves, "slave answers", "slaves answer"));
 }
 
+// Without its clock no slave with SYNC signals leaves PREOP. Frames of the measurement may be lost.
+void Master::set_clocks() {
+    constexpr int kMostTries = 10;
+    for (int n = 0; n < kMostTries && !stopping_; ++n) {
+        const auto done = configdc(*ctx_, *eni_->clocks);
+        if (done || done.error().code == Errc::not_in_sync) return;
+        (void)readstate(*ctx_);  // shows whether a slave is lost, or a frame
+    }
+}
+
 bool Master::bring_up() {
     if (eni_)
         if (const auto applied = files::apply(*ctx_, *eni_); !applied) return false;
@@ -218,7 +228,7 @@ bool Master::bring_up() {
         if (const auto told = files::after_scan(*ctx_, *eni_); !told)
             log(Priority::error, samples::sentence(told.error()));
     }
-    if (eni_ && eni_->clocks) (void)configdc(*ctx_, *eni_->clocks);
+    if (eni_ && eni_->clocks) set_clocks();
     if (configuration_.state < AlState::safeop) (void)set_target(*ctx_, 0, configuration_.state);
     restore_targets(Exchange::no);  // these slaves are not started
     map_groups();

@@ -63,6 +63,7 @@ class Master {
     [[nodiscard]] std::string obstacle();
     // Scans and maps. False: nothing can be done with the segment now.
     bool bring_up();
+    void set_clocks();
     // A state to which a client has set a slave.
     struct KeptTarget {
         std::uint16_t number;
