@@ -269,13 +269,13 @@ nlohmann::ordered_json segment_json(Context& ctx) {
     return {{"slaves", slaves}};
 }
 
-// The head of a group decides: without it no member is looked for.
+// The head of a group decides: without it no member is looked for. The library sets config.optional for all members.
 bool may_be_missing(std::span<const Slave> slaves, const Slave& slave) {
     const auto group_of = [](const Slave& one) { return one.wanted == nullptr ? 0 : one.wanted->hot_connect; };
-    if (slave.config.optional || (slave.wanted != nullptr && slave.wanted->optional)) return true;
-    if (group_of(slave) == 0) return false;
+    const bool listed = slave.wanted != nullptr && slave.wanted->optional;
+    if (group_of(slave) == 0) return listed || slave.config.optional;
     const auto head = std::ranges::find_if(slaves, [&](const Slave& one) { return group_of(one) == group_of(slave); });
-    return head->ring_position == 0;
+    return listed || head->ring_position == 0;
 }
 
 std::string ring_remark(Context& ctx) {

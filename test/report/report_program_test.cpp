@@ -83,6 +83,19 @@ TEST_F(ReportProgram, AHotConnectGroupThatIsAwayIsNoFault) {
     EXPECT_EQ(cycles.status, 0) << cycles.out << cycles.err;
 }
 
+// The head is there.
+TEST_F(ReportProgram, AMissingMemberOfAHotConnectGroupIsAFault) {
+    const std::string group = "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_out_8\"\nalias = 5\n";
+    folder.write("there.toml", group + "[[slave]]\ndevice = \"digital_io_16\"\n");
+    folder.write("partly.toml", group);
+    folder.write("group.xml", process::eni_with_group(folder.path() / "there.toml", 3, 5, 2));
+    const auto ran = run("sim:partly.toml --eni group.xml");
+    EXPECT_EQ(ran.status, 1) << ran.out << ran.err;
+    const auto faults = page().verdicts("fault");
+    EXPECT_TRUE(std::ranges::any_of(faults, [](const auto& one) { return contains(one, "Configured slave 2 "); }))
+        << ran.out;
+}
+
 // Reading 200 slaves takes longer than the watchdogs of their outputs.
 TEST_F(ReportProgram, SlavesThatLeaveOpAfterTheCyclesAreNoFault) {
     const auto ran = run("sim:mixed200 --cycles 100");
