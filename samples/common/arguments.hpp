@@ -66,6 +66,11 @@ class Arguments {
         number(name, {bounds.value_or(limits<T>()), bounds.has_value(), static_cast<std::int64_t>(value)}, text,
                [&value](std::int64_t n) { value = static_cast<T>(n); });
     }
+    // `value` is not the default: --help shows `shown` as the default.
+    template <WholeNumber T>
+    void option(const std::string& name, T& value, const std::string& text, Bounds bounds, std::int64_t shown) {
+        number(name, {bounds, true, shown}, text, [&value](std::int64_t n) { value = static_cast<T>(n); });
+    }
     // An option whose value is one word of a list.
     template <class T>
     void choice(const std::string& name, std::optional<T>& value, const std::string& text,

@@ -33,9 +33,8 @@ CyclicOptions cyclic(const PaceOptions& options, Duration period, bool real) {
 
 }  // namespace
 
-void add_period_options(Arguments& arguments, PaceOptions& options, const std::string& usual) {
-    arguments.option("--period", options.period_us, fmt::format("cycle period in µs [{}]", usual),
-                     Bounds{50, 1'000'000});
+void add_period_options(Arguments& arguments, PaceOptions& options, const std::string& before) {
+    arguments.option("--period", options.period_us, before + "cycle period in µs", Bounds{50, 1'000'000}, 1000);
     arguments.option("--spin", options.spin_us,
                      "time before each cycle, in µs, in which the program polls the clock instead of sleeping",
                      Bounds{0, 1'000'000});
@@ -48,8 +47,8 @@ void add_period_options(Arguments& arguments, PaceOptions& options, const std::s
     arguments.option("--cpu", options.cpu, "bind the program to this processor [any]", Bounds{0, 1023});
 }
 
-void add_pace_options(Arguments& arguments, PaceOptions& options, const std::string& usual) {
-    add_period_options(arguments, options, usual);
+void add_pace_options(Arguments& arguments, PaceOptions& options, const std::string& before) {
+    add_period_options(arguments, options, before);
     arguments.choice(
         "--overrun", options.overrun,
         "when a cycle took longer than its period: skip the missed cycles [default], catch-up: execute them "

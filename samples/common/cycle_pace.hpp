@@ -42,12 +42,12 @@ struct PaceOptions {
     }
 };
 
-// --period, --spin, --priority, --runtime, --cpu. `usual`: the period where none is given.
-void add_period_options(Arguments& arguments, PaceOptions& options, const std::string& usual = "1000");
+// --period, --spin, --priority, --runtime, --cpu. `before`: stands before the words of --help about --period.
+void add_period_options(Arguments& arguments, PaceOptions& options, const std::string& before = {});
 // These, --overrun, --histogram, --send-at and --stamps.
-void add_pace_options(Arguments& arguments, PaceOptions& options, const std::string& usual = "1000");
-// `usual` of a program that brings a segment up by an ENI.
-inline constexpr const char* kPeriodOfEni = "that of the ENI, or 1000";
+void add_pace_options(Arguments& arguments, PaceOptions& options, const std::string& before = {});
+// Of a program that brings a segment up by an ENI.
+inline constexpr const char* kPeriodOfEni = "with --eni, that of the file if this is not given; otherwise the ";
 
 class CyclePace {
   public:

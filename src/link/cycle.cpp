@@ -327,10 +327,10 @@ void Link::accept_frame(Bytes frame, Time now, List<Waiter>& ready) {
     if (!accept_prepared(frame, now, ready)) accept_datagrams(frame, now, ready);
 }
 
-// A frame from the NIC while the cycle of the group of `awaited` is being received.
-void Link::accept_in_cycle(const PreparedFrame& awaited, Bytes frame, Time now, List<Waiter>& ready) {
+// A frame from the NIC, in `buffer_`, while the cycle of the group of `awaited` is being received.
+void Link::accept_in_cycle(const PreparedFrame& awaited, std::size_t length, Time now, List<Waiter>& ready) {
     receiving_ = awaited.park;
-    accept_frame(frame, now, ready);
+    accept_frame(Bytes(buffer_).first(length), now, ready);
     receiving_ = PreparedFrame::kNever;
 }
 
@@ -343,7 +343,7 @@ CycleEnd Link::receive_rest(std::span<PreparedFrame> frames, Time now, List<Wait
         while (frame.slot != nullptr) {
             const std::size_t length = nic_.receive(buffer_);
             if (length == 0) return CycleEnd::missing;
-            accept_in_cycle(frame, Bytes(buffer_.data(), length), now, ready);
+            accept_in_cycle(frame, length, now, ready);
         }
     }
     return CycleEnd::odd;

@@ -135,7 +135,7 @@ inline void copy(std::byte* to, Bytes from) {
             if (frame.slot == &frame.own && frame.plain && cycle::same(frame, reply)) [[likely]]
                 commit_plain(frame);
             else
-                accept_in_cycle(frame, reply, now, ready);
+                accept_in_cycle(frame, length, now, ready);
         }
         if (frame.end != CycleEnd::right) [[unlikely]]
             return receive_rest({&frame, frames.data() + frames.size()}, now, ready);

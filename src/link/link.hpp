@@ -178,7 +178,7 @@ class Link {
     static void keep(PreparedFrame& sent, Bytes reply);
     static void drop_held(PreparedFrame& frame);
     void accept_frame(Bytes frame, Time now, List<Waiter>& ready);
-    void accept_in_cycle(const PreparedFrame& awaited, Bytes frame, Time now, List<Waiter>& ready);
+    [[gnu::cold]] void accept_in_cycle(const PreparedFrame& awaited, std::size_t length, Time now, List<Waiter>& ready);
     // Until this time the queue is left to the cycles.
     [[nodiscard]] Time cycles_until();
     static void remove_riders(PreparedFrame& frame);
