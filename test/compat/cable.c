@@ -5,20 +5,11 @@
 
 #include <stdio.h>
 
+#include "cycles.h"
 #include "must.h"
 
 static char IOmap[4096];
 static int wrong, expected;
-
-static int cycles(int count) {
-    int wkc = 0;
-    while (count-- > 0) {
-        ec_send_processdata();
-        wkc = ec_receive_processdata(EC_TIMEOUTRET);
-        osal_usleep(1000);
-    }
-    return wkc;
-}
 
 /* DL control of slave 1: port 1 closed or open. */
 static void set_port(int open) {

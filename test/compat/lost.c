@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "cycles.h"
+
 static char IOmap[4096];
 static int hooks;
 
@@ -12,16 +14,6 @@ static int hook(uint16 slave) {
     (void)slave;
     ++hooks;
     return 1;
-}
-
-static int cycles(int count) {
-    int wkc = 0;
-    while (count-- > 0) {
-        ec_send_processdata();
-        wkc = ec_receive_processdata(EC_TIMEOUTRET);
-        osal_usleep(1000);
-    }
-    return wkc;
 }
 
 static int to_op(uint16 slave) {

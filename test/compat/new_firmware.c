@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cycles.h"
 #include "must.h"
 
 static char IOmap[4096];
@@ -34,16 +35,6 @@ static void make_image(uint32 product, int major) {
     put(image + 8, product);
     image[14] = (uint8)major;
     put(image + 4, crc32_of(image + 8, sizeof image - 8));
-}
-
-static int cycles(int count) {
-    int wkc = 0;
-    while (count-- > 0) {
-        ec_send_processdata();
-        wkc = ec_receive_processdata(EC_TIMEOUTRET);
-        osal_usleep(1000);
-    }
-    return wkc;
 }
 
 static void reach(uint16 slave, uint16 state) {

@@ -5,20 +5,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "cycles.h"
 #include "must.h"
 
 static char IOmap[4096];
 static int wrong;
-
-static int cycles(int count) {
-    int wkc = 0;
-    while (count-- > 0) {
-        ec_send_processdata();
-        wkc = ec_receive_processdata(EC_TIMEOUTRET);
-        osal_usleep(1000);
-    }
-    return wkc;
-}
 
 /* The status word answers to "shutdown" and to "disable voltage". */
 static void answers(uint8 control, uint8 status) {
