@@ -197,14 +197,23 @@ std::string Master::obstacle() {
         samples::counted(*slaves, "slave answers", "slaves answer"));
 }
 
-// Without its clock no slave with SYNC signals leaves PREOP. Frames of the measurement may be lost.
+// Without its clock no slave with SYNC signals leaves PREOP. Frames of the measurement may be lost, or the slave with
+// the reference clock has no power yet: then the cycle has a place for its time, and look_at_clocks() measures again.
 void Master::set_clocks() {
     constexpr int kMostTries = 10;
+    late_clocks_.reset();
     for (int n = 0; n < kMostTries && !stopping_; ++n) {
         const auto done = configdc(*ctx_, *eni_->clocks);
         if (done || done.error().code == Errc::not_in_sync) return;
         (void)readstate(*ctx_);  // shows whether a slave is lost, or a frame
     }
+    late_clocks_ = *eni_->clocks;
+    const auto slaves = ctx_->slaves();
+    const auto with_sync =
+        std::ranges::find_if(slaves, [](const Slave& s) { return s.config.dc().source != SyncSettings::Source::none; });
+    if (late_clocks_->reference == 0 && with_sync != slaves.end()) late_clocks_->reference = with_sync->number;
+    ctx_->group(late_clocks_->group).config.dc_reference = late_clocks_->reference;
+    next_measurement_ = {};
 }
 
 bool Master::bring_up() {
@@ -352,8 +361,10 @@ void Master::close_eoe() {
 // ------------------------------------------------------------------ the end
 
 void Master::end_supervision() {
+    measure_clocks_.cancel();
     supervise_.cancel();
-    for (const Time until = source_->osal().now() + 2s; supervise_.busy() && source_->osal().now() < until;) {
+    const auto busy = [this] { return supervise_.busy() || measure_clocks_.busy(); };
+    for (const Time until = source_->osal().now() + 2s; busy() && source_->osal().now() < until;) {
         (void)poll(*ctx_, source_->osal().now());
         source_->osal().wait(source_->osal().now() + 1ms, source_->wait_handles());
     }

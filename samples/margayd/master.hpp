@@ -82,6 +82,7 @@ class Master {
     // Exchanges process data until the thread is asked to end, or the segment must be scanned again.
     void cycle();
     void look_around(std::uint64_t overruns, bool settles);
+    void look_at_clocks();
     [[nodiscard]] bool is_to_be_scanned();
     [[nodiscard]] bool has_strangers() const;
     // Slaves that answer cannot take part until the image is laid out anew.
@@ -105,9 +106,13 @@ class Master {
     std::vector<std::byte> image_{};
     std::optional<samples::CyclePace> pace_{};
     SuperviseRequest supervise_{};
-    bool is_ours_ = false;     // slaves in SAFEOP or OP are this master's own
-    bool brought_up_ = false;  // there are slaves that this master has configured
+    std::optional<ClockSettings> late_clocks_{};  // of clocks that could not be measured before the cycle
+    ClockRequest measure_clocks_{};
+    bool is_measuring_ = false;  // measure_clocks_ was submitted, and its result is not used yet
+    bool is_ours_ = false;       // slaves in SAFEOP or OP are this master's own
+    bool brought_up_ = false;    // there are slaves that this master has configured
     using Clock = std::chrono::steady_clock;
+    Clock::time_point next_measurement_{};  // of late_clocks_: not before
     // Since when lacks_places() is true, or false; looked at once a second.
     std::optional<Clock::time_point> lacks_since_{};
     std::optional<Clock::time_point> right_since_{};

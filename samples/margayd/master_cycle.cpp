@@ -15,7 +15,8 @@ constexpr auto kSettle = 2s;  // between the last news of added slaves and the s
 // A scan takes the other slaves out of OP, and the next one may find nothing better.
 constexpr Duration kLongestPause = 10min;
 constexpr int kPauseGrows = 4;
-constexpr auto kHasHelped = 30s;  // no slave lacks a place for so long after a scan: the next scan does not wait
+constexpr auto kMeasureAgain = 5s;  // between two measurements of the clocks that fail
+constexpr auto kHasHelped = 30s;    // no slave lacks a place for so long after a scan: the next scan does not wait
 
 }  // namespace
 
@@ -57,6 +58,7 @@ void Master::look_around(std::uint64_t overruns, bool settles) {
     const auto elsewhere = std::ranges::count_if(ctx_->slaves(), [this](const Slave& s) {
         return s.al.state != AlState::none && s.al.state != configuration_.state;
     });
+    if (late_clocks_) look_at_clocks();
     companion_->tell({.wrong = wrong,
                       .slaves = static_cast<std::uint16_t>(present),
                       .elsewhere = static_cast<std::uint16_t>(elsewhere),
@@ -64,6 +66,26 @@ void Master::look_around(std::uint64_t overruns, bool settles) {
                       .overruns = overruns,
                       .settles = settles,
                       .link = ctx_->statistics()});
+}
+
+// SYNC signals that are active show that the clocks are set: another measurement would switch the signals off.
+void Master::look_at_clocks() {
+    if (measure_clocks_.busy()) return;
+    const bool done = is_measuring_ && (measure_clocks_.state() == RequestState::success ||
+                                        measure_clocks_.error().code == Errc::not_in_sync);
+    is_measuring_ = false;
+    if (done || std::ranges::any_of(ctx_->slaves(),
+                                    [this](const Slave& s) { return slave_clock(*ctx_, s.number).sync_active; })) {
+        late_clocks_.reset();
+        return;
+    }
+    const std::uint16_t reference = late_clocks_->reference;
+    const bool is_there = reference == 0 || ctx_->slave(reference).al.state != AlState::none;
+    const auto now = Clock::now();
+    if (!is_there || now < next_measurement_) return;
+    next_measurement_ = now + kMeasureAgain;
+    measure_clocks_.settings = *late_clocks_;
+    is_measuring_ = submit(*ctx_, measure_clocks_).ok();
 }
 
 bool Master::has_strangers() const {

@@ -16,8 +16,9 @@
 
 namespace margay::process {
 
-// With SYNC0 in one slave.
-inline std::string clocked_eni(const std::string& segment, std::uint16_t slave, Duration cycle) {
+// With SYNC0 in one slave. `reference`: the slave with the reference clock; 0: the first one.
+inline std::string clocked_eni(const std::string& segment, std::uint16_t slave, Duration cycle,
+                               std::uint16_t reference = 0) {
     static constexpr SlaveSetup kSetup{
         .dc = {.source = SyncSettings::Source::application, .shift = std::chrono::microseconds(100)}};
     auto source = samples::open_source(segment);
@@ -27,7 +28,7 @@ inline std::string clocked_eni(const std::string& segment, std::uint16_t slave, 
     EXPECT_TRUE(source->begin(ctx));
     EXPECT_TRUE(config_init(ctx));
     ctx.slave(slave).config.setup = &kSetup;
-    EXPECT_TRUE(configdc(ctx, {.cycle = cycle}));
+    EXPECT_TRUE(configdc(ctx, {.reference = reference, .cycle = cycle}));
     EXPECT_TRUE(config_map(ctx, image));
     const auto written = files::write_eni(ctx, {.cycle = cycle});
     EXPECT_TRUE(written) << written.error;

@@ -1,5 +1,6 @@
 // margayd on an interface: a segment that appears later, an interface that comes and goes, slaves without power,
 // another master, a service that was killed, EoE. The segment is virtual_segment at the other end of a cable.
+#include "process/made_eni.hpp"
 #include "process/netns.hpp"
 #include "service/service_fixture.hpp"
 
@@ -199,6 +200,24 @@ TEST_F(ServiceOnCable, SlavesThatAreAddedAreScannedWithoutAnEni) {
     command("heal 3");
     expect_says(*margayd, "slaves were added or exchanged: the segment is scanned again");
     expect_says(*margayd, "a: all is right: 5 slaves in PREOP");
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+}
+
+// The slave before them is in OP meanwhile, and stays there.
+TEST_F(ServiceOnCable, TheClocksAreMeasuredWhenTheReferenceClockGetsItsPower) {
+    folder.write("etc/machine.xml", clocked_eni("sim:coupler,drive,drive", 3, 10ms, 2));
+    configure_cable("eni = \"machine.xml\"\n");
+    auto line = segment("coupler,drive,drive");
+    command("power off 2");
+    EXPECT_TRUE(line->says("slave 2 ", kServicePatience)) << line->output();
+    auto margayd = service();
+    expect_says(*margayd, "a: slave 2: synchronising the clocks: the slave is missing");
+    expect_says(*margayd, "a: slave 1: SAFEOP to OP");
+    command("power on 2");
+    expect_says(*margayd, "a: all is right: 3 slaves in OP");
+    EXPECT_FALSE(contains(margayd->output(), "a: slave 1: OP to ")) << margayd->output();
+    EXPECT_EQ(folder.run(bin + "ethercat reg_read -p 2 -t uint8 0x0981 --attach run/a.sock").out, "0x03 3\n");
     margayd->terminate();
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
 }
