@@ -13,6 +13,8 @@
 
 #include <algorithm>
 #include <exception>
+#include <fstream>
+#include <system_error>
 #include <utility>
 
 namespace margay::service {
@@ -87,6 +89,7 @@ void Master::run(std::promise<std::string>& opened) {
         log(Priority::error, fmt::format("ends: {}", exception.what()));
         failed_ = true;
     }
+    if (brought_up_ && !is_left_well_) note_left_slaves();
     attach_.reset();
     if (companion_ != nullptr) companion_->end();
 }
@@ -124,8 +127,19 @@ std::string Master::open_here() {
                                                             .debug_level = &debug_level_,
                                                             .clients = s.clients});
     if (!attach_->error().empty()) return attach_->error();
-    is_ours_ = left_behind;
+    is_ours_ = left_behind || has_left_slaves();
     return open_gateway();
+}
+
+// A file beside the socket names the source whose slaves could not be brought to the end state, because they did not
+// answer: the next master of this source knows them as its own.
+std::filesystem::path Master::left_file() const { return socket_ + ".left"; }
+
+void Master::note_left_slaves() const { std::ofstream(left_file()) << configuration_.source << '\n'; }
+
+bool Master::has_left_slaves() const {
+    std::string source;
+    return std::getline(std::ifstream(left_file()), source) && source == configuration_.source;
 }
 
 std::string Master::open_gateway() {
@@ -227,6 +241,8 @@ bool Master::bring_up() {
     const auto found = config_init(*ctx_);
     if (!found && ctx_->slaves().empty()) return false;
     brought_up_ = true;
+    std::error_code none;
+    std::filesystem::remove(left_file(), none);
     const auto present = std::ranges::count_if(ctx_->slaves(), [](const Slave& s) { return s.ring_position != 0; });
     log(Priority::notice, samples::counted(static_cast<std::uint64_t>(present), "slave") + " found");
     // The errors of these calls are in errors() too, and the companion writes them: what fails for one slave does not
@@ -386,6 +402,9 @@ void Master::leave() {
         if (!asked) asked = writestate(*ctx_, 0, configuration_.end_state);  // frames may have been lost
         read = readstate(*ctx_);
     }
+    is_left_well_ =
+        std::ranges::all_of(ctx_->slaves(), [](const Slave& s) { return s.al.state != AlState::none || !s.seen; }) &&
+        are_there();
     if (are_there()) {
         const auto gone = std::ranges::count(ctx_->slaves(), AlState::none, [](const Slave& s) { return s.al.state; });
         const auto there = static_cast<std::ptrdiff_t>(ctx_->slaves().size()) - gone;

@@ -16,6 +16,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <filesystem>
 #include <future>
 #include <memory>
 #include <optional>
@@ -89,6 +90,9 @@ class Master {
     [[nodiscard]] bool lacks_places(const Error& wrong) const;
     void end_supervision();
     void leave();
+    [[nodiscard]] std::filesystem::path left_file() const;
+    void note_left_slaves() const;
+    [[nodiscard]] bool has_left_slaves() const;
     // Polls for this time, or until the thread is asked to end.
     void pause(Duration time);
 
@@ -110,6 +114,7 @@ class Master {
     ClockRequest measure_clocks_{};
     bool is_measuring_ = false;  // measure_clocks_ was submitted, and its result is not used yet
     bool is_ours_ = false;       // slaves in SAFEOP or OP are this master's own
+    bool is_left_well_ = false;  // at the end: all slaves that this master has found are in the end state
     bool brought_up_ = false;    // there are slaves that this master has configured
     using Clock = std::chrono::steady_clock;
     Clock::time_point next_measurement_{};  // of late_clocks_: not before

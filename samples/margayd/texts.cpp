@@ -124,7 +124,10 @@ std::string man_page() {
         text += man_entry(fmt::format("{} = {}", key.name, key.value), key_text(key));
     text += ".SH EXAMPLE\n" + verbatim(kExample) + man_slaves() + man_signals() + man_service();
     text += ".SH FILES\n" + man_entry("/etc/margay/*.toml", "the configuration") +
-            man_entry("/run/margay/NAME.sock", "the socket of a master");
+            man_entry("/run/margay/NAME.sock", "the socket of a master") +
+            man_entry("/run/margay/NAME.sock.left",
+                      "the source of a master that has ended while slaves did not answer: the next one brings them up "
+                      "without take_over");
     text += ".SH EXIT STATUS\n" + escaped(kExitCodes.substr(kExitCodes.find(':') + 2)) + "\n";
     return text + ".SH SEE ALSO\n.BR ethercat (1)\n";
 }

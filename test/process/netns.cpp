@@ -143,6 +143,10 @@ bool Child::says(const std::string& text, std::chrono::seconds limit) {
     }
 }
 
+void Child::send(int signal) const {
+    if (id_ > 0) (void)::kill(id_, signal);
+}
+
 void Child::terminate() {
     if (id_ > 0) ::kill(id_, SIGTERM);
 }

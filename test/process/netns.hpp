@@ -60,6 +60,7 @@ class Child {
     // Whether the program has ended, without waiting.
     bool ended();
     void terminate();
+    void send(int signal) const;
 
     [[nodiscard]] std::string output() const;
     [[nodiscard]] std::string errors() const;

@@ -120,6 +120,31 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
     EXPECT_TRUE(contains(margayd->output(), "a: all slaves in INIT\nmargayd: ends\n")) << margayd->output();
 }
 
+// They cannot be brought to INIT, and no other master has them: margayd brings them up when they answer again, by a
+// reload and by a new start.
+TEST_F(ServiceOnCable, SlavesThatDidNotAnswerAtTheEndAreItsOwn) {
+    configure_cable("cycle_us = 20000\n");
+    auto demo = segment();
+    auto margayd = service();
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    command("break 1");
+    expect_says(*margayd, "a: not all is right: ");
+    configure_cable("cycle_us = 21000\n");
+    margayd->send(SIGHUP);
+    expect_says(*margayd, "a: slave 1 (EtherCAT coupler) is left in OP, not in INIT");
+    expect_says(*margayd, "configuration reloaded: 1 master started");
+    margayd->terminate();  // the new master has found no slave, and knows no more than the old one
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    margayd = service();
+    expect_says(*margayd, "a: waiting: no slave answers");
+    command("heal all");
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    EXPECT_FALSE(contains(margayd->output(), "another master")) << margayd->output();
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    EXPECT_EQ(folder.run("ls run").out, "") << "nothing is left: all slaves are in INIT";
+}
+
 // No frame comes back in the moment of the end, and for 0.3 s: far less than the patience at the end.
 TEST_F(ServiceOnCable, AnOutageAtTheEndLeavesNoSlaveInOp) {
     configure_cable("cycle_us = 20000\n");
