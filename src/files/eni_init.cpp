@@ -78,6 +78,8 @@ EniInit read_init(Reader& r, Node node) {
 }
 
 std::string named(const EniInit& init) {
+    if (init.cmd == EniCmd::lrd || init.cmd == EniCmd::lwr || init.cmd == EniCmd::lrw)
+        return "an init command for a logical address is not supported: ";
     return "the init command for register " + hex(init.ado) + " is not supported: ";
 }
 

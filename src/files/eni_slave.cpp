@@ -15,29 +15,60 @@ namespace reg = wire::reg;
 
 constexpr std::uint16_t kMailboxStatus = 0x080D;  // status of SyncManager 1
 
+// `origin`: what gives it.
+void set_station_address(Reader& r, Node at, const char* origin, std::uint16_t address, EniSlaveData& s) {
+    constexpr std::uint16_t kUnknown = 0x0C00;  // to 0x0FFF: see ExpectedSlave::station_address
+    s.slave.station_address = address;
+    if ((address & 0xFC00) == kUnknown)
+        r.remark(at, std::string("the library needs the station addresses 0x0C00 to 0x0FFF: the slave gets another ") +
+                         origin + " than " + hex(address));
+    else
+        s.expected.station_address = address;
+}
+
+// PhysAddr is optional: without it, the init command that writes the station address gives it.
+void read_station_address(Reader& r, Node info, const std::vector<EniInit>& inits, EniSlaveData& s) {
+    const Value given = child(info, "PhysAddr");
+    if (given.there) set_station_address(r, info, "PhysAddr", r.number<std::uint16_t>(given), s);
+    for (const EniInit& init : inits) {
+        if (init.ado != reg::kStationAddress.address || !init.writes() || init.transitions == Transition::none)
+            continue;
+        const auto written = static_cast<std::uint16_t>(init.value(0, 2));
+        if (init.data.size() < 2 || written == 0 || written == s.slave.station_address) continue;
+        if (s.slave.station_address != 0)
+            return r.remark(init.node, "an init command gives the slave the station address " + hex(written) +
+                                           ": it gets " + hex(s.slave.station_address) +
+                                           (given.there ? ", its PhysAddr" : ", as the command before it says"));
+        set_station_address(r, init.node, "station address", written, s);
+    }
+}
+
+void read_identification(Reader& r, Node id, EniSlaveData& s) {
+    if (!attribute(id, "Value").there) return;
+    const auto value = r.number<std::uint16_t>(attribute(id, "Value"));
+    const Value at = child(id, "Ado").there ? child(id, "Ado") : attribute(id, "Ado");
+    const auto ado = r.number<std::uint16_t>(at);
+    if (ado == reg::kStationAlias.address)
+        s.expected.alias = value;
+    else if (ado == reg::kAlStatusCode.address)
+        s.expected.device_id = value;
+    else
+        r.remark(id, (at.there ? "Identification by the register " + hex(ado) : "Identification without Ado") +
+                         " is not supported: only the alias (0x0012) and the device id (0x0134) are compared");
+}
+
 void read_info(Reader& r, Node info, EniSlaveData& s) {
     s.slave.name = Reader::text(child(info, "Name"));
     s.slave.identity = {
         r.number<std::uint32_t>(child(info, "VendorId")), r.number<std::uint32_t>(child(info, "ProductCode")),
         r.number<std::uint32_t>(child(info, "RevisionNo")), r.number<std::uint32_t>(child(info, "SerialNo"))};
-    s.slave.station_address = r.number<std::uint16_t>(child(info, "PhysAddr"));
-    constexpr std::uint16_t kUnknown = 0x0C00;  // to 0x0FFF: see ExpectedSlave::station_address
-    if ((s.slave.station_address & 0xFC00) == kUnknown)
-        r.remark(info,
-                 "the library needs the station addresses 0x0C00 to 0x0FFF: the slave gets another PhysAddr than " +
-                     hex(s.slave.station_address));
-    else
-        s.expected.station_address = s.slave.station_address;
     if (const Value position = child(info, "AutoIncAddr"); position.there)
         s.slave.ring_position = static_cast<std::uint16_t>(-r.number<std::uint16_t>(position));
-    const Node id = info.child("Identification");
-    if (!attribute(id, "Value").there) return;
-    const auto value = r.number<std::uint16_t>(attribute(id, "Value"));
-    const auto ado = r.number<std::uint16_t>(child(id, "Ado").there ? child(id, "Ado") : attribute(id, "Ado"));
-    if (ado == reg::kStationAlias.address)
-        s.expected.alias = value;
-    else
-        s.expected.device_id = value;
+    read_identification(r, info.child("Identification"), s);
+}
+
+bool is_whole(std::span<const std::byte> mask) {
+    return std::ranges::all_of(mask, [](std::byte one) { return one == std::byte{0xFF}; });
 }
 
 // The identity that the init commands check: a command that gives the SII a word address, then one that reads the data.
@@ -49,35 +80,43 @@ class IdentityChecks {
         if (init.ado == kControl && init.writes() && init.data.size() >= 6)
             word_ = static_cast<std::uint32_t>(init.value(2, 4));
         if (init.ado != kData || !init.validates) return;
-        const bool whole =
-            init.wanted.size() >= 4 &&
-            std::ranges::all_of(std::span(init.mask).first(4), [](std::byte one) { return one == std::byte{0xFF}; });
-        const bool identity = word_ == 0x08 || word_ == 0x0A || word_ == 0x0C || word_ == 0x0E;
-        if (!whole && identity) {
-            r.fail(init.node, "the check of SII word " + hex(word_) +
-                                  " compares a part of the value, by its size or by DataMask, which is not supported");
-            return;
-        }
-        std::uint32_t value = 0;
-        for (unsigned n = 0; n < 4 && n < init.wanted.size(); ++n)
-            value |= std::to_integer<std::uint32_t>(init.wanted[n]) << (8 * n);
-        any = true;
-        if (init.at_least && word_ != 0x0C)
+        constexpr std::size_t kWord = 2;  // octets; each part of the identity has two words
+        for (std::size_t at = 0; at < init.wanted.size(); at += 2 * kWord)
+            see(r, init, at, static_cast<std::uint32_t>(word_ + at / kWord), s);
+        if (init.at_least && (word_ != 0x0C || init.wanted.size() > 2 * kWord))
             r.remark(init.node, "EQ_OR_G is supported for the revision only: the value is compared for equality");
-        switch (word_) {
-            case 0x08: s.expected.vendor = value; return;
-            case 0x0A: s.expected.product = value; return;
-            case 0x0C:
-                s.expected.revision = value;
-                s.expected.newer_revision = init.at_least;
-                return;
-            case 0x0E: s.expected.serial = value; return;
-            default: r.remark(init.node, "the check of SII word " + hex(word_) + " is not supported");
-        }
     }
     bool any = false;
 
   private:
+    // The four octets that the command compares from `at` on are those of this word and the next one.
+    void see(Reader& r, const EniInit& init, std::size_t at, std::uint32_t word, EniSlaveData& s) {
+        const bool whole = init.wanted.size() >= at + 4 && is_whole(std::span(init.mask).subspan(at, 4));
+        const auto value = static_cast<std::uint32_t>(wanted_value(init, at));
+        const bool identity = word == 0x08 || word == 0x0A || word == 0x0C || word == 0x0E;
+        if (!identity) return r.remark(init.node, "the check of SII word " + hex(word) + " is not supported");
+        if (!whole)
+            return r.fail(init.node,
+                          "the check of SII word " + hex(word) +
+                              " compares a part of the value, by its size or by DataMask, which is not supported");
+        any = true;
+        std::optional<std::uint32_t>& part = word == 0x08   ? s.expected.vendor
+                                             : word == 0x0A ? s.expected.product
+                                             : word == 0x0C ? s.expected.revision
+                                                            : s.expected.serial;
+        if (part && *part != value)
+            r.remark(init.node, "the check of SII word " + hex(word) + " wants " + hex(value, 8) +
+                                    ", and one before it wants " + hex(*part, 8) + ": the last one is used");
+        part = value;
+        if (word == 0x0C) s.expected.newer_revision = init.at_least && init.wanted.size() == 4;
+    }
+    static std::uint64_t wanted_value(const EniInit& init, std::size_t at) {
+        std::uint64_t value = 0;
+        for (std::size_t n = 0; n < 4 && at + n < init.wanted.size(); ++n)
+            value |= std::to_integer<std::uint64_t>(init.wanted[at + n]) << (8 * n);
+        return value;
+    }
+
     std::uint32_t word_ = 0;
 };
 
@@ -110,6 +149,9 @@ void read_times(const EniInit& init, SlaveTimes& times) {
 
 void see_fmmus(Reader& r, const EniInit& init, EniSlaveData& s) {
     if (!init.writes() || init.is_zero()) return;
+    if (!contains(init.transitions, Transition::preop_to_safeop) &&
+        contains(init.transitions, Transition::safeop_to_op))
+        r.remark(init.node, "the FMMU is set at SO: the library sets it at PS");
     const std::size_t offset = init.ado - reg::kFmmuBase;
     if (offset % reg::kFmmuStride != 0 || init.data.size() % reg::kFmmuStride != 0) {
         r.fail(init.node, "an init command writes a part of an FMMU, which is not supported");
@@ -164,24 +206,73 @@ void see_sync_managers(Reader& r, const EniInit& init, EniSlaveData& s) {
     }
 }
 
-void see_sync(const EniInit& init, EniSlaveData& s) {
-    if (!init.writes() || !contains(init.transitions, Transition::preop_to_safeop)) return;
-    SyncSettings& dc = s.setup.dc;
-    // Any of the two registers, or both, may be written.
+// Settings of SYNC signals, and which of them the init commands have given.
+struct SyncSeen {
+    std::optional<std::uint16_t> activation{};
+    std::optional<std::uint32_t> cycle0{};
+    std::optional<std::uint32_t> cycle1{};
+};
+
+// What the command gives, beside what is known.
+SyncSeen sync_of(const EniInit& init, const SyncSeen& known) {
     const auto covers = [&](std::uint16_t address) {
         return init.ado <= address && address < init.ado + init.data.size();
     };
-    const auto at = [&](std::uint16_t address, std::size_t octets) { return init.value(address - init.ado, octets); };
-    if (covers(0x0980) || covers(0x0981)) {
-        std::uint64_t value = s.uses_clock ? dc.assign_activate : 0;
-        if (covers(0x0980)) value = (value & 0xFF00) | at(0x0980, 1);
-        if (covers(0x0981)) value = (value & 0x00FF) | at(0x0981, 1) << 8;
-        dc.assign_activate = static_cast<std::uint16_t>(value);
-        s.uses_clock = value != 0;
-        dc.source = value != 0 ? SyncSettings::Source::application : SyncSettings::Source::none;
-    }
-    if (covers(0x09A0)) dc.sync0_cycle = Duration(static_cast<std::int64_t>(at(0x09A0, 4)));
-    if (covers(0x09A4)) dc.sync1_cycle = Duration(static_cast<std::int64_t>(at(0x09A4, 4)));
+    const auto at = [&](std::uint16_t address, std::size_t octets) {
+        return static_cast<std::uint32_t>(init.value(address - init.ado, octets));
+    };
+    SyncSeen given;
+    const std::uint32_t before = known.activation.value_or(0);  // any of the two registers, or both, may be written
+    const std::uint32_t low = covers(0x0980) ? at(0x0980, 1) : before & 0xFF;
+    const std::uint32_t high = covers(0x0981) ? at(0x0981, 1) : before >> 8;
+    if (covers(0x0980) || covers(0x0981)) given.activation = static_cast<std::uint16_t>(high << 8 | low);
+    if (covers(0x09A0)) given.cycle0 = at(0x09A0, 4);
+    if (covers(0x09A4)) given.cycle1 = at(0x09A4, 4);
+    return given;
+}
+
+template <class T>
+bool is_other(const std::optional<T>& given, const std::optional<T>& known) {
+    return given && *given != 0 && given != known;
+}
+
+// The library sets the signals at PS. What the file gives at another step on the way to OP is used where the file gives
+// nothing at PS.
+bool is_used(Reader& r, const EniInit& init, const SyncSeen& given, const SyncSeen& at_ps) {
+    if (contains(init.transitions, Transition::preop_to_safeop)) return true;
+    const bool other = is_other(given.activation, at_ps.activation) || is_other(given.cycle0, at_ps.cycle0) ||
+                       is_other(given.cycle1, at_ps.cycle1);
+    if (!other) return false;
+    const bool taken =
+        (given.activation && at_ps.activation) || (given.cycle0 && at_ps.cycle0) || (given.cycle1 && at_ps.cycle1);
+    const bool up =
+        contains(init.transitions, Transition::init_to_preop) || contains(init.transitions, Transition::safeop_to_op);
+    const std::string what = "the init command for SYNC signals (" + hex(init.ado) + ") is not of PS: ";
+    r.remark(init.node, what + (taken ? "it is not sent, what the commands of PS give is used"
+                                : up  ? "the library sets SYNC signals at PS"
+                                      : "it is not sent, the library sets SYNC signals at PS"));
+    return up && !taken;
+}
+
+void read_sync(Reader& r, EniSlaveData& s) {
+    SyncSeen seen;
+    for (const bool at_ps : {true, false})
+        for (const EniInit& init : s.inits) {
+            const bool here = init.ado >= 0x0980 && init.ado < 0x09B0 && init.writes();
+            if (!here || init.transitions == Transition::none) continue;
+            if (contains(init.transitions, Transition::preop_to_safeop) != at_ps) continue;
+            const SyncSeen given = sync_of(init, seen);
+            if (!is_used(r, init, given, seen)) continue;
+            if (given.activation) seen.activation = given.activation;
+            if (given.cycle0) seen.cycle0 = given.cycle0;
+            if (given.cycle1) seen.cycle1 = given.cycle1;
+        }
+    SyncSettings& dc = s.setup.dc;
+    if (seen.activation) dc.assign_activate = *seen.activation;
+    s.uses_clock = seen.activation.value_or(0) != 0;
+    if (s.uses_clock) dc.source = SyncSettings::Source::application;
+    if (seen.cycle0) dc.sync0_cycle = Duration(*seen.cycle0);
+    if (seen.cycle1) dc.sync1_cycle = Duration(*seen.cycle1);
 }
 
 void read_dc(Reader& r, Node dc, EniSlaveData& s) {
@@ -193,6 +284,7 @@ void read_dc(Reader& r, Node dc, EniSlaveData& s) {
 
 void read_inits(Reader& r, Node node, EniSlaveData& s) {
     std::vector<EniInit> inits = read_eni_inits(r, node);
+    read_station_address(r, node.child("Info"), inits, s);
     s.has_inits = !inits.empty();
     IdentityChecks checks;
     for (EniInit& init : inits) {
@@ -210,11 +302,15 @@ void read_inits(Reader& r, Node node, EniSlaveData& s) {
         read_times(init, s.setup.times);
         if (init.ado >= reg::kFmmuBase && init.ado < reg::kFmmuBase + 0x100) see_fmmus(r, init, s);
         if (init.ado >= reg::kSyncManagerBase && init.ado < reg::kSyncManagerBase + 0x80) see_sync_managers(r, init, s);
-        if (init.ado >= 0x0980 && init.ado < 0x09B0) see_sync(init, s);
         name_library_register(r, init);
+        const std::size_t commands = s.registers.size();
         add_register_command(r, init, s);
+        if (init.cmd == EniCmd::bwr && s.registers.size() != commands)
+            r.remark(init.node, "the BWR of register " + hex(init.ado) +
+                                    " is an init command of this slave: it is sent to this slave only");
         s.inits.push_back(std::move(init));
     }
+    read_sync(r, s);
     if (checks.any) return name_other_identity(r, s);
     // A file without checks still says which slave it is made for.
     if (s.slave.identity.vendor == 0 && s.slave.identity.product == 0 && !s.node.child("HotConnect"))
@@ -325,13 +421,19 @@ void read_hot_connect(Reader& r, Node node, EniSlaveData& s) {
         const auto ado = r.number<std::uint16_t>(child(identify, "Ado"));
         const Node validate = identify.child("Validate");
         const std::vector<std::byte> wanted = r.octets(child(validate, "Data"));
-        if (wanted.size() < 2 || (ado != reg::kStationAlias.address && ado != reg::kAlStatusCode.address)) {
+        const bool known = ado == reg::kStationAlias.address || ado == reg::kAlStatusCode.address;
+        if (!known || wanted.size() < 2) {
             if (validate && ado != 0x0508)  // a check of the identity by the SII
-                r.remark(identify,
-                         "this way to identify a hot connect group is not supported: only the registers "
-                         "0x0012 and 0x0134 are");
+                r.remark(identify, known ? "IdentifyCmd compares " + std::to_string(wanted.size()) +
+                                               " octet of the register " + hex(ado) + ", which has 2: it is not used"
+                                         : "this way to identify a hot connect group is not supported: only the "
+                                           "registers 0x0012 and 0x0134 are");
             continue;
         }
+        const std::vector<std::byte> mask = r.octets(child(validate, "DataMask"));
+        if (!is_whole(std::span(mask).first(std::min<std::size_t>(mask.size(), 2))))
+            r.fail(identify,
+                   "IdentifyCmd compares a part of the register " + hex(ado) + ", by DataMask, which is not supported");
         const auto value = static_cast<std::uint16_t>(std::to_integer<unsigned>(wanted[0]) |
                                                       std::to_integer<unsigned>(wanted[1]) << 8);
         (ado == reg::kStationAlias.address ? s.expected.alias : s.expected.device_id) = value;

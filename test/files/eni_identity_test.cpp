@@ -194,5 +194,112 @@ TEST(EniIdentity, WrongStationAddressesAreNamed) {
     }));
 }
 
+// ------------------------------------------------------------------ of files of others
+
+std::string changed(const std::string& what, const std::string& by) {
+    std::string text = kExampleEni;
+    const auto at = text.find(what);
+    EXPECT_NE(at, std::string::npos) << what;
+    return at == std::string::npos ? text : text.replace(at, what.size(), by);
+}
+
+bool says(const Read<EniConfiguration>& eni, const std::string& text) {
+    return std::ranges::any_of(eni.remarks,
+                               [&](const Remark& one) { return to_text(one).find(text) != std::string::npos; });
+}
+
+struct SiiCheck {
+    std::string word;  // two hexadecimal digits
+    std::string wanted;
+};
+
+// The example with init commands of the second slave that read these words of its SII and compare them.
+Read<EniConfiguration> with_checks(const std::vector<SiiCheck>& checks) {
+    const std::string begin = "<InitCmd><Transition>IP</Transition>";
+    std::string all;
+    for (const auto& [word, wanted] : checks)
+        all += begin + "<Cmd>5</Cmd><Adp>1002</Adp><Ado>1282</Ado><Data>0001" + word + "000000</Data></InitCmd>" +
+               begin + "<Cmd>4</Cmd><Adp>1002</Adp><Ado>1288</Ado><DataLength>" + std::to_string(wanted.size() / 2) +
+               "</DataLength><Validate><Data>" + wanted + "</Data></Validate></InitCmd>";
+    const std::string second = "<InitCmd><Transition>PS</Transition><Cmd>5</Cmd><Adp>1002</Adp>";
+    return read_eni(changed(second, all + second));
+}
+
+TEST(EniIdentity, ACheckOfTheSiiComparesEightOctetsToo) {
+    const auto eni = with_checks({{"0c", "0100000007000000"}});
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    EXPECT_EQ(eni->expected()[1].revision, 1U);
+    EXPECT_EQ(eni->expected()[1].serial, 7U);
+    const auto part = with_checks({{"0c", "010000000700"}});
+    EXPECT_NE(to_text(part.problem).find("the check of SII word 0x000e compares a part of the value"),
+              std::string::npos)
+        << to_text(part.problem);
+    EXPECT_TRUE(says(with_checks({{"0c", "01000000"}, {"0c", "02000000"}}),
+                     "the check of SII word 0x000c wants 0x00000002, and one before it wants 0x00000001"));
+}
+
+// A check that is not supported does not end the comparison with Info.
+TEST(EniIdentity, InfoCountsWhereNoCheckOfTheIdentityIsSupported) {
+    const auto eni = with_checks({{"04", "00000000"}});
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    EXPECT_TRUE(says(eni, "the check of SII word 0x0004 is not supported"));
+    EXPECT_EQ(eni->expected()[1].product, 78U);
+}
+
+TEST(EniIdentity, IdentificationByAnotherRegisterIsNamedAndNotCompared) {
+    const auto with = [](const std::string& ado) {
+        return read_eni(
+            changed("</RevisionNo>", "</RevisionNo><Identification Value=\"5\">" + ado + "</Identification>"));
+    };
+    const auto alias = with("<Ado>#x12</Ado>");
+    const auto id = with("<Ado>308</Ado>");
+    ASSERT_TRUE(alias && id);
+    EXPECT_EQ(alias->expected()[0].alias, 5);
+    EXPECT_EQ(id->expected()[0].device_id, 5);
+    const auto other = with("<Ado>4096</Ado>");
+    const auto none = with("");
+    ASSERT_TRUE(other && none);
+    EXPECT_TRUE(says(other, "Identification by the register 0x1000 is not supported"));
+    EXPECT_TRUE(says(none, "Identification without Ado is not supported"));
+    EXPECT_FALSE(other->expected()[0].device_id || other->expected()[0].alias);
+    EXPECT_FALSE(none->expected()[0].device_id || none->expected()[0].alias);
+}
+
+TEST(EniIdentity, AGroupIsIdentifiedByTheWholeRegister) {
+    const auto with = [](const std::string& data, const std::string& mask) {
+        return read_eni(changed("</Slave>\n<Cyclic>",
+                                "<HotConnect><GroupName>G</GroupName><GroupMemberCnt>1</GroupMemberCnt><IdentifyCmd>"
+                                "<Cmd>1</Cmd><Adp>0</Adp><Ado>18</Ado><Data>0000</Data><Validate><Data>" +
+                                    data + "</Data>" + mask +
+                                    "</Validate></IdentifyCmd></HotConnect></Slave>\n<Cyclic>"));
+    };
+    EXPECT_TRUE(with("0710", "<DataMask>ffff</DataMask>"));
+    EXPECT_NE(to_text(with("0710", "<DataMask>ff00</DataMask>").problem)
+                  .find("IdentifyCmd compares a part of the register 0x0012, by DataMask, which is not supported"),
+              std::string::npos);
+    EXPECT_TRUE(says(with("07", ""), "IdentifyCmd compares 1 octet of the register 0x0012, which has 2"));
+}
+
+TEST(EniIdentity, WithoutPhysAddrTheInitCommandGivesTheStationAddress) {
+    const std::string first = "<InitCmd><Transition>IP</Transition><Cmd>2</Cmd>";
+    const std::string write =
+        "<InitCmd><Transition>IP</Transition><Cmd>2</Cmd><Adp>0</Adp><Ado>16</Ado><Data>0120</Data></InitCmd>";
+    const auto other = read_eni(changed(first, write + first));
+    ASSERT_TRUE(other) << to_text(other.problem);
+    EXPECT_EQ(other->expected()[0].station_address, 1001);
+    EXPECT_TRUE(
+        says(other, "an init command gives the slave the station address 0x2001: it gets 0x03e9, its PhysAddr"));
+    std::string text = changed(first, write + first);
+    for (std::size_t n = 0; (n = text.find("<Adp>1001<", n)) != std::string::npos; n += 5)
+        text.replace(n, 10, "<Adp>8193<");
+    const std::string phys = "<PhysAddr>1001</PhysAddr>";
+    text.erase(text.find(phys), phys.size());
+    const auto eni = read_eni(text);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    EXPECT_EQ(eni->expected()[0].station_address, 0x2001);
+    EXPECT_EQ(eni->slaves[0].station_address, 0x2001);
+    EXPECT_FALSE(says(eni, "addresses another slave"));
+}
+
 }  // namespace
 }  // namespace margay::files

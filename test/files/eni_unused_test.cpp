@@ -139,6 +139,58 @@ TEST(EniUnused, AStartTimeOfSyncAndTheSecondAddressAreNamed) {
     EXPECT_EQ(more_said(with_inits(init("PS", 0x0103, "00"))), Texts());
 }
 
+// SYNC signals of another step than PS are set at PS, unless the commands of PS say something else.
+TEST(EniUnused, SyncSignalsOfAnotherStepAreUsedAndNamed) {
+    const auto sync = [](const std::string& text) {
+        const auto eni = read_eni(with_clocks(text));
+        EXPECT_TRUE(eni) << to_text(eni.problem);
+        return eni ? eni->expected()[0].config->dc() : SyncSettings{};
+    };
+    const std::string at_ps = init("PS", 0x09A0, "40420f0000000000") + init("PS", 0x0980, "0003");
+    EXPECT_EQ(sync(with_inits(at_ps)).assign_activate, 0x0300);
+    EXPECT_TRUE(more_said(with_inits(at_ps + init("SP", 0x0980, "0000") + init("IP", 0x0980, "0000"))).empty());
+    for (const std::string step : {"IP", "SO"}) {
+        const auto text = with_inits(init(step, 0x09A0, "80841e0000000000") + init(step, 0x0980, "0007"));
+        EXPECT_EQ(sync(text).source, SyncSettings::Source::application) << step;
+        EXPECT_EQ(sync(text).assign_activate, 0x0700) << step;
+        EXPECT_EQ(sync(text).sync0_cycle, std::chrono::milliseconds(2)) << step;
+        const auto said = more_said(text);
+        ASSERT_EQ(said.size(), 2U);
+        EXPECT_TRUE(
+            said[1].ends_with("the init command for SYNC signals (0x0980) is not of PS: the library sets SYNC "
+                              "signals at PS"))
+            << said[1];
+    }
+    const auto both = with_inits(at_ps + init("SO", 0x09A0, "80841e0000000000"));
+    EXPECT_EQ(sync(both).sync0_cycle, std::chrono::milliseconds(1));
+    ASSERT_EQ(more_said(both).size(), 1U);
+    EXPECT_TRUE(more_said(both)[0].ends_with("it is not sent, what the commands of PS give is used"));
+    const auto down = with_inits(init("SP", 0x0980, "0003"));
+    EXPECT_EQ(sync(down).source, SyncSettings::Source::none);
+    ASSERT_EQ(more_said(down).size(), 1U);
+    EXPECT_TRUE(more_said(down)[0].ends_with("it is not sent, the library sets SYNC signals at PS"));
+}
+
+TEST(EniUnused, WhatIsSentOtherwiseThanTheInitCommandSaysIsNamed) {
+    const auto said = [](const std::string& inits) {
+        const auto all = more_said(with_inits(inits));
+        EXPECT_EQ(all.size(), 1U);
+        return all.empty() ? std::string() : all[0];
+    };
+    EXPECT_NE(
+        said("<InitCmd><Transition>PS</Transition><Cmd>8</Cmd><Adp>0</Adp><Ado>3856</Ado><Data>01</Data></InitCmd>")
+            .find("the BWR of register 0x0f10 is an init command of this slave: it is sent to this slave only"),
+        std::string::npos);
+    EXPECT_NE(said("<InitCmd><Transition>PS</Transition><Cmd>11</Cmd><Addr>0</Addr><Data>01</Data></InitCmd>")
+                  .find("an init command for a logical address is not supported"),
+              std::string::npos);
+    const std::string fmmu = "<InitCmd><Transition>PS</Transition><Cmd>5</Cmd><Adp>1001</Adp><Ado>1536</Ado>";
+    ASSERT_NE(kExampleEni.find(fmmu), std::string::npos);
+    const auto late = more_said(replaced(kExampleEni, fmmu, replaced(fmmu, ">PS<", ">SO<")));
+    ASSERT_EQ(late.size(), 1U);
+    EXPECT_TRUE(late[0].ends_with("the FMMU is set at SO: the library sets it at PS")) << late[0];
+}
+
 TEST(EniUnused, PollTimesAreNamedOnce) {
     const std::string status = "<StatusBitAddr>0</StatusBitAddr>";
     EXPECT_EQ(more_said(replaced(kExampleEni, status, "<PollTime>3000</PollTime>")),
@@ -235,8 +287,7 @@ TEST(EniUnused, NonsenseInWordsThatAreNotUsedIsNamed) {
         return replaced(kExampleEni, "<Master><Info>", "<Master><Info>" + element);
     };
     const auto port = [](const std::string& name) {
-        return replaced(kExampleEni, "</Slave>",
-                        "<PreviousPort><Port>" + name + "</Port></PreviousPort></Slave>");
+        return replaced(kExampleEni, "</Slave>", "<PreviousPort><Port>" + name + "</Port></PreviousPort></Slave>");
     };
     EXPECT_EQ(named(in_sm("<Enable>x</Enable>")), "Enable is 'x', which is neither true nor false: it is not used");
     EXPECT_EQ(named(in_sm("<Enable>99999999999</Enable>")),
@@ -279,8 +330,7 @@ TEST(EniUnused, VariablesOfWrongSizeOrPlaceAreNamed) {
         const std::string member = "<Variable><Name>Member</Name><DataType>T</DataType><BitSize>" +
                                    std::to_string(bits) + "</BitSize><BitOffs>" + std::to_string(bit) +
                                    "</BitOffs></Variable>";
-        return more_said(
-            replaced(kExampleEni, "<Variable><Name>SlaveCount", member + "<Variable><Name>SlaveCount"));
+        return more_said(replaced(kExampleEni, "<Variable><Name>SlaveCount", member + "<Variable><Name>SlaveCount"));
     };
     EXPECT_EQ(with(320, 8), Texts()) << "the same place";
     EXPECT_EQ(with(324, 4), Texts()) << "inside";
