@@ -321,6 +321,7 @@ std::string_view code_text(const Error& e) {
         return "the inbox does not listen any more: unlisten() was called";
     if (e.code == Errc::nic && e.step == Step::open_nic) return "the network interface could not be opened";
     if (e.code == Errc::unknown_group && e.expected != 0) return "there is no such group";
+    if (e.code == Errc::unknown_group && e.step == Step::request_state) return "nothing is mapped: call config_map()";
     return to_text(e.code);
 }
 

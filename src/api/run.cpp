@@ -121,6 +121,12 @@ Error not_mapped(std::uint8_t group) {
     return {.code = Errc::unknown_group, .step = Step::exchange_process_data, .index = group};
 }
 
+// The error of a reach(): where no group at all is mapped, a call is missing, whatever the first slave is.
+Error reach_error(const Network& network, const Error& first) {
+    const bool no_mapping = first.code == Errc::unknown_group && first.expected == 0 && !any_mapped(network);
+    return no_mapping ? Error{.code = Errc::unknown_group, .step = Step::request_state} : first;
+}
+
 // What holds the frames of the cycle until they leave; nullptr: nothing does.
 TimedSend* sender(const CycleSettings& settings) { return settings.send ? settings.send_at : nullptr; }
 
@@ -408,7 +414,8 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
         const Error cycles = now.first.code == Errc::none ? cycles_trouble(network) : Error{};
         if (now.first.code == Errc::none && cycles.code == Errc::none) return Result<>();
         const bool in_vain = now.first.code != Errc::none && !now.can_change;
-        if (in_vain || osal.now() >= give_up) return now.first.code != Errc::none ? now.first : cycles;
+        if (in_vain || osal.now() >= give_up)
+            return now.first.code != Errc::none ? reach_error(network, now.first) : cycles;
     }
 }
 

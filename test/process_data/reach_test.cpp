@@ -85,6 +85,18 @@ TEST_F(Reach, TargetsAreReachedWithoutASupervisionToo) {
     EXPECT_EQ(*cycle(), 9U);
 }
 
+TEST_F(Reach, ReachWithoutAMappingNamesTheMissingCall) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    std::array<char, 300> text{};
+    const auto words = [&] { return std::string(describe(reach(*ctx, AlState::op, 1s).error(), text)); };
+    EXPECT_EQ(words(), "requesting a state: nothing is mapped: call config_map()");
+    EXPECT_EQ(reach(*ctx, AlState::preop, 1s).error().code, Errc::none);
+    ctx->slave(2).config.group = 9;
+    EXPECT_EQ(words(), "requesting a state: nothing is mapped: call config_map()") << "what the first slave needs";
+    for (const Slave& slave : ctx->slaves()) slave.config.group = 9;
+    EXPECT_NE(words().find("there is no such group"), std::string::npos) << words();
+}
+
 TEST_F(Reach, ReachBringsAllSlavesThereWithCyclesBesideIt) {
     HostContext fresh;
     EXPECT_EQ(reach(fresh, AlState::op, 1s).error().code, Errc::wrong_state);
