@@ -38,7 +38,7 @@ void write_all(int to, const std::string& text) {
     (void)::setrlimit(RLIMIT_CPU, &cpu);
     const rlimit none{0, 0};
     (void)::setrlimit(RLIMIT_CORE, &none);
-#ifndef __SANITIZE_ADDRESS__
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they report crashes themselves
     for (const int number : {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGXCPU}) std::signal(number, on_crash);
 #endif
     World* running = nullptr;

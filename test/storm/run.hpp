@@ -13,8 +13,14 @@ struct Verdict {
     [[nodiscard]] bool good() const { return rule.empty(); }
 };
 
+#ifdef __SANITIZE_THREAD__
+constexpr unsigned kCpuSeconds = 900;
+#else
+constexpr unsigned kCpuSeconds = 60;
+#endif
+
 // `cpu_seconds` limits the CPU time of the process.
-[[nodiscard]] Verdict execute(const Plan& plan, unsigned cpu_seconds = 60);
+[[nodiscard]] Verdict execute(const Plan& plan, unsigned cpu_seconds = kCpuSeconds);
 
 // Finds a smaller plan that breaks the same rule, in at most `most` runs.
 [[nodiscard]] Plan shrink(const Plan& plan, const std::string& rule, unsigned most = 400);

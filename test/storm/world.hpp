@@ -167,6 +167,7 @@ class World {
     [[nodiscard]] static Duration patience_of(const Slot& slot);
     void check_ends();
     void note_presence(bool ring_changed);
+    void check_renamed(std::uint32_t device, std::uint16_t now);
     void check_lost(std::uint16_t number, Time at, const char* how);
     void check_states();
     void check_bits(std::uint8_t group, Time since);

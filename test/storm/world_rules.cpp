@@ -54,8 +54,23 @@ void World::note_presence(bool ring_changed) {
     }
     for (std::uint32_t n = 0; n < presence_.size(); ++n) {
         const Presence now{in_ring_[n], segment_.slave(n).station(), osal_.now()};
+        if (now.there && presence_[n].there && now.station != presence_[n].station) check_renamed(n, now.station);
         if (now.there != presence_[n].there || now.station != presence_[n].station) presence_[n] = now;
     }
+}
+
+// The search gives its own addresses to devices that it has to identify. A device that answers at the address of a
+// slave that was there before is identified by its address.
+void World::check_renamed(std::uint32_t device, std::uint16_t now) {
+    constexpr std::uint16_t kNewcomers = 0x0D00;
+    constexpr std::uint16_t kNewcomersMask = 0xFF00;
+    if (hostile_ || hostile_registers_ || (now & kNewcomersMask) != kNewcomers) return;
+    const auto before = presence_[device].station;
+    const auto has_it = [before](const Presence& one) { return one.there && one.station == before; };
+    if (std::ranges::count_if(presence_, has_it) != 1) return;  // of two devices with one address, one is a newcomer
+    for (const Slave& slave : ctx_->slaves())
+        if (slave.seen && slave.station_address.value == before)
+            fail("a slave with its address is taken for a newcomer", place(slave.number) + story());
 }
 
 // A slave that has answered at its address for two seconds is not lost, whatever happened to frames.
