@@ -1,5 +1,5 @@
 // Measures what a cycle through the interface of another master costs more than the same cycle by the functions of the
-// library: user instructions by callgrind, of ec_send_processdata() and ec_receive_processdata(). Both cycles run on
+// library: user instructions by callgrind, of the functions that send and receive process data. Both cycles run on
 // the same simulated segment in virtual time, so the simulation costs the same in both and falls out of the difference.
 #include "source/source.hpp"
 
@@ -7,6 +7,8 @@
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
+#include <array>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -17,21 +19,36 @@ namespace {
 using namespace margay;
 
 constexpr const char* kSegment = "sim:coupler";
-constexpr int kFew = 1000;
-constexpr int kMany = 3000;
+constexpr int kFew = 500;
+constexpr int kMany = 1500;
 // Instructions more than the cycle of the library.
 constexpr long kMost = 100;
 constexpr int kSkipped = 77;
 
 alignas(8) char image[4096];
 
-int run_native(int cycles) {
+// The ways of a program: the datagrams of its cycle, and the functions that it calls.
+enum class Functions : std::uint8_t { of_library, of_all_groups, of_a_group, with_context };
+struct Way {
+    const char* name;
+    Functions functions;
+    bool split;  // LRD and LWR in the place of LRW
+};
+constexpr std::array kWays{
+    Way{"library", Functions::of_library, false},   Way{"library-split", Functions::of_library, true},
+    Way{"all", Functions::of_all_groups, false},    Way{"all-split", Functions::of_all_groups, true},
+    Way{"group", Functions::of_a_group, false},     Way{"group-split", Functions::of_a_group, true},
+    Way{"context", Functions::with_context, false}, Way{"context-split", Functions::with_context, true},
+};
+
+int run_native(int cycles, bool split) {
     auto source = hosted::open_source(kSegment);
     if (!source) return 1;
     HostContext ctx;
     if (!init(ctx, source->nic(), source->osal())) return 1;
     ctx.group(0).config.packing = Packing::bits;
     ctx.group(0).config.acyclic_bytes = 0;
+    ctx.group(0).config.block_lrw = split;
     if (!config_init(ctx)) return 1;
     // The cycle of the interface carries the time of the first clock.
     for (const Slave& slave : ctx.slaves())
@@ -47,18 +64,50 @@ int run_native(int cycles) {
     return sum == static_cast<std::uint32_t>(cycles) * ctx.group(0).expected_wkc ? 0 : 1;
 }
 
-int run_facade(int cycles) {
-    setenv("MARGAY_SIM_TIME", "virtual", 1);
-    if (ec_init(kSegment) <= 0 || ec_config_init(FALSE) <= 0) return 1;
-    ec_config_map(image);
+template <Functions functions>
+int cycle() {
+    if constexpr (functions == Functions::of_a_group) {
+        ec_send_processdata_group(0);
+        return ec_receive_processdata_group(0, EC_TIMEOUTRET);
+    } else if constexpr (functions == Functions::with_context) {
+        ecx_send_processdata(&ecx_context);
+        return ecx_receive_processdata(&ecx_context, EC_TIMEOUTRET);
+    } else {
+        ec_send_processdata();
+        return ec_receive_processdata(EC_TIMEOUTRET);
+    }
+}
+
+template <Functions functions>
+int run_cycles(int cycles) {
     const int expected = ec_group[0].outputsWKC * 2 + ec_group[0].inputsWKC;
     int wrong = 0;
-    for (int n = 0; n < cycles; ++n) {
-        ec_send_processdata();
-        wrong += ec_receive_processdata(EC_TIMEOUTRET) == expected ? 0 : 1;
-    }
+    for (int n = 0; n < cycles; ++n) wrong += cycle<functions>() == expected ? 0 : 1;
+    return wrong;
+}
+
+int run_facade(int cycles, const Way& way) {
+    setenv("MARGAY_SIM_TIME", "virtual", 1);
+    if (ec_init(kSegment) <= 0 || ec_config_init(FALSE) <= 0) return 1;
+    ec_group[0].blockLRW = way.split ? 1 : 0;
+    ec_config_map(image);
+    int wrong = 0;
+    if (way.functions == Functions::of_a_group)
+        wrong = run_cycles<Functions::of_a_group>(cycles);
+    else if (way.functions == Functions::with_context)
+        wrong = run_cycles<Functions::with_context>(cycles);
+    else
+        wrong = run_cycles<Functions::of_all_groups>(cycles);
     ec_close();
     return wrong == 0 ? 0 : 1;
+}
+
+int run(const std::string& name, int cycles) {
+    for (const Way& way : kWays) {
+        if (name != way.name) continue;
+        return way.functions == Functions::of_library ? run_native(cycles, way.split) : run_facade(cycles, way);
+    }
+    return 1;
 }
 
 // Instructions of the whole program; negative: no valgrind, or the program failed.
@@ -83,17 +132,24 @@ long per_cycle(const std::string& self, const char* mode) {
 }  // namespace
 
 int main(int argc, char** argv) {
-    if (argc == 3)
-        return std::strcmp(argv[1], "native") == 0 ? run_native(std::atoi(argv[2])) : run_facade(std::atoi(argv[2]));
+    if (argc == 3) return run(argv[1], std::atoi(argv[2]));
     if (std::system("valgrind --version > /dev/null 2>&1") != 0) {
         std::puts("skipped: no valgrind");
         return kSkipped;
     }
-    const long native = per_cycle(argv[0], "native");
-    const long facade = per_cycle(argv[0], "facade");
-    if (native < 0 || facade < 0) return 1;
-    std::printf(
-        "a cycle of the library and of the simulation: %ld instructions; by SOEM 1.4: %ld, %ld more (at most %ld)\n",
-        native, facade, facade - native, kMost);
-    return facade - native <= kMost ? 0 : 1;
+    bool right = true;
+    std::array<long, 2> native{};
+    for (const Way& way : kWays) {
+        const long cost = per_cycle(argv[0], way.name);
+        if (cost < 0) return 1;
+        long& library = native[way.split ? 1 : 0];
+        if (way.functions == Functions::of_library) {
+            library = cost;
+            std::printf("%-13s: %ld instructions of the library and of the simulation\n", way.name, cost);
+            continue;
+        }
+        right = right && cost - library <= kMost;
+        std::printf("%-13s: %ld more (at most %ld)\n", way.name, cost - library, kMost);
+    }
+    return right ? 0 : 1;
 }

@@ -94,12 +94,6 @@ Writing writing_datagrams(Session& session, std::uint8_t group);
 
 // Copies what the library knows about the state of a slave.
 void copy_state(ecx_contextt& context, Session& session, std::uint16_t number);
-// The cycle of a group.
-int send_group(ecx_contextt& context, std::uint8_t group);
-int receive_group(ecx_contextt& context, std::uint8_t group, int timeout);
-// The same for group 0.
-int send_first(ecx_contextt& context);
-int receive_first(ecx_contextt& context, int timeout);
 
 // Takes the mailboxes that the program has written as those of this state, PREOP or BOOT.
 void take_mailboxes(ecx_contextt& context, Session& session, std::uint16_t number, AlState state);

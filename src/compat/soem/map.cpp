@@ -151,7 +151,7 @@ void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) 
     if (facts.empty) facts.blocked = Session::kNotBlocked;
     facts.block_lrw = facts.empty ? &Session::kEmpty : &g.blockLRW;
     const Writing writing = writing_datagrams(session, group);
-    facts.writing = writing.datagrams;
+    facts.set_written(writing.datagrams);
     const unsigned written = writing.wkc;
     const bool split = written != 0;
     g.outputsWKC = static_cast<uint16>(out);

@@ -325,7 +325,7 @@ const Session::Sending* Session::await_one(std::span<const Sending> sendings, Ti
 constinit std::array<Sessions::Place, Sessions::kMost> Sessions::places_;
 
 Sessions::Pinned::Pinned(int place, const void* owner) {
-    const auto index = static_cast<unsigned>(place);
+    const auto index = index_of(place);
     if (index >= kMost) return;
     place_ = &places_[index];
     place_->users.fetch_add(1);  // before the owner is compared: end() looks in the other order
@@ -349,11 +349,13 @@ int Sessions::add(std::unique_ptr<Session> session, const void* owner) {
         if (place.session != nullptr) end(place);
         if (place.session != nullptr) continue;
         session->lock_ = &place.lock;
+        for (Session::GroupFacts& facts : session->facts_) facts.lock = &place.lock;
         place.lock.lock();  // with_lock() sees both or none
+        place.facts = session->facts_.data();
         place.session = session.release();
         place.owner.store(owner);
         place.lock.unlock();
-        return static_cast<int>(&place - places_.data());
+        return number_of(place);
     }
     return -1;
 }
@@ -366,7 +368,7 @@ void Sessions::end(Place& place) {
 }
 
 void Sessions::remove(int place, const void* owner) {
-    const auto index = static_cast<unsigned>(place);
+    const auto index = index_of(place);
     if (index >= kMost || owner == nullptr) return;
     Place& found = places_[index];
     {
@@ -392,7 +394,7 @@ int Sessions::sleep(std::uint32_t microseconds) {
     for (Place& place : places_) {
         const void* const owner = place.owner.load();
         if (owner == nullptr) continue;
-        const Pinned session(static_cast<int>(&place - places_.data()), owner);
+        const Pinned session(number_of(place), owner);
         if (session == nullptr || !session->virtual_time()) continue;
         session->pause(std::chrono::microseconds(microseconds));
         return 0;

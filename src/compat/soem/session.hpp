@@ -134,6 +134,7 @@ class Session {
     // What the facade remembers of a group, and of the SyncManagers that it has shown to the program. A cycle reads
     // everything here: after a call of the library it then needs one register of the processor, which it has to save.
     static constexpr RegisterReading kNoTime{};
+    static constexpr DatagramStatus kNothingWritten{};
     static constexpr std::uint8_t kNotBlocked = 0;
     static constexpr std::uint8_t kEmpty = 1;  // block_lrw of an empty group: a cycle sees it without another look
     struct alignas(64) GroupFacts {
@@ -142,13 +143,23 @@ class Session {
         std::int64_t* shown_time = nullptr;            // where the program reads it; set by the first mapping
         const std::uint8_t* block_lrw = &kNotBlocked;  // where the program writes it; set by the first mapping
         Session* session = nullptr;
-        // The first datagrams of a cycle that write: their working counter counts twice.
-        std::span<const DatagramStatus> writing{};
+        PriorityLock* lock = nullptr;  // of the session
+        // The first datagrams of a cycle that write: their working counter counts twice. One of them, or none, costs
+        // the usual cycle no look at their number.
+        const DatagramStatus* written = &kNothingWritten;
         int timeout_us = 0;  // of the call that receives
         std::uint8_t group = 0;
-        std::uint8_t blocked = 0;  // the value that the frames are planned for
-        bool empty = false;        // mapped without process data
+        std::uint8_t blocked = 0;       // the value that the frames are planned for
+        bool empty = false;             // mapped without process data
+        std::uint8_t more_written = 0;  // datagrams behind the one in `written`
+
+        void set_written(std::span<const DatagramStatus> datagrams) {
+            constexpr std::size_t kMost = 255;
+            written = datagrams.empty() ? &kNothingWritten : datagrams.data();
+            more_written = datagrams.empty() ? 0 : static_cast<std::uint8_t>(std::min(datagrams.size() - 1, kMost));
+        }
     };
+    static_assert(sizeof(GroupFacts) == 64);  // a line of the cache, and a shift finds the one of a group
     using ShownSyncManagers = std::array<std::byte, 64>;
     // Of any group, also of a group that the library does not know.
     [[nodiscard]] GroupFacts& facts(std::uint8_t group) { return facts_[group]; }
@@ -263,20 +274,22 @@ class Sessions {
     // not be the owner of the context. Returns Work::kNone when there is no session. Neither the library nor
     // Work::run() throws.
     template <class Work, class... Arguments>
-    [[gnu::always_inline]] static int with_lock(int place, const void* owner, std::uint8_t group,
+    [[gnu::always_inline]] static int with_lock(int place, const void* owner, std::size_t group,
                                                 Arguments... arguments) {
+        if (!__builtin_constant_p(group)) asm("" : "+r"(group));  // a register has it as 64 bits, once
         // Any number in a port that was never opened leads to some place, whose owner is another one.
-        Place& found = places_[static_cast<unsigned>(place) % kMost];
+        Place& found = places_[static_cast<unsigned>(place) / sizeof(Place) % kMost];
         const std::uint32_t me = PriorityLock::known_thread();
         if (!found.lock.try_lock(me)) [[unlikely]]
             return in_any_case<Work, Arguments...>(group, arguments..., found, false, owner);
         if (found.owner.load(std::memory_order_relaxed) != owner) [[unlikely]]
             return in_any_case<Work, Arguments...>(group, arguments..., found, true, owner);
-        Session::GroupFacts* facts = &found.session->facts(group);
+        Session::GroupFacts* facts = found.facts + group;
         asm("" : "+r"(facts));  // one register holds it, instead of three of which the compiler makes it again
         const int result = Work::run(*facts, arguments...);
-        if (!found.lock.try_unlock(me)) [[unlikely]]
-            return pass_on(found, result);
+        PriorityLock& lock = *facts->lock;  // that of the place: no register has to keep it
+        if (!lock.try_unlock(me)) [[unlikely]]
+            return pass_on(lock, result);
         return result;
     }
 
@@ -284,28 +297,33 @@ class Sessions {
     static int sleep(std::uint32_t microseconds);
 
   private:
-    struct Place {
+    // The number of a place is its distance from the first one, in octets: a cycle finds it without a shift.
+    struct alignas(64) Place {
         PriorityLock lock;
         std::atomic<const void*> owner{nullptr};  // changed under the lock
-        std::atomic<unsigned> users{0};           // calls that have pinned the session
+        Session::GroupFacts* facts = nullptr;     // of the session: the first group
         Session* session = nullptr;               // stays when the owner is gone and calls have pinned it
+        std::atomic<unsigned> users{0};           // calls that have pinned the session
     };
+    static std::size_t index_of(int number) { return static_cast<unsigned>(number) / sizeof(Place); }
+    static int number_of(const Place& place) {
+        return static_cast<int>(static_cast<std::size_t>(&place - places_.data()) * sizeof(Place));
+    }
     static void end(Place& place);
     static void leave(Place& place);
     // What with_lock() does when there is more to do than two instructions that compare and exchange. A function of its
     // own, so that the usual way saves few registers.
     template <class Work, class... Arguments>
-    [[gnu::noinline, gnu::cold]] static int in_any_case(std::uint8_t group, Arguments... arguments, Place& found,
+    [[gnu::noinline, gnu::cold]] static int in_any_case(std::size_t group, Arguments... arguments, Place& found,
                                                         bool locked, const void* owner) {
         if (!locked) found.lock.lock();
         int result = Work::kNone;
-        if (found.owner.load(std::memory_order_relaxed) == owner)
-            result = Work::run(found.session->facts(group), arguments...);
+        if (found.owner.load(std::memory_order_relaxed) == owner) result = Work::run(found.facts[group], arguments...);
         found.lock.unlock();
         return result;
     }
-    [[gnu::noinline, gnu::cold]] static int pass_on(Place& found, int result) {
-        found.lock.pass_on();
+    [[gnu::noinline, gnu::cold]] static int pass_on(PriorityLock& lock, int result) {
+        lock.pass_on();
         return result;
     }
     static std::array<Place, kMost> places_;

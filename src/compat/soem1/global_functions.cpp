@@ -1,5 +1,5 @@
 // The functions of one global master: the same functions with the global context.
-#include "compat/soem/facade.hpp"
+#include "compat/soem/cycle.hpp"
 
 #include <ethercat.h>
 
@@ -41,9 +41,9 @@ uint64 ec_readeepromFP(uint16 configadr, uint16 eeproma, int timeout) {
 int ec_writeeepromFP(uint16 configadr, uint16 eeproma, uint16 data, int timeout) {
     return ecx_writeeepromFP(&ecx_context, configadr, eeproma, data, timeout);
 }
-int ec_send_processdata(void) { return margay::soem::send_first(ecx_context); }
+int ec_send_processdata(void) { return margay::soem::send_group(ecx_context, 0); }
 int ec_send_overlap_processdata(void) { return ecx_send_overlap_processdata(&ecx_context); }
-int ec_receive_processdata(int timeout) { return margay::soem::receive_first(ecx_context, timeout); }
+int ec_receive_processdata(int timeout) { return margay::soem::receive_group(ecx_context, 0, timeout); }
 void ec_pusherror(const ec_errort* Ec) { ecx_pusherror(&ecx_context, Ec); }
 void ec_packeterror(uint16 Slave, uint16 Index, uint8 SubIdx, uint16 ErrorCode) {
     ecx_packeterror(&ecx_context, Slave, Index, SubIdx, ErrorCode);
@@ -56,10 +56,10 @@ int ec_mbxempty(uint16 slave, int timeout) { return ecx_mbxempty(&ecx_context, s
 void ec_esidump(uint16 slave, uint8* esibuf) { ecx_esidump(&ecx_context, slave, esibuf); }
 void ec_readeeprom1(uint16 slave, uint16 eeproma) { ecx_readeeprom1(&ecx_context, slave, eeproma); }
 uint32 ec_readeeprom2(uint16 slave, int timeout) { return ecx_readeeprom2(&ecx_context, slave, timeout); }
-int ec_send_processdata_group(uint8 group) { return ecx_send_processdata_group(&ecx_context, group); }
+int ec_send_processdata_group(uint8 group) { return margay::soem::send_group(ecx_context, group); }
 int ec_send_overlap_processdata_group(uint8 group) { return ecx_send_overlap_processdata_group(&ecx_context, group); }
 int ec_receive_processdata_group(uint8 group, int timeout) {
-    return ecx_receive_processdata_group(&ecx_context, group, timeout);
+    return margay::soem::receive_group(ecx_context, group, timeout);
 }
 int ec_config_init(uint8 usetable) { return ecx_config_init(&ecx_context, usetable); }
 int ec_config_map_group(void* pIOmap, uint8 group) { return ecx_config_map_group(&ecx_context, pIOmap, group); }

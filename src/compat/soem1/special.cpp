@@ -1,5 +1,5 @@
 // What only SOEM 1.4 has: the global master, and the functions whose parameters differ.
-#include "compat/soem/facade.hpp"
+#include "compat/soem/cycle.hpp"
 
 using namespace margay::soem;
 
@@ -88,7 +88,7 @@ int ecx_config_overlap_map_group(ecx_contextt* context, void* pIOmap, uint8 grou
     return config_map(*context, pIOmap, group, true, true);
 }
 int ecx_send_overlap_processdata_group(ecx_contextt* context, uint8 group) { return send_group(*context, group); }
-int ecx_send_overlap_processdata(ecx_contextt* context) { return send_first(*context); }
+int ecx_send_overlap_processdata(ecx_contextt* context) { return send_group(*context, 0); }
 
 int ec_config_map(void* pIOmap) { return ecx_config_map_group(&ecx_context, pIOmap, 0); }
 int ec_config_map_aligned(void* pIOmap) { return ecx_config_map_group_aligned(&ecx_context, pIOmap, 0); }
