@@ -9,10 +9,18 @@ EventLog::EventLog(Context& ctx) : ctx_(ctx), before_(ctx.events().callback), be
     ctx.events().callback = tap;
 }
 
+// The logs of several servers call each other, and end in any order.
 EventLog::~EventLog() {
-    if (ctx_.events().callback != tap || ctx_.events().user != this) return;  // the application has set another one
-    ctx_.events().callback = before_;
-    ctx_.events().user = before_user_;
+    auto* callback = &ctx_.events().callback;
+    auto* user = &ctx_.events().user;
+    while (*callback == tap && *user != this) {
+        auto& newer = *static_cast<EventLog*>(*user);
+        callback = &newer.before_;
+        user = &newer.before_user_;
+    }
+    if (*callback != tap) return;  // the application has set another one
+    *callback = before_;
+    *user = before_user_;
 }
 
 void EventLog::tap(const Event& event, void* user) {

@@ -18,6 +18,27 @@ std::string failed(const std::string& path, const char* what) {
     return path + ": " + what + ": " + std::strerror(errno);
 }
 
+// 0: a program serves the socket.
+int connection_error(const SocketAddress& address) {
+    const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (probe < 0) return errno;
+    const int why = ::connect(probe, address.pointer(), address.bytes()) == 0 ? 0 : errno;
+    ::close(probe);
+    return why;
+}
+
+// The same for a socket whose mode does not let this user in: a program that gives its socket to another user has left
+// it so. For the probe the socket belongs to this user, where the system permits that.
+int connection_error_as_owner(const std::string& path, const SocketAddress& address, const struct stat& found) {
+    constexpr mode_t kPermissions = 0777;
+    if (::lchown(path.c_str(), ::geteuid(), static_cast<gid_t>(-1)) != 0) return EACCES;
+    const int why = ::chmod(path.c_str(), S_IRUSR | S_IWUSR) == 0 ? connection_error(address) : EACCES;
+    if (why == ECONNREFUSED) return why;  // it is removed
+    (void)::chmod(path.c_str(), found.st_mode & kPermissions);
+    (void)::lchown(path.c_str(), found.st_uid, static_cast<gid_t>(-1));
+    return why;
+}
+
 }  // namespace
 
 Listener::~Listener() {
@@ -47,12 +68,10 @@ std::string Listener::replace_left_behind() {
     if (!S_ISSOCK(found.st_mode)) return path_ + ": is there and is no socket";
     SocketAddress address;
     if (auto error = address.set(path_); !error.empty()) return error;
-    const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-    if (probe < 0) return failed(path_, "no socket");
-    const int why = ::connect(probe, address.pointer(), address.bytes()) == 0 ? 0 : errno;
-    ::close(probe);
+    int why = connection_error(address);
+    if (why == EACCES || why == EPERM) why = connection_error_as_owner(path_, address, found);
     if (why == EACCES || why == EPERM)
-        return path_ + ": is a socket of another user; whether a program serves it is unknown";
+        return path_ + ": is a socket that does not let this user in; whether a program serves it is unknown";
     if (why != ECONNREFUSED) return path_ + ": another program serves this socket";
     if (::unlink(path_.c_str()) != 0) return failed(path_, "the socket of an ended program cannot be removed");
     return {};

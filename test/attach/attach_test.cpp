@@ -4,6 +4,7 @@
 #include "attach/connection.hpp"
 
 #include <sys/stat.h>
+#include <sys/syscall.h>
 
 #include <random>
 
@@ -156,6 +157,40 @@ TEST_F(Attach, EventsComeInTheirOrderAndTheCallbackOfTheApplicationStays) {
     supervise.cancel();
 }
 
+// A server is replaced by another one, also one that does not serve: the new one is there before the old one ends.
+TEST_F(Attach, ServersEndInAnyOrder) {
+    int mine = 0;
+    server.reset();
+    ctx.events().user = &mine;
+    ctx.events().callback = [](const Event&, void* user) { ++*static_cast<int*>(user); };
+    auto first = std::make_unique<AttachServer>(ctx, folder + "/no/such/folder.sock");
+    EXPECT_NE(first->error(), "");
+    auto middle = std::make_unique<AttachServer>(ctx, folder + "/middle.sock");
+    server = std::make_unique<AttachServer>(ctx, path);
+    const auto exchange = [&] {
+        for (int n = 0; n < 20; ++n) (void)cycle();
+    };
+    SuperviseRequest supervise;
+    ASSERT_TRUE(submit(ctx, supervise));
+    first.reset();
+    exchange();
+    segment.set_power(3, false, osal.now());
+    middle.reset();
+    for (int n = 0; n < 200; ++n) (void)cycle();
+    EXPECT_GT(mine, 0);
+    std::uint64_t last = 0;
+    (void)run({[&] {
+        Client client;
+        ASSERT_EQ(client.connect(path), "");
+        const auto reply = client.call(Operation::events, {});
+        Reader(reply.payload)(last);
+    }});
+    EXPECT_EQ(last, static_cast<std::uint64_t>(mine));
+    server.reset();
+    EXPECT_EQ(ctx.events().user, &mine);
+    supervise.cancel();
+}
+
 TEST_F(Attach, ReadOnlyRefusesWhatChangesASlave) {
     serve({.read_only = true});
     EXPECT_EQ(run({[&] {
@@ -216,6 +251,32 @@ TEST_F(Attach, ASocketThatIsServedIsNotReplacedAndOneThatWasLeftBehindIs) {
     const std::string longest(107, 'a');
     EXPECT_EQ(AttachServer(ctx, longest + 'a').error(),
               longest + "a: the path has 108 octets, and the path of a socket has at most 107");
+}
+
+// A program that has given its socket to others finds it again after a crash.
+TEST_F(Attach, ASocketThatWasLeftBehindMayHaveAnyMode) {
+    if (::getuid() != 0) GTEST_SKIP() << "only root can act as another user";
+    ASSERT_EQ(::chmod(folder.c_str(), 0777), 0);
+    std::thread([&] {
+        constexpr long kNobody = 65534;
+        // Of this thread, and of the threads that it starts; the process stays root.
+        ASSERT_EQ(::syscall(SYS_setresuid, kNobody, kNobody, kNobody), 0);
+        const std::string left = folder + "/left.sock";
+        attach::SocketAddress address;
+        ASSERT_EQ(address.set(left), "");
+        const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
+        ASSERT_EQ(::bind(fd, address.pointer(), address.bytes()), 0);
+        ASSERT_EQ(::chmod(left.c_str(), 0), 0);
+        ASSERT_EQ(::listen(fd, 1), 0);
+        EXPECT_EQ(AttachServer(ctx, left).error(), left + ": another program serves this socket");
+        struct stat found {};
+        ASSERT_EQ(::stat(left.c_str(), &found), 0);
+        EXPECT_EQ(found.st_mode & 0777U, 0U) << "as it was";
+        ::close(fd);
+        EXPECT_EQ(AttachServer(ctx, left).error(), "");
+        EXPECT_EQ(AttachServer(ctx, path).error(),
+                  path + ": is a socket that does not let this user in; whether a program serves it is unknown");
+    }).join();
 }
 
 TEST_F(Attach, AnOwnerThatDoesNotPollIsToldAndTheServerEnds) {
