@@ -80,6 +80,16 @@ void Companion::tell(const Standing& standing) {
     is_told_ = true;
 }
 
+bool Companion::open_line(Context& ctx, const Slave& slave, const std::string& name) {
+    const std::unique_lock lock(mutex_, std::try_to_lock);
+    if (!lock || lines_ == nullptr) return false;
+    const auto opened = lines_->open(ctx, slave, name);
+    notes_.push_back(opened ? Note{Priority::notice, fmt::format("interface {}: slave {} ({})", name, slave.number,
+                                                                 samples::words_of_slave(slave.name()))}
+                            : Note{Priority::error, opened.problem});
+    return true;
+}
+
 void Companion::take_lines(std::unique_ptr<samples::EoeLines> lines) {
     const std::lock_guard lock(mutex_);
     lines_ = std::move(lines);
@@ -148,6 +158,12 @@ void Companion::look(bool last) {
     report_errors();
     forget_repeated();
     Standing now;
+    std::vector<Note> notes;
+    {
+        const std::lock_guard lock(mutex_);
+        notes.swap(notes_);
+    }
+    for (const Note& note : notes) log(note.priority, note.text);
     {
         const std::lock_guard lock(mutex_);
         if (!is_told_ || last) return;

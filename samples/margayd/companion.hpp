@@ -14,6 +14,7 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <vector>
 
 namespace margay::service {
 
@@ -48,6 +49,10 @@ class Companion {
     void tell(const Standing& standing);
     // The segment has slaves that are not used, since this time; 0: no.
     [[nodiscard]] std::chrono::steady_clock::time_point strangers_since() const { return strangers_.load(); }
+
+    // For the owner, callable from the cycle: never waits for the other thread. Adds a line; the log says what became of
+    // it. False: not now.
+    [[nodiscard]] bool open_line(Context& ctx, const Slave& slave, const std::string& name);
 
     // For the owner, while no cycle runs.
     void take_lines(std::unique_ptr<samples::EoeLines> lines);
@@ -87,6 +92,11 @@ class Companion {
     std::string waiting_{};
     std::string status_ = "starts";
     std::unique_ptr<samples::EoeLines> lines_{};
+    struct Note {
+        Priority priority{};
+        std::string text{};
+    };
+    std::vector<Note> notes_{};  // of open_line(), for the log
 
     // Of the thread.
     Error last_wrong_{};

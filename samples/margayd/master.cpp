@@ -89,7 +89,7 @@ void Master::run(std::promise<std::string>& opened) {
         log(Priority::error, fmt::format("ends: {}", exception.what()));
         failed_ = true;
     }
-    if (brought_up_ && !is_left_well_) note_left_slaves();
+    if (brought_up_) note_left_slaves();
     attach_.reset();
     if (companion_ != nullptr) companion_->end();
 }
@@ -127,19 +127,29 @@ std::string Master::open_here() {
                                                             .debug_level = &debug_level_,
                                                             .clients = s.clients});
     if (!attach_->error().empty()) return attach_->error();
-    is_ours_ = left_behind || has_left_slaves();
+    is_ours_ = left_behind;
+    read_left_slaves();
     return open_gateway();
 }
 
-// A file beside the socket names the source whose slaves could not be brought to the end state, because they did not
-// answer: the next master of this source knows them as its own.
+// A file beside the socket: the source, and whether its slaves are all in SAFEOP, the end state. Otherwise some of them
+// did not answer at the end and are in any state. The next master of this source knows them as its own.
 std::filesystem::path Master::left_file() const { return socket_ + ".left"; }
 
-void Master::note_left_slaves() const { std::ofstream(left_file()) << configuration_.source << '\n'; }
+void Master::note_left_slaves() const {
+    if (is_left_well_ && configuration_.end_state != AlState::safeop) return;
+    std::ofstream(left_file()) << configuration_.source << (is_left_well_ ? "\nSAFEOP\n" : "\n");
+}
 
-bool Master::has_left_slaves() const {
+void Master::read_left_slaves() {
+    std::ifstream file(left_file());
     std::string source;
-    return std::getline(std::ifstream(left_file()), source) && source == configuration_.source;
+    std::string state;
+    if (!std::getline(file, source) || source != configuration_.source) return;
+    if (std::getline(file, state))
+        was_left_in_safeop_ = true;
+    else
+        is_ours_ = true;
 }
 
 std::string Master::open_gateway() {
@@ -203,7 +213,7 @@ std::string Master::obstacle() {
     const auto has = [&](AlState state) {
         return (std::to_integer<unsigned>(al_status[0]) & static_cast<unsigned>(state)) != 0;
     };
-    const bool as_left = configuration_.end_state == AlState::safeop && !has(AlState::op);
+    const bool as_left = (was_left_in_safeop_ || configuration_.end_state == AlState::safeop) && !has(AlState::op);
     if (is_ours_ || as_left || configuration_.take_over || (!has(AlState::safeop) && !has(AlState::op))) return {};
     return fmt::format(
         "slaves of this segment are in SAFEOP or OP ({}): another master may be running them. With "
@@ -328,50 +338,6 @@ void Master::map_groups() {
         else if (!mapped)
             log(Priority::error, "no process data: " + samples::sentence(mapped.error()));
     }
-}
-
-// ------------------------------------------------------------------ EoE
-
-void Master::open_eoe() {
-    auto lines = std::make_unique<samples::EoeLines>();
-    const auto open = [&](const Slave& slave, const std::string& wanted) {
-        const auto shared = wanted.empty() ? samples::shared_alias(slave, ctx_->slaves()) : std::string();
-        if (!shared.empty()) log(Priority::warning, shared);
-        const auto name =
-            wanted.empty() ? samples::eoe_interface_name(configuration_.number, slave, ctx_->slaves()) : wanted;
-        const auto opened = lines->open(*ctx_, slave, name);
-        if (opened)
-            log(Priority::notice, fmt::format("interface {}: slave {} ({})", name, slave.number, slave.name()));
-        else
-            log(Priority::error, opened.problem);
-    };
-    const auto& named = configuration_.eoe_named;
-    for (const Slave& slave : ctx_->slaves())
-        if (named.empty() && samples::has_eoe(slave)) open(slave, {});
-    for (const auto& wanted : named) {
-        const auto slaves = ctx_->slaves();
-        const auto found = std::ranges::find_if(slaves, [&](const Slave& slave) {
-            return wanted.alias ? slave.alias == *wanted.alias : slave.ring_position == *wanted.position + 1;
-        });
-        if (found != slaves.end())
-            open(*found, wanted.name);
-        else
-            log(Priority::error, wanted.alias
-                                     ? fmt::format("no EoE: no slave has the alias {}", *wanted.alias)
-                                     : fmt::format("no EoE: there is no slave at position {}", *wanted.position));
-    }
-    companion_->take_lines(std::move(lines));
-}
-
-void Master::close_eoe() {
-    const auto lines = companion_->give_lines();
-    if (lines == nullptr) return;
-    lines->cancel();
-    for (int n = 0; n < 100 && lines->busy(); ++n) {
-        (void)poll(*ctx_, source_->osal().now());
-        source_->osal().wait(source_->osal().now() + 1ms, source_->wait_handles());
-    }
-    for (const auto& counters : lines->report()) log(Priority::info, counters);
 }
 
 // ------------------------------------------------------------------ the end

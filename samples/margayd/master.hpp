@@ -78,7 +78,9 @@ class Master {
     void restore_targets(Exchange exchange);
     [[nodiscard]] const Slave* find_kept(const KeptTarget& kept) const;
     void map_groups();
+    [[nodiscard]] std::string eoe_name(const Slave& slave) const;
     void open_eoe();
+    void open_late_eoe();
     void close_eoe();
     // Exchanges process data until the thread is asked to end, or the segment must be scanned again.
     void cycle();
@@ -92,7 +94,7 @@ class Master {
     void leave();
     [[nodiscard]] std::filesystem::path left_file() const;
     void note_left_slaves() const;
-    [[nodiscard]] bool has_left_slaves() const;
+    void read_left_slaves();
     // Polls for this time, or until the thread is asked to end.
     void pause(Duration time);
 
@@ -109,11 +111,13 @@ class Master {
     std::unique_ptr<MailboxGateway> gateway_{};
     std::vector<std::byte> image_{};
     std::optional<samples::CyclePace> pace_{};
+    std::vector<bool> has_eoe_line_{};  // by slave number - 1: its interface was opened, or refused
     SuperviseRequest supervise_{};
     std::optional<ClockSettings> late_clocks_{};  // of clocks that could not be measured before the cycle
     ClockRequest measure_clocks_{};
     bool is_measuring_ = false;  // measure_clocks_ was submitted, and its result is not used yet
     bool is_ours_ = false;       // slaves in SAFEOP or OP are this master's own
+    bool was_left_in_safeop_ = false;
     bool is_left_well_ = false;  // at the end: all slaves that this master has found are in the end state
     bool brought_up_ = false;    // there are slaves that this master has configured
     using Clock = std::chrono::steady_clock;

@@ -59,6 +59,7 @@ void Master::look_around(std::uint64_t overruns, bool settles) {
         return s.al.state != AlState::none && s.al.state != configuration_.state;
     });
     if (late_clocks_) look_at_clocks();
+    if (configuration_.eoe) open_late_eoe();
     companion_->tell({.wrong = wrong,
                       .slaves = static_cast<std::uint16_t>(present),
                       .elsewhere = static_cast<std::uint16_t>(elsewhere),

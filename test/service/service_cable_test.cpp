@@ -145,6 +145,21 @@ TEST_F(ServiceOnCable, SlavesThatDidNotAnswerAtTheEndAreItsOwn) {
     EXPECT_EQ(folder.run("ls run").out, "") << "nothing is left: all slaves are in INIT";
 }
 
+TEST_F(ServiceOnCable, SlavesThatWereLeftInSafeopAreItsOwnAlsoWithAnotherEndState) {
+    configure_cable("cycle_us = 20000\nend_state = \"SAFEOP\"\n");
+    auto demo = segment();
+    auto margayd = service();
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    configure_cable("cycle_us = 20000\nstate = \"SAFEOP\"\n");
+    margayd->send(SIGHUP);
+    expect_says(*margayd, "a: all slaves in SAFEOP");
+    expect_says(*margayd, "a: all is right: 5 slaves in SAFEOP");
+    EXPECT_FALSE(contains(margayd->output(), "another master")) << margayd->output();
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    EXPECT_EQ(folder.run("ls run").out, "") << "nothing is left: all slaves are in INIT";
+}
+
 // No frame comes back in the moment of the end, and for 0.3 s: far less than the patience at the end.
 TEST_F(ServiceOnCable, AnOutageAtTheEndLeavesNoSlaveInOp) {
     configure_cable("cycle_us = 20000\n");
@@ -299,6 +314,26 @@ TEST_F(ServiceOnCable, SlavesWithEoeGetInterfaces) {
     EXPECT_TRUE(contains(margayd->output(), "a: gw-of-line: to the slave ")) << margayd->output();
     std::string gone;
     EXPECT_FALSE(run("ip -n " + cable.master_namespace() + " link show gw-of-line", &gone)) << gone;
+}
+
+// With an ENI: the slaves of a scan have their interfaces from the start.
+TEST_F(ServiceOnCable, ASlaveThatComesLaterGetsItsInterface) {
+    if (!std::filesystem::exists("/dev/net/tun")) GTEST_SKIP() << "no TAP devices here: /dev/net/tun is missing";
+    ASSERT_EQ(folder.run(bin + "slaveinfo sim:eoe --write-eni etc/machine.xml").status, 0);
+    configure_cable("state = \"PREOP\"\neni = \"machine.xml\"\neoe = true\n");
+    auto gateways = segment("eoe");
+    command("power off 3");
+    EXPECT_TRUE(gateways->says("slave 3 is off", kServicePatience)) << gateways->output();
+    auto margayd = service();
+    expect_says(*margayd, "a: interface eoe0s1: slave 2 (Gateway with EoE)");
+    expect_says(*margayd, "a: not all is right: slave 3");
+    EXPECT_FALSE(contains(margayd->output(), "interface eoe0s2")) << margayd->output();
+    command("power on 3");
+    expect_says(*margayd, "a: interface eoe0s2: slave 3 (Gateway with EoE)");
+    EXPECT_TRUE(cable.ip(cable.master_namespace(), "link show eoe0s2"));
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    EXPECT_TRUE(contains(margayd->output(), "a: eoe0s2: to the slave ")) << margayd->output();
 }
 
 // As systemd starts it by the unit: another user than root, and these capabilities only.
