@@ -50,8 +50,8 @@ class Companion {
     // The segment has slaves that are not used, since this time; 0: no.
     [[nodiscard]] std::chrono::steady_clock::time_point strangers_since() const { return strangers_.load(); }
 
-    // For the owner, callable from the cycle: never waits for the other thread. Adds a line; the log says what became of
-    // it. False: not now.
+    // For the owner, callable from the cycle: never waits for the other thread. Adds a line; the log says what
+    // became of it. False: not now.
     [[nodiscard]] bool open_line(Context& ctx, const Slave& slave, const std::string& name);
 
     // For the owner, while no cycle runs.
