@@ -3,7 +3,7 @@
 #include "wire/aoe.hpp"
 #include "wire/coe.hpp"
 #include "wire/esc.hpp"
-#include "wire/sii.hpp"
+#include "wire/sii_category.hpp"
 
 #include <algorithm>
 
@@ -41,24 +41,26 @@ bool looks_like_sdo(Bytes data) {
            (header.service == wire::coe::Service::sdo_request || header.service == wire::coe::Service::sdo_response);
 }
 
-// Whether the datagram addresses the first octet of the mailbox to the slave (`sent`) or from the slave.
-bool at_mailbox(const SlaveTrack& slave, std::uint16_t address, bool sent, Bytes data) {
+// The octets of the mailbox to the slave (`sent`) or from the slave whose first octet the datagram addresses; 0: the
+// datagram addresses none. Where the recording does not show the mailbox, its octets are those of the datagram.
+std::size_t mailbox_at(const SlaveTrack& slave, std::uint16_t address, bool sent, Bytes data) {
     bool known = false;
     for (const auto& [n, sm] : slave.sync_managers) {
         if (!sm.mailbox() || sm.ecat_writes() != sent || sm.length_bytes == 0) continue;
         known = true;
-        if (sm.physical_start == address) return true;
+        if (sm.physical_start == address) return sm.length_bytes;
     }
     namespace word = wire::sii::word;
     if (slave.sii_has(word::kBootMailbox * 2, wire::sii::kMailboxesBytes)) {
         const auto boxes = wire::sii::load_mailboxes(Bytes(slave.sii).subspan(word::kBootMailbox * 2));
         for (const auto& box : {boxes.standard, boxes.boot}) {
-            if ((sent ? box.out_bytes : box.in_bytes) == 0) continue;
+            const std::size_t octets = sent ? box.out_bytes : box.in_bytes;
+            if (octets == 0) continue;
             known = true;
-            if ((sent ? box.out_start : box.in_start) == address) return true;
+            if ((sent ? box.out_start : box.in_start) == address) return octets;
         }
     }
-    return !known && looks_like_sdo(data);
+    return !known && looks_like_sdo(data) ? data.size() : 0;
 }
 
 }  // namespace
@@ -68,20 +70,39 @@ bool is_kept_object(std::uint16_t index) {
            (index >= 0x1600 && index < 0x1800) || (index >= 0x1A00 && index < 0x1C00);
 }
 
-std::string printable(Bytes octets) {
-    std::string text;
-    for (const auto b : octets) {
-        const auto c = std::to_integer<unsigned char>(b);
-        if (c == 0) break;
-        text += c >= 0x20 && c < 0x7F ? static_cast<char>(c) : '?';
+void keep_object(SlaveTrack& slave, const Conversation& facts, Bytes data) {
+    constexpr std::size_t kMostObjects = 8192;
+    const std::uint32_t object = std::uint32_t{facts.index} << 8;
+    auto& objects = slave.objects;
+    const auto keep = [&](std::uint32_t subindex, Bytes value) {
+        if (objects.size() < kMostObjects || objects.contains(object | subindex))
+            objects[object | subindex] = {value.begin(), value.end()};
+    };
+    if (!facts.complete) return keep(facts.subindex, data);
+    const bool list = facts.index >= 0x1C10 && facts.index < 0x1C30;
+    const std::size_t octets = list ? 2 : 4;  // of each value but subindex 0
+    if (facts.subindex == 0) {                // which takes 16 bits
+        if (data.size() < 2) return;
+        objects.erase(objects.lower_bound(object), objects.upper_bound(object | 0xFF));
+        keep(0, data.first(1));
+        data = data.subspan(2);
     }
-    return text;
+    for (std::uint32_t subindex = 1; data.size() >= octets && subindex <= 0xFF; ++subindex) {
+        keep(subindex, data.first(octets));
+        data = data.subspan(octets);
+    }
+}
+
+std::string printable(Bytes octets) {
+    const auto end = std::ranges::find(octets, std::byte{0});
+    std::vector<char> text(2 * octets.size());
+    return std::string(wire::sii::to_utf8({octets.begin(), end}, text));
 }
 
 bool MailWatch::is_look(const Exchanged& e, const SlaveTrack* slave) {
     const auto address = e.header.address.ado();
     if (e.header.command != Command::FPRD && e.header.command != Command::APRD) return false;
-    return slave != nullptr && address >= wire::reg::kProcessRam && at_mailbox(*slave, address, false, e.received);
+    return slave != nullptr && address >= wire::reg::kProcessRam && mailbox_at(*slave, address, false, e.received) != 0;
 }
 
 void MailWatch::look(const Exchanged& e, SlaveTrack* slave) {
@@ -92,15 +113,17 @@ void MailWatch::look(const Exchanged& e, SlaveTrack* slave) {
     const auto address = e.header.address.ado();
     if (address < wire::reg::kProcessRam) return;
     const auto data = sent ? e.sent : e.received;
-    if (!at_mailbox(*slave, address, sent, data)) return;
+    const auto octets = mailbox_at(*slave, address, sent, data);
+    if (octets == 0) return;
     for (const auto& lost : sent_.take(e.header, e.sent_at)) {
         if (sent && std::ranges::equal(lost.data, data)) continue;  // the master repeats it
-        if (at_mailbox(*slave, lost.address, true, lost.data)) pass(lost.when, *slave, true, lost.data);
+        if (const auto all = mailbox_at(*slave, lost.address, true, lost.data); all != 0)
+            pass(lost.when, *slave, true, lost.data, all);
     }
-    pass(e.at, *slave, sent, data);
+    pass(e.at, *slave, sent, data, octets);
 }
 
-void MailWatch::pass(Moment when, SlaveTrack& slave, bool sent, Bytes data) {
+void MailWatch::pass(Moment when, SlaveTrack& slave, bool sent, Bytes data, std::size_t mailbox) {
     const auto mail = wire::load_mailbox_message(data);
     if (!mail || !known_type(mail->header.type)) return;
     // The message before once more, with its counter, is a repetition.
@@ -112,7 +135,8 @@ void MailWatch::pass(Moment when, SlaveTrack& slave, bool sent, Bytes data) {
     auto& counts = slaves_.facts(slave).mail[mail->header.type];
     ++(sent ? counts.sent : counts.received);
     (sent ? counts.sent_bytes : counts.received_bytes) += mail->data.size();
-    take({when, slave, sent, mail->header, mail->data, data.size() - wire::kMailboxHeaderBytes});
+    const auto room = std::max(mailbox, data.size()) - wire::kMailboxHeaderBytes;
+    take({when, slave, sent, mail->header, mail->data, room});
 }
 
 void MailWatch::take(const Mail& mail) {
@@ -162,12 +186,8 @@ void MailWatch::end(const Mail& mail, OpenConversation& conversation, Outcome ou
     facts.reason = std::move(reason);
     facts.late = conversation.superseded;
     const bool sdo = facts.action == Action::sdo_upload || facts.action == Action::sdo_download;
-    constexpr std::size_t kMostObjects = 2048;
-    if (sdo && outcome == Outcome::done && is_kept_object(facts.index)) {
-        auto& objects = mail.slave.objects;
-        const std::uint32_t key = std::uint32_t{facts.index} << 8 | facts.subindex;
-        if (objects.size() < kMostObjects) objects[facts.complete ? key | 0x8000'0000U : key] = conversation.data;
-    }
+    if (sdo && outcome == Outcome::done && is_kept_object(facts.index))
+        keep_object(mail.slave, facts, conversation.data);
     const auto found = open_.find({mail.slave.number, mail.header.type});
     auto& conversations = found->second;
     close(conversations, static_cast<std::size_t>(&conversation - conversations.data()), mail.when, outcome);

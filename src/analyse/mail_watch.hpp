@@ -56,8 +56,8 @@ class MailWatch {
     void close_all(std::map<Key, Conversations>::iterator of, Moment when);
     void append(OpenConversation& conversation, Bytes data);
 
-    // A message that a slave has taken, or has sent.
-    void pass(Moment when, SlaveTrack& slave, bool sent, Bytes data);
+    // A message that a slave has taken, or has sent. `mailbox`: the octets of the mailbox.
+    void pass(Moment when, SlaveTrack& slave, bool sent, Bytes data, std::size_t mailbox);
     void take(const Mail& mail);
     void take_coe(const Mail& mail);
     void take_sdo_request(const Mail& mail);
@@ -78,7 +78,9 @@ class MailWatch {
 
 // Objects whose values tell the identity and the PDOs of a slave.
 [[nodiscard]] bool is_kept_object(std::uint16_t index);
-// The text up to the first zero, with '?' in place of what is not printable ASCII.
+// Keeps the values that the conversation has transferred. Complete access transfers each value of the object.
+void keep_object(SlaveTrack& slave, const Conversation& facts, Bytes data);
+// The text up to the first zero, as wire::sii::to_utf8() converts it.
 [[nodiscard]] std::string printable(Bytes octets);
 
 }  // namespace margay::analyse

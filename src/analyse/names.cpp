@@ -1,5 +1,6 @@
 #include "analyse/names.hpp"
 
+#include "analyse/mail_watch.hpp"
 #include "wire/coe.hpp"
 #include "wire/sii.hpp"
 #include "wire/sii_category.hpp"
@@ -14,9 +15,7 @@ namespace {
 
 std::string string_of(Bytes strings, sii::StringNumber number) {
     const auto found = sii::string(strings, number);
-    if (!found.ok()) return {};
-    std::array<char, 512> text{};
-    return std::string(sii::to_utf8(found.value, text));
+    return found.ok() ? printable(found.value) : std::string();
 }
 
 // The octets of the first category of this type, if the recording has all of them.
@@ -66,25 +65,16 @@ void add_sii_pdos(Slave& facts, Bytes strings, Bytes content, bool input) {
     }
 }
 
-// The entries of an object of PDOs, each of `octets`: by complete access or one by one. nullopt: not all were seen.
+// The entries of an object of PDOs, each of `octets`. nullopt: not all were seen.
 std::optional<std::vector<std::uint32_t>> list_of(const SlaveTrack& track, std::uint16_t index, std::size_t octets) {
-    const auto load = [&](Bytes at) { return octets == 4 ? load_le<std::uint32_t>(at) : load_le<std::uint16_t>(at); };
     std::vector<std::uint32_t> all;
     const std::uint32_t key = std::uint32_t{index} << 8;
-    if (const auto whole = track.objects.find(0x8000'0000U | key);
-        whole != track.objects.end() && whole->second.size() >= 2) {
-        const Bytes data = whole->second;
-        const std::size_t count = load_le<std::uint8_t>(data);  // subindex 0 takes 16 bits
-        if (data.size() < 2 + count * octets) return std::nullopt;
-        for (std::size_t i = 0; i < count; ++i) all.push_back(load(data.subspan(2 + i * octets)));
-        return all;
-    }
     const auto count = track.objects.find(key);
     if (count == track.objects.end() || count->second.empty()) return std::nullopt;
     for (std::uint32_t sub = 1; sub <= std::to_integer<std::uint32_t>(count->second[0]); ++sub) {
         const auto entry = track.objects.find(key | sub);
         if (entry == track.objects.end() || entry->second.size() < octets) return std::nullopt;
-        all.push_back(load(entry->second));
+        all.push_back(octets == 4 ? load_le<std::uint32_t>(entry->second) : load_le<std::uint16_t>(entry->second));
     }
     return all;
 }
@@ -138,9 +128,7 @@ void name_slave(Slave& facts, const SlaveTrack& track) {
         facts.order = string_of(strings, parsed.value.order);
     }
     if (const auto found = track.objects.find(0x1008U << 8); facts.name.empty() && found != track.objects.end())
-        for (const auto b : found->second)
-            if (const auto c = std::to_integer<unsigned char>(b); c >= 0x20 && c < 0x7F)
-                facts.name += static_cast<char>(c);
+        facts.name = printable(found->second);
     add_sii_pdos(facts, strings, category_of(track, sii::category::kRxPdo), false);
     add_sii_pdos(facts, strings, category_of(track, sii::category::kTxPdo), true);
     if (auto pdos = coe_pdos(track, facts.pdos); !pdos.empty()) {

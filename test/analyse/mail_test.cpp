@@ -226,6 +226,117 @@ TEST_F(MailTest, APacketOfFoeThatComesAgainCountsOnce) {
     }
 }
 
+// A message may be written without the rest of the mailbox, if its last octet is written too.
+TEST_F(MailTest, ThePacketsOfAFoeWriteAreComparedWithTheMailbox) {
+    const auto foe = [&](Duration when, bool sent, std::uint8_t counter, std::uint8_t opcode,
+                         std::uint8_t packet_number, std::size_t octets) {
+        std::vector<std::byte> all(64);
+        wire::store_mailbox_header(
+            all,
+            {.length = static_cast<std::uint16_t>(6 + octets), .type = wire::MailboxType::foe, .counter = counter});
+        all[wire::kMailboxHeaderBytes] = static_cast<std::byte>(opcode);
+        all[wire::kMailboxHeaderBytes + 2] = static_cast<std::byte>(packet_number);
+        if (!sent) return exchange(when, {{Command::FPRD, at(0x1040), all, 1}});
+        all.resize(wire::kMailboxHeaderBytes + 6 + octets);
+        exchange(when, {{Command::FPWR, at(0x1000), all, 1}});
+        if (all.size() < 64) exchange(when + 100us, {{Command::FPWR, at(0x103F), octets_of({0}), 1}});
+    };
+    constexpr std::size_t kFull = 64 - 6 - 6;
+    foe(1ms, true, 1, 2, 0, 1);  // write
+    foe(2ms, false, 1, 4, 0, 0);
+    foe(3ms, true, 2, 3, 1, kFull);
+    foe(4ms, false, 2, 4, 1, 0);
+    foe(5ms, true, 3, 3, 2, 10);
+    foe(6ms, false, 3, 4, 2, 0);
+    const auto all = analyser.finish().conversations.items;
+    ASSERT_EQ(all.size(), 1U);
+    EXPECT_EQ(all[0].outcome, Outcome::done);
+    EXPECT_EQ(all[0].bytes, kFull + 10);
+}
+
+// What is known of an object is the value that was transferred last, by complete access or not.
+class ObjectTest : public MailTest {
+  protected:
+    // Uploads or downloads `data` of an object by complete access.
+    void whole(bool upload, std::uint16_t index, std::vector<std::byte> data) {
+        const auto low = index & 0xFFU;
+        const auto high = unsigned{index} >> 8U;
+        auto head = octets_of({0, upload ? 0x30U : 0x20U, upload ? 0x51U : 0x31U, low, high, 0,
+                               static_cast<unsigned>(data.size()), 0, 0, 0});
+        head.insert(head.end(), data.begin(), data.end());
+        ++counter_;
+        if (upload) {
+            exchange(next(), {request(counter_, 0x50, index, 0)});
+            exchange(next(), {{Command::FPRD, at(0x1040), mail(counter_, head), 1}});
+        } else {
+            exchange(next(), {{Command::FPWR, at(0x1000), mail(counter_, head), 1}});
+            exchange(next(), {response(counter_, 0x60, index, 0)});
+        }
+    }
+    void download(std::uint16_t index, std::uint8_t subindex, unsigned size, std::uint32_t value) {
+        const auto command = 0x23U | (4 - size) << 2U;
+        ++counter_;
+        exchange(next(),
+                 {{Command::FPWR, at(0x1000),
+                   mail(counter_, octets_of({0, 0x20, command, index & 0xFFU, unsigned{index} >> 8U, subindex,
+                                             value & 0xFFU, value >> 8U & 0xFFU, value >> 16U & 0xFFU, value >> 24U})),
+                   1}});
+        exchange(next(), {response(counter_, 0x60, index, subindex)});
+    }
+    Slave slave() { return analyser.finish().slaves.at(0); }
+
+  private:
+    Duration next() { return now_ += 1ms; }
+    Duration now_{};
+    std::uint8_t counter_ = 0;
+};
+
+TEST_F(ObjectTest, AListThatIsWrittenLaterIsTheListOfPdos) {
+    whole(true, 0x1C12, octets_of({1, 0, 0x00, 0x16}));
+    whole(true, 0x1600, octets_of({1, 0, 0x10, 0x00, 0x40, 0x60}));
+    download(0x1C12, 0, 1, 0);
+    download(0x1601, 0, 1, 0);
+    download(0x1601, 1, 4, 0x607A'0020);
+    download(0x1601, 0, 1, 1);
+    download(0x1C12, 1, 2, 0x1601);
+    download(0x1C12, 0, 1, 1);
+    const auto pdos = slave().pdos;
+    ASSERT_EQ(pdos.size(), 1U);
+    EXPECT_EQ(pdos[0].index, 0x1601);
+    ASSERT_EQ(pdos[0].entries.size(), 1U);
+    EXPECT_EQ(pdos[0].entries[0].index, 0x607A);
+    EXPECT_EQ(pdos[0].entries[0].bits, 32);
+}
+
+TEST_F(ObjectTest, AListThatIsWrittenAsAWholeReplacesItsSubindices) {
+    download(0x1C13, 1, 2, 0x1A00);
+    download(0x1C13, 2, 2, 0x1A01);
+    download(0x1C13, 0, 1, 2);
+    download(0x1A02, 1, 4, 0x6041'0010);
+    download(0x1A02, 0, 1, 1);
+    whole(false, 0x1C13, octets_of({1, 0, 0x02, 0x1A}));
+    const auto pdos = slave().pdos;
+    ASSERT_EQ(pdos.size(), 1U);
+    EXPECT_EQ(pdos[0].index, 0x1A02);
+    EXPECT_EQ(pdos[0].entries.size(), 1U);
+}
+
+TEST_F(ObjectTest, TheIdentityIsThatOfCompleteAccessToo) {
+    whole(true, 0x1018, octets_of({4, 0, 0x11, 0, 0, 0, 0x22, 0, 0, 0, 0x33, 0, 0, 0, 0x44, 0, 0, 0}));
+    const auto facts = slave();
+    EXPECT_EQ(facts.vendor, 0x11U);
+    EXPECT_EQ(facts.product, 0x22U);
+    EXPECT_EQ(facts.revision, 0x33U);
+    EXPECT_EQ(facts.serial, 0x44U);
+}
+
+TEST_F(MailTest, ANameInIso88591IsKept) {
+    exchange(1ms, {request(1, kUpload, 0x1008, 0)});
+    exchange(2ms, {{Command::FPRD, at(0x1040),
+                    mail(1, octets_of({0, 0x30, 0x41, 0x08, 0x10, 0, 6, 0, 0, 0, 'M', 0xFC, 'l', 'l', 'e', 'r'})), 1}});
+    EXPECT_EQ(analyser.finish().slaves.at(0).name, "M\u00FCller");
+}
+
 class DriveTest : public MailTest {
   protected:
     static Part soe(bool sent, std::uint8_t counter, const std::vector<std::byte>& octets) {
