@@ -24,6 +24,32 @@ void note(std::optional<T>& fact, const Exchanged& e, Bytes data, wire::Register
     if (const auto octets = octets_at(e, data, at.address, sizeof(T))) fact = load_le<T>(*octets);
 }
 
+void set(Clock& clock, const Exchanged& e) {
+    note(clock.offset_ns, e, e.sent, reg::kSystemTimeOffset);
+    if (const auto low = octets_at(e, e.sent, reg::kSystemTimeOffset.address, 4); low && e.sent.size() == 4)
+        clock.offset_ns = load_le<std::int32_t>(*low);
+    note(clock.delay_ns, e, e.sent, reg::kSystemTimeDelay);
+    note(clock.activation, e, e.sent, reg::kSyncActivation);
+    note(clock.start_ns, e, e.sent, reg::kSyncStartTime);
+    note(clock.sync0_cycle_ns, e, e.sent, reg::kSync0CycleTime);
+    note(clock.sync1_cycle_ns, e, e.sent, reg::kSync1CycleTime);
+}
+
+// The same, without settings that were not seen before.
+void set_again(Clock& clock, const Exchanged& e) {
+    Clock next = clock;
+    set(next, e);
+    const auto again = [](auto& fact, const auto& value) {
+        if (fact) fact = value;
+    };
+    again(clock.offset_ns, next.offset_ns);
+    again(clock.delay_ns, next.delay_ns);
+    again(clock.activation, next.activation);
+    again(clock.start_ns, next.start_ns);
+    again(clock.sync0_cycle_ns, next.sync0_cycle_ns);
+    again(clock.sync1_cycle_ns, next.sync1_cycle_ns);
+}
+
 }  // namespace
 
 void ClockWatch::add(Deviation& deviation, std::uint32_t word, Moment at) {
@@ -50,6 +76,9 @@ void ClockWatch::look(const Exchanged& e, SlaveTrack* slave) {
         if (reads)
             if (const auto at = octets_at(e, e.received, reg::kSystemTimeDifference.address, 4))
                 add(analysis_.worst_deviation, load_le<std::uint32_t>(*at), e.at);
+        // A broadcast reaches slaves without a clock too: it changes the settings that were seen.
+        if (e.header.command == Command::BWR)
+            for (auto& track : slaves_.all()) set_again(slaves_.facts(track).clock, e);
         return;
     }
     auto& clock = slaves_.facts(*slave).clock;
@@ -57,15 +86,7 @@ void ClockWatch::look(const Exchanged& e, SlaveTrack* slave) {
         if (const auto at = octets_at(e, e.received, reg::kSystemTimeDifference.address, 4))
             add(clock.deviation, load_le<std::uint32_t>(*at), e.at);
     // A read may cover many registers, for example 0x0910 to 0x092F; only what was written is a setting.
-    if (!writes_registers(e.header.command)) return;
-    note(clock.offset_ns, e, e.sent, reg::kSystemTimeOffset);
-    if (const auto low = octets_at(e, e.sent, reg::kSystemTimeOffset.address, 4); low && e.sent.size() == 4)
-        clock.offset_ns = load_le<std::int32_t>(*low);
-    note(clock.delay_ns, e, e.sent, reg::kSystemTimeDelay);
-    note(clock.activation, e, e.sent, reg::kSyncActivation);
-    note(clock.start_ns, e, e.sent, reg::kSyncStartTime);
-    note(clock.sync0_cycle_ns, e, e.sent, reg::kSync0CycleTime);
-    note(clock.sync1_cycle_ns, e, e.sent, reg::kSync1CycleTime);
+    if (writes_registers(e.header.command)) set(clock, e);
 }
 
 void ClockWatch::look_at_reference(const Exchanged& e, const SlaveTrack* slave) {

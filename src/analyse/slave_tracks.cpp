@@ -188,10 +188,23 @@ void SlaveTracks::finish() {
     analysis_.slaves = std::move(kept);
 }
 
+namespace {
+
+// A datagram may carry the low half of the address alone: few EEPROMs need the high half.
+void take_sii_address(SlaveTrack& slave, const Exchanged& e, Bytes data) {
+    const auto low = octets_at(e, data, reg::kSiiAddress.address, 2);
+    const auto high = octets_at(e, data, reg::kSiiAddress.address + 2U, 2);
+    const std::uint32_t before = slave.sii_word.value_or(0);
+    if (low) slave.sii_word = (before & 0xFFFF'0000) | load_le<std::uint16_t>(*low);
+    if (high && slave.sii_word)
+        slave.sii_word = (*slave.sii_word & 0xFFFF) | std::uint32_t{load_le<std::uint16_t>(*high)} << 16;
+}
+
+}  // namespace
+
 void SlaveTracks::look_at_sii(const Exchanged& e, SlaveTrack& slave) {
     if (writes_registers(e.header.command)) {
-        if (const auto at = octets_at(e, e.sent, reg::kSiiAddress.address, 4))
-            slave.sii_word = load_le<std::uint32_t>(*at);
+        take_sii_address(slave, e, e.sent);
         if (const auto at = octets_at(e, e.sent, reg::kSiiControl.address, 2))
             slave.sii_reading =
                 (load_le<std::uint16_t>(*at) & wire::sii_control::kCommandMask) == wire::sii_control::kCommandRead;
@@ -202,8 +215,7 @@ void SlaveTracks::look_at_sii(const Exchanged& e, SlaveTrack& slave) {
         slave.sii_eight = (status & wire::sii_control::kReads8Bytes) != 0;
         if ((status & wire::sii_control::kBusy) != 0) return;
     }
-    if (const auto at = octets_at(e, e.received, reg::kSiiAddress.address, 4))
-        slave.sii_word = load_le<std::uint32_t>(*at);
+    take_sii_address(slave, e, e.received);
     if (octets_at(e, e.received, reg::kSiiData.address, 4))
         take_sii(slave, e.received.subspan(reg::kSiiData.address - e.header.address.ado()));
 }

@@ -368,6 +368,37 @@ TEST_F(AnalyserTest, CountsPacketsThatAreNotInOrderOfTime) {
 
 // Random changes of octets in frames of all kinds. The counts stay consistent, and nothing is read beyond the frame
 // (which sanitizers see).
+// Some masters write the command and the low half of the address, and read status and data apart.
+TEST_F(AnalyserTest, TheSiiIsReadByTheLowHalfOfTheAddress) {
+    const wire::DatagramAddress control(0x1001, 0x0502);
+    const wire::DatagramAddress data(0x1001, 0x0508);
+    auto when = 1ms;
+    for (const unsigned word : {8U, 10U}) {
+        exchange(when, {{Command::FPWR, control, octets_of({0, 1, word, 0}), 1}});
+        exchange(when + 1ms, {{Command::FPRD, control, octets_of({0, 0}), 1}});
+        exchange(when + 2ms, {{Command::FPRD, data, octets_of({word, 2, 3, 4}), 1}});
+        when += 10ms;
+    }
+    const auto slave = analyser.finish().slaves.at(0);
+    EXPECT_EQ(slave.vendor, 0x0403'0208U);
+    EXPECT_EQ(slave.product, 0x0403'020AU);
+    EXPECT_EQ(slave.sii_octets, 8U);
+}
+
+TEST_F(AnalyserTest, ABroadcastSwitchesSyncOffAndMakesNoClock) {
+    const auto exchange_all = [&](Duration when, std::vector<std::byte> data) {
+        packet(when, frame_of({{Command::BWR, {0, 0x0980}, data, 0}}, false));
+        packet(when + 30us, frame_of({{Command::BWR, {2, 0x0980}, data, 2}}, true));
+    };
+    exchange(1ms, {{Command::FPWR, {0x1001, 0x0980}, octets_of({0, 3}), 1}});
+    exchange(2ms, {{Command::FPRD, {0x1002, 0x0130}, octets_of({1, 0}), 1}});
+    exchange_all(3ms, octets_of({0, 0}));
+    const auto a = analyser.finish();
+    ASSERT_EQ(a.slaves.size(), 2U);
+    EXPECT_EQ(a.slaves[0].clock.activation, 0);
+    EXPECT_FALSE(a.slaves[1].clock.seen()) << "it may have no clock";
+}
+
 TEST(AnalyseHostile, OctetsOfAnyKindAreAccepted) {
     std::mt19937 random(20261123);
     const auto number_to = [&](std::size_t most) {
