@@ -109,6 +109,9 @@ class Bus {
 
     // The segment is scanned again; transfers that have not begun wait for that. For the owner, before activation.
     void scan_again() { search.again = scan_busy = true; }
+    // The same for any thread. Does nothing while no thread polls before activation: activation and deactivation scan
+    // themselves.
+    void ask_for_scan();
     // Before activation: waits while the segment is scanned, at most 3 s.
     void await_scan() const;
     // The segment is scanned, or the master is being activated or deactivated: no transfer begins. Any thread.

@@ -279,7 +279,7 @@ int ecrt_master_link_state(const ec_master_t* master, unsigned int dev_idx, ec_m
 // The supervision configures slaves with errors again and again. Before activation: a new scan.
 int ecrt_master_reset(ec_master_t* master) {
     Bus& bus = *master->bus;
-    if (!bus.active) bus.as_owner([&] { bus.scan_again(); });
+    if (!bus.active) bus.ask_for_scan();
     return 0;
 }
 

@@ -15,6 +15,16 @@ void Bus::await_scan() const {
     for (int n = 0; n < 3000 && !active && scan_busy; ++n) std::this_thread::sleep_for(1ms);
 }
 
+// Asks the thread that polls: a thread that became the owner here could take the context from activation.
+void Bus::ask_for_scan() {
+    wanted.fetch_add(1);
+    const std::lock_guard lock(turn);
+    wanted.fetch_sub(1);
+    if (!polling) return;
+    scan_again();
+    source->osal().wake();
+}
+
 void Bus::start_idle() {
     if (idle.joinable()) return;
     stop = false;

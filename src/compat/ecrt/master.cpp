@@ -89,13 +89,14 @@ void end_operation(Bus& bus) {
         (void)take_ownership(*bus.ctx);
         bus.operation->cancel();
         if (!bus.ctx->slaves().empty()) (void)writestate(*bus.ctx, 0, AlState::preop);
-        bus.active = false;
     } else {
         bus.stop_idle();
     }
+    // Behind this lock other threads may become the owner where the master is not active.
+    const std::lock_guard lock(bus.config_mutex);
+    bus.active = false;
     bus.search.scan.cancel();
     bus.search.watch.cancel();
-    const std::lock_guard lock(bus.config_mutex);
     retire(bus);
     bus.steady = {};
     bus.domains.clear();

@@ -1,6 +1,6 @@
 // Threads that read objects all the time, while another one activates the master, cycles, and deactivates it: each
-// transfer succeeds. The slaves are there all the time, and the states say so. Ends with 0 when everything is as
-// expected.
+// transfer succeeds. The slaves are there all the time, and the states say so. Then a thread that resets the master.
+// Ends with 0 when everything is as expected.
 #include <check.h>
 #include <cycle.h>
 
@@ -86,6 +86,31 @@ int run(ec_master_t* master) {
     return 0;
 }
 
+// A thread that resets the master all the time takes nothing away from activation and deactivation.
+int run_beside_resets(ec_master_t* master) {
+    std::atomic<bool> stop{false};
+    std::thread other([&] {
+        while (!stop) ecrt_master_reset(master);
+    });
+    int activated = 0;
+    int deactivated = 0;
+    for (unsigned round = 0; round < 2 && activated == 0 && deactivated == 0; ++round) {
+        CHECK(ecrt_master_create_domain(master) != nullptr);
+        CHECK(ecrt_master_slave_config(master, 0, 1, kVendor, kDrive) != nullptr);
+        activated = ecrt_master_activate(master);
+        for (unsigned n = 0; activated == 0 && n < 100; ++n) {
+            ecrt_master_receive(master);
+            ecrt_master_send(master);
+            next_cycle();
+        }
+        if (activated == 0) deactivated = ecrt_master_deactivate(master);
+    }
+    stop = true;
+    other.join();
+    CHECK(activated == 0 && deactivated == 0);
+    return 0;
+}
+
 }  // namespace
 
 int main() {
@@ -101,6 +126,7 @@ int main() {
         std::printf("%u objects were read, %u were not\n", readers.good(), readers.bad());
         CHECK(readers.good() > 20 && readers.bad() == 0);
     }
+    CHECK(run_beside_resets(master) == 0);
     // Without a cycle the call ends.
     CHECK(ecrt_master_activate(master) == 0);
     CHECK(read_vendor(master, 0) == -EIO);
