@@ -51,11 +51,14 @@ std::uint16_t objects_of(Bus& bus, const Slave& slave) {
     const bool has_list = slave.mailbox.present() && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0 &&
                           (slave.coe_details & coe_detail::kSdoInformation) != 0;
     if (bus.active || !has_list || slave.al.state == AlState::init) return 0;
+    const auto position = static_cast<std::uint16_t>(slave.ring_position - 1);
+    const Passage passage(bus, position, Ready::for_mail);
+    Slave present;  // slaves may have come meanwhile
+    if (!bus.slave_at(position, present) || present.identity != slave.identity) return 0;
     ObjectListRequest request;
-    request.slave = slave.number;
+    request.slave = present.number;
     request.list = ObjectList::all;
     request.timeout = kPatience;
-    const Passage passage(bus, static_cast<std::uint16_t>(slave.ring_position - 1), Ready::for_mail);
     if (bus.active || !submit(*bus.ctx, request)) return 0;
     const auto listed = wait(*bus.ctx, request);
     if (!listed && !is_answer(listed.error())) return 0;  // it is asked again

@@ -13,14 +13,30 @@ namespace {
 
 bool valid_sync(std::uint8_t index) { return index < EC_MAX_SYNC_MANAGERS; }
 
+// The PDOs of the slave of a configuration, and the slave with the place that it has afterwards: slaves that come while
+// it is asked give it another one. Waits for the slave. Null: it is not there.
+std::shared_ptr<KnownPdos> pdos_of(ec_slave_config& config, Slave& slave) {
+    constexpr unsigned kTries = 5;
+    Bus& bus = config.bus;
+    for (unsigned n = 0; n < kTries; ++n) {
+        bus.await_scan();
+        if (!bus.slave_of(config, slave)) return nullptr;
+        const Slave asked = slave;
+        auto known = pdos_of(bus, asked);
+        if (!bus.slave_of(config, slave)) return nullptr;
+        const bool stayed = slave.ring_position == asked.ring_position && slave.number == asked.number;
+        if (stayed && known->identity == slave.identity) return known;
+    }
+    return nullptr;
+}
+
 // The slave's own PDOs, where the program has set none. Waits for the slave; once for a configuration.
 void ask_slave(ec_slave_config& config) {
-    if (config.asked) return;
-    config.bus.await_scan();
     Slave slave;
-    if (!config.bus.slave_of(config, slave)) return;
+    if (config.asked) return;
+    const auto known = pdos_of(config, slave);
+    if (known == nullptr) return;
     config.asked = true;
-    const auto known = pdos_of(config.bus, slave);
     for (std::size_t n = 0; n < known->syncs.size(); ++n)
         if (!config.syncs[n].set) config.syncs[n] = known->syncs[n];
 }
@@ -28,9 +44,13 @@ void ask_slave(ec_slave_config& config) {
 // The entries of a PDO without a list: those of the slave.
 void complete(ec_slave_config& config, PdoWish& pdo) {
     Slave slave;
-    if (pdo.listed || !config.bus.slave_of(config, slave)) return;
-    const auto known = pdos_of(config.bus, slave);
+    if (pdo.listed) return;
+    const auto known = pdos_of(config, slave);
+    if (known == nullptr) return;
     const Passage passage(config.bus, static_cast<std::uint16_t>(slave.ring_position - 1), Ready::for_mail);
+    Slave present;
+    if (!config.bus.slave_of(config, present) || present.number != slave.number)
+        return;  // asked again by the next call
     pdo.entries = read_pdo(config.bus, slave, *known, pdo.index);
     pdo.listed = !pdo.entries.empty();
 }
