@@ -71,7 +71,8 @@ void write_command(TextWriter& out, const Error& e) {
         out << ")";
         return;
     }
-    const bool mail = e.code == Errc::sdo_abort || e.code == Errc::mailbox_error || e.detail != Error::kRegisterCommand;
+    const bool mail =
+        e.code == Errc::sdo_abort || e.code == Errc::mailbox_error || (e.detail & Error::kRegisterCommand) == 0;
     (out << " (no. " << unsigned{e.place} << ", " << (mail ? "object " : "register ")).hex(e.index, 4);
     if (mail) out << ":" << unsigned{e.subindex};
     out << ")";
@@ -342,7 +343,7 @@ void write_cause(TextWriter& out, const Error& e) {
             out << ")";
             break;
         case Errc::no_frame:
-            if (e.detail == Error::kUnmarked)
+            if ((e.detail & Error::kUnmarked) != 0)
                 out << " (frames came back unmarked: slaves have counted them up, but bit 1 of the first octet of the "
                        "source address is not set, and this network interface does not hide own frames)";
             break;

@@ -251,10 +251,10 @@ struct Error {
     std::uint32_t expected = 0;
     std::uint32_t actual = 0;
 
-    // Detail of an error of a register command: `index` is a register address, not an object.
-    static constexpr std::uint32_t kRegisterCommand = 1;
+    // Bit of the detail of an error of a register command: `index` is a register address, not an object.
+    static constexpr std::uint32_t kRegisterCommand = 0x100;
     // Detail of an error of a parameter command: `index` is an IDN, `subindex` a drive.
-    static constexpr std::uint32_t kParameterCommand = 2;
+    static constexpr std::uint32_t kParameterCommand = 0x200;
     // Detail of Errc::no_frame: frames came back with incremented working counters, but without the mark that the first
     // ESC sets in the source address. The NIC cannot distinguish them from echoes of its own frames, so the library
     // dropped them.

@@ -79,7 +79,7 @@ void name_command(Error& error, const Slave& slave, const StartupCommand& comman
     error.step = step_of(which);
     error.slave = slave.number;
     error.index = command.index;
-    if (!by_mailbox(command)) error.detail = Error::kRegisterCommand;
+    if (!by_mailbox(command)) error.detail |= Error::kRegisterCommand;
     if (by_soe(command) && error.detail == 0) error.detail = Error::kParameterCommand;
     if (error.subindex == 0) error.subindex = command.subindex;
     if (is_message(command) && command.mail != nullptr) {

@@ -161,6 +161,26 @@ TEST_F(Startup, WhatFailsIsNamedWithItsPlaceAndCause) {
     EXPECT_EQ(wrong_with({}), "");
 }
 
+TEST(StartupErrors, ALostFrameOfARegisterCommandIsUnmarkedOnlyIfItCameBack) {
+    std::array<char, 512> text{};
+    const auto words = [&](std::uint32_t detail) {
+        return std::string(describe({.code = Errc::no_frame,
+                                     .step = Step::command_ip,
+                                     .slave = 1,
+                                     .index = 0x0F80,
+                                     .place = 1,
+                                     .detail = detail},
+                                    text));
+    };
+    const std::string lost = words(Error::kRegisterCommand);
+    EXPECT_NE(lost.find("(no. 1, register 0x0f80): the frame did not come back"), std::string::npos) << lost;
+    EXPECT_EQ(lost.find("unmarked"), std::string::npos) << lost;
+    const std::string unmarked = words(Error::kRegisterCommand | Error::kUnmarked);
+    EXPECT_NE(unmarked.find("(no. 1, register 0x0f80): the frame did not come back (frames came back unmarked"),
+              std::string::npos)
+        << unmarked;
+}
+
 TEST_F(Startup, ARegisterIsLookedAtUntilItIsRightOrTheTimeIsOver) {
     plug_odd({});
     plug_odd({});
