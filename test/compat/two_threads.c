@@ -87,6 +87,22 @@ static void mail_behind_a_call_that_gives_up(void) {
     MUST(received == 1);
 }
 
+/* Each thread that reserves a frame index has it alone. */
+static int users[EC_MAXBUF];
+static void* reserve(void* of) {
+    int n;
+    volatile int used;
+    (void)of;
+    for (n = 0; n < 3000000; ++n) {
+        const int index = ec_getindex();
+        count_wrong(__sync_fetch_and_add(&users[index], 1) != 0);
+        for (used = 0; used < 20; ++used) continue;
+        __sync_fetch_and_sub(&users[index], 1);
+        ec_setbufstat(index, EC_BUF_EMPTY);
+    }
+    return NULL;
+}
+
 static void by_two_threads(void* (*calls)(void*)) {
     static const uint16 numbers[2] = {1, 2};
     pthread_t threads[2];
@@ -100,6 +116,8 @@ int main(int argc, char** argv) {
     if (argc != 2 || !ec_init(argv[1]) || ec_config_init(FALSE) != 2) return 1;
     for (slave = 1; slave <= 2; ++slave) ec_siistring(names[slave], (uint16)slave, 1);
     MUST(strcmp(names[1], names[2]) != 0);
+    by_two_threads(reserve);
+    MUST(wrong == 0);
     by_two_threads(read_strings);
     MUST(wrong == 0);
     by_two_threads(read_halves);

@@ -18,6 +18,10 @@ using Pinned = Sessions::Pinned;
 [[nodiscard]] inline std::atomic_ref<int> place_of(ecx_portt& port) {
     return std::atomic_ref<int>(port.margay_session);
 }
+// The status of a frame index. Threads reserve indexes at the same time, also those of a port that is not open.
+[[nodiscard]] inline std::atomic_ref<int> status_of(ecx_portt& port, int index) {
+    return std::atomic_ref<int>(port.rxbufstat[index]);
+}
 [[nodiscard]] inline Pinned session_of(ecx_portt& port) {
     return Pinned(place_of(port).load(std::memory_order_relaxed), &port);
 }
@@ -28,8 +32,15 @@ using Pinned = Sessions::Pinned;
 // For all of a mailbox service: the time of one answer, and the time to send the request.
 [[nodiscard]] inline Duration mail_time(int timeout) { return us(timeout) + std::chrono::microseconds(EC_TIMEOUTTXM); }
 
-// A scan writes the number of slaves and what it has found of them with the lock of the EEPROMs and the lock of the
-// session. A thread that has one of these locks can read it; these functions are for a thread that has none.
+// A hook of the program that one thread sets while another one calls it.
+template <class Hook>
+[[nodiscard]] std::atomic_ref<Hook> hook_at(Hook& hook) {
+    return std::atomic_ref<Hook>(hook);
+}
+
+// A scan writes the number of slaves and what it has found of them with the lock of the EEPROMs. A thread that has this
+// lock can read all of it. Most of it is written with the lock of the session too, and a thread that has only this one
+// can read it: not Itype, eep_8byte and eep_pdi. These functions are for a thread that has none.
 [[nodiscard]] inline int slaves_found(ecx_contextt& context, Session& session) {
     const Session::Guard guard(session);
     return slave_count(context);
@@ -113,6 +124,9 @@ class HookCaller final : public Session::Between {
           session_(session),
           with_context_(with_context) {}
     ~HookCaller();
+    // Such a call waits until no slave is being configured: in a hook of this thread it would wait for itself. True:
+    // so it is, and it was said.
+    static bool is_refused(const Session& session, const char* function);
     // Makes the library wait in PREOP until the hooks of the slave have been called.
     void attach(std::uint16_t number);
     // From now on the library does not wait: the hooks have been called.

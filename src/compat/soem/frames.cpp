@@ -61,13 +61,13 @@ int unload(ecx_portt& port, int index, Session::Flight& flight) {
         put_word(one.data.data() + one.data.size(), one.wkc);  // behind the data, in the octets of the flight
     }
     std::memcpy(port.rxbuf[index], flight.octets.data(), flight.octets.size());
-    port.rxbufstat[index] = EC_BUF_COMPLETE;
+    status_of(port, index) = EC_BUF_COMPLETE;
     return flight.datagrams.back().wkc;
 }
 
 // `timeout` zero: looks once. A frame that has not come back yet may be waited for again.
 int take_frame(ecx_portt& port, int index, Duration timeout) {
-    if (!is_index(index) || port.rxbufstat[index] != EC_BUF_TX) return EC_NOFRAME;
+    if (!is_index(index) || status_of(port, index) != EC_BUF_TX) return EC_NOFRAME;
     const Pinned session = session_of(port);
     if (session == nullptr) return EC_NOFRAME;
     Session::Flight& flight = session->flight_of(static_cast<std::size_t>(index));
@@ -127,18 +127,21 @@ DatagramOffset ecx_adddatagram(ecx_portt* port, void* frame, uint8 com, uint8 id
 }
 
 void ecx_setbufstat(ecx_portt* port, FrameIndex idx, int bufstat) {
-    if (is_index(idx)) port->rxbufstat[idx] = bufstat;
+    if (is_index(idx)) status_of(*port, idx) = bufstat;
 }
 
 FrameIndex ecx_getindex(ecx_portt* port) {
+    const std::atomic_ref last(port->lastidx);
+    const int begin = last.load() + 1;
+    int index = 0;
     for (int n = 0; n < EC_MAXBUF; ++n) {
-        const int index = (port->lastidx + 1 + n) % EC_MAXBUF;
-        if (port->rxbufstat[index] != EC_BUF_EMPTY && n + 1 < EC_MAXBUF) continue;
-        port->rxbufstat[index] = EC_BUF_ALLOC;
-        port->lastidx = static_cast<FrameIndex>(index);
-        return static_cast<FrameIndex>(index);
+        index = (begin + n) % EC_MAXBUF;
+        int free = EC_BUF_EMPTY;
+        if (status_of(*port, index).compare_exchange_strong(free, EC_BUF_ALLOC)) break;
+        if (n + 1 == EC_MAXBUF) status_of(*port, index) = EC_BUF_ALLOC;  // all are in use
     }
-    return 0;
+    last = static_cast<FrameIndex>(index);
+    return static_cast<FrameIndex>(index);
 }
 
 int ecx_outframe(ecx_portt* port, FrameIndex idx, int) {
@@ -152,7 +155,7 @@ int ecx_outframe(ecx_portt* port, FrameIndex idx, int) {
     load(flight,
          std::span(port->txbuf[idx]).subspan(ETH_HEADERSIZE, static_cast<std::size_t>(length) - ETH_HEADERSIZE));
     if (flight.datagrams.empty()) return -1;
-    port->rxbufstat[idx] = EC_BUF_TX;
+    status_of(*port, idx) = EC_BUF_TX;
     return session->launch(flight) ? length : -1;
 }
 

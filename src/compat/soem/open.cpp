@@ -28,15 +28,16 @@ int open_port(ecx_portt& port, const std::string& name, int slaves, int groups, 
         say(name + ": this segment has no ring");
         return 0;
     }
+    // Before another thread finds the session: it may build frames from then on.
+    port.sockhandle = -1;
+    std::atomic_ref(port.lastidx) = 0;
+    for (int n = 0; n < EC_MAXBUF; ++n) status_of(port, n) = EC_BUF_EMPTY;
     const int place = Sessions::add(std::move(session), &port);
     if (place < 0) {
         say("no more than 64 ports can be open at the same time");
         return 0;
     }
     place_of(port) = place;
-    port.sockhandle = -1;
-    port.lastidx = 0;
-    std::fill_n(port.rxbufstat, EC_MAXBUF, static_cast<int>(EC_BUF_EMPTY));
     return 1;
 }
 
