@@ -94,7 +94,7 @@ extern "C" {
 
 boolean ecx_configdc(ecx_contextt* context) {
     const Pinned session = session_of(context);
-    if (session == nullptr) return FALSE;
+    if (session == nullptr || HookCaller::is_refused(*session, "ecx_configdc")) return FALSE;
     // Its request waits until no slave is being configured, and a hook that is executed meanwhile needs the second
     // lock.
     const auto configuring = session->lock_configuring();

@@ -6,6 +6,12 @@ namespace margay::soem {
 
 HookCaller::~HookCaller() { rest(); }
 
+bool HookCaller::is_refused(const Session& session, const char* function) {
+    if (!session.in_hook()) return false;
+    say_once(std::string(function) + "() is not possible in a hook: call it when the call that configures is over");
+    return true;
+}
+
 void HookCaller::attach(std::uint16_t number) {
     const Session::Guard guard(session_);
     Call& call = calls_.emplace_back();
@@ -38,8 +44,10 @@ void HookCaller::run() {
             copy_state(context_, session_, call.number);
         }
         eeproms_.unlock();
+        session_.begin_hook();
         before_hooks(context_, call.number);
         call_hooks(context_, call.number, with_context_);
+        session_.end_hook();
         eeproms_.lock();
         bool changed = false;  // by the program; what ecx_readPDOmap() writes is shown
         {

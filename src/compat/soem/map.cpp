@@ -359,14 +359,22 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
 
 int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes) {
     const Pinned session = session_of(context);
-    if (session == nullptr || image == nullptr || group >= most_groups(context)) return 0;
+    if (session == nullptr || image == nullptr || HookCaller::is_refused(*session, "ecx_config_map_group")) return 0;
+    if (group >= most_groups(context)) {
+        say_once("group " + std::to_string(group) + " is not mapped: the highest is " +
+                 std::to_string(most_groups(context) - 1));
+        return 0;
+    }
     HookCaller hooks(context, *session, true);
     if (slave_count(context) < 1) return 0;
     for (int n = 1; n <= slave_count(context); ++n) {
         if (!takes_part(slaves_of(context)[n], group)) continue;
         const auto number = static_cast<std::uint16_t>(n);
         // config_init() has counted the slaves in group 0.
-        if (group != 0 && slaves_of(context)[n].blockLRW != 0) ++groups_of(context)[group].blockLRW;
+        if (group != 0 && slaves_of(context)[n].blockLRW != 0) {
+            const Session::Guard guard(*session);  // another thread may exchange the group
+            ++groups_of(context)[group].blockLRW;
+        }
         prepare_slave(context, *session, number, group);
         hooks.attach(number);
     }

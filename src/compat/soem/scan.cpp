@@ -175,7 +175,7 @@ int find_slaves(ecx_contextt& context, Session& session) {
 
 int config_init(ecx_contextt& context) {
     const Pinned session = session_of(context);
-    if (session == nullptr) return EC_NOFRAME;
+    if (session == nullptr || HookCaller::is_refused(*session, "ecx_config_init")) return EC_NOFRAME;
     const auto configuring = session->lock_configuring();
     const auto eeproms = session->lock_eeproms();
     clear(context, *session);
@@ -201,6 +201,7 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
     if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1)
         return session->settle_lost(slave) ? 1 : 0;
+    if (HookCaller::is_refused(*session, "ecx_recover_slave")) return 0;
     // When frames are lost, slaves may have their addresses again without the library knowing them.
     constexpr int kMostTries = 5;
     margay::RecoverRequest request;
@@ -217,9 +218,11 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
 int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
     const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, *session, slave)) return 0;
+    if (HookCaller::is_refused(*session, "ecx_reconfig_slave")) return 0;
     bool configured = false;
     if (session->is_answered(us(EC_TIMEOUTSAFE))) {
         HookCaller hooks(*context, *session, kVersionCallsContextHooks);
+        if (!is_slave(*context, *session, slave)) return 0;  // there was another scan
         hooks.attach(slave);
         take_mailboxes(*context, *session, slave, margay::AlState::preop);
         margay::ReconfigRequest request;

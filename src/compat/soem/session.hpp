@@ -174,6 +174,12 @@ class Session {
     // Held while a call searches or configures slaves, also while hooks run. A thread takes it before that of the
     // EEPROMs.
     [[nodiscard]] LongLock lock_configuring() { return LongLock(configuring_lock_); }
+    // The thread that executes hooks of the program. One at a time does, because it has the lock above.
+    void begin_hook() { hook_thread_.store(PriorityLock::thread(), std::memory_order_relaxed); }
+    void end_hook() { hook_thread_.store(0, std::memory_order_relaxed); }
+    [[nodiscard]] bool in_hook() const {
+        return hook_thread_.load(std::memory_order_relaxed) == PriorityLock::thread();
+    }
     // The words that a thread reads in two calls, by the address of the slave. Use it with the lock.
     using Half = std::pair<std::thread::id, std::uint16_t>;
     [[nodiscard]] std::map<Half, std::uint16_t>& half_readings() { return half_readings_; }
@@ -229,6 +235,7 @@ class Session {
     bool handles_mail_ = false;
     RecursivePriorityLock eeprom_lock_;
     RecursivePriorityLock configuring_lock_;
+    std::atomic<std::uint32_t> hook_thread_{0};
     std::map<Half, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;
     std::vector<ShownSyncManagers> shown_;

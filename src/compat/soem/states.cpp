@@ -76,7 +76,8 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
         known = session->slave(1).number == 1 && slave <= slaves;
     }
     const auto state = static_cast<margay::AlState>(value & 0xF);
-    if (!known || state == margay::AlState::none) {
+    // In a hook the request would wait for the configuration whose part the hook is.
+    if (!known || state == margay::AlState::none || session->in_hook()) {
         std::array<std::byte, 2> octets{};
         put_word(octets.data(), value);
         const auto command = slave == 0 ? DatagramCommand::bwr : DatagramCommand::fpwr;
