@@ -229,6 +229,17 @@ static void memory_of_slaves(void) {
     }
 }
 
+/* A broadcast asks slaves that no scan has found yet. */
+static void states_before_a_scan(void) {
+    const int state = ecx_statecheck(CTX, 0, EC_STATE_INIT, 2000);
+    MUST(state != EC_STATE_NONE && (SLAVES[0].state & 0xF) == state);
+#ifndef SOEM2
+    MUST(ecx_detect_slaves(CTX) >= 1 && COUNT >= 1);
+    MUST(ecx_statecheck(CTX, 0, EC_STATE_INIT, 100000) == EC_STATE_INIT);
+    MUST(ecx_readstate(CTX) == EC_STATE_INIT && (SLAVES[COUNT].state & 0xF) == EC_STATE_INIT);
+#endif
+}
+
 int main(int argc, char **argv) {
     int round, used;
     if (argc != 2) return 2;
@@ -239,6 +250,7 @@ int main(int argc, char **argv) {
         MUST(ecx_config_map_group(CTX, map, 0) == 0);     /* before a scan */
         MUST(ecx_send_processdata(CTX) == 0);
         MUST(ecx_receive_processdata(CTX, 100) == EC_NOFRAME);
+        if (round == 0) states_before_a_scan();
         MUST(CONFIG_INIT() >= 1);
         MUST(CONFIG_INIT() >= 1);
         if (COUNT < 1) return 1;

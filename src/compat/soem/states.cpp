@@ -26,6 +26,32 @@ bool read_all(Session& session) {
     return read.ok() || !is_silent(read.error());
 }
 
+// Before the first scan the slaves are not known, and a broadcast asks them: their AL status combined by OR, and the
+// code. Nothing: there was a scan.
+struct Broadcast {
+    std::uint16_t state = EC_STATE_NONE;
+    std::uint16_t code = 0;
+};
+std::optional<Broadcast> ask_unknown(Session& session) {
+    {
+        const Session::Guard guard(session);
+        if (!session.context().slaves().empty()) return std::nullopt;
+    }
+    std::array<std::byte, 6> octets{};
+    const int wkc = session.exchange(DatagramCommand::brd, address_of(0, ECT_REG_ALSTAT), octets, us(EC_TIMEOUTRET));
+    if (wkc <= 0) return Broadcast{};
+    return Broadcast{.state = static_cast<std::uint16_t>(word_at(octets.data()) & 0x1F),
+                     .code = word_at(octets.data() + 4)};
+}
+
+// What the broadcast says is the state of each slave that was counted. With the lock.
+void show_all(ecx_contextt& context, const Broadcast& all) {
+    for (int n = 0; n <= slave_count(context); ++n) {
+        slaves_of(context)[n].state = all.state;
+        slaves_of(context)[n].ALstatuscode = all.code;
+    }
+}
+
 // The AL status of all slaves at once: combined by OR, as a broadcast reads it. With the lock.
 std::uint16_t combined(ecx_contextt& context, Session& session) {
     std::uint16_t all = 0;
@@ -44,6 +70,11 @@ extern "C" {
 int ecx_readstate(ecx_contextt* context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return EC_STATE_NONE;
+    if (const auto all = ask_unknown(*session)) {
+        const Session::Guard guard(*session);
+        show_all(*context, *all);
+        return all->state & 0xF;
+    }
     ec_slavet* const slaves = slaves_of(*context);
     const bool answered = read_all(*session);
     const Session::Guard guard(*session);
@@ -116,11 +147,14 @@ uint16 ecx_statecheck(ecx_contextt* context, uint16 slave, uint16 reqstate, int 
     ec_slavet& asked = slaves_of(*context)[slave];
     const margay::Time until = margay::later(session->now(), us(timeout));
     for (;;) {
-        const bool answered = read_all(*session);
+        const auto unknown = slave == 0 ? ask_unknown(*session) : std::nullopt;
+        const bool answered = unknown || read_all(*session);
         std::uint16_t low = 0;
         {
             const Session::Guard guard(*session);
-            if (!answered)
+            if (unknown)
+                asked.state = unknown->state;
+            else if (!answered)
                 asked.state = EC_STATE_NONE;
             else if (slave == 0)
                 asked.state = combined(*context, *session);
