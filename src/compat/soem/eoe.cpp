@@ -64,7 +64,7 @@ using namespace margay::soem;
 extern "C" {
 
 int ecx_EOEdefinehook(ecx_contextt* context, void* hook) {
-    context->EOEhook = reinterpret_cast<decltype(context->EOEhook)>(hook);
+    hook_at(context->EOEhook) = reinterpret_cast<decltype(context->EOEhook)>(hook);
     return 1;
 }
 

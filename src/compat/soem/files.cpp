@@ -31,7 +31,7 @@ class Progress final : public Session::Between {
             reported.swap(octets_);
         }
         for (const int octets : reported)
-            if (context_.FOEhook != nullptr) context_.FOEhook(slave_, ++packets_, octets);
+            if (const auto hook = hook_at(context_.FOEhook).load(); hook != nullptr) hook(slave_, ++packets_, octets);
     }
 
   private:
@@ -67,7 +67,7 @@ using namespace margay::soem;
 extern "C" {
 
 int ecx_FOEdefinehook(ecx_contextt* context, void* hook) {
-    context->FOEhook = reinterpret_cast<decltype(context->FOEhook)>(hook);
+    hook_at(context->FOEhook) = reinterpret_cast<decltype(context->FOEhook)>(hook);
     return 1;
 }
 

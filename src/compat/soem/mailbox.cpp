@@ -27,10 +27,11 @@ void put_letter(ecx_contextt& context, Session& session, const Letter& letter, e
 
 // The hook has taken the fragment.
 bool eaten(ecx_contextt& context, Session& session, const Letter& letter) {
-    if (context.EOEhook == nullptr || letter.type != MailboxType::eoe) return false;
+    const auto hook = hook_at(context.EOEhook).load();
+    if (hook == nullptr || letter.type != MailboxType::eoe) return false;
     ec_mbxbuft buffer{};
     put_letter(context, session, letter, buffer);
-    return context.EOEhook(&context, letter.slave, &buffer) > 0;
+    return hook(&context, letter.slave, &buffer) > 0;
 }
 
 bool are_same(const MailboxInfo& one, const MailboxInfo& other) {
@@ -86,7 +87,7 @@ std::optional<Letter> await_letter(ecx_contextt& context, Session& session, std:
 }
 
 void serve_eoe_hook(ecx_contextt& context, Session& session) {
-    if (context.EOEhook == nullptr) return;
+    if (hook_at(context.EOEhook) == nullptr) return;
     for (int n = 0; n < 64; ++n) {
         std::optional<Letter> letter;
         {
@@ -188,7 +189,7 @@ int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int ti
 int ecx_mbxhandler(ecx_contextt* context, uint8, int) {
     const Pinned session = session_of(context);
     if (session == nullptr) return 0;
-    if (context->EOEhook != nullptr) session->watch_always();
+    if (hook_at(context->EOEhook) != nullptr) session->watch_always();
     session->poll_now();
     serve_eoe_hook(*context, *session);
     const int slaves = slaves_found(*context, *session);

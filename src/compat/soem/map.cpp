@@ -395,7 +395,10 @@ int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool over
     }
     map(context, *session, request, hooks);
     const int used = show_group(context, *session, group, static_cast<std::uint8_t*>(image), overlapped);
-    memory.restore();
+    {
+        const Session::Guard guard(*session);
+        memory.restore();
+    }
     if (context.manualstatechange != 0) {
         WriteStateRequest down;
         down.wanted = AlState::preop;

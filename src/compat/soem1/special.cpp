@@ -74,7 +74,10 @@ int ecx_detect_slaves(ecx_contextt* context) {
     uint16 type = 0;
     const int wkc = ecx_BRD(context->port, 0, ECT_REG_TYPE, sizeof(type), &type, EC_TIMEOUTSAFE);
     if (wkc >= context->maxslave) return EC_SLAVECOUNTEXCEEDED;
-    if (wkc > 0) *context->slavecount = wkc;
+    const Pinned session = session_of(context);
+    if (wkc <= 0 || session == nullptr) return wkc;
+    const Session::Guard guard(*session);  // other threads count the slaves with it
+    *context->slavecount = wkc;
     return wkc;
 }
 

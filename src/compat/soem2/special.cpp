@@ -28,6 +28,9 @@ extern "C" {
 
 int ecx_config_init(ecx_contextt* context) {
     const int found = config_init(*context);
+    const Pinned session = session_of(context);
+    if (session == nullptr) return found;
+    const Session::Guard guard(*session);  // another thread may scan too
     for (uint8 n = 0; n < EC_MAXGROUP; ++n) ecx_initmbxqueue(context, n);
     return found;
 }
