@@ -16,6 +16,7 @@
 #include <margay/error.hpp>
 #include <margay/mailbox_type.hpp>
 
+#include <algorithm>
 #include <array>
 #include <iterator>
 
@@ -58,23 +59,26 @@ bool is_message(const Error& e) {
     }
 }
 
+// The k…Command of an error; 0: it has none. A detail of 32 bits has no place for it.
+std::uint32_t command_kind(const Error& e) {
+    constexpr std::array kWide{Errc::sdo_abort, Errc::soe_error,  Errc::command_failed,
+                               Errc::aoe_error, Errc::aoe_result, Errc::eoe_error};
+    if (!is_command(e.step) || std::ranges::find(kWide, e.code) != kWide.end()) return 0;
+    return e.detail & (Error::kRegisterCommand | Error::kParameterCommand);
+}
+
 void write_command(TextWriter& out, const Error& e) {
     const bool by_soe = e.code == Errc::soe_error || e.code == Errc::command_failed;
+    out << " (no. " << unsigned{e.place} << ", ";
     if (!by_soe && is_message(e)) {
-        out << " (no. " << unsigned{e.place} << ", "
-            << (static_cast<MailboxType>(e.subindex) == MailboxType::aoe ? "AoE" : "EoE") << " message)";
-        return;
-    }
-    if (by_soe || (e.code != Errc::sdo_abort && e.detail == Error::kParameterCommand)) {
-        out << " (no. " << unsigned{e.place} << ", ";
+        out << (static_cast<MailboxType>(e.subindex) == MailboxType::aoe ? "AoE" : "EoE") << " message";
+    } else if (by_soe || command_kind(e) == Error::kParameterCommand) {
         write_parameter(out, e);
-        out << ")";
-        return;
+    } else if (command_kind(e) == Error::kRegisterCommand) {
+        (out << "register ").hex(e.index, 4);
+    } else {
+        (out << "object ").hex(e.index, 4) << ":" << unsigned{e.subindex};
     }
-    const bool mail =
-        e.code == Errc::sdo_abort || e.code == Errc::mailbox_error || (e.detail & Error::kRegisterCommand) == 0;
-    (out << " (no. " << unsigned{e.place} << ", " << (mail ? "object " : "register ")).hex(e.index, 4);
-    if (mail) out << ":" << unsigned{e.subindex};
     out << ")";
 }
 
@@ -264,8 +268,9 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
         }
         case Errc::entry_size: out << " (the type has " << e.expected << " bits, the entry " << e.actual << ")"; break;
         case Errc::check_failed:
-            (out << " (wanted ").hex(e.expected, 8);
-            (out << ", is ").hex(e.actual, 8) << ")";
+            ((out << " (wanted ").hex(e.expected, 8) << ", is ").hex(e.actual, 8);
+            if (is_command(e.step) && e.subindex != 0) out << ", from octet " << unsigned{e.subindex} << " on";
+            out << ")";
             break;
         default: break;
     }
@@ -343,7 +348,7 @@ void write_cause(TextWriter& out, const Error& e) {
             out << ")";
             break;
         case Errc::no_frame:
-            if ((e.detail & Error::kUnmarked) != 0)
+            if (e.detail == Error::kUnmarked)
                 out << " (frames came back unmarked: slaves have counted them up, but bit 1 of the first octet of the "
                        "source address is not set, and this network interface does not hide own frames)";
             break;
@@ -485,8 +490,10 @@ std::string_view describe(const Error& e, std::span<char> buffer) {
         write_place(out, e);
         out << ": ";
     }
-    out << code_text(e);
-    write_cause(out, e);
+    Error cause = e;
+    cause.detail &= ~command_kind(e);
+    out << code_text(cause);
+    write_cause(out, cause);
     return out.text();
 }
 

@@ -85,7 +85,7 @@ enum class Errc : std::uint8_t {
                    // SyncManager (index: its register)
     above_highest,  // the slave's configuration does not allow the state (expected: the highest allowed, actual: the
                     // requested one)
-    check_failed,   // a register or an object does not have the required value (expected, actual: the lowest 32 bits)
+    check_failed,   // a register or an object does not have the required value (expected, actual: 32 bits that differ)
     not_owner,      // the call is for the thread that owns the context, and another thread made it
     not_polled,     // the owner of the context has not called poll()
     waiting_forbidden,  // a function that waits, called by the owner after allow_waiting(ctx, false)
@@ -244,17 +244,19 @@ struct Error {
     std::uint16_t index = 0;    // register address, SII word address (bits 0 to 15), object index or IDN, depending on
                                 // the step
     std::uint8_t subindex = 0;  // subindex, or number of the drive; of an SII word address: bits 16 to 23; of a
-                                // start-up command without index: the MailboxType of its message
+                                // start-up command without index: the MailboxType of its message; of the check of a
+                                // register: the octet from which `expected` and `actual` are
     std::uint8_t place = 0;    // number of a start-up command in its list, the first is 1; of an SII word address: bits
                                // 24 to 31
     std::uint32_t detail = 0;  // AL status code, abort code, mailbox error detail, SoE or FoE error code; k…Command
     std::uint32_t expected = 0;
     std::uint32_t actual = 0;
 
-    // Bit of the detail of an error of a register command: `index` is a register address, not an object.
-    static constexpr std::uint32_t kRegisterCommand = 0x100;
-    // Detail of an error of a parameter command: `index` is an IDN, `subindex` a drive.
-    static constexpr std::uint32_t kParameterCommand = 0x200;
+    // Bits of the detail of errors of start-up commands, beside the detail of the code (16 bits). kRegisterCommand:
+    // `index` is a register address, not an object. kParameterCommand: `index` is an IDN, `subindex` a drive; it is not
+    // set for soe_error and command_failed.
+    static constexpr std::uint32_t kRegisterCommand = 0x1'0000;
+    static constexpr std::uint32_t kParameterCommand = 0x2'0000;
     // Detail of Errc::no_frame: frames came back with incremented working counters, but without the mark that the first
     // ESC sets in the source address. The NIC cannot distinguish them from echoes of its own frames, so the library
     // dropped them.

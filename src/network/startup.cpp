@@ -80,7 +80,8 @@ void name_command(Error& error, const Slave& slave, const StartupCommand& comman
     error.slave = slave.number;
     error.index = command.index;
     if (!by_mailbox(command)) error.detail |= Error::kRegisterCommand;
-    if (by_soe(command) && error.detail == 0) error.detail = Error::kParameterCommand;
+    if (by_soe(command) && error.code != Errc::soe_error && error.code != Errc::command_failed)
+        error.detail |= Error::kParameterCommand;
     if (error.subindex == 0) error.subindex = command.subindex;
     if (is_message(command) && command.mail != nullptr) {
         error.index = 0;
@@ -93,8 +94,6 @@ Task<Result<>> write_register_of(Station station, const StartupCommand& command)
     co_await required(write_bytes(station, command.index, command.octets(), Step::none));
     co_return Nothing{};
 }
-
-std::uint32_t lowest_bits(const std::array<std::byte, 8>& bytes) { return load_le<std::uint32_t>(bytes); }
 
 Task<Result<>> check_register_of(Station station, const StartupCommand& command) {
     const Time give_up = later(station.engine.now(), command.timeout);
@@ -115,8 +114,10 @@ Task<Result<>> check_register_of(Station station, const StartupCommand& command)
         if (same) co_return Nothing{};
         if (station.engine.now() >= give_up) {
             error = station.error(Errc::check_failed, Step::none, command.index);
-            error.expected = lowest_bits(wanted);
-            error.actual = lowest_bits(seen);
+            const std::size_t half = sizeof error.expected;
+            if (load_le<std::uint32_t>(wanted) == load_le<std::uint32_t>(seen)) error.subindex = half;
+            error.expected = load_le<std::uint32_t>(wanted, error.subindex);
+            error.actual = load_le<std::uint32_t>(seen, error.subindex);
             co_return error;
         }
         co_await station.engine.sleep_for(kBetweenLooks);

@@ -139,6 +139,9 @@ TEST_F(Startup, WhatFailsIsNamedWithItsPlaceAndCause) {
         {check_register(preop_to_safeop, 0x0010, std::uint16_t{0x2222}, std::uint16_t{0x0FFF}),
          "slave 1: command at PS (no. 2, register 0x0010): the value is not the required one (wanted "
          "0x00000222, is 0x00000001)"},
+        {check_register(preop_to_safeop, 0x0F90, std::uint64_t{0x0000'0005'0000'0000}, ~std::uint64_t{0}),
+         "slave 1: command at PS (no. 2, register 0x0f90): the value is not the required one (wanted "
+         "0x00000005, is 0x00000000, from octet 4 on)"},
         {StartupCommand{.transitions = preop_to_safeop, .index = 0x0F80},
          "slave 1: command at PS (no. 2, register 0x0f80): argument out of range: the value of the start-up command "
          "has "
@@ -161,24 +164,24 @@ TEST_F(Startup, WhatFailsIsNamedWithItsPlaceAndCause) {
     EXPECT_EQ(wrong_with({}), "");
 }
 
-TEST(StartupErrors, ALostFrameOfARegisterCommandIsUnmarkedOnlyIfItCameBack) {
-    std::array<char, 512> text{};
-    const auto words = [&](std::uint32_t detail) {
-        return std::string(describe({.code = Errc::no_frame,
-                                     .step = Step::command_ip,
-                                     .slave = 1,
-                                     .index = 0x0F80,
-                                     .place = 1,
-                                     .detail = detail},
-                                    text));
+// The detail of the code and the kind of the command are one number.
+TEST(StartupErrors, TheKindOfTheCommandIsNoDetailOfTheCode) {
+    const auto words = [](Errc code, std::uint16_t index, std::uint32_t detail) {
+        std::array<char, 512> text{};
+        return std::string(describe(
+            {.code = code, .step = Step::command_ip, .slave = 1, .index = index, .place = 1, .detail = detail}, text));
     };
-    const std::string lost = words(Error::kRegisterCommand);
-    EXPECT_NE(lost.find("(no. 1, register 0x0f80): the frame did not come back"), std::string::npos) << lost;
-    EXPECT_EQ(lost.find("unmarked"), std::string::npos) << lost;
-    const std::string unmarked = words(Error::kRegisterCommand | Error::kUnmarked);
-    EXPECT_NE(unmarked.find("(no. 1, register 0x0f80): the frame did not come back (frames came back unmarked"),
-              std::string::npos)
-        << unmarked;
+    const std::string at_register = "slave 1: command at IP (no. 1, register 0x0f80): the frame did not come back";
+    EXPECT_EQ(words(Errc::no_frame, 0x0F80, Error::kRegisterCommand), at_register);
+    EXPECT_EQ(words(Errc::no_frame, 0x0F80, Error::kRegisterCommand | Error::kUnmarked).find(at_register + " (frames"),
+              0U);
+    EXPECT_EQ(words(Errc::no_frame, 0x6060, Error::kUnmarked).find("slave 1: command at IP (no. 1, object 0x6060:0): "),
+              0U);
+    const std::string unsupported = "mailbox error reply (detail 0x0002: the mailbox protocol is not supported)";
+    EXPECT_EQ(words(Errc::mailbox_error, 0x6060, 2), "slave 1: command at IP (no. 1, object 0x6060:0): " + unsupported);
+    EXPECT_EQ(words(Errc::mailbox_error, 1, Error::kParameterCommand | 2),
+              "slave 1: command at IP (no. 1, S-0-0001, drive 0): " + unsupported);
+    EXPECT_NE(words(Errc::sdo_abort, 0x6060, 0x0602'0000).find("(no. 1, object 0x6060:0)"), std::string::npos);
 }
 
 TEST_F(Startup, ARegisterIsLookedAtUntilItIsRightOrTheTimeIsOver) {
