@@ -128,11 +128,13 @@ void give_memory(Bus& bus) {
     }
 }
 
-// The scan of the start-up takes some cycles: until it is over, the states are those of before.
-void take_states(Bus& bus) {
+// The scan of the start-up takes some cycles: until it is over, the states are those of before. The start-up writes the
+// lists of the program.
+void take_slaves(Bus& bus) {
     for (const auto& config : bus.configs) {
         Slave slave;
         const bool online = config->expected != nullptr && bus.slave_of(*config, slave);
+        if (online) forget_changed_pdos(bus, slave, config->syncs);
         config->state = online ? 1U | static_cast<std::uint32_t>(slave.al.state) << 4 : 0U;
     }
 }
@@ -258,7 +260,7 @@ int ecrt_master_activate(ec_master_t* master) {
         bus.start_idle();
         return error;
     }
-    take_states(bus);
+    take_slaves(bus);
     give_memory(bus);
     for (const auto& domain : bus.domains) {
         domain->state = {};

@@ -194,6 +194,22 @@ std::shared_ptr<KnownPdos> kept_pdos(Bus& bus, const Slave& slave) {
     return is_it && found->second->unread.code == Errc::none ? found->second : nullptr;
 }
 
+void forget_changed_pdos(Bus& bus, const Slave& slave, const SyncWishes& wanted) {
+    const auto same_pdo = [](const PdoWish& one, const PdoWish& known) {
+        return one.index == known.index && (!one.listed || one.entries == known.entries);
+    };
+    const std::lock_guard lock(bus.known_mutex);
+    const auto found = bus.known_pdos.find(slave.ring_position);
+    if (found == bus.known_pdos.end()) return;
+    const SyncWishes& known = found->second->syncs;
+    for (std::size_t n = 0; n < wanted.size(); ++n) {
+        const bool kept = !wanted[n].set || wanted[n].from_slave;
+        if (kept || std::ranges::equal(wanted[n].pdos, known[n].pdos, same_pdo)) continue;
+        bus.known_pdos.erase(found);
+        return;
+    }
+}
+
 void forget_pdos(Bus& bus, std::uint16_t position) {
     const std::lock_guard lock(bus.known_mutex);
     bus.known_pdos.erase(static_cast<std::uint16_t>(position + 1));

@@ -58,5 +58,7 @@ struct KnownPdos {
 [[nodiscard]] std::shared_ptr<KnownPdos> kept_pdos(Bus& bus, const Slave& slave);
 // The PDOs of the slave at this position of the ring, the first is 0, are or may be others now.
 void forget_pdos(Bus& bus, std::uint16_t position);
+// The same, if the lists that the program sets for the slave are not those that are known.
+void forget_changed_pdos(Bus& bus, const Slave& slave, const SyncWishes& wanted);
 
 }  // namespace margay::compat::ecrt

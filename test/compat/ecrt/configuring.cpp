@@ -91,6 +91,39 @@ int read_at_activation(ec_master_t* master, ec_master_t* reader, unsigned delay_
     return 0;
 }
 
+// The PDOs that a slave has in operation are those that the program has set, also where others were read before.
+int read_in_operation(ec_master_t* master, ec_master_t* reader) {
+    constexpr std::uint8_t kInputs = 3;
+    static ec_pdo_entry_info_t entries[] = {{0x6064, 0, 32}, {kStatusword, 0, 16}};
+    static ec_pdo_info_t pdo = {0x1A00, 2, entries};
+    static const ec_sync_info_t syncs[] = {{kInputs, EC_DIR_INPUT, 1, &pdo, EC_WD_DISABLE},
+                                           {0xFF, EC_DIR_INVALID, 0, nullptr, EC_WD_DEFAULT}};
+    ec_pdo_info_t known = {};
+    CHECK(ecrt_master_get_pdo(reader, 0, kInputs, 0, &known) == 0);
+    ec_domain_t* const domain = ecrt_master_create_domain(master);
+    ec_slave_config_t* const config = ecrt_master_slave_config(master, 0, 0, kVendor, kDrive);
+    CHECK(config != nullptr && ecrt_slave_config_pdos(config, EC_END, syncs) == 0);
+    CHECK(ecrt_slave_config_reg_pdo_entry(config, kStatusword, 0, domain, nullptr) == 4);
+    CHECK(ecrt_master_activate(master) == 0);
+    ec_slave_config_state_t state = {};
+    for (unsigned n = 0; n < 5000 && !state.operational; ++n) {
+        exchange(master, domain);
+        ecrt_slave_config_state(config, &state);
+    }
+    std::atomic<bool> over{false};
+    ec_pdo_entry_info_t first = {};
+    std::thread other([&] {
+        if (ecrt_master_get_pdo(reader, 0, kInputs, 0, &known) == 0)
+            ecrt_master_get_pdo_entry(reader, 0, kInputs, 0, 0, &first);
+        over = true;
+    });
+    while (!over) exchange(master, domain);
+    other.join();
+    CHECK(state.operational && known.n_entries == 2 && first.index == 0x6064);
+    CHECK(ecrt_master_deactivate(master) == 0);
+    return 0;
+}
+
 // Two threads, each with a domain of its own, register entries of the same slaves.
 int register_in_two_threads(ec_master_t* master) {
     struct Side {
@@ -129,6 +162,7 @@ int main(int argc, char** argv) {
         if (scene == 1) CHECK(read_at_activation(master, reader, delay_ms) == 0);
         if (scene == 2) CHECK(register_in_two_threads(master) == 0);
     }
+    if (scene == 3) CHECK(read_in_operation(master, reader) == 0);
     ecrt_release_master(master);
     ecrt_release_master(reader);
     return 0;
