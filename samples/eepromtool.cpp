@@ -242,7 +242,10 @@ int run_esi(int argc, char** argv) {
                         "Makes the EEPROM image (SII) of a device from its ESI file, and shows it or writes "
                         "it into a file for `write`.");
     arguments.positional("FILE", options.file, "the ESI file");
-    arguments.positional("TYPE", options.type, "order code or name of the device; not needed if the file describes one",
+    arguments.positional("TYPE", options.type,
+                         "order code or name of the device, TYPE/REVISION for a revision that is not the greatest; not "
+                         "needed if the file "
+                         "describes one",
                          Arguments::Presence::optional);
     arguments.option("--output", options.output, "the file for the image; .hex is Intel HEX, - standard output");
     return arguments.run(argc, argv, [&] { return make_image(options); });

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <string_view>
 
 namespace margay::hosted {
@@ -24,6 +25,34 @@ std::pair<std::string, std::string> split(const std::string& path) {
     const auto at = path.rfind(".xml#");
     if (at == std::string::npos) return {path, {}};
     return {path.substr(0, at + 4), path.substr(at + 5)};
+}
+
+// The device of an order code or a name, or of TYPE/REVISION. Of several revisions the greatest, which is remarked.
+const files::EsiDevice* choose(const files::EsiFile& esi, const std::string& wanted,
+                               std::vector<std::string>& remarks) {
+    const auto is = [](const files::EsiDevice& device, std::string_view type) {
+        return device.type == type || device.name == type;
+    };
+    if (const auto* device = files::find_device(esi, wanted); device != nullptr) {
+        const auto revisions = std::ranges::count_if(esi.devices, [&](const auto& one) { return is(one, wanted); });
+        if (revisions > 1)
+            remarks.push_back(
+                fmt::format("of {} revisions of {} the greatest is taken, 0x{:08x}; another one by {}/REVISION",
+                            revisions, wanted, device->identity.revision, wanted));
+        return device;
+    }
+    const auto slash = wanted.rfind('/');
+    if (slash == std::string::npos) return nullptr;
+    const std::string_view type = std::string_view(wanted).substr(0, slash);
+    std::string_view digits = std::string_view(wanted).substr(slash + 1);
+    const int base = digits.starts_with("0x") ? 16 : 10;
+    if (base == 16) digits.remove_prefix(2);
+    std::uint32_t revision = 0;
+    const auto read = std::from_chars(digits.data(), digits.data() + digits.size(), revision, base);
+    if (digits.empty() || read.ec != std::errc{} || read.ptr != digits.data() + digits.size()) return nullptr;
+    const auto found = std::ranges::find_if(
+        esi.devices, [&](const auto& one) { return is(one, type) && one.identity.revision == revision; });
+    return found == esi.devices.end() ? nullptr : &*found;
 }
 
 // The first remark about a device that the reader has left out because of a fault; empty: there is none.
@@ -53,11 +82,13 @@ EsiImage esi_image(const std::string& file, const std::string& type) {
         return result;
     }
     if (type.empty() && esi->devices.size() > 1) {
-        result.error = fmt::format("{}: describes {} devices; choose one of them, in a SOURCE by sim:{}#TYPE:{}", file,
-                                   esi->devices.size(), file, device_list(*esi));
+        result.error = fmt::format(
+            "{}: describes {} devices; choose one of them, in a SOURCE by sim:{}#TYPE or sim:{}#TYPE/REVISION:{}", file,
+            esi->devices.size(), file, file, device_list(*esi));
         return result;
     }
-    const files::EsiDevice* device = type.empty() ? &esi->devices.front() : files::find_device(*esi, type);
+    std::vector<std::string> remarks;
+    const files::EsiDevice* device = type.empty() ? &esi->devices.front() : choose(*esi, type, remarks);
     if (device == nullptr) {
         result.error = left_out(result.remarks, fmt::format("Device '{}' is", type));
         if (!result.error.empty()) return result;
@@ -69,7 +100,8 @@ EsiImage esi_image(const std::string& file, const std::string& type) {
         result.error = fmt::format("{}: line {}: {}", file, device->line, image.error);
         return result;
     }
-    for (const std::string& remark : image.remarks) result.remarks.push_back(fmt::format("{}: {}", file, remark));
+    remarks.insert(remarks.end(), image.remarks.begin(), image.remarks.end());
+    for (const std::string& remark : remarks) result.remarks.push_back(fmt::format("{}: {}", file, remark));
     result.octets = std::move(image.octets);
     result.type = device->type;
     return result;

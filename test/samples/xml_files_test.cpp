@@ -45,6 +45,30 @@ TEST_F(XmlFiles, ADeviceIsChosenByItsType) {
     EXPECT_NE(esi_image(path("wrong.xml")).error.find("wrong.xml: line 1"), std::string::npos);
 }
 
+TEST_F(XmlFiles, OneOfSeveralRevisionsIsChosen) {
+    const std::string good(files::kExampleEsi);
+    auto older = good.substr(good.find("<Device "));
+    older.resize(older.find("</Device>") + 9);
+    const auto at = older.find("RevisionNo=\"");
+    ASSERT_NE(at, std::string::npos);
+    older.replace(at, older.find('"', at + 12) + 1 - at, "RevisionNo=\"#x0001\"");
+    auto both = good;
+    both.insert(both.find("<Device "), older);
+    std::ofstream(folder_ / "both.xml") << both;
+    const auto revision = [](const EsiImage& image) {
+        return image.octets.size() < 28 ? 0U : load_le<std::uint32_t>(image.octets, 24);  // word 0x000C of the SII
+    };
+    const auto greatest = esi_image(path("both.xml#EX100"));
+    const auto chosen = esi_image(path("both.xml#EX100/0x1"));
+    EXPECT_EQ(revision(greatest), revision(esi_image(path("drive.xml"))));
+    EXPECT_EQ(revision(chosen), 1U) << chosen.error;
+    ASSERT_FALSE(greatest.remarks.empty());
+    EXPECT_NE(greatest.remarks.back().find("of 2 revisions of EX100 the greatest is taken"), std::string::npos);
+    EXPECT_NE(esi_image(path("both.xml")).error.find("#TYPE/REVISION"), std::string::npos);
+    for (const char* wrong : {"both.xml#EX100/0x7", "both.xml#EX100/", "both.xml#EX100/1x", "both.xml#EX200/0x1"})
+        EXPECT_NE(esi_image(path(wrong)).error.find("describes no device 'EX"), std::string::npos) << wrong;
+}
+
 TEST_F(XmlFiles, ADeviceThatWasLeftOutIsNamedWithItsFault) {
     const std::string good(files::kExampleEsi);
     std::string faulty = good;
