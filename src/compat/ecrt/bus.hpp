@@ -200,6 +200,7 @@ class Bus {
     std::mutex known_mutex;
     std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;             // by place in the ring, from 1 on
     std::map<std::uint16_t, std::pair<Identity, std::uint16_t>> known_objects;  // the number of them, likewise
+    std::atomic<bool> pdos_written{false};  // a request has written a PDO: until the next scan they are read each time
 
     std::atomic<bool> active{false};
     std::atomic<unsigned> turns{0};  // of activation and deactivation, beginnings and ends: odd while one is at work

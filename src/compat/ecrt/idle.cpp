@@ -86,6 +86,7 @@ void Bus::step_search(Time now) {
         {
             const std::lock_guard lock(known_mutex);
             known_pdos.clear();
+            pdos_written = false;
             known_objects.clear();
         }
         // A program that sees the end of the scan sees its result.

@@ -134,7 +134,7 @@ void take_slaves(Bus& bus) {
     for (const auto& config : bus.configs) {
         Slave slave;
         const bool online = config->expected != nullptr && bus.slave_of(*config, slave);
-        if (online) forget_changed_pdos(bus, slave, config->syncs);
+        if (online) forget_changed_pdos(bus, slave, *config);
         config->state = online ? 1U | static_cast<std::uint32_t>(slave.al.state) << 4 : 0U;
     }
 }

@@ -190,24 +190,25 @@ std::vector<PdoEntry> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known, s
 std::shared_ptr<KnownPdos> kept_pdos(Bus& bus, const Slave& slave) {
     const std::lock_guard lock(bus.known_mutex);
     const auto found = bus.known_pdos.find(slave.ring_position);
-    const bool is_it = found != bus.known_pdos.end() && found->second->identity == slave.identity;
+    const bool is_it = found != bus.known_pdos.end() && found->second->identity == slave.identity && !bus.pdos_written;
     return is_it && found->second->unread.code == Errc::none ? found->second : nullptr;
 }
 
-void forget_changed_pdos(Bus& bus, const Slave& slave, const SyncWishes& wanted) {
+void forget_changed_pdos(Bus& bus, const Slave& slave, const ec_slave_config& config) {
     const auto same_pdo = [](const PdoWish& one, const PdoWish& known) {
         return one.index == known.index && (!one.listed || one.entries == known.entries);
     };
     const std::lock_guard lock(bus.known_mutex);
     const auto found = bus.known_pdos.find(slave.ring_position);
     if (found == bus.known_pdos.end()) return;
+    bool changed = std::ranges::any_of(
+        config.startup, [](const StartupWrite& write) { return !write.parameter && is_of_pdos(write.index); });
     const SyncWishes& known = found->second->syncs;
-    for (std::size_t n = 0; n < wanted.size(); ++n) {
-        const bool kept = !wanted[n].set || wanted[n].from_slave;
-        if (kept || std::ranges::equal(wanted[n].pdos, known[n].pdos, same_pdo)) continue;
-        bus.known_pdos.erase(found);
-        return;
+    for (std::size_t n = 0; n < config.syncs.size(); ++n) {
+        const SyncWish& wanted = config.syncs[n];
+        if (wanted.set && !wanted.from_slave) changed |= !std::ranges::equal(wanted.pdos, known[n].pdos, same_pdo);
     }
+    if (changed) bus.known_pdos.erase(found);
 }
 
 void forget_pdos(Bus& bus, std::uint16_t position) {
@@ -219,7 +220,7 @@ std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
     {
         const std::lock_guard lock(bus.known_mutex);
         const auto found = bus.known_pdos.find(slave.ring_position);
-        if (found != bus.known_pdos.end() && found->second->identity == slave.identity &&
+        if (found != bus.known_pdos.end() && found->second->identity == slave.identity && !bus.pdos_written &&
             (!again || found->second->unread.code == Errc::none))
             return found->second;
     }

@@ -58,7 +58,13 @@ struct KnownPdos {
 [[nodiscard]] std::shared_ptr<KnownPdos> kept_pdos(Bus& bus, const Slave& slave);
 // The PDOs of the slave at this position of the ring, the first is 0, are or may be others now.
 void forget_pdos(Bus& bus, std::uint16_t position);
-// The same, if the lists that the program sets for the slave are not those that are known.
-void forget_changed_pdos(Bus& bus, const Slave& slave, const SyncWishes& wanted);
+// The same at activation, if the lists that the program sets for the slave are not those that are known, or if it
+// writes them as objects.
+void forget_changed_pdos(Bus& bus, const Slave& slave, const ec_slave_config& config);
+
+// The object is a PDO, or a list of the PDOs of a SyncManager.
+[[nodiscard]] constexpr bool is_of_pdos(std::uint16_t index) {
+    return (index >= 0x1600 && index <= 0x1BFF) || (index >= 0x1C10 && index <= 0x1C2F);
+}
 
 }  // namespace margay::compat::ecrt

@@ -214,6 +214,7 @@ int ecrt_sdo_request_write(ec_sdo_request_t* req) {
     req->download.complete_access = req->complete;
     req->download.timeout = ms(req->timeout_ms);
     req->download.data = Borrowed<std::byte>(req->memory.data(), req->size);
+    if (is_of_pdos(req->index)) req->config.bus.pdos_written = true;
     return start(*req, req->download, Transfer::write);
 }
 

@@ -61,8 +61,7 @@ int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
 
 // The PDOs of the slave may be others now.
 void note_download(Bus& bus, std::uint16_t position, std::uint16_t index) {
-    const bool concerns = (index >= 0x1600 && index <= 0x1BFF) || (index >= 0x1C10 && index <= 0x1C2F);
-    if (concerns) forget_pdos(bus, position);
+    if (is_of_pdos(index)) forget_pdos(bus, position);
 }
 
 int download(ec_master_t* master, std::uint16_t position, SdoDownload& request, std::uint32_t* abort_code) {

@@ -124,6 +124,44 @@ int read_in_operation(ec_master_t* master, ec_master_t* reader) {
     return 0;
 }
 
+// The same for a list that an object of the configuration writes.
+int read_what_was_configured(ec_master_t* master, ec_master_t* reader) {
+    ec_sync_info_t known = {};
+    CHECK(ecrt_master_get_sync_manager(reader, 1, 2, &known) == 0 && known.n_pdos == 1);
+    ec_domain_t* const domain = ecrt_master_create_domain(master);
+    ec_slave_config_t* const config = ecrt_master_slave_config(master, 0, 1, kVendor, kDrive);
+    CHECK(config != nullptr && ecrt_slave_config_sdo8(config, 0x1C12, 0, 0) == 0);
+    CHECK(ecrt_master_activate(master) == 0);
+    std::atomic<bool> over{false};
+    std::thread other([&] {
+        if (ecrt_master_get_sync_manager(reader, 1, 2, &known) != 0) known.n_pdos = 9;
+        over = true;
+    });
+    while (!over) exchange(master, domain);
+    other.join();
+    CHECK(known.n_pdos == 0);
+    CHECK(ecrt_master_deactivate(master) == 0);
+    return 0;
+}
+
+// The same for a list that a request writes.
+int read_what_was_written(ec_master_t* master, ec_master_t* reader) {
+    ec_slave_config_t* const config = ecrt_master_slave_config(master, 0, 2, kVendor, kDrive);
+    CHECK(config != nullptr);
+    ec_sdo_request_t* const request = ecrt_slave_config_create_sdo_request(config, 0x1C12, 0, 1);
+    CHECK(request != nullptr);
+    ec_sync_info_t known = {};
+    CHECK(ecrt_master_get_sync_manager(reader, 2, 2, &known) == 0 && known.n_pdos == 1);
+    for (const std::uint8_t pdos : {std::uint8_t{0}, std::uint8_t{1}}) {
+        EC_WRITE_U8(ecrt_sdo_request_data(request), pdos);
+        CHECK(ecrt_sdo_request_write(request) == 0);
+        for (unsigned n = 0; n < 5000 && ecrt_sdo_request_state(request) == EC_REQUEST_BUSY; ++n) next_cycle();
+        CHECK(ecrt_sdo_request_state(request) == EC_REQUEST_SUCCESS);
+        CHECK(ecrt_master_get_sync_manager(reader, 2, 2, &known) == 0 && known.n_pdos == pdos);
+    }
+    return 0;
+}
+
 // Two threads, each with a domain of its own, register entries of the same slaves.
 int register_in_two_threads(ec_master_t* master) {
     struct Side {
@@ -163,6 +201,8 @@ int main(int argc, char** argv) {
         if (scene == 2) CHECK(register_in_two_threads(master) == 0);
     }
     if (scene == 3) CHECK(read_in_operation(master, reader) == 0);
+    if (scene == 4) CHECK(read_what_was_configured(master, reader) == 0);
+    if (scene == 5) CHECK(read_what_was_written(master, reader) == 0);
     ecrt_release_master(master);
     ecrt_release_master(reader);
     return 0;

@@ -45,7 +45,7 @@ margay_ecrt_test(information_of_ring ecrt_information sim:${folder}/../ring.toml
 margay_ecrt_test(information_at_start ecrt_information_at_start sim:drive,drive,drive)
 margay_ecrt_test(turns ecrt_turns sim:drive,drive,drive)
 set_tests_properties(compat/ecrt/turns PROPERTIES PASS_REGULAR_EXPRESSION "position 0: SDO upload[^\n]*the cyclic thread does not.*position 2: [^\n]*the cyclic thread does not.*an end")
-foreach(scene register_at_activation=0 read_at_activation=1 register_in_two_threads=2 read_in_operation=3)
+foreach(scene register_at_activation=0 read_at_activation=1 register_in_two_threads=2 read_in_operation=3 read_what_was_configured=4 read_what_was_written=5)
   string(REPLACE "=" ";" scene ${scene})
   list(GET scene 0 name)
   list(GET scene 1 number)
