@@ -95,6 +95,8 @@ struct EniSlaveData {
 [[nodiscard]] EniSlaveData read_eni_slave(Reader& reader, Node node, std::uint16_t position);
 // Milliseconds. A time that is longer than any real one is obeyed, and named.
 [[nodiscard]] Duration read_eni_time(Reader& reader, const Value& value);
+// SYNC signals, from the init commands that the slave's data has.
+void read_eni_sync(Reader& reader, EniSlaveData& slave);
 // The commands of EoE and AoE.
 void read_eni_mail(Reader& reader, Node mailbox, EniSlaveData& slave);
 // An init command of the master becomes a command of the slaves that it addresses.

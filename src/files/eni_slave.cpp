@@ -206,75 +206,6 @@ void see_sync_managers(Reader& r, const EniInit& init, EniSlaveData& s) {
     }
 }
 
-// Settings of SYNC signals, and which of them the init commands have given.
-struct SyncSeen {
-    std::optional<std::uint16_t> activation{};
-    std::optional<std::uint32_t> cycle0{};
-    std::optional<std::uint32_t> cycle1{};
-};
-
-// What the command gives, beside what is known.
-SyncSeen sync_of(const EniInit& init, const SyncSeen& known) {
-    const auto covers = [&](std::uint16_t address) {
-        return init.ado <= address && address < init.ado + init.data.size();
-    };
-    const auto at = [&](std::uint16_t address, std::size_t octets) {
-        return static_cast<std::uint32_t>(init.value(address - init.ado, octets));
-    };
-    SyncSeen given;
-    const std::uint32_t before = known.activation.value_or(0);  // any of the two registers, or both, may be written
-    const std::uint32_t low = covers(0x0980) ? at(0x0980, 1) : before & 0xFF;
-    const std::uint32_t high = covers(0x0981) ? at(0x0981, 1) : before >> 8;
-    if (covers(0x0980) || covers(0x0981)) given.activation = static_cast<std::uint16_t>(high << 8 | low);
-    if (covers(0x09A0)) given.cycle0 = at(0x09A0, 4);
-    if (covers(0x09A4)) given.cycle1 = at(0x09A4, 4);
-    return given;
-}
-
-template <class T>
-bool is_other(const std::optional<T>& given, const std::optional<T>& known) {
-    return given && *given != 0 && given != known;
-}
-
-// The library sets the signals at PS. What the file gives at another step on the way to OP is used where the file gives
-// nothing at PS.
-bool is_used(Reader& r, const EniInit& init, const SyncSeen& given, const SyncSeen& at_ps) {
-    if (contains(init.transitions, Transition::preop_to_safeop)) return true;
-    const bool other = is_other(given.activation, at_ps.activation) || is_other(given.cycle0, at_ps.cycle0) ||
-                       is_other(given.cycle1, at_ps.cycle1);
-    if (!other) return false;
-    const bool taken =
-        (given.activation && at_ps.activation) || (given.cycle0 && at_ps.cycle0) || (given.cycle1 && at_ps.cycle1);
-    const bool up =
-        contains(init.transitions, Transition::init_to_preop) || contains(init.transitions, Transition::safeop_to_op);
-    const std::string what = "the init command for SYNC signals (" + hex(init.ado) + ") is not of PS: ";
-    r.remark(init.node, what + (taken ? "it is not sent, what the commands of PS give is used"
-                                : up  ? "the library sets SYNC signals at PS"
-                                      : "it is not sent, the library sets SYNC signals at PS"));
-    return up && !taken;
-}
-
-void read_sync(Reader& r, EniSlaveData& s) {
-    SyncSeen seen;
-    for (const bool at_ps : {true, false})
-        for (const EniInit& init : s.inits) {
-            const bool here = init.ado >= 0x0980 && init.ado < 0x09B0 && init.writes();
-            if (!here || init.transitions == Transition::none) continue;
-            if (contains(init.transitions, Transition::preop_to_safeop) != at_ps) continue;
-            const SyncSeen given = sync_of(init, seen);
-            if (!is_used(r, init, given, seen)) continue;
-            if (given.activation) seen.activation = given.activation;
-            if (given.cycle0) seen.cycle0 = given.cycle0;
-            if (given.cycle1) seen.cycle1 = given.cycle1;
-        }
-    SyncSettings& dc = s.setup.dc;
-    if (seen.activation) dc.assign_activate = *seen.activation;
-    s.uses_clock = seen.activation.value_or(0) != 0;
-    if (s.uses_clock) dc.source = SyncSettings::Source::application;
-    if (seen.cycle0) dc.sync0_cycle = Duration(*seen.cycle0);
-    if (seen.cycle1) dc.sync1_cycle = Duration(*seen.cycle1);
-}
-
 void read_dc(Reader& r, Node dc, EniSlaveData& s) {
     s.reference_clock = r.boolean(child(dc, "ReferenceClock"));
     const auto cycle0 = r.number<std::uint32_t>(child(dc, "CycleTime0"));
@@ -310,7 +241,7 @@ void read_inits(Reader& r, Node node, EniSlaveData& s) {
                                     " is an init command of this slave: it is sent to this slave only");
         s.inits.push_back(std::move(init));
     }
-    read_sync(r, s);
+    read_eni_sync(r, s);
     if (checks.any) return name_other_identity(r, s);
     // A file without checks still says which slave it is made for.
     if (s.slave.identity.vendor == 0 && s.slave.identity.product == 0 && !s.node.child("HotConnect"))
@@ -347,6 +278,26 @@ void read_coe(Reader& r, Node protocol, EniSlaveData& s) {
     }
 }
 
+bool selects_pdos(const StartupCommand& command) {
+    const auto within = [&](unsigned first, unsigned end) { return command.index >= first && command.index < end; };
+    return within(0x1600, 0x1C00) || within(0x1C10, 0x1C30);
+}
+
+// A file without init commands says nothing about SyncManagers: the library asks the slave for its PDOs, in PREOP. The
+// commands that select the PDOs, and those before them, have to be executed before that.
+void advance_pdo_commands(Reader& r, Node protocol, EniSlaveData& s) {
+    const auto last = std::find_if(s.mail.rbegin(), s.mail.rend(), [](const StartupCommand& command) {
+        return selects_pdos(command) && contains(command.transitions, Transition::preop_to_safeop);
+    });
+    if (s.has_inits || last == s.mail.rend()) return;
+    for (auto& command : std::span(s.mail).first(static_cast<std::size_t>(s.mail.rend() - last)))
+        if (contains(command.transitions, Transition::preop_to_safeop))
+            command.transitions = command.transitions | Transition::init_to_preop;
+    r.remark(protocol,
+             "the slave has no init commands for its SyncManagers: its CoE commands at PS up to the last one that "
+             "selects PDOs are executed at IP, too, because the library reads the PDOs before PS");
+}
+
 // Why a command of SoE is not sent; empty: it writes the value of a parameter.
 std::string not_a_value(Reader& r, Node node, const StartupCommand& command, bool no_data) {
     constexpr unsigned kWriteRequest = 3;
@@ -380,6 +331,7 @@ void read_soe(Reader& r, Node protocol, EniSlaveData& s) {
 
 void read_mailbox(Reader& r, Node mailbox, EniSlaveData& s) {
     read_coe(r, mailbox.child("CoE"), s);
+    advance_pdo_commands(r, mailbox.child("CoE"), s);
     read_soe(r, mailbox.child("SoE"), s);
     read_eni_mail(r, mailbox, s);
     s.slave.modules = configured_modules(s.mail);

@@ -302,7 +302,7 @@ class EniWriter {
         }
         if (frames.empty()) frames.push_back(add(cyclic, "Frame"));
         const std::uint16_t clock = reference_clock(ctx_);
-        if (clock != 0 && number == 0) {
+        if (clock != 0 && number == time_group()) {
             Node cmd = cyclic_cmd(frames[0], "time of the reference clock", 14, {"PREOP", "SAFEOP", "OP"});
             add(cmd, "Adp", std::uint64_t{ctx_.slave(clock).station_address.value});
             add(cmd, "Ado", std::uint64_t{0x0910});
@@ -315,6 +315,19 @@ class EniWriter {
             add(cmd, "DataLength", std::uint64_t{2});
             add(cmd, "Cnt", std::uint64_t{names_.size()});
         }
+    }
+
+    // The group whose cycle carries the time: the last cycle has shown it, or its configuration says so. Otherwise the
+    // first one.
+    [[nodiscard]] std::size_t time_group() const {
+        const auto find = [this](auto carries) {
+            std::size_t n = 0;
+            while (n < ctx_.limits().groups && !(ctx_.group(n).mapped && carries(ctx_.group(n)))) ++n;
+            return n;
+        };
+        std::size_t found = find([](const Group& group) { return group.dc_time.slaves != 0; });
+        if (found == ctx_.limits().groups) found = find([](const Group& g) { return g.config.dc_reference != 0; });
+        return found == ctx_.limits().groups ? find([](const Group&) { return true; }) : found;
     }
 
     // The working counter of the slaves that are in the file (ETG.1000.4): the group may have others, which are

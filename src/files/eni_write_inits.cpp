@@ -55,7 +55,7 @@ class InitWriter {
   private:
     static std::uint64_t ms(Duration time, std::uint64_t usual) {
         if (time <= Duration{0}) return usual;
-        return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(time).count());
+        return static_cast<std::uint64_t>(std::chrono::ceil<std::chrono::milliseconds>(time).count());
     }
 
     Node command(When when, const std::string& comment, std::uint8_t cmd, std::uint16_t ado, const std::string& data) {

@@ -54,6 +54,10 @@ std::vector<std::string> unwritable(const Slave& slave) {
     if (slave.config.highest == AlState::preop || slave.config.highest == AlState::safeop)
         lost.push_back(begin + "it is brought to " + std::string(to_text(slave.config.highest)) +
                        " at most, which an ENI cannot say");
+    if (slave.config.unchecked_pdos)
+        lost.push_back(begin + "its PDOs are not compared when it starts up again, which an ENI cannot say");
+    if (slave.wanted != nullptr && slave.wanted->tolerate)
+        lost.push_back(begin + "another slave is tolerated in its place, which an ENI cannot say");
     return lost;
 }
 

@@ -98,6 +98,26 @@ TEST(EniRoundTrip, WithClocksStartUpCommandsAndPdos) {
     expect_same(machine, devices, 2ms);
 }
 
+// The time is carried by the cycle of the second group, or of the only one.
+TEST(EniRoundTrip, TheTimeStaysInTheCycleOfItsGroup) {
+    for (const bool two : {true, false}) {
+        Machine machine({"coupler", "digital_io_16", "drive"}, {.groups = 2});
+        ASSERT_TRUE(config_init(machine.ctx));
+        for (std::uint16_t n = two ? 3 : 1; n <= 3; ++n) machine.ctx.slave(n).config.group = 1;
+        ASSERT_TRUE(configdc(machine.ctx, {.group = 1}));
+        std::size_t used = 0;
+        if (two) used = *config_map(machine.ctx, machine.image, 0);
+        ASSERT_TRUE(config_map(machine.ctx, std::span(machine.image).subspan(used), 1));
+        ASSERT_TRUE(send_processdata(machine.ctx, 1));
+        (void)receive_processdata(machine.ctx, 2ms, 1);
+        const auto eni = read_eni(write_eni(machine.ctx).text);
+        ASSERT_TRUE(eni) << to_text(eni.problem);
+        ASSERT_TRUE(eni->clocks);
+        EXPECT_EQ(eni->groups.size(), two ? 2U : 1U);
+        EXPECT_EQ(eni->clocks->group, two ? 1 : 0);
+    }
+}
+
 TEST(EniRoundTrip, TheStatusOfMailboxesInTheImage) {
     const std::vector<std::string> devices{"coupler", "drive", "drive"};
     Machine machine(devices);
@@ -128,12 +148,14 @@ TEST(EniRoundTrip, WatchdogsAndTimeouts) {
     EXPECT_EQ(at(0x0420), 1250);
     expect_same(machine, {"coupler", "drive"});
     setup.startup = kCommands;
+    setup.times.to_op = 500us;  // rounded up: 0 is the standard's time
     const auto eni = read_eni(write_eni(machine.ctx).text);
     ASSERT_TRUE(eni) << to_text(eni.problem);
     std::vector<Duration> times;
     for (const StartupCommand& one : eni->expected()[1].config->startup())
         if (one.kind != StartupCommand::Kind::write_register) times.push_back(one.timeout);
     EXPECT_EQ(times, (std::vector<Duration>{7s, 2ms, 9s}));
+    EXPECT_EQ(eni->expected()[1].config->times().to_op, 1ms);
 }
 
 TEST(EniRoundTrip, WhatAnEniCannotSayIsNamed) {
@@ -154,6 +176,7 @@ TEST(EniRoundTrip, WhatAnEniCannotSayIsNamed) {
     config.setup = &kSetup;
     config.no_complete_access = true;
     config.highest = AlState::safeop;
+    config.unchecked_pdos = true;
     machine.ctx.group(0).config.copies = kCopies;
     const Written written = write_eni(machine.ctx);
     ASSERT_TRUE(written) << written.error;
@@ -165,6 +188,7 @@ TEST(EniRoundTrip, WhatAnEniCannotSayIsNamed) {
                   "slave 1: the command for P-0-0001 of drive 1" + cannot,
                   "slave 1: the procedure command S-0-0099 of drive 0 is left out: an ENI can only write values",
                   "slave 1: it is brought to SAFEOP at most, which an ENI cannot say",
+                  "slave 1: its PDOs are not compared when it starts up again, which an ENI cannot say",
                   "slave 1: the command for register 0x0f80" + cannot,
                   "group 0: the copies from slave to slave are left out"}));
 }
@@ -187,6 +211,27 @@ TEST(EniRoundTrip, VariablesLeadToTheDataOfTheirSlaves) {
         bits += one.bits;
     }
     EXPECT_GT(bits, 100U);
+}
+
+// Such files have no init commands: their CoE commands select the PDOs before the library reads them.
+TEST(EniBringUp, PdosThatCoeCommandsSelectAreMapped) {
+    std::string commands;
+    for (const auto& [subindex, data] : {std::pair{"0", "00"}, std::pair{"1", "0116"}, std::pair{"0", "01"}})
+        commands += std::string("<InitCmd><Transition>PS</Transition><Ccs>1</Ccs><Index>0x1c12</Index><SubIndex>") +
+                    subindex + "</SubIndex><Data>" + data + "</Data></InitCmd>";
+    const auto eni = read_eni(
+        "<EtherCATConfig><Config><Master/><Slave><Info><Name>d</Name><VendorId>0x4d47</VendorId>"
+        "<ProductCode>0x5402</ProductCode></Info><Mailbox><CoE><InitCmds>" +
+        commands + "</InitCmds></CoE></Mailbox></Slave></Config></EtherCATConfig>");
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    ASSERT_FALSE(eni.remarks.empty());
+    EXPECT_NE(to_text(eni.remarks.back()).find("up to the last one that selects PDOs are executed at IP, too"),
+              std::string::npos)
+        << to_text(eni.remarks.back());
+    Machine machine({"drive"}, eni->limits());
+    const auto up = bring_up(machine.ctx, *eni, machine.image);
+    ASSERT_TRUE(up) << words(up.error());
+    EXPECT_TRUE(reach(machine.ctx, AlState::op, 5s));
 }
 
 TEST(EniBringUp, AnotherSlaveIsAnError) {
