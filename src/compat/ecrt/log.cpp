@@ -51,10 +51,13 @@ std::string words_of(const Error& error, std::string_view place) {
     if (error.slave != 0) words.erase(0, words.find(": ") + 2);  // "slave N": the interface has positions
     if (!place.empty()) words.insert(0, std::string(place) + ": ");
     const auto ours = words_without_functions(error.code);
-    if (ours.empty()) return words;
     const auto theirs = to_text(error.code);
-    const auto at = words.find(theirs);
-    return at == std::string::npos ? words : words.replace(at, theirs.size(), ours);
+    const auto at = ours.empty() ? std::string::npos : words.find(theirs);
+    if (at != std::string::npos) words.replace(at, theirs.size(), ours);
+    // Of an error that the library describes by its step too.
+    const auto call = words.find(": call ");
+    const auto end = call == std::string::npos ? call : words.find("()", call);
+    return end == std::string::npos ? words : words.erase(call, end + 2 - call);
 }
 
 void say(const char* format, ...) {
