@@ -5,13 +5,18 @@
 #include <algorithm>
 #include <cerrno>
 #include <optional>
+#include <span>
 
 using namespace margay;
 using namespace margay::compat::ecrt;
 
 namespace {
 
-bool valid_sync(std::uint8_t index) { return index < EC_MAX_SYNC_MANAGERS; }
+bool is_known(const ec_slave_config& config, std::uint8_t sync_index) {
+    const bool known = sync_index < EC_MAX_SYNC_MANAGERS;
+    if (!known) say("configuration %u:%u: there is no SyncManager %u", config.alias, config.position, sync_index);
+    return known;
+}
 
 // The PDOs of the slave of a configuration, and the slave with the place that it has afterwards: slaves that come while
 // it is asked give it another one. Waits for the slave. Null: it is not there.
@@ -152,8 +157,16 @@ void set(SyncWish& sync, ec_direction_t direction, ec_watchdog_mode_t watchdog) 
     sync.watchdog = watchdog;
 }
 
-int take(ec_slave_config& config, const ec_sync_info_t& from) {
-    if (!is_valid(config, from.index, from.dir)) return -EINVAL;
+// 0, or why the list cannot be taken. A list that is refused changes nothing.
+int check(const ec_slave_config& config, std::span<const ec_sync_info_t> syncs) {
+    for (const ec_sync_info_t& sync : syncs) {
+        if (!is_known(config, sync.index)) return -ENOENT;
+        if (!is_valid(config, sync.index, sync.dir)) return -EINVAL;
+    }
+    return 0;
+}
+
+void take(ec_slave_config& config, const ec_sync_info_t& from) {
     SyncWish& sync = config.syncs[from.index];
     set(sync, from.dir, from.watchdog_mode);
     sync.pdos.clear();  // nothing of the slave is needed for it
@@ -166,7 +179,6 @@ int take(ec_slave_config& config, const ec_sync_info_t& from) {
         }
         sync.pdos.push_back(std::move(wish));
     }
-    return 0;
 }
 
 }  // namespace
@@ -175,10 +187,7 @@ extern "C" {
 
 int ecrt_slave_config_sync_manager(ec_slave_config_t* sc, uint8_t sync_index, ec_direction_t direction,
                                    ec_watchdog_mode_t watchdog_mode) {
-    if (!valid_sync(sync_index)) {
-        say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, sync_index);
-        return -ENOENT;
-    }
+    if (!is_known(*sc, sync_index)) return -ENOENT;
     if (!is_valid(*sc, sync_index, direction)) return -EINVAL;
     const Change change(*sc);
     if (change.refused()) return -EBUSY;
@@ -188,7 +197,7 @@ int ecrt_slave_config_sync_manager(ec_slave_config_t* sc, uint8_t sync_index, ec
 }
 
 int ecrt_slave_config_pdo_assign_clear(ec_slave_config_t* sc, uint8_t sync_index) {
-    if (!valid_sync(sync_index)) return -EINVAL;
+    if (!is_known(*sc, sync_index)) return -EINVAL;
     const Change change(*sc);
     if (change.refused()) return -EBUSY;
     SyncWish& sync = sc->syncs[sync_index];
@@ -205,7 +214,7 @@ int ecrt_slave_config_pdo_assign_clear(ec_slave_config_t* sc, uint8_t sync_index
 }
 
 int ecrt_slave_config_pdo_assign_add(ec_slave_config_t* sc, uint8_t sync_index, uint16_t index) {
-    if (!valid_sync(sync_index)) return -EINVAL;
+    if (!is_known(*sc, sync_index)) return -EINVAL;
     const Change change(*sc);
     if (change.refused()) return -EBUSY;
     SyncWish& sync = sc->syncs[sync_index];
@@ -248,14 +257,11 @@ int ecrt_slave_config_pdo_mapping_add(ec_slave_config_t* sc, uint16_t pdo_index,
 int ecrt_slave_config_pdos(ec_slave_config_t* sc, unsigned int n_syncs, const ec_sync_info_t syncs[]) {
     const Change change(*sc);
     if (change.refused()) return -EBUSY;
-    for (unsigned int n = 0; syncs != nullptr && n < n_syncs; ++n) {
-        if (syncs[n].index == 0xFF) break;
-        if (!valid_sync(syncs[n].index)) {
-            say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, syncs[n].index);
-            return -ENOENT;
-        }
-        if (const int error = take(*sc, syncs[n]); error != 0) return error;
-    }
+    std::size_t count = 0;
+    while (syncs != nullptr && count < n_syncs && syncs[count].index != 0xFF) ++count;
+    const std::span<const ec_sync_info_t> list(syncs, count);
+    if (const int error = check(*sc, list); error != 0) return error;
+    for (const ec_sync_info_t& sync : list) take(*sc, sync);
     return 0;
 }
 
@@ -287,10 +293,7 @@ int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t* sc, uint8_t sync_inde
     const Change change(*sc);
     if (change.refused()) return -EBUSY;
     if (!is_domain_of(*sc, domain)) return -EINVAL;
-    if (!valid_sync(sync_index)) {
-        say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, sync_index);
-        return -EINVAL;
-    }
+    if (!is_known(*sc, sync_index)) return -EINVAL;
     if (!sc->syncs[sync_index].set) ask_slave(*sc);
     SyncWish& sync = sc->syncs[sync_index];
     Place place{sync_index, 0};

@@ -1,5 +1,5 @@
-/* PDOs that a program adds to what the slave has by itself; lists of one SyncManager that are refused, which
- * change nothing; domains without entries. Ends with 0 when everything is as expected. */
+/* PDOs that a program adds to what the slave has by itself; lists that are refused, which change nothing, also when an
+ * element behind a right one is refused; domains without entries. Ends with 0 when everything is as expected. */
 #include "check.h"
 #include "cycle.h"
 
@@ -72,10 +72,14 @@ static int refused_lists(size_t before) {
                                       {0xff, EC_DIR_INVALID, 0, NULL, EC_WD_DEFAULT}};
     const ec_sync_info_t too_high[] = {{17, EC_DIR_OUTPUT, 0, NULL, EC_WD_DEFAULT},
                                        {0xff, EC_DIR_INVALID, 0, NULL, EC_WD_DEFAULT}};
+    const ec_sync_info_t second[] = {{2, EC_DIR_OUTPUT, 0, NULL, EC_WD_DEFAULT},
+                                     {3, EC_DIR_INVALID, 0, NULL, EC_WD_DEFAULT},
+                                     {0xff, EC_DIR_INVALID, 0, NULL, EC_WD_DEFAULT}};
     ec_slave_config_t* const sc = configure();
     CHECK(sc != NULL);
     CHECK(ecrt_slave_config_pdos(sc, EC_END, invalid) == -EINVAL);
     CHECK(ecrt_slave_config_pdos(sc, EC_END, too_high) == -ENOENT);
+    CHECK(ecrt_slave_config_pdos(sc, EC_END, second) == -EINVAL);
     CHECK(outputs(sc) == before);
     ecrt_release_master(master);
     return 0;
