@@ -187,18 +187,34 @@ bool Bus::open() {
 // The cycle says nothing: this thread does.
 void Bus::report_loop() {
     std::unique_lock lock(closing_mutex);
-    while (!closing) {
+    for (bool last = false;;) {
         lock.unlock();
-        while (const auto error = ctx->errors().take()) {
-            // Slaves without a configuration stay in PREOP, and configurations wait for their slaves: no errors here.
-            if (error->code == Errc::unexpected_slave) continue;
-            // Process data that the program does not exchange: see start_up.cpp.
-            if (error->code == Errc::sizes_differ && error->expected == 0) continue;
-            say_error(*this, error->code == Errc::missing_slave ? "waiting" : "error", *error);
-        }
+        report();
         lock.lock();
-        closes.wait_for(lock, std::chrono::milliseconds(50), [this] { return closing; });
+        if (last) return;
+        last = closes.wait_for(lock, std::chrono::milliseconds(50), [this] { return closing; });
     }
+}
+
+void Bus::report() {
+    while (const auto error = ctx->errors().take()) {
+        // Slaves without a configuration stay in PREOP, and configurations wait for their slaves: no errors here.
+        if (error->code == Errc::unexpected_slave) continue;
+        // Process data that the program does not exchange: see start_up.cpp.
+        if (error->code == Errc::sizes_differ && error->expected == 0) continue;
+        say_error(*this, error->code == Errc::missing_slave ? "waiting" : "error", *error);
+    }
+    std::vector<Failure> ended;
+    {
+        const std::lock_guard lock(failures.mutex);
+        ended.assign(failures.list.begin(), failures.list.begin() + static_cast<std::ptrdiff_t>(failures.count));
+        failures.count = 0;
+    }
+    for (const Failure& one : ended)
+        if (one.error.code == Errc::capacity && one.error.step == Step{})  // no request of the library
+            say("master %u: %s: its memory has less octets than are wanted, or none are", index, one.what.data());
+        else
+            say_error(*this, one.what.data(), one.error);
 }
 
 Bus::~Bus() {

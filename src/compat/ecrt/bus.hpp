@@ -82,6 +82,12 @@ struct Steady {
     ec_domain* domain = nullptr;
 };
 
+// A request of the program that has ended in ERROR.
+struct Failure {
+    Error error;
+    std::array<char, 128> what{};  // in words
+};
+
 class Bus {
   public:
     Bus(unsigned number, std::string name) : index(number), source_name(std::move(name)) {}
@@ -157,6 +163,13 @@ class Bus {
     std::mutex closing_mutex;
     std::condition_variable closes;
     bool closing = false;  // guarded by closing_mutex
+    // Until that thread says them. A thread that adds one does not wait for the others.
+    struct Failures {
+        std::mutex mutex;
+        std::array<Failure, 16> list;
+        std::size_t count = 0;
+    };
+    Failures failures;
     Search search;
     bool first_scan_over = false;  // guarded by facts_mutex
     std::condition_variable scanned;
@@ -240,6 +253,7 @@ class Bus {
     void step_search(Time now);
     [[nodiscard]] bool spares_transfers(Time now);
     void report_loop();
+    void report();
 };
 
 // Whether the master is active and configures this slave: below SAFEOP its PDOs may change.
@@ -285,7 +299,7 @@ class Turn {
 };
 
 // A transfer of a call that waits. It begins when its slave is ready, as await_start() says, and nothing is at work
-// that would end it. Activation and the next scan wait for its end, 1 s.
+// that would end it. Activation and the next scan wait for its end, 1 s; deactivation ends it.
 class Passage {
   public:
     Passage(Bus& bus, std::uint16_t position, Ready wanted);

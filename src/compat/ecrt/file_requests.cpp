@@ -2,7 +2,9 @@
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/requests.hpp"
 
+#include <array>
 #include <chrono>
+#include <cstdio>
 
 using namespace margay;
 using namespace margay::compat::ecrt;
@@ -26,7 +28,7 @@ void start(ec_foe_request& req, FoeRequest& request, Transfer what) {
 extern "C" {
 
 ec_foe_request_t* ecrt_slave_config_create_foe_request(ec_slave_config_t* sc, size_t size) {
-    if (!may_have(size)) return nullptr;
+    if (!may_have(*sc, size)) return nullptr;
     const std::lock_guard lock(sc->bus.config_mutex);
     auto request = std::make_unique<ec_foe_request>(*sc);
     request->memory.resize(size);
@@ -50,7 +52,11 @@ size_t ecrt_foe_request_data_size(const ec_foe_request_t* req) {
 
 ec_request_state_t ecrt_foe_request_state(ec_foe_request_t* req) {
     begin_if_due(*req, req->read, req->write);
-    return state_of(req->last, req->read, req->write);
+    return shown_state(*req, req->read, req->write, [req] {
+        std::array<char, 80> text{};
+        (void)std::snprintf(text.data(), text.size(), "FoE request, file %s", req->file.c_str());
+        return text;
+    });
 }
 
 ec_foe_error_t ecrt_foe_request_result(const ec_foe_request_t* req) {
@@ -82,10 +88,7 @@ size_t ecrt_foe_request_progress(const ec_foe_request_t* req) { return last_of(*
 
 void ecrt_foe_request_write(ec_foe_request_t* req, size_t size) {
     if (ecrt_foe_request_state(req) == EC_REQUEST_BUSY) return;
-    if (size > req->memory.size()) {
-        req->last = Transfer::refused;
-        return;
-    }
+    if (size > req->memory.size()) return refuse(*req, Errc::capacity);
     req->size = size;
     req->write.data = Borrowed<std::byte>(req->memory.data(), size);
     start(*req, req->write, Transfer::write);

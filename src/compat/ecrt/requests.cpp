@@ -5,8 +5,10 @@
 #include "compat/ecrt/log.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 
 using namespace margay;
 using namespace margay::compat::ecrt;
@@ -47,10 +49,19 @@ void exchange_or_later(ec_reg_request& request) {
         return;
     }
     const std::uint16_t number = slave_number(request.config);
+    if (number == 0) return refuse(request, Errc::missing_slave);
     Context& ctx = *request.config.bus.ctx;
     request.exchange.adp = ctx.slave(number).station_address.value;
-    const bool begun = number != 0 && submit(ctx, request.exchange).ok();
-    request.last = begun ? Transfer::exchange : Transfer::refused;
+    const auto submitted = submit(ctx, request.exchange);
+    if (!submitted) return refuse(request, submitted.error().code);
+    request.last = Transfer::exchange;
+}
+
+// Requests in words.
+std::array<char, 80> words(const char* format, unsigned first, unsigned second) {
+    std::array<char, 80> text{};
+    (void)std::snprintf(text.data(), text.size(), format, first, second);
+    return text;
 }
 
 void begin_registers_if_due(ec_reg_request& request) {
@@ -59,6 +70,16 @@ void begin_registers_if_due(ec_reg_request& request) {
         exchange_or_later(request);
     else
         begin_if_due(request, request.read, request.write);
+}
+
+bool fits(ec_reg_request& request, std::size_t size) {
+    const bool right = size <= request.memory.size();
+    if (!right)
+        note_failure(request.config, request, {.code = Errc::capacity},
+                     words("register request, %u octets of %u", static_cast<unsigned>(size),
+                           static_cast<unsigned>(request.memory.size()))
+                         .data());
+    return right;
 }
 
 std::uint8_t* memory_of(const std::vector<std::byte>& memory) {
@@ -75,10 +96,37 @@ std::size_t size_of(Transfer last, const Read& read, std::size_t size) {
 
 namespace margay::compat::ecrt {
 
-bool may_have(std::size_t octets) {
-    constexpr std::size_t kMost = std::size_t{1} << 30U;
-    if (octets > kMost) say("a request of %zu octets: %zu are possible", octets, kMost);
-    return octets <= kMost;
+namespace {
+
+constexpr std::size_t kMostOctets = std::size_t{1} << 30U;
+
+}  // namespace
+
+bool may_have(const ec_slave_config& config, std::size_t octets) {
+    if (octets > kMostOctets)
+        say("configuration %u:%u: a request of %zu octets: %zu are possible", config.alias, config.position, octets,
+            kMostOctets);
+    return octets <= kMostOctets;
+}
+
+bool may_have(const ec_master& master, std::uint16_t position, std::size_t octets) {
+    if (octets > kMostOctets)
+        say("master %u: position %u: a request of %zu octets: %zu are possible", master.bus->index, position, octets,
+            kMostOctets);
+    return octets <= kMostOctets;
+}
+
+void note_failure(ec_slave_config& config, RequestLog& log, const Error& error, const char* what) {
+    const std::uint64_t reason = std::uint64_t{static_cast<std::uint32_t>(error.code)} << 32U | error.detail;
+    if (log.said == reason) return;
+    Bus::Failures& failures = config.bus.failures;
+    const std::unique_lock lock(failures.mutex, std::try_to_lock);
+    if (!lock.owns_lock() || failures.count == failures.list.size()) return;
+    log.said = reason;
+    Failure& failure = failures.list[failures.count++];
+    failure.error = error;
+    (void)std::snprintf(failure.what.data(), failure.what.size(), "configuration %u:%u: %s", config.alias,
+                        config.position, what);
 }
 
 Beginning::Beginning(ec_slave_config& config) : bus_(config.bus) { ++bus_.transfers; }
@@ -114,9 +162,15 @@ std::uint16_t slave_number(ec_slave_config& config) {
     return bus.slave_of(config, slave) ? slave.number : std::uint16_t{0};
 }
 
-bool begin(ec_slave_config& config, SlaveRequest& request) {
+bool begin(ec_slave_config& config, SlaveRequest& request, RequestLog& log) {
     request.slave = slave_number(config);
-    return request.slave != 0 && submit(*config.bus.ctx, request).ok();
+    if (request.slave == 0)
+        log.refusal = {.code = Errc::missing_slave};
+    else if (const auto submitted = submit(*config.bus.ctx, request); submitted)
+        return true;
+    else
+        log.refusal = submitted.error();
+    return false;
 }
 
 void note_waiting(ec_slave_config& config) { config.bus.requests_wait = true; }
@@ -154,7 +208,7 @@ extern "C" {
 
 ec_sdo_request_t* ecrt_slave_config_create_sdo_request(ec_slave_config_t* sc, uint16_t index, uint8_t subindex,
                                                        size_t size) {
-    if (!may_have(size)) return nullptr;
+    if (!may_have(*sc, size)) return nullptr;
     const std::lock_guard lock(sc->bus.config_mutex);
     auto request = std::make_unique<ec_sdo_request>(*sc);
     request->index = index;
@@ -195,14 +249,12 @@ size_t ecrt_sdo_request_data_size(const ec_sdo_request_t* req) { return size_of(
 ec_request_state_t ecrt_sdo_request_state(const ec_sdo_request_t* req) {
     auto& request = const_cast<ec_sdo_request&>(*req);
     begin_if_due(request, request.upload, request.download);
-    return state_of(req->last, req->upload, req->download);
+    return shown_state(request, req->upload, req->download,
+                       [req] { return words("SDO request 0x%04x:%02x", req->index, req->subindex); });
 }
 
 void ecrt_sdo_request_write_with_size(ec_sdo_request_t* req, size_t size) {
-    if (size > req->memory.size()) {
-        req->last = Transfer::refused;
-        return;
-    }
+    if (size > req->memory.size()) return refuse(*req, Errc::capacity);
     req->size = size;
     (void)ecrt_sdo_request_write(req);
 }
@@ -232,7 +284,7 @@ int ecrt_sdo_request_read(ec_sdo_request_t* req) {
 
 ec_soe_request_t* ecrt_slave_config_create_soe_request(ec_slave_config_t* sc, uint8_t drive_no, uint16_t idn,
                                                        size_t size) {
-    if (!may_have(size)) return nullptr;
+    if (!may_have(*sc, size)) return nullptr;
     if (drive_no > 7) {
         say("configuration %u:%u: IDN 0x%04x: there is no drive %u", sc->alias, sc->position, idn, drive_no);
         return nullptr;
@@ -267,7 +319,8 @@ size_t ecrt_soe_request_data_size(const ec_soe_request_t* req) { return size_of(
 ec_request_state_t ecrt_soe_request_state(const ec_soe_request_t* req) {
     auto& request = const_cast<ec_soe_request&>(*req);
     begin_if_due(request, request.read, request.write);
-    return state_of(req->last, req->read, req->write);
+    return shown_state(request, req->read, req->write,
+                       [req] { return words("SoE request, drive %u, IDN 0x%04x", req->drive, req->idn); });
 }
 
 int ecrt_soe_request_write(ec_soe_request_t* req) {
@@ -291,7 +344,7 @@ int ecrt_soe_request_read(ec_soe_request_t* req) {
 // ------------------------------------------------------------------ registers
 
 ec_reg_request_t* ecrt_slave_config_create_reg_request(ec_slave_config_t* sc, size_t size) {
-    if (!may_have(size)) return nullptr;
+    if (!may_have(*sc, size)) return nullptr;
     const std::lock_guard lock(sc->bus.config_mutex);
     auto request = std::make_unique<ec_reg_request>(*sc);
     request->memory.resize(size);
@@ -302,24 +355,32 @@ ec_reg_request_t* ecrt_slave_config_create_reg_request(ec_slave_config_t* sc, si
 uint8_t* ecrt_reg_request_data(const ec_reg_request_t* req) { return memory_of(req->memory); }
 
 ec_request_state_t ecrt_reg_request_state(const ec_reg_request_t* req) {
-    begin_registers_if_due(const_cast<ec_reg_request&>(*req));
+    auto& request = const_cast<ec_reg_request&>(*req);
+    begin_registers_if_due(request);
     const Transfer last = req->last;
-    if (last != Transfer::exchange) return state_of(last, req->read, req->write);
+    const auto describe = [req] { return words("register request, 0x%04x", req->address, 0); };
+    if (last != Transfer::exchange) return shown_state(request, req->read, req->write, describe);
     const ec_request_state_t state = to_ec(req->exchange.state());
-    return state == EC_REQUEST_SUCCESS && req->exchange.wkc != kExchanged ? EC_REQUEST_ERROR : state;
+    const bool short_of = state == EC_REQUEST_SUCCESS && req->exchange.wkc != kExchanged;
+    if (state != EC_REQUEST_ERROR && !short_of) return state;
+    const Error too_few{.code = Errc::working_counter, .expected = kExchanged, .actual = req->exchange.wkc};
+    note_failure(request.config, request, short_of ? too_few : req->exchange.error(), describe().data());
+    return EC_REQUEST_ERROR;
 }
 
 int ecrt_reg_request_write(ec_reg_request_t* req, uint16_t address, size_t size) {
-    if (size > req->memory.size()) return -EINVAL;
+    if (!fits(*req, size)) return -EINVAL;
     if (busy(*req)) return -EBUSY;
+    req->address = address;
     req->write.address = address;
     req->write.data = Borrowed<std::byte>(req->memory.data(), size);
     return start(*req, req->write, Transfer::write);
 }
 
 int ecrt_reg_request_read(ec_reg_request_t* req, uint16_t address, size_t size) {
-    if (size > req->memory.size()) return -EINVAL;
+    if (!fits(*req, size)) return -EINVAL;
     if (busy(*req)) return -EBUSY;
+    req->address = address;
     req->read.address = address;
     req->read.data = std::span(req->memory).first(size);
     return start(*req, req->read, Transfer::read);
@@ -327,10 +388,8 @@ int ecrt_reg_request_read(ec_reg_request_t* req, uint16_t address, size_t size) 
 
 void ecrt_reg_request_readwrite(ec_reg_request_t* req, uint16_t address, size_t size) {
     if (busy(*req)) return;
-    if (size == 0 || size > req->memory.size()) {
-        req->last = Transfer::refused;
-        return;
-    }
+    req->address = address;
+    if (size == 0 || size > req->memory.size()) return refuse(*req, Errc::capacity);
     req->exchange.command = DatagramCommand::fprw;
     req->exchange.ado = address;
     req->exchange.data = std::span(req->memory).first(size);

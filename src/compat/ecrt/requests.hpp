@@ -48,8 +48,20 @@ enum class Transfer : std::uint8_t {
            last == Transfer::beginning;
 }
 
-// Whether a request may have memory of this size; otherwise it is said.
-[[nodiscard]] bool may_have(std::size_t octets);
+// Whether a request may have memory of this size; otherwise it is said, with whose request it is.
+[[nodiscard]] bool may_have(const ec_slave_config& config, std::size_t octets);
+[[nodiscard]] bool may_have(const ec_master& master, std::uint16_t position, std::size_t octets);
+
+// What the log needs to know of a request that has ended in ERROR. A program may ask for the state in each cycle, and
+// may repeat the request: a reason is said once, and again behind a success.
+struct RequestLog {
+    Error refusal;                       // why the request could not begin; set before Transfer::refused
+    std::atomic<std::uint64_t> said{0};  // the last reason; 0: none
+};
+
+// Gives the reason to the thread that reports (Bus::report_loop()). Does not wait: without room for it, the next call
+// does it. `what`: the request in words.
+void note_failure(ec_slave_config& config, RequestLog& log, const Error& error, const char* what);
 
 // The state of a request that has one object of the library for reading and one for writing.
 template <class Read, class Write>
@@ -86,14 +98,22 @@ class Beginning {
 
 // The number of the slave of a configuration; 0: it is not there.
 [[nodiscard]] std::uint16_t slave_number(ec_slave_config& config);
-// Submits a request to the slave of a configuration; false: the slave is not there, or the request was refused.
-[[nodiscard]] bool begin(ec_slave_config& config, SlaveRequest& request);
+// Submits a request to the slave of a configuration. False: the slave is not there, or the request was refused, and the
+// log has the reason.
+[[nodiscard]] bool begin(ec_slave_config& config, SlaveRequest& request, RequestLog& log);
 
 // The program sets the timeout of the request.
 template <class Wish>
 concept Timed = requires(Wish& wish) {
     wish.timeout_ms;
 };
+
+// The request could not begin.
+template <class Wish>
+void refuse(Wish& wish, Errc code) {
+    wish.refusal = {.code = code};
+    wish.last = Transfer::refused;
+}
 
 // Begins the requests of all configurations that wait, as far as their slaves are ready. For the owner; does not wait.
 void begin_waiting(Bus& bus);
@@ -112,7 +132,7 @@ template <class Wish>
 void begin_or_later(Wish& wish, SlaveRequest& request, Transfer what) {
     const Beginning beginning(wish.config);
     if (!has_to_wait(wish)) {
-        wish.last = begin(wish.config, request) ? what : Transfer::refused;
+        wish.last = begin(wish.config, request, wish) ? what : Transfer::refused;
         return;
     }
     if constexpr (Timed<Wish>) wish.give_up = time_to_give_up(wish.config, wish.timeout_ms);
@@ -132,7 +152,7 @@ void begin_if_due(Wish& wish, Read& read, Write& write) {
         if (wish.timeout_ms != 0) {
             request.timeout = wish.give_up - time_now(wish.config);
             if (request.timeout <= Duration{0}) {
-                wish.last = Transfer::refused;
+                refuse(wish, Errc::timeout);
                 return;
             }
         }
@@ -142,12 +162,24 @@ void begin_if_due(Wish& wish, Read& read, Write& write) {
         note_waiting(wish.config);
         return;
     }
-    wish.last = !begin(wish.config, request) ? Transfer::refused : reads ? Transfer::read : Transfer::write;
+    wish.last = !begin(wish.config, request, wish) ? Transfer::refused : reads ? Transfer::read : Transfer::write;
+}
+
+// The state of a request for the program. `describe` writes the request in words, for the log.
+template <class Wish, class Read, class Write, class Describe>
+[[nodiscard]] ec_request_state_t shown_state(Wish& wish, const Read& read, const Write& write, Describe describe) {
+    const Transfer last = wish.last;
+    const ec_request_state_t state = state_of(last, read, write);
+    if (state == EC_REQUEST_SUCCESS && wish.said != 0) wish.said = 0;
+    if (state != EC_REQUEST_ERROR) return state;
+    const Error& error = last == Transfer::read ? read.error() : last == Transfer::write ? write.error() : wish.refusal;
+    note_failure(wish.config, wish, error, describe().data());
+    return state;
 }
 
 }  // namespace margay::compat::ecrt
 
-struct ec_sdo_request {
+struct ec_sdo_request : margay::compat::ecrt::RequestLog {
     explicit ec_sdo_request(ec_slave_config& owner) : config(owner) {}
     ec_slave_config& config;
     std::uint16_t index = 0;
@@ -162,7 +194,7 @@ struct ec_sdo_request {
     margay::SdoDownload download;
 };
 
-struct ec_soe_request {
+struct ec_soe_request : margay::compat::ecrt::RequestLog {
     explicit ec_soe_request(ec_slave_config& owner) : config(owner) {}
     ec_slave_config& config;
     std::uint8_t drive = 0;
@@ -176,7 +208,7 @@ struct ec_soe_request {
     margay::SoeWrite write;
 };
 
-struct ec_foe_request {
+struct ec_foe_request : margay::compat::ecrt::RequestLog {
     explicit ec_foe_request(ec_slave_config& owner) : config(owner) {}
     ec_slave_config& config;
     std::string file;
@@ -190,9 +222,10 @@ struct ec_foe_request {
     margay::FoeWrite write;
 };
 
-struct ec_reg_request {
+struct ec_reg_request : margay::compat::ecrt::RequestLog {
     explicit ec_reg_request(ec_slave_config& owner) : config(owner) {}
     ec_slave_config& config;
+    std::uint16_t address = 0;  // of the last call
     std::vector<std::byte> memory;
     std::atomic<margay::compat::ecrt::Transfer> last{margay::compat::ecrt::Transfer::none};
     margay::RegisterReadRequest read;
@@ -200,7 +233,7 @@ struct ec_reg_request {
     margay::DatagramRequest exchange;
 };
 
-struct ec_voe_handler {
+struct ec_voe_handler : margay::compat::ecrt::RequestLog {
     explicit ec_voe_handler(ec_slave_config& owner)
         : config(owner), inbox_memory(4096), inbox(std::span<std::byte>(inbox_memory)) {}
     ec_slave_config& config;

@@ -33,8 +33,12 @@ Change::Change(ec_slave_config& config) {
 namespace {
 
 int add_write(ec_slave_config& config, StartupWrite write, const std::uint8_t* data, std::size_t size) {
-    if (data == nullptr && size != 0) return -EINVAL;
-    if (!may_have(size)) return -ENOMEM;
+    if (data == nullptr && size != 0) {
+        say("configuration %u:%u: 0x%04x: %zu octets are wanted, and there is no memory", config.alias, config.position,
+            write.index, size);
+        return -EINVAL;
+    }
+    if (!may_have(config, size)) return -ENOMEM;
     const Change change(config);
     if (change.refused()) return -EBUSY;
     const auto* octets = reinterpret_cast<const std::byte*>(data);
@@ -164,8 +168,11 @@ int ecrt_slave_config_state_timeout(ec_slave_config_t* sc, ec_al_state_t from_st
         sc->times.to_safeop = time;
     else if (from_state == EC_AL_STATE_SAFEOP && to_state == EC_AL_STATE_OP)
         sc->times.to_op = time;
-    else
+    else {
+        say("configuration %u:%u: a slave does not go from state %d to state %d", sc->alias, sc->position,
+            static_cast<int>(from_state), static_cast<int>(to_state));
         return -EINVAL;
+    }
     return 0;
 }
 

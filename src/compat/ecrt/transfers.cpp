@@ -81,6 +81,11 @@ int upload(ec_master_t* master, std::uint16_t position, SdoUpload& request, std:
     return result;
 }
 
+bool is_drive(const ec_master& master, std::uint16_t position, std::uint8_t drive) {
+    if (drive > 7) say("master %u: position %u: there is no drive %u", master.bus->index, position, drive);
+    return drive <= 7;
+}
+
 Borrowed<std::byte> octets(const std::uint8_t* data, std::size_t size) {
     return {reinterpret_cast<const std::byte*>(data), size};
 }
@@ -131,7 +136,7 @@ extern "C" {
 
 int ecrt_master_sdo_download(ec_master_t* master, uint16_t slave_position, uint16_t index, uint8_t subindex,
                              const uint8_t* data, size_t data_size, uint32_t* abort_code) {
-    if (!may_have(data_size)) return -ENOMEM;
+    if (!may_have(*master, slave_position, data_size)) return -ENOMEM;
     SdoDownload request;
     request.index = index;
     request.subindex = subindex;
@@ -141,7 +146,7 @@ int ecrt_master_sdo_download(ec_master_t* master, uint16_t slave_position, uint1
 
 int ecrt_master_sdo_download_complete(ec_master_t* master, uint16_t slave_position, uint16_t index, const uint8_t* data,
                                       size_t data_size, uint32_t* abort_code) {
-    if (!may_have(data_size)) return -ENOMEM;
+    if (!may_have(*master, slave_position, data_size)) return -ENOMEM;
     SdoDownload request;
     request.index = index;
     request.complete_access = true;
@@ -169,8 +174,8 @@ int ecrt_master_sdo_upload_complete(ec_master_t* master, uint16_t slave_position
 
 int ecrt_master_write_idn(ec_master_t* master, uint16_t slave_position, uint8_t drive_no, uint16_t idn,
                           const uint8_t* data, size_t data_size, uint16_t* error_code) {
-    if (drive_no > 7) return -EINVAL;
-    if (!may_have(data_size)) return -ENOMEM;
+    if (!is_drive(*master, slave_position, drive_no)) return -EINVAL;
+    if (!may_have(*master, slave_position, data_size)) return -ENOMEM;
     SoeWrite request;
     request.drive = drive_no;
     request.idn = Idn{idn};
@@ -184,7 +189,7 @@ int ecrt_master_write_idn(ec_master_t* master, uint16_t slave_position, uint8_t 
 
 int ecrt_master_read_idn(ec_master_t* master, uint16_t slave_position, uint8_t drive_no, uint16_t idn, uint8_t* target,
                          size_t target_size, size_t* result_size, uint16_t* error_code) {
-    if (drive_no > 7) return -EINVAL;
+    if (!is_drive(*master, slave_position, drive_no)) return -EINVAL;
     SoeRead request;
     request.drive = drive_no;
     request.idn = Idn{idn};

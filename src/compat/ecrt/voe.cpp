@@ -35,10 +35,19 @@ void Bus::attach_mail() {
 
 }  // namespace margay::compat::ecrt
 
+namespace {
+
+ec_request_state_t failed(ec_voe_handler& voe, const Error& error) {
+    note_failure(voe.config, voe, error, "VoE message");
+    return EC_REQUEST_ERROR;
+}
+
+}  // namespace
+
 extern "C" {
 
 ec_voe_handler_t* ecrt_slave_config_create_voe_handler(ec_slave_config_t* sc, size_t size) {
-    if (!may_have(size)) return nullptr;
+    if (!may_have(*sc, size)) return nullptr;
     Bus& bus = sc->bus;
     const std::lock_guard lock(bus.config_mutex);
     if (refuse_active(*sc)) return nullptr;
@@ -95,8 +104,10 @@ ec_request_state_t ecrt_voe_handler_execute(ec_voe_handler_t* voe) {
         case Transfer::exchange:  // these three only of other requests
         case Transfer::exchange_later:
         case Transfer::beginning: return EC_REQUEST_UNUSED;
-        case Transfer::refused: return EC_REQUEST_ERROR;
-        case Transfer::write: return to_ec(voe->send.state());
+        case Transfer::refused: return failed(*voe, voe->refusal);
+        case Transfer::write:
+            if (voe->send.state() == RequestState::error) return failed(*voe, voe->send.error());
+            return to_ec(voe->send.state());
         case Transfer::read_later: return EC_REQUEST_BUSY;
         case Transfer::write_later: begin_or_later(*voe, voe->send, Transfer::write); return EC_REQUEST_BUSY;
         case Transfer::read: break;
@@ -104,13 +115,14 @@ ec_request_state_t ecrt_voe_handler_execute(ec_voe_handler_t* voe) {
     if (!voe->waiting) return voe->read_state;
     if (const auto message = voe->inbox.take(voe->memory)) {
         voe->waiting = false;
+        voe->said = 0;
         voe->received = message->header;
         voe->size = std::min(message->bytes, voe->memory.size());
         return voe->read_state = EC_REQUEST_SUCCESS;
     }
     if (voe->config.bus.source->osal().now() < voe->give_up) return EC_REQUEST_BUSY;
     voe->waiting = false;
-    return voe->read_state = EC_REQUEST_ERROR;
+    return voe->read_state = failed(*voe, {.code = Errc::timeout});
 }
 
 }  // extern "C"
