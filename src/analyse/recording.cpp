@@ -4,6 +4,7 @@
 #include "analyse/ethercat_frame.hpp"
 #include "analyse/masters.hpp"
 #include "analyse/ring_copies.hpp"
+#include "analyse/ring_evidence.hpp"
 #include "analyse/ring_signs.hpp"
 #include "analyse/twins.hpp"
 #include "oshw/pcap/packet_reader.hpp"
@@ -67,44 +68,6 @@ class PipeCopy {
     }
     File file_{nullptr, &std::fclose};
     bool whole_ = true;
-};
-
-// Tells the two NICs of a ring from two masters, by the packets that were sent.
-class RingEvidence {
-  public:
-    void look(const PacketOrigin& origin, Duration at, Bytes frame) {
-        using Direction = PacketOrigin::Direction;
-        if (origin.interface > 1 || frame.size() < wire::kFramePrefixBytes + wire::kDatagramOverheadBytes) return;
-        std::array<std::byte, 6> mac{};
-        std::copy_n(frame.begin() + wire::kSourceMacOffset, mac.size(), mac.begin());
-        mac[0] &= ~wire::kPassedEscBit;
-        if (origin.direction == Direction::received) {
-            crossed_ |= mac == macs_[1 - origin.interface] && mac != macs_[origin.interface];
-            return;
-        }
-        if (origin.direction == Direction::unknown) return;
-        macs_[origin.interface] = mac;
-        auto& last = last_[std::to_integer<std::size_t>(frame[wire::kFramePrefixBytes + 1])];
-        if (origin.interface == 0) {
-            last = {frame.size(), at};
-            return;
-        }
-        ++second_;
-        if (last.size == frame.size() && at >= last.at && at - last.at < kTogether) ++copies_;
-    }
-    // A frame that was sent at one NIC was received at the other, or most frames were sent at both.
-    [[nodiscard]] bool is_ring() const { return crossed_ || 2 * copies_ >= second_; }
-
-  private:
-    static constexpr Duration kTogether = std::chrono::microseconds(100);
-    struct Sent {
-        std::size_t size = 0;
-        Duration at{};
-    };
-    std::array<std::array<std::byte, 6>, 2> macs_{};
-    std::array<Sent, 256> last_{};
-    std::uint64_t second_ = 0, copies_ = 0;
-    bool crossed_ = false;
 };
 
 // Counts the packets that are earlier than the one before.
@@ -186,15 +149,20 @@ class Recording {
 
     void find_masters() {
         RingEvidence ring;
+        Order order;
         read_packets([&](const Taken& t, Bytes frame) {
             if (frame.empty()) return;
+            order.look(t.when);
             masters_.look(frame, twins_.common(t.origin.interface));
             ring.look(t.origin, t.when.at, t.bytes);
             signs_.look(t.origin, t.when.at, t.bytes);
         });
         masters_.decide();
-        is_ring_ = ring.is_ring();
+        in_order_ = order.steps_back == 0;
         sight_ = signs_.decide();
+        const auto evidence = ring.decide();
+        is_ring_ = evidence == RingSigns::Sight::whole;
+        if (!is_ring_ && sight_ == RingSigns::Sight::none) sight_ = evidence;
     }
 
     // Reads the packets that survey() has seen, without the copies: a file may grow. `frame` is empty where the packet
@@ -221,16 +189,19 @@ class Recording {
     Analysis analyse_ring() {
         Analyser analyser;
         RingCopies ring([&](Moment when, Bytes packet, std::size_t length) { analyser.packet(when, packet, length); });
-        read([&](const Taken& t, std::optional<std::size_t>) {
-            ring.packet(t.origin, t.when, t.bytes, t.length_on_wire);
-        });
+        Order order;
+        const auto take = [&](const Taken& t) { ring.packet(t.origin, t.when, t.bytes, t.length_on_wire); };
+        const auto every = [&](const Taken& t, std::optional<std::size_t>) {
+            order.look(t.when);
+            return true;
+        };
+        const bool sorted = !in_order_ && read_sorted(every, take);
+        if (!sorted) read([&](const Taken& t, std::optional<std::size_t>) { take(t); });
         ring.finish();
         auto analysis = analyser.finish();
         analysis.ring = true;
-        if (analyser.steps_back() != 0)
-            analysis.remark = order_text(analyser.steps_back(), analyser.first_step_back()) +
-                              ": replies and times may be wrong; put them in order, as "
-                              "reordercap does";
+        if (!in_order_)
+            analysis.remark = order_text(order.steps_back, order.first) + (sorted ? sorted_text() : unsorted_text());
         return analysis;
     }
 
@@ -272,6 +243,9 @@ class Recording {
         return "the packets are not in order of time (" + std::to_string(steps_back) +
                (steps_back == 1 ? " time" : " times") + ", first at packet #" + std::to_string(first) + ")";
     }
+    static std::string unsorted_text() {
+        return " and too many to sort: replies and times may be wrong; put them in order, as reordercap does";
+    }
     static std::string sorted_text() {
         return " and were sorted; if the clock of the recorder was set back, replies and times near there are wrong";
     }
@@ -288,9 +262,7 @@ class Recording {
                     analysis = std::move(*sorted);
                     remark = text + sorted_text();
                 } else {
-                    remark = text +
-                             " and too many to sort: replies and times may be wrong; put them in order, as "
-                             "reordercap does";
+                    remark = text + unsorted_text();
                 }
             }
             if (analysis.passes_twice)
@@ -322,7 +294,7 @@ class Recording {
     bool read_sorted(IsOne is_one, Take take) {
         struct Kept {
             Moment when{};
-            std::uint32_t interface = 0;
+            PacketOrigin origin{};
             std::size_t begin = 0, size = 0, length_on_wire = 0;
         };
         std::vector<Kept> kept;
@@ -332,13 +304,12 @@ class Recording {
             if (!is_one(t, of) || !finder_.find(t.bytes)) return;
             fits = fits && octets.size() + kept.size() * sizeof(Kept) + t.bytes.size() <= kMostSorted;
             if (!fits) return;
-            kept.push_back({t.when, t.origin.interface, octets.size(), t.bytes.size(), t.length_on_wire});
+            kept.push_back({t.when, t.origin, octets.size(), t.bytes.size(), t.length_on_wire});
             octets.insert(octets.end(), t.bytes.begin(), t.bytes.end());
         });
         if (!fits) return false;
         std::ranges::stable_sort(kept, {}, [](const Kept& k) { return k.when.at; });
-        for (const auto& k : kept)
-            take({k.when, {.interface = k.interface}, Bytes(octets).subspan(k.begin, k.size), k.length_on_wire});
+        for (const auto& k : kept) take({k.when, k.origin, Bytes(octets).subspan(k.begin, k.size), k.length_on_wire});
         return true;
     }
 
@@ -413,6 +384,7 @@ class Recording {
     FrameFinder finder_{};
     Masters masters_{};
     bool is_ring_ = false;
+    bool in_order_ = true;  // of time, the EtherCAT packets
     RingSigns signs_{};
     RingSigns::Sight sight_ = RingSigns::Sight::none;
     bool too_many_ = false;  // packets of a ring without directions

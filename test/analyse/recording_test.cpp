@@ -232,6 +232,62 @@ TEST_F(AnalyseFile, ARingIsOneMasterAndTwoMastersAreNoRing) {
     }
 }
 
+// The same ring as its master records it, the second NIC `later` than the first one. `broken`: behind the first slave.
+std::vector<Packet> ring_of_nics(int count, Duration later, bool broken) {
+    std::vector<Packet> all;
+    for (int n = 0; n < count; ++n) {
+        const auto index = static_cast<std::uint8_t>(n);
+        const auto at = 1ms * n;
+        auto first = cycle_frame(1, true, index);
+        auto second = cycle_frame(2, broken, index);
+        if (broken) store_le<std::uint16_t>(MutableBytes(first), first.size() - 2, 1);
+        if (broken) store_le<std::uint16_t>(MutableBytes(second), second.size() - 2, 2);
+        all.push_back({at, cycle_frame(1, false, index), {0, Direction::sent}});
+        all.push_back({at + later, cycle_frame(2, false, index), {1, Direction::sent}});
+        all.push_back({at + 30us, first, {broken ? 0U : 1U, Direction::received}});
+        all.push_back({at + later + 30us, second, {broken ? 1U : 0U, Direction::received}});
+    }
+    return in_order(all);
+}
+
+void expect_ring_of_nics(const Analysis& a) {
+    EXPECT_TRUE(a.ring) << a.remark;
+    EXPECT_TRUE(a.others.empty());
+    EXPECT_EQ(a.frames.lost, 0U);
+    expect_cycle(a, 1ms, 40);
+    EXPECT_EQ(a.cyclic.at(0).datagrams.at(0).wkcs, (std::map<std::uint16_t, std::uint64_t>{{3, 40}}));
+}
+
+// Recorders of two interfaces write their packets in lots; the interface that sends first may be either one.
+TEST_F(AnalyseFile, ARingOfNicsIsOneMasterInAnyOrder) {
+    for (const bool broken : {false, true}) {
+        auto packets = ring_of_nics(40, 2us, broken);
+        const auto a = analyse_file(pcapng(packets));
+        EXPECT_EQ(a.remark, "");
+        expect_ring_of_nics(a);
+        std::ranges::stable_sort(packets, {},
+                                 [](const Packet& p) { return std::pair(p.at / 8ms, p.origin.interface); });
+        const auto lots = analyse_file(pcapng(packets));
+        EXPECT_NE(lots.remark.find(" and were sorted"), std::string::npos) << lots.remark;
+        expect_ring_of_nics(lots);
+        std::ranges::stable_sort(packets, {}, [](const Packet& p) { return p.origin.interface; });
+        expect_ring_of_nics(analyse_file(pcapng(packets)));
+        for (auto& p : packets) p.origin.interface = 1 - p.origin.interface;
+        expect_ring_of_nics(analyse_file(pcapng(in_order(packets))));
+    }
+}
+
+TEST_F(AnalyseFile, AnUnsureRingOfNicsIsSaid) {
+    const auto skewed = analyse_file(pcapng(ring_of_nics(40, 200us, true)));
+    EXPECT_FALSE(skewed.ring);
+    EXPECT_NE(skewed.remark.find("if they are the NICs of a broken ring, they are one master"), std::string::npos);
+    auto packets = ring_of_nics(40, 2us, false);
+    std::erase_if(packets, [](const Packet& p) { return p.origin.interface != 0; });
+    const auto one = analyse_file(pcapng(packets));
+    EXPECT_NE(one.remark.find("this looks like a part of a ring"), std::string::npos) << one.remark;
+    EXPECT_FALSE(one.losses_known);
+}
+
 // A ring as taps record it, without directions: the copies of the addresses 1 and 2 at the interfaces 0 and 1. Two
 // thirds of the cycles are in the whole ring, and the last third behind a break between the slaves.
 std::vector<Packet> ring_of_taps(int count, bool breaks) {
