@@ -101,13 +101,16 @@ class Configurator {
         return std::nullopt;
     }
 
-    // The ident of the module in a slot; 0: none.
+    // The ident of the module in a slot; 0: none. Without a default module, the only module that fits is in as many
+    // instances of the slot as the file demands.
     std::uint32_t ident_in(std::uint32_t slot) {
         if (choice_.modules) return slot < choice_.modules->size() ? (*choice_.modules)[slot] : 0;
         const EsiSlot* described = device_.slots->slot(slot);
         const auto found = std::ranges::find_if(described->idents, &EsiModuleIdent::is_default);
         if (found != described->idents.end()) return found->ident;
-        return described->least > 0 && described->idents.size() == 1 ? described->idents.front().ident : 0;
+        std::uint32_t instance = 0;
+        while (instance < slot && device_.slots->slot(slot - instance - 1) == described) ++instance;
+        return instance < described->least && described->idents.size() == 1 ? described->idents.front().ident : 0;
     }
 
     bool fits(const EsiSlot& slot, const EsiModule& module) {
@@ -131,7 +134,7 @@ class Configurator {
         std::vector<std::uint32_t> idents;
         for (std::uint32_t slot = 0; slot < count; ++slot) idents.push_back(ident_in(slot));
         while (!idents.empty() && idents.back() == 0) idents.pop_back();
-        if (device_.slots->download_ident_list && !idents.empty()) write_ident_list(idents);
+        if (device_.slots->download_ident_list && (choice_.modules || !idents.empty())) write_ident_list(idents);
         for (std::uint32_t slot = 0; slot < idents.size() && result_.error.empty(); ++slot)
             if (idents[slot] != 0) add_module(slot, idents[slot]);
         return result_.error.empty();
@@ -175,7 +178,8 @@ class Configurator {
         commands_.push_back(write_object(kWhen, kConfiguredModules, 0, std::uint8_t{0}));
         for (std::size_t n = 0; n < idents.size(); ++n)
             commands_.push_back(write_object(kWhen, kConfiguredModules, static_cast<std::uint8_t>(n + 1), idents[n]));
-        commands_.push_back(write_object(kWhen, kConfiguredModules, 0, static_cast<std::uint8_t>(idents.size())));
+        if (!idents.empty())
+            commands_.push_back(write_object(kWhen, kConfiguredModules, 0, static_cast<std::uint8_t>(idents.size())));
     }
 
     void add_message(const EsiCommand& one) {

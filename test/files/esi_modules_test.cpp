@@ -4,6 +4,7 @@
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
+#include "files/modules.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/devices.hpp"
@@ -119,6 +120,51 @@ TEST(EsiModules, OtherModulesAreRefused) {
               "slave 1, slot 1: module 0x00000208 is there, and 0x00000302 is wanted");
     EXPECT_NE(bench.map({0x104, 0x302, 0x208, 0x401}).state, AlState::safeop);
     EXPECT_NE(bench.ctx.slave(1).error.code, Errc::none);
+}
+
+// The idents that the commands of a configuration write to 0xF030.
+std::vector<std::uint32_t> written(const EsiConfiguration& made) {
+    EXPECT_NE(made.config, nullptr) << made.error;
+    return made.config == nullptr ? std::vector<std::uint32_t>{} : configured_modules(made.config->startup());
+}
+
+TEST(EsiModules, WithoutAChoiceASlotHasAsManyModulesAsItDemands) {
+    const std::string_view slot =
+        R"(<Slot MinInstances="0" MaxInstances="4"><Name>Slot</Name>
+          <ModuleIdent>#x104</ModuleIdent><ModuleIdent>#x208</ModuleIdent>
+          <ModuleIdent>#x302</ModuleIdent><ModuleIdent>#x401</ModuleIdent></Slot>)";
+    const auto with = [&](std::string_view slots) {
+        std::string text(kCoupler);
+        const auto at = text.find(slot);
+        EXPECT_NE(at, std::string::npos);
+        text.replace(at, slot.size(), slots);
+        const auto esi = read_esi(text);
+        EXPECT_TRUE(esi) << to_text(esi.problem);
+        HostConfiguration owner;
+        return esi ? written(configure(*esi, esi->devices[0], {}, owner)) : std::vector<std::uint32_t>{};
+    };
+    using Idents = std::vector<std::uint32_t>;
+    EXPECT_EQ(with(slot), Idents{});
+    EXPECT_EQ(with(R"(<Slot MinInstances="1" MaxInstances="4"><ModuleIdent>#x104</ModuleIdent></Slot>)"),
+              Idents{0x104});
+    EXPECT_EQ(with(R"(<Slot MinInstances="0" MaxInstances="1"><ModuleIdent>#x208</ModuleIdent></Slot>
+                      <Slot MinInstances="2" MaxInstances="3"><ModuleIdent>#x104</ModuleIdent></Slot>)"),
+              (Idents{0, 0x104, 0x104}));
+}
+
+TEST(EsiModules, ACouplerWithoutModulesGetsAnEmptyList) {
+    const auto esi = read_esi(kCoupler);
+    ASSERT_TRUE(esi) << to_text(esi.problem);
+    for (const auto& none : {std::vector<std::uint32_t>{}, std::vector<std::uint32_t>{0, 0}}) {
+        HostConfiguration owner;
+        const auto made = configure(*esi, esi->devices[0], {.modules = none}, owner);
+        ASSERT_NE(made.config, nullptr) << made.error;
+        ASSERT_EQ(made.config->startup().size(), 1U);
+        const StartupCommand& command = made.config->startup()[0];
+        EXPECT_EQ(command.index, 0xF030);
+        EXPECT_EQ(command.subindex, 0);
+        EXPECT_EQ(std::vector(command.octets().begin(), command.octets().end()), std::vector{std::byte{0}});
+    }
 }
 
 }  // namespace
