@@ -2,8 +2,8 @@
 
 #include "api/operation.hpp"
 #include "api/supervision.hpp"
-#include "network/members.hpp"
 #include "network/scan.hpp"
+#include "network/wanted.hpp"
 
 #include <algorithm>
 
@@ -19,13 +19,9 @@ bool exchanges_nothing(const Network& network) {
     });
 }
 
-// A hot connect group may be away as a whole.
 bool is_missing(const Network& network, const Slave& slave) {
     const bool known = slave.seen || slave.wanted != nullptr;
-    if (slave.al.state != AlState::none || !known) return false;
-    if (slave.wanted == nullptr) return true;
-    const std::uint8_t group = slave.wanted->hot_connect;
-    return !slave.wanted->optional && (group == 0 || head_is_there(network, group));
+    return known && slave.al.state == AlState::none && !may_be_missing(network, slave);
 }
 
 RescanFacts rescan_facts(Network& network, bool whole) {

@@ -22,15 +22,6 @@ bool may_be_missing(const ExpectedSlave& wanted) {
     return wanted.optional || (wanted.config != nullptr && wanted.config->optional);
 }
 
-bool may_be_missing(Network& network, const Slave& slave) {
-    // An unexpected slave is not in the list, so it may be missing. Without a list, all slaves of the scan are wanted.
-    if (slave.wanted == nullptr) return slave.config.optional || !network.expected.empty();
-    if (!slave.seen && network.tolerance.missing_slaves) return true;
-    if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)
-        return !head_is_there(network, slave.wanted->hot_connect);
-    return is_optional(slave);
-}
-
 // The error that ended the start-up of the slave, where known.
 Error start_up_error(const Slave& slave, const Error& otherwise) {
     const bool failed = slave.error.code != Errc::none && !is_warning(slave.error.code) &&
@@ -81,6 +72,15 @@ Error held_error(const Slave& slave, Step step) {
     if (error.code == Errc::none) error = fault(slave, compared ? Errc::other_slave : Errc::identity_unread, step);
     if (!is_unread(slave)) error.step = step;
     return error;
+}
+
+bool may_be_missing(const Network& network, const Slave& slave) {
+    // An unexpected slave is not in the list, so it may be missing. Without a list, all slaves of the scan are wanted.
+    if (slave.wanted == nullptr) return slave.config.optional || !network.expected.empty();
+    if (!slave.seen && network.tolerance.missing_slaves) return true;
+    if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)
+        return !head_is_there(network, slave.wanted->hot_connect);
+    return is_optional(slave);
 }
 
 Error missing_error(Network& network, const Slave& slave) {

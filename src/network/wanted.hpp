@@ -12,6 +12,8 @@ void update_held(Network& network);
 // The reason why a slave is held; code none when it is not.
 [[nodiscard]] Error held_error(const Slave& slave, Step step);
 
+// See margay/missing.hpp.
+[[nodiscard]] bool may_be_missing(const Network& network, const Slave& slave);
 // The error of a slave that is missing; code none when it may be missing, or when it is not wanted.
 [[nodiscard]] Error missing_error(Network& network, const Slave& slave);
 
