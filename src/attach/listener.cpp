@@ -41,11 +41,15 @@ int connection_error_as_owner(const std::string& path, const SocketAddress& addr
 
 }  // namespace
 
-Listener::~Listener() {
+Listener::~Listener() { close(); }
+
+void Listener::close() {
     if (fd_ >= 0) ::close(fd_);
+    fd_ = -1;
     struct stat found {};
     if (bound_ && ::lstat(path_.c_str(), &found) == 0 && S_ISSOCK(found.st_mode) && found.st_ino == inode_)
         ::unlink(path_.c_str());
+    bound_ = false;
 }
 
 std::string Listener::open(const std::string& path, const AttachSettings& settings) {
@@ -53,11 +57,8 @@ std::string Listener::open(const std::string& path, const AttachSettings& settin
     if (settings.clients < 1 || settings.clients > 32)
         return path + ": " + std::to_string(settings.clients) + " clients are wanted, and 1 to 32 are possible";
     if (settings.transfer_bytes > (std::size_t{1} << 30)) return path + ": transfers have at most 1 GiB";
-    const auto error = bind_and_listen(settings);
-    if (!error.empty() && fd_ >= 0) {
-        ::close(fd_);
-        fd_ = -1;
-    }
+    auto error = bind_and_listen(settings);
+    if (!error.empty()) close();
     return error;
 }
 

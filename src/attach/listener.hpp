@@ -19,6 +19,7 @@ class Listener {
     [[nodiscard]] int fd() const { return fd_; }
 
   private:
+    void close();  // and removes the socket
     [[nodiscard]] std::string bind_and_listen(const AttachSettings& settings);
     [[nodiscard]] std::string replace_left_behind();
     [[nodiscard]] std::string set_access(const AttachSettings& settings) const;

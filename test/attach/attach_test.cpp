@@ -245,6 +245,7 @@ TEST_F(Attach, ASocketThatIsServedIsNotReplacedAndOneThatWasLeftBehindIs) {
     EXPECT_EQ(AttachServer(ctx, left).error(), "");
     AttachServer nobody(ctx, folder + "/user.sock", {.owner = "no-such-user"});
     EXPECT_NE(nobody.error().find("there is no user 'no-such-user'"), std::string::npos) << nobody.error();
+    EXPECT_NE(::access((folder + "/user.sock").c_str(), F_OK), 0) << "no socket that nobody serves";
     AttachServer nowhere(ctx, folder + "/no/such/folder.sock");
     EXPECT_NE(nowhere.error().find("cannot be bound"), std::string::npos) << nowhere.error();
     EXPECT_EQ(AttachServer(ctx, "").error(), "the path of the socket is empty");
