@@ -74,7 +74,7 @@ class Companion {
     void report_events();
     void report_errors();
     // Logs the text at most `most` times a minute; forget_repeated() says how often it came beside that.
-    void say(Priority priority, const std::string& text, unsigned most);
+    void say(Priority priority, const std::string& described, unsigned most);
     void forget_repeated();
     void report_standing(const Standing& now);
     void report_frames(const Standing& now);

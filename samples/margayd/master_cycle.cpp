@@ -39,11 +39,10 @@ void Master::cycle() {
     pace_.reset();
 }
 
-// Once a second: a few system calls, if the interface seems to be gone.
+// Once a second, with a few system calls.
 void Master::look_around(std::uint64_t overruns, bool settles) {
     const Error wrong = what_is_wrong(*ctx_);
-    if (wrong.code == Errc::no_frame || wrong.code == Errc::nic || wrong.code == Errc::missing_slave)
-        (void)source_->look_for_interfaces();
+    (void)source_->look_for_interfaces();
     const auto now = Clock::now();
     if (lacks_places(wrong)) {
         lacks_since_ = lacks_since_.value_or(now);
