@@ -5,13 +5,15 @@
 
 #include <concepts>
 #include <cstddef>
+#include <initializer_list>
 #include <span>
 #include <type_traits>
 
 namespace margay {
 
 // Points to a list in the caller's memory: a constant array, a std::array, a std::vector. The list must live as long as
-// the library may use it; the comment at each use says how long that is. The compiler refuses a temporary list.
+// the library may use it; the comment at each use says how long that is. The compiler refuses a temporary list, also
+// one in braces: {{…}}.
 template <class T>
 class Borrowed : public std::span<const T> {
   public:
@@ -23,6 +25,8 @@ class Borrowed : public std::span<const T> {
     constexpr Borrowed(const T (&list)[N]) : Base(list) {}
     template <std::size_t N>
     constexpr Borrowed(const T (&&list)[N]) = delete;  // the list would end with the statement
+    // For a list in braces, GCC takes the constructor of a list that stays, although the one above is better.
+    constexpr Borrowed(std::initializer_list<T>) = delete;
     constexpr Borrowed(const T* first, std::size_t count) : Base(first, count) {}
     template <std::ranges::contiguous_range R>
     requires(std::ranges::borrowed_range<R>&& std::convertible_to<R, Base>) constexpr Borrowed(R&& list) : Base(list) {}

@@ -31,6 +31,51 @@ TEST(Borrowed, ATemporaryListIsRefusedByTheCompiler) {
     EXPECT_FALSE((std::is_constructible_v<Borrowed<std::byte>, std::vector<std::byte>>));
 }
 
+// The lists are in a template, because an expression that does not compile is an error elsewhere.
+template <class List, class Element>
+concept FromBraces = requires(List list, Element element) {
+    list = {{element}};
+};
+template <class List, class Element>
+concept FromTwoInBraces = requires(List list, Element element) {
+    list = {{element, element}};
+};
+template <class Setup>
+concept SetupFromBraces = requires {
+    Setup{.startup = {{write_object(Transition::preop_to_safeop, 0x6060, 0, std::int8_t{8})}}};
+};
+template <class Setup, class Element>
+concept SetupFromBracedPdos = requires(Element element) {
+    Setup{.pdos = {{element}}};
+};
+template <class OfPdo, class Entry>
+concept PdoFromBraces = requires(Entry entry) {
+    OfPdo{0x1600, {{entry}}};
+};
+template <class Ctx, class Element>
+concept ExpectedFromBraces = requires(Ctx& ctx, Element element) {
+    expect(ctx, {{element}});
+};
+
+TEST(Borrowed, AListInBracesIsRefusedByTheCompiler) {
+    EXPECT_FALSE((FromBraces<Borrowed<SmPdos>, SmPdos>));
+    EXPECT_FALSE((FromTwoInBraces<Borrowed<SmPdos>, SmPdos>));
+    EXPECT_FALSE((FromBraces<PdoLists, SmPdos>));
+    EXPECT_FALSE((FromTwoInBraces<StartupCommands, StartupCommand>));
+    EXPECT_FALSE((FromBraces<EntryList, EntryHandle*>));
+    EXPECT_FALSE((FromTwoInBraces<EntryList, EntryHandle*>));
+    EXPECT_FALSE((FromTwoInBraces<decltype(SdoDownload::data), std::byte>));
+    EXPECT_FALSE((FromBraces<decltype(GroupConfiguration::copies), SlaveToSlave>));
+    EXPECT_FALSE((SetupFromBraces<SlaveSetup>));
+    EXPECT_FALSE((SetupFromBracedPdos<SlaveSetup, SmPdos>));
+    EXPECT_FALSE((PdoFromBraces<Pdo, PdoEntry>));
+    EXPECT_FALSE((ExpectedFromBraces<Context, ExpectedSlave>));
+    Borrowed<SmPdos> none = {};
+    none = {};
+    EXPECT_TRUE(none.empty());
+    EXPECT_TRUE((requires(Context & ctx) { expect(ctx, {}); }));
+}
+
 class HostConfigurationTest : public SegmentTest {};
 
 TEST_F(HostConfigurationTest, OwnsAllThatItPointsAt) {
