@@ -125,4 +125,17 @@ std::string_view capacity_text(const Error& e) {
     }
 }
 
+std::string_view pdo_list_text(PdoListFault why) {
+    switch (why) {
+        case PdoListFault::sync_manager_twice: return "two lists name this SyncManager";
+        case PdoListFault::too_many_pdos: return "a SyncManager has room for 254 PDOs";
+        case PdoListFault::pdo_twice: return "the PDO is listed twice";
+        case PdoListFault::no_pdo_index: return "PDOs are 0x1600 to 0x17FF and 0x1A00 to 0x1BFF";
+        case PdoListFault::too_many_entries: return "a PDO has room for 254 entries";
+        case PdoListFault::no_bits: return "an entry has 0 bits";
+        case PdoListFault::none: break;
+    }
+    return "reason unknown";
+}
+
 }  // namespace margay

@@ -17,4 +17,7 @@ namespace margay {
 // The memory of the application that is too small, by its name in the API.
 [[nodiscard]] std::string_view capacity_text(const Error& e);
 
+// Why no slave can have the list of PDOs.
+[[nodiscard]] std::string_view pdo_list_text(PdoListFault why);
+
 }  // namespace margay

@@ -33,11 +33,12 @@ void write_entry_place(TextWriter& out, const Error& e) {
     if (e.detail != 0) out << ", entry " << e.detail;
 }
 
-bool is_sync_manager(std::uint16_t address) {
-    return address >= wire::reg::kSyncManagerBase && address < wire::reg::sync_manager(16).address;
+bool is_sync_manager(const Error& e) {
+    const bool has = e.index >= wire::reg::kSyncManagerBase && e.index < wire::reg::sync_manager(16).address;
+    return has || e.code == Errc::sm_shortage;
 }
-unsigned sync_manager(std::uint16_t address) {
-    return (address - unsigned{wire::reg::kSyncManagerBase}) / wire::reg::kSyncManagerStride;
+unsigned sync_manager(const Error& e) {
+    return (e.index - unsigned{wire::reg::kSyncManagerBase}) / wire::reg::kSyncManagerStride;
 }
 
 void write_parameter(TextWriter& out, const Error& e) {
@@ -124,10 +125,8 @@ void write_place(TextWriter& out, const Error& e) {
         case Step::read_register:
         case Step::write_register: (out << " at register ").hex(e.index, 4); break;
         case Step::configure_pdos:
-            if (e.code == Errc::sm_shortage)
-                out << " of SyncManager " << e.expected - 1;
-            else if (is_sync_manager(e.index))
-                out << " of SyncManager " << sync_manager(e.index);
+            if (is_sync_manager(e))
+                out << " of SyncManager " << sync_manager(e);
             else
                 (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
             break;
@@ -143,8 +142,8 @@ void write_place(TextWriter& out, const Error& e) {
                 (out << ", PDO ").hex(e.index, 4);
             else if (e.code == Errc::unknown_slave && e.index != 0)
                 (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
-            else if (is_sync_manager(e.index))
-                out << " at SyncManager " << sync_manager(e.index);
+            else if (is_sync_manager(e))
+                out << " at SyncManager " << sync_manager(e);
             else if (e.index != 0)
                 (out << " at register ").hex(e.index, 4);
             break;
@@ -172,19 +171,6 @@ void write_difference(TextWriter& out, const Error& e) {
 // The size of process data by the SII, which is used although the slave itself does not say it; 0: none.
 void write_used_size(TextWriter& out, std::uint32_t octets) {
     if (octets != 0) out << " (used: " << octets << (octets == 1 ? " octet" : " octets") << ", as the SII says)";
-}
-
-std::string_view pdo_list_text(PdoListFault why) {
-    switch (why) {
-        case PdoListFault::sync_manager_twice: return "two lists name this SyncManager";
-        case PdoListFault::too_many_pdos: return "a SyncManager has room for 254 PDOs";
-        case PdoListFault::pdo_twice: return "the PDO is listed twice";
-        case PdoListFault::no_pdo_index: return "PDOs are 0x1600 to 0x17FF and 0x1A00 to 0x1BFF";
-        case PdoListFault::too_many_entries: return "a PDO has room for 254 entries";
-        case PdoListFault::no_bits: return "an entry has 0 bits";
-        case PdoListFault::none: break;
-    }
-    return "reason unknown";
 }
 
 void write_argument(TextWriter& out, const Error& e) {
@@ -331,13 +317,22 @@ std::string_view code_text(const Error& e) {
     return to_text(e.code);
 }
 
+// What kept a request from beginning.
+void write_obstacle(TextWriter& out, std::uint32_t operation) {
+    out << " (it has not begun";
+    if (operation != 0) out << ": " << to_text(static_cast<Operation>(operation)) << " is busy";
+    out << ")";
+}
+
 void write_cause(TextWriter& out, const Error& e) {
     switch (e.code) {
         case Errc::sii_format:
             if (e.actual > e.expected) write_oversized_mailbox(out, e);
             break;
-        case Errc::al_status:
         case Errc::timeout:
+            if (e.detail >= Error::kNotBegun) return write_obstacle(out, e.detail - Error::kNotBegun);
+            [[fallthrough]];
+        case Errc::al_status:
         case Errc::other_state:
             if (e.step != Step::request_state || e.expected == 0) break;
             out << " (wanted " << to_text(static_cast<AlState>(e.expected)) << ", is in "

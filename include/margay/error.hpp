@@ -273,6 +273,8 @@ struct Error {
     static constexpr std::uint32_t kNotBack = 5;
     // Detail of Errc::wrong_state from wait(): the request was not submitted.
     static constexpr std::uint32_t kNotSubmitted = 1;
+    // Detail of Errc::timeout: the request has not begun. Added to it: the Operation that it waited for, 0: not known.
+    static constexpr std::uint32_t kNotBegun = 0x10000;
     // Detail of Errc::capacity: kTasks: no memory for another operation (Limits::tasks, or Limits::arena_bytes);
     // kPlaces: no place for another request of another thread. kRedundancy: Limits::redundancy is false. 0: the step
     // determines which memory is full.

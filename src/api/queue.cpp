@@ -225,11 +225,26 @@ void end_unbegun(Master& master, Request& request, const Error& error) {
     RequestAccess::end(request, error, master.osal);
 }
 
+Error unbegun(const Request& request, Errc code) {
+    return {.code = code, .step = operation(request).step, .slave = slave_of(request)};
+}
+
+// The operation that keeps the waiting request from beginning; Operation::none: it is not known.
+Operation in_the_way(const Master& master, const Request& waiting) {
+    for (Request* r = master.queue.running; r != nullptr; r = next(*r)) {
+        const Needs needs = needs_of(master.network, *r);
+        const bool same = needs == Needs::its_slave && slave_of(*r) == slave_of(waiting);
+        if (needs == Needs::segment || same || (needs == Needs::its_slave && slave_of(waiting) == 0))
+            return operation(*r).operation;
+    }
+    return master.network.supervised ? Operation::supervise : Operation::none;
+}
+
 // False: the arena has no memory for the request now.
 bool begin(Master& master, Request& request) {
     Error refused = operation(request).check(master.network, request);
     if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
-        refused = {.code = Errc::canceled, .step = operation(request).step};
+        refused = unbegun(request, Errc::canceled);
     if (refused.code != Errc::none) {
         end_unbegun(master, request, refused);
         return true;
@@ -252,7 +267,10 @@ void end_some(Master& master, Request*& list, Errc code, bool (*ends)(Request& r
                 TaskAccess::end(std::exchange(RequestAccess::sequence(*request), {}));
             } else {
                 (void)remove(list, *request);
-                end_unbegun(master, *request, {.code = code, .step = operation(*request).step});
+                Error error = unbegun(*request, code);
+                if (code == Errc::timeout)
+                    error.detail = Error::kNotBegun + static_cast<std::uint32_t>(in_the_way(master, *request));
+                end_unbegun(master, *request, error);
             }
         }
         request = after;
@@ -332,7 +350,8 @@ void begin_waiting(Master& master) {
             insert(queue, *request);
             return;
         }
-        Error error{.code = Errc::capacity, .step = operation(*request).step, .detail = Error::kTasks};
+        Error error = unbegun(*request, Errc::capacity);
+        error.detail = Error::kTasks;
         error.expected = static_cast<std::uint32_t>(kHeadroomBytes);
         error.actual = static_cast<std::uint32_t>(arena.capacity_bytes() - arena.used_bytes());
         end_unbegun(master, *request, error);
@@ -443,7 +462,7 @@ void Request::cancel() {
     const bool owner = master.owned_by_caller();
     if (owner && !master.in_poll && sequence_ && may_be_cut(*this))
         return destroy_sequence(master, std::exchange(sequence_, {}));
-    const Error canceled{.code = Errc::canceled, .step = operation_->step};
+    const Error canceled = unbegun(*this, Errc::canceled);
     if (owner && remove(master.queue.waiting, *this)) return end_unbegun(master, *this, canceled);
     // The end of a supervision is an event: the owner ends it.
     const bool by_owner = operation(*this).operation == Operation::supervise;

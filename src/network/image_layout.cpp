@@ -83,7 +83,7 @@ Result<> check_sync_managers(const Slave& slave) {
     const std::uint32_t memory_end =
         slave.dl.ram_kib == 0 ? 0x10000U : std::min(0x10000U, 0x1000U + slave.dl.ram_kib * 1024U);
     for (const ProcessSm& sm : sms) {
-        Error error = fault(Errc::sm_shortage, slave, wire::reg::sync_manager(sm.number & 0xF).address);
+        Error error = fault(Errc::sm_shortage, slave, wire::reg::sync_manager(sm.number).address);
         error.expected = sm.number + 1U;
         error.actual = slave.dl.sync_managers;
         if (sm.number >= slave.dl.sync_managers) return error;

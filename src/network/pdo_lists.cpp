@@ -21,7 +21,7 @@ Error fault(const Slave& slave, Errc code, std::uint16_t index, std::size_t subi
             .subindex = static_cast<std::uint8_t>(std::min<std::size_t>(subindex, 255))};
 }
 
-std::uint16_t sm_register(const SmPdos& list) { return wire::reg::sync_manager(list.sync_manager & 0xFU).address; }
+std::uint16_t sm_register(const SmPdos& list) { return wire::reg::sync_manager(list.sync_manager).address; }
 
 Error list_fault(const Slave& slave, PdoListFault why, std::uint16_t index, std::size_t subindex = 0) {
     Error error = fault(slave, Errc::pdo_list, index, subindex);

@@ -46,6 +46,35 @@ TEST_F(Requests, TwoScansFollowEachOther) {
     EXPECT_EQ(second.slaves, 2);
 }
 
+TEST_F(Requests, WhatHasNotBegunNamesItsSlaveAndTheOperationInItsWay) {
+    MapRequest map;
+    map.image = image;
+    ASSERT_TRUE(submit(ctx, map));
+    (void)poll(ctx, osal.now());
+    StateRequest state;
+    SiiReadRequest read;
+    ReconfigRequest again;
+    StateRequest cancelled;
+    state.slave = read.slave = again.slave = cancelled.slave = 2;
+    state.wanted = cancelled.wanted = AlState::preop;
+    read.data = memory;
+    state.timeout = read.timeout = again.timeout = 1us;
+    for (Request* request : {static_cast<Request*>(&state), static_cast<Request*>(&read), static_cast<Request*>(&again),
+                             static_cast<Request*>(&cancelled)})
+        ASSERT_TRUE(submit(ctx, *request));
+    cancelled.cancel();
+    run(again);
+    ASSERT_TRUE(map.busy());
+    ASSERT_FALSE(state.busy() || read.busy() || cancelled.busy());
+    const std::string why = ": timed out (it has not begun: a mapping of process data is busy)";
+    EXPECT_EQ(words(state.error()), "slave 2: requesting a state" + why);
+    EXPECT_EQ(words(again.error()), "slave 2: recovering the slave" + why);
+    EXPECT_EQ(read.error().slave, 2);
+    EXPECT_TRUE(words(read.error()).ends_with(why)) << words(read.error());
+    EXPECT_EQ(words(cancelled.error()), "slave 2: requesting a state: the request was canceled");
+    run(map);
+}
+
 TEST_F(Requests, AMappingWaitsForAScanAndAScanForAMapping) {
     ScanRequest scan;
     MapRequest map;

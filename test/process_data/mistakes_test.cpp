@@ -152,6 +152,24 @@ TEST_F(Mistakes, AListThatNoSlaveCanHaveSaysWhy) {
     }
 }
 
+TEST_F(Mistakes, ASyncManagerThatNoSlaveHasIsNamed) {
+    for (const unsigned number : {8U, 15U, 16U, 31U, 200U, 255U}) {
+        ASSERT_TRUE(config_init(*ctx).ok());
+        SlaveConfiguration& config = ctx->slave(1).config;
+        config.source = ConfigurationSource::application;
+        config.add({static_cast<std::uint8_t>(number), Direction::outputs, 0x24, 0x1100, 8});
+        const std::string said = words(config_map(*ctx, image).error());
+        EXPECT_NE(said.find(" at SyncManager " + std::to_string(number) + ": "), std::string::npos) << said;
+        SmPdos list{static_cast<std::uint8_t>(number), {}};
+        const SlaveSetup setup{.pdos = {&list, 1}};
+        ASSERT_TRUE(config_init(*ctx).ok());
+        ctx->slave(1).config.setup = &setup;
+        const std::string of_list = words(config_map(*ctx, image).error());
+        EXPECT_NE(of_list.find(" of SyncManager " + std::to_string(number) + ": "), std::string::npos) << of_list;
+        ctx->slave(1).config.setup = nullptr;
+    }
+}
+
 TEST_F(Mistakes, AnEntryOfTheExpectedSlavesIsNamed) {
     const ExpectedSlave unknown[] = {{.number = 1}, {.product = 0x101}};
     EXPECT_EQ(
