@@ -257,7 +257,8 @@ struct GroupConfiguration {
     // Inputs in the image change only within receive_processdata() of this group. poll(), calls that wait, and
     // receive_processdata() of another group receive frames too: a reply of this group that such a call finds stays in
     // its frame until this group is received. For applications in which a thread reads the image while another thread
-    // owns the context and polls. Counts from the next config_map() on. Always so where cycles_in_flight is 2 or more.
+    // owns the context and polls. The inputs of a slave that is lost become zero (lost_inputs) only there, too. Counts
+    // from the next config_map() on. Always so where cycles_in_flight is 2 or more.
     bool hold_inputs = false;
     // Executed after the application has set its outputs. A copy is not executed when one of its slaves is in another
     // group since the mapping: see what_is_wrong(). The caller's memory.

@@ -31,9 +31,15 @@ void settle(ProcessGroup& group) {
     };
     group.complete = group.mapped && !group.mapping && (!group.statuses.empty() || group.expected_wkc == 0) &&
                      std::ranges::none_of(group.slaves, doubted);
+    // Inputs of a slave that is out of the exchange and that the next cycle must set to zero.
+    const auto left = [&group](const Slave& slave) {
+        return slave.image.group == group.number && !slave.takes_part && slave.image.inputs.bits > 0;
+    };
+    const bool zeroes = group.config.hold_inputs && group.config.lost_inputs == LostInputs::zero &&
+                        std::ranges::any_of(group.slaves, left);
     // Where cycles overlap, another thread reads `special` while it sends: there its value never changes.
     const bool special =
-        group.extras || group.overlap.sets > 1 || !group.complete || (group.mapped && group.prepared.empty());
+        group.extras || group.overlap.sets > 1 || !group.complete || zeroes || (group.mapped && group.prepared.empty());
     if (group.special != special) group.special = special;
     const bool doubts = std::ranges::any_of(group.slaves, doubted);
     for (PreparedFrame& frame : group.prepared) {
@@ -87,7 +93,8 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
         note_joining(*group, slave);
     else
         note_leaving(*group);
-    settle_lost_inputs(*group);
+    // Held inputs change only when a cycle is received.
+    if (!group->config.hold_inputs && group->overlap.sets == 1) settle_lost_inputs(*group);
 }
 
 LeavingExchange::LeavingExchange(Network& network, Slave& slave, const Datagram& write)
