@@ -47,12 +47,19 @@ bool is_due(const StartupCommand& command, Transition which, Moment moment) {
     return contains(command.transitions, which) && moment_of(command, which) == moment;
 }
 
+// The part of the library that works with the command is there, and is that of its kind.
+bool has_part(const StartupCommand& command) {
+    if (!is_message(command) && !by_soe(command)) return true;
+    const bool aoe = command.kind == StartupCommand::Kind::send_aoe;
+    const MailboxType wanted = by_soe(command) ? MailboxType::soe : aoe ? MailboxType::aoe : MailboxType::eoe;
+    return command.mail != nullptr && command.mail->type == wanted;
+}
+
 // What is wrong with the command for each slave; Argument::unknown: nothing.
 Argument invalid_member(const StartupCommand& command) {
     const auto transitions = static_cast<unsigned>(command.transitions);
     if (transitions == 0 || transitions > kTransitions) return Argument::command_transition;
-    if (command.kind > StartupCommand::Kind::send_eoe || command.moment > Moment::after ||
-        ((is_message(command) || by_soe(command)) && command.mail == nullptr))
+    if (command.kind > StartupCommand::Kind::send_eoe || command.moment > Moment::after || !has_part(command))
         return Argument::command_kind;
     if (command.timeout < Duration{0}) return Argument::command_time;
     const std::size_t bytes = command.octets().size();

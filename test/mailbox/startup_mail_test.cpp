@@ -104,6 +104,17 @@ TEST_F(StartupMail, WhatCannotBeSentIsNamed) {
     StartupCommand bare = send_aoe(preop_to_safeop, net_id);
     bare.mail = nullptr;
     EXPECT_NE(says(bare).find("the kind or the moment of a start-up command is no known one"), std::string::npos);
+    // The kind of one command, and the part of another one.
+    const std::array<StartupCommand, 3> right{send_aoe(preop_to_safeop, net_id), send_eoe(preop_to_safeop, set_ip),
+                                              write_parameter(preop_to_safeop, 0, Idn{1}, std::uint32_t{5})};
+    for (const StartupCommand& command : right)
+        for (const StartupCommand& other : right) {
+            StartupCommand mixed = command;
+            mixed.kind = other.kind;
+            const bool refused = says(mixed).find("the kind or the moment") != std::string::npos;
+            EXPECT_EQ(refused, mixed.kind != command.kind)
+                << static_cast<int>(command.kind) << static_cast<int>(mixed.kind);
+        }
     EXPECT_EQ(says(send_aoe(preop_to_safeop, net_id)), "");
 }
 
