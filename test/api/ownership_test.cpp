@@ -16,6 +16,7 @@ class CountingOsal final : public Osal {
   public:
     std::atomic<int> waits_of_others{0};
     std::atomic<int> sleeps{0};
+    std::atomic<int> looks{0};  // sleeps that end soon, so that the thread looks again
     std::atomic<int> wakes{0};
     std::atomic<Duration::rep> skipped{0};  // time that passed in jumps
     bool jump = false;                      // a thread that sleeps advances the time at once
@@ -28,6 +29,7 @@ class CountingOsal final : public Osal {
     std::uintptr_t calling_thread() noexcept override { return real_.thread_number(); }
     void sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept override {
         ++sleeps;
+        if (until != kNever && until - now() < 100ms) ++looks;
         if (jump && until != kNever) {
             skipped += std::max(until - now(), Duration{0}).count();
             return;
@@ -118,6 +120,7 @@ TEST_F(Ownership, OtherThreadsDoEverythingByRequestsWhileTheOwnerPolls) {
         EXPECT_EQ(supervision.error().code, Errc::canceled);
     });
     EXPECT_EQ(osal.waits_of_others.load(), 0) << "a thread that waits sleeps until it is woken";
+    EXPECT_EQ(osal.looks.load(), 0) << "and does not look at its request from time to time";
     EXPECT_GT(osal.wakes.load(), 0);
 }
 
