@@ -12,6 +12,7 @@
 #include <margay/attach/server.hpp>
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
+#include <margay/missing.hpp>
 
 #include <fmt/format.h>
 
@@ -142,7 +143,7 @@ class SimpleIo {
         for (int n = 0; n < 10; ++n) (void)cycle();
         if (!submit(ctx_, supervise_)) return false;
         const auto in_op = [this](const Slave& slave) {
-            if (slave.ring_position == 0) return samples::may_be_missing(ctx_.slaves(), slave);
+            if (slave.ring_position == 0) return margay::may_be_missing(ctx_, slave.number);
             return slave.al.state == AlState::op && !slave.al.error;
         };
         bool all_in_op = false;

@@ -5,7 +5,6 @@
 #include "wire/al_status_code.hpp"
 #include "wire/sii_category.hpp"
 
-#include <margay/expected.hpp>
 #include <margay/redundancy.hpp>
 
 #include <fmt/format.h>
@@ -267,15 +266,6 @@ nlohmann::ordered_json segment_json(Context& ctx) {
     auto slaves = nlohmann::ordered_json::array();
     for (const Slave& slave : ctx.slaves()) slaves.push_back(slave_json(slave));
     return {{"slaves", slaves}};
-}
-
-// The head of a group decides: without it no member is looked for. The library sets config.optional for all members.
-bool may_be_missing(std::span<const Slave> slaves, const Slave& slave) {
-    const auto group_of = [](const Slave& one) { return one.wanted == nullptr ? 0 : one.wanted->hot_connect; };
-    const bool listed = slave.wanted != nullptr && slave.wanted->optional;
-    if (group_of(slave) == 0) return listed || slave.config.optional;
-    const auto head = std::ranges::find_if(slaves, [&](const Slave& one) { return group_of(one) == group_of(slave); });
-    return listed || head->ring_position == 0;
 }
 
 std::string ring_remark(Context& ctx) {

@@ -4,7 +4,6 @@
 #include <margay/context.hpp>
 
 #include <nlohmann/json_fwd.hpp>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -41,9 +40,6 @@ namespace margay::samples {
 
 // What is not as it should be in a ring with two NICs, in one sentence; empty with one NIC, and when the ring is whole.
 [[nodiscard]] std::string ring_remark(Context& ctx);
-
-// An expected slave that need not be there: an optional one, or one of a hot connect group that is away as a whole.
-[[nodiscard]] bool may_be_missing(std::span<const Slave> slaves, const Slave& slave);
 
 [[nodiscard]] nlohmann::ordered_json segment_json(Context& ctx);
 

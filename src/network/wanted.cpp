@@ -75,16 +75,17 @@ Error held_error(const Slave& slave, Step step) {
 }
 
 bool may_be_missing(const Network& network, const Slave& slave) {
-    // An unexpected slave is not in the list, so it may be missing. Without a list, all slaves of the scan are wanted.
-    if (slave.wanted == nullptr) return slave.config.optional || !network.expected.empty();
-    if (!slave.seen && network.tolerance.missing_slaves) return true;
+    if (slave.wanted == nullptr) return slave.config.optional;
     if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)
         return !head_is_there(network, slave.wanted->hot_connect);
     return is_optional(slave);
 }
 
 Error missing_error(Network& network, const Slave& slave) {
-    if (may_be_missing(network, slave)) return {};
+    // An unexpected slave is not in the list, so it is not wanted. Without a list, all slaves of the scan are wanted.
+    const bool is_unexpected = slave.wanted == nullptr && !network.expected.empty();
+    const bool is_tolerated = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
+    if (is_unexpected || is_tolerated || may_be_missing(network, slave)) return {};
     Error error = fault(slave, Errc::missing_slave, slave.wanted == nullptr ? Step::read_state : Step::identify);
     if (slave.wanted == nullptr || !is_located(network.expected, *slave.wanted)) return error;
     const ExpectedSlave& wanted = *slave.wanted;
