@@ -159,7 +159,8 @@ class Program {
         report_.machine = read_machine({});
         ethercat::AttachedSession session(0, options_.attach);
         auto how = settings();
-        how.expected = true;  // an application can have missing slaves, which slaves() does not list
+        // An application can have missing slaves, which slaves() does not list.
+        how.expected = [&] { return session.configs(); };
         collect(session, how, report_);
         line_.clear();
         read_interfaces_of_application();
@@ -201,7 +202,7 @@ class Program {
         if (pcap_ != nullptr) wanted.options.record = pcap_->beside();
         ethercat::StandaloneSession session(std::move(wanted));
         auto how = settings();
-        how.expected = !options_.eni.empty() && how.map;
+        if (!options_.eni.empty()) how.expected = [&] { return session.expected(); };
         if (options_.cycles != 0) how.cycles = [&] { return run_cycles(session); };
         collect(session, how, report_);
         line_.clear();

@@ -247,7 +247,9 @@ Answer<> StandaloneSession::reach_with_process_data(std::span<const std::uint16_
     const auto ready = map();
     if (!ready) return ready.problem();
     const samples::PaceOptions options{};
-    samples::CyclePace pace(*source_, *ctx_, options, options.plan(eni()));
+    const auto plan = options.plan(eni());
+    if (!plan.error.empty()) return Problem{settings_.eni + ": " + plan.error};
+    samples::CyclePace pace(*source_, *ctx_, options, plan);
     const auto reached = bring_to(state, pace);
     if (!reached) return problem_of(*ctx_, reached.error());
     return {};

@@ -42,6 +42,8 @@ class StandaloneSession final : public Session {
     Answer<> set_states(std::span<const std::uint16_t> positions, AlState state) override;
     Answer<std::vector<SyncManagerFacts>> sync_managers(std::uint16_t position) override;
     Answer<std::vector<ConfigFacts>> configs() override;
+    // The same without SyncManagers and start-up commands: the slaves are not mapped for it.
+    Answer<std::vector<ConfigFacts>> expected();
     Answer<std::vector<DomainFacts>> domains() override;
     Answer<std::vector<DictionaryObjectFacts>> dictionary(std::uint16_t position, bool entries) override;
     Answer<DictionaryEntryFacts> dictionary_entry(std::uint16_t position, std::uint16_t index,

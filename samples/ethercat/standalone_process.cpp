@@ -7,6 +7,8 @@
 #include "wire/fmmu.hpp"
 #include "wire/sync_manager.hpp"
 
+#include <margay/missing.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -132,8 +134,8 @@ Answer<std::vector<SyncManagerFacts>> StandaloneSession::sync_managers(std::uint
 
 // ------------------------------------------------------------------ configurations
 
-Answer<std::vector<ConfigFacts>> StandaloneSession::configs() {
-    const auto ready = map();
+Answer<std::vector<ConfigFacts>> StandaloneSession::expected() {
+    const auto ready = open();
     if (!ready) return ready.problem();
     (void)readstate(*ctx_);
     std::vector<ConfigFacts> all;
@@ -152,7 +154,19 @@ Answer<std::vector<ConfigFacts>> StandaloneSession::configs() {
             config.product = slave.wanted->product.value_or(slave.seen ? config.product : 0);
         }
         if (slave.ring_position != 0) config.position = position_of(slave.number);
-        config.may_be_missing = samples::may_be_missing(ctx_->slaves(), slave);
+        config.may_be_missing = margay::may_be_missing(*ctx_, slave.number);
+        all.push_back(std::move(config));
+    }
+    return all;
+}
+
+Answer<std::vector<ConfigFacts>> StandaloneSession::configs() {
+    const auto ready = map();
+    if (!ready) return ready.problem();
+    auto all = expected();
+    if (!all) return all;
+    for (std::size_t n = 0; n < all->size(); ++n) {
+        ConfigFacts& config = (*all)[n];
         if (config.position) {
             auto sms = sync_managers(*config.position);
             if (!sms && sms.problem().code == samples::exit_code::kSystem) return sms.problem();
@@ -161,8 +175,7 @@ Answer<std::vector<ConfigFacts>> StandaloneSession::configs() {
                 std::ranges::copy_if(*sms, std::back_inserter(config.sync_managers),
                                      [](const SyncManagerFacts& sm) { return !sm.mailbox; });
         }
-        add_startup(config, slave.config);
-        all.push_back(std::move(config));
+        add_startup(config, ctx_->slaves()[n].config);
     }
     return all;
 }

@@ -217,7 +217,7 @@ class Collector {
     }
 
     void find_missing() {
-        const auto configs = session_.configs();
+        const auto configs = settings_.expected();
         if (!configs) {
             report_.messages.push_back(configs.problem().text);
             return;

@@ -11,7 +11,8 @@ namespace margay::segment_report {
 struct CollectSettings {
     bool dictionaries = true;  // compare the dictionaries of alike slaves
     bool map = true;           // show the process image; a session of our own brings the slaves to SAFEOP for it
-    bool expected = false;     // slaves are expected: look for missing ones
+    // The slaves that are expected, to look for missing ones; empty: none are.
+    std::function<ethercat::Answer<std::vector<ethercat::ConfigFacts>>()> expected{};
     // Runs cycles; empty: none are wanted.
     std::function<Cycles()> cycles{};
     // Called with what is done now.

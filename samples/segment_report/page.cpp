@@ -63,7 +63,7 @@ std::vector<Part> parts_of(const Report& report, const std::vector<Cable>& cable
     const auto add = [&](std::string_view id, std::string_view title, Markup content) {
         if (!content.empty()) parts.push_back({id, title, std::move(content)});
     };
-    add("topology", "Topology", topology_section(report, cables));
+    add("segment", "Topology", topology_section(report, cables));
     add("slaves", "Slaves", slaves_section(report));
     add("cables", "Cables and error counters", cables_section(report, cables));
     add("image", "Process image", image_section(report));

@@ -109,9 +109,9 @@ Markup group_markup(const AlikeGroup& group) {
     else
         content += differences_table(matter);
     if (!natural.empty())
-        content += folded(
-            fmt::format("{} that differ by their nature or change by themselves", counted(natural.size(), "value")),
-            differences_table(natural));
+        content += folded(counted(natural.size(), "value that differs by its nature or changes by itself",
+                                  "values that differ by their nature or change by themselves"),
+                          differences_table(natural));
     return content + list_of(group.remarks);
 }
 

@@ -89,11 +89,14 @@ TEST_F(ReportProgram, AMissingMemberOfAHotConnectGroupIsAFault) {
     folder.write("there.toml", group + "[[slave]]\ndevice = \"digital_io_16\"\n");
     folder.write("partly.toml", group);
     folder.write("group.xml", process::eni_with_group(folder.path() / "there.toml", 3, 5, 2));
-    const auto ran = run("sim:partly.toml --eni group.xml");
-    EXPECT_EQ(ran.status, 1) << ran.out << ran.err;
-    const auto faults = page().verdicts("fault");
-    EXPECT_TRUE(std::ranges::any_of(faults, [](const auto& one) { return contains(one, "Configured slave 2 "); }))
-        << ran.out;
+    for (const std::string more : {"", " --no-map"}) {
+        const auto ran = run("sim:partly.toml --eni group.xml" + more);
+        EXPECT_EQ(ran.status, 1) << ran.out << ran.err;
+        const auto faults = page().verdicts("fault");
+        EXPECT_TRUE(std::ranges::any_of(faults, [](const auto& one) { return contains(one, "Configured slave 2 "); }))
+            << ran.out;
+        EXPECT_TRUE(contains(ran.out, more.empty() ? "in SAFEOP" : "in PREOP")) << ran.out;
+    }
 }
 
 // Reading 200 slaves takes longer than the watchdogs of their outputs.

@@ -77,6 +77,7 @@ TEST_F(ReportSegment, TheVerdictNamesTheCableThePortsAndWhatToDo) {
     EXPECT_TRUE(contains(page.cell("cable-table", 4, "Verdict and what to do"), "Exchange this cable"));
     EXPECT_EQ(page.cell("cable-table", 1, "Verdict and what to do"), "nothing counted");
     // The picture: colours and counts.
+    EXPECT_EQ(page.count("//*[@id='topology']"), 1U);
     EXPECT_EQ(page.count("//svg[@id='topology']//g[@class='cable bad']"), 1U);
     EXPECT_EQ(page.count("//svg[@id='topology']//g[@class='cable doubtful']"), 2U);
     EXPECT_EQ(page.count("//svg[@id='topology']//g[@class='cable good']"), 1U);
