@@ -124,7 +124,7 @@ int write_esi(margay::Context& ctx, const std::string& path) {
         const bool other = device->identity.vendor != esi.vendor;
         if (other)
             samples::warn(fmt::format("slave {} is of another vendor, and an ESI has one: left out", slave.number));
-        if (!other && files::find_device(esi, device->identity) == nullptr) esi.devices.push_back(std::move(*device));
+        if (!other && !samples::has_device(esi, device->identity)) esi.devices.push_back(std::move(*device));
     }
     esi.vendor_name = fmt::format("Vendor 0x{:08x}", esi.vendor);
     return save(path, files::write_esi(esi));

@@ -17,6 +17,13 @@ EniFile load_eni(const std::string& path) {
     return {.configuration = std::move(*eni)};
 }
 
+bool has_device(const files::EsiFile& esi, const Identity& identity) {
+    return std::ranges::any_of(esi.devices, [&](const files::EsiDevice& device) {
+        return device.identity.vendor == identity.vendor && device.identity.product == identity.product &&
+               device.identity.revision == identity.revision;
+    });
+}
+
 Limits with_room(Limits limits, const files::EniConfiguration* eni) {
     if (eni == nullptr) return limits;
     const Limits wanted = eni->limits();

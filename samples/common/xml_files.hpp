@@ -4,6 +4,7 @@
 #include "source/esi_image.hpp"
 
 #include <margay/files/eni.hpp>
+#include <margay/files/esi.hpp>
 
 #include <optional>
 #include <string>
@@ -23,6 +24,9 @@ struct EniFile {
 // the octets of all of them, or the first error.
 [[nodiscard]] Result<std::size_t> map_groups(Context& ctx, const files::EniConfiguration* eni,
                                              std::span<std::byte> image);
+
+// Whether the file has the device of this identity. Another revision is another device.
+[[nodiscard]] bool has_device(const files::EsiFile& esi, const Identity& identity);
 
 // Limits with room for the slaves and groups of the file.
 [[nodiscard]] Limits with_room(Limits limits, const files::EniConfiguration* eni);

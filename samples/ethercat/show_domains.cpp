@@ -179,8 +179,12 @@ int run_config(Call& call) {
         if (!configs) return configs.problem();
         output.json["configs"] = nlohmann::ordered_json::array();
         std::string unread;  // the one-line form does not need it
+        std::vector<std::uint32_t> known_aliases;
+        std::vector<std::uint32_t> known_positions;  // of the configurations that --alias selects
         for (const ConfigFacts& config : *configs) {
             const bool by_alias = *aliases ? (*aliases)->contains(config.alias) : !*positions || config.alias == 0;
+            known_aliases.push_back(config.alias);
+            if (by_alias) known_positions.push_back(config.relative);
             if (!by_alias || (*positions && !(*positions)->contains(config.relative))) continue;
             output.text += call.has("verbose") ? config_details(config) : config_line(config);
             output.json["configs"].push_back(config_json(config));
@@ -188,6 +192,10 @@ int run_config(Call& call) {
         }
         if (output.json["configs"].empty() && (*aliases || *positions))
             return Problem{"no configuration is selected by --alias and --position"};
+        const auto no_alias = *aliases ? (*aliases)->missing(known_aliases) : std::nullopt;
+        if (no_alias) return Problem{fmt::format("there is no configuration with alias {}", *no_alias)};
+        const auto no_position = *positions ? (*positions)->missing(known_positions) : std::nullopt;
+        if (no_position) return Problem{fmt::format("there is no configuration at position {}", *no_position)};
         if (!unread.empty() && call.has("verbose")) return Problem{unread};
         return {};
     });

@@ -2,6 +2,8 @@
 #include "ethercat/call.hpp"
 #include "ethercat/commands.hpp"
 
+#include "common/xml_files.hpp"
+
 #include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
@@ -229,7 +231,7 @@ int run_xml(Call& call) {
                                           "before it of 0x{:08x}: select slaves of one vendor",
                                           slave.position, identity.vendor, esi.vendor),
                               samples::exit_code::kUsage});
-        if (files::find_device(esi, identity) == nullptr) esi.devices.push_back(std::move(described->device));
+        if (!samples::has_device(esi, identity)) esi.devices.push_back(std::move(described->device));
     }
     esi.vendor_name = fmt::format("Vendor 0x{:08x}", esi.vendor);
     const auto written = files::write_esi(esi);

@@ -105,6 +105,25 @@ TEST_F(EthercatProcessData, AnEsiHasOneVendorAlsoIfThatIs0) {
     EXPECT_TRUE(contains(content_of(folder.path() / "all.xml"), "<Id>#x00000000</Id>"));
 }
 
+TEST_F(EthercatProcessData, AnEsiHasEachRevisionOfAProduct) {
+    for (const std::string revision : {"1", "2"})
+        folder.write("r" + revision + ".xml",
+                     "<EtherCATInfo><Vendor><Id>2</Id><Name>V</Name></Vendor><Descriptions><Devices><Device>"
+                     "<Type ProductCode=\"1\" RevisionNo=\"" +
+                         revision +
+                         "\">T</Type><Name>N</Name><GroupType>G</GroupType></Device></Devices></Descriptions>"
+                         "</EtherCATInfo>");
+    const auto devices = [](const std::string& text) {
+        unsigned count = 0;
+        for (std::size_t at = 0; (at = text.find("<Device>", at)) != std::string::npos; ++at) ++count;
+        return count;
+    };
+    EXPECT_EQ(devices(out("sim:r1.xml,r2.xml,r1.xml", "xml")), 2U);
+    const auto ran = folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:r1.xml,r2.xml,r1.xml --write-esi r.xml");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(devices(content_of(folder.path() / "r.xml")), 2U);
+}
+
 TEST_F(EthercatProcessData, ListsConfigurations) {
     EXPECT_EQ(out("sim:demo", "config"),
               "0:0  0x00004d47/0x00000100  0  SAFEOP\n"
@@ -118,6 +137,18 @@ TEST_F(EthercatProcessData, ListsConfigurations) {
     EXPECT_TRUE(contains(details, "SDO configuration:\n  None.\n")) << details;
     EXPECT_TRUE(contains(out("sim:demo", "config --json"), "\"attached\": 4"));
     fails("sim:demo", "config -a 9", 1, "no configuration is selected by --alias and --position");
+    fails("sim:demo", "config -p 0,77", 1, "there is no configuration at position 77");
+    fails("sim:demo", "config -a 0,9", 1, "there is no configuration with alias 9");
+}
+
+TEST_F(EthercatProcessData, CyclesThatDoNotFitEachOtherAreRefused) {
+    auto text = eni_of_two_groups();
+    const std::string cycle = "<CycleTime>1000<";
+    ASSERT_NE(text.rfind(cycle), text.find(cycle));
+    text.replace(text.rfind(cycle), cycle.size(), "<CycleTime>1500<");
+    folder.write("odd.xml", text);
+    fails("sim:drive,drive", "states OP --eni odd.xml", 1,
+          "odd.xml: the ENI has a cycle of 1500 µs, which is no multiple of its shortest one, 1000 µs");
 }
 
 // `address` as in the output of `slaves` and `domains`.
