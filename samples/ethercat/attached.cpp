@@ -2,6 +2,7 @@
 
 #include "common/counted.hpp"
 #include "common/program.hpp"
+#include "common/segment_look.hpp"
 #include "common/slave_report.hpp"
 #include "oshw/linux/interface.hpp"
 #include "source/interface_nic.hpp"
@@ -245,6 +246,7 @@ Answer<> AttachedSession::set_debug_level(unsigned level) {
 
 // Sets the target, and waits until the slave is in the state. A supervision of the application brings the slave there.
 Answer<> AttachedSession::reach(std::uint16_t position, AlState target, AlState wanted) {
+    constexpr std::uint32_t kAlRegisters = 6;  // AL status and its code
     const auto set = ask_slave(position, Operation::set_target, {.state = target});
     if (!set) return set.problem();
     for (int n = 0; n < 1000 && !samples::stop_asked(); ++n) {
@@ -252,7 +254,13 @@ Answer<> AttachedSession::reach(std::uint16_t position, AlState target, AlState 
         if (!all) return all.problem();
         const auto slave = slave_at(position);
         if (!slave) return slave.problem();
-        if (slave->al.state == wanted && !slave->al.error) return {};
+        if (slave->al.state == wanted && !slave->al.error) {
+            // The table has what was read last: the slave may have been silent since.
+            const auto now = read_registers(position, wire::reg::kAlStatus.address, kAlRegisters);
+            if (!now) return now.problem();
+            const auto al = samples::al_status_in(*now);
+            if (al.state == wanted && !al.error) return {};
+        }
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     const auto slave = slave_at(position);

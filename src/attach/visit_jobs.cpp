@@ -29,6 +29,15 @@ void copy_master(Context& ctx, const Arguments&, Writer& into) {
 
 PartFacts facts_of(const ImagePart& part) { return {part.offset_bits, part.bits}; }
 
+// What is known of the slave may be old: nobody has compared it since a silence.
+Error error_of(Context& ctx, const Slave& s) {
+    if (s.error.code != Errc::none) return s.error;
+    const Network& network = master_of(ctx)->network;
+    if (s.al.state != AlState::none && network.is_doubted(s) && !network.is_believed(s))
+        return {.code = Errc::identity_unread, .step = Step::identify, .slave = s.number};
+    return held_error(s, Step::identify);
+}
+
 SlaveFacts facts_of(Context& ctx, const Slave& s) {
     SlaveFacts facts{.number = s.number,
                      .ring_position = s.ring_position,
@@ -41,7 +50,7 @@ SlaveFacts facts_of(Context& ctx, const Slave& s) {
                      .target = s.target,
                      .seen = s.seen,
                      .takes_part = s.takes_part,
-                     .error = s.error.code == Errc::none ? held_error(s, Step::identify) : s.error,
+                     .error = error_of(ctx, s),
                      .parent = s.parent,
                      .parent_port = s.parent_port,
                      .entry_port = s.entry_port,

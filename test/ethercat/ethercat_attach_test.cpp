@@ -100,6 +100,9 @@ void serve_requests(int fd, unsigned requests, After after) {
             into(attach::kMagic, attach::kProtocolVersion, evil, evil, false, std::uint32_t{1024});
         } else if (operation == attach::Operation::slaves) {
             into(std::uint16_t{1}, std::uint16_t{1}, slave_of(state, written, after));
+        } else if (after != After::refuses && operation == attach::Operation::read_registers &&
+                   load_le<std::uint16_t>(payload, 2) == 0x0130) {
+            into(static_cast<std::uint16_t>(state), std::uint16_t{0}, std::uint16_t{0});
         } else if (after != After::refuses &&
                    (operation == attach::Operation::read_registers || operation == attach::Operation::read_sii)) {
             into(std::uint8_t{0x5A});  // fewer octets than asked
