@@ -29,8 +29,10 @@ EepromSize eeprom_size(Eeprom& eeprom) {
     if (!error.empty()) return {0, std::move(error)};
     const auto value = load_le<std::uint16_t>(word);
     if (value == 0xFFFF)
-        return {0, fmt::format("the size of the EEPROM of {} is unknown (word 0x003e is blank): use --size",
-                               eeprom.name())};
+        return {0,
+                fmt::format(
+                    "the size of the EEPROM of {} is unknown (word 0x003e is blank): eepromtool reads it with --size",
+                    eeprom.name())};
     return {sii::eeprom_bytes(value)};
 }
 

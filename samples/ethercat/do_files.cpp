@@ -97,6 +97,11 @@ int run_sii_write(Call& call) {
     const auto slave = call.one_slave();
     if (!slave) return call.fail(slave.problem());
     SessionEeprom eeprom(slave->session(), slave->position());
+    const auto size = samples::eeprom_size(eeprom);  // that of a blank EEPROM is unknown
+    if (!call.has("force") && size.error.empty() && image.octets.size() > size.octets)
+        return call.fail(
+            {fmt::format("{}: it has {}, the EEPROM of {} has {}: use --force to write it nevertheless",
+                         call.words()[0], samples::counted(image.octets.size(), "octet"), eeprom.name(), size.octets)});
     const auto report = samples::write_eeprom(eeprom, image.octets, samples::no_progress());
     if (!report.error.empty())
         return call.fail(eeprom.problem(report.error + (report.left.empty() ? "" : "; " + report.left)));

@@ -92,8 +92,7 @@ std::string completion_case(std::string_view pattern, std::string_view words) {
 std::string option_words(const Command* command) {
     std::string words;
     for (const Option& option : options()) {
-        const bool fits = option.common || (command != nullptr &&
-                                            std::ranges::find(command->options, option.name) != command->options.end());
+        const bool fits = command == nullptr ? option.common : command->has_option(option);
         if (fits) words += fmt::format("{}--{}", words.empty() ? "" : " ", option.name);
     }
     return words;

@@ -68,12 +68,11 @@ Answer<> reset_counters(const Call& call, Master& master, Output& output) {
     const auto selected = call.selected(master);
     if (!selected) return selected.problem();
     output.json["reset"] = nlohmann::ordered_json::array();
-    for (const SlaveFacts& slave : *selected) {
+    return Call::each_slave(*selected, output, [&](const SlaveFacts& slave) -> Answer<> {
         const auto done = master.session->reset_error_counters(slave.position);
-        if (!done) return done;
-        output.json["reset"].push_back(slave.position);
-    }
-    return {};
+        if (done) output.json["reset"].push_back(slave.position);
+        return done;
+    });
 }
 
 // ------------------------------------------------------------------ graph
@@ -116,11 +115,13 @@ class Graph {
     Answer<> run(Output& output) {
         const auto slaves = master_.session->slaves();
         if (!slaves) return slaves.problem();
-        for (const SlaveFacts& slave : *slaves) {
+        const auto read = Call::each_slave(*slaves, output, [&](const SlaveFacts& slave) -> Answer<> {
             const auto counters = master_.session->error_counters(slave.position);
             if (!counters) return counters.problem();
             counters_.emplace(slave.position, *counters);
-        }
+            return {};
+        });
+        if (!read && read.problem().code == samples::exit_code::kSystem) return read;
         text_ =
             "digraph bus {\n    rankdir=\"LR\";\n    node [fontname=\"Helvetica\" shape=\"box\"];\n"
             "    edge [fontname=\"Helvetica\" fontsize=\"10\" dir=\"both\"];\n";
@@ -133,7 +134,7 @@ class Graph {
             add_link(slave, output);
         }
         output.text = text_ + "}\n";
-        return {};
+        return read;
     }
 
   private:
@@ -154,7 +155,7 @@ class Graph {
             json["delay_ns"] = clock->runs ? nlohmann::ordered_json(clock->delay_ns) : nlohmann::ordered_json(nullptr);
             json["reference_clock"] = clock->reference;
         }
-        if (info_ == Info::crc)
+        if (info_ == Info::crc && counters_.contains(slave.position))
             label += fmt::format("\\nPU {} PDI {}", counters_.at(slave.position).processing_unit,
                                  counters_.at(slave.position).pdi);
         text_ += fmt::format("    slave{} [label=\"{}\"{}];\n", slave.position, label,
@@ -164,11 +165,12 @@ class Graph {
     }
 
     void add_link(const SlaveFacts& slave, Output& output) {
-        const End far{&counters_.at(slave.position), slave.entry_port};
-        End near{};
-        if (slave.parent)
-            if (const auto parent = counters_.find(*slave.parent); parent != counters_.end())
-                near = {&parent->second, slave.parent_port};
+        const auto end_at = [this](std::uint16_t position, std::size_t port) {
+            const auto found = counters_.find(position);
+            return found == counters_.end() ? End{} : End{&found->second, port};
+        };
+        const End far = end_at(slave.position, slave.entry_port);
+        const End near = slave.parent ? end_at(*slave.parent, slave.parent_port) : End{};
         const bool show = info_ == Info::crc;
         const auto shade = colour(near, far);
         const auto from = slave.parent ? fmt::format("slave{}", *slave.parent) : std::string("master");
@@ -188,7 +190,7 @@ class Graph {
 
     Master& master_;
     Info info_;
-    std::map<std::uint16_t, ErrorCounters> counters_{};  // by position: where a slave is missing, there is none
+    std::map<std::uint16_t, ErrorCounters> counters_{};  // by position; of slaves that could be read
     std::string text_{};
 };
 

@@ -139,6 +139,11 @@ TEST_F(EthercatAccess, ReadsAndWritesTheSii) {
     fails("sim:demo", "sii_write -p 1 wrong", 1, "checksum");
     EXPECT_EQ(out("sim:demo", "sii_write -p 1 wrong -f -v"),
               std::to_string(image.size() / 2) + " words, 1 of them changed\n");
+    const std::size_t bytes = (static_cast<unsigned char>(image[124]) + 1U) * 128U;  // word 0x3e: KiBit - 1
+    std::string large = image + std::string(bytes + 128 - image.size(), '\xff');
+    ++large[124];
+    folder.write("large", large);
+    fails("sim:demo", "sii_write -p 1 large", 1, "octets, the EEPROM of position 1 has " + std::to_string(bytes));
     folder.write("odd", "abc");
     fails("sim:demo", "sii_write -p 1 odd -f", 1, "odd: 3 octets are not a whole number of words");
     fails("sim:demo", "sii_write -p 1 nothing", 3, "nothing: cannot be read");
