@@ -299,7 +299,7 @@ TEST_F(GatewayClients, WhatCannotBeServedSaysWhy) {
     EXPECT_EQ(error({.udp = false, .tcp = false}), "mailbox gateway: neither UDP nor TCP is wanted");
 }
 
-TEST_F(GatewayClients, OneTransportAndTheOtherVersionOfIp) {
+TEST_F(GatewayClients, OneTransport) {
     serve({.tcp = false});
     EXPECT_EQ(run({[&] {
                   GatewayClient udp(gateway->port(), Over::udp);
@@ -307,9 +307,24 @@ TEST_F(GatewayClients, OneTransportAndTheOtherVersionOfIp) {
                   EXPECT_FALSE(GatewayClient(gateway->port(), Over::tcp).connected());
               }}),
               0);
+}
+
+TEST_F(GatewayClients, ClientsSpeakByIpVersion6) {
     gateway.reset();
-    MailboxGateway six(ctx, {.address = "::1", .port = 0});
-    EXPECT_TRUE(!six.error().empty() || six.port() != 0) << "a machine without IPv6 says so";
+    gateway = std::make_unique<MailboxGateway>(ctx, MailboxGatewaySettings{.address = "::1", .port = 0});
+    if (gateway->error().find("Cannot assign requested address") != std::string::npos ||
+        gateway->error().find("Address family not supported") != std::string::npos)
+        GTEST_SKIP() << "no IPv6 here: " << gateway->error();
+    ASSERT_EQ(gateway->error(), "");
+    EXPECT_EQ(run({[&] {
+                  for (const auto over : {Over::udp, Over::tcp}) {
+                      GatewayClient client(gateway->port(), over, false, Ip::v6);
+                      ASSERT_TRUE(client.connected());
+                      EXPECT_TRUE(good(client));
+                  }
+                  EXPECT_FALSE(GatewayClient(gateway->port(), Over::tcp).connected()) << "by version 4";
+              }}),
+              0);
 }
 
 TEST_F(GatewayClients, AnOwnerThatDoesNotPollIsToldAndTheGatewayEnds) {

@@ -79,16 +79,24 @@ struct Traffic {
 };
 
 enum class Over { udp, tcp };
+enum class Ip { v4, v6 };
 
 class GatewayClient {
   public:
-    GatewayClient(std::uint16_t port, Over over, bool recorded = false) : udp_(over == Over::udp), recorded_(recorded) {
-        fd_ = ::socket(AF_INET, (udp_ ? SOCK_DGRAM : SOCK_STREAM) | SOCK_CLOEXEC, 0);
+    GatewayClient(std::uint16_t port, Over over, bool recorded = false, Ip version = Ip::v4)
+        : udp_(over == Over::udp), recorded_(recorded) {
+        const bool six = version == Ip::v6;
+        fd_ = ::socket(six ? AF_INET6 : AF_INET, (udp_ ? SOCK_DGRAM : SOCK_STREAM) | SOCK_CLOEXEC, 0);
         sockaddr_in address{};
         address.sin_family = AF_INET;
         address.sin_port = htons(port);
         address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        connected_ = ::connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+        sockaddr_in6 address6{};
+        address6.sin6_family = AF_INET6;
+        address6.sin6_port = htons(port);
+        address6.sin6_addr = in6addr_loopback;
+        connected_ = six ? ::connect(fd_, reinterpret_cast<const sockaddr*>(&address6), sizeof address6) == 0
+                         : ::connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
         wait_at_most(20'000);
     }
     ~GatewayClient() { close(); }
