@@ -1,5 +1,6 @@
 #include "common/service_configuration.hpp"
 
+#include "common/counted.hpp"
 #include "common/cycle_plan.hpp"
 #include "common/listen_address.hpp"
 #include "common/source.hpp"
@@ -12,6 +13,7 @@
 #include <grp.h>
 #include <net/if.h>
 #include <pwd.h>
+#include <sys/sysinfo.h>
 #include <sys/un.h>
 
 #include <map>
@@ -50,7 +52,9 @@ bool is_name(std::string_view text) {
 }
 
 bool is_interface_name(std::string_view text) {
-    return !text.empty() && text.size() < IFNAMSIZ && text.find_first_of("/ \t") == std::string_view::npos;
+    // The kernel takes no ':', and makes numbers of '%'.
+    return !text.empty() && text.size() < IFNAMSIZ && text.find_first_of("/:% \t") == std::string_view::npos &&
+           text != "." && text != "..";
 }
 
 constexpr std::size_t kMostOctets = std::size_t{1} << 20;  // of a TOML file
@@ -156,6 +160,10 @@ class FileReader {
         note(reader_.optional_integer(table, "cycle_us", 50, 1'000'000, m.cycle_us));
         note(reader_.optional_integer(table, "priority", 0, 99, m.priority));
         note(reader_.optional_integer(table, "cpu", 0, 1023, m.cpu));
+        if (whole_ && m.cpu >= ::get_nprocs_conf())
+            warn_at(*table.get("cpu"),
+                    fmt::format("there is no processor {}: this machine has {}", m.cpu,
+                                counted(static_cast<std::uint64_t>(::get_nprocs_conf()), "processor")));
         note(reader_.optional_integer(table, "spin_us", 0, 1'000'000, m.spin_us));
         note(reader_.optional_integer(table, "in_sync_us", 1, 100'000, m.in_sync_us));
         note(reader_.optional_integer(table, "debug", 0, 2, m.debug));
@@ -165,6 +173,7 @@ class FileReader {
         const auto* node = table.get("source");
         if (node == nullptr) return;
         if (const auto fault = reader_.text(*node, "source", m.source)) return note(fault);
+        if (m.source.empty()) return note(reader_.at(*node, "'source' is empty"));
         if (m.source.starts_with("pcap:")) return note(reader_.at(*node, "a recording cannot be run by a service"));
         if (m.source.starts_with("sim:")) {
             if (!whole_) return;
@@ -181,7 +190,7 @@ class FileReader {
             if (!is_interface_name(name))
                 note(reader_.at(*node, fmt::format("'{}' is no name of an interface (1 to 15 characters)", name)));
             else if (whole_ && ::if_nametoindex(name.c_str()) == 0)
-                into_.warnings.push_back(fmt::format("{}: there is no interface {} now", to_text(place(*node)), name));
+                warn_at(*node, fmt::format("there is no interface {} now", name));
         }
     }
 
@@ -224,6 +233,7 @@ class FileReader {
         if (const auto* node = table.get("eni")) {
             std::string path;
             if (const auto fault = reader_.text(*node, "eni", path)) return note(fault);
+            if (path.empty()) return note(reader_.at(*node, "'eni' is empty"));
             m.eni = path.empty() ? fs::path() : file_.parent_path() / path;
             if (!whole_) return;
             auto content = regular_file(m.eni, files::kMostFileBytes);
@@ -240,14 +250,27 @@ class FileReader {
             eni = std::move(*read);
         }
         const auto plan = plan_cycles(eni ? &*eni : nullptr, std::chrono::microseconds(m.cycle_us));
-        const auto* at = table.get(m.cycle_us != 0 ? "cycle_us" : "eni");
-        if (!plan.error.empty() && at != nullptr) note(reader_.at(*at, plan.error));
+        const auto* at = table.get(m.cycle_us != 0 ? "cycle_us" : table.contains("eni") ? "eni" : "source");
+        if (at == nullptr) return;
+        if (!plan.error.empty()) note(reader_.at(*at, plan.error));
+        if (!plan.remark.empty()) warn_at(*at, plan.remark);
+        const auto cycle = std::chrono::duration_cast<std::chrono::microseconds>(plan.period).count();
+        if (m.spin_us != 0 && static_cast<std::int64_t>(m.spin_us) >= cycle && table.contains("spin_us"))
+            warn_at(
+                *table.get("spin_us"),
+                fmt::format("'spin_us' is {}, and a cycle has {} µs: a processor does nothing else", m.spin_us, cycle));
+    }
+
+    void warn_at(const toml::node& node, const std::string& text) {
+        into_.warnings.push_back(fmt::format("{}: {}", to_text(place(node)), text));
     }
 
     void read_socket(const toml::table& table, SocketConfiguration& s) {
         optional_text(table, "path", s.path);
         if (table.contains("path") && (s.path.empty() || s.path.front() != '/'))
             note(reader_.at(*table.get("path"), "'path' must begin with '/'"));
+        else if (s.path.ends_with('/') || s.path.find('\0') != std::string::npos)
+            note(reader_.at(*table.get("path"), "'path' must be the name of a file"));
         optional_text(table, "owner", s.owner);
         optional_text(table, "group", s.group);
         if (whole_ && !s.owner.empty() && ::getpwnam(s.owner.c_str()) == nullptr)

@@ -102,7 +102,6 @@ std::string Master::open_here() {
     }
     plan_ = samples::plan_cycles(eni_ ? &*eni_ : nullptr, std::chrono::microseconds(configuration_.cycle_us));
     if (!plan_.error.empty()) return plan_.error;
-    if (!plan_.remark.empty()) log(Priority::warning, plan_.remark);
     if (plan_.clock) {
         // The same part of the limit as the default: an error within it corrects the phase.
         plan_.clock->phase.limit_ns = configuration_.in_sync_us * 1000U;
@@ -264,7 +263,8 @@ bool Master::bring_up() {
             log(Priority::error, samples::sentence(told.error()));
     }
     if (eni_ && eni_->clocks) set_clocks();
-    if (configuration_.state < AlState::safeop) (void)set_target(*ctx_, 0, configuration_.state);
+    // Slaves in INIT have no mailbox to ask for their PDOs: the supervision takes them to INIT.
+    if (configuration_.state < AlState::safeop) (void)set_target(*ctx_, 0, AlState::preop);
     restore_targets(Exchange::no);  // these slaves are not started
     map_groups();
     if (configuration_.eoe) open_eoe();

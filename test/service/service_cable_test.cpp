@@ -120,6 +120,25 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
     EXPECT_TRUE(contains(margayd->output(), "a: all slaves in INIT\nmargayd: ends\n")) << margayd->output();
 }
 
+// What was read before is no answer.
+TEST_F(ServiceOnCable, ASilentSegmentIsInNoState) {
+    configure_cable("cycle_us = 20000\n");
+    auto demo = segment();
+    auto margayd = service();
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    EXPECT_EQ(folder.run(bin + "ethercat states OP --attach run/a.sock").status, 0);
+    command("break 1");
+    expect_says(*margayd, "a: not all is right: ");
+    std::this_thread::sleep_for(2s);
+    const auto states = folder.run(bin + "ethercat states OP --attach run/a.sock");
+    EXPECT_EQ(states.status, 1) << states.out << states.err;
+    EXPECT_NE(states.err, "");
+    EXPECT_NE(folder.run(bin + "ethercat slaves --attach run/a.sock").err, "") << "a warning";
+    command("heal all");
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+}
+
 // They cannot be brought to INIT, and no other master has them: margayd brings them up when they answer again, by a
 // reload and by a new start.
 TEST_F(ServiceOnCable, SlavesThatDidNotAnswerAtTheEndAreItsOwn) {
@@ -223,9 +242,19 @@ TEST_F(ServiceOnCable, AnInterfaceMayBeMissingOffOrRemoved) {
     demo.reset();
     add();
     demo = segment();
-    const auto up_again = [&] { return contains(slaves(), "4  0:4  OP  +"); };
+    // While the segment is silent, `slaves` ends with an error.
+    const auto up_again = [&] {
+        return contains(folder.run(bin + "ethercat slaves --attach run/a.sock").out, "4  0:4  OP  +");
+    };
     for (int n = 0; n < 1200 && !up_again(); ++n) std::this_thread::sleep_for(50ms);
     EXPECT_TRUE(up_again()) << margayd->output();
+    // After some seconds another error than that of the interface is named.
+    ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link del ") + Cable::kMaster));
+    std::this_thread::sleep_for(4s);
+    demo.reset();
+    add();
+    demo = segment();
+    EXPECT_TRUE(demo->says("slave 5 (setting): OP", kServicePatience)) << demo->output() << margayd->output();
     margayd->terminate();
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
 }
@@ -257,7 +286,19 @@ TEST_F(ServiceOnCable, TheClocksAreMeasuredWhenTheReferenceClockGetsItsPower) {
     command("power on 2");
     expect_says(*margayd, "a: all is right: 3 slaves in OP");
     EXPECT_FALSE(contains(margayd->output(), "a: slave 1: OP to ")) << margayd->output();
+    EXPECT_FALSE(contains(margayd->output(), "configdc()")) << margayd->output();
     EXPECT_EQ(folder.run(bin + "ethercat reg_read -p 2 -t uint8 0x0981 --attach run/a.sock").out, "0x03 3\n");
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+}
+
+TEST_F(ServiceOnCable, SlavesInInitAreMappedBeforeAndHaveNoError) {
+    configure_cable("state = \"INIT\"\n");
+    auto demo = segment();
+    auto margayd = service();
+    expect_says(*margayd, "a: all is right: 5 slaves in INIT");
+    EXPECT_FALSE(contains(margayd->output(), "not possible")) << margayd->output();
+    EXPECT_FALSE(contains(slaves(), "  E  ")) << slaves();
     margayd->terminate();
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
 }

@@ -1,4 +1,5 @@
 // The configuration of margayd: what is accepted, and each error with its file and line.
+#include "process/made_eni.hpp"
 #include "service/service_fixture.hpp"
 
 namespace margay::process {
@@ -173,6 +174,42 @@ TEST_F(ServiceConfigurationTest, AnEniIsReadAndItsErrorHasItsLine) {
     // cycle_us is the wish of the user; the cycle of the ENI is one.
     configure("a.toml", "source = \"sim:demo\"\neni = \"machine.xml\"\ncycle_us = 2000\n");
     EXPECT_EQ(shell("margayd --check").status, 0);
+}
+
+TEST_F(ServiceConfigurationTest, WhatTheMachineOrTheClocksCannotDoIsAWarning) {
+    folder.write("etc/machine.xml", clocked_eni("sim:coupler,drive", 2, std::chrono::milliseconds(2)));
+    configure("a.toml",
+              "source = \"sim:coupler,drive\"\neni = \"machine.xml\"\ncycle_us = 4000\ncpu = 1023\nspin_us = 4000\n");
+    const auto ran = shell("margayd --check");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    for (const std::string text :
+         {"a.toml: line 4: there is no processor 1023: this machine has ",
+          "a.toml: line 5: 'spin_us' is 4000, and a cycle has 4000 µs: a processor does nothing else",
+          "a.toml: line 3: the ENI uses clocks in a cycle of 2000 µs: slaves with SYNC0 may refuse a cycle of 4000 µs"})
+        EXPECT_TRUE(contains(ran.err, text)) << text << "\n" << ran.err;
+}
+
+TEST_F(ServiceConfigurationTest, NamesThatTheSystemDoesNotTakeAreRefused) {
+    const std::string source = "source = \"sim:demo\"\n";
+    unsigned n = 0;
+    for (const std::string name : {"a%d", "a:b", ".", ".."}) {
+        configure("eoe.toml", source + "eoe = [{ position = 1, name = \"" + name + "\" }]\n");
+        const auto ran = shell("margayd --check");
+        EXPECT_TRUE(contains(ran.err, "line 2: '" + name + "' is no name of an interface")) << ran.err;
+        n += ran.status == 2 ? 1 : 0;
+    }
+    EXPECT_EQ(n, 4U);
+    std::filesystem::remove(folder.path() / "etc/eoe.toml");
+    configure("a.toml", source + "socket = { path = \"/tmp/\" }\n");
+    configure("b.toml", source + "socket = { path = \"/tmp/a\\u0000b\" }\n");
+    configure("c.toml", "source = \"\"\n");
+    configure("d.toml", source + "eni = \"\"\n");
+    const auto ran = shell("margayd --check");
+    EXPECT_EQ(ran.status, 2);
+    for (const std::string text :
+         {"a.toml: line 2: 'path' must be the name of a file", "b.toml: line 2: 'path' must be the name of a file",
+          "c.toml: line 1: 'source' is empty", "d.toml: line 2: 'eni' is empty"})
+        EXPECT_TRUE(contains(ran.err, text)) << text << "\n" << ran.err;
 }
 
 TEST_F(ServiceConfigurationTest, NothingToRunAndWrongArguments) {
