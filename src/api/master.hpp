@@ -55,9 +55,10 @@ struct ContextAccess {
 // The same for a call that waits; further codes: in_callback, waiting_forbidden.
 [[nodiscard]] Error check_waiting_owner(Context& ctx, Step step);
 
-// Adds the warning configuration_lost if the application has set `config` or `hooks` of a slave that does not exist:
-// before the scan, or with a wrong number. For the owner.
-void note_lost_wishes(Context& ctx, Step step);
+// For a request for a scan or a mapping: adds the warning configuration_lost if the application has set `config` or
+// `hooks` of a slave that does not exist: before the scan, or with a wrong number. For the owner, where it accepts the
+// request, whichever thread has submitted it.
+void note_lost_wishes(Request& request);
 
 // For functions that wait: returns an error if waiting is not allowed; otherwise submits the request and waits for its
 // end.

@@ -54,6 +54,7 @@ void insert(RequestQueue& queue, Request& request) {
 }
 
 void accept(RequestQueue& queue, Request& request, Time now) {
+    note_lost_wishes(request);
     if (request.timeout > Duration{0}) RequestAccess::deadline(request) = later(now, request.timeout);
     RequestAccess::take(request);
     // cancel() may have been called before the request had its place in the queue.
@@ -436,8 +437,6 @@ Result<> submit(Context& ctx, Request& request) {
     else if (master->owned_by_caller())
         refused = is_being_compared(master->network, request) ? Error{} : wanted.check(master->network, request);
     if (refused.code == Errc::none) {
-        const bool uses_wishes = wanted.operation == Operation::scan || wanted.operation == Operation::map;
-        if (uses_wishes && master->owned_by_caller()) note_lost_wishes(ctx, wanted.step);
         if (enqueue(*master, request)) return Result<>();
         refused = {.code = Errc::capacity, .step = wanted.step, .detail = Error::kPlaces};
         refused.expected = RequestQueue::kPlaces + 1;

@@ -1,5 +1,6 @@
 // Configurations and hooks that were set for a slave that does not exist.
 #include "api/master.hpp"
+#include "api/operation.hpp"
 
 #include <margay/slave.hpp>
 
@@ -11,7 +12,8 @@ static bool has_wishes(const Slave& slave, const SlaveConfiguration& given) {
     const SlaveConfiguration& config = slave.config;
     const bool flags = config.block_lrw != given.block_lrw || config.mailbox_status != given.mailbox_status ||
                        config.optional != given.optional || config.no_mailbox != given.no_mailbox ||
-                       config.no_complete_access != given.no_complete_access || config.fixed_pdos != given.fixed_pdos;
+                       config.no_complete_access != given.no_complete_access || config.fixed_pdos != given.fixed_pdos ||
+                       config.unchecked_pdos != given.unchecked_pdos;
     const bool sms =
         config.source == ConfigurationSource::application && given.source != ConfigurationSource::application;
     return flags || sms || config.setup != given.setup || config.group != given.group ||
@@ -28,7 +30,11 @@ static void note_wishes_of_last_scan(Network& network, Step step) {
     }
 }
 
-void note_lost_wishes(Context& ctx, Step step) {
+void note_lost_wishes(Request& request) {
+    const OperationDescription& wanted = RequestAccess::operation(request);
+    if (wanted.operation != Operation::scan && wanted.operation != Operation::map) return;
+    Context& ctx = *RequestAccess::context(request);
+    const Step step = wanted.step;
     if (step == Step::count_slaves) note_wishes_of_last_scan(master_of(ctx)->network, step);
     Slave& nobody = ContextAccess::nobody(ctx);
     const bool sms = nobody.config.sm_count != 0 || nobody.config.source != ConfigurationSource::none;

@@ -2,6 +2,7 @@
 // error or warning that names each of them.
 #include "process_data/mistakes.hpp"
 
+#include <thread>
 #include <type_traits>
 
 namespace margay {
@@ -27,6 +28,24 @@ TEST_F(Mistakes, WishesWrittenBeforeTheScanAreWarnedOf) {
     EXPECT_EQ(all(ctx->warnings()).size(), 1U);
     ASSERT_TRUE(config_init(*ctx).ok());
     EXPECT_TRUE(all(ctx->warnings()).empty()) << "reported once";
+}
+
+TEST_F(Mistakes, EachWishIsWarnedOf) {
+    ctx->slave(1).config.unchecked_pdos = true;
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_EQ(all(ctx->warnings()).size(), 1U);
+    ctx->slave(2).config.unchecked_pdos = true;
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_EQ(all(ctx->warnings()).size(), 1U);
+}
+
+TEST_F(Mistakes, WishesThatTheScanOfAnotherThreadDeletesAreWarnedOf) {
+    ctx->slave(2).config.highest = AlState::preop;
+    ScanRequest scan;
+    std::thread([&] { EXPECT_TRUE(submit(*ctx, scan).ok()); }).join();
+    ASSERT_TRUE(wait(*ctx, scan).ok());
+    EXPECT_EQ(ctx->slave(2).config.highest, AlState::op);
+    EXPECT_EQ(all(ctx->warnings()).size(), 1U);
 }
 
 // A retry of config_init() after config_map() has failed: the slaves start without their hooks and settings.
