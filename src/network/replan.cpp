@@ -1,6 +1,7 @@
 #include "network/replan.hpp"
 
 #include "network/members.hpp"
+#include "network/settings.hpp"
 
 #include <algorithm>
 #include <array>
@@ -98,6 +99,7 @@ Result<> replan(Network& network, std::uint8_t number) {
     if (group.mapping) return cannot_replan(Errc::busy, number);
     if (!group.mapped) return cannot_replan(Errc::unknown_group, number);
     if (group.overlap.sets > 1 || group.config.cycles_in_flight > 1) return cannot_replan(Errc::unsupported, number);
+    if (group.config.cycles_in_flight == 0) return invalid_mapping(Argument::cycles_in_flight);
     const bool blocked =
         std::ranges::none_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
     const auto count = plan_frames(network, group, group.config.block_lrw);

@@ -128,6 +128,12 @@ TEST_F(ReplanTest, Refusals) {
     ctx->group(0).config.cycles_in_flight = 2;
     (void)config_map(*ctx, image);
     EXPECT_FALSE(replan_processdata(*ctx).ok());
+    ctx->group(0).config.cycles_in_flight = 1;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_EQ(to_op().state, AlState::op);
+    ctx->group(0).config.cycles_in_flight = 0;  // no cycle would have a frame
+    EXPECT_EQ(replan_processdata(*ctx).error().code, Errc::invalid_argument);
+    expect_exchange(4);
     HostContext other({.slaves = 2});
     EXPECT_EQ(replan_processdata(other).error().code, Errc::wrong_state);
 }
