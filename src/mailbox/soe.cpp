@@ -140,6 +140,13 @@ class CommandGuard {
 
 }  // namespace
 
+Error soe_wrong_size(const MailboxChannel& channel, const SoeTarget& target, std::size_t expected, std::size_t actual) {
+    Error error = complete({.code = Errc::wrong_size}, channel, target, Step::soe_read);
+    error.expected = static_cast<std::uint32_t>(expected);
+    error.actual = static_cast<std::uint32_t>(actual);
+    return error;
+}
+
 Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, MutableBytes into,
                                    const MailPatience& patience) {
     constexpr Step kStep = Step::soe_read;
@@ -210,9 +217,11 @@ Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, const Mail
         // The slave has started again and does not execute the command any more.
         if (channel.epoch() != epoch)
             co_return complete({.code = channel.cut_by()}, channel, target, Step::soe_command);
-        auto read = co_await soe_read(channel, state, octets, patience);
+        std::array<std::byte, 2> answer{};
+        auto read = co_await soe_read(channel, state, answer, patience);
+        if (read && *read != answer.size()) read = soe_wrong_size(channel, state, answer.size(), *read);
         if (!read) co_return complete(read.error(), channel, target, Step::soe_command);
-        seen = load_le<std::uint16_t>(octets);
+        seen = load_le<std::uint16_t>(answer);
         if ((seen & soe_command::kFailed) != 0) break;
         constexpr unsigned kAll = soe_command::kSet | soe_command::kEnable | soe_command::kRunning;
         if ((seen & kAll) == (soe_command::kSet | soe_command::kEnable)) break;

@@ -12,6 +12,10 @@ namespace margay {
 [[nodiscard]] Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, MutableBytes into,
                                                  const MailPatience& patience);
 
+// The error of a drive that answers with another number of octets than the element has.
+[[nodiscard]] Error soe_wrong_size(const MailboxChannel& channel, const SoeTarget& target, std::size_t expected,
+                                   std::size_t actual);
+
 // Writes `value`, which outlives the task.
 [[nodiscard]] Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value,
                                        const MailPatience& patience);

@@ -50,7 +50,8 @@ Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t dr
         if (list.at(n) == word) continue;
         std::array<std::byte, wire::soe::kAttributeBytes> octets{};
         const SoeTarget target{.idn = list.at(n), .drive = drive, .elements = soe_element::kAttribute};
-        co_await required(soe_read(channel, target, octets, kPatience));
+        const auto read = co_await required(soe_read(channel, target, octets, kPatience));
+        if (read != octets.size()) co_return soe_wrong_size(channel, target, octets.size(), read);
         const SoeAttribute attribute = soe_attribute(load_le<std::uint32_t>(octets));
         content.add_word(std::uint32_t{attribute.bytes} << 16 | list.at(n).value);
         if (!attribute.list) bits += attribute.bytes * 8U;  // the length of a list cannot be configured
@@ -79,8 +80,11 @@ struct DriveBits {
 };
 
 Task<Result<DriveBits>> drive_bits(MailboxChannel& channel, std::uint8_t drive, CheckValue& content) {
+    constexpr std::size_t kTypeBytes = 2;
     std::array<std::byte, 4> octets{};
-    auto type = co_await soe_read(channel, {.idn = kTelegramType, .drive = drive}, octets, kPatience);
+    const SoeTarget target{.idn = kTelegramType, .drive = drive};
+    auto type = co_await soe_read(channel, target, octets, kPatience);
+    if (type && *type < kTypeBytes) co_return soe_wrong_size(channel, target, kTypeBytes, *type);
     if (!type && !is_refusal(type.error())) co_return type.error();
     if (!type && type.error().detail == static_cast<std::uint32_t>(ErrorCode::invalid_drive)) co_return DriveBits{};
     // Some drives support only the configurable telegram and have no parameter for the type.

@@ -179,6 +179,22 @@ TEST_F(SoePdo, WhatIsWrongIsNamed) {
     EXPECT_EQ(bus.ctx->slave(1).error.expected, 250U);
 }
 
+// Zeros in the place of missing octets would be other process data.
+TEST_F(SoePdo, AnAnswerWithoutItsOctetsIsNoSize) {
+    parameters[{0, 15, soe_element::kValue}] = mail_bytes({4});
+    expect_unknown();
+    EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::wrong_size);
+    EXPECT_EQ(bus.ctx->slave(1).error.index, 15);
+    type(0, 7);
+    list(0, 16, {51, 84});
+    list(0, 24, {47});
+    parameters[{0, 84, soe_element::kAttribute}] = Mail(3);
+    expect_unknown();
+    EXPECT_EQ(bus.words(bus.ctx->slave(1).error),
+              "slave 1: SoE read of S-0-0084, drive 0: the size of the value differs from the requested size (expected "
+              "4 octets, got 3)");
+}
+
 // When a slave has both, its dictionary is used.
 TEST_F(SoePdo, CoeComesFirst) {
     MailboxBus both;

@@ -279,6 +279,29 @@ TEST_F(SoeCommandTest, ThatFailsIsTakenBackToo) {
     EXPECT_EQ(written, (std::vector<unsigned>{3, 0}));
 }
 
+// The command has not ended as long as the drive has not said so.
+TEST_F(SoeCommandTest, WithoutAWholeDataStateHasNotSucceeded) {
+    for (const unsigned octets : {0U, 1U}) {
+        written.clear();
+        answer([&](const Mail& data) {
+            if (data[0] == std::byte{0x03}) {
+                written.push_back(load_le<std::uint16_t>(data, 4));
+                reply({0x04, 0x40, 148, 0});
+            } else if (octets == 0) {
+                reply({0x02, 0x01, 148, 0});
+            } else {
+                reply({0x02, 0x01, 148, 0, 0x03});
+            }
+        });
+        EXPECT_EQ(bus.words(execute().error()),
+                  "slave 1: SoE command of S-0-0148, drive 0: the size of the value differs from the requested size "
+                  "(expected 2 octets, got " +
+                      std::to_string(octets) + ")");
+        bus.idle(10ms);
+        EXPECT_EQ(written, (std::vector<unsigned>{3, 0}));
+    }
+}
+
 TEST_F(SoeCommandTest, ThatIsGivenUpIsTakenBackToo) {
     state = 0x0007;
     EXPECT_EQ(execute(80ms).error().code, Errc::timeout);
