@@ -135,7 +135,9 @@ Task<Result<>> execute(Network& network, AoeRequest& r, AoeCall call, Outcome ou
     call.target = r.target;
     call.source = r.source;
     const MailPatience patience = patience_of(r);
-    auto done = co_await aoe_call(channel_of(network, r), call, RequestAccess::ticket(r), patience);
+    const std::uint32_t ticket = RequestAccess::ticket(r);  // 0: within a hook, so without the queue
+    const std::uint32_t invoke_id = ticket != 0 ? ticket : aoe_invoke_id(network.engine.now());
+    auto done = co_await aoe_call(channel_of(network, r), call, invoke_id, patience);
     const Error& error = done.error();
     if (error.code == Errc::aoe_error) r.error_code = error.detail;
     if (error.code == Errc::aoe_result) r.result_code = error.detail;

@@ -44,7 +44,7 @@ struct RequestQueue {
     static constexpr std::size_t kPlaces = 64;
 
     std::array<std::atomic<Request*>, kPlaces> submitted{};
-    std::atomic<std::uint32_t> tickets{0};
+    std::atomic<std::uint32_t> tickets{1};  // 0: a request that was never in a queue
     std::atomic<bool> any_submitted{false};
     std::atomic<bool> cancel_asked{false};
     Request* waiting = nullptr;  // accepted, not begun; oldest first

@@ -1,6 +1,7 @@
 #include "mailbox/aoe.hpp"
 
 #include <algorithm>
+#include <chrono>
 
 namespace margay {
 
@@ -77,6 +78,10 @@ bool only_reads(aoe::Command command) {
 }
 
 }  // namespace
+
+std::uint32_t aoe_invoke_id(Time now) {
+    return 0x8000'0000U | static_cast<std::uint32_t>(now.time_since_epoch() / std::chrono::microseconds(1));
+}
 
 Task<Result<std::size_t>> aoe_call(MailboxChannel& channel, const AoeCall& call, std::uint32_t invoke_id,
                                    const MailPatience& patience) {

@@ -42,6 +42,11 @@ class AoeClient final : public MailClient {
     Error error_;
 };
 
+// The invoke id of a command that is no request of the queue: a start-up command, or a command of a hook. The answer to
+// a command that was given up must not be taken for the answer to the next one. Requests of the queue have their
+// tickets as invoke ids; these count from 1.
+[[nodiscard]] std::uint32_t aoe_invoke_id(Time now);
+
 // Executes the command and returns the number of octets in `call.into`. `call` outlives the task. Errors: aoe_error
 // (detail: the code in the AoE header), aoe_result (detail: the result), protocol, capacity, timeout …
 [[nodiscard]] Task<Result<std::size_t>> aoe_call(MailboxChannel& channel, const AoeCall& call, std::uint32_t invoke_id,

@@ -3,7 +3,6 @@
 #include "network/startup_mail.hpp"
 
 #include <algorithm>
-#include <chrono>
 
 namespace margay {
 
@@ -33,12 +32,6 @@ bool is_aoe_command(std::span<const std::byte> message) {
 
 namespace {
 
-// The answer to a command that was given up must not be taken for the answer to the next one. Requests of the
-// application count from 1.
-std::uint32_t next_invoke_id(Time now) {
-    return 0x8000'0000U | static_cast<std::uint32_t>(now.time_since_epoch() / std::chrono::microseconds(1));
-}
-
 Task<Result<>> send_command(MailboxChannel& channel, const StartupCommand& command, const MailPatience& patience) {
     const Bytes message = command.octets();
     const aoe::Header header = aoe::load_header(message);
@@ -49,7 +42,7 @@ Task<Result<>> send_command(MailboxChannel& channel, const StartupCommand& comma
                  .source = header.source};
     std::ranges::copy(data.first(call.head_bytes), call.head.begin());
     call.data = data.subspan(call.head_bytes);
-    (void)co_await required(aoe_call(channel, call, next_invoke_id(channel.engine().now()), patience));
+    (void)co_await required(aoe_call(channel, call, aoe_invoke_id(channel.engine().now()), patience));
     co_return Nothing{};
 }
 

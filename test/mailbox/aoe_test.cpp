@@ -64,6 +64,28 @@ class AoeOctets : public testing::Test {
 
 const Mail kDone = mail_bytes({0, 0, 0, 0});
 
+// The answer to the command before, which was given up, must not count.
+TEST_F(AoeOctets, CommandsOfAHookHaveInvokeIdsOfTheirOwn) {
+    bus.ctx->slave(1).hooks.preop_to_safeop = [](HookedSlave hooked, void*) -> Task<> {
+        (void)co_await hooked.aoe_set_net_id(AoeNetId{{1, 1, 1, 1, 1, 1}});
+        (void)co_await hooked.aoe_set_net_id(AoeNetId{{2, 2, 2, 2, 2, 2}});
+        co_return Nothing{};
+    };
+    std::set<std::uint32_t> invoke_ids;
+    unsigned commands = 0;
+    slave.on_mail = [&](const Mail& mail) {
+        if (mail.size() != 6 + 32 + 12 + 6) return;
+        ++commands;
+        invoke_ids.insert(load_le<std::uint32_t>(mail, 6 + 28));
+        slave.reply(response(mail, kDone), kAoe);
+    };
+    std::vector<std::byte> image(64);
+    (void)config_map(*bus.ctx, image);
+    EXPECT_EQ(commands, 2U);
+    EXPECT_EQ(invoke_ids.size(), 2U);
+    EXPECT_EQ(invoke_ids.count(0), 0U);
+}
+
 TEST_F(AoeOctets, Read) {
     AoeRead read;
     read.index_group = 0xF302;
