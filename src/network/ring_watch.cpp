@@ -275,6 +275,8 @@ bool RingWatch::begins_right(Network& network) {
 }
 
 Task<Result<>> RingWatch::find_beginning(Network& network) {
+    has_beside_ = ways_known_ = judges_ = false;  // until the delays of this scan are measured
+    ring_.guard_times(false);
     network.parts_read = parts();
     const bool told = network.parts_read.whole ? network.parts_read.front == network.count
                                                : network.parts_read.front % network.count != 0;

@@ -179,6 +179,7 @@ void RingWatch::note_change(Network& network) {
 }
 
 void RingWatch::judge_change(Network& network) {
+    if (network.clocks.reference == 0) judges_ = false;  // a new scan has forgotten the clocks
     if (!judges_ || !find_sides(network)) return;
     judges_ = false;
     if (is_misled(network, network.slave(network.clocks.reference))) return;  // the others are compared with it

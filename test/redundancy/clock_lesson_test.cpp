@@ -51,6 +51,26 @@ struct LessonBus : ClockRingBus {
     std::uint16_t beside;  // the slave
 };
 
+// Between a new scan and configdc() there is no reference clock: a supervision looked for it before the first slave.
+TEST(ClockLesson, ANewScanForgetsTheClocksBesideTheRing) {
+    LessonBus bus(4);
+    bus.supervision.cancel();
+    (void)bus.cycles(5);
+    bus.cable({2, 0}, false);
+    (void)bus.cycles(30);
+    bus.cable({2, 0}, true);
+    (void)bus.cycles(30);
+    ASSERT_TRUE(config_init(*bus.ctx).ok());
+    EXPECT_EQ(reference_clock(*bus.ctx), 0);
+    SuperviseRequest again;
+    ASSERT_TRUE(submit(*bus.ctx, again).ok());
+    for (unsigned n = 0; n < 200; ++n) {
+        (void)poll(*bus.ctx, bus.osal.now());
+        bus.osal.advance(1ms);
+    }
+    for (const Slave& slave : bus.ctx->slaves()) EXPECT_FALSE(slave_clock(*bus.ctx, slave.number).in_sync);
+}
+
 // Slave 1 is back as the reference during a lesson for slave `beside`. Differences from between two lessons have given
 // a constant that was wrong by 340 ns, and the clock was in sync.
 TEST(ClockLesson, TheSecondReferenceIsChosenMeanwhile) {
