@@ -4,6 +4,15 @@ namespace margay {
 
 bool is_refusal(const Error& error) { return error.code == Errc::sdo_abort || error.code == Errc::mailbox_error; }
 
+// An answer with fewer octets is no value: zeros in their place would be an empty list, or another element.
+Error SdoList::too_short(unsigned n, std::size_t expected, std::size_t actual) const {
+    Error error = channel_.station().error(Errc::wrong_size, Step::sdo_upload, index_);
+    error.subindex = static_cast<std::uint8_t>(n);
+    error.expected = static_cast<std::uint32_t>(expected);
+    error.actual = static_cast<std::uint32_t>(actual);
+    return error;
+}
+
 Task<Result<std::uint8_t>> SdoList::open() {
     kept_ = 0;
     const bool whole = channel_.whole_objects() && (channel_.slave().coe_details & coe_detail::kCompleteAccess) != 0;
@@ -17,7 +26,8 @@ Task<Result<std::uint8_t>> SdoList::open() {
         if (read || is_complete_access_refused(read.error())) channel_.no_complete_access = true;
     }
     std::array<std::byte, 4> count{};
-    co_await required(sdo_upload_once(channel_, {.index = index_}, count, patience_));
+    const auto read = co_await required(sdo_upload_once(channel_, {.index = index_}, count, patience_));
+    if (read == 0) co_return too_short(0, 1, read);
     co_return std::to_integer<std::uint8_t>(count[0]);
 }
 
@@ -29,8 +39,9 @@ Task<Result<std::uint32_t>> SdoList::element(unsigned n) {
         co_return load_le<std::uint32_t>(value);
     }
     // Some slaves send more octets than the element has.
-    co_await required(
+    const auto read = co_await required(
         sdo_upload_once(channel_, {.index = index_, .subindex = static_cast<std::uint8_t>(n)}, value, patience_));
+    if (read < element_bytes_) co_return too_short(n, element_bytes_, read);
     std::fill(value.begin() + static_cast<std::ptrdiff_t>(element_bytes_), value.end(), std::byte{0});
     co_return load_le<std::uint32_t>(value);
 }

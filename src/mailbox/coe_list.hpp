@@ -27,6 +27,7 @@ class SdoList {
     Task<Result<std::uint32_t>> element(unsigned n);
 
   private:
+    [[nodiscard]] Error too_short(unsigned n, std::size_t expected, std::size_t actual) const;
     [[nodiscard]] bool is_list(std::size_t bytes) const;
 
     static constexpr std::size_t kHead = 2;

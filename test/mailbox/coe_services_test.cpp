@@ -228,6 +228,34 @@ TEST(PdoDiscovery, ASlaveThatAbortsItsAssignmentIsKnownByItsSii) {
     EXPECT_GE(slave.received.size(), 3U);
 }
 
+// Zeros in the place of missing octets would be a slave without process data, or a gap in its list.
+TEST(PdoDiscovery, AnAnswerWithoutItsOctetsIsAnErrorOfTheSlave) {
+    for (const unsigned at : {0U, 1U}) {  // the subindex whose answer has no octets
+        SCOPED_TRACE(at);
+        MailboxBus bus;
+        auto& slave = bus.add_scripted(64, mailbox_protocol::kCoE, 0);
+        bus.start();
+        slave.on_mail = [&](const Mail& mail) {
+            const auto subindex = std::to_integer<unsigned>(mail[11]);
+            const bool assignment = mail[9] == std::byte{0x12} && mail[10] == std::byte{0x1C};
+            if (!assignment)
+                slave.reply({0, 0x20, 0x80, std::to_integer<unsigned>(mail[9]), std::to_integer<unsigned>(mail[10]),
+                             subindex, 0, 0, 0x02, 0x06});
+            else if (subindex == at)
+                slave.reply({0, 0x30, 0x41, 0x12, 0x1C, subindex, 0, 0, 0, 0});
+            else
+                slave.reply({0, 0x30, 0x4F, 0x12, 0x1C, subindex, 1, 0, 0, 0});
+        };
+        std::vector<std::byte> image(64);
+        (void)config_map(*bus.ctx, image);
+        EXPECT_TRUE(bus.ctx->slave(1).pdos_failed);
+        EXPECT_EQ(bus.words(bus.ctx->slave(1).error),
+                  "slave 1: SDO upload of 0x1c12:" + std::to_string(at) +
+                      ": the size of the value differs from the requested size (expected " + (at == 0 ? "1" : "2") +
+                      " octets, got 0)");
+    }
+}
+
 TEST(MailPdo, SentAndAskedFor) {
     MailboxBus bus;
     auto& slave = bus.add_scripted(64);
