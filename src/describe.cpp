@@ -122,6 +122,10 @@ void write_place(TextWriter& out, const Error& e) {
             out << " of ";
             write_parameter(out, e);
             break;
+        case Step::mailbox_send:
+        case Step::mailbox_receive:
+            if (e.index != 0) out << " of PDO " << e.index;
+            break;
         case Step::read_register:
         case Step::write_register: (out << " at register ").hex(e.index, 4); break;
         case Step::configure_pdos:

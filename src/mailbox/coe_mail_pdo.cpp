@@ -58,13 +58,17 @@ Error pdo_error(Error error, MailboxChannel& channel, std::uint16_t number) {
 
 }  // namespace
 
+// The message of this size is longer than the mailbox, which may be shorter than a CoE header.
+static Error too_long(MailboxChannel& channel, std::uint16_t number, std::size_t bytes) {
+    Error error = channel.station().error(Errc::capacity, Step::mailbox_send, number);
+    error.expected = static_cast<std::uint32_t>(bytes);
+    error.actual = static_cast<std::uint32_t>(channel.send_room());
+    return error;
+}
+
 Task<Result<>> send_rx_pdo(MailboxChannel& channel, std::uint16_t number, Bytes data, const MailPatience& patience) {
-    if (coe::kHeaderBytes + data.size() > channel.send_room()) {
-        Error error = channel.station().error(Errc::capacity, Step::mailbox_send, number);
-        error.expected = static_cast<std::uint32_t>(coe::kHeaderBytes + data.size());
-        error.actual = static_cast<std::uint32_t>(channel.send_room());
-        co_return error;
-    }
+    const std::size_t bytes = coe::kHeaderBytes + data.size();
+    if (bytes > channel.send_room()) co_return too_long(channel, number, bytes);
     RxPdo pdo(number, data);
     MailExchange exchange(channel, wire::MailboxType::coe, pdo, {.patience = patience, .reply = false});
     const Error failed = co_await exchange;
@@ -74,6 +78,7 @@ Task<Result<>> send_rx_pdo(MailboxChannel& channel, std::uint16_t number, Bytes 
 
 Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t number, MutableBytes into,
                                        const MailPatience& patience) {
+    if (coe::kHeaderBytes > channel.send_room()) co_return too_long(channel, number, coe::kHeaderBytes);
     MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return pdo_error(refused, channel, number);

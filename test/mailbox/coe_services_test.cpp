@@ -311,6 +311,36 @@ TEST(MailPdo, SentAndAskedFor) {
     EXPECT_EQ(send.error().code, Errc::capacity);
 }
 
+// The number of a PDO is no register. A mailbox of 7 octets has no room for the CoE header: fetching has written behind
+// it.
+TEST(MailPdo, ErrorsNameThePdo) {
+    MailboxBus bus;
+    (void)bus.add_scripted(7);
+    bus.start();
+    std::array<std::byte, 8> into{};
+    MailPdoFetch fetch;
+    fetch.slave = 1;
+    fetch.number = 5;
+    fetch.data = into;
+    ASSERT_TRUE(submit(*bus.ctx, fetch).ok());
+    bus.run(fetch);
+    EXPECT_EQ(fetch.error().code, Errc::capacity);
+    EXPECT_EQ(bus.words(fetch.error()).substr(0, 43), "slave 1: sending to the mailbox of PDO 5: n");
+    MailPdoSend send;
+    send.slave = 1;
+    send.number = 0x12;
+    ASSERT_TRUE(submit(*bus.ctx, send).ok());
+    bus.run(send);
+    EXPECT_EQ(send.error().code, Errc::capacity);
+    MailboxBus silent;
+    (void)silent.add_scripted(64);
+    silent.start();
+    fetch.timeout = 20ms;
+    ASSERT_TRUE(submit(*silent.ctx, fetch).ok());
+    silent.run(fetch);
+    EXPECT_EQ(silent.words(fetch.error()).substr(0, 49), "slave 1: receiving from the mailbox of PDO 5: tim");
+}
+
 // A slave requests its outputs by mailbox; the application answers with a request.
 TEST(MailPdo, AskedForByTheSlave) {
     MailboxBus bus;
