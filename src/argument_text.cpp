@@ -4,7 +4,14 @@
 
 namespace margay {
 
-std::string_view argument_text(Argument argument) {
+// BOOT is for one slave that the application names.
+static std::string_view states_text(const Error& where) {
+    if (where.step == Step::configure_mailbox) return "the state must be PREOP or BOOT";
+    if (where.slave != 0) return "the state must be INIT, PREOP, BOOT, SAFEOP or OP";
+    return "the state must be INIT, PREOP, SAFEOP or OP";
+}
+
+std::string_view argument_text(Argument argument, const Error& where) {
     switch (argument) {
         case Argument::unknown: break;
         case Argument::limit_slaves: return "Limits::slaves";
@@ -21,7 +28,7 @@ std::string_view argument_text(Argument argument) {
         case Argument::send_lead: return "the send lead must be longer than 0 and shorter than the period";
         case Argument::interval: return "an interval must be above zero (line_interval: zero or more)";
         case Argument::look_every: return "the interval of looks for mail must not be negative (zero: no looks)";
-        case Argument::state: return "the state must be INIT, PREOP, SAFEOP or OP";
+        case Argument::state: return states_text(where);
         case Argument::work: return "there is no work function";
         case Argument::sii_words: return "beyond the end of the EEPROM";
         case Argument::sii_size:

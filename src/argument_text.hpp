@@ -8,7 +8,8 @@
 namespace margay {
 
 // The name of an argument in the API, and the values that it may have; empty: not known. A static string.
-[[nodiscard]] std::string_view argument_text(Argument argument);
+// `where`: the error, of which step and slave decide which states are allowed.
+[[nodiscard]] std::string_view argument_text(Argument argument, const Error& where);
 
 // Whether a feature that the context does not have would be needed; feature_text() is then the cause.
 [[nodiscard]] bool needs_feature(const Error& e);

@@ -186,7 +186,7 @@ void write_argument(TextWriter& out, const Error& e) {
     }
     const bool of_command = is_command(e.step) || (e.step == Step::map_process_data && e.place != 0);
     const auto argument = static_cast<Argument>(of_command ? e.actual : e.detail);
-    const auto text = argument_text(argument);
+    const auto text = argument_text(argument, e);
     if (text.empty()) return;
     out << ": ";
     if (argument == Argument::sync_cycle && e.expected != 0) {

@@ -21,6 +21,11 @@ TEST_F(Mistakes, TheTargetOfOneSlaveIsTakenBackByNone) {
     ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
     EXPECT_EQ(ctx->slave(2).al.state, AlState::op);
     EXPECT_EQ(set_target(*ctx, 0, AlState::none).error().code, Errc::invalid_argument) << "all slaves have a target";
+    const auto unknown = static_cast<AlState>(5);
+    EXPECT_EQ(words(set_target(*ctx, 2, unknown).error()),
+              "slave 2: requesting a state: argument out of range: the state must be INIT, PREOP, BOOT, SAFEOP or OP");
+    EXPECT_EQ(words(set_target(*ctx, 0, unknown).error()),
+              "requesting a state: argument out of range: the state must be INIT, PREOP, SAFEOP or OP");
 }
 
 // A slave that was kept lower for a while is not left in OP when all slaves go down.
