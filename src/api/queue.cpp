@@ -187,9 +187,18 @@ class Running {
         if (operation(request_).operation == Operation::supervise) master_.network.supervision_error = error_;
         RequestAccess::end(request_, error_, master_.osal);
     }
-    void done(const Error& error) { error_ = error; }
+    void done(const Error& error) {
+        error_ = error;
+        if (error_.code == Errc::capacity && error_.step == Step::none) name_starved();
+    }
 
   private:
+    // There was no memory for a task, which knows neither the step nor the slave.
+    void name_starved() {
+        error_.step = operation(request_).step;
+        error_.detail = Error::kTasks;
+        if (error_.slave == 0) error_.slave = slave_of(request_);
+    }
     // The sequence of the request was destroyed. If it waited for a hook when its time was over, the hook is the cause.
     void end_by_cut() {
         const Errc why = RequestAccess::why(request_);

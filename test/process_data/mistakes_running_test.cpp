@@ -262,7 +262,8 @@ TEST(SmallMemory, BothLimitsOfSequencesAreNamed) {
     HostContext ctx({.slaves = 2, .arena_bytes = 1024});
     ASSERT_TRUE(init(ctx, nic, osal).ok());
     std::array<char, 400> text{};
-    EXPECT_EQ(describe(config_init(ctx).error(), text), "not enough memory: Limits::tasks, or Limits::arena_bytes");
+    EXPECT_EQ(describe(config_init(ctx).error(), text),
+              "counting slaves: not enough memory: Limits::tasks, or Limits::arena_bytes");
     HostContext least({.slaves = 2, .arena_bytes = 1});
     ASSERT_TRUE(init(least, nic, osal).ok());
     EXPECT_EQ(describe(config_init(least).error(), text),
