@@ -1,5 +1,8 @@
 // A network interface of Linux, accessed by an AF_PACKET socket: one system call per sent frame and one per received
 // frame. After open(), several threads may call send(), receive(), link_state() and last_error() at the same time.
+//
+// ThreadSanitizer may report a race between send() in one thread and the thread that uses the reply: the octets go
+// through the kernel, which orders both, and ThreadSanitizer does not see that.
 #pragma once
 
 #include "oshw/linux/interface.hpp"
