@@ -98,6 +98,12 @@ class Configurator {
         const SmType wanted = direction == Direction::outputs ? SmType::outputs : SmType::inputs;
         for (std::size_t n = 0; n < device_.sync_managers.size(); ++n)
             if (device_.sync_managers[n].type == wanted) return static_cast<std::uint8_t>(n);
+        // Its name is one of the device: the control octet says what it is.
+        for (std::size_t n = 0; n < device_.sync_managers.size(); ++n) {
+            const EsiSyncManager& sm = device_.sync_managers[n];
+            const bool mailbox = sm.type == SmType::mailbox_out || sm.type == SmType::mailbox_in;
+            if (!mailbox && sm.direction() == direction) return static_cast<std::uint8_t>(n);
+        }
         return std::nullopt;
     }
 
@@ -162,7 +168,12 @@ class Configurator {
             std::erase_if(result_.pdos,
                           [&](const EsiPdo& one) { return one.overwritten_by_module && one.index == pdo.index; });
             if (too_many_pdos()) return;
-            if (pdo.sync_manager) result_.pdos.push_back(std::move(pdo));
+            if (!pdo.sync_manager) {
+                result_.error = where + ": PDO " + hex(pdo.index) + " has no SyncManager, and the device has none of " +
+                                (pdo.direction == Direction::outputs ? "outputs" : "inputs");
+                return;
+            }
+            result_.pdos.push_back(std::move(pdo));
         }
         add_commands(module->commands, slot);
     }

@@ -152,6 +152,32 @@ TEST(EsiModules, WithoutAChoiceASlotHasAsManyModulesAsItDemands) {
               (Idents{0, 0x104, 0x104}));
 }
 
+// The PDOs of the modules name no SyncManager; those of the device have names of their own, or there is none.
+TEST(EsiModules, PdosWithoutSyncManagerHaveTheUsualOneOrAreAnError) {
+    std::string text(kCoupler);
+    const auto replace = [&](std::string_view from, std::string_view to) {
+        for (std::size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
+            text.replace(at, from.size(), to);
+    };
+    replace(R"( Sm="2")", "");
+    replace(R"( Sm="3")", "");
+    replace(">Outputs<", ">MyOut<");
+    replace(">Inputs<", ">MyIn<");
+    HostConfiguration owner;
+    const auto esi = read_esi(text);
+    ASSERT_TRUE(esi) << to_text(esi.problem);
+    const std::vector<std::uint32_t> modules{0x104, 0x208};
+    const auto made = configure(*esi, esi->devices[0], {.modules = modules}, owner);
+    ASSERT_EQ(made.pdos.size(), 2U) << made.error;
+    EXPECT_EQ(made.pdos[0].sync_manager, 2);
+    EXPECT_EQ(made.pdos[1].sync_manager, 3);
+    replace(R"(<Sm StartAddress="#x1300" ControlByte="#x20" Enable="1">MyIn</Sm>)", "");
+    const auto less = read_esi(text);
+    ASSERT_TRUE(less) << to_text(less.problem);
+    EXPECT_EQ(configure(*less, less->devices[0], {.modules = modules}, owner).error,
+              "slot 1: module 0x00000208: PDO 0x1a01 has no SyncManager, and the device has none of inputs");
+}
+
 TEST(EsiModules, ACouplerWithoutModulesGetsAnEmptyList) {
     const auto esi = read_esi(kCoupler);
     ASSERT_TRUE(esi) << to_text(esi.problem);
