@@ -24,6 +24,14 @@ std::string physics(const EsiDevice& device) {
     return letters;
 }
 
+// A type that has no name is one of octets or of bits.
+std::string written_type(const std::string& name, std::uint32_t bits) {
+    if (!name.empty()) return name;
+    if (bits <= 8) return "BYTE";
+    return bits % 8 == 0 ? "ARRAY [0.." + std::to_string(bits / 8 - 1) + "] OF BYTE"
+                         : "ARRAY [0.." + std::to_string(bits - 1) + "] OF BIT";
+}
+
 void write_type(Node device, const EsiDevice& d) {
     static constexpr std::array kChecks{"NONE", "EQ", "EQ_OR_G", "LW_EQ", "LW_EQ_HW_EQ_OR_G"};
     Node type = add(device, "Type", d.type);
@@ -89,7 +97,7 @@ void write_dictionary(Node device, const EsiDevice& d) {
                 Node sub = add(data_type, "SubItem");
                 add(sub, "SubIdx", std::uint64_t{item.subindex});
                 add(sub, "Name", item.name);
-                add(sub, "Type", item.data_type.empty() ? std::string("BYTE") : item.data_type);
+                add(sub, "Type", written_type(item.data_type, item.bits));
                 add(sub, "BitSize", std::uint64_t{item.bits});
                 add(sub, "BitOffs", bits);
                 bits += item.subindex == 0 ? 16 : item.bits;  // subindex 0 is followed by a gap
@@ -154,7 +162,7 @@ void write_pdos(Node parent, const std::vector<EsiPdo>& pdos) {
                 add(one, "BitLen", std::uint64_t{entry.bits});
                 if (entry.index == 0) continue;
                 named(one, "Name", entry.name);
-                add(one, "DataType", entry.data_type.empty() ? std::string("BYTE") : entry.data_type);
+                add(one, "DataType", written_type(entry.data_type, entry.bits));
             }
         }
 }

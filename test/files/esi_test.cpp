@@ -2,6 +2,7 @@
 #include <margay/files/esi.hpp>
 #include <margay/host_configuration.hpp>
 
+#include "files/esi_types.hpp"
 #include "files/examples.hpp"
 
 #include <gtest/gtest.h>
@@ -340,6 +341,10 @@ TEST(EsiModel, NamesEntriesAndTypes) {
     EXPECT_EQ(data_type_number("BIT3"), 0x32);
     EXPECT_EQ(data_type_number("STRING(20)"), 9);
     EXPECT_EQ(data_type_number("BITX"), 0);
+    for (const unsigned number :
+         {0x0BU, 0x0CU, 0x0DU, 0x10U, 0x12U, 0x13U, 0x14U, 0x16U, 0x18U, 0x19U, 0x1AU, 0x1DU, 0x2DU, 0x2EU})
+        EXPECT_EQ(data_type_number(data_type_name(static_cast<std::uint16_t>(number), 24)), number);
+    EXPECT_EQ(data_type_name(0x16, 24), "UINT24");
     EXPECT_EQ(data_type_number("DT1018"), 0);
 }
 
