@@ -221,6 +221,20 @@ TEST_F(Fidelity, SlavesThatNobodyAddressedAreCounted) {
     EXPECT_EQ(no_slaves_reason(recording).substr(0, 50), "2 slaves answer in this recording (working counter");
 }
 
+// A recorder that is killed leaves half a packet behind. What lies before it counts.
+TEST_F(Fidelity, ARecordingThatIsCutOffIsReadUpToItsEnd) {
+    const std::string whole = kCaptures + "/soem-sdinfo-ek1100-el1004.pcapng";
+    const auto cut = folder_ / "cut.pcapng";
+    std::filesystem::copy_file(whole, cut, std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::permissions(cut, std::filesystem::perms::owner_all);
+    std::filesystem::resize_file(cut, std::filesystem::file_size(whole) - 10);
+    const auto recording = load_capture(cut.string());
+    EXPECT_EQ(recording.error, "");
+    EXPECT_NE(recording.remark, "");
+    EXPECT_EQ(capture("soem-sdinfo-ek1100-el1004").remark, "");
+    EXPECT_EQ(slaves_of(recording).size(), 2U);
+}
+
 // The AL status differs: these programs need 2 to 8 ms for a state change, the simulated ones change at once.
 TEST_F(FidelityOfProcessors, Lan9252) {
     // After its start this program does not read AL control for 7 ms. Therefore AL control is full at a third write,
