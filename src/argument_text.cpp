@@ -132,6 +132,14 @@ std::string_view capacity_text(const Error& e) {
     }
 }
 
+std::string_view lost_text(const Error& e) {
+    if (e.slave != 0) return "the new scan has deleted its config and its hooks: set them again, or use expect()";
+    if (e.detail == Error::kOfGroup)
+        return "the config of a group that does not exist was written: write it after init(), to groups below "
+               "Limits::groups";
+    return to_text(e.code);
+}
+
 std::string_view pdo_list_text(PdoListFault why) {
     switch (why) {
         case PdoListFault::sync_manager_twice: return "two lists name this SyncManager";

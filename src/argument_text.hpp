@@ -18,6 +18,9 @@ namespace margay {
 // The memory of the application that is too small, by its name in the API.
 [[nodiscard]] std::string_view capacity_text(const Error& e);
 
+// Which configuration is gone, and when it must be written.
+[[nodiscard]] std::string_view lost_text(const Error& e);
+
 // Why no slave can have the list of PDOs.
 [[nodiscard]] std::string_view pdo_list_text(PdoListFault why);
 

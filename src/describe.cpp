@@ -309,8 +309,7 @@ void write_instead(TextWriter& out, const Error& e) {
 
 std::string_view code_text(const Error& e) {
     if (needs_feature(e)) return feature_text(e);
-    if (e.code == Errc::configuration_lost && e.slave != 0)
-        return "the new scan has deleted its config and its hooks: set them again, or use expect()";
+    if (e.code == Errc::configuration_lost) return lost_text(e);
     if (e.code == Errc::missing_slave && e.step == Step::recover)
         return e.slave == 0 ? "no lost slave was found" : "the slave does not answer";
     if (e.code == Errc::mailbox_closed && e.step == Step::voe_receive)

@@ -75,8 +75,8 @@ class Context {
     // effect.
     [[nodiscard]] const Slave& slave(std::size_t number);
 
-    // The group of process data `number`; the first group is 0. For a number without a group returns a group that is
-    // never mapped.
+    // The group of process data `number`; the first group is 0. For a number without a group, and before init(),
+    // returns a group that is never mapped: a configuration that is set there is lost (configuration_lost).
     [[nodiscard]] const Group& group(std::size_t number);
 
     // Before init(), the next four return empty objects with zero counters: call them again after init(). Only a

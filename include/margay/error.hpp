@@ -27,7 +27,8 @@ enum class Errc : std::uint8_t {
                        // has, word(): the first word that does not exist; of expect() actual: the number of the list
                        // entry, the first is 1)
     wrong_state,       // the call is not allowed in the present state of the context or of the slave (expected, actual)
-    busy,              // another operation prevents this one (detail: the Operation, 0: the request itself)
+    busy,              // another operation prevents this one (detail: the Operation, 0: not known); from submit(): the
+                       // request itself is busy (detail: its operation)
     canceled,          // the caller has cancelled it
     al_status,         // the slave refused a state change (expected state, actual state; detail: AL status code)
     sii_busy,          // the SII interface stayed busy
@@ -109,7 +110,8 @@ enum class Errc : std::uint8_t {
                   // requested one (expected: the state that is needed, actual: the present state)
     image_overlaps,      // the image of a group overlaps the image of another mapped group (index: that group)
     configuration_lost,  // a warning: `config` or `hooks` were set before the first scan or for a wrong number (slave
-                         // 0), or for a slave of the scan before (slave), and are gone
+                         // 0), or for a slave of the scan before (slave), and are gone; or `config` of a group was
+                         // set before init() or for a wrong number (detail: kOfGroup)
     place_unknown,   // a warning: the slave may be missing and is missing, and the sizes of its process data are not
                      // known (SlaveSetup::pdos), so that it has no place in the image: it can take part after the next
                      // config_map()
@@ -271,6 +273,8 @@ struct Error {
     // Details of Errc::wrong_state from ApplicationTime: set() was not called; there is no result yet.
     static constexpr std::uint32_t kNoTime = 4;
     static constexpr std::uint32_t kNotBack = 5;
+    // Detail of Errc::configuration_lost: it was the configuration of a group.
+    static constexpr std::uint32_t kOfGroup = 1;
     // Detail of Errc::wrong_state from wait(): the request was not submitted.
     static constexpr std::uint32_t kNotSubmitted = 1;
     // Detail of Errc::timeout: the request has not begun. Added to it: the Operation that it waited for, 0: not known.

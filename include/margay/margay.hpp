@@ -158,8 +158,9 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // state. A cycle that is on the wire is lost; group(n).datagrams and expected_wkc have new values. Callable from the
 // cycle, where it does not wait or allocate: its time grows with the number of slaves. After an error the frames of the
 // group are the same as before the call. Errors: wrong_state before init(), not_owner, unknown_group (also: the group
-// is not mapped), busy (config_map() executes for the group), unsupported (cycles overlap), too_many_frames
-// (limits().process_frames), remapping_needed (the configuration of a slave was changed: call config_map()).
+// is not mapped), busy (config_map() executes for the group), unsupported (cycles overlap), invalid_argument
+// (cycles_in_flight is 0), too_many_frames (limits().process_frames), remapping_needed (the configuration of a slave
+// was changed: call config_map()).
 Result<> replan_processdata(Context& ctx, std::uint8_t group = 0);
 
 // AL states. The three functions update or use slave(n).al: the state that the slave reports, its error indication and
@@ -199,9 +200,10 @@ Result<> replan_processdata(Context& ctx, std::uint8_t group = 0);
 //
 // statecheck() reads all slaves until `slave`, or all slaves (0), are in `state` without error and their commands and
 // hooks after the transition have ended, or until `timeout` is over (zero: reads once). Returns the status that it has
-// read last. A timeout is no error: compare the returned state. But two causes are an error: other_slave (another
+// read last. A timeout is no error: compare the returned state. But these causes are an error: other_slave (another
 // device answers in the place of the slave), and start_up_unfinished (the state is reached, and commands or hooks after
-// the transition have not ended), each of the first such slave.
+// the transition have not ended), each of the first such slave; and wrong_state, unstable and identity_unread, as for
+// readstate().
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);

@@ -40,6 +40,8 @@ struct ContextAccess {
     static LinkSettings& early_settings(Context& ctx) { return ctx.early_settings_; }
     // Returned by slave() for numbers without a slave.
     static Slave& nobody(Context& ctx) { return ctx.none_; }
+    // Returned by group() for numbers without a group, and before init().
+    static Group& no_group(Context& ctx) { return ctx.no_group_; }
     static EventQueue& no_events(Context& ctx) { return ctx.no_events_; }
     static EmergencyRing& no_emergencies(Context& ctx) { return ctx.no_emergencies_; }
     static std::span<std::byte> memory(Context& ctx) { return ctx.memory_; }
@@ -56,8 +58,8 @@ struct ContextAccess {
 [[nodiscard]] Error check_waiting_owner(Context& ctx, Step step);
 
 // For a request for a scan or a mapping: adds the warning configuration_lost if the application has set `config` or
-// `hooks` of a slave that does not exist: before the scan, or with a wrong number. For the owner, where it accepts the
-// request, whichever thread has submitted it.
+// `hooks` of a slave, or `config` of a group, that does not exist: too early, or with a wrong number. For the owner,
+// where it accepts the request, whichever thread has submitted it.
 void note_lost_wishes(Request& request);
 
 // For functions that wait: returns an error if waiting is not allowed; otherwise submits the request and waits for its

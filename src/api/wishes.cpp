@@ -21,6 +21,23 @@ static bool has_wishes(const Slave& slave, const SlaveConfiguration& given) {
            slave.hooks.preop_to_safeop || slave.hooks.transition;
 }
 
+static bool has_wishes(const GroupConfiguration& config) {
+    const GroupConfiguration none;
+    const bool flags = config.overlapped || config.block_lrw || config.al_status || config.hold_inputs;
+    const bool lists = !config.copies.empty() || !config.entries.empty() || config.shared != nullptr;
+    return flags || lists || config.start.value != none.start.value || config.packing != none.packing ||
+           config.dc_reference != none.dc_reference || config.reserve_bytes != none.reserve_bytes ||
+           config.acyclic_bytes != none.acyclic_bytes || config.cycles_in_flight != none.cycles_in_flight ||
+           config.lost_inputs != none.lost_inputs;
+}
+
+static void note_wishes_for_no_group(Context& ctx, Step step) {
+    GroupConfiguration& config = ContextAccess::no_group(ctx).config;
+    if (!has_wishes(config)) return;
+    config = {};
+    master_of(ctx)->network.note({.code = Errc::configuration_lost, .step = step, .detail = Error::kOfGroup});
+}
+
 static void note_wishes_of_last_scan(Network& network, Step step) {
     const SlaveConfiguration none;
     for (const Slave& slave : network.slaves()) {
@@ -36,6 +53,7 @@ void note_lost_wishes(Request& request) {
     Context& ctx = *RequestAccess::context(request);
     const Step step = wanted.step;
     if (step == Step::count_slaves) note_wishes_of_last_scan(master_of(ctx)->network, step);
+    note_wishes_for_no_group(ctx, step);
     Slave& nobody = ContextAccess::nobody(ctx);
     const bool sms = nobody.config.sm_count != 0 || nobody.config.source != ConfigurationSource::none;
     if (!sms && !has_wishes(nobody, {})) return;

@@ -39,6 +39,25 @@ TEST_F(Mistakes, EachWishIsWarnedOf) {
     EXPECT_EQ(all(ctx->warnings()).size(), 1U);
 }
 
+TEST_F(Mistakes, WishesForAGroupThatDoesNotExistAreWarnedOf) {
+    const std::string wanted =
+        "mapping process data: the config of a group that does not exist was written: write it after init(), to groups "
+        "below Limits::groups";
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ctx->group(42).config.packing = Packing::bits;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(all(ctx->warnings()), std::vector<std::string>{wanted});
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_TRUE(all(ctx->warnings()).empty()) << "reported once";
+    HostContext early(limits);
+    early.group(0).config.lost_inputs = LostInputs::zero;
+    ctx.reset();
+    ASSERT_TRUE(init(early, *nic, osal).ok());
+    ASSERT_TRUE(config_init(early).ok());
+    EXPECT_EQ(all(early.warnings()).size(), 1U);
+    EXPECT_EQ(early.group(0).config.lost_inputs, LostInputs::keep);
+}
+
 TEST_F(Mistakes, WishesThatTheScanOfAnotherThreadDeletesAreWarnedOf) {
     ctx->slave(2).config.highest = AlState::preop;
     ScanRequest scan;
