@@ -18,7 +18,7 @@ static bool has_wishes(const Slave& slave, const SlaveConfiguration& given) {
         config.source == ConfigurationSource::application && given.source != ConfigurationSource::application;
     return flags || sms || config.setup != given.setup || config.group != given.group ||
            config.highest != given.highest || config.process_data_watchdog != given.process_data_watchdog ||
-           slave.hooks.preop_to_safeop || slave.hooks.transition;
+           slave.hooks.preop_to_safeop || slave.hooks.transition || slave.hooks.user != nullptr;
 }
 
 static bool has_wishes(const GroupConfiguration& config) {

@@ -35,8 +35,9 @@ TEST_F(Mistakes, EachWishIsWarnedOf) {
     ASSERT_TRUE(config_init(*ctx).ok());
     EXPECT_EQ(all(ctx->warnings()).size(), 1U);
     ctx->slave(2).config.unchecked_pdos = true;
+    ctx->slave(1).hooks.user = this;
     ASSERT_TRUE(config_init(*ctx).ok());
-    EXPECT_EQ(all(ctx->warnings()).size(), 1U);
+    EXPECT_EQ(all(ctx->warnings()).size(), 2U);
 }
 
 TEST_F(Mistakes, WishesForAGroupThatDoesNotExistAreWarnedOf) {
