@@ -133,6 +133,13 @@ std::optional<int> Arguments::parse(int argc, char** argv) {
         (void)std::fputs(without_arguments_().c_str(), stderr);
         return exit_code::kUsage;
     }
+    // Help for a command is wanted before it is known what the positional arguments before the command are.
+    const bool help = argc == 3 && (std::string_view(argv[2]) == "--help" || std::string_view(argv[2]) == "-h");
+    for (const auto& command : command_->commands) {
+        if (!help || command->command_->app->get_name() != argv[1]) continue;
+        write_out(command->command_->app->help(app.get_name()));
+        return exit_code::kWell;
+    }
     try {
         app.parse(argc, argv);
     } catch (const CLI::CallForVersion& version) {

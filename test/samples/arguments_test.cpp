@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <filesystem>
 #include <fstream>
 
@@ -19,6 +20,20 @@ TEST(ParseNumber, IsDecimalOrHexadecimalNeverOctal) {
     EXPECT_EQ(parse_number("9223372036854775807"), INT64_MAX);
     for (const auto* wrong : {"", "-", "0x", "1x", "ff", "1.5", " 1", "1 ", "--1", "-0x-1", "9223372036854775808"})
         EXPECT_FALSE(parse_number(wrong)) << wrong;
+}
+
+TEST(HelpForACommand, NeedsNoArgumentsBeforeTheCommand) {
+    std::string source;
+    Arguments arguments("tool", "Does something.");
+    arguments.positional("SOURCE", source, "where");
+    arguments.command("alias", "shows the alias", [] {});
+    std::array<std::string, 3> words{"tool", "alias", "--help"};
+    std::array<char*, 3> argv{words[0].data(), words[1].data(), words[2].data()};
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(arguments.run(3, argv.data(), [] { return 7; }), 0);
+    const auto text = testing::internal::GetCapturedStdout();
+    EXPECT_NE(text.find("shows the alias"), std::string::npos) << text;
+    EXPECT_EQ(text.find("SOURCE"), std::string::npos) << text;
 }
 
 // Each inclusion costs seconds of processor time per file: CLI11 12 s, the whole of nlohmann-json 3 s.
