@@ -119,6 +119,7 @@ std::string_view capacity_text(const Error& e) {
         case Step::identify:
         case Step::recover: return "Limits::slaves";
         case Step::open_nic: return "the memory of the context";
+        case Step::mailbox_send: return of_buffer ? "the mailbox of the slave" : kSequences;
         case Step::sdo_upload:
         case Step::soe_read:
         case Step::foe_read:

@@ -325,7 +325,10 @@ TEST(MailPdo, ErrorsNameThePdo) {
     ASSERT_TRUE(submit(*bus.ctx, fetch).ok());
     bus.run(fetch);
     EXPECT_EQ(fetch.error().code, Errc::capacity);
-    EXPECT_EQ(bus.words(fetch.error()).substr(0, 43), "slave 1: sending to the mailbox of PDO 5: n");
+    EXPECT_EQ(
+        bus.words(fetch.error()),
+        "slave 1: sending to the mailbox of PDO 5: not enough memory: the mailbox of the slave (needed 2, there is "
+        "room for 1)");
     MailPdoSend send;
     send.slave = 1;
     send.number = 0x12;
