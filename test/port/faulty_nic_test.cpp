@@ -215,8 +215,74 @@ TEST_F(FaultyNics, TheRestOfACutFrameComesNext) {
         }
         Time next_arrival() const noexcept override { return begin != end ? Time{} : inner().next_arrival(); }
     } nic{wire};
-    // The rest has no EtherType of EtherCAT, so that only a NIC for EtherCAT alone would notice it: the core drops it.
-    EXPECT_EQ(failures(nic), Names{}) << host.text();
+    expect_found(nic, "a long frame is cut to the memory, and its rest is gone");
+}
+
+// Each interrupt of the NIC is for the frames that have come by then: one that is left there raises no other.
+TEST_F(FaultyNics, AFrameThatIsLeftRaisesNoInterrupt) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        bool served = false;
+        SendStatus send(Frame frame) noexcept override {
+            served = false;
+            return inner().send(frame);
+        }
+        std::size_t receive(Memory into) noexcept override {
+            const auto length = inner().receive(into);
+            served = served || length != 0;
+            return length;
+        }
+        Time next_arrival() const noexcept override { return served ? kNever : inner().next_arrival(); }
+    } nic{wire};
+    expect_found(nic, "a frame that is left ends a wait()");
+}
+
+TEST_F(FaultyNics, TheSameFrameComesForEver) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        std::array<std::byte, 2048> last{};
+        std::size_t size = 0;
+        std::size_t receive(Memory into) noexcept override {
+            if (const auto length = inner().receive(into); length != 0) {
+                size = length;
+                std::copy_n(into.begin(), size, last.begin());
+            } else {
+                std::copy_n(last.begin(), std::min(size, into.size()), into.begin());
+            }
+            return std::min(size, into.size());
+        }
+    } nic{wire};
+    EXPECT_FALSE(failures(nic).empty());
+    EXPECT_NE(host.text().find("receive() returns frames without an end"), std::string::npos) << host.text();
+}
+
+// Frames that come back in another way are not said to be lost.
+class OddReplies : public FilterNic {
+  public:
+    OddReplies(Nic& inner, bool unmarked) : FilterNic(inner), unmarked_(unmarked) {}
+    [[nodiscard]] bool hides_own_frames() const noexcept override { return false; }
+    std::size_t receive(Memory into) noexcept override {
+        const auto length = inner().receive(into);
+        if (length != 0 && unmarked_) into[6] &= ~std::byte{2};
+        if (length != 0 && !unmarked_) into[30] ^= std::byte{1};
+        return length;
+    }
+
+  private:
+    bool unmarked_;
+};
+
+TEST_F(FaultyNics, RepliesThatAreChangedAreSaidToBe) {
+    OddReplies nic(wire, false);
+    (void)failures(nic);
+    EXPECT_NE(host.text().find("a slave answers: a frame came back changed"), std::string::npos) << host.text();
+}
+
+TEST_F(FaultyNics, RepliesWithoutTheMarkAreSaidToBe) {
+    OddReplies nic(wire, true);
+    (void)failures(nic);
+    EXPECT_NE(host.text().find("a slave answers: frames come back without the mark of a slave"), std::string::npos)
+        << host.text();
 }
 
 TEST_F(FaultyNics, ACutFrameLocksTheReceiver) {

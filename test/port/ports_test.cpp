@@ -85,7 +85,7 @@ TEST(Ports, VirtualOsalAndSimulatedNicPass) {
     port.plug = [](void* user, bool in) { static_cast<Bench*>(user)->segment.set_cable({0, 0}, in); };
     const auto verdict = check_port(port);
     EXPECT_EQ(verdict.failed, 0u) << host.text();
-    EXPECT_EQ(verdict.passed, 25u) << host.text();
+    EXPECT_EQ(verdict.passed, 26u) << host.text();
     // In virtual time there is one thread and no other clock.
     EXPECT_EQ(host.skipped(),
               (Names{"now() counts at the rate of a second clock", "wake() ends one wait(), not all later ones",
@@ -105,7 +105,7 @@ TEST(Ports, ASimulatedNicWithTimesPasses) {
                      {.wire_time = true, .time_stamps = true, .clock_drift_ppb = 100'000, .timed_frames = 4});
     const auto verdict = check_port(host.without_threads(osal, &nic));
     EXPECT_EQ(verdict.failed, 0u) << host.text();
-    EXPECT_EQ(verdict.passed, 24u + 7u) << host.text();
+    EXPECT_EQ(verdict.passed, 25u + 7u) << host.text();
 }
 
 // The port of Linux with a real interface: a veth pair in namespaces of the test.
@@ -122,7 +122,7 @@ struct PortsOnCable : testing::Test {
         Cable::inside(cable.segment_namespace(),
                       [&] { ASSERT_TRUE(far.open(Cable::kSegment, PacketNic::Side::segment).ok()) << far.problem(); });
     }
-    void expect_pass(Osal& osal, unsigned checks = 36) {
+    void expect_pass(Osal& osal, unsigned checks = 37) {
         SlaveOnCable slave(far);
         struct Bench : Host {
             Cable* cable = nullptr;
@@ -149,7 +149,7 @@ TEST_F(PortsOnCable, LinuxOsalAndPacketNicPass) {
 TEST_F(PortsOnCable, PacketNicWithTimeStampsPasses) {
     LinuxOsal osal;
     ASSERT_TRUE(master.stamp_frames(PacketNic::Stamps::software, PacketNic::Stamped::both).ok()) << master.problem();
-    expect_pass(osal, 36 + 4);
+    expect_pass(osal, 37 + 4);
 }
 
 TEST_F(PortsOnCable, PosixOsalAndPacketNicPass) {

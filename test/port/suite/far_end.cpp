@@ -91,14 +91,19 @@ bool FarEnd::send_patiently(std::size_t size, std::size_t alignment) {
     return status == SendStatus::sent || fault("send() returned failed; size ", size);
 }
 
+void FarEnd::discard() {
+    constexpr unsigned kMostStored = 10'000;  // frames
+    unsigned count = 0;
+    while (nic_.receive(memory()) != 0)
+        if (++count == kMostStored) return run_.fail("receive() returns frames without an end");
+}
+
 void FarEnd::drain() {
-    while (nic_.receive(memory()) != 0) {
-    }
+    discard();
     // A reply that is still on the way.
     (void)run_.wait_for(run_.osal.now() + run_.port.reply / 10, [&] {
-        while (nic_.receive(memory()) != 0) {
-        }
-        return false;
+        discard();
+        return run_.failed();
     });
 }
 
@@ -126,7 +131,10 @@ FarEnd::Got FarEnd::match(std::size_t length, std::size_t room) {
     if (length <= kEtherType + 1 || frame[kEtherType] != std::byte{0x88} || frame[kEtherType + 1] != std::byte{0xA4})
         return Got::nothing;  // a frame of another station
     if ((frame[kSource] & kMark) == std::byte{0}) {
-        if (!nic_.hides_own_frames()) return Got::nothing;  // an echo
+        if (!nic_.hides_own_frames()) {
+            ++echoes_;
+            return Got::nothing;
+        }
         fault("hides_own_frames() is true, but receive() returned an own frame");
         return Got::fault;
     }
@@ -166,7 +174,8 @@ bool FarEnd::await_reply(std::size_t room) {
     auto got = Got::nothing;
     const Time until = run_.osal.now() + 10 * run_.port.reply;
     (void)run_.wait_for(until, [&] { return (got = fetch(room)) != Got::nothing; });
-    if (got == Got::nothing) return fault("a frame did not come back; size ", sizes_[next_received_ % kRemembered]);
+    lost_ = got == Got::nothing;
+    if (lost_) return fault("a frame did not come back; size ", sizes_[next_received_ % kRemembered]);
     return got == Got::reply;
 }
 
@@ -194,5 +203,20 @@ bool FarEnd::collect_ready() {
 }
 
 bool FarEnd::receive_cut(std::size_t bytes) { return await_reply(bytes); }
+
+bool FarEnd::rest_is_gone(std::size_t bytes) {
+    const std::uint32_t number = next_received_ - 1;
+    const auto whole = std::span(expected_).first(sizes_[number % kRemembered]);
+    fill(whole, number);
+    const auto rest = whole.subspan(bytes);
+    bool came = false;
+    (void)run_.wait_for(run_.osal.now() + run_.port.reply, [&] {
+        const auto length = nic_.receive(memory());
+        // The last two octets are the working counter, and behind them there may be padding.
+        came = length >= rest.size() && std::equal(rest.begin(), rest.end(), memory().begin());
+        return came;
+    });
+    return !came || fault("the rest of a frame that was cut came as a frame of its own: ", rest.size(), " octets");
+}
 
 }  // namespace margay::port

@@ -35,6 +35,11 @@ class FarEnd {
     [[nodiscard]] Duration receive_took() const { return receive_took_; }
     // Receives the next reply into a memory that is too small.
     bool receive_cut(std::size_t bytes);
+    // False: the octets that did not fit come as a frame of their own.
+    bool rest_is_gone(std::size_t bytes);
+    // The last function failed because nothing came back. With `is_echo()` frames came back as they were sent.
+    [[nodiscard]] bool is_lost() const { return lost_; }
+    [[nodiscard]] bool is_echo() const { return echoes_ != 0; }
     bool exchange(std::size_t size, std::size_t alignment) { return send_patiently(size, alignment) && collect(1); }
     // From now on replies may be missing.
     void allow_losses() { losses_ = true; }
@@ -73,12 +78,15 @@ class FarEnd {
     Got match(std::size_t length, std::size_t room);
     Got compare(std::uint32_t number, std::size_t length, std::size_t room);
     bool await_reply(std::size_t room);
+    void discard();
 
     Run& run_;
     Nic& nic_;
     std::uint32_t next_sent_ = 0;      // number of the next frame; busy frames get no number
     std::uint32_t next_received_ = 0;  // number of the next expected reply
     bool losses_ = false;
+    bool lost_ = false;
+    std::size_t echoes_ = 0;
     Duration receive_took_{};
     std::string_view what_;
     std::uint64_t number_ = kNoNumber;
