@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <climits>
 #include <cstdint>
 
@@ -54,8 +55,10 @@ std::uintptr_t LinuxOsal::calling_thread() noexcept {
 
 void LinuxOsal::wake() noexcept {
     const std::uint64_t one = 1;
+    const int before = errno;  // of the code that a signal handler interrupts
     // Fails only when the counter is full. In this case the wait ends anyway.
     [[maybe_unused]] const auto written = ::write(event_, &one, sizeof one);
+    errno = before;
 }
 
 void LinuxOsal::sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept {

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <climits>
 #include <cstdint>
 
@@ -104,8 +105,10 @@ void PosixOsal::clear_wakes() noexcept {
 
 void PosixOsal::wake() noexcept {
     const char one = 1;
+    const int before = errno;  // of the code that a signal handler interrupts
     // Fails only when the pipe is full. In this case the wait ends anyway.
     [[maybe_unused]] const auto written = ::write(pipe_[1], &one, sizeof one);
+    errno = before;
 }
 
 void PosixOsal::sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept {

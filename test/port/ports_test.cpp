@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 
 namespace margay::port {
 namespace {
@@ -67,6 +68,14 @@ TEST(Ports, PosixOsalWithoutAFreeFileDescriptorPassesAllButWake) {
     const auto verdict = check_port(host.port(osal));
     // Each wait() takes 1 ms at most, so that a lost wake() costs no more than that.
     EXPECT_EQ(verdict.failed, 0u) << host.text();
+}
+
+// A signal handler may call it.
+TEST(Ports, WakeKeepsErrno) {
+    PosixOsal osal;
+    errno = ENOENT;
+    for (unsigned n = 0; n < 100'000; ++n) osal.wake();  // more than a pipe takes
+    EXPECT_EQ(errno, ENOENT);
 }
 
 TEST(Ports, VirtualOsalAndSimulatedNicPass) {
