@@ -324,7 +324,10 @@ class Recording {
         if (twins_.missed() != 0)
             add("the packets are too many to look for copies of " + std::to_string(twins_.missed()) +
                 " that are not in order of time; put them in order, as reordercap does");
-        if (twins_.copies() != 0)
+        if (twins_.most_times() > 2)
+            add(std::to_string(twins_.copies()) + " copies of " + std::to_string(twins_.repeated()) +
+                " frames, which were recorded up to " + std::to_string(twins_.most_times()) + " times, are left out");
+        else if (twins_.copies() != 0)
             add((twins_.each() ? "each frame was" : std::to_string(twins_.copies()) + " frames were") +
                 std::string(" recorded twice: the second one is left out"));
         add(words_of_sight());

@@ -277,9 +277,13 @@ void Twins::leave_out(std::span<const Seen> equal) {
     if (equal.size() < 2) return;
     cluster(equal, doubled_);
     std::vector<const Seen*> stays(clusters_.size());
+    std::vector<std::uint64_t> times(clusters_.size());
     for (std::size_t n = 0; n < equal.size(); ++n) {
         const auto& s = equal[n];
         auto& one = stays[cluster_of(n)];
+        const auto count = ++times[cluster_of(n)];
+        repeated_ += count == 2 ? 1 : 0;
+        most_times_ = std::max(most_times_, count);
         const auto best = best_[common_[s.interface]];
         const bool is_better =
             one != nullptr && s.interface == best && one->interface != best && s.at - one->at < kTogether;

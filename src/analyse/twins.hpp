@@ -33,6 +33,9 @@ class Twins {
     [[nodiscard]] std::uint64_t copies() const { return copies_; }
     // Nearly every frame was there twice.
     [[nodiscard]] bool each() const { return copies_ != 0 && 20 * copies_ >= 9 * frames_; }
+    // The frames that have copies, and how many times one of them was there at most.
+    [[nodiscard]] std::uint64_t repeated() const { return repeated_; }
+    [[nodiscard]] std::uint64_t most_times() const { return most_times_; }
     // Packets of which copies were not looked for: the file is longer than kMostSeen, and they are out of their place
     // by more than a second.
     [[nodiscard]] std::uint64_t missed() const { return missed_; }
@@ -104,7 +107,7 @@ class Twins {
     bool related_ = false;
     std::vector<bool> left_{};            // by number
     Duration settled_ = Duration::min();  // packets before were looked at
-    std::uint64_t frames_ = 0, copies_ = 0, missed_ = 0;
+    std::uint64_t frames_ = 0, copies_ = 0, missed_ = 0, repeated_ = 0, most_times_ = 0;
 };
 
 }  // namespace margay::analyse

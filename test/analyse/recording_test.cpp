@@ -497,6 +497,20 @@ TEST_F(AnalyseFile, TwoTapsAreOneMasterWhicheverIsFirst) {
     EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0U);
 }
 
+TEST_F(AnalyseFile, ThreeTapsAreThreeTimes) {
+    auto packets = cycles_of(1, 0us, 1ms, 40);
+    for (const std::uint32_t tap : {1U, 2U})
+        for (auto p : cycles_of(1, 1us * tap, 1ms, 40)) {
+            p.origin.interface = tap;
+            packets.push_back(p);
+        }
+    const auto a = analyse_file(pcapng(in_order(packets)));
+    EXPECT_EQ(a.remark, "160 copies of 80 frames, which were recorded up to 3 times, are left out");
+    EXPECT_TRUE(a.others.empty());
+    EXPECT_EQ(a.frames.requests, 40U);
+    EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0U);
+}
+
 // A kernel stamps the packets of a NIC in batches: several frames come before their copies.
 TEST_F(AnalyseFile, CopiesBehindSeveralFramesAreFound) {
     std::vector<Packet> packets;
