@@ -103,6 +103,33 @@ static void* reserve(void* of) {
     return NULL;
 }
 
+/* Many threads, each with a frame of its own. There are fewer indexes, or the threads give none back: each frame
+   is the own one, or there is none. */
+static int gives_back, confirmed;
+static void* confirm(void* of) {
+    int n;
+    (void)of;
+    for (n = 0; n < 200; ++n) {
+        const uint16 address = ec_slave[1 + n % 2].configadr;
+        const int index = ec_getindex();
+        uint16 word = 0;
+        int wkc;
+        ec_setupdatagram(&ecx_port.txbuf[index], EC_CMD_FPRD, (uint8)index, address, ECT_REG_STADR, 2, &word);
+        wkc = ec_srconfirm(index, EC_TIMEOUTRET3);
+        memcpy(&word, &ecx_port.rxbuf[index][EC_HEADERSIZE], sizeof(word));
+        if (wkc >= 0) count_wrong(wkc != 1 || etohs(word) != address);
+        if (wkc == 1) __sync_fetch_and_add(&confirmed, 1);
+        if (gives_back) ec_setbufstat(index, EC_BUF_EMPTY);
+    }
+    return NULL;
+}
+static void more_threads_than_indexes(void) {
+    pthread_t threads[EC_MAXBUF + 4];
+    int n;
+    for (n = 0; n < EC_MAXBUF + 4; ++n) pthread_create(&threads[n], NULL, confirm, NULL);
+    for (n = 0; n < EC_MAXBUF + 4; ++n) pthread_join(threads[n], NULL);
+}
+
 static void by_two_threads(void* (*calls)(void*)) {
     static const uint16 numbers[2] = {1, 2};
     pthread_t threads[2];
@@ -118,6 +145,14 @@ int main(int argc, char** argv) {
     MUST(strcmp(names[1], names[2]) != 0);
     by_two_threads(reserve);
     MUST(wrong == 0);
+    by_two_threads(confirm); /* all indexes are left behind */
+    MUST(wrong == 0 && confirmed > 0);
+    ecx_init(&ecx_context, argv[1]);
+    MUST(ec_config_init(FALSE) == 2);
+    gives_back = 1;
+    confirmed = 0;
+    more_threads_than_indexes();
+    MUST(wrong == 0 && confirmed > 0);
     by_two_threads(read_strings);
     MUST(wrong == 0);
     by_two_threads(read_halves);

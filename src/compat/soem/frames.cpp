@@ -1,7 +1,10 @@
 // Frames that the program builds itself. The datagrams of such a frame are sent together, in a frame of the library.
 #include "compat/soem/facade.hpp"
 
+#include <bitset>
+#include <chrono>
 #include <cstring>
+#include <thread>
 
 extern "C" {
 const uint16 priMAC[3] = EC_PRIMARY_MAC_ARRAY;
@@ -15,6 +18,12 @@ constexpr int kHeaderOctets = ETH_HEADERSIZE + EC_ELENGTHSIZE;  // Ethernet and 
 constexpr int kDatagramHeader = EC_HEADERSIZE - EC_ELENGTHSIZE;
 
 bool is_index(int index) { return index >= 0 && index < EC_MAXBUF; }
+
+// The index that ecx_getindex() has returned to this thread while other threads used all of them.
+thread_local const ecx_portt* refused_port = nullptr;
+thread_local int refused_index = 0;
+bool is_refused(const ecx_portt& port, int index) { return refused_port == &port && refused_index == index; }
+bool is_usable(const ecx_portt& port, int index) { return is_index(index) && !is_refused(port, index); }
 
 // Writes the header, the data and the working counter of a datagram behind `at`.
 void put_datagram(std::uint8_t* at, std::uint8_t command, std::uint8_t index, std::uint16_t adp, std::uint16_t ado,
@@ -65,16 +74,90 @@ int unload(ecx_portt& port, int index, Session::Flight& flight) {
     return flight.datagrams.back().wkc;
 }
 
-// `timeout` zero: looks once. A frame that has not come back yet may be waited for again.
-int take_frame(ecx_portt& port, int index, Duration timeout) {
-    if (!is_index(index) || status_of(port, index) != EC_BUF_TX) return EC_NOFRAME;
-    const Pinned session = session_of(port);
-    if (session == nullptr) return EC_NOFRAME;
-    Session::Flight& flight = session->flight_of(static_cast<std::size_t>(index));
-    session->poll_now();
-    session->await(flight, later(session->now(), timeout));
+// For a thread that uses the flight alone. `timeout` zero: looks once. A frame that has not come back yet may be waited
+// for again.
+int await_frame(ecx_portt& port, Session& session, int index, Duration timeout) {
+    if (status_of(port, index) != EC_BUF_TX) return EC_NOFRAME;
+    Session::Flight& flight = session.flight_of(static_cast<std::size_t>(index));
+    session.poll_now();
+    session.await(flight, later(session.now(), timeout));
     if (flight.datagrams.empty() || !flight.over()) return EC_NOFRAME;
     return unload(port, index, flight);
+}
+
+int take_frame(ecx_portt& port, int index, Duration timeout) {
+    const Pinned session = session_of(port);
+    if (session == nullptr || !is_usable(port, index)) return EC_NOFRAME;
+    const Session::FlightUse use(*session, static_cast<std::size_t>(index));
+    return use.alone() ? await_frame(port, *session, index, timeout) : EC_NOFRAME;
+}
+
+// For a thread that uses the flight alone. Returns the octets of the frame, or -1.
+int send_frame(ecx_portt& port, Session& session, int index) {
+    const int length = port.txbuflength[index];
+    if (length <= kHeaderOctets || length > EC_BUFSIZE) return -1;
+    Session::Flight& flight = session.flight_of(static_cast<std::size_t>(index));
+    session.land(flight);
+    flight.datagrams.clear();
+    load(flight,
+         std::span(port.txbuf[index]).subspan(ETH_HEADERSIZE, static_cast<std::size_t>(length) - ETH_HEADERSIZE));
+    if (flight.datagrams.empty()) return -1;
+    status_of(port, index) = EC_BUF_TX;
+    return session.launch(flight) ? length : -1;
+}
+
+// The thread that has reserved an index.
+std::atomic_ref<int> owner_of(ecx_portt& port, int index) { return std::atomic_ref<int>(port.rxsa[index]); }
+
+// Reserves an index of this state.
+bool reserve_in(ecx_portt& port, int index, int state) {
+    if (!status_of(port, index).compare_exchange_strong(state, EC_BUF_ALLOC)) return false;
+    owner_of(port, index) = static_cast<int>(PriorityLock::thread());
+    std::atomic_ref(port.lastidx) = static_cast<FrameIndex>(index);
+    return true;
+}
+
+// The frame has come back or is lost, and the calling thread has not given its index back.
+bool is_left_behind(ecx_portt& port, int index) {
+    if (owner_of(port, index) != static_cast<int>(PriorityLock::thread())) return false;
+    const int state = status_of(port, index);
+    if (state != EC_BUF_TX) return state == EC_BUF_COMPLETE;
+    const Pinned session = session_of(port);
+    if (session == nullptr) return true;
+    const Session::FlightUse use(*session, static_cast<std::size_t>(index));
+    return use.alone() && session->flight_of(static_cast<std::size_t>(index)).over();
+}
+
+// A free index, else one that this thread has left behind. -1: none.
+int look_for_index(ecx_portt& port) {
+    const int begin = std::atomic_ref(port.lastidx).load() + 1;
+    for (int n = 0; n < EC_MAXBUF; ++n)
+        if (reserve_in(port, (begin + n) % EC_MAXBUF, EC_BUF_EMPTY)) return (begin + n) % EC_MAXBUF;
+    for (int n = 0; n < EC_MAXBUF; ++n) {
+        const int index = (begin + n) % EC_MAXBUF;
+        if (is_left_behind(port, index) && reserve_in(port, index, status_of(port, index))) return index;
+    }
+    return -1;
+}
+
+// Waits for a free index. Then it takes one whose frame other threads have received long ago, or one for which this
+// thread has sent no frame. -1: all are in use.
+int reserve(ecx_portt& port) {
+    const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(1);
+    std::bitset<EC_MAXBUF> idle;
+    idle.set();
+    do {
+        if (const int index = look_for_index(port); index >= 0) return index;
+        for (int n = 0; n < EC_MAXBUF; ++n)
+            if (status_of(port, n) != EC_BUF_COMPLETE) idle.reset(static_cast<std::size_t>(n));
+        std::this_thread::sleep_for(std::chrono::microseconds(100));
+    } while (std::chrono::steady_clock::now() < until);
+    for (int n = 0; n < EC_MAXBUF; ++n)
+        if (idle.test(static_cast<std::size_t>(n)) && reserve_in(port, n, EC_BUF_COMPLETE)) return n;
+    for (int n = 0; n < EC_MAXBUF; ++n)
+        if (owner_of(port, n) == static_cast<int>(PriorityLock::thread()) && reserve_in(port, n, EC_BUF_ALLOC))
+            return n;
+    return -1;
 }
 
 }  // namespace
@@ -97,6 +180,7 @@ void ec_setupheader(void* p) {
 
 int ecx_setupdatagram(ecx_portt* port, void* frame, uint8 com, uint8 idx, uint16 ADP, uint16 ADO, uint16 length,
                       void* data) {
+    if (is_refused(*port, idx)) return -1;
     auto* const octets = static_cast<std::uint8_t*>(frame);
     put_word(reinterpret_cast<std::byte*>(octets + ETH_HEADERSIZE),
              EC_ECATTYPE | static_cast<unsigned>(kDatagramHeader + length + EC_WKCSIZE));
@@ -107,7 +191,7 @@ int ecx_setupdatagram(ecx_portt* port, void* frame, uint8 com, uint8 idx, uint16
 
 DatagramOffset ecx_adddatagram(ecx_portt* port, void* frame, uint8 com, uint8 idx, boolean more, uint16 ADP, uint16 ADO,
                                uint16 length, void* data) {
-    if (!is_index(idx)) return 0;
+    if (!is_usable(*port, idx)) return 0;
     auto* const octets = static_cast<std::uint8_t*>(frame);
     auto* const bytes = reinterpret_cast<std::byte*>(frame);
     const int end = port->txbuflength[idx];
@@ -127,36 +211,28 @@ DatagramOffset ecx_adddatagram(ecx_portt* port, void* frame, uint8 com, uint8 id
 }
 
 void ecx_setbufstat(ecx_portt* port, FrameIndex idx, int bufstat) {
-    if (is_index(idx)) status_of(*port, idx) = bufstat;
+    if (is_usable(*port, idx)) status_of(*port, idx) = bufstat;
 }
 
 FrameIndex ecx_getindex(ecx_portt* port) {
-    const std::atomic_ref last(port->lastidx);
-    const int begin = last.load() + 1;
-    int index = 0;
-    for (int n = 0; n < EC_MAXBUF; ++n) {
-        index = (begin + n) % EC_MAXBUF;
-        int free = EC_BUF_EMPTY;
-        if (status_of(*port, index).compare_exchange_strong(free, EC_BUF_ALLOC)) break;
-        if (n + 1 == EC_MAXBUF) status_of(*port, index) = EC_BUF_ALLOC;  // all are in use
+    refused_port = nullptr;
+    int index = reserve(*port);
+    if (index < 0) {
+        say_once(
+            "ecx_getindex(): other threads use all 16 frame indexes, and this thread sends no frame: give each index "
+            "back, ecx_setbufstat(…, EC_BUF_EMPTY)");
+        index = std::atomic_ref(port->lastidx).load() % EC_MAXBUF;
+        refused_port = port;
+        refused_index = index;
     }
-    last = static_cast<FrameIndex>(index);
     return static_cast<FrameIndex>(index);
 }
 
 int ecx_outframe(ecx_portt* port, FrameIndex idx, int) {
     const Pinned session = session_of(*port);
-    if (!is_index(idx) || session == nullptr) return -1;
-    const int length = port->txbuflength[idx];
-    if (length <= kHeaderOctets || length > EC_BUFSIZE) return -1;
-    Session::Flight& flight = session->flight_of(static_cast<std::size_t>(idx));
-    session->land(flight);
-    flight.datagrams.clear();
-    load(flight,
-         std::span(port->txbuf[idx]).subspan(ETH_HEADERSIZE, static_cast<std::size_t>(length) - ETH_HEADERSIZE));
-    if (flight.datagrams.empty()) return -1;
-    status_of(*port, idx) = EC_BUF_TX;
-    return session->launch(flight) ? length : -1;
+    if (!is_usable(*port, idx) || session == nullptr) return -1;
+    const Session::FlightUse use(*session, static_cast<std::size_t>(idx));
+    return use.alone() ? send_frame(*port, *session, idx) : -1;
 }
 
 int ecx_outframe_red(ecx_portt* port, FrameIndex idx) { return ecx_outframe(port, idx, 0); }
@@ -165,11 +241,13 @@ int ecx_waitinframe(ecx_portt* port, FrameIndex idx, int timeout) { return take_
 
 int ecx_srconfirm(ecx_portt* port, FrameIndex idx, int timeout) {
     const Pinned session = session_of(*port);
-    if (session == nullptr) return EC_NOFRAME;
+    if (session == nullptr || !is_usable(*port, idx)) return EC_NOFRAME;
+    const Session::FlightUse use(*session, static_cast<std::size_t>(idx));
+    if (!use.alone()) return EC_NOFRAME;
     const margay::Time until = margay::later(session->now(), us(timeout));
     do {
-        if (ecx_outframe(port, idx, 0) < 0) return EC_NOFRAME;
-        const int wkc = take_frame(*port, idx, us(std::min(timeout, EC_TIMEOUTRET)));
+        if (send_frame(*port, *session, idx) < 0) return EC_NOFRAME;
+        const int wkc = await_frame(*port, *session, idx, us(std::min(timeout, EC_TIMEOUTRET)));
         if (wkc >= 0) return wkc;
     } while (session->now() < until);
     return EC_NOFRAME;

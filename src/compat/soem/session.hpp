@@ -90,6 +90,23 @@ class Session {
             return std::ranges::none_of(datagrams, [](const DatagramRequest& one) { return one.busy(); });
         }
     };
+    // A call that sends the frame, or waits for it. When two threads of the program use the same index at the same
+    // time, the call of one of them is refused.
+    class FlightUse {
+      public:
+        FlightUse(Session& session, std::size_t index)
+            : flag_(session.flights_used_[index % kFlights]), alone_(!flag_.test_and_set(std::memory_order_acquire)) {}
+        ~FlightUse() {
+            if (alone_) flag_.clear(std::memory_order_release);
+        }
+        FlightUse(const FlightUse&) = delete;
+        FlightUse& operator=(const FlightUse&) = delete;
+        [[nodiscard]] bool alone() const { return alone_; }
+
+      private:
+        std::atomic_flag& flag_;
+        bool alone_;
+    };
     // Waits for a point of time, or until the flight is over. All requests go on meanwhile.
     void pause_until(Time until, const Flight* flight = nullptr);
     void pause(Duration duration) { pause_until(now() + duration); }
@@ -171,8 +188,8 @@ class Session {
     // Held while a call uses the EEPROM of a slave, or what is known of it, and while a call configures slaves, but not
     // while their hooks run: a hook may wait for another thread that uses an EEPROM.
     [[nodiscard]] LongLock lock_eeproms() { return LongLock(eeprom_lock_); }
-    // Held while a call searches or configures slaves, also while hooks run. A thread takes it before that of the
-    // EEPROMs.
+    // Held while a call searches or configures slaves or their clocks, also while hooks run. A thread takes it before
+    // that of the EEPROMs.
     [[nodiscard]] LongLock lock_configuring() { return LongLock(configuring_lock_); }
     // The thread that executes hooks of the program. One at a time does, because it has the lock above.
     void begin_hook() { hook_thread_.store(PriorityLock::thread(), std::memory_order_relaxed); }
@@ -239,6 +256,7 @@ class Session {
     std::map<Half, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;
     std::vector<ShownSyncManagers> shown_;
+    std::array<std::atomic_flag, kFlights> flights_used_{};  // by a call: see FlightUse
 };
 
 // ADP and ADO as one address of Session::exchange().
