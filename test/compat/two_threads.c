@@ -11,6 +11,7 @@
 enum { CALLS = 100 };
 
 static char IOmap[4096];
+static const char* source;
 static int wrong, hooks;
 static char names[3][EC_MAXNAME + 1];
 
@@ -130,6 +131,14 @@ static void more_threads_than_indexes(void) {
     for (n = 0; n < EC_MAXBUF + 4; ++n) pthread_join(threads[n], NULL);
 }
 
+/* Both threads open the same port: one session stays, and the others end. */
+static void* open_port(void* of) {
+    int n;
+    (void)of;
+    for (n = 0; n < 200; ++n) count_wrong(ecx_setupnic(&ecx_port, source, FALSE) != 1);
+    return NULL;
+}
+
 static void by_two_threads(void* (*calls)(void*)) {
     static const uint16 numbers[2] = {1, 2};
     pthread_t threads[2];
@@ -164,6 +173,8 @@ int main(int argc, char** argv) {
     printf("configured %d times, hooks %d\n", configured, hooks);
     MUST(configured > 0 && hooks >= configured);
     mail_behind_a_call_that_gives_up();
+    source = argv[1];
+    by_two_threads(open_port);
     ec_close();
     return wrong != 0;
 }

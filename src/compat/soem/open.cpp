@@ -4,6 +4,7 @@
 #include <arpa/inet.h>
 #include <net/if.h>
 #include <cstdlib>
+#include <mutex>
 #include <string>
 
 namespace margay::soem {
@@ -16,6 +17,10 @@ Limits limits_for(int slaves, int groups) {
     limits.process_frames = EC_MAXIOSEGMENTS;
     return limits;
 }
+
+// Held while a port is opened or closed: two threads may do that with the same port.
+std::mutex ports_mutex;
+using PortsLock = std::lock_guard<std::mutex>;
 
 void close_port(ecx_portt& port) { Sessions::remove(place_of(port).exchange(-1), &port); }
 
@@ -54,16 +59,19 @@ int ecx_setupnic(ecx_portt* port, const char* ifname, int secondary) {
         say_once("ecx_setupnic() opens no second network interface: ecx_init_redundant() opens both");
         return 0;
     }
+    const PortsLock lock(ports_mutex);
     return open_port(*port, ifname, EC_MAXSLAVE, EC_MAXGROUP);
 }
 
 int ecx_closenic(ecx_portt* port) {
+    const PortsLock lock(ports_mutex);
     close_port(*port);
     return 0;
 }
 
 int ecx_init(ecx_contextt* context, const char* ifname) {
     if (ifname == nullptr) return 0;
+    const PortsLock lock(ports_mutex);
     begin_context(*context);
     return open_port(port_of(*context), ifname, most_slaves(*context), most_groups(*context));
 }
@@ -71,6 +79,7 @@ int ecx_init(ecx_contextt* context, const char* ifname) {
 // A simulated segment with a ring has both ends: then the second name is not used.
 int ecx_init_redundant(ecx_contextt* context, ecx_redportt* redport, const char* ifname, char* if2name) {
     if (ifname == nullptr || if2name == nullptr) return 0;
+    const PortsLock lock(ports_mutex);
     begin_context(*context);
     port_of(*context).redport = redport;
     const std::string first(ifname);
@@ -79,7 +88,8 @@ int ecx_init_redundant(ecx_contextt* context, ecx_redportt* redport, const char*
 }
 
 void ecx_close(ecx_contextt* context) {
-    ecx_closenic(&port_of(*context));
+    const PortsLock lock(ports_mutex);
+    close_port(port_of(*context));
     end_context(*context);
 }
 
