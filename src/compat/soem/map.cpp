@@ -74,21 +74,33 @@ void show_fmmu(ec_slavet& s, std::uint32_t start, std::uint32_t offset_bits, std
     fmmu.FMMUactive = 1;
 }
 
-// The sum of the SyncManagers of one direction, and where the first of them begins.
-struct Direct {
+// The bits of all SyncManagers of one direction.
+std::uint32_t sum(const Slave& slave, Direction direction) {
     std::uint32_t bits = 0;
+    for (const ProcessSm& sm : slave.config.used_sms())
+        if (sm.direction == direction) bits += sm.bits;
+    return bits;
+}
+
+// The FMMUs of one direction, from this place in the image on. SyncManagers that follow each other in the image and in
+// the memory of the slave have one FMMU.
+void show_fmmus(ec_slavet& s, const Slave& slave, Direction direction, std::uint32_t start, std::uint32_t place) {
+    std::uint32_t begin = place;
+    std::uint32_t end = place;
     std::uint16_t physical = 0;
-    std::uint32_t image_bits = 0;  // in the image, with gaps between SyncManagers
-};
-Direct sum(const Slave& slave, Direction direction, const ImagePart& part) {
-    Direct d;
     for (const ProcessSm& sm : slave.config.used_sms()) {
         if (sm.direction != direction || sm.bits == 0) continue;
-        if (d.bits == 0) d.physical = sm.start;
-        d.image_bits = d.bits == 0 ? sm.bits : part.bits;
-        d.bits += sm.bits;
+        const bool first = end == begin;
+        const std::uint32_t at = first ? place : (end + 7) / 8 * 8;
+        const bool follows = !first && at == end && (end - begin) % 8 == 0 && physical + (end - begin) / 8 == sm.start;
+        if (!follows) {
+            show_fmmu(s, start, begin, end - begin, physical, direction == Direction::outputs);
+            begin = at;
+            physical = sm.start;
+        }
+        end = at + sm.bits;
     }
-    return d;
+    show_fmmu(s, start, begin, end - begin, physical, direction == Direction::outputs);
 }
 
 // How many slaves count in a direction. In the packed mode of SOEM 2.0 only slaves whose data ends an octet count.
@@ -326,18 +338,18 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
     const bool there = slave.image.group == group;
     const ImagePart& outputs = slave.image.outputs;
     const ImagePart& inputs = slave.image.inputs;
-    const Direct out = there && outputs.bits != 0 ? sum(slave, Direction::outputs, outputs) : Direct{};
-    const Direct in = there && inputs.bits != 0 ? sum(slave, Direction::inputs, inputs) : Direct{};
+    const std::uint32_t out = there && outputs.bits != 0 ? sum(slave, Direction::outputs) : 0;
+    const std::uint32_t in = there && inputs.bits != 0 ? sum(slave, Direction::inputs) : 0;
     const auto octets = [](std::uint32_t bits) { return bits < 8 ? 0U : (bits + 7) / 8; };
-    s.Obits = static_cast<uint16>(out.bits);
-    s.Obytes = octets(out.bits);
-    s.outputs = out.bits != 0 ? image + outputs.offset_bits / 8 : nullptr;
-    s.Ostartbit = static_cast<uint8>(out.bits != 0 ? outputs.offset_bits % 8 : 0);
-    s.Ibits = static_cast<uint16>(in.bits);
-    s.Ibytes = octets(in.bits);
-    s.inputs = in.bits != 0 ? image + inputs.offset_bits / 8 : nullptr;
-    s.Istartbit = static_cast<uint8>(in.bits != 0 ? inputs.offset_bits % 8 : 0);
-    set_offsets(s, out.bits != 0 ? outputs.offset_bits / 8 : 0, in.bits != 0 ? inputs.offset_bits / 8 : 0);
+    s.Obits = static_cast<uint16>(out);
+    s.Obytes = octets(out);
+    s.outputs = out != 0 ? image + outputs.offset_bits / 8 : nullptr;
+    s.Ostartbit = static_cast<uint8>(out != 0 ? outputs.offset_bits % 8 : 0);
+    s.Ibits = static_cast<uint16>(in);
+    s.Ibytes = octets(in);
+    s.inputs = in != 0 ? image + inputs.offset_bits / 8 : nullptr;
+    s.Istartbit = static_cast<uint8>(in != 0 ? inputs.offset_bits % 8 : 0);
+    set_offsets(s, out != 0 ? outputs.offset_bits / 8 : 0, in != 0 ? inputs.offset_bits / 8 : 0);
     set_status(s, nullptr);
 
     for (const ProcessSm& sm : slave.config.used_sms()) {
@@ -353,8 +365,8 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
     const std::uint32_t shift = mapped.config.overlapped ? mapped.output_bytes * 8 : 0;
     std::fill_n(s.FMMU, EC_MAXFMMU, ec_fmmut{});
     s.FMMUunused = 0;
-    show_fmmu(s, start, outputs.offset_bits, out.image_bits, out.physical, true);
-    show_fmmu(s, start, inputs.offset_bits - (in.bits != 0 ? shift : 0), in.image_bits, in.physical, false);
+    if (out != 0) show_fmmus(s, slave, Direction::outputs, start, outputs.offset_bits);
+    if (in != 0) show_fmmus(s, slave, Direction::inputs, start, inputs.offset_bits - shift);
 }
 
 int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes) {

@@ -59,6 +59,27 @@ std::uint16_t combined(ecx_contextt& context, Session& session) {
     return all;
 }
 
+// A slave without a mailbox for BOOT gets the request all the same, and answers with a code.
+int write_boot(Session& session, std::uint16_t number, std::uint16_t value) {
+    bool has_mailbox = false;
+    std::uint16_t station = 0;
+    {
+        const Session::Guard guard(session);
+        has_mailbox = session.slave(number).boot_mailbox.present();
+        station = session.slave(number).station_address.value;
+    }
+    if (!has_mailbox) {
+        std::array<std::byte, 2> octets{};
+        put_word(octets.data(), value);
+        return std::max(
+            0, session.exchange(DatagramCommand::fpwr, address_of(station, ECT_REG_ALCTL), octets, us(EC_TIMEOUTRET3)));
+    }
+    StateRequest request;
+    request.slave = number;
+    request.wanted = AlState::boot;
+    return session.run(request) ? 1 : 0;
+}
+
 }  // namespace
 }  // namespace margay::soem
 
@@ -123,12 +144,7 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
         for (int n = first; n <= last; ++n) take_mailboxes(*context, *session, static_cast<std::uint16_t>(n), state);
     if (state == margay::AlState::boot) {
         int changed = 0;
-        for (int n = first; n <= last; ++n) {
-            margay::StateRequest request;
-            request.slave = static_cast<std::uint16_t>(n);
-            request.wanted = state;
-            changed += session->run(request) ? 1 : 0;
-        }
+        for (int n = first; n <= last; ++n) changed += write_boot(*session, static_cast<std::uint16_t>(n), value);
         return changed;
     }
     margay::WriteStateRequest request;

@@ -1,0 +1,52 @@
+/* What the interface shows of a slave is what the chip has: FMMUs, also where a direction has several SyncManagers. A
+   request for BOOT reaches a slave without a mailbox for it, and its answer is shown; a chip without firmware takes it.
+   registers SOURCE */
+#include <ethercat.h>
+
+#include <stdio.h>
+#include <string.h>
+
+static char map[4096];
+
+static int wrong_fmmus(int slave) {
+    int n, wrong = 0, active = 0;
+    for (n = 0; n < 8; ++n) {
+        ec_fmmut there, shown;
+        memset(&there, 0, sizeof(there));
+        memset(&shown, 0, sizeof(shown));
+        ec_FPRD(ec_slave[slave].configadr, (uint16)(ECT_REG_FMMU0 + 16 * n), sizeof(there), &there, EC_TIMEOUTRET3);
+        if (n < EC_MAXFMMU) shown = ec_slave[slave].FMMU[n];
+        if (there.FMMUactive) ++active;
+        if (!there.FMMUactive && !shown.FMMUactive) continue;
+        if (memcmp(&there, &shown, 13) != 0) {
+            printf("slave %d FMMU%d: %d octets at 0x%04x, shown are %d at 0x%04x\n", slave, n, there.LogLength,
+                   there.PhysStart, shown.LogLength, shown.PhysStart);
+            ++wrong;
+        }
+    }
+    if (ec_slave[slave].FMMUunused != active) ++wrong;
+    return wrong;
+}
+
+int main(int argc, char** argv) {
+    int slave, wrong = 0, active = 0, refused = 0;
+    if (argc != 2 || !ec_init(argv[1]) || ec_config_init(FALSE) < 2) return 2;
+    ec_config_map(map);
+    for (slave = 1; slave <= ec_slavecount; ++slave) {
+        wrong += wrong_fmmus(slave);
+        active += ec_slave[slave].FMMUunused;
+    }
+    ec_slave[0].state = EC_STATE_INIT;
+    ec_writestate(0);
+    ec_statecheck(0, EC_STATE_INIT, EC_TIMEOUTSTATE);
+    for (slave = 1; slave <= ec_slavecount; ++slave) {
+        ec_slave[slave].state = EC_STATE_BOOT;
+        wrong += ec_writestate((uint16)slave) != 1;
+        ec_statecheck((uint16)slave, EC_STATE_BOOT, 20000);
+        ec_readstate();
+        if ((ec_slave[slave].state & EC_STATE_ERROR) != 0 && ec_slave[slave].ALstatuscode != 0) ++refused;
+    }
+    printf("%d FMMUs, %d slaves refused BOOT, %d wrong\n", active, refused, wrong);
+    ec_close();
+    return wrong != 0 || active < 6 || refused != 2;
+}
