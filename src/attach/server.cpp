@@ -1,6 +1,7 @@
 // The thread of an AttachServer: takes messages in, submits their requests, and sends the answers.
 #include <margay/attach/server.hpp>
 
+#include "api/master.hpp"
 #include "api/queue.hpp"
 #include "attach/connection.hpp"
 #include "attach/event_log.hpp"
@@ -91,7 +92,8 @@ class AttachServer::Loop {
 // ------------------------------------------------------------------ begin and end
 
 void AttachServer::Loop::start() {
-    error_ = listener_.open(path_, settings_);
+    error_ = master_of(ctx_) == nullptr ? path_ + ": there is no master yet: create the server after init()"
+                                        : listener_.open(path_, settings_);
     if (!error_.empty()) return;
     if (const auto failed = thread_.start("margay-attach", [this] { run(); }); !failed.empty())
         error_ = path_ + ": " + failed;

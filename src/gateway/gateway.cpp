@@ -1,4 +1,5 @@
 // The thread of a MailboxGateway: takes octets in, gives their messages to the router, and sends the replies.
+#include "api/master.hpp"
 #include "attach/service_thread.hpp"
 #include "gateway/router.hpp"
 #include "gateway/sockets.hpp"
@@ -32,13 +33,14 @@ constexpr std::size_t kUdpBytes = 65536;
 class MailboxGateway::Loop {
   public:
     Loop(Context& ctx, MailboxGatewaySettings settings)
-        : settings_(std::move(settings)), router_(ctx, settings_), datagram_(kUdpBytes) {}
+        : ctx_(ctx), settings_(std::move(settings)), router_(ctx, settings_), datagram_(kUdpBytes) {}
     ~Loop() { thread_.stop(); }
     Loop(const Loop&) = delete;
     Loop& operator=(const Loop&) = delete;
 
     void start() {
-        error_ = sockets_.open(settings_);
+        error_ = master_of(ctx_) == nullptr ? "mailbox gateway: there is no master yet: create it after init()"
+                                            : sockets_.open(settings_);
         if (!error_.empty()) return;
         if (const auto failed = thread_.start("margay-gateway", [this] { run(); }); !failed.empty())
             error_ = "mailbox gateway: " + failed;
@@ -70,6 +72,7 @@ class MailboxGateway::Loop {
     [[nodiscard]] bool make_room(gateway::Moment idle_since);
     void forget_idle();
 
+    Context& ctx_;
     MailboxGatewaySettings settings_;
     std::string error_{};
     gateway::Sockets sockets_{};

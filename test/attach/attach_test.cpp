@@ -254,6 +254,13 @@ TEST_F(Attach, ASocketThatIsServedIsNotReplacedAndOneThatWasLeftBehindIs) {
               longest + "a: the path has 108 octets, and the path of a socket has at most 107");
 }
 
+TEST_F(Attach, AServerBeforeInitIsAnError) {
+    HostContext none({.slaves = 4});
+    const std::string early = folder + "/early.sock";
+    EXPECT_EQ(AttachServer(none, early).error(), early + ": there is no master yet: create the server after init()");
+    EXPECT_NE(::access(early.c_str(), F_OK), 0) << "no socket";
+}
+
 // A program that has given its socket to others finds it again after a crash.
 TEST_F(Attach, ASocketThatWasLeftBehindMayHaveAnyMode) {
     if (::getuid() != 0) GTEST_SKIP() << "only root can act as another user";

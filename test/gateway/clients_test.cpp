@@ -282,6 +282,13 @@ TEST(GatewayConnections, ASlowReaderIsStalled) {
 
 // ------------------------------------------------------------------ settings, and the owner
 
+TEST_F(GatewayClients, AGatewayBeforeInitIsAnError) {
+    HostContext none({.slaves = 4});
+    const MailboxGateway early(none, {.port = 0});
+    EXPECT_EQ(early.error(), "mailbox gateway: there is no master yet: create it after init()");
+    EXPECT_EQ(early.port(), 0);
+}
+
 TEST_F(GatewayClients, WhatCannotBeServedSaysWhy) {
     const auto error = [&](MailboxGatewaySettings settings) {
         return MailboxGateway(ctx, std::move(settings)).error();
