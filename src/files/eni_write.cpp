@@ -8,6 +8,8 @@
 #include "wire/fmmu.hpp"
 
 #include <algorithm>
+#include <map>
+#include <set>
 #include <vector>
 
 namespace margay::files {
@@ -397,10 +399,18 @@ class EniWriter {
         }
     }
 
-    static void variable(Node half, const std::string& name, const std::string& type, std::uint64_t bits,
-                         std::uint64_t at) {
+    // Several entries of a PDO may have one name: the second one gets a 2, so that each name leads to one variable.
+    std::string name_once(const std::string& name) {
+        if (variable_names_.insert(name).second) return name;
+        for (std::size_t& n = variable_counts_.try_emplace(name, 1).first->second;;) {
+            auto other = name + " " + std::to_string(++n);
+            if (variable_names_.insert(other).second) return other;
+        }
+    }
+
+    void variable(Node half, const std::string& name, const std::string& type, std::uint64_t bits, std::uint64_t at) {
         Node node = add(half, "Variable");
-        add(node, "Name", printable(name));
+        add(node, "Name", name_once(printable(name)));
         if (!type.empty()) add(node, "DataType", type);
         add(node, "BitSize", bits);
         add(node, "BitOffs", at);
@@ -411,7 +421,9 @@ class EniWriter {
     const EniSettings& settings_;
     pugi::xml_document document_;
     std::vector<std::pair<std::uint16_t, EsiDevice>> names_;
-    std::vector<std::vector<std::byte>> fmmus_{};  // of the slaves of the file
+    std::set<std::string> variable_names_{};
+    std::map<std::string, std::size_t> variable_counts_{};  // of names that came again
+    std::vector<std::vector<std::byte>> fmmus_{};           // of the slaves of the file
     std::vector<std::string> remarks_;
     std::string error_;
 };

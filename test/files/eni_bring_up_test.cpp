@@ -213,6 +213,21 @@ TEST(EniRoundTrip, VariablesLeadToTheDataOfTheirSlaves) {
     EXPECT_GT(bits, 100U);
 }
 
+// The entries of digital_io_16 are all called "Input" and "Output".
+TEST(EniRoundTrip, EachVariableHasANameOfItsOwn) {
+    Machine machine({"digital_io_16"});
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const auto eni = read_eni(write_eni(machine.ctx).text);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    EXPECT_EQ(eni->variables.size(), 32U);
+    for (const EniVariable& one : eni->variables) EXPECT_EQ(eni->find(one.name), &one) << one.name;
+    const std::string name = "Slave_1 [Digital I/O, 16 inputs, 16 outputs].Inputs.Input";
+    ASSERT_NE(eni->find(name), nullptr);
+    ASSERT_NE(eni->find(name + " 16"), nullptr);
+    EXPECT_EQ(eni->find(name + " 16")->bit, eni->find(name)->bit + 15);
+}
+
 // Such files have no init commands: their CoE commands select the PDOs before the library reads them.
 TEST(EniBringUp, PdosThatCoeCommandsSelectAreMapped) {
     std::string commands;
