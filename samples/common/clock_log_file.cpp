@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <optional>
 
 namespace margay::samples {
@@ -36,7 +37,7 @@ std::string_view next_log_line(std::string_view& text) {
 std::optional<double> number_of(std::string_view cell) {
     double value = 0;
     const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-    if (error != std::errc{} || end != cell.data() + cell.size()) return std::nullopt;
+    if (error != std::errc{} || end != cell.data() + cell.size() || !std::isfinite(value)) return std::nullopt;
     return value;
 }
 
@@ -46,6 +47,35 @@ std::optional<std::size_t> column_of(const std::vector<std::string_view>& head, 
     if (at == head.end()) return std::nullopt;
     return static_cast<std::size_t>(at - head.begin());
 }
+
+// The columns that tell whether the clocks are in sync. A log of another master need not have them.
+class SyncColumns {
+  public:
+    explicit SyncColumns(const std::vector<std::string_view>& head)
+        : master_(column_of(head, "DCMInSync")),
+          slaves_(column_of(head, "DCInSync")),
+          code_(column_of(head, "DCMErr")) {}
+    // Returns what is no number; empty: all are.
+    std::string_view take(const std::vector<std::string_view>& cells, std::size_t line, ClockLog& log) const {
+        if (!master_ || !slaves_ || !code_) return {};
+        const auto cell = [&](std::size_t at) { return at < cells.size() ? number_of(cells[at]) : std::nullopt; };
+        const auto master = cell(*master_);
+        const auto slaves = cell(*slaves_);
+        const auto code = cell(*code_);
+        if (!master || !slaves || !code) return !master ? "DCMInSync" : !slaves ? "DCInSync" : "DCMErrorCode";
+        log.tells_sync = true;
+        if (*master != 0 && *slaves != 0) {
+            if (log.first_in_sync == 0) log.first_in_sync = line;
+        } else if (log.first_in_sync != 0 && log.out_of_sync++ == 0) {
+            log.first_out = line;
+            log.first_code = static_cast<unsigned>(std::clamp(*code, 0.0, 255.0));
+        }
+        return {};
+    }
+
+  private:
+    std::optional<std::size_t> master_{}, slaves_{}, code_{};
+};
 
 }  // namespace
 
@@ -71,6 +101,7 @@ ClockLog parse_clock_log(std::string_view text) {
         }
         wanted.at = *at;
     }
+    const SyncColumns sync(head);
     for (std::size_t line = 2; !text.empty(); ++line) {
         const auto cells = cells_of(next_log_line(text));
         if (cells.size() == 1 && cells[0].empty()) continue;
@@ -82,6 +113,12 @@ ClockLog parse_clock_log(std::string_view text) {
             }
             (log.*wanted.into).push_back(*value * wanted.scale);
         }
+        const auto count = log.times_s.size();
+        if (const auto odd = sync.take(cells, line, log); !odd.empty())
+            log.fault = fmt::format("line {}: {} is no number", line, odd);
+        else if (count > 1 && log.times_s[count - 1] < log.times_s[count - 2])
+            log.fault = fmt::format("line {}: the time is before that of the line before", line);
+        if (!log.fault.empty()) return log;
     }
     if (log.times_s.empty()) log.fault = "it has no lines";
     const double first = log.times_s.empty() ? 0 : log.times_s.front();

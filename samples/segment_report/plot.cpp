@@ -52,6 +52,13 @@ std::string path_of(const std::vector<double>& times_s, const std::vector<double
     return path;
 }
 
+// Enough digits to tell the ends of the range apart.
+std::string tick_text(const Range& range, double value) {
+    const double largest = std::max(std::abs(range.least), std::abs(range.most));
+    const double needed = std::log10(std::max(largest, 1e-9) / (range.most - range.least)) + 2;
+    return fmt::format("{:.{}g}", value, std::clamp(static_cast<int>(std::ceil(needed)), 4, 10));
+}
+
 Markup text_at(double x, double y, std::string_view anchor, std::string_view text) {
     return tag("text", fmt::format("x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\"", x, y, anchor), text);
 }
@@ -67,13 +74,13 @@ Markup curve_picture(std::string_view title, std::string_view unit, const std::v
         const double y = y_of(range, value);
         content +=
             tag("path", fmt::format("class=\"axis\" d=\"M{:.1f} {:.1f}H{:.1f}\"", kLeft, y, kWidth - kRight), {});
-        content += text_at(kLeft - 6, y + 4, "end", fmt::format("{:.4g}", value));
+        content += text_at(kLeft - 6, y + 4, "end", tick_text(range, value));
         const double time = times.least + part * (times.most - times.least);
         content += text_at(x_of(times, time), kHeight - 6,
                            part == 0   ? "start"
                            : part == 1 ? "end"
                                        : "middle",
-                           fmt::format("{:.4g} s", time));
+                           tick_text(times, time) + " s");
     }
     content += tag("path", fmt::format("class=\"curve\" d=\"{}\"", path_of(times_s, values, times, range)), {});
     return tag("svg",

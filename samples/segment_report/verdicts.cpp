@@ -34,6 +34,7 @@ class Judge {
             alike();
         }
         cycles();
+        clock_log();
         recording();
         if (!report_.messages.empty())
             add(Severity::remark,
@@ -271,6 +272,25 @@ class Judge {
             add(Severity::good,
                 fmt::format("{} of the application in time, with all frames and the expected working counter.", all),
                 "cycles");
+    }
+
+    // What the log of the master's clock says of the time behind its start.
+    void clock_log() {
+        if (!report_.clock_log || !report_.clock_log->tells_sync) return;
+        const auto& log = *report_.clock_log;
+        const auto all = counted(log.times_s.size(), "line");
+        if (log.first_in_sync == 0)
+            return add(Severity::fault, fmt::format("In none of {} of the log are the clocks in sync.", all),
+                       "clocklog");
+        if (log.out_of_sync == 0)
+            return add(Severity::good,
+                       fmt::format("The clocks of the log are in sync from line {} on.", log.first_in_sync),
+                       "clocklog");
+        add(Severity::fault,
+            fmt::format("The clocks of the log were in sync from line {} on, but not in {} behind it, first in line {} "
+                        "(DCMErrorCode {}).",
+                        log.first_in_sync, counted(log.out_of_sync, "line"), log.first_out, log.first_code),
+            "clocklog");
     }
 
     // Of each master in the file.

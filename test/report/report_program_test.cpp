@@ -365,6 +365,25 @@ TEST_F(ReportProgram, ALogOfTheMastersClockIsDrawn) {
     EXPECT_EQ(run("sim:demo --dc-log bad.csv").status, 3);
 }
 
+TEST_F(ReportProgram, ALogWhoseClocksLostTheirSyncIsAFault) {
+    const std::string head = "Time[ms],BusTimeOff,Drift,CtlErr,SystemTimeDifference,DCMErrorCode,DCMInSync,DCInSync\n";
+    const std::string start = head + "0,500000,1,2,3,1,0,1\n1,500002,1,2,3,2,1,1\n";
+    folder.write("good.csv", start);
+    const auto good = run("sim:demo --dc-log good.csv");
+    EXPECT_EQ(good.status, 0) << good.out;
+    const auto plots = page().text("//section[@id='clocklog']//svg[@class='plot']");
+    for (const std::string tick : {"500000", "500001", "500002"}) EXPECT_TRUE(contains(plots, tick)) << plots;
+    folder.write("lost.csv", start + "2,500001,1,2,-123456,4,0,0\n");
+    const auto lost = run("sim:demo --dc-log lost.csv");
+    EXPECT_EQ(lost.status, 1) << lost.out;
+    EXPECT_EQ(
+        page().verdicts("fault"),
+        std::vector<std::string>{"The clocks of the log were in sync from line 3 on, but not in 1 line behind it, "
+                                 "first in line 4 (DCMErrorCode 4)."});
+    folder.write("never.csv", head + "0,1,1,2,3,1,0,1\n");
+    EXPECT_EQ(run("sim:demo --dc-log never.csv").status, 1);
+}
+
 TEST_F(ReportProgram, ShowsTheCyclesOfAnApplicationFromItsFile) {
     const auto io =
         folder.run(std::string(MARGAY_BIN_DIR) +

@@ -59,6 +59,32 @@ TEST(ClockLogFile, SaysWhyATextIsNoLog) {
     EXPECT_EQ(parse_clock_log("Time,Drift\n").fault, "the first line has no column BusTimeOff");
     EXPECT_EQ(parse_clock_log(log_of({})).fault, "it has no lines");
     EXPECT_EQ(parse_clock_log(log_of({}) + "1,2,x\n").fault, "line 2: BusTimeOff is no number");
+    const std::string head = "Time;BusTimeOff;Drift;CtlErr;SystemTimeDifference\n";
+    EXPECT_EQ(parse_clock_log(head + "1;2;3;nan;5\n").fault, "line 2: CtlErr is no number");
+    EXPECT_EQ(parse_clock_log(head + "1;2;inf;4;5\n").fault, "line 2: Drift is no number");
+    EXPECT_EQ(parse_clock_log(head + "2;2;3;4;5\n1;2;3;4;5\n").fault,
+              "line 3: the time is before that of the line before");
+    EXPECT_FALSE(parse_clock_log(head + "1;2;3;4;5\n").tells_sync);
+}
+
+// Lines before the first one in sync are those of the start.
+TEST(ClockLogFile, TellsWhenTheClocksLostTheirSync) {
+    const auto line = [](int ms, PhaseState state, bool clocks) {
+        return ClockRecord{.at = Time{std::chrono::milliseconds(ms)}, .state = state, .clocks_in_sync = clocks};
+    };
+    const auto kept = parse_clock_log(log_of({line(1, PhaseState::busy, true), line(2, PhaseState::in_sync, true)}));
+    EXPECT_TRUE(kept.tells_sync);
+    EXPECT_EQ(kept.first_in_sync, 3U);
+    EXPECT_EQ(kept.out_of_sync, 0U);
+    const auto lost = parse_clock_log(log_of({line(1, PhaseState::in_sync, true), line(2, PhaseState::in_sync, false),
+                                              line(3, PhaseState::error_too_large, true)}));
+    EXPECT_EQ(lost.fault, "");
+    EXPECT_EQ(lost.first_in_sync, 2U);
+    EXPECT_EQ(lost.out_of_sync, 2U);
+    EXPECT_EQ(lost.first_out, 3U);
+    const auto never = parse_clock_log(log_of({line(1, PhaseState::busy, false)}));
+    EXPECT_TRUE(never.tells_sync);
+    EXPECT_EQ(never.first_in_sync, 0U);
 }
 
 }  // namespace
