@@ -14,9 +14,13 @@ using nlohmann::json;
 class CycleLogReader {
   public:
     explicit CycleLogReader(std::string_view text)
-        : root_(json::parse(text.begin(), text.end(), nullptr, /* allow_exceptions */ false)) {}
+        : root_(json::parse(text.begin(), text.end(), nullptr, /* allow_exceptions */ false)),
+          begins_(text.find_first_not_of(" \t\r\n") != std::string_view::npos &&
+                  text[text.find_first_not_of(" \t\r\n")] == '{') {}
 
     CycleLog read() {
+        if (root_.is_discarded() && begins_)
+            return {.fault = "the file has an error in its JSON object, or its end is missing"};
         if (!root_.is_object())
             return {.fault = "the file has no JSON object: figures of cycles are written by --histogram FILE.json"};
         CycleFigures& f = log_.figures;
@@ -76,6 +80,7 @@ class CycleLogReader {
     }
 
     json root_;
+    bool begins_ = false;  // the text begins an object
     CycleLog log_{};
 };
 

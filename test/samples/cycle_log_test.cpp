@@ -55,6 +55,8 @@ TEST(CycleLog, WhatIsNoLogIsSaid) {
     const std::string none = "the file has no JSON object: figures of cycles are written by --histogram FILE.json";
     EXPECT_EQ(parse_cycle_log("").fault, none);
     EXPECT_EQ(parse_cycle_log("<svg/>").fault, none);
+    EXPECT_EQ(parse_cycle_log(" {\"cycles\": 3,").fault,
+              "the file has an error in its JSON object, or its end is missing");
     EXPECT_EQ(parse_cycle_log("[1]").fault, none);
     EXPECT_EQ(parse_cycle_log("{}").fault, "\"cycles\" is missing");
     EXPECT_EQ(fault_of("\"overruns\": 3", "\"overruns\": -3"), "\"overruns\" is no whole number of 0 or above");
