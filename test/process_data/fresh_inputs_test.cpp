@@ -184,8 +184,11 @@ TEST_P(HeldInputs, BecomeZeroWhenACycleIsReceived) {
     for (int n = 0; n < 5; ++n) ASSERT_TRUE(cycle().ok());
     const std::byte last = ctx().slave(3).image.inputs.bytes[0];
     ASSERT_EQ(last, std::byte{counter});
-    if (lost) bus.segment.set_power(2, false, bus.osal.now());
-    if (!lost) ASSERT_TRUE(set_target(ctx(), 3, AlState::preop).ok());
+    if (lost) {
+        bus.segment.set_power(2, false, bus.osal.now());
+    } else {
+        ASSERT_TRUE(set_target(ctx(), 3, AlState::preop).ok());
+    }
     for (int n = 0; n < 500 && ctx().slave(3).takes_part; ++n) {
         bus.osal.advance(1ms);
         (void)poll(ctx(), bus.osal.now());
