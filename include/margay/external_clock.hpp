@@ -30,7 +30,8 @@ struct ExternalClockSettings {
     // The system time of this segment minus the system time of the other segment, when both are in sync: within `grid`.
     // So the SYNC signals of this segment come at the same time as in the other segment, or `offset` later.
     Duration offset{0};
-    Duration grid{0};  // a multiple of the SYNC cycles of both segments; zero: the cycle
+    Duration grid{0};  // a multiple of the SYNC cycles of both segments; zero: the cycle;
+                       // without a cycle the state is PhaseState::set_value_wrong
 };
 
 class ExternalClock : public CycleClock {

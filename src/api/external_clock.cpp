@@ -30,7 +30,9 @@ ExternalClock::ExternalClock(std::uint16_t bridge, const Settings& settings)
 void ExternalClock::restart() {
     const auto mode = settings_.cycle.mode;
     const bool follows = mode == MasterClock::Mode::off || mode == MasterClock::Mode::master_shift;
-    fault_ = follows ? PhaseState::idle : PhaseState::mode_wrong;
+    fault_ = !follows                        ? PhaseState::mode_wrong
+             : settings_.grid <= Duration{0} ? PhaseState::set_value_wrong
+                                             : PhaseState::idle;
     cycle_.restart();
     reference_.start(for_bus_shift(settings_.phase));
     silent_ = kSilent;
@@ -59,7 +61,7 @@ std::uint8_t ExternalClock::not_visible() const {
 }
 
 Duration ExternalClock::update(Context& ctx, Duration lateness) {
-    if (fault_ == PhaseState::mode_wrong) return Duration{0};
+    if (fault_ == PhaseState::mode_wrong || fault_ == PhaseState::set_value_wrong) return Duration{0};
     const Duration earlier = cycle_.update(ctx, lateness);
     Master* master = master_of(ctx);
     if (master == nullptr || !internal_.mapped()) return earlier;

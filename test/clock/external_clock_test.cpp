@@ -188,6 +188,9 @@ TEST_F(TwoSegments, MistakesAreSaid) {
     EXPECT_EQ(of_second->reference().state(), PhaseState::idle) << "nothing steers the reference clock";
     ExternalClock clock(2, {.cycle = {.mode = MasterClock::Mode::bus_shift}});
     EXPECT_EQ(to_text(clock.state()), "the mode of the cycle steers the reference clock too");
+    ExternalClock no_cycle(2, {.cycle = {.mode = MasterClock::Mode::off, .phase = {.cycle = 0us}}});
+    EXPECT_EQ(no_cycle.state(), PhaseState::set_value_wrong);
+    EXPECT_EQ(no_cycle.update(second.ctx, 0us), 0us);
     sim::Segment other;
     other.add(bus.clocked({}).assemble());
     EXPECT_FALSE(sim::ClockBridge(first.segment, 1, other, 0).valid()) << "no half of a bridge";
