@@ -131,6 +131,26 @@ static void more_threads_than_indexes(void) {
     for (n = 0; n < EC_MAXBUF + 4; ++n) pthread_join(threads[n], NULL);
 }
 
+/* One thread sends a frame more than there are indexes: the first frame is given up, and the others come. */
+static void one_frame_too_many(void) {
+    int index[EC_MAXBUF + 1];
+    int n, empty = 0;
+    uint16 word = 0;
+    for (n = 0; n <= EC_MAXBUF; ++n) {
+        index[n] = ec_getindex();
+        ec_setupdatagram(&ecx_port.txbuf[index[n]], EC_CMD_FPRD, (uint8)index[n], ec_slave[1].configadr, ECT_REG_STADR, 2,
+                         &word);
+        count_wrong(ecx_outframe(&ecx_port, index[n], 0) <= 0);
+    }
+    count_wrong(index[EC_MAXBUF] != index[0]);
+    for (n = 1; n <= EC_MAXBUF; ++n) {
+        count_wrong(ecx_waitinframe(&ecx_port, index[n], EC_TIMEOUTRET3) != 1);
+        ec_setbufstat(index[n], EC_BUF_EMPTY);
+    }
+    for (n = 0; n < EC_MAXBUF; ++n) empty += ecx_port.rxbufstat[n] == EC_BUF_EMPTY;
+    count_wrong(empty != EC_MAXBUF);
+}
+
 /* Both threads open the same port: one session stays, and the others end. */
 static void* open_port(void* of) {
     int n;
@@ -173,6 +193,7 @@ int main(int argc, char** argv) {
     printf("configured %d times, hooks %d\n", configured, hooks);
     MUST(configured > 0 && hooks >= configured);
     mail_behind_a_call_that_gives_up();
+    one_frame_too_many();
     source = argv[1];
     by_two_threads(open_port);
     ec_close();

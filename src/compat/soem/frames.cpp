@@ -140,24 +140,40 @@ int look_for_index(ecx_portt& port) {
     return -1;
 }
 
-// Waits for a free index. Then it takes one whose frame other threads have received long ago, or one for which this
-// thread has sent no frame. -1: all are in use.
+// The oldest index of this thread, whose frame is given up. -1: it has none.
+int take_own(ecx_portt& port) {
+    const int begin = std::atomic_ref(port.lastidx).load() + 1;
+    for (int n = 0; n < EC_MAXBUF; ++n) {
+        const int index = (begin + n) % EC_MAXBUF;
+        const int state = status_of(port, index);
+        const bool own = state != EC_BUF_EMPTY && owner_of(port, index) == static_cast<int>(PriorityLock::thread());
+        if (own && reserve_in(port, index, state)) return index;
+    }
+    return -1;
+}
+
+bool all_are_own(ecx_portt& port) {
+    for (int n = 0; n < EC_MAXBUF; ++n)
+        if (owner_of(port, n) != static_cast<int>(PriorityLock::thread())) return false;
+    return true;
+}
+
+// Waits for an index that another thread gives back. Then it takes one whose frame other threads have received long
+// ago, or one of its own. -1: other threads use all.
 int reserve(ecx_portt& port) {
     const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(1);
     std::bitset<EC_MAXBUF> idle;
     idle.set();
     do {
         if (const int index = look_for_index(port); index >= 0) return index;
+        if (all_are_own(port)) return take_own(port);
         for (int n = 0; n < EC_MAXBUF; ++n)
             if (status_of(port, n) != EC_BUF_COMPLETE) idle.reset(static_cast<std::size_t>(n));
         std::this_thread::sleep_for(std::chrono::microseconds(100));
     } while (std::chrono::steady_clock::now() < until);
     for (int n = 0; n < EC_MAXBUF; ++n)
         if (idle.test(static_cast<std::size_t>(n)) && reserve_in(port, n, EC_BUF_COMPLETE)) return n;
-    for (int n = 0; n < EC_MAXBUF; ++n)
-        if (owner_of(port, n) == static_cast<int>(PriorityLock::thread()) && reserve_in(port, n, EC_BUF_ALLOC))
-            return n;
-    return -1;
+    return take_own(port);
 }
 
 }  // namespace
@@ -219,8 +235,8 @@ FrameIndex ecx_getindex(ecx_portt* port) {
     int index = reserve(*port);
     if (index < 0) {
         say_once(
-            "ecx_getindex(): other threads use all 16 frame indexes, and this thread sends no frame: give each index "
-            "back, ecx_setbufstat(…, EC_BUF_EMPTY)");
+            "ecx_getindex(): other threads use all 16 frame indexes, and this thread has none: give each index back, "
+            "ecx_setbufstat(…, EC_BUF_EMPTY)");
         index = std::atomic_ref(port->lastidx).load() % EC_MAXBUF;
         refused_port = port;
         refused_index = index;
