@@ -9,14 +9,14 @@
 static char map[4096];
 
 static int wrong_fmmus(int slave) {
-    int n, wrong = 0, active = 0;
+    int n, wrong = 0, unused = 8;
     for (n = 0; n < 8; ++n) {
         ec_fmmut there, shown;
         memset(&there, 0, sizeof(there));
         memset(&shown, 0, sizeof(shown));
         ec_FPRD(ec_slave[slave].configadr, (uint16)(ECT_REG_FMMU0 + 16 * n), sizeof(there), &there, EC_TIMEOUTRET3);
         if (n < EC_MAXFMMU) shown = ec_slave[slave].FMMU[n];
-        if (there.FMMUactive) ++active;
+        if (!there.FMMUactive && n < unused) unused = n;
         if (!there.FMMUactive && !shown.FMMUactive) continue;
         if (memcmp(&there, &shown, 13) != 0) {
             printf("slave %d FMMU%d: %d octets at 0x%04x, shown are %d at 0x%04x\n", slave, n, there.LogLength,
@@ -24,17 +24,23 @@ static int wrong_fmmus(int slave) {
             ++wrong;
         }
     }
-    if (ec_slave[slave].FMMUunused != active) ++wrong;
+    if (ec_slave[slave].FMMUunused != (unused < EC_MAXFMMU ? unused : EC_MAXFMMU)) ++wrong;
     return wrong;
 }
 
+static int without_outputs(uint16 slave) {
+    uint8 none = 0;
+    return ec_SDOwrite(slave, 0x1C12, 0, FALSE, sizeof(none), &none, EC_TIMEOUTRXM);
+}
+
 int main(int argc, char** argv) {
-    int slave, wrong = 0, active = 0, refused = 0;
+    int slave, fmmu, wrong = 0, active = 0, refused = 0;
     if (argc != 2 || !ec_init(argv[1]) || ec_config_init(FALSE) < 2) return 2;
+    ec_slave[2].PO2SOconfig = without_outputs; /* the SII names FMMU0 for them */
     ec_config_map(map);
     for (slave = 1; slave <= ec_slavecount; ++slave) {
         wrong += wrong_fmmus(slave);
-        active += ec_slave[slave].FMMUunused;
+        for (fmmu = 0; fmmu < EC_MAXFMMU; ++fmmu) active += ec_slave[slave].FMMU[fmmu].FMMUactive;
     }
     ec_slave[0].state = EC_STATE_INIT;
     ec_writestate(0);
@@ -48,5 +54,5 @@ int main(int argc, char** argv) {
     }
     printf("%d FMMUs, %d slaves refused BOOT, %d wrong\n", active, refused, wrong);
     ec_close();
-    return wrong != 0 || active < 6 || refused != 2;
+    return wrong != 0 || active != 6 || refused != 2;
 }

@@ -58,11 +58,25 @@ std::uint16_t clock_of(ecx_contextt& context, Session& session, std::uint8_t gro
     return 0;
 }
 
+// The number that the library gives an FMMU: one that the SII names for this use, else one that it names as unused,
+// else any.
+int number_of_fmmu(const ec_slavet& s, const Slave& slave, FmmuUse use) {
+    for (const FmmuUse wanted : {use, FmmuUse::unused})
+        for (int n = 0; n < EC_MAXFMMU; ++n) {
+            const FmmuUse named = n < slave.fmmu_count ? slave.fmmu_use[static_cast<std::size_t>(n)] : FmmuUse::unused;
+            if (s.FMMU[n].FMMUactive == 0 && named == wanted) return n;
+        }
+    int n = 0;
+    while (n < EC_MAXFMMU && s.FMMU[n].FMMUactive != 0) ++n;
+    return n;
+}
+
 // An FMMU as the interface shows it. `bits` may be 0: no FMMU.
-void show_fmmu(ec_slavet& s, std::uint32_t start, std::uint32_t offset_bits, std::uint32_t bits, std::uint16_t physical,
-               bool outputs) {
-    if (bits == 0 || s.FMMUunused >= EC_MAXFMMU) return;
-    ec_fmmut& fmmu = s.FMMU[s.FMMUunused++];
+void show_fmmu(ec_slavet& s, const Slave& slave, std::uint32_t start, std::uint32_t offset_bits, std::uint32_t bits,
+               std::uint16_t physical, bool outputs) {
+    const int number = number_of_fmmu(s, slave, outputs ? FmmuUse::outputs : FmmuUse::inputs);
+    if (bits == 0 || number == EC_MAXFMMU) return;
+    ec_fmmut& fmmu = s.FMMU[number];
     const std::uint32_t last = offset_bits + bits - 1;
     fmmu = {};
     fmmu.LogStart = htoel(start + offset_bits / 8);
@@ -83,7 +97,8 @@ std::uint32_t sum(const Slave& slave, Direction direction) {
 }
 
 // The FMMUs of one direction, from this place in the image on. SyncManagers that follow each other in the image and in
-// the memory of the slave have one FMMU.
+// the memory of the slave have one FMMU. The end is that of the data, as the original shows it, also where the FMMU of
+// the chip ends with the octet.
 void show_fmmus(ec_slavet& s, const Slave& slave, Direction direction, std::uint32_t start, std::uint32_t place) {
     std::uint32_t begin = place;
     std::uint32_t end = place;
@@ -94,13 +109,13 @@ void show_fmmus(ec_slavet& s, const Slave& slave, Direction direction, std::uint
         const std::uint32_t at = first ? place : (end + 7) / 8 * 8;
         const bool follows = !first && at == end && (end - begin) % 8 == 0 && physical + (end - begin) / 8 == sm.start;
         if (!follows) {
-            show_fmmu(s, start, begin, end - begin, physical, direction == Direction::outputs);
+            show_fmmu(s, slave, start, begin, end - begin, physical, direction == Direction::outputs);
             begin = at;
             physical = sm.start;
         }
         end = at + sm.bits;
     }
-    show_fmmu(s, start, begin, end - begin, physical, direction == Direction::outputs);
+    show_fmmu(s, slave, start, begin, end - begin, physical, direction == Direction::outputs);
 }
 
 // How many slaves count in a direction. In the packed mode of SOEM 2.0 only slaves whose data ends an octet count.
@@ -367,6 +382,7 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
     s.FMMUunused = 0;
     if (out != 0) show_fmmus(s, slave, Direction::outputs, start, outputs.offset_bits);
     if (in != 0) show_fmmus(s, slave, Direction::inputs, start, inputs.offset_bits - shift);
+    while (s.FMMUunused < EC_MAXFMMU && s.FMMU[s.FMMUunused].FMMUactive != 0) ++s.FMMUunused;
 }
 
 int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes) {
