@@ -1,5 +1,6 @@
 // The start-up commands of EoE and AoE in an ENI.
 #include <margay/configuration.hpp>
+#include <margay/expected.hpp>
 
 #include "files/eni_write.hpp"
 #include "files/mail_commands.hpp"
