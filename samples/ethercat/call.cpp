@@ -122,6 +122,13 @@ Answer<std::vector<SlaveFacts>> Call::selected(Master& master) const {
     return found;
 }
 
+Answer<std::vector<SlaveFacts>> Call::some_selected(Master& master) const {
+    auto found = selected(master);
+    if (found && found->empty())
+        return Problem{fmt::format("{}: master {} has no slave", arguments_.command->name, master.index)};
+    return found;
+}
+
 Answer<SelectedSlave> Call::one_slave() {
     if (masters_.size() != 1)
         return Problem{fmt::format("{} works on one master, and {} are selected: use --master",

@@ -77,6 +77,8 @@ class Call {
 
     // The selected slaves of a master. A problem if no slave is selected, unless nothing was asked for.
     [[nodiscard]] Answer<std::vector<SlaveFacts>> selected(Master& master) const;
+    // The same for a command that changes them: a problem too if there is none.
+    [[nodiscard]] Answer<std::vector<SlaveFacts>> some_selected(Master& master) const;
     // The one slave of a command that needs one.
     [[nodiscard]] Answer<SelectedSlave> one_slave();
     // The number in an argument or an option, for example number("INDEX", word, 0xFFFF).

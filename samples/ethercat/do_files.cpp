@@ -118,7 +118,7 @@ int run_alias(Call& call) {
     const auto alias = Call::number("ALIAS", call.words()[0], 0xFFFF);
     if (!alias) return call.fail(alias.problem());
     return call.each_master([&](Master& master, Output& output) -> Answer<> {
-        const auto selected = call.selected(master);
+        const auto selected = call.some_selected(master);
         if (!selected) return selected.problem();
         if (selected->size() > 1 && !call.has("force"))
             return Problem{

@@ -65,7 +65,7 @@ Answer<> add_counters(const Call& call, Master& master, Output& output) {
 }
 
 Answer<> reset_counters(const Call& call, Master& master, Output& output) {
-    const auto selected = call.selected(master);
+    const auto selected = call.some_selected(master);
     if (!selected) return selected.problem();
     output.json["reset"] = nlohmann::ordered_json::array();
     return Call::each_slave(*selected, output, [&](const SlaveFacts& slave) -> Answer<> {

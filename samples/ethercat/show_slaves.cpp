@@ -270,7 +270,7 @@ int run_states(Call& call) {
         return call.fail({fmt::format("'{}' is no state: INIT, PREOP, BOOT, SAFEOP or OP", call.words()[0]),
                           samples::exit_code::kUsage});
     return call.each_master([&](Master& master, Output& output) -> Answer<> {
-        const auto selected = call.selected(master);
+        const auto selected = call.some_selected(master);
         if (!selected) return selected.problem();
         std::vector<std::uint16_t> positions;
         for (const SlaveFacts& slave : *selected) positions.push_back(slave.position);
