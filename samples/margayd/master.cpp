@@ -89,7 +89,7 @@ void Master::run(std::promise<std::string>& opened) {
         log(Priority::error, fmt::format("ends: {}", exception.what()));
         failed_ = true;
     }
-    if (brought_up_) note_left_slaves();
+    note_left_slaves();
     attach_.reset();
     if (companion_ != nullptr) companion_->end();
 }
@@ -136,8 +136,12 @@ std::string Master::open_here() {
 std::filesystem::path Master::left_file() const { return socket_ + ".left"; }
 
 void Master::note_left_slaves() const {
-    if (is_left_well_ && configuration_.end_state != AlState::safeop) return;
-    std::ofstream(left_file()) << configuration_.source << (is_left_well_ ? "\nSAFEOP\n" : "\n");
+    // A master that has brought up nothing leaves the slaves as the one before it did.
+    const bool in_safeop =
+        brought_up_ ? is_left_well_ && configuration_.end_state == AlState::safeop : was_left_in_safeop_;
+    const bool in_any_state = brought_up_ ? !is_left_well_ : is_ours_;
+    if (!in_safeop && !in_any_state) return;
+    std::ofstream(left_file()) << configuration_.source << (in_safeop ? "\nSAFEOP\n" : "\n");
 }
 
 void Master::read_left_slaves() {

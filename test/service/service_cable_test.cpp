@@ -74,6 +74,11 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
     auto margayd = service();
     expect_says(*margayd, "margayd: a: waiting: no slave answers\n");
     EXPECT_EQ(slaves(), "");
+    for (const std::string what : {"states OP", "alias 5", "crc reset"}) {
+        const auto none = folder.run(bin + "ethercat " + what + " --attach run/a.sock");
+        EXPECT_EQ(none.status, 1) << what << ": nothing was done";
+        EXPECT_TRUE(contains(none.err, ": master 0 has no slave\n")) << none.err;
+    }
     auto demo = segment();
     expect_says(*margayd, "a: 5 slaves found");
     expect_says(*margayd, "a: all is right: 5 slaves in OP");
@@ -162,6 +167,28 @@ TEST_F(ServiceOnCable, SlavesThatDidNotAnswerAtTheEndAreItsOwn) {
     margayd->terminate();
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
     EXPECT_EQ(folder.run("ls run").out, "") << "nothing is left: all slaves are in INIT";
+}
+
+// The one that follows a margayd that was killed finds no slave and ends: the next one still knows them.
+TEST_F(ServiceOnCable, SlavesOfAKilledServiceAreItsOwnAlsoAfterOneThatFoundNone) {
+    configure_cable("cycle_us = 20000\n");
+    auto demo = segment();
+    auto margayd = service();
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    margayd->send(SIGKILL);
+    (void)margayd->wait(kServicePatience);
+    command("break 1");
+    margayd = service();
+    expect_says(*margayd, "a: waiting: no slave answers");
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+    margayd = service();
+    expect_says(*margayd, "a: waiting: no slave answers");
+    command("heal all");
+    expect_says(*margayd, "a: all is right: 5 slaves in OP");
+    EXPECT_FALSE(contains(margayd->output(), "another master")) << margayd->output();
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
 }
 
 TEST_F(ServiceOnCable, SlavesThatWereLeftInSafeopAreItsOwnAlsoWithAnotherEndState) {
