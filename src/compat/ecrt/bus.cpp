@@ -16,6 +16,7 @@
 #include <map>
 #include <mutex>
 #include <system_error>
+#include <utility>
 
 namespace margay::compat::ecrt {
 namespace {
@@ -205,8 +206,10 @@ void Bus::report() {
         say_error(*this, error->code == Errc::missing_slave ? "waiting" : "error", *error);
     }
     std::vector<Failure> ended;
+    unsigned more = 0;
     {
         const std::lock_guard lock(failures.mutex);
+        more = std::exchange(failures.more, 0U);
         ended.assign(failures.list.begin(), failures.list.begin() + static_cast<std::ptrdiff_t>(failures.count));
         failures.count = 0;
     }
@@ -215,6 +218,7 @@ void Bus::report() {
             say("master %u: %s: its memory has less octets than are wanted, or none are", index, one.what.data());
         else
             say_error(*this, one.what.data(), one.error);
+    if (more != 0) say("master %u: %u more requests have failed at the same time", index, more);
 }
 
 Bus::~Bus() {

@@ -166,8 +166,9 @@ class Bus {
     // Until that thread says them. A thread that adds one does not wait for the others.
     struct Failures {
         std::mutex mutex;
-        std::array<Failure, 16> list;
+        std::array<Failure, 256> list;
         std::size_t count = 0;
+        unsigned more = 0;  // there was no room for them
     };
     Failures failures;
     Search search;

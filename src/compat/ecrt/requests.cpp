@@ -120,9 +120,15 @@ void note_failure(ec_slave_config& config, RequestLog& log, const Error& error, 
     const std::uint64_t reason = std::uint64_t{static_cast<std::uint32_t>(error.code)} << 32U | error.detail;
     if (log.said == reason) return;
     Bus::Failures& failures = config.bus.failures;
-    const std::unique_lock lock(failures.mutex, std::try_to_lock);
-    if (!lock.owns_lock() || failures.count == failures.list.size()) return;
+    std::unique_lock lock(failures.mutex, std::try_to_lock);
+    constexpr unsigned kTries = 1000;  // it is held while a reason is written, or the list is copied
+    for (unsigned n = 0; n < kTries && !lock.owns_lock(); ++n) (void)lock.try_lock();
+    if (!lock.owns_lock()) return;
     log.said = reason;
+    if (failures.count == failures.list.size()) {
+        ++failures.more;
+        return;
+    }
     Failure& failure = failures.list[failures.count++];
     failure.error = error;
     (void)std::snprintf(failure.what.data(), failure.what.size(), "configuration %u:%u: %s", config.alias,
@@ -362,6 +368,7 @@ ec_request_state_t ecrt_reg_request_state(const ec_reg_request_t* req) {
     if (last != Transfer::exchange) return shown_state(request, req->read, req->write, describe);
     const ec_request_state_t state = to_ec(req->exchange.state());
     const bool short_of = state == EC_REQUEST_SUCCESS && req->exchange.wkc != kExchanged;
+    if (state == EC_REQUEST_SUCCESS && !short_of) request.said = 0;
     if (state != EC_REQUEST_ERROR && !short_of) return state;
     const Error too_few{.code = Errc::working_counter, .expected = kExchanged, .actual = req->exchange.wkc};
     note_failure(request.config, request, short_of ? too_few : req->exchange.error(), describe().data());

@@ -59,8 +59,8 @@ struct RequestLog {
     std::atomic<std::uint64_t> said{0};  // the last reason; 0: none
 };
 
-// Gives the reason to the thread that reports (Bus::report_loop()). Does not wait: without room for it, the next call
-// does it. `what`: the request in words.
+// Gives the reason to the thread that reports (Bus::report_loop()). Does not wait: where other threads give reasons all
+// the time, the next call does it. `what`: the request in words.
 void note_failure(ec_slave_config& config, RequestLog& log, const Error& error, const char* what);
 
 // The state of a request that has one object of the library for reading and one for writing.

@@ -81,7 +81,7 @@ margay_ecrt_test(silent ecrt_silent sim:${folder}/silent.toml)
 
 margay_ecrt_test(said ecrt_said sim:drive,drive)
 set_tests_properties(compat/ecrt/said PROPERTIES
-  PASS_REGULAR_EXPRESSION "position 1: [^\n]*0x9999.*configuration 0:0: [^\n]*state 1 to state 8.*configuration 0:5: a request of.*position 5: [^\n]*missing.*0x0037.*configuration 0:0: SDO request 0x9998:02: .*configuration 0:0: register request, 0x0f80: its memory.*everything was said"
+  PASS_REGULAR_EXPRESSION "position 1: [^\n]*0x9999.*configuration 0:0: [^\n]*state 1 to state 8.*configuration 0:5: a request of.*position 5: [^\n]*missing.*0x0037.*configuration 0:0: SDO request 0x9998:02: .*SDO request 0x9000:17: .*0:0: register request, 0x0f80: its memory.*register request, 0x0f80: its memory.*everything was said"
   FAIL_REGULAR_EXPRESSION "slave [0-9];out of range;SDO request 0x9998.*SDO request 0x9998")
 
 # The same programs at a cable, with the segment in another process.
