@@ -18,6 +18,11 @@ bool is_place_of(const samples::EoeInterface& wanted, const Slave& slave) {
                         : slave.ring_position != 0 && slave.ring_position == *wanted.position + 1;
 }
 
+// Frames need the mailbox of the slave, and not that of BOOT.
+bool has_mail(const Slave& slave) {
+    return slave.al.state == AlState::preop || slave.al.state == AlState::safeop || slave.al.state == AlState::op;
+}
+
 }  // namespace
 
 // Empty: the slave gets no interface.
@@ -34,7 +39,7 @@ void Master::open_eoe() {
     has_eoe_line_.assign(ctx_->slaves().size(), false);
     for (const Slave& slave : ctx_->slaves()) {
         const auto name = eoe_name(slave);
-        if (name.empty()) continue;
+        if (name.empty() || !has_mail(slave)) continue;  // see open_late_eoe()
         has_eoe_line_[slave.number - 1U] = true;
         const auto shared = configuration_.eoe_named.empty() ? samples::shared_alias(slave, ctx_->slaves()) : "";
         if (!shared.empty()) log(Priority::warning, shared);
@@ -53,11 +58,11 @@ void Master::open_eoe() {
     companion_->take_lines(std::move(lines));
 }
 
-// Of slaves that have come since open_eoe(). A system call or two for each of them.
+// Of slaves that have come since open_eoe(), or that were not in PREOP then. A system call or two for each of them.
 void Master::open_late_eoe() {
     for (const Slave& slave : ctx_->slaves()) {
         if (slave.number > has_eoe_line_.size() || has_eoe_line_[slave.number - 1U]) continue;
-        if (slave.al.state == AlState::none || !samples::has_eoe(slave)) continue;
+        if (!has_mail(slave) || !samples::has_eoe(slave)) continue;
         const auto name = eoe_name(slave);
         if (!name.empty()) has_eoe_line_[slave.number - 1U] = companion_->open_line(*ctx_, slave, name);
     }
