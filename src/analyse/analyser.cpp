@@ -102,12 +102,6 @@ Analysis Analyser::finish() {
     if (analysis_.directions == Directions::requests_only || analysis_.directions == Directions::replies_only)
         forget_losses(analysis_);
     if (exchanges_.passes_twice()) forget_counters(analysis_);
-    if (exchanges_.replies_have_another_clock()) {
-        analysis_.replies_have_another_clock = true;
-        forget_losses(analysis_);
-        analysis_.frames.late = 0;
-        for (auto& cyclic : analysis_.cyclic) cyclic.late = 0;
-    }
     clocks_.finish();
     manners_.finish();
     for (const auto& track : slaves_.all()) name_slave(slaves_.facts(track), track);

@@ -250,8 +250,7 @@ struct Analysis {
     Directions directions = Directions::none;
     bool losses_known = true;   // false: the recording has only requests, only replies, or a part of a ring
     bool passes_twice = false;  // of a tap between slaves: cycles and working counters are not told
-    bool replies_have_another_clock = false;  // which is behind: losses and late replies are not told
-    bool ring = false;                        // of both NICs of a ring: the copies of a frame are counted as one frame
+    bool ring = false;          // of both NICs of a ring: the copies of a frame are counted as one frame
     std::optional<std::uint32_t> interface {};  // of the file, where two masters of the file have the same address
     FrameCounts frames{};
     MasterGuess master{};

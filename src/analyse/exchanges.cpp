@@ -15,8 +15,6 @@ using wire::Command;
 using namespace std::chrono_literals;
 
 constexpr Duration kEarly = 5us;         // a reply that is so much in front of its request belongs to it
-constexpr Duration kAhead = 1ms;         // a reply by another clock is not farther in front of its request
-constexpr Duration::rep kFarther = 8;    // and so many times farther behind the request that it was taken for
 constexpr auto kPatience = 20ms;         // a reply that takes longer is lost, at the end of a recording
 constexpr std::size_t kMostTurns = 256;  // numbers of process data that are remembered
 
@@ -183,7 +181,6 @@ std::uint64_t& Exchanges::turn_of(std::uint64_t process_data) {
 
 void Exchanges::request(Moment when, Bytes frame) {
     ++counts_.requests;
-    count_ahead(when, frame);
     KeptFrame kept{.when = when, .bytes = {frame.begin(), frame.end()}, .process_data = process_data_of(frame)};
     if (kept.process_data != 0) kept.turn = ++turn_of(kept.process_data);
     sent_(kept);
@@ -198,24 +195,6 @@ void Exchanges::request(Moment when, Bytes frame) {
     const Early answered = std::move(*early);
     early_replies_.erase(early);
     answer(pending_.size() - 1, answered.when, answered.bytes);
-}
-
-// A reply of which it is not clear that it belongs to the request before.
-void Exchanges::keep_odd_reply(Moment when, Bytes frame, Duration trip) {
-    if (trip < kAhead) return;
-    if (odd_replies_.size() >= kMostOdd) odd_replies_.pop_front();
-    odd_replies_.push_back({{when, {frame.begin(), frame.end()}}, trip});
-}
-
-void Exchanges::count_ahead(Moment when, Bytes request) {
-    while (!odd_replies_.empty() && odd_replies_.front().reply.when.at < when.at - kAhead) odd_replies_.pop_front();
-    const auto found = std::ranges::find_if(odd_replies_, [&](const Odd& one) {
-        return (when.at - one.reply.when.at) * kFarther < one.trip && same_sender(request, one.reply.bytes) &&
-               alike(request, one.reply.bytes);
-    });
-    if (found == odd_replies_.end()) return;
-    ++ahead_;
-    odd_replies_.erase(found);
 }
 
 // The youngest request with these datagrams, because a master repeats a lost request with the same index. An older one
@@ -249,7 +228,6 @@ void Exchanges::unasked(Moment when, Bytes frame) {
         sent_(self);
     } else {
         ++counts_.unasked;
-        keep_odd_reply(when, frame, Duration::max());
     }
     frame_(self, true, false);
     spread(nullptr, when, frame);
@@ -261,7 +239,6 @@ void Exchanges::answer(std::size_t pending, Moment when, Bytes frame) {
     const KeptFrame kept = std::move(pending_[pending]);
     pending_.erase(pending_.begin() + static_cast<std::ptrdiff_t>(pending));
     const auto trip = std::max(when.at - kept.when.at, Duration{0});
-    keep_odd_reply(when, frame, trip);
     if (trips_ == 0 || trip < counts_.shortest_trip) counts_.shortest_trip = trip;
     if (trips_ == 0 || trip > counts_.longest_trip) {
         counts_.longest_trip = trip;

@@ -50,17 +50,12 @@ class Exchanges {
     // Replies only, and nearly each frame comes again, with working counters that are as large or larger: behind some
     // slaves, and behind all.
     [[nodiscard]] bool passes_twice() const { return passes_twice_; }
-    // Most replies are shortly in front of a request with their datagrams, and long behind the request that they were
-    // taken for: the clock of their recorder is behind that of the requests.
-    [[nodiscard]] bool replies_have_another_clock() const { return ahead_ > kFewAhead && 2 * ahead_ > counts_.replies; }
     // The datagrams of a request, as of one without a reply.
     static void datagrams_of(const KeptFrame& request, const Listener& listener);
 
     static constexpr std::size_t kLook = 512;       // frames
     static constexpr std::size_t kPending = 256;    // a reply that comes behind this number of requests is not found
     static constexpr std::size_t kMostEarly = 256;  // replies in front of their requests
-    static constexpr std::size_t kMostOdd = 64;     // replies that may be those of a request to come
-    static constexpr std::uint64_t kFewAhead = 16;
 
   private:
     struct Early {
@@ -73,8 +68,6 @@ class Exchanges {
     void request(Moment when, Bytes frame);
     // False: it has no request.
     bool reply(Moment when, Bytes frame);
-    void keep_odd_reply(Moment when, Bytes frame, Duration trip);
-    void count_ahead(Moment when, Bytes request);
     void answer(std::size_t pending, Moment when, Bytes frame);
     void unasked(Moment when, Bytes frame);
     void keep_early_reply(Moment when, Bytes frame);
@@ -94,12 +87,6 @@ class Exchanges {
     bool passes_twice_ = false;
     std::deque<KeptFrame> pending_{};
     std::deque<Early> early_replies_{};  // their requests may come shortly behind them
-    struct Odd {
-        Early reply{};
-        Duration trip{};
-    };
-    std::deque<Odd> odd_replies_{};
-    std::uint64_t ahead_ = 0;
     std::map<std::uint64_t, std::uint64_t> turns_{};
     std::uint64_t trips_ = 0;
     std::optional<std::uint16_t> ring_{};

@@ -270,12 +270,6 @@ class Recording {
                     "each frame passes by twice: this is a tap between slaves; cycle times, working counters and "
                     "slaves without an answer are not told, and other counts are of both passes" +
                     (remark.empty() ? remark : "; " + remark);
-            if (analysis.replies_have_another_clock)
-                remark =
-                    "most replies are shortly before their requests, so they were taken for those of earlier requests: "
-                    "the clock of the replies' recorder is behind that of the requests; losses and late replies are "
-                    "not told, and round trips are wrong" +
-                    (remark.empty() ? remark : "; " + remark);
             analysis.remark = std::move(remark);
             analysis.interface = masters_.interface_of(n);
             if (analysis.interface && *analysis.interface < interfaces_.size())

@@ -182,36 +182,6 @@ TEST_F(AnalyseFile, ATapHasAnInterfaceForEachDirection) {
     EXPECT_FALSE(a.interface);
 }
 
-// The same index comes again after 256 frames.
-TEST_F(AnalyseFile, RepliesOfATapWhoseClockIsBehindAreNamed) {
-    for (const Duration behind : {0us, 25us, 100us, 230us, 500us}) {
-        auto packets = cycles_of(1, 1s, 1ms, 1000);
-        for (auto& p : packets)
-            if ((p.bytes[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}) {
-                p.origin.interface = 1;
-                p.at -= behind;
-            }
-        const auto a = analyse_file(pcapng(in_order(packets)));
-        EXPECT_EQ(a.frames.lost + a.frames.late, 0U) << behind.count();
-        EXPECT_EQ(a.losses_known, behind <= 25us) << behind.count();
-        EXPECT_EQ(a.remark.find("the clock of the replies' recorder is behind") != std::string::npos, behind > 25us)
-            << behind.count() << a.remark;
-    }
-}
-
-// One index for all frames: the next request may come soon behind a reply.
-TEST_F(AnalyseFile, ALongRoundTripIsNoClockThatIsBehind) {
-    std::vector<Packet> packets;
-    for (int n = 0; n < 200; ++n) {
-        packets.push_back({2ms * n, cycle_frame(1, false, 0)});
-        packets.push_back({2ms * n + 1700us, cycle_frame(1, true, 0)});
-    }
-    const auto a = analyse_file(pcapng(packets));
-    EXPECT_EQ(a.remark, "");
-    EXPECT_TRUE(a.losses_known);
-    EXPECT_EQ(a.frames.longest_trip, 1700us);
-}
-
 // Each file of two that were put one behind the other is in order: nothing has to be sorted.
 TEST_F(AnalyseFile, TheFilesOfTwoMastersOneBehindTheOther) {
     const auto a = analyse_file(pcap(cycles_of(1, 50ms, 1ms, 40) + cycles_of(2, 0us, 2ms, 20)));
