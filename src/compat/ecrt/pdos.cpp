@@ -234,7 +234,8 @@ std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
         if (known->unread.code != Errc::none)
             known->unread.slave = present.number;  // also where the library names none
     }
-    if (known->unread.code == Errc::wrong_state)
+    const bool is_settling = known->unread.code == Errc::wrong_state && known->unread.step == Step::discover_pdos;
+    if (is_settling)
         say("master %u: position %d: it is configured, and its PDOs can be asked for when it has reached SAFEOP",
             bus.index, slave.ring_position - 1);
     else if (known->unread.code != Errc::none)
