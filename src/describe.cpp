@@ -100,6 +100,8 @@ bool is_without_place(const Error& e) {
         case Errc::not_polled:
         case Errc::waiting_forbidden:
         case Errc::in_callback:
+        case Errc::timeout:
+        case Errc::capacity:
         case Errc::canceled: return true;
         default: return e.slave == 0;
     }

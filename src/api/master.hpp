@@ -59,7 +59,7 @@ struct ContextAccess {
 
 // For a request for a scan or a mapping: adds the warning configuration_lost if the application has set `config` or
 // `hooks` of a slave, or `config` of a group, that does not exist: too early, or with a wrong number. For the owner,
-// where it accepts the request, whichever thread has submitted it.
+// where the request begins, whichever thread has submitted it.
 void note_lost_wishes(Request& request);
 
 // For functions that wait: returns an error if waiting is not allowed; otherwise submits the request and waits for its

@@ -54,7 +54,6 @@ void insert(RequestQueue& queue, Request& request) {
 }
 
 void accept(RequestQueue& queue, Request& request, Time now) {
-    note_lost_wishes(request);
     if (request.timeout > Duration{0}) RequestAccess::deadline(request) = later(now, request.timeout);
     RequestAccess::take(request);
     // cancel() may have been called before the request had its place in the queue.
@@ -261,6 +260,7 @@ bool begin(Master& master, Request& request) {
     }
     const TaskReference task = drive(master, request);
     if (!task) return false;
+    note_lost_wishes(request);
     RequestAccess::sequence(request) = task;
     (void)master.network.requests.start(task);
     return true;

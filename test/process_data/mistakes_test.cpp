@@ -68,6 +68,28 @@ TEST_F(Mistakes, WishesThatTheScanOfAnotherThreadDeletesAreWarnedOf) {
     EXPECT_EQ(all(ctx->warnings()).size(), 1U);
 }
 
+// It has deleted nothing.
+TEST_F(Mistakes, AScanThatDoesNotBeginWarnsOfNothing) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ctx->slave(2).config.highest = AlState::preop;
+    (void)all(ctx->warnings());
+    ScanRequest scan;
+    std::thread([&] { EXPECT_TRUE(submit(*ctx, scan).ok()); }).join();
+    scan.cancel();
+    EXPECT_EQ(wait(*ctx, scan).error().code, Errc::canceled);
+    EXPECT_EQ(ctx->slave(2).config.highest, AlState::preop);
+    EXPECT_TRUE(all(ctx->warnings()).empty());
+}
+
+// The word was not said yet.
+TEST(DescribeUnbegun, ARequestThatHasNotBegunNamesNoPlace) {
+    std::array<char, 256> text{};
+    for (const Step step : {Step::read_sii, Step::sdo_upload, Step::read_register})
+        for (const Errc code : {Errc::timeout, Errc::capacity, Errc::canceled})
+            EXPECT_EQ(describe({.code = code, .step = step, .slave = 2}, text).find("0x0000"), std::string_view::npos)
+                << describe({.code = code, .step = step, .slave = 2}, text);
+}
+
 // A retry of config_init() after config_map() has failed: the slaves start without their hooks and settings.
 TEST_F(Mistakes, WishesThatASecondScanDeletesAreWarnedOf) {
     SlaveConfiguration listed;
