@@ -2,6 +2,7 @@
 #include <margay/files/esi.hpp>
 #include <margay/host_configuration.hpp>
 
+#include "files/esi_types.hpp"
 #include "files/mail_commands.hpp"
 #include "files/modules.hpp"
 #include "files/xml.hpp"
@@ -101,8 +102,9 @@ class Configurator {
         // Its name is one of the device: the control octet says what it is.
         for (std::size_t n = 0; n < device_.sync_managers.size(); ++n) {
             const EsiSyncManager& sm = device_.sync_managers[n];
-            const bool mailbox = sm.type == SmType::mailbox_out || sm.type == SmType::mailbox_in;
-            if (!mailbox && sm.direction() == direction) return static_cast<std::uint8_t>(n);
+            const bool is_mailbox = (sm.control & 0x03) == 0x02;
+            const bool has_own_name = sm.type == SmType::unused && !same_word(sm.use, kUnusedSm);
+            if (has_own_name && !is_mailbox && sm.direction() == direction) return static_cast<std::uint8_t>(n);
         }
         return std::nullopt;
     }

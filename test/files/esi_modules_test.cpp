@@ -163,6 +163,8 @@ TEST(EsiModules, PdosWithoutSyncManagerHaveTheUsualOneOrAreAnError) {
     replace(R"( Sm="3")", "");
     replace(">Outputs<", ">MyOut<");
     replace(">Inputs<", ">MyIn<");
+    replace(">MBoxOut<", ">MyMailOut<");
+    replace(">MBoxIn<", ">MyMailIn<");
     HostConfiguration owner;
     const auto esi = read_esi(text);
     ASSERT_TRUE(esi) << to_text(esi.problem);
