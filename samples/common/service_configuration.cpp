@@ -234,7 +234,7 @@ class FileReader {
             std::string path;
             if (const auto fault = reader_.text(*node, "eni", path)) return note(fault);
             if (path.empty()) return note(reader_.at(*node, "'eni' is empty"));
-            m.eni = path.empty() ? fs::path() : file_.parent_path() / path;
+            m.eni = file_.parent_path() / path;
             if (!whole_) return;
             auto content = regular_file(m.eni, files::kMostFileBytes);
             if (content.octets.empty() && content.error.empty()) content.error = m.eni.string() + ": the file is empty";

@@ -149,16 +149,14 @@ class Recording {
 
     void find_masters() {
         RingEvidence ring;
-        Order order;
         read_packets([&](const Taken& t, Bytes frame) {
             if (frame.empty()) return;
-            order.look(t.when);
+            order_.look(t.when);
             masters_.look(frame, twins_.common(t.origin.interface));
             ring.look(t.origin, t.when.at, t.bytes);
             signs_.look(t.origin, t.when.at, t.bytes);
         });
         masters_.decide();
-        in_order_ = order.steps_back == 0;
         sight_ = signs_.decide();
         const auto evidence = ring.decide();
         is_ring_ = evidence == RingSigns::Sight::whole;
@@ -189,19 +187,16 @@ class Recording {
     Analysis analyse_ring() {
         Analyser analyser;
         RingCopies ring([&](Moment when, Bytes packet, std::size_t length) { analyser.packet(when, packet, length); });
-        Order order;
         const auto take = [&](const Taken& t) { ring.packet(t.origin, t.when, t.bytes, t.length_on_wire); };
-        const auto every = [&](const Taken& t, std::optional<std::size_t>) {
-            order.look(t.when);
-            return true;
-        };
-        const bool sorted = !in_order_ && read_sorted(every, take);
+        const auto every = [](const Taken&, std::optional<std::size_t>) { return true; };
+        const bool in_order = order_.steps_back == 0;
+        const bool sorted = !in_order && read_sorted(every, take);
         if (!sorted) read([&](const Taken& t, std::optional<std::size_t>) { take(t); });
         ring.finish();
         auto analysis = analyser.finish();
         analysis.ring = true;
-        if (!in_order_)
-            analysis.remark = order_text(order.steps_back, order.first) + (sorted ? sorted_text() : unsorted_text());
+        if (!in_order)
+            analysis.remark = order_text(order_.steps_back, order_.first) + (sorted ? sorted_text() : unsorted_text());
         return analysis;
     }
 
@@ -387,7 +382,7 @@ class Recording {
     FrameFinder finder_{};
     Masters masters_{};
     bool is_ring_ = false;
-    bool in_order_ = true;  // of time, the EtherCAT packets
+    Order order_{};  // of the EtherCAT packets
     RingSigns signs_{};
     RingSigns::Sight sight_ = RingSigns::Sight::none;
     bool too_many_ = false;  // packets of a ring without directions
