@@ -154,7 +154,7 @@ TEST_F(EthercatCompletion, OffersCommandsOptionsValuesAndFiles) {
     EXPECT_EQ(offered("ethercat foe", 1), "foe_read foe_write");
     EXPECT_EQ(offered("ethercat slaves --pos", 2), "--position");
     EXPECT_EQ(offered("ethercat rescan --pos", 2), "") << "rescan selects no slaves";
-    EXPECT_EQ(offered("ethercat analyse --ver", 2), "--verbose");
+    EXPECT_EQ(offered("ethercat analyse --ver", 2), "--verbose --version");
     EXPECT_EQ(offered("ethercat analyse --so", 2), "") << "analyse takes no SOURCE";
     EXPECT_EQ(offered("ethercat upload -t ui", 3), "uint8 uint16 uint32 uint64");
     EXPECT_EQ(offered("ethercat pdos --skin ''", 3), "default etherlab");
