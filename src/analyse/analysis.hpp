@@ -66,7 +66,7 @@ struct FrameCounts {
     std::uint64_t open = 0;      // requests whose reply may come behind the end of the recording; 0 as `lost`
     std::uint64_t late = 0;     // replies behind the next request with the same process data, without overlapping kinds
     std::uint64_t unasked = 0;  // replies without a request
-    Duration shortest_trip{};   // between request and reply; all 0: not seen
+    Duration shortest_trip{};   // between request and reply; all 0: not known
     Duration longest_trip{};
     Moment longest_trip_at{};
 };

@@ -76,6 +76,8 @@ bool has_datagrams(Bytes frame) {
     return datagrams != 0 && (reader.fault() == wire::FrameFault::none || reader.fault() == wire::FrameFault::trailing);
 }
 
+bool is_marked(Bytes frame) { return (frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}; }
+
 bool is_untouched(Bytes frame) {
     wire::DatagramReader reader(frame);
     while (const auto d = reader.next())

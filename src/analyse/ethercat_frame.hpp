@@ -29,6 +29,8 @@ class FrameFinder {
 // Whether it has this type, and its datagrams can be read. Masters may announce more octets than their datagrams have;
 // slaves and we accept that.
 [[nodiscard]] bool has_datagrams(Bytes frame);
+// Whether the first slave has marked the source address.
+[[nodiscard]] bool is_marked(Bytes frame);
 // Whether all working counters are 0.
 [[nodiscard]] bool is_untouched(Bytes frame);
 

@@ -18,7 +18,8 @@ constexpr Duration kEarly = 5us;         // a reply that is so much in front of 
 constexpr auto kPatience = 20ms;         // a reply that takes longer is lost, at the end of a recording
 constexpr std::size_t kMostTurns = 256;  // numbers of process data that are remembered
 
-bool marked(Bytes frame) { return (frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}; }
+constexpr std::uint64_t kNothing = 0xCBF29CE484222325;  // FNV-1a
+constexpr std::uint64_t kPrime = 0x100000001B3;
 
 bool writes(Command c) { return c == Command::APWR || c == Command::FPWR || c == Command::BWR || c == Command::LWR; }
 
@@ -55,9 +56,24 @@ bool is_process_data(const wire::DatagramHeader& header) {
            header.address.ado() == wire::reg::kSystemTime.address;
 }
 
+std::uint64_t content_of(Bytes frame) {
+    std::uint64_t hash = kNothing;
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next()) {
+        const auto& header = d->header;
+        for (const std::uint64_t part :
+             {std::uint64_t{static_cast<std::uint8_t>(header.command)}, std::uint64_t{header.index},
+              std::uint64_t{header.length}, std::uint64_t{header.address.ado()},
+              std::uint64_t{wire::counts_position(header.command) ? 0 : header.address.value}})
+            hash = (hash ^ part) * kPrime;
+        if (!writes(header.command)) continue;
+        for (const auto octet : d->data) hash = (hash ^ std::to_integer<std::uint64_t>(octet)) * kPrime;
+    }
+    return hash;
+}
+
 std::uint64_t process_data_of(Bytes frame) {
-    constexpr std::uint64_t kPrime = 0x100000001B3;
-    std::uint64_t hash = 0xCBF29CE484222325;
+    std::uint64_t hash = kNothing;
     bool any = false;
     wire::DatagramReader reader(frame);
     while (const auto d = reader.next()) {
@@ -110,7 +126,7 @@ bool Exchanges::come_again() const {
 void Exchanges::decide() {
     decided_ = true;
     const auto count =
-        static_cast<std::size_t>(std::ranges::count_if(early_, [](const Early& e) { return marked(e.bytes); }));
+        static_cast<std::size_t>(std::ranges::count_if(early_, [](const Early& e) { return is_marked(e.bytes); }));
     if (early_.empty())
         directions_ = Directions::none;
     else if (count == 0)
@@ -150,7 +166,7 @@ void Exchanges::place(Moment when, Bytes frame) {
             if (reply(when, frame)) return;
             return is_untouched(frame) ? request(when, frame) : keep_early_reply(when, frame);
         default:
-            if (!marked(frame)) return request(when, frame);
+            if (!is_marked(frame)) return request(when, frame);
             if (directions_ == Directions::requests_only) directions_ = Directions::marked;
             if (!reply(when, frame)) keep_early_reply(when, frame);
     }

@@ -95,6 +95,8 @@ class Exchanges {
 // The number for the datagrams of process data of a frame, 0 without: the same commands, logical addresses and lengths
 // give the same number. Frames that only distribute a clock count too.
 [[nodiscard]] std::uint64_t process_data_of(Bytes frame);
+// A number for what a request and its reply have in common: commands, indices, lengths, addresses and written data.
+[[nodiscard]] std::uint64_t content_of(Bytes frame);
 [[nodiscard]] bool is_process_data(const wire::DatagramHeader& header);
 
 }  // namespace margay::analyse

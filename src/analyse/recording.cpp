@@ -3,6 +3,7 @@
 #include "analyse/analyser.hpp"
 #include "analyse/ethercat_frame.hpp"
 #include "analyse/masters.hpp"
+#include "analyse/reply_clock.hpp"
 #include "analyse/ring_copies.hpp"
 #include "analyse/ring_evidence.hpp"
 #include "analyse/ring_signs.hpp"
@@ -251,7 +252,8 @@ class Recording {
             const auto& analyser = *analysers[n];
             auto analysis = analysers[n]->finish();
             std::string remark;
-            if (analyser.steps_back() != 0) {
+            const bool in_order = analyser.steps_back() == 0;
+            if (!in_order) {
                 const auto text = order_text(analyser.steps_back(), analyser.first_step_back());
                 if (auto sorted = analyse_sorted(n)) {
                     analysis = std::move(*sorted);
@@ -259,6 +261,10 @@ class Recording {
                 } else {
                     remark = text + unsorted_text();
                 }
+            }
+            if (auto moved = with_later_replies(n, analysis, in_order)) {
+                analysis = std::move(*moved);
+                remark = analysis.remark + (remark.empty() ? remark : "; " + remark);
             }
             if (analysis.passes_twice)
                 remark =
@@ -282,6 +288,45 @@ class Recording {
                         [&](const Taken& t) { analyser.packet(t.when, t.bytes, t.length_on_wire); });
         if (!fits) return std::nullopt;
         return analyser.finish();
+    }
+
+    // nullopt: there is no sign that the replies of this master have a clock that is behind.
+    std::optional<Analysis> with_later_replies(std::size_t master, const Analysis& as_recorded, bool in_order) {
+        constexpr std::uint64_t kFew = 8;
+        constexpr std::uint64_t kFewer = 4;  // so many times fewer is far better
+        if (as_recorded.directions != Directions::marked || unmatched(as_recorded.frames) < kFew) return std::nullopt;
+        ReplyClock clock;
+        read([&](const Taken& t, std::optional<std::size_t> of) {
+            if (of == master) clock.look(t.when.at, finder_.find(t.bytes)->bytes);
+        });
+        const auto behind = clock.behind();
+        if (!behind) return std::nullopt;
+        Analyser analyser;
+        LaterReplies later(analyser, *behind);
+        const auto is_one = [&](const Taken&, std::optional<std::size_t> of) { return of.value_or(0) == master; };
+        const auto take = [&](const Taken& t) {
+            const auto frame = finder_.find(t.bytes);
+            const bool reply = frame && has_datagrams(frame->bytes) && is_marked(frame->bytes);
+            later.packet(t.when, t.bytes, t.length_on_wire, reply);
+        };
+        if (in_order)
+            read([&](const Taken& t, std::optional<std::size_t> of) {
+                if (is_one(t, of)) take(t);
+            });
+        else if (!read_sorted(is_one, take))
+            return std::nullopt;
+        later.finish();
+        auto analysis = analyser.finish();
+        auto& frames = analysis.frames;
+        if (unmatched(frames) * kFewer > unmatched(as_recorded.frames)) return std::nullopt;
+        frames.shortest_trip = frames.longest_trip = {};
+        frames.longest_trip_at = {};
+        analysis.remark =
+            "replies are stamped before their requests, as by a clock that is behind or not exact: the replies were "
+            "moved by " +
+            std::to_string(*behind / std::chrono::microseconds(1)) +
+            " us, so that they follow their requests; round trips are not known";
+        return analysis;
     }
 
     // The EtherCAT packets that `is_one` chooses, in order of time. False: they are too many.

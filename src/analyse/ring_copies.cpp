@@ -33,8 +33,6 @@ std::array<std::byte, 6> source_of(Bytes packet) {
     return mac;
 }
 
-bool is_marked(Bytes packet) { return (packet[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}; }
-
 // Whether the packets can be copies of one frame, or replies to them. The time of a reference clock travels in one copy
 // only: its datagram has another command in the other one. Copies have other positions.
 bool are_of_one_frame(Bytes a, Bytes b) {

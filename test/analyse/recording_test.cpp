@@ -182,6 +182,82 @@ TEST_F(AnalyseFile, ATapHasAnInterfaceForEachDirection) {
     EXPECT_FALSE(a.interface);
 }
 
+std::vector<Packet> with_replies_behind(std::vector<Packet> packets, Duration behind) {
+    for (auto& p : packets)
+        if ((p.bytes[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}) {
+            p.origin.interface = 1;
+            p.at -= behind;
+        }
+    return in_order(std::move(packets));
+}
+
+constexpr std::string_view kMoved = "replies are stamped before their requests";
+
+// The same index comes again after 256 frames.
+TEST_F(AnalyseFile, RepliesOfATapWhoseClockIsBehindAreMoved) {
+    for (const Duration behind : {0us, 25us, 100us, 230us, 500us, 5500us, 20'000us}) {
+        const auto a = analyse_file(pcapng(with_replies_behind(cycles_of(1, 1s, 1ms, 1000), behind)));
+        expect_cycle(a, 1ms, 1000);
+        EXPECT_TRUE(a.losses_known);
+        EXPECT_EQ(a.frames.open, 0U) << behind.count();
+        EXPECT_EQ(a.remark.starts_with(kMoved), behind > 25us) << behind.count() << a.remark;
+        EXPECT_EQ(a.frames.longest_trip, behind > 25us ? 0us : 30us - behind) << behind.count();
+    }
+}
+
+// Replies of two lengths of time, some of which are in front of their requests.
+TEST_F(AnalyseFile, RepliesOfWhichSomeAreBeforeTheirRequests) {
+    auto packets = cycles_of(1, 1s, 1ms, 1000);
+    for (std::size_t n = 1; n < packets.size(); n += 8) packets[n].at += 50us;
+    const auto a = analyse_file(pcapng(with_replies_behind(packets, 60us)));
+    expect_cycle(a, 1ms, 1000);
+    EXPECT_TRUE(a.remark.starts_with(kMoved)) << a.remark;
+}
+
+TEST_F(AnalyseFile, LossesBesideAClockThatIsBehindAreTold) {
+    auto packets = cycles_of(1, 1s, 1ms, 1000);
+    for (const std::size_t cycle : {900U, 500U, 499U, 20U})
+        packets.erase(packets.begin() + static_cast<std::ptrdiff_t>(2 * cycle + 1));
+    const auto a = analyse_file(pcapng(with_replies_behind(packets, 200us)));
+    EXPECT_TRUE(a.remark.starts_with(kMoved)) << a.remark;
+    EXPECT_EQ(a.frames.replies, 996U);
+    EXPECT_EQ(a.frames.lost, 4U);
+    EXPECT_EQ(a.frames.late + a.frames.unasked, 0U);
+}
+
+// A master that waits for each reply, and sends the next request soon behind it.
+TEST_F(AnalyseFile, ALongRoundTripIsNoClockThatIsBehind) {
+    for (const unsigned indices : {1U, 3U, 256U})
+        for (const Duration trip : {300us, 1500us, 1990us})
+            for (const bool loses : {false, true}) {
+                std::vector<Packet> packets;
+                for (unsigned n = 0; n < 400; ++n) {
+                    const auto index = static_cast<std::uint8_t>(n % indices);
+                    packets.push_back({2ms * n, cycle_frame(1, false, index)});
+                    if (!loses || n % 40 != 20) packets.push_back({2ms * n + trip, cycle_frame(1, true, index)});
+                }
+                const auto a = analyse_file(pcapng(packets));
+                EXPECT_EQ(a.remark, "") << indices << " " << trip.count();
+                EXPECT_TRUE(a.losses_known);
+                EXPECT_EQ(a.frames.lost, loses ? 10U : 0U) << indices << " " << trip.count();
+                EXPECT_EQ(a.frames.longest_trip, trip);
+            }
+}
+
+// The recorder has missed requests and replies.
+TEST_F(AnalyseFile, PacketsThatTheRecorderHasMissedAreNoClockThatIsBehind) {
+    std::vector<Packet> packets;
+    for (int n = 0; n < 400; ++n) {
+        const auto index = static_cast<std::uint8_t>(n);
+        if (n % 20 != 7) packets.push_back({2ms * n, cycle_frame(1, false, index)});
+        if (n % 20 != 13) packets.push_back({2ms * n + 1900us, cycle_frame(1, true, index)});
+    }
+    const auto a = analyse_file(pcapng(packets));
+    EXPECT_EQ(a.remark, "");
+    EXPECT_EQ(a.frames.lost + a.frames.open, 20U);
+    EXPECT_EQ(a.frames.unasked, 20U);
+}
+
 // Each file of two that were put one behind the other is in order: nothing has to be sorted.
 TEST_F(AnalyseFile, TheFilesOfTwoMastersOneBehindTheOther) {
     const auto a = analyse_file(pcap(cycles_of(1, 50ms, 1ms, 40) + cycles_of(2, 0us, 2ms, 20)));
