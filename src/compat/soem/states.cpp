@@ -26,16 +26,16 @@ bool read_all(Session& session) {
     return read.ok() || !is_silent(read.error());
 }
 
-// Before the first scan the slaves are not known, and a broadcast asks them: their AL status combined by OR, and the
-// code. Nothing: there was a scan.
+// Before a scan has shown slaves to the program, or when it has found too many, a broadcast asks them: their AL status
+// combined by OR, and the code. Nothing: there are slaves of a scan.
 struct Broadcast {
     std::uint16_t state = EC_STATE_NONE;
     std::uint16_t code = 0;
 };
-std::optional<Broadcast> ask_unknown(Session& session) {
+std::optional<Broadcast> ask_unknown(ecx_contextt& context, Session& session) {
     {
         const Session::Guard guard(session);
-        if (!session.context().slaves().empty()) return std::nullopt;
+        if (slave_count(context) > 0 && !session.context().slaves().empty()) return std::nullopt;
     }
     std::array<std::byte, 6> octets{};
     const int wkc = session.exchange(DatagramCommand::brd, address_of(0, ECT_REG_ALSTAT), octets, us(EC_TIMEOUTRET));
@@ -91,7 +91,7 @@ extern "C" {
 int ecx_readstate(ecx_contextt* context) {
     const Pinned session = session_of(context);
     if (session == nullptr) return EC_STATE_NONE;
-    if (const auto all = ask_unknown(*session)) {
+    if (const auto all = ask_unknown(*context, *session)) {
         const Session::Guard guard(*session);
         show_all(*context, *all);
         return all->state & 0xF;
@@ -125,7 +125,7 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
         value = slaves_of(*context)[slave].state;
         station = slave == 0 ? std::uint16_t{0} : slaves_of(*context)[slave].configadr;
         slaves = slave_count(*context);
-        known = session->slave(1).number == 1 && slave <= slaves;
+        known = slaves > 0 && session->slave(1).number == 1 && slave <= slaves;
     }
     const auto state = static_cast<margay::AlState>(value & 0xF);
     // In a hook the request would wait for the configuration whose part the hook is.
@@ -163,7 +163,7 @@ uint16 ecx_statecheck(ecx_contextt* context, uint16 slave, uint16 reqstate, int 
     ec_slavet& asked = slaves_of(*context)[slave];
     const margay::Time until = margay::later(session->now(), us(timeout));
     for (;;) {
-        const auto unknown = slave == 0 ? ask_unknown(*session) : std::nullopt;
+        const auto unknown = slave == 0 ? ask_unknown(*context, *session) : std::nullopt;
         const bool answered = unknown || read_all(*session);
         std::uint16_t low = 0;
         {
