@@ -18,6 +18,12 @@ struct Scratch {
     ec_eepromFMMUt fmmu;
 } scratch;
 
+void clear(ecx_contextt& context) {
+    *context.slavecount = 0;
+    std::memset(static_cast<void*>(context.slavelist), 0, sizeof(ec_slavet) * static_cast<size_t>(context.maxslave));
+    std::memset(static_cast<void*>(context.grouplist), 0, sizeof(ec_groupt) * static_cast<size_t>(context.maxgroup));
+}
+
 }  // namespace
 
 extern "C" {
@@ -63,9 +69,13 @@ int ecx_config_init(ecx_contextt* context, uint8 usetable) {
 }
 
 void ecx_init_context(ecx_contextt* context) {
-    *context->slavecount = 0;
-    std::memset(static_cast<void*>(context->slavelist), 0, sizeof(ec_slavet) * static_cast<size_t>(context->maxslave));
-    std::memset(static_cast<void*>(context->grouplist), 0, sizeof(ec_groupt) * static_cast<size_t>(context->maxgroup));
+    if (context->port == nullptr) return clear(*context);
+    const Pinned session = session_of(context);
+    if (session == nullptr) return clear(*context);
+    const auto configuring = session->lock_configuring();
+    const auto eeproms = session->lock_eeproms();
+    const Session::Guard guard(*session);
+    clear(*context);
 }
 
 int ecx_detect_slaves(ecx_contextt* context) {
