@@ -15,8 +15,9 @@ static int wrong_fmmus(int slave) {
         memset(&there, 0, sizeof(there));
         memset(&shown, 0, sizeof(shown));
         ec_FPRD(ec_slave[slave].configadr, (uint16)(ECT_REG_FMMU0 + 16 * n), sizeof(there), &there, EC_TIMEOUTRET3);
-        if (n < EC_MAXFMMU) shown = ec_slave[slave].FMMU[n];
         if (!there.FMMUactive && n < unused) unused = n;
+        if (n >= EC_MAXFMMU) continue;
+        shown = ec_slave[slave].FMMU[n];
         if (!there.FMMUactive && !shown.FMMUactive) continue;
         if (memcmp(&there, &shown, 13) != 0) {
             printf("slave %d FMMU%d: %d octets at 0x%04x, shown are %d at 0x%04x\n", slave, n, there.LogLength,
@@ -33,9 +34,17 @@ static int without_outputs(uint16 slave) {
     return ec_SDOwrite(slave, 0x1C12, 0, FALSE, sizeof(none), &none, EC_TIMEOUTRXM);
 }
 
+/* Names FMMU0 for inputs and FMMU1 for the status of mailboxes: the FMMUs for outputs then are FMMU5 and FMMU6, for
+   which the interface has no room. */
+static int name_fmmus(uint16 slave) {
+    const int at = ecx_siifind(&ecx_context, slave, ECT_SII_FMMU);
+    return at > 0 && ec_writeeeprom(slave, (uint16)(at / 2 + 1), 0x0302, EC_TIMEOUTEEP) > 0 ? 0 : 1;
+}
+
 int main(int argc, char** argv) {
     int slave, fmmu, wrong = 0, active = 0, refused = 0;
-    if (argc != 2 || !ec_init(argv[1]) || ec_config_init(FALSE) < 2) return 2;
+    if (argc != 2 || !ec_init(argv[1]) || ec_config_init(FALSE) < 4) return 2;
+    if (name_fmmus(4) != 0 || ec_config_init(FALSE) < 4) return 2;
     ec_slave[2].PO2SOconfig = without_outputs; /* the SII names FMMU0 for them */
     ec_config_map(map);
     for (slave = 1; slave <= ec_slavecount; ++slave) {
@@ -54,5 +63,5 @@ int main(int argc, char** argv) {
     }
     printf("%d FMMUs, %d slaves refused BOOT, %d wrong\n", active, refused, wrong);
     ec_close();
-    return wrong != 0 || active != 6 || refused != 2;
+    return wrong != 0 || active != 8 || refused != 3;
 }

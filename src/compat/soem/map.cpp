@@ -1,6 +1,8 @@
 // Mapping a group: computes the sizes, places and pointers of the interface from the mapping of the library.
 #include "compat/soem/facade.hpp"
+#include "wire/esc.hpp"
 
+#include <bitset>
 #include <vector>
 
 namespace margay::soem {
@@ -58,35 +60,56 @@ std::uint16_t clock_of(ecx_contextt& context, Session& session, std::uint8_t gro
     return 0;
 }
 
-// The number that the library gives an FMMU: one that the SII names for this use, else one that it names as unused,
-// else any.
-int number_of_fmmu(const ec_slavet& s, const Slave& slave, FmmuUse use) {
-    for (const FmmuUse wanted : {use, FmmuUse::unused})
-        for (int n = 0; n < EC_MAXFMMU; ++n) {
-            const FmmuUse named = n < slave.fmmu_count ? slave.fmmu_use[static_cast<std::size_t>(n)] : FmmuUse::unused;
-            if (s.FMMU[n].FMMUactive == 0 && named == wanted) return n;
-        }
-    int n = 0;
-    while (n < EC_MAXFMMU && s.FMMU[n].FMMUactive != 0) ++n;
-    return n;
-}
+// The FMMUs of a slave, with the numbers that the library gives them: one that the SII names for this use, else one
+// that it names as unused, else any. The interface has room for the first of them.
+class ShownFmmus {
+  public:
+    ShownFmmus(ec_slavet& s, const Slave& slave, std::uint32_t start) : s_(s), slave_(slave), start_(start) {
+        std::fill_n(s.FMMU, EC_MAXFMMU, ec_fmmut{});
+        const bool is_read = !slave.place_kept && !slave.held;
+        available_ = is_read ? std::min<std::size_t>(slave.dl.fmmus, taken_.size()) : taken_.size();
+    }
+    // `bits` may be 0: no FMMU.
+    void add(std::uint32_t offset_bits, std::uint32_t bits, std::uint16_t physical, Direction direction) {
+        const bool outputs = direction == Direction::outputs;
+        const std::size_t number = bits == 0 ? taken_.size() : number_for(outputs ? FmmuUse::outputs : FmmuUse::inputs);
+        if (number == taken_.size()) return;
+        taken_.set(number);
+        if (number >= EC_MAXFMMU) return;
+        const std::uint32_t last = offset_bits + bits - 1;
+        ec_fmmut& fmmu = s_.FMMU[number];
+        fmmu.LogStart = htoel(start_ + offset_bits / 8);
+        fmmu.LogLength = htoes(static_cast<uint16>(last / 8 - offset_bits / 8 + 1));
+        fmmu.LogStartbit = static_cast<uint8>(offset_bits % 8);
+        fmmu.LogEndbit = static_cast<uint8>(last % 8);
+        fmmu.PhysStart = htoes(physical);
+        fmmu.FMMUtype = outputs ? 2 : 1;
+        fmmu.FMMUactive = 1;
+    }
+    [[nodiscard]] std::uint8_t first_free() const {
+        std::uint8_t n = 0;
+        while (n < EC_MAXFMMU && taken_.test(n)) ++n;
+        return n;
+    }
 
-// An FMMU as the interface shows it. `bits` may be 0: no FMMU.
-void show_fmmu(ec_slavet& s, const Slave& slave, std::uint32_t start, std::uint32_t offset_bits, std::uint32_t bits,
-               std::uint16_t physical, bool outputs) {
-    const int number = number_of_fmmu(s, slave, outputs ? FmmuUse::outputs : FmmuUse::inputs);
-    if (bits == 0 || number == EC_MAXFMMU) return;
-    ec_fmmut& fmmu = s.FMMU[number];
-    const std::uint32_t last = offset_bits + bits - 1;
-    fmmu = {};
-    fmmu.LogStart = htoel(start + offset_bits / 8);
-    fmmu.LogLength = htoes(static_cast<uint16>(last / 8 - offset_bits / 8 + 1));
-    fmmu.LogStartbit = static_cast<uint8>(offset_bits % 8);
-    fmmu.LogEndbit = static_cast<uint8>(last % 8);
-    fmmu.PhysStart = htoes(physical);
-    fmmu.FMMUtype = outputs ? 2 : 1;
-    fmmu.FMMUactive = 1;
-}
+  private:
+    [[nodiscard]] std::size_t number_for(FmmuUse use) const {
+        for (const FmmuUse wanted : {use, FmmuUse::unused})
+            for (std::size_t n = 0; n < available_; ++n) {
+                const FmmuUse named = n < slave_.fmmu_count ? slave_.fmmu_use[n] : FmmuUse::unused;
+                if (!taken_.test(n) && named == wanted) return n;
+            }
+        std::size_t n = 0;
+        while (n < taken_.size() && taken_.test(n)) ++n;
+        return n;
+    }
+
+    ec_slavet& s_;
+    const Slave& slave_;
+    std::uint32_t start_;  // logical address of the group
+    std::bitset<16> taken_;
+    std::size_t available_ = 0;  // in the chip
+};
 
 // The bits of all SyncManagers of one direction.
 std::uint32_t sum(const Slave& slave, Direction direction) {
@@ -99,7 +122,9 @@ std::uint32_t sum(const Slave& slave, Direction direction) {
 // The FMMUs of one direction, from this place in the image on. SyncManagers that follow each other in the image and in
 // the memory of the slave have one FMMU. The end is that of the data, as the original shows it, also where the FMMU of
 // the chip ends with the octet.
-void show_fmmus(ec_slavet& s, const Slave& slave, Direction direction, std::uint32_t start, std::uint32_t place) {
+void show_fmmus(ShownFmmus& fmmus, const Slave& slave, Packing packing, Direction direction, std::uint32_t place) {
+    const bool octets =
+        packing == Packing::bytes || (slave.dl.features & wire::features::kFmmuBitOperationNotSupported) != 0;
     std::uint32_t begin = place;
     std::uint32_t end = place;
     std::uint16_t physical = 0;
@@ -107,15 +132,15 @@ void show_fmmus(ec_slavet& s, const Slave& slave, Direction direction, std::uint
         if (sm.direction != direction || sm.bits == 0) continue;
         const bool first = end == begin;
         const std::uint32_t at = first ? place : (end + 7) / 8 * 8;
-        const bool follows = !first && at == end && (end - begin) % 8 == 0 && physical + (end - begin) / 8 == sm.start;
-        if (!follows) {
-            show_fmmu(s, slave, start, begin, end - begin, physical, direction == Direction::outputs);
+        const bool adjacent = !first && (octets || at == end) && (at - begin) % 8 == 0;
+        if (!adjacent || physical + (at - begin) / 8 != sm.start) {
+            fmmus.add(begin, end - begin, physical, direction);
             begin = at;
             physical = sm.start;
         }
         end = at + sm.bits;
     }
-    show_fmmu(s, slave, start, begin, end - begin, physical, direction == Direction::outputs);
+    fmmus.add(begin, end - begin, physical, direction);
 }
 
 // How many slaves count in a direction. In the packed mode of SOEM 2.0 only slaves whose data ends an octet count.
@@ -378,11 +403,11 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
 
     const std::uint32_t start = static_cast<std::uint32_t>(group) << EC_LOGGROUPOFFSET;
     const std::uint32_t shift = mapped.config.overlapped ? mapped.output_bytes * 8 : 0;
-    std::fill_n(s.FMMU, EC_MAXFMMU, ec_fmmut{});
-    s.FMMUunused = 0;
-    if (out != 0) show_fmmus(s, slave, Direction::outputs, start, outputs.offset_bits);
-    if (in != 0) show_fmmus(s, slave, Direction::inputs, start, inputs.offset_bits - shift);
-    while (s.FMMUunused < EC_MAXFMMU && s.FMMU[s.FMMUunused].FMMUactive != 0) ++s.FMMUunused;
+    ShownFmmus fmmus(s, slave, start);
+    const Packing packing = mapped.config.packing;
+    if (out != 0) show_fmmus(fmmus, slave, packing, Direction::outputs, outputs.offset_bits);
+    if (in != 0) show_fmmus(fmmus, slave, packing, Direction::inputs, inputs.offset_bits - shift);
+    s.FMMUunused = fmmus.first_free();
 }
 
 int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes) {
