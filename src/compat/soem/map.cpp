@@ -41,6 +41,7 @@ void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number
         slave.config.source = ConfigurationSource::none;
         slave.config.sm_count = 0;
         slave.config.unchecked_pdos = true;  // the interface sets what it has mapped, with other firmware too
+        static_cast<void>(clear_error(session.context(), number));  // say_unmapped() says the one of this mapping
     }
     if (changed) take_sync_managers(context, session, number);
 }
@@ -310,11 +311,33 @@ void empty_others(ecx_contextt& context, Session& session, std::uint8_t group) {
     }
 }
 
+// The interface returns the sizes also when slaves do not reach SAFEOP: why they do not is said. `mapped`: the result
+// of the mapping, whose error is that of the first slave or that of the group.
+void say_unmapped(ecx_contextt& context, Session& session, std::uint8_t group, const Result<>& mapped) {
+    if (mapped || mapped.error().code == Errc::image_overlaps || session.closing()) return;
+    std::array<char, 256> text{};
+    std::vector<std::string> sentences;
+    bool others = false;
+    for (int n = 1; n <= slave_count(context); ++n) {
+        if (!takes_part(slaves_of(context)[n], group)) continue;
+        const Session::Guard guard(session);
+        const Slave& slave = session.slave(static_cast<std::size_t>(n));
+        if (slave.al.state != AlState::init && slave.al.state != AlState::preop) continue;
+        others |= slave.error.code == Errc::none;
+        if (slave.error.code != Errc::none)
+            sentences.push_back("not in SAFEOP after the mapping: " + std::string(describe(slave.error, text)));
+    }
+    if (others)
+        sentences.push_back("not in SAFEOP after the mapping: slaves of group " + std::to_string(group) + ": " +
+                            std::string(describe(mapped.error(), text)));
+    for (const std::string& sentence : sentences) say(sentence);
+}
+
 // Maps the group. Slaves whose dictionary cannot be read are found only then: in this case a second time, without the
 // hooks.
-void map(ecx_contextt& context, Session& session, MapRequest& request, HookCaller& hooks) {
+Result<> map(ecx_contextt& context, Session& session, MapRequest& request, HookCaller& hooks) {
     empty_others(context, session, request.group);
-    const auto mapped = session.run(request, &hooks);
+    const Result<> mapped = session.run(request, &hooks);
     if (!mapped && mapped.error().code == Errc::image_overlaps)
         say_once("group " + std::to_string(request.group) +
                  " is not mapped, because its memory is that of another group with slaves");
@@ -329,9 +352,9 @@ void map(ecx_contextt& context, Session& session, MapRequest& request, HookCalle
         }
         again |= unread && take_sizes_of_sii(context, session, number);
     }
-    if (!again) return;
+    if (!again) return mapped;
     hooks.rest();
-    static_cast<void>(session.run(request));
+    return session.run(request);
 }
 
 }  // namespace
@@ -446,7 +469,7 @@ int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool over
         if (group != 0) config.start = {static_cast<std::uint32_t>(group) << EC_LOGGROUPOFFSET};
         config.dc_reference = clock_of(context, *session, group);
     }
-    map(context, *session, request, hooks);
+    say_unmapped(context, *session, group, map(context, *session, request, hooks));
     const int used = show_group(context, *session, group, static_cast<std::uint8_t*>(image), overlapped);
     {
         const Session::Guard guard(*session);

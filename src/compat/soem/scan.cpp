@@ -92,6 +92,19 @@ void fill_slave(ecx_contextt& context, Session& session, std::uint16_t number) {
     groups_of(context)[0].Ebuscurrent = all.Ebuscurrent;
 }
 
+// What the library cannot use of a slave's SII, such as mailboxes that no frame carries: all services of the slave then
+// return 0, and the list of errors has nothing.
+void say_unusable_sii(Session& session, std::uint16_t number) {
+    std::array<char, 256> text{};
+    std::string_view sentence;
+    {
+        const Session::Guard guard(session);
+        const Error& error = session.slave(number).error;
+        if (error.step == Step::parse_sii) sentence = describe(error, text);
+    }
+    if (!sentence.empty()) say_once(std::string(sentence));
+}
+
 void clear(ecx_contextt& context, Session& session) {
     const Session::Guard guard(session);
     slave_count(context) = 0;
@@ -162,7 +175,10 @@ int find_slaves(ecx_contextt& context, Session& session) {
         if (found >= most_slaves(context)) return EC_SLAVECOUNTEXCEEDED;
         slave_count(context) = found;
     }
-    for (int n = 1; n <= found; ++n) fill_slave(context, session, static_cast<std::uint16_t>(n));
+    for (int n = 1; n <= found; ++n) {
+        fill_slave(context, session, static_cast<std::uint16_t>(n));
+        say_unusable_sii(session, static_cast<std::uint16_t>(n));
+    }
     if (context.manualstatechange != 0) {
         WriteStateRequest down;
         down.wanted = AlState::init;
