@@ -4,6 +4,7 @@
 #include <bitset>
 #include <chrono>
 #include <cstring>
+#include <mutex>
 #include <thread>
 
 extern "C" {
@@ -109,6 +110,11 @@ int send_frame(ecx_portt& port, Session& session, int index) {
 // The thread that has reserved an index.
 std::atomic_ref<int> owner_of(ecx_portt& port, int index) { return std::atomic_ref<int>(port.rxsa[index]); }
 
+// Held while a thread looks at the state and the owner of indexes and reserves one: another thread then sees both as
+// they were before or after.
+constinit PriorityLock indexes_lock;
+using IndexesLock = std::lock_guard<PriorityLock>;
+
 // Reserves an index of this state.
 bool reserve_in(ecx_portt& port, int index, int state) {
     if (!status_of(port, index).compare_exchange_strong(state, EC_BUF_ALLOC)) return false;
@@ -130,6 +136,7 @@ bool is_left_behind(ecx_portt& port, int index) {
 
 // A free index, else one that this thread has left behind. -1: none.
 int look_for_index(ecx_portt& port) {
+    const IndexesLock lock(indexes_lock);
     const int begin = std::atomic_ref(port.lastidx).load() + 1;
     for (int n = 0; n < EC_MAXBUF; ++n)
         if (reserve_in(port, (begin + n) % EC_MAXBUF, EC_BUF_EMPTY)) return (begin + n) % EC_MAXBUF;
@@ -142,6 +149,7 @@ int look_for_index(ecx_portt& port) {
 
 // The oldest index of this thread, whose frame is given up. -1: it has none.
 int take_own(ecx_portt& port) {
+    const IndexesLock lock(indexes_lock);
     const int begin = std::atomic_ref(port.lastidx).load() + 1;
     for (int n = 0; n < EC_MAXBUF; ++n) {
         const int index = (begin + n) % EC_MAXBUF;
@@ -149,6 +157,14 @@ int take_own(ecx_portt& port) {
         const bool own = state != EC_BUF_EMPTY && owner_of(port, index) == static_cast<int>(PriorityLock::thread());
         if (own && reserve_in(port, index, state)) return index;
     }
+    return -1;
+}
+
+// One whose frame has been back all the time. -1: there is none.
+int take_idle(ecx_portt& port, const std::bitset<EC_MAXBUF>& idle) {
+    const IndexesLock lock(indexes_lock);
+    for (int n = 0; n < EC_MAXBUF; ++n)
+        if (idle.test(static_cast<std::size_t>(n)) && reserve_in(port, n, EC_BUF_COMPLETE)) return n;
     return -1;
 }
 
@@ -171,9 +187,8 @@ int reserve(ecx_portt& port) {
             if (status_of(port, n) != EC_BUF_COMPLETE) idle.reset(static_cast<std::size_t>(n));
         std::this_thread::sleep_for(std::chrono::microseconds(100));
     } while (std::chrono::steady_clock::now() < until);
-    for (int n = 0; n < EC_MAXBUF; ++n)
-        if (idle.test(static_cast<std::size_t>(n)) && reserve_in(port, n, EC_BUF_COMPLETE)) return n;
-    return take_own(port);
+    const int idle_one = take_idle(port, idle);
+    return idle_one >= 0 ? idle_one : take_own(port);
 }
 
 }  // namespace
