@@ -243,8 +243,8 @@ struct Error {
     Errc code = Errc::none;
     Step step = Step::none;
     std::uint16_t slave = 0;    // the first slave is 1; 0: the segment as a whole
-    std::uint16_t index = 0;    // register address, SII word address (bits 0 to 15), object index or IDN, depending on
-                                // the step
+    std::uint16_t index = 0;    // register address, SII word address (bits 0 to 15), object index, IDN, or the group of
+                                // a cycle, depending on the step
     std::uint8_t subindex = 0;  // subindex, or number of the drive; of an SII word address: bits 16 to 23; of a
                                 // start-up command without index: the MailboxType of its message; of the check of a
                                 // register: the octet from which `expected` and `actual` are

@@ -81,7 +81,7 @@ class MailListener : private ListNode {
 // unknown_slave (more than Limits::slaves), capacity (no memory to look regularly).
 Result<> listen(Context& ctx, MailListener& listener);
 
-// Ends listening; an object that does not listen is ignored. For the owner, also in a callback. Errors: not_owner.
+// Ends listening; an object that does not listen here is ignored. For the owner, also in a callback. Errors: not_owner.
 Result<> unlisten(Context& ctx, MailListener& listener);
 
 }  // namespace margay

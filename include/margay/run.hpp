@@ -120,8 +120,8 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // unknown_group (the group of the slave is not mapped), no_place, al_status, other_state
 // (the slave is in another state than its target), start_up_unfinished (the slave is in its state, but the commands or
 // the hook after the transition have not ended, have failed or were ended), remapping_needed (when it is started
-// again), every error of the slave's start-up, working_counter (the slave does not take part in the cycle, or the
-// working counter of a datagram is too low), no_frame (no cycle has come back), wrong_state (no slaves yet), not_polled
+// again), every error of the slave's start-up, working_counter (the slave does not take part in the cycle, or a working
+// counter of group `index` is low), no_frame (no cycle of group `index` came), wrong_state (no slaves yet), not_polled
 // (requests are busy, and the owner has exchanged process data for a second without a call of poll()), not_supervised
 // (no supervision is busy, and the states of all slaves were not read for a second of cycles), group_left_out (a mapped
 // group was not exchanged for a second of cycles; seen from the second call on), invalid_argument (a copy of a mapped
