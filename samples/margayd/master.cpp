@@ -275,6 +275,7 @@ bool Master::bring_up() {
     supervise_.target = configuration_.state;
     const auto begun = submit(*ctx_, supervise_);
     if (!begun) log(Priority::error, "no supervision: " + samples::sentence(begun.error()));
+    (void)poll(*ctx_, source_->osal().now());  // it begins: the target of all slaves is no longer PREOP
     if (begun) restore_targets(Exchange::yes);
     return begun.ok();
 }

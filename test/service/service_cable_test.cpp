@@ -330,6 +330,7 @@ TEST_F(ServiceOnCable, SlavesInInitAreMappedBeforeAndHaveNoError) {
     auto margayd = service();
     expect_says(*margayd, "a: all is right: 5 slaves in INIT");
     EXPECT_FALSE(contains(margayd->output(), "not possible")) << margayd->output();
+    EXPECT_FALSE(contains(margayd->output(), "asked for")) << "nobody has asked: " << margayd->output();
     EXPECT_FALSE(contains(slaves(), "  E  ")) << slaves();
     margayd->terminate();
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
