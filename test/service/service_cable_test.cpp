@@ -410,6 +410,27 @@ TEST_F(ServiceOnCable, ASlaveThatComesLaterGetsItsInterface) {
     EXPECT_TRUE(contains(margayd->output(), "a: eoe0s2: to the slave ")) << margayd->output();
 }
 
+// The slave does not leave INIT at the start: its mailbox is closed when margayd opens the interfaces, and when margayd
+// looks for late slaves.
+TEST_F(ServiceOnCable, ASlaveInInitGetsItsInterfaceWhenItIsInPreop) {
+    if (!std::filesystem::exists("/dev/net/tun")) GTEST_SKIP() << "no TAP devices here: /dev/net/tun is missing";
+    ASSERT_EQ(folder.run(bin + "slaveinfo sim:eoe --write-eni etc/machine.xml").status, 0);
+    configure_cable("state = \"PREOP\"\neni = \"machine.xml\"\neoe = true\n");
+    auto gateways = segment("eoe");
+    command("hang 3");
+    EXPECT_TRUE(gateways->says("the firmware of slave 3 hangs", kServicePatience)) << gateways->output();
+    auto margayd = service();
+    expect_says(*margayd, "a: interface eoe0s1: slave 2 (Gateway with EoE)");
+    expect_says(*margayd, "a: not all is right: slave 3");
+    EXPECT_FALSE(contains(margayd->output(), "interface eoe0s2")) << margayd->output();
+    command("power off 3");
+    EXPECT_TRUE(gateways->says("slave 3 is off", kServicePatience)) << gateways->output();
+    command("power on 3");
+    expect_says(*margayd, "a: interface eoe0s2: slave 3 (Gateway with EoE)");
+    margayd->terminate();
+    EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+}
+
 // As systemd starts it by the unit: another user than root, and these capabilities only.
 TEST_F(ServiceOnCable, TheCapabilitiesOfTheUnitAreEnough) {
     if (folder.run("command -v setpriv").status != 0) GTEST_SKIP() << "setpriv is not installed";
