@@ -211,6 +211,22 @@ TEST_F(ServiceOnCable, SlavesThatWereLeftInSafeopAreItsOwnAlsoWithAnotherEndStat
     EXPECT_EQ(folder.run("ls run").out, "") << "nothing is left: all slaves are in INIT";
 }
 
+// As systemctl stop and start, which deletes the folder of the sockets with all marks.
+TEST_F(ServiceOnCable, AStopAndAStartNeedNoHand) {
+    auto demo = segment();
+    for (const std::string end : {"INIT", "SAFEOP"}) {
+        configure_cable("cycle_us = 20000\nend_state = \"" + end + "\"\n");
+        for (int start = 0; start < 2; ++start) {
+            auto margayd = service();
+            expect_says(*margayd, "a: all is right: 5 slaves in OP");
+            margayd->terminate();
+            EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
+            EXPECT_TRUE(contains(margayd->output(), "a: all slaves in " + end + "\n")) << margayd->output();
+            ASSERT_EQ(folder.run("rm -r run").status, 0);
+        }
+    }
+}
+
 // No frame comes back in the moment of the end, and for 0.3 s: far less than the patience at the end.
 TEST_F(ServiceOnCable, AnOutageAtTheEndLeavesNoSlaveInOp) {
     configure_cable("cycle_us = 20000\n");
