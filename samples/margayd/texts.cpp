@@ -75,9 +75,9 @@ std::string man_slaves() {
            paragraph(
                "Without an ENI file the segment is scanned again when slaves were added or exchanged. With an ENI file "
                "it is not: its slaves keep the places of the first scan. A slave of a line that gets its power later "
-               "comes into operation. In a ring, or where the slave has a branch behind it, the slaves behind it were "
-               "taken for other ones at the start, and stay out of operation: restart the master, by SIGHUP with a "
-               "changed configuration or by `systemctl restart margayd`.");
+               "comes into operation. In a ring, or where another branch follows it, the slaves behind it were taken "
+               "for other ones at the start, and they and the late slave stay out of operation: restart the master, by "
+               "SIGHUP with a changed configuration or by `systemctl restart margayd`.");
 }
 
 std::string man_service() {
