@@ -75,9 +75,10 @@ Problem AttachedSession::problem_of(const Error& error, std::string_view slave_t
     if (words.find("config_map()") != std::string::npos) words += " (the application does this when it scans again)";
     if (!slave_text.empty()) words += fmt::format(" (the slave: \"{}\")", samples::words_of_slave(slave_text));
     if (error.slave == 0) return {words};
+    // The list of expected slaves is counted from 0, as the positions are.
     const auto found = std::ranges::find(known_, error.slave, &attach::SlaveFacts::number);
     if (found == known_.end() || found->ring_position == 0)
-        return {fmt::format("configured slave {}: {}", error.slave, words)};
+        return {fmt::format("configured slave {}: {}", error.slave - 1, words)};
     return {.text = fmt::format("position {}: {}", found->ring_position - 1, words),
             .aborted = error.code == Errc::sdo_abort};
 }

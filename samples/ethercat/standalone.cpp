@@ -18,8 +18,9 @@ namespace reg = wire::reg;
 Problem problem_of(Context& ctx, const Error& error) {
     if (error.slave == 0) return {samples::sentence(error)};
     const auto position = ctx.slave(error.slave).ring_position;
+    // The list of expected slaves is counted from 0, as the positions are.
     const auto words = samples::sentence_without_slave(error);
-    return {.text = position == 0 ? fmt::format("configured slave {}: {}", error.slave, words)
+    return {.text = position == 0 ? fmt::format("configured slave {}: {}", error.slave - 1, words)
                                   : fmt::format("position {}: {}", position - 1, words),
             .aborted = error.code == Errc::sdo_abort};
 }

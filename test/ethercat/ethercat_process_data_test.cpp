@@ -288,7 +288,7 @@ TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
         << timed.out << timed.err;
     const auto missing = ethercat("sim:one.toml", "config --eni two.xml");
     EXPECT_TRUE(contains(missing.out, "0:1  0x00004d47/0x00005402  -  -\n")) << missing.out << missing.err;
-    EXPECT_TRUE(contains(missing.err, "configured slave 2: ")) << missing.err;
+    EXPECT_TRUE(contains(missing.err, "configured slave 1: ")) << missing.err;
     fails("sim:two.toml", "config --eni nothing.xml", 3, "nothing.xml");
 }
 
