@@ -30,9 +30,8 @@ ExternalClock::ExternalClock(std::uint16_t bridge, const Settings& settings)
 void ExternalClock::restart() {
     const auto mode = settings_.cycle.mode;
     const bool follows = mode == MasterClock::Mode::off || mode == MasterClock::Mode::master_shift;
-    fault_ = !follows                        ? PhaseState::mode_wrong
-             : settings_.grid <= Duration{0} ? PhaseState::set_value_wrong
-                                             : PhaseState::idle;
+    const bool right = settings_.grid > Duration{0} && is_in_cycle(settings_.cycle.set_value, settings_.phase.cycle);
+    fault_ = !follows ? PhaseState::mode_wrong : right ? PhaseState::idle : PhaseState::set_value_wrong;
     cycle_.restart();
     reference_.start(for_bus_shift(settings_.phase));
     silent_ = kSilent;

@@ -191,6 +191,12 @@ TEST_F(TwoSegments, MistakesAreSaid) {
     ExternalClock no_cycle(2, {.cycle = {.mode = MasterClock::Mode::off, .phase = {.cycle = 0us}}});
     EXPECT_EQ(no_cycle.state(), PhaseState::set_value_wrong);
     EXPECT_EQ(no_cycle.update(second.ctx, 0us), 0us);
+    // What the clock of the cycle refuses, with a grid too.
+    ExternalClock grid_alone(2, {.cycle = {.mode = MasterClock::Mode::off, .phase = {.cycle = 0us}}, .grid = 1ms});
+    EXPECT_EQ(grid_alone.state(), PhaseState::set_value_wrong);
+    ExternalClock outside(2, {.cycle = {.set_value = 2ms, .phase = {.cycle = 1ms}}});
+    EXPECT_EQ(outside.cycle().state(), PhaseState::set_value_wrong);
+    EXPECT_EQ(outside.state(), PhaseState::set_value_wrong);
     sim::Segment other;
     other.add(bus.clocked({}).assemble());
     EXPECT_FALSE(sim::ClockBridge(first.segment, 1, other, 0).valid()) << "no half of a bridge";
