@@ -28,7 +28,8 @@ Result<> listen(Context& ctx, MailListener& listener) {
 
 Result<> unlisten(Context& ctx, MailListener& listener) {
     if (const Error refused = check_owner(ctx, Step::mailbox_receive); refused.code != Errc::none) return refused;
-    if (listener.listening()) master_of(ctx)->network.mailboxes.unlisten(listener);
+    Mailboxes& mailboxes = master_of(ctx)->network.mailboxes;
+    if (mailboxes.hears(listener)) mailboxes.unlisten(listener);  // another context has another owner
     return Result<>();
 }
 

@@ -97,6 +97,18 @@ TEST_F(ListenerTest, IsRefusedInWords) {
               "protocol must be 1 to 15 (of a listener 0 to 15)");
 }
 
+// It may have another owner.
+TEST_F(ListenerTest, OfAnotherContextGoesOnListening) {
+    start(1);
+    Keeper keeper;
+    ASSERT_TRUE(listen(*bus.ctx, keeper).ok());
+    MailboxBus other;
+    (void)other.add_scripted(32);
+    other.start();
+    EXPECT_TRUE(unlisten(*other.ctx, keeper).ok());
+    EXPECT_TRUE(keeper.listening());
+}
+
 // A mailbox error that answers a message without reply. One that ends a request is the request's.
 TEST_F(ListenerTest, HearsErrorsThatEndNoRequest) {
     start(1);
