@@ -12,7 +12,6 @@
 #include <utility>
 
 namespace margay {
-
 namespace {
 
 // Free arena memory that a new request needs in order to continue after its beginning; includes the pump of the slave's
@@ -85,8 +84,7 @@ bool is_free(Network& network, const Request& request) {
         case Needs::segment_to_begin: return !network.segment_in_use;
         case Needs::its_slave: {
             const std::uint16_t slave = slave_of(request);
-            const bool used = slave >= 1 && slave <= network.count && network.marks(slave).in_use;
-            return !used && !network.segment_in_use;
+            return !network.segment_in_use && (slave < 1 || slave > network.count || !network.marks(slave).in_use);
         }
     }
     return true;
@@ -238,15 +236,19 @@ Error unbegun(const Request& request, Errc code) {
     return {.code = code, .step = operation(request).step, .slave = slave_of(request)};
 }
 
-// The operation that keeps the waiting request from beginning; Operation::none: it is not known.
-Operation in_the_way(const Master& master, const Request& waiting) {
-    for (Request* r = master.queue.running; r != nullptr; r = next(*r)) {
-        const Needs needs = needs_of(master.network, *r);
-        const bool same = needs == Needs::its_slave && slave_of(*r) == slave_of(waiting);
-        if (needs == Needs::segment || same || (needs == Needs::its_slave && slave_of(waiting) == 0))
+// The operation that keeps the waiting request from beginning; Operation::none: it is not known, or memory is missing.
+Operation in_the_way(Master& master, const Request& waiting) {
+    Network& network = master.network;
+    if (needs_of(network, waiting) == Needs::nothing) return Operation::none;
+    const bool free = is_free(network, waiting);  // then an older request may wait for the whole segment
+    for (Request* r = free ? master.queue.waiting : master.queue.running; r != nullptr && r != &waiting; r = next(*r)) {
+        const Needs needs = needs_of(network, *r);
+        const bool part = needs == Needs::its_slave && (slave_of(waiting) == 0 || slave_of(*r) == slave_of(waiting));
+        if (free ? needs == Needs::segment && !is_free(network, *r) : needs == Needs::segment || part)
             return operation(*r).operation;
     }
-    return master.network.supervised ? Operation::supervise : Operation::none;
+    const bool supervision = network.supervised && (!free || is_being_compared(network, waiting));
+    return supervision ? Operation::supervise : Operation::none;
 }
 
 // False: the arena has no memory for the request now.
@@ -276,10 +278,10 @@ void end_some(Master& master, Request*& list, Errc code, bool (*ends)(Request& r
                 master.network.slave_of_cut_hook = 0;
                 TaskAccess::end(std::exchange(RequestAccess::sequence(*request), {}));
             } else {
-                (void)remove(list, *request);
                 Error error = unbegun(*request, code);
                 if (code == Errc::timeout)
                     error.detail = Error::kNotBegun + static_cast<std::uint32_t>(in_the_way(master, *request));
+                (void)remove(list, *request);
                 end_unbegun(master, *request, error);
             }
         }

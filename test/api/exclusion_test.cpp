@@ -414,6 +414,36 @@ TEST_F(Exclusion, RequestsForAllSlavesWaitForTheHookOfOneSlave) {
     }
 }
 
+// The supervision does not use its slave: the mapping that waits for another slave is in its way.
+TEST_F(Exclusion, WhatWaitsBehindAWaitingMappingNamesTheMapping) {
+    ASSERT_TRUE(config_map(ctx, image));
+    SuperviseRequest supervision;
+    supervision.target = AlState::safeop;
+    ASSERT_TRUE(submit(ctx, supervision));
+    steps(200);
+    use_hooks();
+    hooks.duration = 100ms;
+    ReconfigRequest first;
+    first.slave = 1;
+    ASSERT_TRUE(submit(ctx, first));
+    for (int n = 0; n < 1'000 && hooks.now[1] == 0; ++n) step();
+    ASSERT_EQ(hooks.now[1], 1);
+    MapRequest map;
+    map.image = image;
+    ASSERT_TRUE(submit(ctx, map));
+    StateRequest state;
+    state.slave = 2;
+    state.wanted = AlState::safeop;
+    state.timeout = 1ms;
+    ASSERT_TRUE(submit(ctx, state));
+    ASSERT_TRUE(ends(state));
+    EXPECT_TRUE(first.busy() && map.busy());
+    EXPECT_EQ(words(state.error()),
+              "slave 2: requesting a state: timed out (it has not begun: a mapping of process data is busy)");
+    expect_success(first);
+    expect_success(map);
+}
+
 TEST_F(Exclusion, AScanWaitsForTheHookThatAReadingOfTheStatesExecutes) {
     ASSERT_TRUE(config_map(ctx, image));
     ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
