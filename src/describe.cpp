@@ -120,10 +120,7 @@ void write_place(TextWriter& out, const Error& e) {
         case Step::sdo_information: (out << " of ").hex(e.index, 4) << ":" << e.subindex; break;
         case Step::soe_read:
         case Step::soe_write:
-        case Step::soe_command:
-            out << " of ";
-            write_parameter(out, e);
-            break;
+        case Step::soe_command: write_parameter(out << " of ", e); break;
         case Step::mailbox_send:
         case Step::mailbox_receive:
             if (e.index != 0) out << " of PDO " << e.index;
@@ -140,7 +137,8 @@ void write_place(TextWriter& out, const Error& e) {
         case Step::discover_pdos:
         case Step::map_process_data:
         case Step::exchange_process_data:
-            if (e.code == Errc::unknown_group || e.code == Errc::group_left_out)
+            if (e.code == Errc::unknown_group || e.code == Errc::group_left_out ||
+                (e.step == Step::exchange_process_data && e.index != 0))
                 out << " of group " << e.index;
             else if (e.code == Errc::image_overlaps)
                 break;

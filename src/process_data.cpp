@@ -11,9 +11,9 @@ namespace margay {
 namespace {
 
 Error refused(Errc code, std::uint8_t group) {
-    return {.code = code,
-            .step = Step::exchange_process_data,
-            .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
+    const bool of_group = code == Errc::unknown_group || code == Errc::timeout;
+    return {
+        .code = code, .step = Step::exchange_process_data, .index = of_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
 
 Error refused_number(const Network& network, std::uint8_t group) {

@@ -67,8 +67,9 @@ Standing standing(Network& network) {
 
 // The error of the last cycle of a group; code none if the cycle was right.
 Error cycle_trouble(const ProcessGroup& group) {
-    Error error{.code = Errc::working_counter, .step = Step::exchange_process_data, .expected = group.expected_wkc};
     if (is_right(group)) return {};
+    Error error{.code = Errc::working_counter, .step = Step::exchange_process_data, .index = group.number};
+    error.expected = group.expected_wkc;
     for (const DatagramStatus& d : group.statuses) {
         error.actual += d.got;
         if (!d.came) error.code = Errc::no_frame;
@@ -92,7 +93,7 @@ Error cycles_trouble(Network& network) {
         if (!group.mapped) continue;
         Error error = cycle_trouble(group);
         if (is_silent(group, network.engine.link(), network.engine.now()))
-            error = {.code = Errc::no_frame, .step = Step::exchange_process_data};
+            error = {.code = Errc::no_frame, .step = Step::exchange_process_data, .index = group.number};
         if (error.code == Errc::none && is_left_out(group, now))
             error = {.code = Errc::group_left_out, .step = Step::exchange_process_data, .index = group.number};
         if (error.code != Errc::none) return error;

@@ -196,9 +196,7 @@ bool reset_unmarked(PreparedFrame& frame) {
 }
 
 Error cycle_error(Errc code, std::uint8_t group) {
-    return {.code = code,
-            .step = Step::exchange_process_data,
-            .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
+    return {.code = code, .step = Step::exchange_process_data, .index = group};
 }
 
 }  // namespace

@@ -131,6 +131,27 @@ TEST_F(BusTest, LostFrameLeavesInputsAloneAndIsNamed) {
     EXPECT_EQ(ctx().slave(1).image.inputs.bytes[0], std::byte{0x22});
 }
 
+TEST_F(BusTest, AnErrorOfACycleNamesItsGroup) {
+    for (int n = 0; n < 2; ++n) bus.add(8, 8);
+    bus.start({.slaves = 4, .groups = 2});
+    ctx().slave(2).config.group = 1;
+    std::vector<std::byte> second(64);
+    ASSERT_TRUE(config_map(ctx(), image, 0).ok());
+    ASSERT_TRUE(config_map(ctx(), second, 1).ok());
+    ASSERT_TRUE(set_target(ctx(), 0, AlState::safeop).ok());
+    ASSERT_TRUE(bus.cycle(0).ok());
+    ASSERT_TRUE(bus.cycle(1).ok());
+    ASSERT_TRUE(readstate(ctx()).ok());
+    EXPECT_EQ(words(what_is_wrong(ctx())), "no error");
+    bus.segment.lose_next({0, 0});
+    EXPECT_EQ(words(bus.cycle(1).error()), "exchanging process data of group 1: the frame did not come back");
+    ASSERT_TRUE(bus.cycle(0).ok());
+    EXPECT_EQ(words(what_is_wrong(ctx())), "exchanging process data of group 1: the frame did not come back");
+    EXPECT_EQ(words(receive_processdata(ctx(), 1ms, 1).error()),
+              "exchanging process data of group 1: no cycle is on the wire: call send_processdata() before each "
+              "receive_processdata()");
+}
+
 TEST_F(BusTest, ASecondReceiveWithoutASendIsAnError) {
     bus.add(8, 8);
     bus.start();
