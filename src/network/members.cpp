@@ -21,6 +21,12 @@ void change(std::uint16_t& counter, std::uint16_t by, bool more) {
     counter = static_cast<std::uint16_t>(more ? counter + by : counter - by);
 }
 
+// Inputs change only when the group is received: GroupConfiguration::hold_inputs as config_map() has found it, or
+// overlapping cycles.
+bool holds_inputs(const ProcessGroup& group) {
+    return !group.prepared.empty() && group.prepared.front().park != PreparedFrame::kNever;
+}
+
 }  // namespace
 
 void settle(ProcessGroup& group) {
@@ -35,8 +41,8 @@ void settle(ProcessGroup& group) {
     const auto left = [&group](const Slave& slave) {
         return slave.image.group == group.number && !slave.takes_part && slave.image.inputs.bits > 0;
     };
-    const bool zeroes = group.config.hold_inputs && group.config.lost_inputs == LostInputs::zero &&
-                        std::ranges::any_of(group.slaves, left);
+    const bool zeroes =
+        holds_inputs(group) && group.config.lost_inputs == LostInputs::zero && std::ranges::any_of(group.slaves, left);
     // Where cycles overlap, another thread reads `special` while it sends: there its value never changes.
     const bool special =
         group.extras || group.overlap.sets > 1 || !group.complete || zeroes || (group.mapped && group.prepared.empty());
@@ -93,8 +99,7 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
         note_joining(*group, slave);
     else
         note_leaving(*group);
-    // Held inputs change only when a cycle is received.
-    if (!group->config.hold_inputs && group->overlap.sets == 1) settle_lost_inputs(*group);
+    if (!holds_inputs(*group)) settle_lost_inputs(*group);
 }
 
 LeavingExchange::LeavingExchange(Network& network, Slave& slave, const Datagram& write)

@@ -199,6 +199,37 @@ TEST_P(HeldInputs, BecomeZeroWhenACycleIsReceived) {
     EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], std::byte{0});
 }
 
+// What the application sets after the mapping counts from the next mapping on. Where no cycle can be sent, the inputs
+// become zero too. The parameter: whether they are held by the mapping.
+class HeldAsMapped : public FreshInputsTest, public testing::WithParamInterface<bool> {};
+INSTANTIATE_TEST_SUITE_P(Forms, HeldAsMapped, testing::Bool());
+
+TEST_P(HeldAsMapped, WhateverTheApplicationSetsLater) {
+    GroupConfiguration config;
+    config.lost_inputs = LostInputs::zero;
+    config.hold_inputs = GetParam();
+    start(config);
+    ctx().group(0).config.hold_inputs = !GetParam();
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx(), supervision).ok());
+    for (int n = 0; n < 5; ++n) ASSERT_TRUE(cycle().ok());
+    const std::byte last = ctx().slave(3).image.inputs.bytes[0];
+    ASSERT_EQ(last, std::byte{counter});
+    bus.segment.set_power(2, false, bus.osal.now());
+    for (int n = 0; n < 500 && ctx().slave(3).takes_part; ++n) {
+        bus.osal.advance(1ms);
+        (void)poll(ctx(), bus.osal.now());
+    }
+    ASSERT_FALSE(ctx().slave(3).takes_part);
+    EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], GetParam() ? last : std::byte{0});
+    bus.segment.disconnect({0, 0});
+    bus.segment.reconsider();
+    bus.osal.advance(1ms);
+    ASSERT_EQ(send_processdata(ctx()).error().code, Errc::nic);
+    ASSERT_EQ(receive_processdata(ctx(), 100us).error().code, Errc::no_frame);
+    EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], std::byte{0});
+}
+
 TEST_F(FreshInputsTest, SharedImageGetsTheInputsOfTheOthers) {
     std::vector<std::byte> memory(SharedImage::memory_bytes(3, 3));
     SharedImage shared(memory);
