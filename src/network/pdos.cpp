@@ -26,6 +26,7 @@ struct PdoFindings {
     bool sii_read = false;
     Feature not_asked = Feature::none;  // the context does not have the feature that could ask the slave
     CheckValue by_soe;
+    bool notes_refusals = true;  // in the slave; false: nothing is changed
 };
 
 struct CoeFeature {
@@ -84,7 +85,8 @@ Task<Result<>> ask_dictionary(Network& network, Slave& slave, PdoFindings& found
 }
 
 // Notes that the slave refuses to say its PDOs. When it comes back, that is the newest cause of its failure.
-void note_refusal(Network& network, Slave& slave, const Error& refusal) {
+void note_refusal(Network& network, Slave& slave, const PdoFindings& found, const Error& refusal) {
+    if (!found.notes_refusals) return;
     network.marks(slave).pdos_refused = true;
     if (network.marks(slave).finding) slave.error = {};
     network.note(slave, refusal);
@@ -100,13 +102,13 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, PdoFindings& found, b
     if (network.coe != nullptr && by_dictionary) {
         auto by_coe = co_await network.coe->ask(network, slave, found, compare, entries);
         if (!by_coe && !is_refusal(by_coe.error())) co_return by_coe;
-        if (!by_coe) note_refusal(network, slave, by_coe.error());
+        if (!by_coe) note_refusal(network, slave, found, by_coe.error());
     }
     if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Nothing{};
     if (soe == nullptr) co_return Nothing{};
     auto by_soe = co_await soe->find_sms(network.mailbox(slave), slave, found.counts, found.by_soe);
     if (!by_soe && !is_refusal(by_soe.error()) && by_soe.error().code != Errc::soe_error) co_return by_soe.error();
-    if (!by_soe) note_refusal(network, slave, by_soe.error());
+    if (!by_soe) note_refusal(network, slave, found, by_soe.error());
     if (by_soe && *by_soe) found.source = ConfigurationSource::soe;
     co_return Nothing{};
 }
@@ -371,6 +373,7 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
 
 Task<Result<>> find_entries(Network& network, Slave& slave, EntryMatcher& entries) {
     PdoFindings found;
+    found.notes_refusals = false;
     auto asked = co_await ask_by_mail(network, slave, found, false, &entries);
     // The data types of the SII are left out here: to read it would take the EEPROM from a slave in operation.
     if (!asked || found.source != ConfigurationSource::sii) co_return asked;

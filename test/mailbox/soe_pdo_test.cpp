@@ -3,6 +3,8 @@
 #include "mailbox/mailbox_bus.hpp"
 #include "wire/soe.hpp"
 
+#include <margay/entry.hpp>
+
 #include <map>
 #include <tuple>
 
@@ -177,6 +179,22 @@ TEST_F(SoePdo, WhatIsWrongIsNamed) {
     expect_unknown();
     EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::capacity);
     EXPECT_EQ(bus.ctx->slave(1).error.expected, 250U);
+}
+
+// To look for an entry changes nothing: what the drive refuses then is no error of the slave.
+TEST_F(SoePdo, ToFindAnEntryNotesNoRefusal) {
+    type(0, 7);
+    list(0, 16, {51, 99});  // which has no attribute
+    list(0, 24, {47});
+    expect_mapped(0, 0, ConfigurationSource::sii);
+    EXPECT_TRUE(clear_error(*bus.ctx, 1));
+    while (bus.ctx->errors().take()) {
+    }
+    const unsigned before = asked;
+    EXPECT_EQ(find_entry(*bus.ctx, 1, 0x7000, 1).error().code, Errc::entry_not_mapped);
+    EXPECT_GT(asked, before);
+    EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::none) << bus.words(bus.ctx->slave(1).error);
+    EXPECT_FALSE(bus.ctx->errors().take());
 }
 
 // Zeros in the place of missing octets would be other process data.
