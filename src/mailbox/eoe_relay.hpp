@@ -34,7 +34,7 @@ class EoeRelay final : public MailListener, public MailClient {
     // The fragment was sent. False: the slave has not taken it, and the rest of its frame is not sent.
     void sent(bool taken);
     // The mailbox was opened again: drops the frames from the slave that are not complete, and sends the frame that is
-    // being sent from its beginning.
+    // being sent from its beginning. Where a fragment waited, sent() has dropped this frame.
     void begin_again();
     // Also drops the frames that wait for the slave.
     void drop_all();

@@ -101,7 +101,7 @@ struct MeasuredCycle {
 
 struct Clocks {
     ClockSettings settings;
-    std::uint16_t reference = 0;    // number of the slave; 0: configure_clocks() has not succeeded
+    std::uint16_t reference = 0;    // number of the slave; 0: configure_clocks() has chosen none
     std::uint16_t returning = 0;    // the slave that return_to_first_clock() brings to the reference
     std::span<ClockEntry> entries;  // by slave number - 1
     std::span<DelayNode> nodes;     // by place
