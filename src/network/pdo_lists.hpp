@@ -23,7 +23,7 @@ struct Network;
 // Sum of the bits of all listed entries, and the number of PDOs without listed entries (`open`).
 struct ListedBits {
     std::uint32_t bits = 0;
-    std::uint8_t open = 0;
+    std::size_t open = 0;
 };
 [[nodiscard]] ListedBits listed_bits(const SmPdos& list);
 

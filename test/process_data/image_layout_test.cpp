@@ -1,5 +1,6 @@
 // The process image, compared with FMMUs, addresses and errors calculated by hand.
 #include "network/image_layout.hpp"
+#include "network/pdo_lists.hpp"
 #include "process_data/slaves.hpp"
 
 #include <gtest/gtest.h>
@@ -10,6 +11,11 @@ namespace margay {
 namespace {
 
 using wire::Fmmu;
+
+TEST(PdoList, OfManyPdosWithoutEntriesIsNoDescription) {
+    const std::vector<Pdo> pdos(256, Pdo{0x1600});
+    EXPECT_EQ(listed_bits({2, pdos}).open, 256U);
+}
 
 class ImageLayoutTest : public testing::Test {
   protected:
