@@ -169,6 +169,35 @@ nlohmann::ordered_json slave_json(const Slave& s) {
          s.error.code == Errc::none ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sentence(s.error))}};
 }
 
+// Of errors whose words in the library name functions: the user of a program calls none. Empty: those words will do.
+std::string_view words_for_users(Errc code) {
+    switch (code) {
+        case Errc::identity_unread: return "the slave was away, and its identity was not compared since";
+        case Errc::no_place: return "the slave has process data, but no place in the image is reserved for it";
+        case Errc::remapping_needed:
+            return "its revision, SyncManagers or PDOs have changed since the process image was laid out";
+        case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
+        case Errc::not_polled: return "the program that runs the segment serves no requests";
+        case Errc::no_cycle: return "no cycle is on the wire";
+        case Errc::not_supervised: return "the states of the slaves were read more than a second ago";
+        case Errc::place_unknown: return "no place in the image, the sizes of its process data are not known";
+        case Errc::supervised: return "the supervision keeps the slave in another state";
+        default: return {};
+    }
+}
+
+std::string for_users(std::string text, const Error& error) {
+    const auto ours = words_for_users(error.code);
+    const auto theirs = to_text(error.code);
+    if (const auto at = text.find(theirs); !ours.empty() && at != std::string::npos)
+        return text.replace(at, theirs.size(), ours);
+    const bool unmeasured = error.code == Errc::wrong_state && error.step == Step::configure_sync;
+    const bool unmapped = error.code == Errc::unknown_group && error.step == Step::request_state;
+    if (unmeasured) text = text.substr(0, text.find(" (call ")) + " (the clocks are not measured yet)";
+    if (unmapped) text.resize(std::min(text.find(": call "), text.size()));
+    return text;
+}
+
 // Writes a slave and all slaves behind it. A slave with one child has this child below it in the same column. The
 // children of a slave with several children are indented. `first` is the beginning of the slave's line, `indent` the
 // beginning of the lines behind it.
@@ -194,11 +223,16 @@ void add_line(Context& ctx, const Slave& slave, const std::string& first, const 
 
 std::string sentence(const Error& error) {
     std::array<char, 400> buffer{};
-    std::string text(describe(error, buffer));
+    std::string text = for_users(std::string(describe(error, buffer)), error);
     constexpr std::uint16_t kDetectedModules = 0xF050;  // its subindices count from 1, slots from 0
     if (error.code == Errc::check_failed && error.index == kDetectedModules && error.subindex != 0)
         text += fmt::format("; slot {} has another module than the ENI file says", error.subindex - 1);
     return text;
+}
+
+std::string sentence(const Event& event) {
+    std::array<char, 400> buffer{};
+    return for_users(std::string(describe(event, buffer)), event.error);
 }
 
 std::string sentence_without_slave(const Error& error) {

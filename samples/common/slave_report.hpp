@@ -2,6 +2,7 @@
 #pragma once
 
 #include <margay/context.hpp>
+#include <margay/event.hpp>
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
@@ -10,8 +11,10 @@
 
 namespace margay::samples {
 
-// The sentence that describe() writes for an error; of another module than the ENI file says with the slot.
+// The sentence that describe() writes, for the user of a program: it names no function to call. Of another module than
+// the ENI file says with the slot.
 [[nodiscard]] std::string sentence(const Error& error);
+[[nodiscard]] std::string sentence(const Event& event);
 // The same without the number of the slave, for a caller that names the slave itself. (An error without a slave has
 // another sentence: it does not say which register or object it concerns.)
 [[nodiscard]] std::string sentence_without_slave(const Error& error);

@@ -72,7 +72,8 @@ Answer<> AttachedSession::open() {
 
 Problem AttachedSession::problem_of(const Error& error, std::string_view slave_text) const {
     auto words = samples::sentence_without_slave(error);
-    if (words.find("config_map()") != std::string::npos) words += " (the application does this when it scans again)";
+    if (error.code == Errc::no_place || error.code == Errc::remapping_needed || error.code == Errc::place_unknown)
+        words += " (the application lays the image out anew when it scans again)";
     if (!slave_text.empty()) words += fmt::format(" (the slave: \"{}\")", samples::words_of_slave(slave_text));
     if (error.slave == 0) return {words};
     // The list of expected slaves is counted from 0, as the positions are.

@@ -9,7 +9,6 @@
 
 #include <pthread.h>
 
-#include <array>
 #include <utility>
 
 namespace margay::service {
@@ -60,15 +59,6 @@ std::string slaves_text(const Standing& s) {
     auto text = fmt::format("{} in {}", samples::counted(there, "slave"), state_name(s.target));
     // Nothing is wrong: a client of the socket has set their targets.
     if (s.elsewhere != 0) text += fmt::format(", {} in another state that was asked for", s.elsewhere);
-    return text;
-}
-
-// The reader of the log calls no functions of the library: what they advise is done by this program.
-std::string without_calls(std::string text) {
-    for (const auto& [advice, words] : {std::pair{"(call configdc() before)", "(the clocks are not measured yet)"},
-                                        std::pair{": readstate() or a supervision does it", ""}})
-        if (const auto at = text.find(advice); at != std::string::npos)
-            text.replace(at, std::char_traits<char>::length(advice), words);
     return text;
 }
 
@@ -188,8 +178,7 @@ void Companion::report_events() {
     while (const auto event = ctx_.events().take()) {
         // The master ends its supervision itself, before a scan and at the end.
         if (event->kind == EventKind::unsupervised && event->error.code == Errc::canceled) continue;
-        std::array<char, 400> text{};
-        say(priority_of(event->kind), std::string(describe(*event, text)), kEventsAtMost);
+        say(priority_of(event->kind), samples::sentence(*event), kEventsAtMost);
         if (event->kind == EventKind::stranger || event->kind == EventKind::other_slave) strangers_ = Clock::now();
     }
 }
@@ -200,10 +189,9 @@ void Companion::report_errors() {
     while (const auto odd = ctx_.warnings().take()) say(Priority::notice, samples::sentence(*odd), 1);
 }
 
-void Companion::say(Priority priority, const std::string& described, unsigned most) {
+void Companion::say(Priority priority, const std::string& text, unsigned most) {
     const unsigned level = level_;
     if (level == debug_level::kNone) return;
-    const std::string text = without_calls(described);
     if (level >= debug_level::kAll) return log(priority, text);
     Said& said = said_.try_emplace(text, Said{.since = Clock::now(), .priority = priority}).first->second;
     if (++said.times > most)
@@ -237,7 +225,7 @@ void Companion::report_standing(const Standing& now) {
     report_frames(now);
     const bool right = now.wrong.code == Errc::none;
     if (!right && now.settles) return;
-    const auto text = right ? slaves_text(now) : without_calls(samples::sentence(now.wrong));
+    const auto text = right ? slaves_text(now) : samples::sentence(now.wrong);
     const bool silent = level_ == debug_level::kNone;
     if (right && (!was_right_ || text != right_) && !silent)
         log(Priority::notice, "all is right: " + text);  // or after a scan

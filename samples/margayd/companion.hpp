@@ -28,8 +28,8 @@ inline constexpr unsigned kAll = 2;  // also repetitions, and the counters of fr
 // What the owner of the context says about its segment.
 struct Standing {
     Error wrong{.code = Errc::wrong_state};  // what_is_wrong(); code none: all is right
-    std::uint16_t slaves = 0;     // that answer
-    std::uint16_t elsewhere = 0;  // of these, in another state than `target`
+    std::uint16_t slaves = 0;                // that answer
+    std::uint16_t elsewhere = 0;             // of these, in another state than `target`
     AlState target = AlState::op;
     std::uint64_t overruns = 0;  // cycles that were left out
     bool settles = false;        // the cycle has just begun: what is wrong is not worth a message yet
@@ -74,7 +74,7 @@ class Companion {
     void report_events();
     void report_errors();
     // Logs the text at most `most` times a minute; forget_repeated() says how often it came beside that.
-    void say(Priority priority, const std::string& described, unsigned most);
+    void say(Priority priority, const std::string& text, unsigned most);
     void forget_repeated();
     void report_standing(const Standing& now);
     void report_frames(const Standing& now);

@@ -1,6 +1,7 @@
 // What ethercat makes from its table of commands: --help, the manual page, the completion; and the arguments.
 #include "ethercat/ethercat_fixture.hpp"
 
+#include "common/slave_report.hpp"
 #include "ethercat/table.hpp"
 
 #include <nlohmann/json.hpp>
@@ -22,6 +23,25 @@ TEST_F(EthercatTexts, HasTheCommandsOfTheManual) {
         names,
         "alias analyse config crc cstruct data debug domains download eoe foe_read foe_write graph ip master pdos "
         "reg_read reg_write rescan sdos sii_read sii_write slaves soe_read soe_write states upload version xml ");
+}
+
+// The user of a program calls no functions of the library.
+TEST_F(EthercatTexts, ErrorsNameNoFunctions) {
+    for (const Errc code :
+         {Errc::identity_unread, Errc::no_place, Errc::remapping_needed, Errc::unknown_group, Errc::not_polled,
+          Errc::no_cycle, Errc::not_supervised, Errc::place_unknown, Errc::supervised})
+        for (const Step step : {Step::none, Step::identify, Step::request_state, Step::exchange_process_data}) {
+            const Error error{.code = code, .step = step, .slave = 3};
+            const auto words = samples::sentence(error);
+            EXPECT_FALSE(contains(words, "()")) << words;
+            EXPECT_TRUE(words.starts_with("slave 3: ") && words.size() > 20) << words;
+            const auto event = samples::sentence({.kind = EventKind::recovery_failed, .slave = 3, .error = error});
+            EXPECT_FALSE(contains(event, "()")) << event;
+        }
+    EXPECT_EQ(samples::sentence({.code = Errc::identity_unread, .step = Step::identify, .slave = 3}),
+              "slave 3: comparing with what is expected: the slave was away, and its identity was not compared since");
+    EXPECT_EQ(samples::sentence({.code = Errc::wrong_state, .step = Step::configure_sync, .slave = 3}),
+              "slave 3: activating SYNC: not possible in this state (the clocks are not measured yet)");
 }
 
 TEST_F(EthercatTexts, HelpNamesEachCommandItsOptionsAndItsExitCodes) {
