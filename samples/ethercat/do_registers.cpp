@@ -22,12 +22,16 @@ int run_reg_read(Call& call) {
     const auto type = named_type(call);
     if (!type) return call.fail(type.problem());
     std::uint64_t size = *type == nullptr ? 0 : (*type)->bytes;
-    if (size == 0) {
-        if (words.size() < 2)
-            return call.fail({"SIZE is missing: it is the number of octets, and only a --type with a size replaces it",
-                              samples::exit_code::kUsage});
+    if (size == 0 && words.size() < 2)
+        return call.fail({"SIZE is missing: it is the number of octets, and only a --type with a size replaces it",
+                          samples::exit_code::kUsage});
+    if (words.size() >= 2) {
         const auto given = Call::number("SIZE", words[1], 0xFFFF);
         if (!given) return call.fail(given.problem());
+        if (size != 0 && *given != size)
+            return call.fail(
+                {fmt::format("SIZE is {}, and {} has {}", *given, (*type)->name, samples::counted(size, "octet")),
+                 samples::exit_code::kUsage});
         size = *given;
     }
     if (size == 0 || *address + size > kSpace)

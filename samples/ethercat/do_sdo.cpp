@@ -30,7 +30,8 @@ bool has_coe(const SlaveFacts& slave) {
 
 // What a newcomer with a simulated segment needs to know.
 std::string hint(const Call& call) {
-    return call.value("source").starts_with("sim:") ? "; --source sim:drives has slaves with one" : "";
+    const auto source = call.value("source");
+    return source.starts_with("sim:") && source != "sim:drives" ? "; --source sim:drives has slaves with one" : "";
 }
 
 Answer<> check_coe(const Call& call, const SlaveFacts& slave) {
@@ -80,7 +81,9 @@ Answer<const DataType*> type_of(const Call& call, const SelectedSlave& slave, co
     if (!named || *named != nullptr) return named;
     if (place.complete) return type_by_name("octet_string");
     const auto entry = slave.session().dictionary_entry(slave.position(), place.index, place.subindex);
-    if (!entry) return Problem{fmt::format("the type of the entry is not known: {}: use --type", entry.problem().text)};
+    if (!entry)
+        return Problem{fmt::format("the type of the entry is not known: {}; with --type the dictionary is not asked",
+                                   entry.problem().text)};
     const auto* type = type_by_code(entry->data_type);
     if (type == nullptr)
         return Problem{fmt::format("entry 0x{:04x}:{:02x} has {} of the standard, which has no name here: use --type",

@@ -62,6 +62,7 @@ TEST_F(EthercatAccess, ASlaveWithoutObjectsIsNamedAsThat) {
     const std::string none = "position 3: the slave has no object dictionary: its mailbox does not support CoE";
     for (const char* call : {"sdos -p 3", "upload -p 3 0x1018 1", "download -p 3 0x6060 0 8 -t int8"})
         fails("sim:demo", call, 1, none);
+    fails("", "sdos -p 5 --source sim:drives", 1, "does not support CoE\n");
     fails("", "sdos -p 3 --source sim:demo", 1, none + "; --source sim:drives has slaves with one");
     const auto all = ethercat("sim:demo", "sdos");
     EXPECT_EQ(all.status, 0);
@@ -108,6 +109,8 @@ TEST_F(EthercatAccess, AccessesDriveParameters) {
 
 TEST_F(EthercatAccess, AccessesRegisters) {
     EXPECT_EQ(out("sim:demo", "reg_read -p 1 0x130 -t uint16"), "0x0002 2\n");
+    EXPECT_EQ(out("sim:demo", "reg_read -p 1 0x130 2 -t uint16"), "0x0002 2\n");
+    fails("sim:demo", "reg_read -p 1 0x130 4 -t uint16", 2, "SIZE is 4, and uint16 has 2 octets");
     EXPECT_EQ(out("sim:demo", "reg_read -p 2 0x10 2"), "0x03 0x10\n");
     EXPECT_TRUE(contains(out("sim:demo", "reg_read -p 2 0x10 2 --json"), "\"octets\": \"0310\""));
     EXPECT_EQ(out("sim:demo", "reg_write -p 1 0x0F80 -t uint32 0x12345678"), "");
