@@ -184,7 +184,8 @@ Answer<std::vector<ConfigFacts>> AttachedSession::configs() {
                            .relative = address.relative++,
                            .vendor = expected_or(slave.wanted.vendor, slave.identity.vendor),
                            .product = expected_or(slave.wanted.product, slave.identity.product),
-                           .state = slave.al.state};
+                           .state = slave.al.state,
+                           .may_be_missing = slave.may_be_missing};
         if (slave.ring_position != 0) {
             config.position = static_cast<std::uint16_t>(slave.ring_position - 1);
             auto sms = sync_managers(*config.position);

@@ -95,6 +95,7 @@ struct SlaveFacts {
     std::uint32_t delay_ns = 0;
     std::int32_t difference_ns = 0;
     bool in_sync = false;
+    bool may_be_missing = false;
     std::array<char, Slave::kNameBytes> name_text{};
     std::uint8_t name_bytes = 0;
     [[nodiscard]] std::string name() const {
@@ -195,7 +196,7 @@ void fields(A& a, SlaveFacts& v) {
     a(v.number, v.ring_position, v.station_address, v.alias, v.dl_status, v.identity, v.wanted, v.dl, v.al, v.target,
       v.seen, v.takes_part, v.error, v.parent, v.parent_port, v.entry_port, v.ports, v.mailbox, v.boot_mailbox,
       v.coe_details, v.ebus_current_ma, v.sm_count, v.sync_managers, v.group, v.outputs, v.inputs, v.clock, v.delay_ns,
-      v.difference_ns, v.in_sync, v.name_text, v.name_bytes);
+      v.difference_ns, v.in_sync, v.may_be_missing, v.name_text, v.name_bytes);
 }
 template <class A>
 void fields(A& a, GroupFacts& v) {

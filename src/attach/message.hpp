@@ -18,7 +18,7 @@ namespace margay::attach {
 // Raise it with every change of the messages, and of enumerations whose values are in them (Errc, Step, EventKind …).
 // What never changes, so that each version can refuse each other in words: Header, `hello` with its two numbers, and
 // Status::refused with a string.
-inline constexpr std::uint32_t kProtocolVersion = 2;
+inline constexpr std::uint32_t kProtocolVersion = 3;
 inline constexpr std::uint32_t kMagic = 0x5947'524D;  // "MRGY"
 
 enum class Operation : std::uint16_t {

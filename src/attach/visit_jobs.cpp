@@ -8,6 +8,7 @@
 #include <margay/context.hpp>
 #include <margay/expected.hpp>
 #include <margay/margay.hpp>
+#include <margay/missing.hpp>
 
 #include <algorithm>
 
@@ -74,6 +75,7 @@ SlaveFacts facts_of(Context& ctx, const Slave& s) {
     facts.delay_ns = clock.delay_ns;
     facts.difference_ns = clock.difference_ns;
     facts.in_sync = clock.in_sync;
+    facts.may_be_missing = may_be_missing(ctx, s.number);
     return facts;
 }
 

@@ -381,7 +381,7 @@ TEST_F(AttachOffers, AnotherVersionIsToldSoInBothDirections) {
         from(words);
         EXPECT_TRUE(from.complete());
         EXPECT_EQ(words,
-                  "the server speaks version 2 of the protocol, and the client version " + std::to_string(version));
+                  "the server speaks version 3 of the protocol, and the client version " + std::to_string(version));
     }
     EXPECT_EQ(server->counts().malformed, 0U);
     // A server of version 1, whose answer to this client's hello is known octet by octet.
@@ -395,7 +395,7 @@ TEST_F(AttachOffers, AnotherVersionIsToldSoInBothDirections) {
     std::thread one([&] {
         const int fd = ::accept(listener, nullptr, nullptr);
         EXPECT_EQ(::recv(fd, heard.data(), heard.size(), MSG_WAITALL), 20);
-        const std::string words = "the server speaks version 1 of the protocol, and the client version 2";
+        const std::string words = "the server speaks version 1 of the protocol, and the client version 3";
         std::vector<std::byte> answer(12 + 4 + words.size());
         attach::Writer into(answer);
         into(static_cast<std::uint32_t>(4 + words.size()), std::uint32_t{1}, std::uint16_t{2}, std::uint16_t{0}, words);
@@ -403,13 +403,13 @@ TEST_F(AttachOffers, AnotherVersionIsToldSoInBothDirections) {
         ::close(fd);
     });
     Client client;
-    EXPECT_EQ(client.connect(old), old + ": the server speaks version 1 of the protocol, and the client version 2");
+    EXPECT_EQ(client.connect(old), old + ": the server speaks version 1 of the protocol, and the client version 3");
     one.join();
     ::close(listener);
     ::unlink(old.c_str());
     std::vector<std::byte> expected(20);
     attach::Writer into(expected);
-    into(std::uint32_t{8}, std::uint32_t{1}, std::uint32_t{0}, 'M', 'R', 'G', 'Y', std::uint32_t{2});
+    into(std::uint32_t{8}, std::uint32_t{1}, std::uint32_t{0}, 'M', 'R', 'G', 'Y', std::uint32_t{3});
     EXPECT_EQ(heard, expected);
 }
 

@@ -463,6 +463,34 @@ TEST_F(ReportProgram, ReadsARunningApplication) {
     EXPECT_EQ(attached.count("//svg[@id='topology']//a[@class='slave']"), 3U);
 }
 
+// The application decides what may be missing: a member whose group is away, and not one whose head is there.
+TEST_F(ReportProgram, ReadsFromAnApplicationWhatMayBeMissing) {
+    const std::string coupler = "[[slave]]\ndevice = \"coupler\"\n";
+    const std::string head = "[[slave]]\ndevice = \"digital_out_8\"\nalias = 5\n";
+    folder.write("away.toml", coupler);
+    folder.write("partly.toml", coupler + head);
+    folder.write("there.toml", coupler + head + "[[slave]]\ndevice = \"digital_io_16\"\n");
+    folder.write("group.xml", process::eni_with_group(folder.path() / "there.toml", 3, 5, 2));
+    std::filesystem::create_directory(folder.path() / "etc");
+    const auto place = folder.path().string() + "/";
+    for (const bool away : {true, false}) {
+        folder.write("etc/s.toml", "source = \"sim:" + place + (away ? "away" : "partly") +
+                                       ".toml\"\ncycle_us = 10000\neni = \"" + place + "group.xml\"\n");
+        const auto ran =
+            folder.run(std::string(MARGAY_BIN_DIR) +
+                       "/margayd --config etc --sockets . 2> log &\nd=$!\nn=0\nuntil grep -q 'all is right' "
+                       "log; do sleep 0.05; n=$((n+1)); [ $n -lt 1200 ] || { cat log >&2; kill -9 $d; "
+                       "exit 98; }; done\n" +
+                       program + " --attach s.sock -o a.html; code=$?; kill $d; wait $d; exit $code");
+        const auto faults = page("a.html").verdicts("fault");
+        EXPECT_EQ(std::ranges::any_of(faults, [](const auto& one) { return contains(one, "Configured slave 2 "); }),
+                  !away)
+            << ran.out << ran.err;
+        EXPECT_FALSE(std::ranges::any_of(faults, [](const auto& one) { return contains(one, "Configured slave 1 "); }))
+            << ran.out << ran.err;
+    }
+}
+
 TEST_F(ReportProgram, ASegmentInOpIsLeftToItsMaster) {
     constexpr auto kPatience = 60s;
     const std::string bin = std::string(MARGAY_BIN_DIR) + "/";
