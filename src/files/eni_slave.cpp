@@ -71,6 +71,10 @@ bool is_whole(std::span<const std::byte> mask) {
     return std::ranges::all_of(mask, [](std::byte one) { return one == std::byte{0xFF}; });
 }
 
+bool is_nothing(std::span<const std::byte> mask) {
+    return std::ranges::all_of(mask, [](std::byte one) { return one == std::byte{0}; });
+}
+
 // The identity that the init commands check: a command that gives the SII a word address, then one that reads the data.
 class IdentityChecks {
   public:
@@ -91,7 +95,9 @@ class IdentityChecks {
   private:
     // The four octets that the command compares from `at` on are those of this word and the next one.
     void see(Reader& r, const EniInit& init, std::size_t at, std::uint32_t word, EniSlaveData& s) {
-        const bool whole = init.wanted.size() >= at + 4 && is_whole(std::span(init.mask).subspan(at, 4));
+        const auto mask = std::span(init.mask).subspan(at);
+        if (is_nothing(mask.first(std::min<std::size_t>(mask.size(), 4)))) return;  // it compares other octets
+        const bool whole = init.wanted.size() >= at + 4 && is_whole(mask.first(4));
         const auto value = static_cast<std::uint32_t>(wanted_value(init, at));
         const bool identity = word == 0x08 || word == 0x0A || word == 0x0C || word == 0x0E;
         if (!identity) return r.remark(init.node, "the check of SII word " + hex(word) + " is not supported");

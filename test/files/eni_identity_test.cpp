@@ -211,16 +211,18 @@ bool says(const Read<EniConfiguration>& eni, const std::string& text) {
 struct SiiCheck {
     std::string word;  // two hexadecimal digits
     std::string wanted;
+    std::string mask = {};
 };
 
 // The example with init commands of the second slave that read these words of its SII and compare them.
 Read<EniConfiguration> with_checks(const std::vector<SiiCheck>& checks) {
     const std::string begin = "<InitCmd><Transition>IP</Transition>";
     std::string all;
-    for (const auto& [word, wanted] : checks)
+    for (const auto& [word, wanted, mask] : checks)
         all += begin + "<Cmd>5</Cmd><Adp>1002</Adp><Ado>1282</Ado><Data>0001" + word + "000000</Data></InitCmd>" +
                begin + "<Cmd>4</Cmd><Adp>1002</Adp><Ado>1288</Ado><DataLength>" + std::to_string(wanted.size() / 2) +
-               "</DataLength><Validate><Data>" + wanted + "</Data></Validate></InitCmd>";
+               "</DataLength><Validate><Data>" + wanted + "</Data>" +
+               (mask.empty() ? "" : "<DataMask>" + mask + "</DataMask>") + "</Validate></InitCmd>";
     const std::string second = "<InitCmd><Transition>PS</Transition><Cmd>5</Cmd><Adp>1002</Adp>";
     return read_eni(changed(second, all + second));
 }
@@ -234,6 +236,14 @@ TEST(EniIdentity, ACheckOfTheSiiComparesEightOctetsToo) {
     EXPECT_NE(to_text(part.problem).find("the check of SII word 0x000e compares a part of the value"),
               std::string::npos)
         << to_text(part.problem);
+    const auto half = with_checks({{"0c", "0100000007000000", "ffffffff00000000"}});
+    ASSERT_TRUE(half) << to_text(half.problem);
+    EXPECT_EQ(half->expected()[1].revision, 1U);
+    EXPECT_FALSE(half->expected()[1].serial);
+    const auto masked = with_checks({{"0c", "0100000007000000", "ffffffff0000ffff"}});
+    EXPECT_NE(to_text(masked.problem).find("the check of SII word 0x000e compares a part of the value"),
+              std::string::npos)
+        << to_text(masked.problem);
     EXPECT_TRUE(says(with_checks({{"0c", "01000000"}, {"0c", "02000000"}}),
                      "the check of SII word 0x000c wants 0x00000002, and one before it wants 0x00000001"));
 }
