@@ -34,21 +34,26 @@ bool is_other(const std::optional<T>& given, const std::optional<T>& known) {
     return given && *given != 0 && given != known;
 }
 
+bool both_give(const SyncSeen& a, const SyncSeen& b) {
+    return (a.activation && b.activation) || (a.cycle0 && b.cycle0) || (a.cycle1 && b.cycle1);
+}
+
 // The library sets the signals at PS. What the file gives at another step on the way to OP is used where the file gives
 // nothing at PS.
-bool is_used(Reader& r, const EniInit& init, const SyncSeen& given, const SyncSeen& at_ps) {
+bool is_used(Reader& r, const EniInit& init, const SyncSeen& given, const SyncSeen& seen, const SyncSeen& at_ps) {
     if (contains(init.transitions, Transition::preop_to_safeop)) return true;
-    const bool other = is_other(given.activation, at_ps.activation) || is_other(given.cycle0, at_ps.cycle0) ||
-                       is_other(given.cycle1, at_ps.cycle1);
+    const bool other = is_other(given.activation, seen.activation) || is_other(given.cycle0, seen.cycle0) ||
+                       is_other(given.cycle1, seen.cycle1);
     if (!other) return false;
-    const bool taken =
-        (given.activation && at_ps.activation) || (given.cycle0 && at_ps.cycle0) || (given.cycle1 && at_ps.cycle1);
+    const bool taken = both_give(given, seen);
     const bool up =
         contains(init.transitions, Transition::init_to_preop) || contains(init.transitions, Transition::safeop_to_op);
     const std::string what = "the init command for SYNC signals (" + hex(init.ado) + ") is not of PS: ";
-    r.remark(init.node, what + (taken ? "it is not sent, what the commands of PS give is used"
-                                : up  ? "the library sets SYNC signals at PS"
-                                      : "it is not sent, the library sets SYNC signals at PS"));
+    r.remark(init.node,
+             what + (taken ? both_give(given, at_ps) ? "it is not sent, what the commands of PS give is used"
+                                                     : "it is not sent, what a command before it gives is used"
+                     : up  ? "the library sets SYNC signals at PS"
+                           : "it is not sent, the library sets SYNC signals at PS"));
     return up && !taken;
 }
 
@@ -56,17 +61,20 @@ bool is_used(Reader& r, const EniInit& init, const SyncSeen& given, const SyncSe
 
 void read_eni_sync(Reader& r, EniSlaveData& s) {
     SyncSeen seen;
-    for (const bool at_ps : {true, false})
+    SyncSeen seen_at_ps;
+    for (const bool at_ps : {true, false}) {
+        seen_at_ps = seen;
         for (const EniInit& init : s.inits) {
             const bool here = init.ado >= 0x0980 && init.ado < 0x09B0 && init.writes();
             if (!here || init.transitions == Transition::none) continue;
             if (contains(init.transitions, Transition::preop_to_safeop) != at_ps) continue;
             const SyncSeen given = sync_of(init, seen);
-            if (!is_used(r, init, given, seen)) continue;
+            if (!is_used(r, init, given, seen, seen_at_ps)) continue;
             if (given.activation) seen.activation = given.activation;
             if (given.cycle0) seen.cycle0 = given.cycle0;
             if (given.cycle1) seen.cycle1 = given.cycle1;
         }
+    }
     SyncSettings& dc = s.setup.dc;
     if (seen.activation) dc.assign_activate = *seen.activation;
     s.uses_clock = seen.activation.value_or(0) != 0;

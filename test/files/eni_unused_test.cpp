@@ -165,6 +165,10 @@ TEST(EniUnused, SyncSignalsOfAnotherStepAreUsedAndNamed) {
     EXPECT_EQ(sync(both).sync0_cycle, std::chrono::milliseconds(1));
     ASSERT_EQ(more_said(both).size(), 1U);
     EXPECT_TRUE(more_said(both)[0].ends_with("it is not sent, what the commands of PS give is used"));
+    const auto twice = with_inits(init("IP", 0x0980, "0003") + init("SO", 0x0980, "0007"));
+    EXPECT_EQ(sync(twice).assign_activate, 0x0300);
+    ASSERT_EQ(more_said(twice).size(), 2U);
+    EXPECT_TRUE(more_said(twice)[1].ends_with("it is not sent, what a command before it gives is used"));
     const auto down = with_inits(init("SP", 0x0980, "0003"));
     EXPECT_EQ(sync(down).source, SyncSettings::Source::none);
     ASSERT_EQ(more_said(down).size(), 1U);
