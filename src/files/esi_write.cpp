@@ -24,8 +24,11 @@ std::string physics(const EsiDevice& device) {
     return letters;
 }
 
-// A type that has no name is one of octets or of bits.
+// Strings of ESI files have their length in the name. A type that has no name is one of octets or of bits.
 std::string written_type(const std::string& name, std::uint32_t bits) {
+    const bool is_whole = bits != 0 && bits % 8 == 0;
+    if (is_whole && name == "VISIBLE_STRING") return "STRING(" + std::to_string(bits / 8) + ")";
+    if (is_whole && name == "OCTET_STRING") return "OCTET_STRING(" + std::to_string(bits / 8) + ")";
     if (!name.empty()) return name;
     if (bits <= 8) return "BYTE";
     return bits % 8 == 0 ? "ARRAY [0.." + std::to_string(bits / 8 - 1) + "] OF BYTE"
@@ -85,7 +88,7 @@ void write_dictionary(Node device, const EsiDevice& d) {
     Node types = add(dictionary, "DataTypes");
     Node objects = add(dictionary, "Objects");
     for (const EsiObject& object : d.dictionary) {
-        std::string type = object.data_type.empty() ? "UDINT" : object.data_type;
+        std::string type = object.data_type.empty() ? "UDINT" : written_type(object.data_type, object.bits);
         std::uint64_t bits = object.bits;
         if (!object.items.empty()) {
             type = "DT" + hex(object.index).substr(2);

@@ -289,6 +289,21 @@ TEST(EsiWriter, WhatAnSiiCarriesBesidesTheDescriptionIsKept) {
               "category 3 of the SII, with production data of one slave, is left out");
 }
 
+TEST(EsiWriter, StringsHaveTheirLengthInTheNameOfTheirType) {
+    auto esi = read_esi(kExampleEsi);
+    ASSERT_TRUE(esi);
+    esi->devices[0].dictionary = {
+        {.index = 0x1008, .name = "Name", .data_type = "VISIBLE_STRING", .bits = 96},
+        {.index = 0x2000,
+         .name = "Record",
+         .items = {{.subindex = 1, .name = "Octets", .data_type = "OCTET_STRING", .bits = 40}}}};
+    const Written written = write_esi(*esi);
+    EXPECT_NE(written.text.find("<Type>STRING(12)</Type>"), std::string::npos) << written.text;
+    EXPECT_NE(written.text.find("<Type>OCTET_STRING(5)</Type>"), std::string::npos);
+    EXPECT_EQ(written.text.find("VISIBLE_STRING"), std::string::npos);
+    EXPECT_TRUE(read_esi(written.text));
+}
+
 TEST(EsiWriter, DescribesASlaveWithItsDictionary) {
     VirtualOsal osal;
     sim::Segment segment;
