@@ -100,12 +100,8 @@ class Configurator {
         for (std::size_t n = 0; n < device_.sync_managers.size(); ++n)
             if (device_.sync_managers[n].type == wanted) return static_cast<std::uint8_t>(n);
         // Its name is one of the device: the control octet says what it is.
-        for (std::size_t n = 0; n < device_.sync_managers.size(); ++n) {
-            const EsiSyncManager& sm = device_.sync_managers[n];
-            const bool is_mailbox = (sm.control & 0x03) == 0x02;
-            const bool has_own_name = sm.type == SmType::unused && !same_word(sm.use, kUnusedSm);
-            if (has_own_name && !is_mailbox && sm.direction() == direction) return static_cast<std::uint8_t>(n);
-        }
+        for (std::size_t n = 0; n < device_.sync_managers.size(); ++n)
+            if (direction_by_control(device_.sync_managers[n]) == direction) return static_cast<std::uint8_t>(n);
         return std::nullopt;
     }
 

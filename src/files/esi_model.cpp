@@ -105,6 +105,12 @@ Direction EsiSyncManager::direction() const {
     return (control & kDirection) == 0x04 ? Direction::outputs : Direction::inputs;
 }
 
+std::optional<Direction> direction_by_control(const EsiSyncManager& sm) {
+    constexpr unsigned kMode = 0x03;  // of the control octet: 2 is a mailbox
+    if (sm.type != SmType::unused || same_word(sm.use, kUnusedSm) || (sm.control & kMode) == 0x02) return std::nullopt;
+    return sm.direction();
+}
+
 std::uint32_t EsiSlots::count() const {
     std::uint64_t sum = 0;
     for (const EsiSlot& slot : slots) sum += std::max<std::uint32_t>(slot.most, 1);

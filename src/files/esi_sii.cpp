@@ -132,8 +132,8 @@ class Builder {
         for (const EsiSyncManager& sm : device_.sync_managers) {
             SmType type = sm.type;
             // A name of its own: the direction of the control octet says more to a master than "unused".
-            if (type == SmType::unused && !same_word(sm.use, kUnusedSm) && (sm.control & 0x03) != 0x02)
-                type = sm.direction() == Direction::outputs ? SmType::outputs : SmType::inputs;
+            if (const auto direction = direction_by_control(sm))
+                type = direction == Direction::outputs ? SmType::outputs : SmType::inputs;
             std::uint8_t enable = sm.enabled ? sii::sm_enable::kEnable : std::uint8_t{0};
             if (sm.is_virtual) enable |= sii::sm_enable::kVirtual;
             if (sm.op_only) enable |= sii::sm_enable::kOpOnly;
