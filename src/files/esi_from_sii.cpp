@@ -51,6 +51,8 @@ class Describer {
         d_.type = text(general_.order);
         d_.name = text(general_.name);
         d_.group = text(general_.group);
+        constexpr std::size_t kGroupName = 14;
+        if (content->size() > kGroupName) d_.group_name = text(load_le<std::uint8_t>(*content, kGroupName));
         d_.ebus_current_ma = general_.ebus_current_ma;
         for (unsigned port = 0; port < d_.ports.size(); ++port) {
             const auto kind = sii::physical_port(general_, port);

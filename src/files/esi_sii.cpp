@@ -103,6 +103,8 @@ class Builder {
 
     void general() {
         d_.group = text(device_.group);
+        // A file needs a name for each group: that of a group without one is its type.
+        if (device_.group_name != device_.group) d_.group_name = text(device_.group_name);
         d_.order = text(device_.type);
         d_.name = text(device_.name);
         sii::General& g = d_.general;

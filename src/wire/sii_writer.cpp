@@ -87,7 +87,8 @@ class Writer {
     // Calls `visit` for every text.
     template <class Visit>
     void each_text(Visit visit) const {
-        for (const auto text : {device_.order, device_.group, device_.image, device_.name}) visit(text);
+        for (const auto text : {device_.order, device_.group, device_.group_name, device_.image, device_.name})
+            visit(text);
         for (const auto& list : {device_.tx_pdos, device_.rx_pdos})
             for (const auto& pdo : list) {
                 visit(pdo.name);
@@ -154,7 +155,8 @@ class Writer {
         put(g.sysman_class);
         put(g.flags);
         put(g.ebus_current_ma);
-        put<std::uint16_t>(0);
+        put(number(device_.group_name));
+        put<std::uint8_t>(0);
         put(g.physical_ports);
         put(g.identification_address);
         while (at_ - begun_ < kGeneralBytes && fault_ == Fault::none) put<std::uint8_t>(0);

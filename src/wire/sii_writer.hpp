@@ -47,6 +47,7 @@ struct Description {
     MailboxInfo boot_mailbox = {};  // its protocols are ignored
     std::uint16_t version = 1;
     std::string_view group = {};
+    std::string_view group_name = {};
     std::string_view image = {};
     std::string_view order = {};
     std::string_view name = {};

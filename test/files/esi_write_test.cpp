@@ -289,6 +289,17 @@ TEST(EsiWriter, WhatAnSiiCarriesBesidesTheDescriptionIsKept) {
               "category 3 of the SII, with production data of one slave, is left out");
 }
 
+TEST(EsiWriter, TheNameOfAGroupIsInTheSii) {
+    auto esi = read_esi(kExampleEsi);
+    ASSERT_TRUE(esi);
+    ASSERT_EQ(esi->devices[0].group_name, "Drives");
+    esi->devices[0].group = "Drive";
+    const auto described = describe_sii(make_sii(esi->devices[0]).octets);
+    ASSERT_TRUE(described);
+    EXPECT_EQ(described->group, "Drive");
+    EXPECT_EQ(described->group_name, "Drives");
+}
+
 TEST(EsiWriter, StringsHaveTheirLengthInTheNameOfTheirType) {
     auto esi = read_esi(kExampleEsi);
     ASSERT_TRUE(esi);
