@@ -118,8 +118,8 @@ class Bus {
     // The same for any thread. Does nothing while no thread polls before activation: activation and deactivation scan
     // themselves.
     void ask_for_scan();
-    // Before activation: waits while the segment is scanned, at most 3 s.
-    void await_scan() const;
+    // Before activation: waits while the segment is scanned, at most 3 s. Returns whether the scan is over.
+    bool await_scan() const;
     // The segment is scanned, or the master is being activated or deactivated: no transfer begins. Any thread.
     [[nodiscard]] bool is_changing() const { return turns % 2 != 0 || scan_busy; }
 
@@ -278,13 +278,18 @@ class Bus {
     return !is_own_error(slave.error.code) && (!slave.seen || (!slave.sii_read && slave.al.state == AlState::init));
 }
 
+// Before activation: the slave is in INIT, and nothing keeps it there. It takes no messages yet.
+[[nodiscard]] inline bool is_on_its_way_to_preop(const Slave& slave) {
+    return !is_own_error(slave.error.code) && (slave.al.state == AlState::init || is_unread(slave));
+}
+
 // How far a slave is: its SII was read; it has passed INIT, so that it takes messages; its PDOs stay as they are,
 // or it cannot be configured.
 enum class Ready : std::uint8_t { read, for_mail, for_pdos };
 
-// While the segment is scanned, and while it starts up after activation, its slaves have no numbers or no mailboxes
-// yet. Waits until the one at this position is ready, 10 s at most. Returns at once in the cyclic thread. False: the
-// slave is not ready.
+// While the segment is scanned, while a slave is brought to PREOP, and while the segment starts up after activation,
+// slaves have no numbers or no mailboxes yet. Waits until the one at this position is ready, 10 s at most. Returns at
+// once in the cyclic thread. False: the slave is not ready.
 bool await_start(Bus& bus, std::uint16_t position, Ready wanted);
 
 // Activation or deactivation, while it is at work.
@@ -300,7 +305,8 @@ class Turn {
 };
 
 // A transfer of a call that waits. It begins when its slave is ready, as await_start() says, and nothing is at work
-// that would end it. Activation and the next scan wait for its end, 1 s; deactivation ends it.
+// that would end it. Activation and the next scan wait for its end, 1 s. Deactivation does not end it: the scan that
+// follows does, after this second.
 class Passage {
   public:
     Passage(Bus& bus, std::uint16_t position, Ready wanted);

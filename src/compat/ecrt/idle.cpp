@@ -11,8 +11,9 @@ namespace margay::compat::ecrt {
 
 using namespace std::chrono_literals;
 
-void Bus::await_scan() const {
+bool Bus::await_scan() const {
     for (int n = 0; n < 3000 && !active && scan_busy; ++n) std::this_thread::sleep_for(1ms);
+    return !scan_busy;
 }
 
 // Asks the thread that polls: a thread that became the owner here could take the context from activation.

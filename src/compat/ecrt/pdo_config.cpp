@@ -12,6 +12,10 @@ using namespace margay::compat::ecrt;
 
 namespace {
 
+// How often a slave is asked that changes its place meanwhile, or that may come by a scan.
+constexpr unsigned kTries = 5;
+constexpr const char* kUnanswered = "the slave has not answered when it was asked for them";
+
 bool is_known(const ec_slave_config& config, std::uint8_t sync_index) {
     const bool known = sync_index < EC_MAX_SYNC_MANAGERS;
     if (!known) say("configuration %u:%u: there is no SyncManager %u", config.alias, config.position, sync_index);
@@ -19,19 +23,23 @@ bool is_known(const ec_slave_config& config, std::uint8_t sync_index) {
 }
 
 // The PDOs of the slave of a configuration, and the slave with the place that it has afterwards: slaves that come while
-// it is asked give it another one. Waits for the slave. Null: it is not there.
+// it is asked give it another one. Waits for the slave, and for the end of a scan. Null: config.not_known says why.
 std::shared_ptr<KnownPdos> pdos_of(ec_slave_config& config, Slave& slave) {
-    constexpr unsigned kTries = 5;
     Bus& bus = config.bus;
     for (unsigned n = 0; n < kTries; ++n) {
-        bus.await_scan();
-        if (!bus.slave_of(config, slave)) return nullptr;
+        const bool scanned = bus.await_scan();
+        if (!bus.slave_of(config, slave)) {
+            if (!scanned) continue;
+            config.not_known = "the slave is not there to be asked for them";
+            return nullptr;
+        }
         const Slave asked = slave;
         auto known = pdos_of(bus, asked);
-        if (!bus.slave_of(config, slave)) return nullptr;
-        const bool stayed = slave.ring_position == asked.ring_position && slave.number == asked.number;
+        const bool stayed =
+            bus.slave_of(config, slave) && slave.ring_position == asked.ring_position && slave.number == asked.number;
         if (stayed && known->identity == slave.identity) return known;
     }
+    config.not_known = "the segment is being scanned";
     return nullptr;
 }
 
@@ -42,6 +50,7 @@ void ask_slave(ec_slave_config& config) {
     const auto known = pdos_of(config, slave);
     if (known == nullptr) return;
     config.asked = true;
+    config.answered = known->unread.code == Errc::none;
     for (std::size_t n = 0; n < known->syncs.size(); ++n)
         if (!config.syncs[n].set) config.syncs[n] = known->syncs[n];
 }
@@ -50,14 +59,25 @@ void ask_slave(ec_slave_config& config) {
 void complete(ec_slave_config& config, PdoWish& pdo) {
     Slave slave;
     if (pdo.listed) return;
-    const auto known = pdos_of(config, slave);
-    if (known == nullptr) return;
-    const Passage passage(config.bus, static_cast<std::uint16_t>(slave.ring_position - 1), Ready::for_mail);
-    Slave present;
-    if (!config.bus.slave_of(config, present) || present.number != slave.number)
-        return;  // asked again by the next call
-    pdo.entries = read_pdo(config.bus, slave, *known, pdo.index);
-    pdo.listed = !pdo.entries.empty();
+    for (unsigned n = 0; n < kTries; ++n) {
+        const auto known = pdos_of(config, slave);
+        if (known == nullptr) return;
+        const Passage passage(config.bus, static_cast<std::uint16_t>(slave.ring_position - 1), Ready::for_mail);
+        Slave present;
+        if (!config.bus.slave_of(config, present) || present.number != slave.number) continue;
+        auto entries = read_pdo(config.bus, slave, *known, pdo.index);
+        if (!entries) config.not_known = kUnanswered;
+        if (entries) pdo.entries = std::move(*entries);
+        pdo.listed = !pdo.entries.empty();
+        return;
+    }
+    config.not_known = "the segment is being scanned";
+}
+
+// What a call says that does not find a PDO or an entry: the end of its line.
+std::string reason(const ec_slave_config& config) {
+    const char* const why = config.not_known != nullptr ? config.not_known : config.answered ? nullptr : kUnanswered;
+    return why == nullptr ? std::string() : std::string(" as far as its PDOs are known: ") + why;
 }
 
 std::uint32_t bits_of(const PdoWish& pdo) {
@@ -90,10 +110,7 @@ std::optional<Place> find(ec_slave_config& config, std::uint16_t index, std::uin
 // same.
 std::uint32_t offset_of(ec_domain& domain, ec_slave_config& config, std::uint8_t sm) {
     std::uint32_t bits = 0;
-    for (PdoWish& pdo : config.syncs[sm].pdos) {
-        complete(config, pdo);
-        bits += bits_of(pdo);
-    }
+    for (const PdoWish& pdo : config.syncs[sm].pdos) bits += bits_of(pdo);
     const std::uint32_t bytes = bits / 8 + (bits % 8 != 0 ? 1 : 0);
     const std::lock_guard lock(domain.bus.config_mutex);
     for (const DomainPart& part : domain.parts)
@@ -101,6 +118,19 @@ std::uint32_t offset_of(ec_domain& domain, ec_slave_config& config, std::uint8_t
     domain.parts.push_back({&config, sm, config.syncs[sm].direction == EC_DIR_OUTPUT, domain.size, bytes});
     domain.size += bytes;
     return domain.parts.back().offset;
+}
+
+// Whether the size of the SyncManager is known: of each of its PDOs the entries, or that the slave does not have it.
+bool is_complete(ec_slave_config& config, std::uint8_t sm) {
+    bool all = true;
+    for (PdoWish& pdo : config.syncs[sm].pdos) {
+        complete(config, pdo);
+        all = all && pdo.listed;
+    }
+    if (all || config.not_known == nullptr) return true;
+    say("configuration %u:%u: SyncManager %u has PDOs whose entries are not known: %s", config.alias, config.position,
+        sm, config.not_known);
+    return false;
 }
 
 bool is_domain_of(const ec_slave_config& config, const ec_domain* domain) {
@@ -115,6 +145,7 @@ int put(ec_slave_config& config, ec_domain& domain, Place place, unsigned int* b
             config.alias, config.position, place.sync_manager);
         return -EFAULT;
     }
+    if (!is_complete(config, place.sync_manager)) return -ENOENT;
     const std::uint32_t offset = offset_of(domain, config, place.sync_manager);
     if (bit_position != nullptr) *bit_position = place.bit % 8;
     return static_cast<int>(offset + place.bit / 8);
@@ -135,11 +166,14 @@ PdoWish* changed(ec_slave_config& config, std::uint16_t index) {
 // As assigned by the program, or by the slave.
 PdoWish* assigned(ec_slave_config& config, std::uint16_t index) {
     PdoWish* pdo = changed(config, index);
+    config.not_known = nullptr;
     if (pdo == nullptr) {
         ask_slave(config);
         pdo = changed(config, index);
     }
-    if (pdo == nullptr) say("configuration %u:%u: PDO 0x%04x is not assigned", config.alias, config.position, index);
+    if (pdo == nullptr)
+        say("configuration %u:%u: PDO 0x%04x is not assigned%s", config.alias, config.position, index,
+            reason(config).c_str());
     return pdo;
 }
 
@@ -275,14 +309,16 @@ int ecrt_slave_config_reg_pdo_entry(ec_slave_config_t* sc, uint16_t entry_index,
     const Change change(*sc);
     if (change.refused()) return -EBUSY;
     if (!is_domain_of(*sc, domain)) return -EINVAL;
+    sc->not_known = nullptr;
     auto place = find(*sc, entry_index, entry_subindex);
     if (!place) {
+        sc->not_known = nullptr;
         ask_slave(*sc);
         place = find(*sc, entry_index, entry_subindex);
     }
     if (!place) {
         say("configuration %u:%u: entry 0x%04x:%02x is not mapped%s", sc->alias, sc->position, entry_index,
-            entry_subindex, sc->asked ? "" : ", and the slave is not there to be asked for its PDOs");
+            entry_subindex, reason(*sc).c_str());
         return -ENOENT;
     }
     return put(*sc, *domain, *place, bit_position);
@@ -294,6 +330,7 @@ int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t* sc, uint8_t sync_inde
     if (change.refused()) return -EBUSY;
     if (!is_domain_of(*sc, domain)) return -EINVAL;
     if (!is_known(*sc, sync_index)) return -EINVAL;
+    sc->not_known = nullptr;
     if (!sc->syncs[sync_index].set) ask_slave(*sc);
     SyncWish& sync = sc->syncs[sync_index];
     Place place{sync_index, 0};
@@ -308,8 +345,8 @@ int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t* sc, uint8_t sync_inde
         for (unsigned m = 0; m < entry_pos; ++m) place.bit += entries[m].bits;
         return put(*sc, *domain, place, bit_position);
     }
-    say("configuration %u:%u: SyncManager %u has no entry %u in its PDO %u", sc->alias, sc->position, sync_index,
-        entry_pos, pdo_pos);
+    say("configuration %u:%u: SyncManager %u has no entry %u in its PDO %u%s", sc->alias, sc->position, sync_index,
+        entry_pos, pdo_pos, reason(*sc).c_str());
     return -ENOENT;
 }
 

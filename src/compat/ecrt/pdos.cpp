@@ -172,19 +172,20 @@ ec_direction_t direction_of(const SmInfo& sm) {
     }
 }
 
-std::vector<PdoEntry> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known, std::uint16_t index) {
+Result<std::vector<PdoEntry>> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known, std::uint16_t index) {
     {
         const std::lock_guard lock(bus.known_mutex);
         if (const auto found = known.offered.find(index); found != known.offered.end()) return found->second;
     }
-    if (!has_dictionary(slave)) return {};
+    if (!has_dictionary(slave)) return std::vector<PdoEntry>{};
     auto entries = read_mapping(bus, slave.number, index);
     if (entries) {
         const std::lock_guard lock(bus.known_mutex);
         return known.offered[index] = *entries;
     }
-    if (!is_answer(entries.error())) say_error(bus, "a PDO", entries.error());
-    return {};
+    if (is_answer(entries.error())) return std::vector<PdoEntry>{};
+    say_error(bus, "a PDO", entries.error());
+    return entries.error();
 }
 
 std::shared_ptr<KnownPdos> kept_pdos(Bus& bus, const Slave& slave) {

@@ -48,8 +48,10 @@ struct KnownPdos {
 // The slave has answered, and does not have what it was asked for. Other errors say nothing about that.
 [[nodiscard]] bool is_answer(const Error& error);
 
-// The entries of one PDO, from `known` or from the object dictionary; empty: not known. Waits.
-[[nodiscard]] std::vector<PdoEntry> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known, std::uint16_t index);
+// The entries of one PDO, from `known` or from the object dictionary; empty: the slave has no such PDO. An error, which
+// was said: the slave could not be asked. Waits.
+[[nodiscard]] Result<std::vector<PdoEntry>> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known,
+                                                     std::uint16_t index);
 
 // What the slave at this position offers, by its object dictionary, otherwise by its SII. The slave is asked once; when
 // that has failed, again only with `again`. Waits; not for the cyclic thread.

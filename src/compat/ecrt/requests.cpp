@@ -147,8 +147,12 @@ bool too_early(const ec_slave_config& config) {
 }
 
 bool before_preop(const ec_slave_config& config) {
+    if (!config.bus.active) {
+        Slave slave;
+        return config.bus.slave_of(config, slave) && is_on_its_way_to_preop(slave);
+    }
     constexpr std::uint32_t kOnlineInInit = 1U | static_cast<std::uint32_t>(AlState::init) << 4;
-    return config.bus.active && config.state.load(std::memory_order_relaxed) == kOnlineInInit;
+    return config.state.load(std::memory_order_relaxed) == kOnlineInInit;
 }
 
 Time time_now(const ec_slave_config& config) { return config.bus.source->osal().now(); }

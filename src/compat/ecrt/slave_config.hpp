@@ -79,6 +79,9 @@ struct ec_slave_config {
     std::mutex changing;  // of a Change
     margay::compat::ecrt::SyncWishes syncs;
     bool asked = false;  // the slave was asked for what the program has not set
+    // Why not all PDOs of the slave are known, for the message of the call that has asked; nullptr: they are known.
+    const char* not_known = nullptr;
+    bool answered = true;  // with `asked`
     std::vector<margay::compat::ecrt::StartupWrite> startup;
     margay::compat::ecrt::DcWish dc;
     margay::SlaveTimes times;

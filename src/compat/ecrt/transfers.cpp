@@ -27,8 +27,16 @@ bool is_of(const ec_slave_config& config, const Slave& slave) {
     return config.number != 0 && config.number == slave.number;
 }
 
+// Before activation, the thread that polls brings slaves to PREOP: after a scan, and when their frames were lost.
+bool is_ready_before_activation(Bus& bus, std::uint16_t position, Ready wanted) {
+    if (bus.scan_busy || bus.dirty) return false;
+    Slave slave;
+    return wanted == Ready::read || !bus.slave_at(position, slave) || !is_on_its_way_to_preop(slave);
+}
+
 // Another thread may end the operation meanwhile.
 bool is_ready(Bus& bus, std::uint16_t position, Ready wanted) {
+    if (!bus.active) return is_ready_before_activation(bus, position, wanted);
     Slave slave;
     if (bus.slave_at(position, slave) && bus.active && is_unread(slave)) return false;
     const bool stays = slave.al.state >= AlState::safeop || slave.error.code != Errc::none;
@@ -107,9 +115,8 @@ bool is_configured(Bus& bus, const Slave& slave) {
 }
 
 bool await_start(Bus& bus, std::uint16_t position, Ready wanted) {
-    bus.await_scan();
-    for (int n = 0; bus.active && n < (bus.cycling ? 10000 : 3000); ++n) {
-        if (bus.cycling && bus.is_owner()) return false;  // waiting would be for ever
+    for (int n = 0; n < (bus.active && !bus.cycling ? 3000 : 10000); ++n) {
+        if (bus.active && bus.cycling && bus.is_owner()) return false;  // waiting would be for ever
         if (is_ready(bus, position, wanted)) return true;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }

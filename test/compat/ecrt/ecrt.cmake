@@ -131,6 +131,17 @@ target_link_libraries(ecrt_before_activation PRIVATE margay_ecrt_facade margay_f
 margay_ecrt_test(before_activation ecrt_before_activation sim:drive,drive)
 margay_ecrt_test(information_of_mute ecrt_before_activation sim:${folder}/mute.toml 1)
 
+foreach(program pauses long_scan)
+  add_executable(ecrt_${program} ${folder}/${program}.cpp)
+  target_include_directories(ecrt_${program} PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src)
+  target_link_libraries(ecrt_${program} PRIVATE margay_ecrt_facade margay_flags)
+endforeach()
+margay_ecrt_test(pauses ecrt_pauses sim:${folder}/pauses.toml)
+margay_ecrt_test(long_scan ecrt_long_scan sim:drive,drive)
+set_tests_properties(compat/ecrt/long_scan PROPERTIES
+  PASS_REGULAR_EXPRESSION "0:0: entry 0x1234:05 is not mapped\n.*0:5: entry 0x6041:00 is not mapped as far as its PDOs are known: the slave is not there[^\n]*\n.*SyncManager 3 has no entry 0 in its PDO 0 as far as .*PDO 0x1a05 is not assigned as far as .*SyncManager 3 has PDOs whose entries are not known: [^\n]*\neverything was said"
+  FAIL_REGULAR_EXPRESSION "0x6041:00 is not mapped\n")
+
 add_executable(ecrt_words ${folder}/words.cpp)
 target_include_directories(ecrt_words PRIVATE ${PROJECT_SOURCE_DIR}/src)
 target_link_libraries(ecrt_words PRIVATE margay_ecrt_facade margay_flags)
