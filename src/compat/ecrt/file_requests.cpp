@@ -54,7 +54,9 @@ ec_request_state_t ecrt_foe_request_state(ec_foe_request_t* req) {
     begin_if_due(*req, req->read, req->write);
     return shown_state(*req, req->read, req->write, [req] {
         std::array<char, 80> text{};
-        (void)std::snprintf(text.data(), text.size(), "FoE request, file %s", req->file.c_str());
+        constexpr std::size_t kMost = 50;  // of the name
+        (void)std::snprintf(text.data(), text.size(), "FoE request, file %.*s%s", static_cast<int>(kMost),
+                            req->file.c_str(), req->file.size() > kMost ? "..." : "");
         return text;
     });
 }

@@ -61,11 +61,13 @@ std::string words_of(const Error& error, std::string_view place) {
 }
 
 void say(const char* format, ...) {
-    std::array<char, 512> line{};
+    constexpr std::string_view kCut = "...";
+    std::array<char, 4096> line{};
     va_list arguments;
     va_start(arguments, format);
-    std::vsnprintf(line.data(), line.size(), format, arguments);
+    const int length = std::vsnprintf(line.data(), line.size(), format, arguments);
     va_end(arguments);
+    if (length >= static_cast<int>(line.size())) kCut.copy(line.data() + line.size() - 1 - kCut.size(), kCut.size());
     std::fprintf(stderr, "margay ecrt: %s\n", line.data());
 }
 

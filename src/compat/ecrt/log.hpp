@@ -12,7 +12,7 @@ namespace margay::compat::ecrt {
 
 class Bus;
 
-// One line, in the manner of printf.
+// One line, in the manner of printf. Of a line with more than 4095 characters the end is missing, and ... stands there.
 [[gnu::format(printf, 1, 2)]] void say(const char* format, ...);
 
 // The error in words of a program for ecrt.h, which has no functions of the library and no numbers of slaves. `place`

@@ -1,8 +1,10 @@
 // What ecrt programs read: no error names a function of the library, because these programs do not have it. And the
-// file that binds masters to segments: comments, blanks, aliases.
+// file that binds masters to segments: comments, blanks, aliases. And that a line which is cut ends in a mark.
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/segment.hpp"
 
+#include <fcntl.h>
+#include <unistd.h>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -78,10 +80,33 @@ void a_file_may_have_comments(const std::string& path) {
     must(bound_source(3) == "sim:drive#7", bound_source(3));
 }
 
+std::string said(const std::string& words, const std::string& path) {
+    const int kept = dup(2);
+    const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    dup2(file, 2);
+    margay::compat::ecrt::say("%s", words.c_str());
+    dup2(kept, 2);
+    close(file);
+    close(kept);
+    std::ifstream in(path);
+    std::string line;
+    std::getline(in, line);
+    return line;
+}
+
+void a_cut_line_has_a_mark(const std::string& path) {
+    const std::string head = "margay ecrt: ";
+    must(said(std::string(600, 'x'), path) == head + std::string(600, 'x'), "a line was cut");
+    const std::string most(4095, 'x');
+    must(said(most, path) == head + most, "the longest line was cut");
+    must(said(most + "xy", path) == head + std::string(4092, 'x') + "...", "a line without a mark");
+}
+
 }  // namespace
 
 int main(int, char** argv) {
     words_name_no_other_function();
     a_file_may_have_comments(std::string(argv[0]) + ".conf");
+    a_cut_line_has_a_mark(std::string(argv[0]) + ".txt");
     return wrong == 0 ? 0 : 1;
 }
