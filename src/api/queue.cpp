@@ -239,16 +239,16 @@ Error unbegun(const Request& request, Errc code) {
 // The operation that keeps the waiting request from beginning; Operation::none: it is not known, or memory is missing.
 Operation in_the_way(Master& master, const Request& waiting) {
     Network& network = master.network;
-    if (needs_of(network, waiting) == Needs::nothing) return Operation::none;
+    const Needs needed = needs_of(network, waiting);
+    if (needed == Needs::nothing) return Operation::none;
     const bool free = is_free(network, waiting);  // then an older request may wait for the whole segment
     for (Request* r = free ? master.queue.waiting : master.queue.running; r != nullptr && r != &waiting; r = next(*r)) {
         const Needs needs = needs_of(network, *r);
-        const bool part = needs == Needs::its_slave && (slave_of(waiting) == 0 || slave_of(*r) == slave_of(waiting));
+        const bool part = needs == Needs::its_slave && (needed == Needs::segment || slave_of(*r) == slave_of(waiting));
         if (free ? needs == Needs::segment && !is_free(network, *r) : needs == Needs::segment || part)
             return operation(*r).operation;
     }
-    const bool supervision = network.supervised && (!free || is_being_compared(network, waiting));
-    return supervision ? Operation::supervise : Operation::none;
+    return (free ? is_being_compared(network, waiting) : network.supervised) ? Operation::supervise : Operation::none;
 }
 
 // False: the arena has no memory for the request now.

@@ -444,6 +444,27 @@ TEST_F(Exclusion, WhatWaitsBehindAWaitingMappingNamesTheMapping) {
     expect_success(map);
 }
 
+// To recover one slave needs the whole segment.
+TEST_F(Exclusion, ARecoveryOfASlaveNamesTheReconfigurationOfAnother) {
+    ASSERT_TRUE(config_map(ctx, image));
+    use_hooks();
+    hooks.duration = 100ms;
+    ReconfigRequest first;
+    first.slave = 1;
+    ASSERT_TRUE(submit(ctx, first));
+    for (int n = 0; n < 1'000 && hooks.now[1] == 0; ++n) step();
+    ASSERT_EQ(hooks.now[1], 1);
+    RecoverRequest recovery;
+    recovery.slave = 2;
+    recovery.timeout = 1ms;
+    ASSERT_TRUE(submit(ctx, recovery));
+    ASSERT_TRUE(ends(recovery));
+    EXPECT_TRUE(first.busy());
+    EXPECT_EQ(words(recovery.error()),
+              "slave 2: recovering the slave: timed out (it has not begun: a reconfiguration is busy)");
+    expect_success(first);
+}
+
 TEST_F(Exclusion, AScanWaitsForTheHookThatAReadingOfTheStatesExecutes) {
     ASSERT_TRUE(config_map(ctx, image));
     ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
