@@ -47,10 +47,14 @@ int main(int argc, char** argv) {
     if (name_fmmus(4) != 0 || ec_config_init(FALSE) < 4) return 2;
     ec_slave[2].PO2SOconfig = without_outputs; /* the SII names FMMU0 for them */
     ec_config_map(map);
+    if (ec_config_init(FALSE) < 4) return 2; /* the logical addresses of the next mapping are others */
+    ec_slave[2].PO2SOconfig = without_outputs;
+    ec_config_map(map);
     for (slave = 1; slave <= ec_slavecount; ++slave) {
         wrong += wrong_fmmus(slave);
         for (fmmu = 0; fmmu < EC_MAXFMMU; ++fmmu) active += ec_slave[slave].FMMU[fmmu].FMMUactive;
     }
+    wrong += ec_LRD(ec_group[0].logstartaddr + ec_group[0].Obytes, 1, map, EC_TIMEOUTRET3) < 1;
     ec_slave[0].state = EC_STATE_INIT;
     ec_writestate(0);
     ec_statecheck(0, EC_STATE_INIT, EC_TIMEOUTSTATE);

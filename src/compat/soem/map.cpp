@@ -214,12 +214,23 @@ void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) 
     if (mapped.datagrams.size() > (split ? 2U : 1U) && sum > 2 * out) g.inputsWKC = static_cast<uint16>(sum - 2 * out);
 }
 
+// Where the image of a mapped group begins. The library gives group 0 other addresses at each mapping.
+std::uint32_t logical_start(Context& context, std::uint8_t group) {
+    std::uint32_t start = static_cast<std::uint32_t>(group) << EC_LOGGROUPOFFSET;
+    const auto first = process_datagram(context, 0, group);
+    if (first.command == 0) return start;
+    start = first.address.value;
+    for (std::size_t n = 1; n < context.group(group).datagrams.size(); ++n)
+        start = std::min(start, process_datagram(context, n, group).address.value);
+    return start;
+}
+
 // Sizes and pointers of the group, and of the slave that stands for all. Returns the used octets.
 int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std::uint8_t* image, bool overlapped) {
     ec_groupt& g = groups_of(context)[group];
     const Session::Guard guard(session);
     const Group& mapped = session.context().group(group);
-    g.logstartaddr = static_cast<uint32>(group) << EC_LOGGROUPOFFSET;
+    g.logstartaddr = logical_start(session.context(), group);
     std::uint32_t begin = 0;  // of the slave in the logical address space, where its outputs and inputs overlap
     std::uint32_t end = 0;
     std::uint32_t inputs_end = 0;
@@ -322,7 +333,7 @@ void say_unmapped(ecx_contextt& context, Session& session, std::uint8_t group, c
         if (!takes_part(slaves_of(context)[n], group)) continue;
         const Session::Guard guard(session);
         const Slave& slave = session.slave(static_cast<std::size_t>(n));
-        if (slave.al.state != AlState::init && slave.al.state != AlState::preop) continue;
+        if (slave.al.state >= AlState::safeop) continue;
         others |= slave.error.code == Errc::none;
         if (slave.error.code != Errc::none)
             sentences.push_back("not in SAFEOP after the mapping: " + std::string(describe(slave.error, text)));
@@ -424,7 +435,7 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
     }
     std::memcpy(session.shown(number).data(), s.SM, sizeof(s.SM));
 
-    const std::uint32_t start = static_cast<std::uint32_t>(group) << EC_LOGGROUPOFFSET;
+    const std::uint32_t start = logical_start(session.context(), group);
     const std::uint32_t shift = mapped.config.overlapped ? mapped.output_bytes * 8 : 0;
     ShownFmmus fmmus(s, slave, start);
     const Packing packing = mapped.config.packing;
