@@ -49,6 +49,9 @@ std::vector<DeviceFacts> devices_of(const std::string& source) {
     return devices;
 }
 
+// How long a supervision of the application may take to bring slaves to another state.
+constexpr std::chrono::seconds kToReach{10};
+
 }  // namespace
 
 // ------------------------------------------------------------------ exchanges
@@ -246,12 +249,17 @@ Answer<> AttachedSession::set_debug_level(unsigned level) {
     return {};
 }
 
-// Sets the target, and waits until the slave is in the state. A supervision of the application brings the slave there.
-Answer<> AttachedSession::reach(std::uint16_t position, AlState target, AlState wanted) {
-    constexpr std::uint32_t kAlRegisters = 6;  // AL status and its code
+Answer<> AttachedSession::set_target(std::uint16_t position, AlState target) {
     const auto set = ask_slave(position, Operation::set_target, {.state = target});
     if (!set) return set.problem();
-    for (int n = 0; n < 1000 && !samples::stop_asked(); ++n) {
+    return {};
+}
+
+// Looks at least once.
+Answer<> AttachedSession::await_state(std::uint16_t position, AlState wanted,
+                                      std::chrono::steady_clock::time_point deadline) {
+    constexpr std::uint32_t kAlRegisters = 6;  // AL status and its code
+    while (true) {
         const auto all = table();
         if (!all) return all.problem();
         const auto slave = slave_at(position);
@@ -263,6 +271,7 @@ Answer<> AttachedSession::reach(std::uint16_t position, AlState target, AlState 
             const auto al = samples::al_status_in(*now);
             if (al.state == wanted && !al.error) return {};
         }
+        if (samples::stop_asked() || std::chrono::steady_clock::now() >= deadline) break;
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     const auto slave = slave_at(position);
@@ -273,14 +282,24 @@ Answer<> AttachedSession::reach(std::uint16_t position, AlState target, AlState 
     return Problem{text};
 }
 
+Answer<> AttachedSession::reach(std::uint16_t position, AlState target, AlState wanted) {
+    if (const auto set = set_target(position, target); !set) return set.problem();
+    return await_state(position, wanted, std::chrono::steady_clock::now() + kToReach);
+}
+
 Answer<> AttachedSession::set_states(std::span<const std::uint16_t> positions, AlState state) {
     std::vector<std::string> problems;
-    for (const auto position : positions) {
-        const auto done = reach(position, state, state);
+    const auto note = [&problems](const Answer<>& done) {
         // What the application says of itself is the same for all.
         if (!done && std::ranges::find(problems, done.problem().text) == problems.end())
             problems.push_back(done.problem().text);
-    }
+        return static_cast<bool>(done);
+    };
+    std::vector<std::uint16_t> on_their_way;
+    for (const auto position : positions)
+        if (note(set_target(position, state))) on_their_way.push_back(position);
+    const auto deadline = std::chrono::steady_clock::now() + kToReach;
+    for (const auto position : on_their_way) (void)note(await_state(position, state, deadline));
     if (!problems.empty()) return Problem{fmt::format("{}", fmt::join(problems, "; "))};
     return {};
 }

@@ -5,6 +5,7 @@
 #include "attach/client.hpp"
 #include "ethercat/session.hpp"
 
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -66,6 +67,10 @@ class AttachedSession final : public Session {
     [[nodiscard]] Answer<std::vector<attach::EoePortFacts>> ports();
     [[nodiscard]] Answer<attach::SlaveFacts> slave_at(std::uint16_t position);
     [[nodiscard]] Problem problem_of(const Error& error, std::string_view slave_text) const;
+    [[nodiscard]] Answer<> set_target(std::uint16_t position, AlState target);
+    [[nodiscard]] Answer<> await_state(std::uint16_t position, AlState wanted,
+                                       std::chrono::steady_clock::time_point deadline);
+    // Sets the target, and waits until the slave is in the state that is wanted.
     [[nodiscard]] Answer<> reach(std::uint16_t position, AlState target, AlState wanted);
     [[nodiscard]] Answer<> back_from_boot(const attach::SlaveFacts& before);
     template <class T>
