@@ -107,6 +107,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     }
     group.layout = *layout;
     group.layout.start = next_start(tables, group);
+    group.holds_inputs = group.config.hold_inputs;
     if (++group.mappings == 0) group.mappings = 1;
     group.image = image.first(layout->image_bytes());
     group.output_bytes = layout->output_bytes;

@@ -21,11 +21,7 @@ void change(std::uint16_t& counter, std::uint16_t by, bool more) {
     counter = static_cast<std::uint16_t>(more ? counter + by : counter - by);
 }
 
-// Inputs change only when the group is received: GroupConfiguration::hold_inputs as config_map() has found it, or
-// overlapping cycles.
-bool holds_inputs(const ProcessGroup& group) {
-    return !group.prepared.empty() && group.prepared.front().park != PreparedFrame::kNever;
-}
+bool holds_inputs(const ProcessGroup& group) { return group.holds_inputs || group.overlap.sets > 1; }
 
 }  // namespace
 

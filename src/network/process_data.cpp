@@ -183,7 +183,7 @@ void build_frame(ProcessGroup& group, PreparedFrame& frame, std::span<PreparedDa
     // Overlapped frames do not send inputs: the inputs belong to the owner's thread, not to the sending thread.
     frame.overlapped = group.overlap.sets > 1;
     frame.apart = group.layout.overlapped || frame.overlapped;
-    frame.set_park(group.config.hold_inputs, group.number);
+    frame.set_park(group.holds_inputs, group.number);
     frame.owner = &kOwner;
     frame.group = &group;
 }

@@ -73,7 +73,6 @@ struct ProcessGroup : Group {
     bool under_way = false;           // a cycle was sent that is not received yet; unused where cycles overlap
     bool extras = false;              // copies from slave to slave, or a shared image
     bool mapping = false;             // config_map() is executing for this group
-    bool by_position = false;         // ClockSettings::by_position, as config_map() has found it
     bool was_mapped = false;          // since the last scan, or since run_cycle() began: now its data is missing
     bool complete = false;            // mapped completely, and the working counters contain every wanted slave
     bool short_reported : 1 = false;  // the supervision has reported a working counter that fell short
@@ -86,6 +85,8 @@ struct ProcessGroup : Group {
     bool sums_doubted : 1 = false;
     bool sums_confirmed : 1 = false;  // they were read, and the cycles from `overlap.believed_from` on are believed
     bool confirming : 1 = false;      // they are being read
+    bool by_position : 1 = false;     // ClockSettings::by_position, as config_map() has found it
+    bool holds_inputs : 1 = false;    // GroupConfiguration::hold_inputs, as config_map() has found it
     std::uint8_t next_place = 0;      // where the logical addresses of the next mapping begin: see next_start()
     // The low octet of the number of the last cycle that did not bring the inputs of all slaves that take part.
     std::uint8_t unfresh_cycle = 0;

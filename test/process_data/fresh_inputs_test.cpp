@@ -210,6 +210,7 @@ TEST_P(HeldAsMapped, WhateverTheApplicationSetsLater) {
     config.hold_inputs = GetParam();
     start(config);
     ctx().group(0).config.hold_inputs = !GetParam();
+    ASSERT_TRUE(replan_processdata(ctx()).ok());
     SuperviseRequest supervision;
     ASSERT_TRUE(submit(ctx(), supervision).ok());
     for (int n = 0; n < 5; ++n) ASSERT_TRUE(cycle().ok());
