@@ -267,6 +267,12 @@ TEST(MailQuirks, SlowSilentAndFull) {
     full.wait(10ms);
     EXPECT_FALSE(full.put(MailboxType::coe, question(0x1000))) << "still there: working counter 0";
     EXPECT_TRUE(full.take(100ms));
+    Odd left({"mailbox_full"});
+    EXPECT_TRUE(left.put(MailboxType::coe, question(0x1000)));
+    left.wait(10ms);
+    EXPECT_EQ(left.to(AlState::init), (AlStatus{AlState::init, false, 0}));
+    left.wait(100ms);
+    EXPECT_GT(left.rig.slave(0).next_event(), left.rig.now) << "no event of a message that nobody will read";
 }
 
 TEST(MailQuirks, ErrorsAndLengths) {

@@ -36,7 +36,10 @@ void OddPdi::hide_mail(MutableBytes status) {
     if (now() < full_since_ + kLeavesMail) status[0] &= ~std::byte{wire::sm_status::kMailboxFull};
 }
 
-Time OddPdi::next() const { return full_since_ == kNever ? kNever : full_since_ + kLeavesMail; }
+// Not a moment that has passed: nobody may read the status again.
+Time OddPdi::next() const {
+    return full_since_ == kNever || esc_->now() >= full_since_ + kLeavesMail ? kNever : full_since_ + kLeavesMail;
+}
 
 bool OddPdi::repeats() {
     std::array<std::byte, 2> octets{};  // activate and PDI control octets of SM1
