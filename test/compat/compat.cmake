@@ -39,6 +39,19 @@ foreach(v 1 2)
   endforeach()
 endforeach()
 
+# A program that loads the interface in a plugin while it runs.
+if(NOT MARGAY_SANITIZE)
+  margay_compat(compat_load_plugin ${CMAKE_DL_LIBS} load_plugin.c)
+  foreach(v 1 2)
+    add_library(compat_soem${v}_plugin MODULE ${compat}/plugin.c)
+    target_link_libraries(compat_soem${v}_plugin PRIVATE margay_soem${v})
+    target_compile_options(compat_soem${v}_plugin PRIVATE -Wall -Wextra)
+    target_compile_definitions(compat_soem${v}_plugin PRIVATE $<$<EQUAL:${v},2>:SOEM2>)
+    add_dependencies(compat_load_plugin compat_soem${v}_plugin)
+    add_test(NAME compat/soem${v}_plugin COMMAND compat_load_plugin $<TARGET_FILE:compat_soem${v}_plugin> sim:drives 8)
+  endforeach()
+endif()
+
 # Programs on simulated segments. Those with one thread run in virtual time.
 foreach(program simple tools firmware eeprom eeprom_loss eeprom_threads lost lost_address lost_clock loss partial closing ring edges masters low_level no_link silent clock_order mute services two_threads held_inputs cable closing_scan new_firmware)
   margay_compat(compat_soem1_${program} margay_soem1 ${program}.c)

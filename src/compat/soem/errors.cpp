@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstring>
 #include <ctime>
+#include <memory>
 #include <mutex>
 #include <set>
 #include <string>
@@ -43,11 +44,14 @@ char* kept(std::string_view text) {
     return const_cast<char*>(found->c_str());
 }
 
-// A text with numbers: it stays until the same thread has asked for 15 more.
+// A text with numbers: it stays until the same thread has asked for 15 more. The texts are not in the memory of the
+// thread itself, of which glibc has little for a shared object that a program loads while it runs.
 char* kept_for_now(std::string_view text) {
-    static thread_local std::array<std::array<char, 256>, 16> places;
+    using Places = std::array<std::array<char, 256>, 16>;
+    static thread_local std::unique_ptr<Places> places;
     static thread_local std::size_t next = 0;
-    std::array<char, 256>& place = places[next++ % places.size()];
+    if (places == nullptr) places = std::make_unique<Places>();
+    std::array<char, 256>& place = (*places)[next++ % places->size()];
     const std::size_t size = std::min(text.size(), place.size() - 1);
     std::copy_n(text.data(), size, place.data());
     place[size] = '\0';
