@@ -94,5 +94,25 @@ TEST(RingRestoringOfOneNic, HasNoEffect) {
     EXPECT_TRUE(config_init(ctx).ok());
 }
 
+// The places that were read when the ring became whole were those of three slaves.
+TEST_F(RingRestoring, WhileASlaveComesBackTheOthersKeepTheirPlaces) {
+    build_line(4);
+    start();
+    run();
+    for (unsigned round = 0; round < 5; ++round) {
+        segment.set_power(1, false, osal.now());
+        (void)stale_cycles(500);
+        ASSERT_EQ(ctx->slave(2).al.state, AlState::none);
+        (void)stale_cycles(round);  // at other moments of a round of the supervision
+        segment.set_power(1, true, osal.now());
+        for (unsigned n = 0; n < 4000 && !all_in_op(); ++n) {
+            (void)cycle();
+            for (const std::size_t other : {1U, 3U, 4U})
+                ASSERT_NE(ctx->slave(other).ring_position, 0) << other << ", round " << round << ", cycle " << n;
+        }
+        ASSERT_TRUE(all_in_op()) << joined(events());
+    }
+}
+
 }  // namespace
 }  // namespace margay
