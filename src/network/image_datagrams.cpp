@@ -239,7 +239,9 @@ Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t g
                      .actual = static_cast<std::uint32_t>(into.size())};
     for (const Slave& slave : slaves) {
         if (slave.image.group != group) continue;
-        const auto fmmus = make_fmmus(slave, layout);
+        // What a slave has that is being started up is compared when it joins.
+        const bool joins_later = !slave.takes_part && !is_as_mapped(slave);
+        const Result<SlaveFmmus> fmmus = joins_later ? exchanged_ranges(slave, layout) : make_fmmus(slave, layout);
         if (!fmmus) return fmmus.error();
         for (DatagramPlan& datagram : into.first(count))
             datagram.expected_wkc =

@@ -1,5 +1,6 @@
 // LRW, or LRD and LWR, chosen for a group that is mapped.
-#include "process_data/bus.hpp"
+#include "process_data/plant.hpp"
+#include "sim/devices.hpp"
 
 namespace margay {
 namespace {
@@ -136,6 +137,36 @@ TEST_F(ReplanTest, Refusals) {
     expect_exchange(4);
     HostContext other({.slaves = 2});
     EXPECT_EQ(replan_processdata(other).error().code, Errc::wrong_state);
+}
+
+// The PDOs of a slave that comes back are read again meanwhile: nothing has changed.
+TEST(ReplanBesideARecovery, IsNotRefused) {
+    Plant plant;
+    const auto first = plant.make({.product = 0x100});
+    const auto drive = plant.segment.add(std::move(*sim::make_device("drive")).assemble());
+    ASSERT_TRUE(plant.segment.connect_master({first, 0}));
+    ASSERT_TRUE(plant.segment.connect({first, 1}, {drive, 0}));
+    ASSERT_TRUE(plant.bring_up({}).empty());
+    plant.run();
+    plant.power(drive, false);
+    plant.cycles(100);
+    ASSERT_FALSE(plant.ctx->slave(2).takes_part);
+    plant.power(drive, true);
+    for (int n = 0; n < 30'000 && !plant.in_op(2); ++n) {
+        if (n % 10 == 0) (void)plant.cycle();
+        plant.osal.advance(100us);
+        (void)poll(*plant.ctx, plant.osal.now());
+        plant.ctx->group(0).config.block_lrw = n % 2 != 0;
+        const auto planned = replan_processdata(*plant.ctx);
+        std::array<char, 256> text{};
+        ASSERT_TRUE(planned.ok()) << describe(planned.error(), text);
+    }
+    ASSERT_TRUE(plant.in_op(2)) << Plant::joined(plant.events());
+    plant.cycles(3);
+    const auto counter = plant.cycle();
+    std::array<char, 256> text{};
+    ASSERT_TRUE(counter.ok()) << describe(counter.error(), text);
+    EXPECT_EQ(*counter, plant.ctx->group(0).expected_wkc);
 }
 
 }  // namespace
