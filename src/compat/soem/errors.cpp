@@ -4,10 +4,11 @@
 #include "wire/al_status_code.hpp"
 #include "wire/mailbox.hpp"
 
+#include <pthread.h>
+#include <array>
 #include <cstdio>
 #include <cstring>
 #include <ctime>
-#include <memory>
 #include <mutex>
 #include <set>
 #include <string>
@@ -44,14 +45,31 @@ char* kept(std::string_view text) {
     return const_cast<char*>(found->c_str());
 }
 
-// A text with numbers: it stays until the same thread has asked for 15 more. The texts are not in the memory of the
-// thread itself, of which glibc has little for a shared object that a program loads while it runs.
+struct Places {
+    std::size_t next;
+    std::array<std::array<char, 256>, 16> texts;
+};
+
+// The texts of the calling thread: until it ends, for the main thread until the process has ended. They are not
+// variables of the thread: glibc has little memory for these in a shared object that a program loads while it runs.
+Places& places_of_thread() {
+    static const pthread_key_t key = [] {
+        pthread_key_t made{};
+        pthread_key_create(&made, [](void* places) { delete static_cast<Places*>(places); });
+        return made;
+    }();
+    auto* places = static_cast<Places*>(pthread_getspecific(key));
+    if (places == nullptr) {
+        places = new Places{};
+        pthread_setspecific(key, places);
+    }
+    return *places;
+}
+
+// A text with numbers: it stays until the same thread has asked for 15 more.
 char* kept_for_now(std::string_view text) {
-    using Places = std::array<std::array<char, 256>, 16>;
-    static thread_local std::unique_ptr<Places> places;
-    static thread_local std::size_t next = 0;
-    if (places == nullptr) places = std::make_unique<Places>();
-    std::array<char, 256>& place = (*places)[next++ % places->size()];
+    Places& places = places_of_thread();
+    std::array<char, 256>& place = places.texts[places.next++ % places.texts.size()];
     const std::size_t size = std::min(text.size(), place.size() - 1);
     std::copy_n(text.data(), size, place.data());
     place[size] = '\0';
