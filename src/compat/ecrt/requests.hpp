@@ -12,6 +12,7 @@
 
 #include <atomic>
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -233,10 +234,21 @@ struct ec_reg_request : margay::compat::ecrt::RequestLog {
     margay::DatagramRequest exchange;
 };
 
+namespace margay::compat::ecrt {
+
+// The messages of the slave of a configuration. The handler that reads gets the next one.
+struct VoeMail {
+    std::vector<std::byte> memory = std::vector<std::byte>(4096);
+    VoeInbox inbox{std::span<std::byte>(memory)};
+};
+
+}  // namespace margay::compat::ecrt
+
 struct ec_voe_handler : margay::compat::ecrt::RequestLog {
-    explicit ec_voe_handler(ec_slave_config& owner)
-        : config(owner), inbox_memory(4096), inbox(std::span<std::byte>(inbox_memory)) {}
+    ec_voe_handler(ec_slave_config& owner, std::shared_ptr<margay::compat::ecrt::VoeMail> of_owner)
+        : config(owner), mail(std::move(of_owner)) {}
     ec_slave_config& config;
+    std::shared_ptr<margay::compat::ecrt::VoeMail> mail;  // of all handlers of the configuration
     margay::VoeHeader header;
     margay::VoeHeader received;
     std::vector<std::byte> memory;
@@ -245,7 +257,5 @@ struct ec_voe_handler : margay::compat::ecrt::RequestLog {
     bool waiting = false;  // for a message
     margay::Time give_up{};
     ec_request_state_t read_state = EC_REQUEST_UNUSED;
-    std::vector<std::byte> inbox_memory;
-    margay::VoeInbox inbox;
     margay::VoeSend send;
 };

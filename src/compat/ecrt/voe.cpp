@@ -14,14 +14,13 @@ namespace {
 constexpr Duration kLook = std::chrono::milliseconds(2);
 constexpr Duration kPatience = std::chrono::milliseconds(1000);  // for a message of the slave
 
-// Gives the inbox the number of its slave. For the owner.
-void attach(ec_voe_handler& voe, std::uint16_t number) {
-    Context& ctx = *voe.config.bus.ctx;
-    if (voe.inbox.listening()) (void)unlisten(ctx, voe.inbox);
+// Gives the inbox of a configuration the number of its slave. For the owner.
+void attach(Context& ctx, VoeInbox& inbox, std::uint16_t number) {
+    if (inbox.listening()) (void)unlisten(ctx, inbox);
     if (number == 0) return;
-    voe.inbox.only_slave = number;
-    voe.inbox.look_every = kLook;
-    (void)listen(ctx, voe.inbox);
+    inbox.only_slave = number;
+    inbox.look_every = kLook;
+    (void)listen(ctx, inbox);
 }
 
 }  // namespace
@@ -30,7 +29,7 @@ namespace margay::compat::ecrt {
 
 void Bus::attach_mail() {
     for (const auto& config : configs)
-        for (const auto& voe : config->voe_handlers) attach(*voe, config->number);
+        if (!config->voe_handlers.empty()) attach(*ctx, config->voe_handlers.front()->mail->inbox, config->number);
 }
 
 }  // namespace margay::compat::ecrt
@@ -51,10 +50,12 @@ ec_voe_handler_t* ecrt_slave_config_create_voe_handler(ec_slave_config_t* sc, si
     Bus& bus = sc->bus;
     const std::lock_guard lock(bus.config_mutex);
     if (refuse_active(*sc)) return nullptr;
-    auto handler = std::make_unique<ec_voe_handler>(*sc);
+    const bool first = sc->voe_handlers.empty();
+    auto handler =
+        std::make_unique<ec_voe_handler>(*sc, first ? std::make_shared<VoeMail>() : sc->voe_handlers.front()->mail);
     handler->memory.resize(std::max<std::size_t>(size, 1486));  // the longest message that a mailbox can have
     Slave slave;
-    if (bus.slave_of(*sc, slave)) bus.as_owner([&] { attach(*handler, slave.number); });
+    if (first && bus.slave_of(*sc, slave)) bus.as_owner([&] { attach(*bus.ctx, handler->mail->inbox, slave.number); });
     sc->voe_handlers.push_back(std::move(handler));
     return sc->voe_handlers.back().get();
 }
@@ -113,7 +114,7 @@ ec_request_state_t ecrt_voe_handler_execute(ec_voe_handler_t* voe) {
         case Transfer::read: break;
     }
     if (!voe->waiting) return voe->read_state;
-    if (const auto message = voe->inbox.take(voe->memory)) {
+    if (const auto message = voe->mail->inbox.take(voe->memory)) {
         voe->waiting = false;
         voe->said = 0;
         voe->received = message->header;

@@ -86,7 +86,7 @@ static int check_emergency(ec_slave_config_t *sc, ec_sdo_request_t *request) {
 int main(void) {
     ec_slave_config_t *drive, *soe_drive, *voe_device;
     ec_soe_request_t *parameter;
-    ec_voe_handler_t *vendor;
+    ec_voe_handler_t *vendor, *sender;
     ec_foe_request_t *file;
     ec_sdo_request_t *fault;
     ec_slave_config_state_t state;
@@ -107,10 +107,11 @@ int main(void) {
     if (ecrt_master_write_idn(master, 1, 0, 0x8FFF, window, 4, &error_code) != -EIO || error_code == 0) return 2;
     if (ecrt_slave_config_reg_pdo_entry(drive, 0x6040, 0, domain, NULL) < 0) return 3;
     parameter = ecrt_slave_config_create_soe_request(soe_drive, 0, 159, 4);
+    sender = ecrt_slave_config_create_voe_handler(voe_device, 32);
     vendor = ecrt_slave_config_create_voe_handler(voe_device, 32);
     file = ecrt_slave_config_create_foe_request(voe_device, 100);
     fault = ecrt_slave_config_create_sdo_request(drive, 0x2F00, 1, 2);
-    if (!parameter || !vendor || !file || !fault || ecrt_slave_config_emerg_size(drive, 4)) return 4;
+    if (!parameter || !sender || !vendor || !file || !fault || ecrt_slave_config_emerg_size(drive, 4)) return 4;
     if (ecrt_soe_request_state(parameter) != EC_REQUEST_UNUSED || ecrt_voe_handler_execute(vendor) != EC_REQUEST_UNUSED)
         return 4;
     if (ecrt_master_activate(master)) return 1;
@@ -125,6 +126,13 @@ int main(void) {
     }
     if (!ready) return 5;
     if ((result = check_voe(vendor)) != 0) return 10 + result;
+    /* One handler sends, another one reads; then each does both. */
+    ecrt_voe_handler_send_header(sender, 0x1234, 9);
+    memcpy(ecrt_voe_handler_data(sender), "12", 2);
+    if (ecrt_voe_handler_write(sender, 2) || !voe(sender)) return 16;
+    if (ecrt_voe_handler_read(vendor) || !voe(vendor)) return 17;
+    if (memcmp(ecrt_voe_handler_data(vendor), "21", 2) != 0) return 18;
+    if (check_voe(sender) != 0 || check_voe(vendor) != 0) return 19;
     if ((result = check_soe(parameter)) != 0) return 20 + result;
     if ((result = check_emergency(drive, fault)) != 0) return 30 + result;
     /* A device without FoE. */
