@@ -1,6 +1,7 @@
 #include "network/ring_watch.hpp"
 
 #include "network/by_address.hpp"
+#include "network/newcomer.hpp"
 #include "network/places.hpp"
 #include "network/ring_reading.hpp"
 #include "network/scan.hpp"
@@ -314,8 +315,9 @@ Task<Result<>> RingWatch::read_ports(Network& network) {
         if (!reply.ok() || reply.wkc != 1) co_return Nothing{};  // the next round
         const std::uint16_t at = load_le<std::uint16_t>(address);
         const Slave* const known = table.find(at);
-        // Another slave is there than before, as after a loss of power: the search reads the places of all slaves.
-        if (known == nullptr && ring[n].slave != 0) co_return Nothing{};
+        // A slave comes back: the search reads the places of all slaves.
+        const bool returns = known != nullptr ? is_lost(network, *known) : ring[n].slave != 0;
+        if (returns) co_return Nothing{};
         ring[n] = {.slave = known != nullptr ? known->number : std::uint16_t{0},
                    .address = at,
                    .dl_status = known != nullptr ? known->dl_status : ring[n].dl_status};
