@@ -185,15 +185,25 @@ std::uint16_t place_of_turn(Network& network, std::size_t turn) {
     return own == round ? static_cast<std::uint16_t>(n) : kNoPlace;
 }
 
+// A slave that is being started up, and that has not answered since, may be the newcomer: it has lost its power again.
+// It is found when its start-up has given up.
+bool is_awaited(Network& network) {
+    return std::ranges::any_of(network.slaves(), [&network](const Slave& slave) {
+        return network.marks(slave).in_use && network.is_doubted(slave) && fits_guest(network, slave);
+    });
+}
+
 // Identifies a newcomer. Returns whether it is a slave of the network.
 Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
     co_await required(address_newcomer(network, n));
     auto asked = co_await read_newcomer(network);
     Result<Verdict> verdict;
     if (asked) verdict = co_await verify_newcomer(network, n);
-    if (!asked || !verdict) {
+    const bool awaited = asked && verdict && verdict->slave == nullptr && is_awaited(network);
+    if (!asked || !verdict || awaited) {
         // If this fails, the newcomer is gone, or the next search reads it again.
         co_await completion(rename(network, newcomer_address(network), network.ring[n].address));
+        if (awaited) co_return false;
         co_return asked ? verdict.error() : asked.error();
     }
     if (verdict->slave == nullptr) {

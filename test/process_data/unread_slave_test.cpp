@@ -264,5 +264,28 @@ TEST(UnreadSlave, ThatMayBeOneOfTwoIsSaidWithoutANumber) {
     EXPECT_TRUE(reach(*plant.ctx, AlState::op, 5s).ok());
 }
 
+// A contact that bounces: the slave loses its power again while the supervision reads its PDOs by mail.
+TEST(SlaveThatStartsTwice, IsNotAnUnexpectedOne) {
+    for (int moment = 0; moment < 60; moment += 2) {
+        Plant plant;
+        const auto first = plant.make({.product = 0x100});
+        const auto drive = plant.segment.add(std::move(*sim::make_device("drive")).assemble());
+        ASSERT_TRUE(plant.segment.connect_master({first, 0}));
+        ASSERT_TRUE(plant.segment.connect({first, 1}, {drive, 0}));
+        ASSERT_TRUE(plant.bring_up({}).empty());
+        plant.run();
+        plant.power(drive, false);
+        plant.cycles(100);
+        plant.power(drive, true);
+        plant.cycles(1 + moment);
+        plant.power(drive, false);
+        plant.cycles(50);
+        plant.power(drive, true);
+        EXPECT_TRUE(plant.until([&] { return plant.in_op(2); }, 10'000)) << moment;
+        const auto told = plant.events();
+        EXPECT_EQ(Plant::told(told, "unexpected"), 0) << moment << ": " << Plant::joined(told);
+    }
+}
+
 }  // namespace
 }  // namespace margay
