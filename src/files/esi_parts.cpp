@@ -226,7 +226,9 @@ EsiModule read_esi_module(Reader& r, Node node) {
 
 EsiEeprom read_esi_eeprom(Reader& r, Node node) {
     EsiEeprom eeprom;
-    eeprom.bytes = r.number<std::uint32_t>(child(node, "ByteSize"));
+    const Value size = child(node, "ByteSize");
+    eeprom.bytes = r.number<std::uint32_t>(size);
+    if (size.there && eeprom.bytes == 0) r.remark(node, "ByteSize is 0: the EEPROM is as large as its contents need");
     eeprom.whole = r.octets(child(node, "Data"));
     // The first words of an SII, up to its checksum.
     constexpr std::size_t kConfigurationBytes = 14;

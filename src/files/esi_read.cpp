@@ -195,6 +195,18 @@ std::string english(Node parent, const char* name) {
     return Reader::text(content(first));
 }
 
+// A PDO of a SyncManager that the device does not have.
+void name_pdos_without_sm(Reader& r, const EsiDevice& device, Node node) {
+    const std::size_t count = device.sync_managers.size();
+    for (const char* const kind : {"RxPdo", "TxPdo"})
+        for (const Node pdo : node.children(kind)) {
+            const Value sm = attribute(pdo, "Sm");
+            if (sm.there && r.number<std::uint8_t>(sm) >= count)
+                r.remark(pdo, "the PDO is of SyncManager " + std::string(sm.text) + ", and the device has " +
+                                  std::to_string(count) + ": it is not exchanged");
+        }
+}
+
 EsiDevice read_esi_device(Reader& r, Node node) {
     EsiDevice device;
     device.line = r.line_of(node);
@@ -220,6 +232,7 @@ EsiDevice read_esi_device(Reader& r, Node node) {
     }
     for (const Node sm : node.children("Sm")) device.sync_managers.push_back(read_sm(r, sm));
     device.pdos = read_esi_pdos(r, node);
+    name_pdos_without_sm(r, device, node);
     if (const Node mailbox = node.child("Mailbox")) device.mailbox = read_esi_mailbox(r, mailbox);
     read_mail_times(r, device, node.child("Info"));
     if (const Node dc = node.child("Dc")) {
@@ -260,7 +273,7 @@ Read<EsiFile> read_esi(std::string_view octets) {
     read_descriptions(r, esi, root, first);
     if (esi.devices.empty() && esi.modules.empty() && esi.further_files.empty()) {
         result.remarks = r.take_remarks();
-        result.problem = first ? *first : Remark{.text = "the file describes no device and no module"};
+        result.problem = first ? *first : r.remark_at(root, "the file describes no device and no module");
         return result;
     }
     result.value = std::move(esi);

@@ -139,6 +139,21 @@ TEST(EsiReader, MoreThanASlaveCanHaveIsNamed) {
     EXPECT_EQ(long_data->devices[0].eeprom->configuration.size(), 14U);
 }
 
+TEST(EsiReader, NumbersThatTheDeviceDoesNotHaveAreNamed) {
+    const auto has = [](const Read<EsiFile>& esi, const std::string& text) {
+        return std::ranges::any_of(esi.remarks, [&](const Remark& one) { return to_text(one) == text; });
+    };
+    const auto no_sm = read_example(" Sm=\"2\"", " Sm=\"99\"");
+    ASSERT_TRUE(no_sm) << to_text(no_sm.problem);
+    EXPECT_TRUE(
+        has(no_sm, "line 39, column 8: the PDO is of SyncManager 99, and the device has 4: it is not exchanged"))
+        << to_text(no_sm.remarks.back());
+    const auto no_size = read_example("<ByteSize>2048", "<ByteSize>0");
+    ASSERT_TRUE(no_size) << to_text(no_size.problem);
+    EXPECT_TRUE(has(no_size, "line 72, column 8: ByteSize is 0: the EEPROM is as large as its contents need"))
+        << to_text(no_size.remarks.back());
+}
+
 // A number by the schema; files from the field also have a boolean.
 TEST(EsiReader, ASyncManagerIsEnabledByANumberOrAWord) {
     for (const auto& [text, enabled] : {std::pair{"#x1", true}, std::pair{"true", true}, std::pair{"FALSE", false}}) {
@@ -157,7 +172,7 @@ TEST(EsiReader, WhatIsNoEsiIsRefused) {
     EXPECT_EQ(to_text(read_esi("<EtherCATConfig/>").problem),
               "line 1, column 2: the root element is EtherCATConfig: an ESI has EtherCATInfo or EtherCATModule");
     EXPECT_EQ(to_text(read_esi("<EtherCATInfo><Vendor><Id>1</Id></Vendor></EtherCATInfo>").problem),
-              "the file describes no device and no module");
+              "line 1, column 2: the file describes no device and no module");
     EXPECT_EQ(to_text(read_esi("").problem).substr(0, 22), "line 1, column 1: no w");
     EXPECT_EQ(to_text(read_esi("<EtherCATInfo>\n<Name>AB&T</Nam>").problem).substr(0, 7), "line 2,");
 }
