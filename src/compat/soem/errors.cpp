@@ -7,6 +7,7 @@
 #include <pthread.h>
 #include <array>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <ctime>
 #include <mutex>
@@ -55,12 +56,13 @@ struct Places {
 Places& places_of_thread() {
     static const pthread_key_t key = [] {
         pthread_key_t made{};
-        pthread_key_create(&made, [](void* places) { delete static_cast<Places*>(places); });
+        pthread_key_create(&made, std::free);  // no code of a plugin, which may be unloaded before the thread ends
         return made;
     }();
     auto* places = static_cast<Places*>(pthread_getspecific(key));
     if (places == nullptr) {
-        places = new Places{};
+        places = static_cast<Places*>(std::calloc(1, sizeof(Places)));
+        if (places == nullptr) std::abort();
         pthread_setspecific(key, places);
     }
     return *places;
