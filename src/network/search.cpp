@@ -185,12 +185,17 @@ std::uint16_t place_of_turn(Network& network, std::size_t turn) {
     return own == round ? static_cast<std::uint16_t>(n) : kNoPlace;
 }
 
-// A slave that is being started up, and that has not answered since, may be the newcomer: it has lost its power again.
-// It is found when its start-up has given up.
+// Slaves that are being started up and have not answered since may have lost their power again, and with one of them a
+// lost slave may have come back. They are found when the start-up has given up: until then a newcomer that fits one of
+// them is no stranger.
 bool is_awaited(Network& network) {
-    return std::ranges::any_of(network.slaves(), [&network](const Slave& slave) {
-        return network.marks(slave).in_use && network.is_doubted(slave) && fits_guest(network, slave);
-    });
+    const auto starts = [&network](const Slave& slave) {
+        return network.marks(slave).in_use && network.is_doubted(slave);
+    };
+    const auto fits = [&](const Slave& slave) {
+        return (starts(slave) || is_lost(network, slave)) && fits_guest(network, slave);
+    };
+    return std::ranges::any_of(network.slaves(), starts) && std::ranges::any_of(network.slaves(), fits);
 }
 
 // Identifies a newcomer. Returns whether it is a slave of the network.

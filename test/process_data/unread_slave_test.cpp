@@ -287,5 +287,34 @@ TEST(SlaveThatStartsTwice, IsNotAnUnexpectedOne) {
     }
 }
 
+// The same supply feeds a slave without a mailbox behind it.
+TEST(SlaveThatStartsTwice, IsNotAnUnexpectedOneAndNeitherIsItsNeighbour) {
+    for (int moment = 40; moment < 66; moment += 2) {
+        Plant plant;
+        const auto first = plant.make({.product = 0x100});
+        const auto drive = plant.segment.add(std::move(*sim::make_device("drive")).assemble());
+        const auto last = plant.make({.product = 0x200});
+        ASSERT_TRUE(plant.segment.connect_master({first, 0}));
+        ASSERT_TRUE(plant.segment.connect({first, 1}, {drive, 0}));
+        ASSERT_TRUE(plant.segment.connect({drive, 1}, {last, 0}));
+        ASSERT_TRUE(plant.bring_up({}).empty());
+        plant.run();
+        const auto supply = [&](bool on) {
+            plant.power(drive, on);
+            plant.power(last, on);
+        };
+        supply(false);
+        plant.cycles(100);
+        supply(true);
+        plant.cycles(1 + moment);
+        supply(false);
+        plant.cycles(50);
+        supply(true);
+        EXPECT_TRUE(plant.until([&] { return plant.in_op(2) && plant.in_op(3); }, 10'000)) << moment;
+        const auto told = plant.events();
+        EXPECT_EQ(Plant::told(told, "unexpected"), 0) << moment << ": " << Plant::joined(told);
+    }
+}
+
 }  // namespace
 }  // namespace margay
