@@ -77,6 +77,15 @@ class Exclusion : public SegmentTest {
     void steps(int count) {
         while (count-- > 0) step();
     }
+    // Slave 1 is in its hook for 100 ms.
+    void reconfigure_with_a_long_hook(ReconfigRequest& request) {
+        use_hooks();
+        hooks.duration = 100ms;
+        request.slave = 1;
+        ASSERT_TRUE(submit(ctx, request));
+        for (int n = 0; n < 1'000 && hooks.now[1] == 0; ++n) step();
+        ASSERT_EQ(hooks.now[1], 1);
+    }
     void cycles(int count) {
         while (count-- > 0) {
             (void)send_processdata(ctx);
@@ -421,13 +430,8 @@ TEST_F(Exclusion, WhatWaitsBehindAWaitingMappingNamesTheMapping) {
     supervision.target = AlState::safeop;
     ASSERT_TRUE(submit(ctx, supervision));
     steps(200);
-    use_hooks();
-    hooks.duration = 100ms;
     ReconfigRequest first;
-    first.slave = 1;
-    ASSERT_TRUE(submit(ctx, first));
-    for (int n = 0; n < 1'000 && hooks.now[1] == 0; ++n) step();
-    ASSERT_EQ(hooks.now[1], 1);
+    ASSERT_NO_FATAL_FAILURE(reconfigure_with_a_long_hook(first));
     MapRequest map;
     map.image = image;
     ASSERT_TRUE(submit(ctx, map));
@@ -447,13 +451,8 @@ TEST_F(Exclusion, WhatWaitsBehindAWaitingMappingNamesTheMapping) {
 // To recover one slave needs the whole segment.
 TEST_F(Exclusion, ARecoveryOfASlaveNamesTheReconfigurationOfAnother) {
     ASSERT_TRUE(config_map(ctx, image));
-    use_hooks();
-    hooks.duration = 100ms;
     ReconfigRequest first;
-    first.slave = 1;
-    ASSERT_TRUE(submit(ctx, first));
-    for (int n = 0; n < 1'000 && hooks.now[1] == 0; ++n) step();
-    ASSERT_EQ(hooks.now[1], 1);
+    ASSERT_NO_FATAL_FAILURE(reconfigure_with_a_long_hook(first));
     RecoverRequest recovery;
     recovery.slave = 2;
     recovery.timeout = 1ms;
