@@ -203,7 +203,7 @@ void name_pdos_without_sm(Reader& r, const EsiDevice& device, Node node) {
             const Value sm = attribute(pdo, "Sm");
             if (sm.there && r.number<std::uint8_t>(sm) >= count)
                 r.remark(pdo, "the PDO is of SyncManager " + std::string(sm.text) + ", and the device has " +
-                                  std::to_string(count) + ": it is not exchanged");
+                                  std::to_string(count));
         }
 }
 
