@@ -30,12 +30,13 @@ struct FaultyNics : testing::Test {
 
     void SetUp() override { put_slave_into(segment, osal.now()); }
 
-    Names failures(Nic& nic) {
+    Names failures(Nic& nic) { return failures(nic, osal); }
+    Names failures(Nic& nic, Osal& waits) {
         struct Bench {
             Host& host;
             sim::Segment& segment;
         } bench{host, segment};
-        auto port = host.without_threads(osal, &nic);
+        auto port = host.without_threads(waits, &nic);
         port.user = &bench;
         port.print = [](void* user, std::string_view line) {
             static_cast<Bench*>(user)->host.lines.emplace_back(line);
@@ -235,6 +236,51 @@ TEST_F(FaultyNics, AFrameThatIsLeftRaisesNoInterrupt) {
         Time next_arrival() const noexcept override { return served ? kNever : inner().next_arrival(); }
     } nic{wire};
     expect_found(nic, "a frame that is left ends a wait()");
+}
+
+// A NIC with an interrupt, and an Osal whose wait() uses up the interrupt, as a semaphore does.
+struct InterruptNic : FilterNic {
+    using FilterNic::FilterNic;
+    SendStatus send(Frame frame) noexcept override {
+        raised = true;
+        return inner().send(frame);
+    }
+    std::size_t receive(Memory into) noexcept override {
+        const auto length = inner().receive(into);
+        raised = raised || (length != 0 && rearms);
+        return length;
+    }
+    [[nodiscard]] Time next_arrival() const noexcept override { return kNever; }
+    [[nodiscard]] Time interrupt() const noexcept { return raised ? inner().next_arrival() : kNever; }
+    bool raised = false;
+    bool rearms = true;  // raises the interrupt for a frame that is left
+};
+
+struct Semaphore : Osal {
+    Semaphore(VirtualOsal& clock, InterruptNic& source)
+        : Osal(ThreadIdentity::thread_pointer), inner(clock), nic(source) {}
+    std::uintptr_t calling_thread() noexcept override { return inner.thread_number(); }
+    Time now() noexcept override {
+        inner.advance(1us);
+        return inner.now();
+    }
+    void wait(Time until, WaitHandles handle) noexcept override {
+        const Time interrupt = nic.interrupt();
+        inner.wait(std::min(until, interrupt), handle);
+        if (interrupt <= until) nic.raised = false;
+    }
+    VirtualOsal& inner;
+    InterruptNic& nic;
+};
+
+TEST_F(FaultyNics, AFrameThatIsLeftRaisesNoInterruptAfterAWait) {
+    InterruptNic nic(wire);
+    Semaphore waits(osal, nic);
+    EXPECT_EQ(failures(nic, waits), Names{}) << host.text();
+    host.lines.clear();
+    nic.rearms = false;
+    const auto all = failures(nic, waits);
+    EXPECT_TRUE(std::ranges::count(all, "a frame that is left ends a wait()") == 1) << host.text();
 }
 
 TEST_F(FaultyNics, TheSameFrameComesForEver) {
