@@ -40,7 +40,7 @@ Result<std::uint16_t> scan_by(Context& ctx, const files::EniConfiguration* eni) 
     if (!found) return found;
     for (const files::Remark& remark : files::remarks_after_scan(ctx, *eni))
         warn(fmt::format("warning: ENI file: {}", to_text(remark)));
-    const auto told = files::after_scan(ctx, *eni);
+    const auto told = files::check_modules(ctx, *eni);
     if (eni->clocks)
         if (const auto reference = configdc(ctx, *eni->clocks); !reference) {
             if (!told) warn(fmt::format("ENI file: {}", sentence(told.error())));  // one error alone can be returned

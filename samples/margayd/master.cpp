@@ -263,7 +263,7 @@ bool Master::bring_up() {
     if (eni_) {
         for (const files::Remark& remark : files::remarks_after_scan(*ctx_, *eni_))
             log(Priority::warning, fmt::format("{}: {}", configuration_.eni.string(), to_text(remark)));
-        if (const auto told = files::after_scan(*ctx_, *eni_); !told)
+        if (const auto told = files::check_modules(*ctx_, *eni_); !told)
             log(Priority::error, samples::sentence(told.error()));
     }
     if (eni_ && eni_->clocks) set_clocks();

@@ -18,7 +18,7 @@ Result<> apply(Context& ctx, const EniConfiguration& eni) {
 Result<> bring_up(Context& ctx, const EniConfiguration& eni, std::span<std::byte> image) {
     if (const auto applied = apply(ctx, eni); !applied) return applied;
     if (const auto found = config_init(ctx); !found) return found.error();
-    if (const auto told = after_scan(ctx, eni); !told) return told;
+    if (const auto told = check_modules(ctx, eni); !told) return told;
     if (eni.clocks)
         if (const auto reference = configdc(ctx, *eni.clocks); !reference) return reference.error();
     // Without a Cyclic element the slaves say themselves what they exchange.

@@ -111,7 +111,7 @@ void read_eni_mail(Reader& r, Node mailbox, EniSlaveData& s) {
             r.remark(node, std::string("the start-up command of ") + name + " is not supported and not sent");
 }
 
-Result<> after_scan(Context& ctx, const EniConfiguration& eni) {
+Result<> check_modules(Context& ctx, const EniConfiguration& eni) {
     Result<> first;
     for (const EniSlave& one : eni.slaves) {
         if (one.modules.empty() || one.number > ctx.slaves().size()) continue;

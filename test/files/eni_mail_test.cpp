@@ -314,7 +314,7 @@ TEST(EniMail, AConfigurationMayBeMovedAfterwards) {
     Machine machine(kGateways, eni->limits());
     ASSERT_TRUE(apply(machine.ctx, *eni));
     ASSERT_TRUE(config_init(machine.ctx));
-    ASSERT_TRUE(after_scan(machine.ctx, *eni));
+    ASSERT_TRUE(check_modules(machine.ctx, *eni));
     const EniConfiguration moved = std::move(*eni);
     ASSERT_TRUE(config_map(machine.ctx, machine.image));
     EXPECT_EQ(ip_of(machine.ctx, 2).address, (Ipv4Address{192, 168, 0, 102}));

@@ -131,7 +131,7 @@ Result<> apply(Context& ctx, const EniConfiguration& eni);
 // this list. Call it after each config_init() and before config_map(), in the thread of the owner. Waits. Does this for
 // all slaves; returns the first error: from reading the list, or check_failed with index 0xF050 and the subindex of
 // the first slot with another module (expected and actual: the idents).
-Result<> after_scan(Context& ctx, const EniConfiguration& eni);
+Result<> check_modules(Context& ctx, const EniConfiguration& eni);
 
 // Contents of the file that the library does not apply, found after the scan. One remark for each slave whose
 // mailboxes, also of BOOT, differ from its SII (the library uses the SII); for each SyncManager whose control octet
@@ -140,7 +140,7 @@ Result<> after_scan(Context& ctx, const EniConfiguration& eni);
 // Call it after config_init(). Never waits.
 [[nodiscard]] std::vector<Remark> remarks_after_scan(Context& ctx, const EniConfiguration& eni);
 
-// Brings the segment to SAFEOP as the file says: apply(), config_init(), after_scan(), configdc() if the file uses
+// Brings the segment to SAFEOP as the file says: apply(), config_init(), check_modules(), configdc() if the file uses
 // clocks, and config_map() of each group; `image` has at least eni.image_bytes octets and is divided between the
 // groups. Returns the first error, after which the segment can be used as after an error of the same function. Waits.
 // After the call, remarks_after_scan() names the parts of the file that the library does not apply. Where eni.clocks is
