@@ -149,7 +149,7 @@ int main(int argc, char** argv) {
         "example: ip link set eoe0s1 master br0. Brings the slaves to PREOP; exchanges no process data. "
         "Runs until SIGINT or SIGTERM, and then removes the interfaces. Needs the capability "
         "CAP_NET_ADMIN.");
-    add_source_arguments(arguments, options.source);
+    add_interface_arguments(arguments, options.source);
     arguments.option("--master", options.master, "number of the master in the names of the interfaces", Bounds{0, 99});
     arguments.option("--statistics", options.statistics_s,
                      "print the counters of each interface at this interval in seconds; 0: only at the end",

@@ -30,11 +30,25 @@ std::string ethernet_state(int socket, const char* name) {
     return (request.ifr_flags & IFF_RUNNING) != 0 ? "up" : "no link";
 }
 
+void add_source_options(Arguments& arguments, SourceArguments& values) {
+    arguments.option("--record", values.options.record,
+                     "write every frame sent and received to this file, as pcap (two interfaces: as pcapng)");
+    arguments.flag("--trace", values.options.trace, "print a line for every datagram to standard error");
+    arguments.flag(
+        "--take-over", values.take_over,
+        "scan also when slaves are in SAFEOP or OP, for example under another master; the slaves go to INIT");
+}
+
 }  // namespace
 
-std::string source_text() {
+std::string interface_text() {
     return "interface (eth0; xdp:eth0 by AF_XDP; try-xdp:eth0 by AF_XDP, or else as eth0), two interfaces at the "
-           "ends of a ring (eth0+eth1, xdp:eth0+xdp:eth1), simulated segment "
+           "ends of a ring (eth0+eth1, xdp:eth0+xdp:eth1)";
+}
+
+std::string source_text() {
+    return interface_text() +
+           ", simulated segment "
            "(sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin, sim:a.xml) or "
            "recording (pcap:FILE; it answers only what the recorded master asked, so it must be one that "
            "this program made by --record)";
@@ -42,13 +56,14 @@ std::string source_text() {
 
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more) {
     arguments.positional("SOURCE", values.source, source_text() + more);
-    arguments.option("--record", values.options.record,
-                     "write every frame sent and received to this file, as pcap (two interfaces: as pcapng)");
-    arguments.flag("--trace", values.options.trace, "print a line for every datagram to standard error");
-    arguments.flag(
-        "--take-over", values.take_over,
-        "scan also when slaves are in SAFEOP or OP, for example under another master; the slaves go to INIT");
+    add_source_options(arguments, values);
     arguments.without_arguments([] { return list_of_interfaces() + list_of_segments("sim:"); });
+}
+
+void add_interface_arguments(Arguments& arguments, SourceArguments& values) {
+    arguments.positional("SOURCE", values.source, interface_text());
+    add_source_options(arguments, values);
+    arguments.without_arguments(list_of_interfaces);
 }
 
 std::string list_of_interfaces() {
@@ -86,6 +101,7 @@ int run_on_source(const SourceArguments& values, const std::function<int(Source&
     // In virtual time there is no other master.
     const auto refusal = source->virtual_time() || values.take_over ? std::string() : scan_refusal(*source);
     int code = refusal.empty() ? body(*source) : fail(refusal);
+    if (const auto repeated = source->repeated_answers(); !repeated.empty()) warn(repeated);
     const auto remark = source->finish();
     if (remark.empty()) return code;
     if (code == exit_code::kWell) code = exit_code::kSegment;

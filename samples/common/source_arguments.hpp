@@ -17,9 +17,13 @@ struct SourceArguments {
 
 // The forms of SOURCE, for --help. The text about a recording is for programs that record by --record.
 [[nodiscard]] std::string source_text();
+// The same for a program that needs real time: interfaces only.
+[[nodiscard]] std::string interface_text();
 
 // Adds SOURCE, --record, --trace and --take-over. `more` is text about other SOURCEs that this program accepts.
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more = {});
+// The same for a program that takes interfaces only.
+void add_interface_arguments(Arguments& arguments, SourceArguments& values);
 
 // The network interfaces of this system, and the ready-made segments with `prefix` ("sim:") before each name, one per
 // line.

@@ -303,6 +303,7 @@ Answer<> StandaloneSession::close() {
     pace_.reset();
     ctx_.reset();
     if (source_ == nullptr) return result;
+    if (const auto repeated = source_->repeated_answers(); !repeated.empty()) samples::warn(repeated);
     const auto remark = source_->finish();
     if (remark.empty()) return result;
     return Problem{remark, source_->recording_lost() ? samples::exit_code::kSystem : samples::exit_code::kSegment};

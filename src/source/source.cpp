@@ -61,6 +61,15 @@ std::string Source::finish() {
     return said;
 }
 
+std::string Source::repeated_answers() const {
+    std::uint64_t datagrams = 0;
+    for (const auto* replay : {&replay_, &second_replay_})
+        if (*replay) datagrams += (*replay)->counters().repeated;
+    if (datagrams == 0) return {};
+    return "datagrams that were sent more often than in the recording, and got the last recorded answer again: " +
+           std::to_string(datagrams);
+}
+
 std::string Source::look_for_interfaces() {
     std::string problem;
     for (const auto& nic : hotplug_) {

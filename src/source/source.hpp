@@ -106,6 +106,8 @@ class Source {
     [[nodiscard]] std::string finish();
     // After finish(): true when the recording is not complete.
     [[nodiscard]] bool recording_lost() const noexcept { return recording_lost_; }
+    // A remark for a user when a replay has answered more than was recorded. Empty when it has not.
+    [[nodiscard]] std::string repeated_answers() const;
 
   private:
     friend class SourceOpener;

@@ -143,6 +143,28 @@ TEST(Programs, ShowDefaultsAndBoundsInHelp) {
     EXPECT_TRUE(contains(folder.run(kBin + "slaveinfo --help").out, "it answers only what the recorded master asked"));
 }
 
+TEST(Programs, OfferOnlyTheSourcesThatTheyAccept) {
+    const ShellFolder folder;
+    const auto help = folder.run(kBin + "eoe_bridge --help").out;
+    EXPECT_TRUE(contains(help, "two interfaces at the ends of a ring")) << help;
+    EXPECT_FALSE(contains(help, "sim:")) << help;
+    EXPECT_FALSE(contains(help, "pcap:")) << help;
+    const auto bare = folder.run(kBin + "eoe_bridge");
+    EXPECT_EQ(bare.status, 2);
+    EXPECT_TRUE(contains(bare.out + bare.err, "Ethernet interfaces:")) << bare.out << bare.err;
+    EXPECT_FALSE(contains(bare.out + bare.err, "sim:")) << bare.out << bare.err;
+}
+
+TEST(Programs, SayThatARecordingHasRepeatedItsLastAnswers) {
+    const ShellFolder folder;
+    ASSERT_EQ(folder.run(kBin + "simple_io sim:demo --cycles 20 --record r.pcap").status, 0);
+    const auto exact = folder.run(kBin + "simple_io pcap:r.pcap --cycles 20");
+    EXPECT_EQ(exact.status, 0) << exact.err;
+    EXPECT_FALSE(contains(exact.err, "more often")) << exact.err;
+    const auto longer = folder.run(kBin + "simple_io pcap:r.pcap --cycles 500");
+    EXPECT_TRUE(contains(longer.err, "datagrams that were sent more often than in the recording")) << longer.err;
+}
+
 TEST(Programs, TellUsageFromWhatTheSystemLacks) {
     const ShellFolder folder;
     for (const auto* usage :
