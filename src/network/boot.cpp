@@ -34,7 +34,7 @@ Task<Result<>> prepare(Network& network, Slave& slave, AlState to, Time until) {
     if (!enters && (to == AlState::init || !uses_mailbox(slave))) co_return Nothing{};
     const Station station = network.station(slave);
     // An ESC accepts the address and length of a SyncManager only while the SyncManager is disabled.
-    co_await required(clear_sync_managers(station, slave));
+    co_await required(clear_sync_managers(network, slave));
     const MailboxSyncManagers sms = mailbox_sync_managers(slave, enters ? slave.boot_mailbox : slave.mailbox);
     auto written = co_await write_bytes(station, wire::reg::kSyncManagerBase, sms, Step::configure_mailbox);
     co_return written ? Result<>() : Result<>(written.error());

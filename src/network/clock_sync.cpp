@@ -109,8 +109,7 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     const Error no_edges = check_pulse(clock.pulse_ns, sync);
     if (no_edges.code != Errc::none) co_return no_edges;
     auto off = co_await write_clock_register(station, reg::kSyncActivation, 0);
-    clock.sync_active = false;
-    clock.sync_start_ns = 0;
+    clock.end_sync();
     if (!off || sync.assign_activate == 0) co_return off;
     constexpr wire::Register kBothCycles{reg::kSync0CycleTime.address, 8};
     const std::uint64_t cycles = sync.sync0_cycle_ns | std::uint64_t{sync.sync1_cycle_ns} << 32;
@@ -193,7 +192,7 @@ Task<Result<>> continue_reference(Network& network) {
         clocks.note_time(source.local_ns + source.offset_ns - source.delay_ns, source.kind == ClockKind::bits64, sent);
     }
     ClockEntry& clock = clocks.of(reference);
-    clock.sync_active = false;
+    clock.end_sync();
     clock.offset_ns = clock_offset_ns(clocks.system_at_ns(sent), clock.delay_ns, clock.local_ns);
     co_return co_await required(write_clock(network, reference));
 }
@@ -359,7 +358,8 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
         const auto same = co_await required(has_its_clock(network, slave));
         if (same) co_return Result<>();
     }
-    clock.synchronised = clock.sync_active = false;
+    clock.synchronised = false;
+    clock.end_sync();
     clock.follows = 0;
     clocks.lose_sync(slave);
     // set_late_clock() sets it when the reference is back, or another one has taken over.
@@ -453,7 +453,7 @@ Task<Result<>> prepare_clock(Network& network, Slave& slave) {
         error.slave = slave.number;
         co_return error;
     }
-    if (sync->assign_activate == 0) co_return Result<>();
+    if (sync->assign_activate == 0 && !network.clocks.of(slave).sync_active) co_return Result<>();
     co_return co_await required(activate_sync(network, slave, *sync));
 }
 

@@ -75,6 +75,11 @@ struct ClockEntry : SlaveClock {
     static constexpr std::uint8_t kTimesOfMean = 32;
     // As far as it is known: good enough for what is compared with it next.
     [[nodiscard]] bool is_in_step() const { return in_sync || misled; }
+    // Its SYNC signals were switched off.
+    void end_sync() {
+        sync_active = false;
+        sync_start_ns = 0;
+    }
     [[nodiscard]] bool knows_difference() const { return follows != 0 && times_seen >= kTimesOfMean; }
     // It is in sync again when it is compared.
     void lose_sync() {

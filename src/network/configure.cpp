@@ -172,7 +172,8 @@ Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-Task<Result<>> clear_sync_managers(Station station, const Slave& slave) {
+Task<Result<>> clear_sync_managers(Network& network, const Slave& slave) {
+    const Station station = network.station(slave);
     const std::size_t count = std::min<std::size_t>(slave.dl.sync_managers, Slave::kSyncManagers);
     if (count == 0) co_return Nothing{};
     Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncManagerBase},
@@ -180,6 +181,7 @@ Task<Result<>> clear_sync_managers(Station station, const Slave& slave) {
     Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
                   Bytes(kClearedRegisters).first(1));
     co_await together(write, sync);  // not every slave has a SYNC unit
+    if (!network.clocks.entries.empty()) network.clocks.of(slave).end_sync();
     co_return error_of_reply(station, write.reply(), Step::recover, reg::kSyncManagerBase);
 }
 

@@ -20,7 +20,7 @@ inline constexpr std::array<std::byte, 256> kClearedRegisters{};
 [[nodiscard]] Task<Result<>> clear_fmmus(Network& network, Slave& slave);
 
 // Clears all SyncManagers of a slave in INIT, and its SYNC activation.
-[[nodiscard]] Task<Result<>> clear_sync_managers(Station station, const Slave& slave);
+[[nodiscard]] Task<Result<>> clear_sync_managers(Network& network, const Slave& slave);
 
 // Whether the slave has the FMMUs that its place in the image requires.
 [[nodiscard]] Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& layout);

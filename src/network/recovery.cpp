@@ -34,7 +34,7 @@ Task<Result<AlStatus>> change(Network& network, Slave& slave, AlState state) {
 Task<Result<>> back_to_init(Network& network, Slave& slave) {
     co_await required(clear_fmmus(network, slave));
     co_await required(change(network, slave, AlState::init));
-    co_return co_await required(clear_sync_managers(network.station(slave), slave));
+    co_return co_await required(clear_sync_managers(network, slave));
 }
 
 // Checks that the place that was reserved for the slave has the sizes of its process data.

@@ -268,6 +268,38 @@ TEST_F(Honest, SyncSignalsThatDoNotRunAreNotSaidToBeActive) {
     }
 }
 
+// The setup of slave 2 wants no SYNC signals any more: it is mapped again, started again, or requested to enter PREOP
+// and SAFEOP.
+TEST_F(Honest, SyncSignalsThatTheSetupDoesNotWantAnyMoreAreSwitchedOff) {
+    SlaveSetup wanted{.dc = {.source = SyncSettings::Source::application}};
+    add_line(3);
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    for (std::uint16_t s = 1; s <= 3; ++s) ctx->slave(s).config.setup = &wanted;
+    run();
+    SlaveSetup other = wanted;
+    ctx->slave(2).config.setup = &other;
+    for (const int way : {0, 1, 2}) {
+        SCOPED_TRACE(way);
+        other.dc.source = SyncSettings::Source::application;
+        ASSERT_TRUE(reconfigure_slave(*ctx, 2).ok());
+        ASSERT_TRUE(until([this] { return all_in_op(); }));
+        EXPECT_TRUE(clock(2).sync_active);
+        EXPECT_NE(clock(2).sync_start_ns, 0U);
+        other.dc.source = SyncSettings::Source::none;
+        if (way == 0) EXPECT_TRUE(reconfigure_slave(*ctx, 2).ok());
+        if (way == 1) EXPECT_TRUE(set_target(*ctx, 2, AlState::preop).ok());
+        if (way == 2) EXPECT_TRUE(set_target(*ctx, 2, AlState::init).ok());
+        cycles(300);
+        EXPECT_TRUE(set_target(*ctx, 2, AlState::none).ok());
+        ASSERT_TRUE(until([this] { return all_in_op(); }));
+        EXPECT_EQ(register_of<std::uint8_t>(2, wire::reg::kSyncActivation), 0);
+        EXPECT_FALSE(clock(2).sync_active);
+        EXPECT_EQ(clock(2).sync_start_ns, 0U);
+        EXPECT_TRUE(clock(1).sync_active && clock(3).sync_active);
+    }
+}
+
 TEST(PortTimesThatDiffer, AreOld) {
     PortTimes times;
     times.add({.port_ns = {1000, 1500, 7, 0}}, 0);
