@@ -122,6 +122,7 @@ const SlaveClock& slave_clock(Context& ctx, std::uint16_t slave) {
 ClockStatus clock_status(Context& ctx, Time now) {
     Master* master = master_of(ctx);
     if (master == nullptr || master->network.clocks.reference == 0) return {};
+    refresh_system_time(master->network);
     const Clocks& clocks = master->network.clocks;
     return {.reference = clocks.reference,
             .in_sync = clocks.all_in_sync,

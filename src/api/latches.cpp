@@ -48,6 +48,7 @@ Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which
 Task<Result<>> look_once(Network& network, LatchRequest& request) {
     if (check_same_slave(network, request.slave, kStep).code != Errc::none) co_return Nothing{};
     const Station station = network.station(network.slave(request.slave));
+    refresh_system_time(network);  // a clock of 32 bits wraps
     const auto seen = co_await required(read<std::uint64_t>(station, kControlAndStatus, kStep));
     if (static_cast<std::uint16_t>(seen) != kBothEdges)
         co_return co_await required(write(station, kControl, kBothEdges, kStep));

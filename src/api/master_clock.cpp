@@ -74,6 +74,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     record_.bus_time_ns = whole_bus_time(network, group, record_.at, record_.bus_time_ns, read_at_);
     record_.bus_time_off_ns = record_.bus_time_ns % cycle;
     read_at_ = record_.at;
+    refresh_system_time(network);
     const std::uint64_t due_ns = record_.bus_time_ns - static_cast<std::uint64_t>(lateness.count());
     check_cycle(due_ns);
     const Duration earlier = correct(ctx, due_ns, record_.at);

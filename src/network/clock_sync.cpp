@@ -117,6 +117,7 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     if (!written) co_return written;
     auto time = co_await read<std::uint64_t>(station, reg::kSystemTime, kSyncStep);
     if (!time) co_return time.error();
+    refresh_system_time(network);
     const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
     const std::uint64_t now_ns =
         clock.kind == ClockKind::bits64 ? *time : extend_time_ns(static_cast<std::uint32_t>(*time), about);

@@ -279,6 +279,9 @@ void note_cycle_time(Network& network);
 [[nodiscard]] Task<Result<>> return_to_first_clock(Network& network);
 // Gives a slave its clock that was first seen, or was reset, while the reference was lost.
 [[nodiscard]] Task<Result<>> set_late_clock(Network& network);
+// Without a supervision that watches the clocks: notes the time that the last cycle has brought. Callable from the
+// cycle.
+void refresh_system_time(Network& network);
 // See Clocks::resume.
 void resume_time(Network& network);
 // The slave becomes a reference, with the rate that it has learned. One wrong comparison with the time of the lost one

@@ -22,6 +22,33 @@ struct Latches : testing::Test, ClockBus {
         ASSERT_TRUE(submit(*ctx, request).ok());
         cycles(20);
     }
+    void follow_the_cycles(bool supervised) {
+        constexpr std::int32_t kDrift_ppb = 1'000'000;
+        add({.drift_ppb = kDrift_ppb, .start_ns = 5});
+        add({.drift_ppb = kDrift_ppb, .start_ns = 0x1'2345'6789, .unit = DcUnit::bits32});
+        start();
+        ClockSettings settings = kFewFrames;
+        settings.watch_interval = 0ms;
+        ASSERT_TRUE(configdc(*ctx, settings).ok());
+        run();
+        if (!supervised) supervision.cancel();
+        request.slave = 2;
+        ASSERT_TRUE(submit(*ctx, request).ok());
+        const auto slow_cycles = [this](int count) {
+            for (; count > 0; --count) {
+                osal.advance(9ms);
+                cycles(1);
+            }
+        };
+        slow_cycles(40'000);  // 0.4 s away
+        const auto about = [this] { return segment.slave(0).clock().copy(osal.now()); };
+        const std::uint64_t time = edge(1, false);
+        slow_cycles(10);
+        ASSERT_EQ(request.edges[3].count, 1U);
+        EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(request.edges[3].time_ns - time)), 0, 200);
+        const std::uint64_t known = clock_status(*ctx, osal.now()).system_time_ns;
+        EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(known - about())), 0, 2000);
+    }
     // An edge now. Returns its system time.
     std::uint64_t edge(unsigned input, bool rising) {
         segment.advance(osal.now());
@@ -68,6 +95,10 @@ TEST_F(Latches, OfAClockOf32BitsHave64) {
     EXPECT_GT(time >> 32, 0U);
     EXPECT_NEAR(static_cast<double>(request.edges[3].time_ns - time), 0, 200);
 }
+
+// The clock of the reference is 0.1 % faster than that of the master. Nothing but the cycles brings its time.
+TEST_F(Latches, WithoutASupervisionTheTimeOfTheCyclesIsKnown) { follow_the_cycles(false); }
+TEST_F(Latches, WithoutAWatchTheTimeOfTheCyclesIsKnown) { follow_the_cycles(true); }
 
 // A slave that was switched off has lost its latch control.
 TEST_F(Latches, GoOnWhenTheSlaveComesBack) {
