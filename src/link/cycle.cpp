@@ -115,15 +115,29 @@ void Link::send_riders(Time now) {
     }
 }
 
-void Link::give_up_prepared(PreparedFrame& frame, Time now) {
-    FrameSlot* slot = frame.slot;
-    if (slot == nullptr) return;
-    frame.slot = nullptr;
+FrameSlot* Link::leave_slot(PreparedFrame& frame) {
+    FrameSlot* slot = std::exchange(frame.slot, nullptr);
+    if (slot == nullptr) return nullptr;
     if (slot != &frame.own) {
         slot->prepared = nullptr;
         remove_riders(frame);
     }
-    if (!slot->datagrams.empty()) return;  // riders are awaited until their own deadline
+    return slot->datagrams.empty() ? slot : nullptr;
+}
+
+bool Link::take_half(PreparedFrame& frame, Time now) {
+    if (cables_ == nullptr || frame.slot == nullptr) return false;
+    const std::size_t length = cables_->half(frame, frame.slot->index, buffer_);
+    if (length == 0) return false;
+    commit_frame(frame, Bytes(buffer_).first(length));
+    ++statistics_.frames_received;
+    if (FrameSlot* slot = leave_slot(frame); slot != nullptr) close_lost(*slot, now);
+    return true;
+}
+
+void Link::give_up_prepared(PreparedFrame& frame, Time now) {
+    FrameSlot* slot = leave_slot(frame);
+    if (slot == nullptr) return;
     ++statistics_.lost;
     note_silence();
     close_lost(*slot, now);

@@ -31,6 +31,10 @@ class Cables {
     virtual void give_up(std::uint8_t index) noexcept = 0;
     // The indices are divided between two threads from now on, see FrameTable::split().
     virtual void split() noexcept = 0;
+    // The reply of one NIC to this frame, whose copy by the other NIC has not come: if every slave took part in all
+    // datagrams of the frame. Before give_up(). Returns its octets; 0: there is none.
+    [[nodiscard]] virtual std::size_t half(const PreparedFrame& frame, std::uint8_t index,
+                                           MutableBytes into) noexcept = 0;
 
   protected:
     ~Cables() = default;
@@ -73,6 +77,9 @@ class Link {
     [[nodiscard]] bool cycling(Time now) { return now < cycles_until(); }
     // Stops waiting for a prepared frame. If its reply arrives later, it is dropped.
     void give_up_prepared(PreparedFrame& frame, Time now);
+    // Before give_up_prepared(): commits what one of two NICs has received, when this is a complete reply. Then the
+    // frame is not waited for any more. False: there is none.
+    [[nodiscard]] bool take_half(PreparedFrame& frame, Time now);
     // Marks all datagrams and readings of the frame as not received in this cycle.
     static void mark_not_received(PreparedFrame& frame);
 
@@ -158,6 +165,9 @@ class Link {
     void deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready);
     [[nodiscard]] static bool commit(const PreparedDatagram& datagram, const std::byte* data);
     static void commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data);
+    // Separates the frame from its slot. nullptr: riders are awaited in the slot until their own deadline.
+    [[nodiscard]] FrameSlot* leave_slot(PreparedFrame& frame);
+    void keep_half(PreparedFrame& frame, Time now);
     void not_sent(PreparedFrame& frame, Time now);
     static void fill_plain(PreparedFrame& frame, std::uint8_t index);
     static void fill(PreparedFrame& frame, std::uint8_t index);

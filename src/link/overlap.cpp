@@ -104,6 +104,7 @@ void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time no
     note_cycle(last_cycle_, sent_at);
     last_cycle_ = sent_at;
     for (PreparedFrame& frame : frames) {
+        if (cables_ != nullptr && !frame.parked && !frame.refused) keep_half(frame, now);
         if (frame.refused)
             ++statistics_.send_refused;
         else
@@ -118,6 +119,15 @@ void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time no
         }
         frame.parked = false;
     }
+}
+
+// Like take_half().
+void Link::keep_half(PreparedFrame& frame, Time now) {
+    const std::size_t length = cables_->half(frame, frame.own.index, buffer_);
+    if (length == 0) return;
+    keep(frame, Bytes(buffer_).first(length));
+    ++statistics_.frames_received;
+    forget_overlapped(frame, now);
 }
 
 void Link::forget_overlapped(PreparedFrame& frame, Time now) {

@@ -90,6 +90,7 @@ class Redundancy final : public Nic, public Cables {
     [[nodiscard]] int last_error() const noexcept override;
 
     void give_up(std::uint8_t index) noexcept override;
+    [[nodiscard]] std::size_t half(const PreparedFrame& frame, std::uint8_t index, MutableBytes into) noexcept override;
     void split() noexcept override { split_ = true; }
 
     // Sets the slave whose time is in the copies that the head does not send; 0: these copies carry no time.

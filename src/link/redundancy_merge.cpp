@@ -1,6 +1,7 @@
-// Merging of the two replies of a frame in a ring with two NICs.
+// Merging of the two replies of a frame in a ring with two NICs, and the reply of which only one copy has come.
 #include "link/redundancy.hpp"
 
+#include <algorithm>
 #include <cstring>
 
 namespace margay {
@@ -40,6 +41,24 @@ void merge_replies(MutableBytes into, Bytes other, Bytes sent) noexcept {
         store_le<std::uint16_t>(into, counter, static_cast<std::uint16_t>(wkc));
         for (std::size_t n = d->offset + kIrq; n < data; ++n) into[n] |= other[n];
     }
+}
+
+// The cable of a NIC that has not seen it yet is broken: its copies are lost, and those of the other NIC have passed
+// all slaves. Elsewhere a copy that comes back alone has passed some of them only.
+std::size_t Redundancy::half(const PreparedFrame& frame, std::uint8_t index, MutableBytes into) noexcept {
+    FramePair* const pair = pair_of(index);
+    if (pair == nullptr || !hold(*pair)) return 0;
+    const unsigned came = pair->came & static_cast<unsigned>(~pair->idle);
+    const auto reply = Bytes(pair->back).first(pair->size);
+    const auto is_complete = [reply](const PreparedDatagram& d) {
+        const std::uint16_t accepted = d.status->accepted;
+        return load_le<std::uint16_t>(reply, d.offset + wire::kDatagramHeaderBytes + d.bytes) == accepted;
+    };
+    const bool whole = pair->index == index && came != 0 && frame.size <= pair->size && !is_misplaced(*pair, came) &&
+                       !frame.datagrams.empty() && std::ranges::all_of(frame.datagrams, is_complete);
+    if (whole) std::ranges::copy(reply, into.begin());
+    pair->state.store(FramePair::open, std::memory_order_release);
+    return whole ? reply.size() : 0;
 }
 
 }  // namespace margay

@@ -419,7 +419,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
     std::uint32_t missing = 0;
     for (PreparedFrame& frame : frames) {
         if (frame.is_held()) Link::commit_held(frame);  // behind a frame that has not come
-        if (frame.end != CycleEnd::missing) continue;
+        if (frame.end != CycleEnd::missing || link.take_half(frame, now)) continue;
         if (reset_unmarked(frame)) error.detail = Error::kUnmarked;
         link.give_up_prepared(frame, now);
         Link::mark_not_received(frame);
