@@ -133,7 +133,7 @@ SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexc
     const bool changed = divided && (!of_head || pair.second_is_first || pair.times_held);
     const auto own = Bytes(pair.out).first(pair.size);
     SendStatus status = SendStatus::failed;
-    if (nic == 0 && !moved && !changed) {
+    if (nic == 0 && !moved && !changed && !frame.empty()) {
         status = nics_[0]->send(frame);
     } else if (nic != 0 && !moved && !of_head) {
         status = nics_[1]->send(own);
@@ -207,6 +207,7 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     const bool head_only = opened || foreign_.load(kRelaxed);
     pair->sent.store(head_only ? bit(pair->head) : static_cast<std::uint8_t>(bit(0) | bit(1)), kRelaxed);
     const bool own = pair >= own_.data() && pair < own_.data() + own_.size();
+    if (!own) frame = {};  // the owner writes the reply into these octets as soon as one of both copies is back
     const auto number = own ? pair - own_.data() : pair - overlapped_.data() + static_cast<std::ptrdiff_t>(own_.size());
     pair->state.store(FramePair::open, std::memory_order_release);
     number_of_[index].store(static_cast<std::uint16_t>(number), std::memory_order_release);

@@ -4,8 +4,11 @@
 
 #include <atomic>
 #include <deque>
+#include <functional>
 #include <mutex>
 #include <thread>
+#include <utility>
+#include <vector>
 
 namespace margay {
 namespace {
@@ -165,6 +168,65 @@ TEST(RingThreads, TheFirstCopyIsBackBeforeTheSecondIsSent) {
         EXPECT_EQ(copies, 40U);
         bus.on_frame = nullptr;
     }
+}
+
+// Refuses a frame where it is told so. What it sends is compared with what it was given, after `meanwhile`.
+class SlowNic final : public Nic {
+  public:
+    explicit SlowNic(Nic& nic) : nic_(nic) {}
+    bool busy = false;
+    std::function<void()> meanwhile;
+    unsigned sent = 0;
+    unsigned changed = 0;
+
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        if (std::exchange(busy, false)) return SendStatus::busy;
+        const std::vector<std::byte> given(frame.begin(), frame.end());
+        if (meanwhile) meanwhile();
+        if (!std::ranges::equal(given, frame)) ++changed;
+        ++sent;
+        return nic_.send(frame);
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
+    LinkState link_state() noexcept override { return nic_.link_state(); }
+    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
+    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
+
+  private:
+    Nic& nic_;
+};
+
+// The first NIC was busy, so it sends its copy after the second one, whose copy is back by then. The reply is written
+// into the frame of the cycle while the first NIC has not sent it.
+TEST(RingThreads, TheReplyIsNotSentByTheOtherNic) {
+    RingBus bus;
+    bus.build_line(3);
+    bus.segment.disconnect({0, 0});
+    bus.segment.disconnect({2, 1});
+    ASSERT_TRUE(bus.segment.connect_master({0, 0}, 1));
+    ASSERT_TRUE(bus.segment.connect_master({2, 1}, 0));
+    bus.plug();
+    SlowNic first(*bus.wires[0]);
+    bus.ctx = std::make_unique<HostContext>(RingBus::limits());
+    ASSERT_TRUE(init_redundant(*bus.ctx, first, *bus.wires[1], bus.osal).ok());
+    ASSERT_TRUE(config_init(*bus.ctx).ok());
+    bus.ctx->group(0).config.cycles_in_flight = 2;
+    bus.run();
+    bus.supervision.cancel();
+    first.meanwhile = [&bus] {
+        bus.osal.advance(200us);
+        (void)poll(*bus.ctx, bus.osal.now());
+    };
+    first.sent = 0;
+    for (unsigned n = 0; n < 30; ++n) {
+        bus.osal.advance(1ms);
+        first.busy = n % 3 == 0;
+        bus.show_values();
+        (void)send_processdata(*bus.ctx);
+        (void)receive_processdata(*bus.ctx, 500us);
+    }
+    EXPECT_EQ(first.sent, 20U);
+    EXPECT_EQ(first.changed, 0U);
 }
 
 }  // namespace
