@@ -472,8 +472,9 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     watch.reported_count = answering(network);
     watch.walked = network.ring_count;
     if (std::exchange(network.silent, false)) network.compared = Time::min();  // a supervision has ended meanwhile
-    constexpr std::uint16_t kMarks = 0x0F00;
-    network.stranger_mark = static_cast<std::uint16_t>(kMarks | ((network.stranger_mark + 1) & 0xFF));
+    // Where a supervision is submitted again and again, slaves that never recover do not keep others from their turn.
+    if (network.count != 0) watch.next_helped = (network.stranger_mark & 0xFFU) % network.count;
+    network.stranger_mark = static_cast<std::uint16_t>(0x0F00 | ((network.stranger_mark + 1) & 0xFF));
     for (Slave& slave : network.slaves()) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = AlState::none;
