@@ -22,7 +22,9 @@ Time FreertosOsal::now() noexcept {
 TickType_t FreertosOsal::ticks_until(Time until) noexcept {
     if (until == kNever) return portMAX_DELAY;
     const auto left = (until - now()).count() / (1'000'000'000 / configTICK_RATE_HZ);
-    return static_cast<TickType_t>(std::clamp<std::int64_t>(left, 0, portMAX_DELAY - 1));
+    // Ticks have 16, 32 or 64 bits, without a sign.
+    const auto ticks = static_cast<std::uint64_t>(std::max<std::int64_t>(left, 0));
+    return static_cast<TickType_t>(std::min<std::uint64_t>(ticks, portMAX_DELAY - 1));
 }
 
 void FreertosOsal::wait(Time until, WaitHandles) noexcept {
