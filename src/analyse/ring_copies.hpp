@@ -63,7 +63,7 @@ class RingCopies {
         bool alone = false;                      // its NIC has sent the next frame, and the other copy was not sent
         bool over = false;                       // it was passed on: a copy that comes later is left out
     };
-    // What is passed on when all before it is.
+    // A frame in the queue: it is passed on after all frames before it.
     struct Place {
         Moment when{};
         std::vector<std::byte> bytes{};  // empty: nothing is passed on

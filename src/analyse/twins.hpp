@@ -56,7 +56,7 @@ class Twins {
         bool touched = false;    // slaves have processed it
         bool ambiguous = false;  // it may be a request or a reply
     };
-    // Equal frames that count as one.
+    // Equal frames of several interfaces, treated as one frame.
     struct Cluster {
         Duration at{};
         std::uint32_t places = 0;

@@ -223,7 +223,7 @@ bool RingWatch::needs_lesson(const Network& network) const {
 bool RingWatch::may_teach(Network& network) {
     constexpr std::uint8_t kMostRounds = 200;
     if (network.searching || network.clocks.rounds_old != 0 || network.clocks.paused) return false;
-    // In a lesson the clocks are not compared: those that a new reference misleads are known before.
+    // In a lesson the clocks are not compared. So the master must know before which clocks a new reference misleads.
     const auto is_compared = [](const ClockEntry& clock) {
         return clock.follows == 0 || clock.beside || clock.times_seen >= 2 * ClockEntry::kTimesOfMean;
     };
@@ -262,7 +262,7 @@ Task<Result<>> RingWatch::teach_beside(Network& network) {
 // Gives all clocks the delays of the ways as they are now, and the part that the head does not reach its reference.
 // Until then, no clock gets a time.
 Task<Result<>> RingWatch::arrange(Network& network) {
-    constexpr std::uint8_t kMostRounds = 20;  // then the ring is taken for what the counts are nearest to
+    constexpr std::uint8_t kMostRounds = 20;  // then the order that fits the counts best is used
     const std::uint32_t ways = ring_.ways();
     if (!find_sides(network) && ++rounds_unclear_ < kMostRounds) co_return Nothing{};
     judges_ = false;  // the registers change now

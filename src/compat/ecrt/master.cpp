@@ -128,8 +128,8 @@ void give_memory(Bus& bus) {
     }
 }
 
-// The scan of the start-up takes some cycles: until it is over, the states are those of before. The start-up writes the
-// lists of the program.
+// The scan of the start-up takes some cycles. Until it is over, the states are those from before the start-up. The
+// start-up writes the lists of the program.
 void take_slaves(Bus& bus) {
     for (const auto& config : bus.configs) {
         Slave slave;
