@@ -227,14 +227,19 @@ namespace {
     reading.into->value = load_le<std::uint64_t>(value);
 }
 
+// How many slaves have answered to a frame with the time.
+std::uint8_t answers(const PreparedReading& reading) { return static_cast<std::uint8_t>(reading.into->slaves); }
+
+// Whether not as many slaves have answered as to the last frame with the time; perhaps, if this is not known.
+bool are_others(const PreparedReading& reading) { return reading.full == 0 || reading.full != answers(reading); }
+
 // The datagram that carries the time of the reference clock (FRMW or ARMW). When the reference clock is lost, all other
 // slaves take what was sent, and zeros would make their control loops useless. So the datagram is sent with the time
-// that the reference will probably have. A reply that still has this value, and comes from fewer slaves than before,
+// that the reference will probably have. A reply that still has this value, and comes from other slaves than before,
 // was not read from the reference: then the next cycles carry the time of the standby, which has another position in
 // the ring now, so FRMW addresses it. Without a standby no time is sent any more, until the owner chooses another
 // reference. After that, and after a lost frame, the clock is only read, until two answers in succession tell the next
-// time (perhaps the reference is there again, and takes what is sent); a frame behind them is not compared with the
-// number of slaves, because only one has answered.
+// time (perhaps the reference is there again, and takes what is sent).
 void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterReading& before, const std::byte* data) {
     RegisterReading& into = *reading.into;
     std::byte* const head = &sent.bytes[reading.offset];
@@ -249,14 +254,17 @@ void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterRead
     if (*head < kFirstWithTime) {
         ++reading.without;
         if (before.slaves != 0) *head = with_time(*head);
-    } else if ((before.slaves <= 1 || into.slaves < before.slaves) && as_sent) {
+    } else if (as_sent && are_others(reading)) {
         const MutableBytes address(head + 2, 2);
         const bool standby = reading.standby != 0 && load_le<std::uint16_t>(address) != reading.standby;
         *head = static_cast<std::byte>(standby ? Command::FPRD : Command::NOP);
         if (standby) store_le<std::uint16_t>(address, 0, reading.standby);
         ++reading.without;
+        reading.full = answers(reading);  // to a frame of the standby
         into.slaves = 0;
         into.value = before.value;
+    } else {
+        reading.full = answers(reading);
     }
     std::memcpy(time, next.data(), reading.bytes);
 }
@@ -272,11 +280,13 @@ void take_overlapped_time(PreparedFrame& sent, PreparedReading& reading, const R
     if (command < kFirstWithTime) {
         ++reading.without;
         if (!reading.held && into.value != 0) command = with_time(command);
-    } else if (sent.no_time && (before.slaves <= 1 || into.slaves < before.slaves)) {
+    } else if (sent.no_time && are_others(reading)) {
         ++reading.without;
         command = without_time(command);
         into.slaves = 0;
         into.value = before.value;
+    } else {
+        reading.full = answers(reading);
     }
 }
 

@@ -26,8 +26,9 @@ struct PreparedDatagram {
 // A datagram that reads a register. It is placed behind the PreparedDatagrams of its frame.
 struct PreparedReading {
     std::uint16_t offset = 0;
-    std::uint8_t bytes = 0;  // of the data, at most 8
-    bool held = false;       // overlapped frames only: the reference clock is read, and its time reaches no other clock
+    std::uint8_t bytes : 7 = 0;  // of the data, at most 8
+    bool held : 1 = false;  // overlapped frames only: the reference clock is read, and its time reaches no other clock
+    std::uint8_t full = 0;  // how many slaves the last frame with its time has passed, modulo 256; 0: not known
     // Of the reference clock's time: the station address of the slave whose time is sent when the reference clock is
     // lost; 0: none.
     std::uint16_t standby = 0;
