@@ -66,9 +66,11 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     if (!record_.read) {
         last_due_ns_ = 0;
         if (!corrects()) controller_.observe_nothing();
-        record_.adjust_ns = settings_.mode == Mode::master_shift ? controller_.coast() : 0;
+        record_.adjust_ns = corrects() ? controller_.coast() : 0;
         record_.adjusted_ns += record_.adjust_ns;
-        return Duration(record_.adjust_ns);
+        if (settings_.mode == Mode::master_shift) return Duration(record_.adjust_ns);
+        if (settings_.mode == Mode::bus_shift) shift_reference(network, record_.adjust_ns);
+        return Duration{0};
     }
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
     record_.bus_time_ns = whole_bus_time(network, group, record_.at, record_.bus_time_ns, read_at_);

@@ -35,21 +35,28 @@ struct HonestBus : ClockBus {
     struct Apart {
         std::int64_t all = 0;      // any two clocks
         std::int64_t in_sync = 0;  // of the clocks that are reported in sync, from the reference
+        unsigned longest = 0;      // cycles in succession that have not brought the time
     };
-    // 4000 cycles in which the bus is shifted.
-    Apart seek(MasterClock& master, Duration cycle) {
+    // 4000 cycles in which the bus is shifted. `lost`: 8000 further cycles, and Apart is of these; so many are lost.
+    Apart seek(MasterClock& master, Duration cycle, double lost = 0) {
+        constexpr int kSeeks = 4000;
         Apart apart;
+        unsigned without = 0;
         Time next = osal.now();
-        for (int n = 0; n < 4000; ++n) {
+        for (int n = 0; n < (lost > 0 ? 3 * kSeeks : kSeeks); ++n) {
+            if (n == kSeeks) apart = {};
+            if (n == kSeeks) segment.set_noise({.lost = lost, .seed = 77});
             next += cycle;
             while (osal.now() + 50us < next) {
                 osal.advance(50us);
                 (void)poll(*ctx, osal.now());
             }
             osal.advance(next - osal.now());
-            (void)send_processdata(*ctx);
+            (void)send_processdata(*ctx);  // frames may be lost
             (void)receive_processdata(*ctx, 300us);
             (void)master.update(*ctx, 0ms);
+            without = master.record().read ? 0 : without + 1;
+            apart.longest = std::max(apart.longest, without);
             apart.all = std::max(apart.all, greatest_error_ns(4));
             for (std::uint16_t s = 2; s <= 4; ++s)
                 if (clock(s).in_sync) apart.in_sync = std::max(apart.in_sync, std::abs(ahead_ns(s)));
@@ -179,6 +186,23 @@ TEST(HonestBusShift, NoClockThatLagsIsInSync) {
             for (std::uint16_t s = 1; s <= 4; ++s) EXPECT_TRUE(bus.clock(s).in_sync) << s << bus.joined(bus.events());
             EXPECT_EQ(master.state(), PhaseState::in_sync);
         }
+    }
+}
+
+// In a cycle that is lost, the reference moves on by the drift that was learned: the next times are as expected.
+TEST(HonestBusShift, SingleLostFramesMoveNoClock) {
+    for (const std::int32_t drift_ppb : {-76'300, -63'700, -54'370, 54'370}) {
+        SCOPED_TRACE(drift_ppb);
+        HonestBus bus;
+        bus.add({.drift_ppb = drift_ppb});
+        for (unsigned n = 1; n <= 3; ++n)
+            bus.add({.drift_ppb = static_cast<std::int32_t>(n) * 10'000, .start_ns = n * 0x1234'5678ULL});
+        bus.bring_up(kFewFrames);
+        MasterClock master({.mode = MasterClock::Mode::bus_shift, .set_value = -500us, .phase = {.cycle = 1ms}});
+        const auto seen = bus.seek(master, 1ms, 0.01);
+        EXPECT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+        EXPECT_LE(seen.longest, 3U);
+        EXPECT_LE(seen.all, 100) << bus.joined(bus.events());
     }
 }
 
