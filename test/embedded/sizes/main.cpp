@@ -30,7 +30,7 @@ constexpr Limits kLimits{.slaves = 8,
 BareOsal osal(board::description());
 Lan9118 nic(board::ethernet(), {0x00, 0x4d, 0x41, 0x52, 0x47, 0x59});
 StaticContext<kLimits> ctx;
-std::byte image[256];
+[[maybe_unused]] std::byte image[256];
 [[maybe_unused]] std::byte value[4];
 
 void tell([[maybe_unused]] const Error& error) {
@@ -60,7 +60,7 @@ Result<> start() {
 }
 
 // Process data is exchanged from SAFEOP on; the slaves enter OP after they have received outputs.
-Result<> bring_up() {
+[[maybe_unused]] Result<> bring_up() {
 #ifdef WITH_EXPECTED
     static constexpr ExpectedSlave kExpected[] = {{.number = 1, .alias = 7}};
     if (const auto expected = expect(ctx, kExpected); !expected) return expected;
@@ -97,7 +97,7 @@ Result<> bring_up() {
 }
 
 // One call of each function that a program with this feature needs.
-Result<> use_features() {
+[[maybe_unused]] Result<> use_features() {
 #ifdef WITH_SDO
     if (const auto read = SDOread(ctx, 4, 0x1018, 1, false, value); !read) return read.error();
 #endif
@@ -123,6 +123,27 @@ Result<> use_features() {
     return Result<>();
 }
 
+#ifdef WITH_STEPS
+// The first calls of the program: with each step one call more.
+Result<> run() {
+#if WITH_STEPS > 0
+    if (const auto slaves = config_init(ctx); !slaves) return slaves.error();
+#endif
+#if WITH_STEPS > 1
+    if (const auto octets = config_map(ctx, image); !octets) return octets.error();
+#endif
+#if WITH_STEPS > 3
+    if (const auto asked = writestate(ctx, 0, AlState::op); !asked) return asked;
+#endif
+    for (;;) {
+#if WITH_STEPS > 2
+        (void)exchange();
+#endif
+        const Time next = poll(ctx, osal.now());
+        osal.wait(next, -1);
+    }
+}
+#else
 Result<> run() {
     if (const auto up = bring_up(); !up) return up;
     if (const auto done = use_features(); !done) return done;
@@ -140,6 +161,7 @@ Result<> run() {
     }
 #endif
 }
+#endif
 
 }  // namespace
 
