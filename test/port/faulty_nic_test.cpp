@@ -198,6 +198,24 @@ TEST_F(FaultyNics, ReceiveWritesBehindTheMemory) {
     expect_found(nic, "a long frame is cut to the memory, and its rest is gone");
 }
 
+TEST_F(FaultyNics, OnlyWholeWordsAreCopied) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        std::size_t receive(Memory into) noexcept override { return inner().receive(into.first(into.size() / 4 * 4)); }
+    } nic{wire};
+    expect_found(nic, "a long frame is cut to the memory, and its rest is gone");
+}
+
+TEST_F(FaultyNics, ItWantsRoomForTheFcs) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        std::size_t receive(Memory into) noexcept override {
+            return inner().receive(into.size() < 1518 && into.size() > 1000 ? into.first(into.size() - 4) : into);
+        }
+    } nic{wire};
+    expect_found(nic, "a long frame is cut to the memory, and its rest is gone");
+}
+
 TEST_F(FaultyNics, TheRestOfACutFrameComesNext) {
     struct : FilterNic {
         using FilterNic::FilterNic;
