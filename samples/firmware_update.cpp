@@ -110,7 +110,7 @@ std::string Update::scan() {
 
 // An earlier run may have left the device in BOOT. The scan, which follows, puts every slave to INIT.
 bool Update::is_in_boot() {
-    const auto states = look_at_states(source_.nic(), source_.osal());
+    const auto states = look_at_states(source_.nic(), source_.osal(), source_.second());
     return number_ <= states.size() && states[number_ - 1U].state == AlState::boot;
 }
 

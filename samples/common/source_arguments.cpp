@@ -85,8 +85,7 @@ std::string list_of_segments(const std::string& prefix) {
 }
 
 std::string scan_refusal(Source& source) {
-    const bool other_end = source.second() != nullptr && source.nic().link_state() == LinkState::down;
-    const auto look = look_at_segment(other_end ? *source.second() : source.nic(), source.osal());
+    const auto look = look_at_segment(source.nic(), source.osal(), source.second());
     if (!look.link) return sentence({.code = Errc::link_down, .step = Step::wait_link});
     if (!look.running()) return {};
     return fmt::format(

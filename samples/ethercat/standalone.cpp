@@ -49,7 +49,8 @@ Answer<> StandaloneSession::open_source() {
     const auto refusal = look ? samples::scan_refusal(*source_) : std::string();
     refused_ = !refusal.empty();
     if (refused_) return Problem{refusal};
-    if (settings_.note_states) found_states_ = samples::look_at_states(source_->nic(), source_->osal());
+    if (settings_.note_states)
+        found_states_ = samples::look_at_states(source_->nic(), source_->osal(), source_->second());
     auto ctx = std::make_unique<HostContext>(
         source_->limits(samples::with_room({.slaves = 2048, .process_frames = 256}, eni())));
     const auto ready = source_->begin(*ctx);

@@ -3,10 +3,17 @@
 #include "common/segment_file.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
+#include "sim/devices.hpp"
 
 #include <gtest/gtest.h>
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
+#include <margay/redundancy.hpp>
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace margay::samples {
 namespace {
@@ -102,6 +109,59 @@ TEST_F(SegmentLookTest, NobodyThereAndNoLinkAreTold) {
     EXPECT_FALSE(nobody.running());
     nic.link_from = kNever;
     EXPECT_FALSE(look_at_segment(nic, osal).link);
+}
+
+// A ring of three slaves with two NICs, whose cables may be broken or interchanged. The last slave is in SAFEOP.
+struct RingLookTest : testing::Test {
+    VirtualOsal osal;
+    sim::Segment segment;
+    std::optional<SimulatedNic> nics[2];
+
+    void build(bool swapped) {
+        for (std::uint32_t n = 0; n < 3; ++n) {
+            (void)segment.add(std::move(*sim::make_device("digital_io_16")).assemble());
+            ASSERT_TRUE(n == 0 || segment.connect({n - 1, 1}, {n, 0}));
+        }
+        ASSERT_TRUE(segment.connect_master({0, 0}, swapped ? 1 : 0));
+        ASSERT_TRUE(segment.connect_master({2, 1}, swapped ? 0 : 1));
+        segment.power_up(osal.now());
+        for (unsigned n = 0; n < 2; ++n)
+            nics[n].emplace(segment, osal, SimulatedNic::Options{.round_trip = 100us, .master_port = n});
+        nics[0]->set_other_end(&*nics[1]);
+        nics[1]->set_other_end(&*nics[0]);
+        HostContext ctx(Limits{.slaves = 8, .redundancy = true});
+        std::array<std::byte, 100> image{};
+        ASSERT_TRUE(init_redundant(ctx, *nics[0], *nics[1], osal));
+        ASSERT_TRUE(config_init(ctx));
+        ASSERT_TRUE(config_map(ctx, image));
+        for (std::uint16_t slave = 1; slave <= 2; ++slave) ASSERT_TRUE(writestate(ctx, slave, AlState::init));
+        osal.advance(10ms);
+        segment.advance(osal.now());
+    }
+};
+
+TEST_F(RingLookTest, EachNicAsksAndEitherReceives) {
+    const std::vector<AlStatus> states{{.state = AlState::init}, {.state = AlState::init}, {.state = AlState::safeop}};
+    for (const bool swapped : {false, true}) {
+        segment = {};
+        ASSERT_NO_FATAL_FAILURE(build(swapped));
+        for (int broken = -1; broken <= 3; ++broken) {
+            SCOPED_TRACE("swapped " + std::to_string(swapped) + ", broken cable " + std::to_string(broken));
+            const auto set = [&](bool intact) {
+                if (broken == 0 || broken == 3)
+                    segment.set_master_cable((broken == 3) != swapped ? 1 : 0, intact);
+                else if (broken > 0)
+                    segment.set_cable({static_cast<std::uint32_t>(broken), 0}, intact);
+            };
+            set(false);
+            const auto look = look_at_segment(*nics[0], osal, &*nics[1]);
+            EXPECT_TRUE(look.link);
+            EXPECT_EQ(look.slaves, 3);
+            EXPECT_TRUE(look.running());
+            EXPECT_EQ(look_at_states(*nics[0], osal, &*nics[1]), states);
+            set(true);
+        }
+    }
 }
 
 }  // namespace
