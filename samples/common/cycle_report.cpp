@@ -48,6 +48,7 @@ std::uint64_t tallest(const std::vector<DurationHistogram::Bucket>& bars) {
 }
 
 std::string quantiles(const DurationHistogram& h) {
+    if (h.count() == 0) return "none";
     return fmt::format("min {}, median {}, 99 % {}, 99.9 % {}, max {}", time_text(h.min()), time_text(h.quantile(0.5)),
                        time_text(h.quantile(0.99)), time_text(h.quantile(0.999)), time_text(h.max()));
 }

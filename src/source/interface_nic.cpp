@@ -1,9 +1,14 @@
 #include "source/interface_nic.hpp"
 
+#include "oshw/linux/interface.hpp"
 #include "oshw/linux/packet_nic.hpp"
 #ifdef MARGAY_WITH_XDP
 #include "oshw/xdp/xdp_nic.hpp"
 #endif
+
+#include <linux/ethtool.h>
+#include <linux/sockios.h>
+#include <net/if.h>
 
 #include <algorithm>
 
@@ -50,7 +55,22 @@ OpenedInterface open_xdp(const std::string& name, const WantedTimes& times) {
 #endif
 }
 
+// The number of the clock of its hardware (/dev/ptpN); negative: it has none.
+int clock_of(const std::string& name) {
+    Interface interface;
+    ethtool_ts_info info{};
+    info.cmd = ETHTOOL_GET_TS_INFO;
+    ifreq request{};
+    request.ifr_data = reinterpret_cast<char*>(&info);
+    return interface.open(name) && interface.request(SIOCETHTOOL, request) ? info.phc_index : -1;
+}
+
 }  // namespace
+
+bool share_a_clock(const std::string& one, const std::string& other) {
+    const int clock = clock_of(one);
+    return clock >= 0 && clock == clock_of(other);
+}
 
 InterfaceText parse_interface(std::string_view text) {
     constexpr std::string_view kXdp = "xdp:";

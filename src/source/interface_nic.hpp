@@ -40,4 +40,7 @@ struct OpenedInterface {
 // continues with AF_PACKET.
 [[nodiscard]] OpenedInterface open_interface_nic(const InterfaceText& wanted, const WantedTimes& times = {});
 
+// Whether the hardware time stamps of both interfaces come from the same clock, as those of two ports of a chip may do.
+[[nodiscard]] bool share_a_clock(const std::string& one, const std::string& other);
+
 }  // namespace margay::hosted

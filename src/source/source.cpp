@@ -110,9 +110,12 @@ class SourceOpener {
   private:
     void join_timed_ends() {
         if (source_->second_outermost_ == nullptr) return;
-        TimedSend* const first = source_->outermost_->timing().send_at;
-        TimedSend* const second = source_->second_outermost_->timing().send_at;
-        if (first != nullptr && second != nullptr) source_->timed_pair_.emplace(*first, *second);
+        const FrameTiming first = source_->outermost_->timing();
+        const FrameTiming second = source_->second_outermost_->timing();
+        if (first.send_at != nullptr && second.send_at != nullptr)
+            source_->timed_pair_.emplace(*first.send_at, *second.send_at);
+        if (first.received != nullptr && second.received != nullptr)
+            source_->received_.emplace(*first.received, *second.received);
     }
 
     // One interface, or two with '+' between their names.
@@ -130,10 +133,12 @@ class SourceOpener {
         source_->osal_ = &source_->linux_osal_.emplace();
         if (wait) return await_ends(first, ring ? &other : nullptr);
         auto problem = open_end(first, times_, source_->interface_, source_->outermost_);
-        // The stamps of the first NIC are enough, see Source::timing().
-        const WantedTimes of_second{.send_at = times_.send_at};
         if (problem.empty() && ring)
-            problem = open_end(other, of_second, source_->second_interface_, source_->second_outermost_);
+            problem = open_end(other, times_, source_->second_interface_, source_->second_outermost_);
+        const bool hardware = times_.stamps == WantedTimes::Stamps::hardware;
+        if (problem.empty() && ring && hardware && !share_a_clock(first.name, other.name))
+            return "'" + names + "': the hardware of each interface has a clock of its own, and the frames of one " +
+                   "come back at the other; software time stamps have one clock";
         return problem;
     }
 

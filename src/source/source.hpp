@@ -31,6 +31,7 @@
 #include "source/segment_file.hpp"
 
 #include <margay/margay.hpp>
+#include <margay/receive_clock.hpp>
 #include <margay/redundancy.hpp>
 #include <margay/timed_send.hpp>
 
@@ -53,6 +54,20 @@ struct SourceOptions {
     // The times of frames that the NICs must have; without effect with wait_for_interfaces. A simulated segment has
     // them exactly, hardware and software alike; a recording has none.
     WantedTimes times{};
+};
+
+// The receive times of both NICs of a ring, whose clock is the same. The copy of the first NIC comes back at the second
+// NIC while the ring is whole, and at its own NIC while the ring is broken.
+class ReceivedByEither final : public ReceiveClock {
+  public:
+    ReceivedByEither(ReceiveClock& first, ReceiveClock& second) noexcept : first_(first), second_(second) {}
+    [[nodiscard]] std::optional<std::uint64_t> receive_time_ns(std::span<const std::byte> head) noexcept override {
+        return std::max(first_.receive_time_ns(head), second_.receive_time_ns(head));  // nothing is less than a time
+    }
+
+  private:
+    ReceiveClock& first_;
+    ReceiveClock& second_;
 };
 
 // A NIC and its operating system layer, with a recorder and a trace around the NIC if the options ask for them.
@@ -90,10 +105,11 @@ class Source {
     [[nodiscard]] std::string look_for_interfaces();
 
     // The times of frames that the options ask for: to be given to cycle_stamps() and send_processdata_at(). In a ring
-    // the stamps are those of the first NIC, and frames leave by both NICs at the same time.
+    // the stamps are those of the copy that the first NIC sends, and frames leave by both NICs at the same time.
     [[nodiscard]] FrameTiming timing() noexcept {
         FrameTiming has = outermost_->timing();
         if (timed_pair_) has.send_at = &*timed_pair_;
+        if (received_) has.received = &*received_;
         return has;
     }
 
@@ -139,6 +155,7 @@ class Source {
     std::optional<TraceNic> second_trace_;
     Nic* second_outermost_ = nullptr;
     std::optional<TimedPair> timed_pair_;
+    std::optional<ReceivedByEither> received_;
     bool recording_lost_ = false;
 };
 

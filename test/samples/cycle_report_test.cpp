@@ -83,6 +83,7 @@ TEST(CycleReport, TheTimesOfTheNicAreShownWhereThereAreAny) {
 
 TEST(CycleReport, NothingYetIsNoError) {
     EXPECT_NE(cycle_text({}).find("0 cycles"), std::string::npos);
+    EXPECT_NE(cycle_text({}).find("\nround trip: none\n"), std::string::npos) << cycle_text({});
     EXPECT_NE(cycle_svg({}).find("</svg>"), std::string::npos);
 }
 

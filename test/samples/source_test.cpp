@@ -2,6 +2,7 @@
 #include "common/source.hpp"
 #include "wire/datagram.hpp"
 
+#include <margay/cycle_stamps.hpp>
 #include <margay/host_context.hpp>
 
 #include <gtest/gtest.h>
@@ -123,6 +124,29 @@ TEST_F(SourceTest, TimesOfFrames) {
     EXPECT_NE(error_of("xdp:eth0", {.times = both}).find("AF_XDP has no times of frames"), std::string::npos);
     EXPECT_NE(error_of("try-xdp:no-such-if", {.times = both}).find("and with AF_PACKET: there is no interface"),
               std::string::npos);
+}
+
+// In a whole ring, the copy that the first NIC has sent comes back at the second NIC.
+TEST_F(SourceTest, StampsOfFramesInARing) {
+    const auto file = folder / "ring.toml";
+    std::ofstream(file) << "ring = { slave = \"last\", port = 1 }\n[[slave]]\ndevice = \"digital_io_16\"\n"
+                        << "[[slave]]\nname = \"last\"\ndevice = \"digital_io_16\"\n";
+    const WantedTimes stamps{.stamps = WantedTimes::Stamps::hardware};
+    const auto source = open_source("sim:" + file.string(), {.times = stamps}).take();
+    HostContext ctx(source->limits({.slaves = 8}));
+    std::array<std::byte, 64> image{};
+    ASSERT_TRUE(source->begin(ctx).ok());
+    ASSERT_TRUE(config_init(ctx).ok());
+    ASSERT_TRUE(config_map(ctx, image).ok());
+    for (unsigned cycles = 0; cycles < 300; ++cycles) {
+        ASSERT_TRUE(send_processdata(ctx).ok());
+        (void)receive_processdata(ctx, 500us);
+        const auto trip = cycle_stamps(ctx, source->timing()).round_trip();
+        ASSERT_TRUE(trip) << cycles;
+        EXPECT_GT(*trip, 100ns);
+        EXPECT_LT(*trip, 500us);
+        source->osal().wait(source->osal().now() + 500us, source->wait_handles());
+    }
 }
 
 // Frames leave by both NICs of a ring at the same time.
