@@ -10,7 +10,7 @@ need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann
 
 # A configured build folder keeps its settings. A folder with only a cache comes from a failed attempt: it is configured
 # again.
-[ -e build/Makefile ] || [ -e build/build.ninja ] || cmake -S . -B build -DMARGAY_TESTS=OFF -DMARGAY_UNITY=ON
+[ -e build/Makefile ] || [ -e build/build.ninja ] || cmake -S . -B build -DMARGAY_TESTS=OFF -DMARGAY_UNITY=ON -DMARGAY_BUILD_ONCE=ON
 begin=$(date +%s)
 cmake --build build --parallel "$(compilers)" --target slaveinfo simple_io segment_monitor eepromtool
 echo "The build took $(($(date +%s) - begin)) s."
