@@ -311,9 +311,8 @@ TEST_F(Honest, SyncSignalsThatTheSetupDoesNotWantAnyMoreAreSwitchedOff) {
         EXPECT_TRUE(clock(2).sync_active);
         EXPECT_NE(clock(2).sync_start_ns, 0U);
         other.dc.source = SyncSettings::Source::none;
-        if (way == 0) EXPECT_TRUE(reconfigure_slave(*ctx, 2).ok());
-        if (way == 1) EXPECT_TRUE(set_target(*ctx, 2, AlState::preop).ok());
-        if (way == 2) EXPECT_TRUE(set_target(*ctx, 2, AlState::init).ok());
+        const AlState before = way == 1 ? AlState::preop : AlState::init;
+        EXPECT_TRUE((way == 0 ? reconfigure_slave(*ctx, 2) : set_target(*ctx, 2, before)).ok());
         cycles(300);
         EXPECT_TRUE(set_target(*ctx, 2, AlState::none).ok());
         ASSERT_TRUE(until([this] { return all_in_op(); }));
