@@ -84,8 +84,10 @@ struct ClockSettings {
     // the datagrams use the clock of that other slave as the reference clock. So leave this false where a branch
     // without clocks before the reference clock may be disconnected.
     bool by_position = false;
-    // The cycle of the SYNC signals of slaves whose SyncSettings do not set a cycle. The bus has the cycle of the
-    // MasterClock; without one the supervision measures it. A SYNC0 that does not fit is named in Context::errors().
+    // The cycle of the SYNC signals of slaves whose SyncSettings do not set a cycle. The library compares each SYNC0
+    // cycle with the cycle of the bus: that of the MasterClock, or, without a MasterClock, the cycle that the
+    // supervision measures. A SYNC0 cycle that is neither a whole multiple nor a whole part of the bus cycle is an
+    // error in Context::errors().
     Duration cycle = std::chrono::milliseconds(1);
     // SYNC0 starts at a whole multiple of this time (of system time), plus the shift of the slave: the same phase for
     // all slaves, also for a slave that comes back. A whole multiple of the cycle of every slave's SYNC signals. Zero:
@@ -108,13 +110,14 @@ struct ClockSettings {
     // When the slave with the reference clock is lost while a supervision runs: the next clock that is synchronised and
     // not behind the lost slave takes over with the same time and rate (true), or no time is sent until the slave is
     // back, and all clocks go on at their rates (false; also where the cycles that carry the time overlap).
-    // EventKind::reference_lost and reference_clock report it. The last frame of the lost clock brings the others a
-    // time that was predicted, which misleads them for an instant: by the jitter of the cycle, and by the way to a
-    // branch that is lost too. Where this is more than 50 µs (3 µs with two NICs), the rate of the new reference begins
-    // anew, and the others need about half a second to follow it: they are not in sync, and events say so.
-    // When a slave with a clock is back before the reference clock in the ring, its clock learns the rate and becomes
-    // the reference again, without a step of the others (EventKind::reference_clock); of a branch with several clocks,
-    // the first one does so. With cycles of 1 ms this takes less than a second, with longer ones some seconds.
+    // EventKind::reference_lost and reference_clock report it. The last frame that was sent for the lost clock brings
+    // the other clocks a time that the master has predicted. This time is wrong by the jitter of the cycle, and by the
+    // propagation delay to a branch that is lost together with the clock. Where this is more than 50 µs (3 µs with two
+    // NICs), the rate of the new reference begins anew, and the others need about half a second to follow it: they are
+    // not in sync, and events say so. When a slave with a clock is back before the reference clock in the ring, its
+    // clock learns the rate and becomes the reference again, without a step of the others (EventKind::reference_clock);
+    // of a branch with several clocks, the first one does so. With cycles of 1 ms this takes less than a second, with
+    // longer ones some seconds.
     bool replace_lost_reference = true;
     // poll() calls this function with the start time of SYNC0 that the library proposes for a slave, in system time,
     // and writes the result of the function instead. nullptr: the proposed time is written. As a hook, the function
@@ -135,7 +138,7 @@ struct ClockStatus {
     std::uint64_t system_time_ns = 0;
 };
 
-// A SuperviseRequest also does this with the clocks, beside the reports of SlaveClock::in_sync: a slave that was reset
+// A SuperviseRequest keeps SlaveClock::in_sync up to date. It also does this with the clocks: a slave that was reset
 // gets delay and offset again before SAFEOP. A slave that was disconnected but kept its power is started again if its
 // clock differs by more than 100 µs, because its control loop would need long; if it kept its state too, and is before
 // the reference clock, its clock is set and its SYNC signals start again. A reference clock to which another program

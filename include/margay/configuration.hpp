@@ -110,9 +110,9 @@ struct SlaveSetup {
     StartupCommands startup{};
     SlaveTimes times{};
     SyncSettings dc{};
-    // Counts from the next config_map() on. config_map() refuses a place that overlaps the data of another slave of the
-    // group, or that is no place for the data (data of 8 bits or more, and all data of a group that is not packed bit
-    // by bit, begins on an octet): invalid_argument, Argument::image_place.
+    // Takes effect with the next config_map(). config_map() refuses a place that overlaps the data of another slave of
+    // the group, or that is no place for the data (data of 8 bits or more, and all data of a group that is not packed
+    // bit by bit, begins on an octet): invalid_argument, Argument::image_place.
     ImagePlace place{};
 };
 
@@ -140,13 +140,14 @@ struct SlaveConfiguration {
     // The highest state that the slave is brought to: PREOP (no process data), SAFEOP or OP.
     AlState highest = AlState::op;
     // The SyncManagers in the order of their data in the image. Numbers, directions and sizes that are changed here,
-    // and lists of PDOs that are changed in `setup`, count from the next config_map() of the group on. Until then the
-    // slave is exchanged as it was mapped; when it leaves SAFEOP meanwhile, it stays in PREOP with
-    // Errc::remapping_needed. The same after an SDO of the application to a PDO mapping or a PDO assignment (0x1600 to
-    // 0x1BFF, 0x1C10 to 0x1C2F), or SoEwrite() of a telegram (S-0-0015, S-0-0016, S-0-0024), unless the slave has
-    // refused the request; the same by RawMail; and, without unchecked_pdos, when a slave comes back with another
-    // revision. The library does not see what AoE writes, and does not compare what a hook or a start-up command writes
-    // to these objects: a hook or command must write the same values at each start-up.
+    // and lists of PDOs that are changed in `setup`, take effect with the next config_map() of the group. Until then
+    // the slave is exchanged as it was mapped; when it leaves SAFEOP meanwhile, it stays in PREOP with
+    // Errc::remapping_needed. A slave also stays in PREOP with this error when the application has written its PDO
+    // mapping or PDO assignment (0x1600 to 0x1BFF, 0x1C10 to 0x1C2F) by SDO, or a telegram (S-0-0015, S-0-0016,
+    // S-0-0024) by SoEwrite(), or either of them by RawMail, unless the slave has refused the request. The same
+    // happens, without unchecked_pdos, when the slave comes back with another revision. The library does not see what
+    // AoE writes, and does not compare what a hook or a start-up command writes to these objects: a hook or command
+    // must write the same values at each start-up.
     std::uint8_t sm_count = 0;
     std::array<ProcessSm, kProcessSms> sms{};
     // Timeout of the slave's process data watchdog: the time without outputs after which the watchdog expires. In
@@ -257,8 +258,8 @@ struct GroupConfiguration {
     // Inputs in the image change only within receive_processdata() of this group. poll(), calls that wait, and
     // receive_processdata() of another group receive frames too: a reply of this group that such a call finds stays in
     // its frame until this group is received. For applications in which a thread reads the image while another thread
-    // owns the context and polls. The inputs of a slave that is lost become zero (lost_inputs) only there, too. Counts
-    // from the next config_map() on. Always so where cycles_in_flight is 2 or more.
+    // owns the context and polls. The inputs of a slave that is lost become zero (lost_inputs) only there, too. Takes
+    // effect with the next config_map(). Always so where cycles_in_flight is 2 or more.
     bool hold_inputs = false;
     // Executed after the application has set its outputs. A copy is not executed when one of its slaves is in another
     // group since the mapping: see what_is_wrong(). The caller's memory.

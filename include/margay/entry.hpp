@@ -192,9 +192,9 @@ class EntryHandle {
 // config_map() and each access by EntryPlace check the type. They always compare the number of bits
 // (entry_size). They compare real number against integer (entry_type) only when the data type of the entry is known,
 // which EntryPlace::data_type says. Only the SII names data types: the PDO mapping of the object dictionary does not,
-// and neither do the lists of SlaveSetup::pdos. For an entry of the dictionary or of a list, the SII's type counts if
-// the SII describes an entry of the same index, subindex and size. Where the SII does not, an Output<float> on an
-// INTEGER32 is accepted: both have 32 bits. read_entry_description() asks the slave for the data type of an object.
+// and neither do the lists of SlaveSetup::pdos. For an entry of the dictionary or of a list, the type of the SII is
+// used if the SII describes an entry of the same index, subindex and size. Where the SII does not, an Output<float> on
+// an INTEGER32 is accepted: both have 32 bits. read_entry_description() asks the slave for the data type of an object.
 template <class T>
 concept EntryValue = (std::is_arithmetic_v<T> || std::is_enum_v<T>)&&sizeof(T) <= 8;
 

@@ -22,9 +22,9 @@ enum class EventKind : std::uint8_t {
                   // the other slave; error: what differs)
     stranger,  // a slave that is not expected is connected to `port` of `slave`: not in the list of expect(), without a
                // list not found by the scan (actual: product, expected: revision, detail: vendor)
-    ambiguous,  // a device that may be `slave` or `other`, equal slaves that are lost, is connected to `port` of slave
-                // `expected` (0: a NIC): neither its identity nor its place says which of them it is. It gets no
-                // outputs until enough of the lost slaves are there, or until config_init() scans again
+    ambiguous,  // a device is connected to `port` of slave `expected` (0: a NIC). `slave` and `other` are lost, and the
+                // device may be either of them: its identity and its place are right for both. It gets no outputs
+                // until enough of the lost slaves are there, or until config_init() scans again
     missing,    // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
     recovered,  // a slave has reached its target state again
     recovery_failed,  // bringing a slave back has failed (`error`: the reason); the supervision will try again
@@ -62,9 +62,10 @@ enum class EventKind : std::uint8_t {
     nics_on_same_port,     // both NICs hear the same frames: they are connected to the same end of the segment
     second_segment,        // the second NIC is connected to the first slave of another segment
     cables_swapped,        // the first NIC is connected to the end of the ring and the second one to its beginning
-    delays_assumed,  // `slave` has branches and no receive times, and the delays of clocks there assume that its cables
-                     // are equally long, or where no slave before it has receive times, that they need no time
-                     // (actual: how many clocks, SlaveClock::delay_assumed; detail: 1 in the second case)
+    delays_assumed,  // `slave` has branches and no receive times. The delays of the clocks at its branches are computed
+                     // as if its cables were equally long (detail 0). Where no slave before it has receive times, they
+                     // are computed as if its cables had no delay (detail 1). actual: how many clocks
+                     // (SlaveClock::delay_assumed)
 };
 
 // One event. Unused members are 0.

@@ -12,9 +12,9 @@
 // to. The next request of this protocol waits for the late answer for 100 ms; after cancel(), until the `timeout` of
 // the cancelled request is over (3 s if it is zero). It also fetches the mail that has come since. CoE: the library
 // asks the slave for an object of its own choice, as SDO requests do (coe.hpp). An answer of another protocol that
-// comes later cannot be distinguished from the answer to the next message: success then says nothing about the next
-// message. So set a `timeout` longer than the slave needs, or let `is_answer` compare the octets that a message and its
-// answer have in common.
+// comes later cannot be distinguished from the answer to the next message: the next request can then succeed with the
+// answer to the message before it. So set a `timeout` longer than the slave needs, or let `is_answer` compare the
+// octets that a message and its answer have in common.
 #pragma once
 
 #include <margay/address.hpp>

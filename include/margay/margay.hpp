@@ -109,7 +109,7 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // Configures the process data of one group and brings its slaves from PREOP to SAFEOP, all at the same time:
 // 1. Calls the hook preop_to_safeop of each slave.
 // 2. Writes the PDOs that the configuration of the slave requires.
-// 3. Finds the process data that each slave exchanges (slave(n).config). The first source that knows it counts: the
+// 3. Finds the process data that each slave exchanges (slave(n).config). The first source that knows it is used: the
 //    application, a file, the object dictionary, the parameters of the drives (SoE), the SII. Differences between the
 //    sources are reported in warnings().
 // 4. Assigns each slave its part of `image` (slave(n).image), and writes SyncManagers and FMMUs.
@@ -171,12 +171,12 @@ Result<> replan_processdata(Context& ctx, std::uint8_t group = 0);
 // has it. Missing slaves that are optional or tolerated do not count. A slave whose configuration does not allow a
 // higher state (SlaveConfiguration::highest) does not lower the result once it has reached that state. Where no
 // supervision is busy, readstate() and statecheck() compare the identity of a slave that was away, too. readstate()
-// compares the identities of all slaves when another machine may be there: ten frames or more did not come back one
-// after the other since the last reading; the application has sent no cycle and read no states for more than a second;
-// or the cycles of a group were right, fell short and are right again. Errors: wrong_state (no slaves yet), unstable (a
-// scan has begun meanwhile), other_slave, identity_unread (another request uses the slave, and has not compared it
-// yet; or the slave is in BOOT and was away, and mail to it is under way or its firmware uses the EEPROM), the errors
-// of reading the register and the identity.
+// compares the identities of all slaves when another machine may be there: since the last reading, ten or more frames
+// in succession did not come back; the application has sent no cycle and read no states for more than a second; or the
+// cycles of a group were right, fell short and are right again. Errors: wrong_state (no slaves yet), unstable (a scan
+// has begun meanwhile), other_slave, identity_unread (another request uses the slave, and has not compared it yet; or
+// the slave is in BOOT and was away, and mail to it is under way or its firmware uses the EEPROM), the errors of
+// reading the register and the identity.
 //
 // writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
 // it is allowed. It reads the state of each slave, executes the start-up commands and the hook before the transition,
@@ -262,11 +262,11 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //   One case is not detected: between the same two cycles some slaves leave, and other slaves with the same shares of
 //   the working counter come, so that the counter does not change. For example, cables are plugged into other places
 //   while the machines run. A slave that comes was missing before: it was cut off and has kept its power, or it is
-//   started up again at that time. Then the inputs of the slaves that have left count as fresh, although they are not,
-//   until the states are read: with a supervision for SuperviseRequest::interval and some cycles, otherwise until
+//   started up again at that time. Then inputs_fresh() is true for the slaves that have left, although their inputs are
+//   old, until the states are read: with a supervision for SuperviseRequest::interval and some cycles, otherwise until
 //   readstate(). Where no slave is missing, the device that comes can only be a device that was the leaving slave
-//   before and has kept its power, its station address and its FMMUs. Its inputs count as those of the slave until the
-//   identities are compared.
+//   before and has kept its power, its station address and its FMMUs. Its inputs are used as inputs of the slave until
+//   the identities are compared.
 //
 // Overlapping cycles (GroupConfiguration::cycles_in_flight is 2 or more): the next cycle can be sent while earlier
 // cycles are still on the wire. Each receive_processdata() ends the oldest cycle and copies its inputs into the image.
@@ -295,7 +295,7 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
 // refused (overlapping cycles: when that cycle is received). False from the moment when the slave is known to be lost
 // until it takes part again and its identity was compared; GroupConfiguration::lost_inputs decides what its inputs are
 // meanwhile. For the thread that receives; callable from the cycle, costs a few instructions for each datagram of the
-// group. receive_processdata() names the one case in which inputs count as fresh although their slave has left.
+// group. receive_processdata() names the one case in which inputs are shown as fresh although their slave has left.
 [[nodiscard]] bool inputs_fresh(Context& ctx, std::uint16_t slave);
 
 // Datagram `n` of a mapped group, in the order of group(number).datagrams. Never waits; callable from the cycle.

@@ -8,8 +8,8 @@
 namespace margay {
 
 // Whether it is right that this slave does not answer: it is optional (ExpectedSlave, SlaveConfiguration), or a member
-// of a hot connect group that is away as a whole. What tolerate() permits does not count. False for a slave that does
-// not exist. For the thread that owns the context.
+// of a hot connect group that is away as a whole. Slaves that tolerate() permits to be missing are not meant. False for
+// a slave that does not exist. For the thread that owns the context.
 [[nodiscard]] bool may_be_missing(Context& ctx, std::uint16_t slave);
 
 }  // namespace margay

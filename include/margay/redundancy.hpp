@@ -6,11 +6,11 @@
 // Everything else is as with one NIC. Each frame is sent by both NICs. While the ring is whole, each frame comes back
 // at the other NIC, and every slave processes one of the two. When a cable breaks, each NIC gets its own frame back
 // from the slaves at its end; the two replies are merged datagram by datagram, and their working counters are added. So
-// no cycle lacks fresh inputs, except cycles whose frames were on the broken cable. A branch at a port before the way
-// to the next ring slave (frames pass the ports in the order 0, 3, 1, 2) is numbered as without redundancy. Other
-// branches are numbered after all ring slaves. While the ring is broken, config_init() numbers such branches of the
-// first NIC's part after the slaves of this part, and such branches behind the break before the slaves there. Hot
-// connect groups may appear at any port of either part.
+// no cycle lacks fresh inputs, except cycles whose frames were on the broken cable. Frames pass the ports of a slave in
+// the order 0, 3, 1, 2. A branch at a port that frames pass before the port of the next ring slave is numbered as
+// without redundancy. Other branches are numbered after all ring slaves. While the ring is broken, config_init()
+// numbers such branches of the first NIC's part after the slaves of this part, and such branches behind the break
+// before the slaves there. Hot connect groups may appear at any port of either part.
 //
 // Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
 // of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the way they
@@ -34,16 +34,16 @@
 // than 40 ppm with the default settings), one correction in each watch_interval is not enough for the limit: the clocks
 // of its part are not in sync until the ring is whole.
 //
-// Some branches are reached only by the frames of the second NIC while the ring is whole: branches at a port after the
-// way to the next ring slave. The clocks at these branches follow a second reference clock too, the first of these
-// clocks. So `second_reference` is never 0 in the whole ring then.
+// Some branches are reached only by the frames of the second NIC while the ring is whole: branches at a port that
+// frames pass after the port of the next ring slave. The clocks at these branches follow a second reference clock too,
+// the first of these clocks. So `second_reference` is never 0 in the whole ring then.
 //
 // The delays of these clocks change with each break and each repair. Until the SuperviseRequest has written the new
 // delays (some rounds of its clock supervision), the frames bring no clock a time (Group::dc_time has 1 slave). The
-// frames that were on the wire at the break (one, or with overlapping cycles several) still bring the time by the old
-// way; after these frames, clocks may be up to some microseconds away for some tenths of a second. So these clocks are
-// not in sync from the next poll() on until they were compared again. Until the library knows where the ring is broken,
-// only the reference clock is in sync.
+// frames that were on the wire at the break (one, or with overlapping cycles several) still bring the time with the
+// delays of the old way; after these frames, clocks may differ from the reference clock by up to some microseconds for
+// some tenths of a second. So these clocks are not in sync from the next poll() on until they were compared again.
+// Until the library knows where the ring is broken, only the reference clock is in sync.
 //
 // Clocks behind a break that had no power, or that were disturbed by a time that the master has sent, are not in sync
 // until the ring is whole. A reference clock behind a break stays the reference until the ring is whole, although a

@@ -186,9 +186,9 @@ struct MapRequest : Request {
     std::uint8_t group = 0;
     std::span<std::byte> image;
     // Gives the memory of the image in place of `image`, when its size is known. poll() calls the function: it
-    // must neither wait nor call the library. Fewer octets: image_too_large. nullptr: `image` counts. Where the group
-    // is mapped again (see remapping_needed of config_map()), poll() calls it again, and the earlier memory is
-    // not used any more.
+    // must neither wait nor call the library. Fewer octets: image_too_large. nullptr: `image` is used. Where the group
+    // is mapped again (see remapping_needed of config_map()), poll() calls it again, and the earlier memory is not used
+    // any more.
     std::span<std::byte> (*memory)(std::size_t bytes, void* user) = nullptr;
     void* memory_user = nullptr;
     std::size_t bytes = 0;  // result: how many octets of the image are used, also if some slave is not mapped
@@ -217,8 +217,8 @@ Result<> allow_waiting(Context& ctx, bool allowed);
 
 // Makes the calling thread the owner of the context. The former owner must not be inside a call of this context, and
 // the change must be synchronized: the former owner's last call ends before the new owner makes this call. An owner
-// hands over before its thread ends: a system may give the identity of an ended thread to a new one, which then counts
-// as the owner. Errors: wrong_state before init().
+// hands over before its thread ends: a system may give the identity of an ended thread to a new one, which is then
+// taken for the owner. Errors: wrong_state before init().
 Result<> take_ownership(Context& ctx);
 
 }  // namespace margay

@@ -77,9 +77,10 @@ struct CycleSettings {
     Duration reply_timeout{0};  // the timeout of receive_processdata(); zero: half a period
     // False: another thread sends the groups (GroupConfiguration::cycles_in_flight), and the owner only receives them.
     bool send = true;
-    // Asked after each cycle when the next one is due. nullptr: once a period of the osal's clock. Without effect where
-    // another thread sends. With a clock, reach() and run_cycle() continue the phase of the last cycle, if that was at
-    // most a second ago: they wait for their first cycle.
+    // reach() and run_cycle() ask this clock after each cycle when the next cycle is due. nullptr: the next cycle is
+    // due one period later, by the osal's clock. Without effect where another thread sends. With a clock, the first
+    // cycle keeps the phase of the last cycle of an earlier call, if the last cycle was at most a second ago: the
+    // function waits until the first cycle is due.
     CycleClock* clock = nullptr;
     // The frames of a cycle leave `send_lead` after the cycle was due, by a NIC that can hold them until then
     // (timed_send.hpp), so that they leave without the jitter of the wake-up. send_lead must be longer than this jitter
@@ -112,7 +113,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // up to cycles_in_flight cycles before. A slave whose target is INIT or PREOP is in no cycle. A supervision sees within
 // some cycles that it is gone, if poll() is called after each of them, and within 100 ms if no frame comes back.
 // receive_processdata() names the one change that no cycle shows.
-// Without a supervision, the last reading of its state counts for a second of cycles, then all_right() is false
+// Without a supervision, the last reading of its state is valid for a second of cycles. Then all_right() is false
 // (not_supervised): call readstate() more often, or submit a SuperviseRequest.
 [[nodiscard]] bool all_right(Context& ctx);
 // The first reason why all_right() is false, by slave number; code none if all_right() is true. Codes: missing_slave,

@@ -23,8 +23,8 @@ class TripleBuffer {
         middle_.store(2, std::memory_order_release);
     }
 
-    // For the writer: the octets to write, which still have the content of two publications before; and the
-    // publication.
+    // For the writer. back(): the octets to write; they have the content of an older publication.
+    // publish() gives them to the reader.
     [[nodiscard]] std::span<std::byte> back() const { return parts_[back_]; }
     void publish() {
         back_ = middle_.exchange(static_cast<std::uint8_t>(back_ | kFresh), std::memory_order_acq_rel) & kIndex;

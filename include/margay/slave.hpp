@@ -161,10 +161,11 @@ struct Slave {
     // The target that set_target() has set for this slave; NONE: none, the target of all slaves applies.
     AlState target = AlState::none;
 
-    // Topology: every slave except the first is connected to a port of another slave. The DL status of the slaves shows
-    // it where frames enter each slave that has slaves behind it by port 0. Where cables are swapped, configdc() finds
-    // the order by the receive times, and corrects these members (with one NIC). Until then, without clocks, and after
-    // a slave there was lost and is back, these members are wrong for the slaves at the swapped cables.
+    // Topology: every slave except the first is connected to a port of another slave. The topology follows from the DL
+    // status of the slaves, provided that frames enter each slave with slaves behind it at port 0. Where cables are
+    // swapped, configdc() finds the order by the receive times, and corrects these members (with one NIC). Until then,
+    // without clocks, and after a slave there was lost and is back, these members are wrong for the slaves at the
+    // swapped cables.
     std::uint16_t parent = 0;  // number of the slave before this one; 0: the master
     std::uint8_t parent_port = 0;
     std::uint8_t entry_port = 0;

@@ -68,8 +68,9 @@ struct SuperviseRequest : Request {
     // The time between two readings of the AL status while there are no cycles, and between two readings of the AL
     // status of each slave while the slaves are in different states or one of them is lost: then one BRD for all slaves
     // cannot show every change. Where such a reading takes more than a fifth of this time, because there is little room
-    // for acyclic datagrams, the time is 5 times as long as the reading (at most the reading and `retry`): mail has the
-    // rest. A state that changes and changes back between two readings is not seen.
+    // for acyclic datagrams, the time between two readings becomes 5 times the duration of a reading (at most this
+    // duration plus `retry`), so that mail gets the other four fifths. A state that changes and changes back between
+    // two readings is not seen.
     Duration interval = std::chrono::milliseconds(10);
     Duration retry = std::chrono::milliseconds(500);  // waiting time after bringing a slave back has failed
     // How often the error counters of all slaves are read; zero: never. The sums go to line_errors[n - 1] of slave n,

@@ -17,10 +17,10 @@ namespace margay::analyse {
 //
 // Copies are looked for in the order of time, whatever the order of the file is. Two interfaces are taps of one segment
 // where nearly every frame of one of them is there at the other one, too, and its slaves have not answered otherwise
-// there. An interface is doubled where nearly every frame is there again within 20 µs. What no slave has processed is
-// no sign of it alone: such a frame comes back as it was. Each frame of such an interface has one copy at the other
-// one, within 20 µs, or else within 1 ms. The frame of the interface with the most frames stays, because its times are
-// those of one clock, or the first one where it is 20 µs late or more.
+// there. An interface is doubled where nearly every frame is there again within 20 µs. A frame that
+// no slave has processed is not enough to show this: such a frame comes back unchanged. Each frame of such an interface
+// has one copy at the other one, within 20 µs, or else within 1 ms. The frame of the interface with the most frames
+// stays, so that all times are of one clock; where it is 20 µs late or more, the first frame stays.
 class Twins {
   public:
     // The frame as FrameFinder returns it: tags and what is behind the datagrams make no difference.
@@ -40,7 +40,7 @@ class Twins {
     // by more than a second.
     [[nodiscard]] std::uint64_t missed() const { return missed_; }
 
-    static constexpr std::uint32_t kMostInterfaces = 32;            // those with higher numbers have no copies
+    static constexpr std::uint32_t kMostInterfaces = 32;            // higher numbers: no search for copies
     static constexpr std::size_t kMostSeen = std::size_t{8} << 20;  // packets at a time, 32 octets each
     // For tests of long files: another number of packets at a time.
     explicit Twins(std::size_t most_seen = kMostSeen) : most_seen_(most_seen) {}

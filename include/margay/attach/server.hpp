@@ -34,7 +34,7 @@
 
 namespace margay {
 
-// The effect of the `rescan` of a client. No value ends the process data of a group that is mapped.
+// The effect of the `rescan` of a client. With each value, the process data of a mapped group goes on.
 enum class AttachScan : std::uint8_t {
     refused,  // no effect: the client gets a sentence that says so
     // The same as recover_slave(ctx, 0): reads the states of all slaves and the ring, and finds lost slaves. The facts
