@@ -42,7 +42,7 @@ void release_frame(void* frame) noexcept;
 [[noreturn]] void exception_left_sequence() noexcept;
 
 // The functions of this class that each sequence calls are out of line: they are compiled once, not for each sequence.
-struct PromiseBase : ListNode {
+struct PromiseBase : ListLink {
     // What continues when the task ends.
     enum class Parent : std::uint8_t {
         none,
@@ -64,7 +64,7 @@ struct PromiseBase : ListNode {
     bool fails = false;  // in Arena::starving: `error` ends the task in the next poll()
 
     PromiseBase() noexcept;
-    ~PromiseBase();
+    // No destructor, because each sequence would call it: see destroy_task().
     PromiseBase(const PromiseBase&) = delete;
     PromiseBase& operator=(const PromiseBase&) = delete;
 

@@ -24,13 +24,17 @@ void exception_left_sequence() noexcept { __builtin_trap(); }
 
 PromiseBase::PromiseBase() noexcept = default;
 
-PromiseBase::~PromiseBase() {
-    if (parent == Parent::crew) crew->member_gone();
-}
-
 void PromiseBase::return_value(const Error& returned) noexcept { error = returned; }
 
 namespace {
+
+// All destructions of tasks.
+void destroy(PromiseBase& task) noexcept {
+    task.unlink();
+    Crew* const crew = task.parent == PromiseBase::Parent::crew ? task.crew : nullptr;
+    task.self().destroy();
+    if (crew != nullptr) crew->member_gone();
+}
 
 std::coroutine_handle<> begin(PromiseBase& task, PromiseBase& waiting, PromiseBase::Parent parent) noexcept {
     waiting.awaited = &task;
@@ -107,15 +111,15 @@ void destroy_task(PromiseBase* task) noexcept {
     while (last->awaited != nullptr) last = last->awaited;
     while (last != task) {
         PromiseBase* const waiting = last->waiting;
-        last->self().destroy();
+        destroy(*last);
         last = waiting;
     }
-    task->self().destroy();
+    destroy(*task);
 }
 
 void release_awaited(PromiseBase& task) noexcept {
     task.waiting->awaited = nullptr;
-    task.self().destroy();
+    destroy(task);
 }
 
 }  // namespace margay::detail

@@ -4,12 +4,12 @@
 
 namespace margay {
 
-class ListNode {
+// A node whose owner calls unlink() before it destroys the node.
+class ListLink {
   public:
-    ListNode() = default;
-    ListNode(const ListNode&) = delete;
-    ListNode& operator=(const ListNode&) = delete;
-    ~ListNode() { unlink(); }
+    ListLink() = default;
+    ListLink(const ListLink&) = delete;
+    ListLink& operator=(const ListLink&) = delete;
 
     [[nodiscard]] bool linked() const { return next_ != this; }
     void unlink() {
@@ -21,11 +21,17 @@ class ListNode {
   private:
     template <class T>
     friend class List;
-    ListNode* previous_ = this;
-    ListNode* next_ = this;
+    ListLink* previous_ = this;
+    ListLink* next_ = this;
 };
 
-// T derives from ListNode. The list owns nothing.
+class ListNode : public ListLink {
+  public:
+    ListNode() = default;
+    ~ListNode() { unlink(); }
+};
+
+// T derives from ListLink. The list owns nothing.
 template <class T>
 class List {
   public:
@@ -34,11 +40,11 @@ class List {
     [[nodiscard]] T* back() { return empty() ? nullptr : static_cast<T*>(head_.previous_); }
     // The neighbours of `node`; nullptr at the ends of the list.
     [[nodiscard]] T* after(T& node) {
-        ListNode* next = static_cast<ListNode&>(node).next_;
+        ListLink* next = static_cast<ListLink&>(node).next_;
         return next == &head_ ? nullptr : static_cast<T*>(next);
     }
     [[nodiscard]] T* before(T& node) {
-        ListNode* previous = static_cast<ListNode&>(node).previous_;
+        ListLink* previous = static_cast<ListLink&>(node).previous_;
         return previous == &head_ ? nullptr : static_cast<T*>(previous);
     }
     void push_back(T& node) { insert(head_, node); }
@@ -55,7 +61,7 @@ class List {
     }
 
   private:
-    static void insert(ListNode& before, ListNode& node) {
+    static void insert(ListLink& before, ListLink& node) {
         node.unlink();
         node.previous_ = before.previous_;
         node.next_ = &before;
