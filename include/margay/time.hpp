@@ -22,6 +22,27 @@ using Time = MonotonicClock::time_point;
 // No deadline: later than every other time.
 inline constexpr Time kNever = Time::max();
 
+// Inline where GCC optimizes for size, too: the comparisons of <chrono> would be calls, with both operands in memory.
+// Comparisons with other units are those of <chrono>.
+// clang-format off
+[[gnu::always_inline]] constexpr bool operator<(Duration a, Duration b) { return a.count() < b.count(); }
+[[gnu::always_inline]] constexpr bool operator>(Duration a, Duration b) { return a.count() > b.count(); }
+[[gnu::always_inline]] constexpr bool operator<=(Duration a, Duration b) { return a.count() <= b.count(); }
+[[gnu::always_inline]] constexpr bool operator>=(Duration a, Duration b) { return a.count() >= b.count(); }
+[[gnu::always_inline]] constexpr bool operator<(Time a, Time b) {
+    return a.time_since_epoch() < b.time_since_epoch();
+}
+[[gnu::always_inline]] constexpr bool operator>(Time a, Time b) {
+    return a.time_since_epoch() > b.time_since_epoch();
+}
+[[gnu::always_inline]] constexpr bool operator<=(Time a, Time b) {
+    return a.time_since_epoch() <= b.time_since_epoch();
+}
+[[gnu::always_inline]] constexpr bool operator>=(Time a, Time b) {
+    return a.time_since_epoch() >= b.time_since_epoch();
+}
+// clang-format on
+
 // `from` plus `duration`; kNever if the sum exceeds the range of Time. A negative duration counts as zero.
 [[nodiscard]] constexpr Time later(Time from, Duration duration) {
     if (duration <= Duration{0}) return from;
