@@ -40,6 +40,13 @@ namespace margay {
 
 class HookedSlave;
 
+namespace detail {
+// How the library calls a hook. Only hooks refer to it: a program that sets no hook does not have this code.
+struct HookKind;
+extern const HookKind kPlainHook;
+extern const HookKind kSequenceHook;
+}  // namespace detail
+
 template <class... Args>
 class Hook {
   public:
@@ -50,18 +57,24 @@ class Hook {
     constexpr Hook(std::nullptr_t) {}
     template <class F>
     requires std::convertible_to<F, Plain>
-    constexpr Hook(F function) : plain_(function) {}
+    constexpr Hook(F function) : plain_(function), kind_(plain_ != nullptr ? &detail::kPlainHook : nullptr) {}
     template <class F>
     requires std::convertible_to<F, Sequence>
-    constexpr Hook(F function) : sequence_(function) {}
+    constexpr Hook(F function) : sequence_(function), kind_(sequence_ != nullptr ? &detail::kSequenceHook : nullptr) {}
 
-    [[nodiscard]] constexpr explicit operator bool() const { return plain_ != nullptr || sequence_ != nullptr; }
-    [[nodiscard]] constexpr Plain plain() const { return plain_; }
-    [[nodiscard]] constexpr Sequence sequence() const { return sequence_; }
+    [[nodiscard]] constexpr explicit operator bool() const { return kind_ != nullptr; }
+    // nullptr: the hook has the other form, or there is none.
+    [[nodiscard]] constexpr Plain plain() const { return kind_ == &detail::kPlainHook ? plain_ : nullptr; }
+    [[nodiscard]] constexpr Sequence sequence() const { return kind_ == &detail::kSequenceHook ? sequence_ : nullptr; }
+    // For the library. nullptr: there is no hook.
+    [[nodiscard]] constexpr const detail::HookKind* kind() const { return kind_; }
 
   private:
-    Plain plain_ = nullptr;
-    Sequence sequence_ = nullptr;
+    union {
+        Plain plain_ = nullptr;
+        Sequence sequence_;
+    };
+    const detail::HookKind* kind_ = nullptr;
 };
 
 }  // namespace margay

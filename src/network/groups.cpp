@@ -32,7 +32,7 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
         // The configuration of the slave finds an error again.
         co_await completion(bring_to_state(network, slave, AlState::preop));
     }
-    auto done = co_await call_hook(network, slave);
+    auto done = co_await call_hook(slave.hooks.preop_to_safeop, network, slave);
     slave.hook_failed = !done.ok();
     if (!done) faults.note(network, slave, done.error());
     co_return done;

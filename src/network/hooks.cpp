@@ -58,9 +58,7 @@ Result<> call_plain(const SlaveHooks& hooks, HookedSlave slave, Transition which
     return plain == nullptr ? Result<>() : plain(slave, which, moment, hooks.user);
 }
 
-}  // namespace
-
-Task<> call_hook(Network& network, const Slave& slave, Transition which, Moment moment) {
+Task<> run_hook(Network& network, const Slave& slave, Transition which, Moment moment) {
     const SlaveHooks hooks = slave.hooks;  // the application may change them meanwhile
     const HookedSlave hooked = HookAccess::slave(network, slave.number);
     Execution execution(network, slave);
@@ -82,5 +80,10 @@ Task<> call_hook(Network& network, const Slave& slave, Transition which, Moment 
     execution.over = true;
     co_return of_slave(done.error(), slave);
 }
+
+}  // namespace
+
+constexpr detail::HookKind detail::kPlainHook{run_hook};
+constexpr detail::HookKind detail::kSequenceHook{run_hook};
 
 }  // namespace margay

@@ -28,10 +28,19 @@ class HookCall {
     Time began_;
 };
 
-// Calls the hook of a transition and waits for its end: a plain function is called again while it returns Errc::busy,
-// for 10 s at most. Transition::none: the hook preop_to_safeop. Without a hook: success. When the task is destroyed
-// before the hook has ended, Network::slave_of_cut_hook is the slave.
-[[nodiscard]] Task<> call_hook(Network& network, const Slave& slave, Transition which = Transition::none,
-                               Moment moment = Moment::before);
+namespace detail {
+struct HookKind {
+    Task<> (*call)(Network& network, const Slave& slave, Transition which, Moment moment);
+};
+}  // namespace detail
+
+// Calls this hook of the slave, which is set, and waits for its end: a plain function is called again while it returns
+// Errc::busy, for 10 s at most. Transition::none: the hook preop_to_safeop. When the task is destroyed before the hook
+// has ended, Network::slave_of_cut_hook is the slave.
+template <class Hook>
+[[nodiscard]] Task<> call_hook(const Hook& hook, Network& network, const Slave& slave,
+                               Transition which = Transition::none, Moment moment = Moment::before) {
+    return hook.kind()->call(network, slave, which, moment);
+}
 
 }  // namespace margay

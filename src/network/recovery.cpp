@@ -136,7 +136,8 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& find
 // The hook, and the search for the process data if it was not read yet.
 Task<Result<>> find_process_data(Network& network, Slave& slave) {
     Finding finding(network.marks(slave), slave);
-    auto hook = co_await call_hook(network, slave);
+    Result<> hook;
+    if (slave.hooks.preop_to_safeop) hook = co_await call_hook(slave.hooks.preop_to_safeop, network, slave);
     slave.hook_failed = !hook.ok();
     if (!hook) co_return hook;
     if (!is_mapped(network, slave)) co_return Nothing{};  // the hook may have changed the group

@@ -139,7 +139,7 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
         done = co_await slave.config.setup->startup.part()->run(network, slave, which, moment);
     if (!done && !up) network.note(slave, done.error());
     if (slave.hooks.transition && (done || !up)) {
-        done = co_await call_hook(network, slave, which, moment);
+        done = co_await call_hook(slave.hooks.transition, network, slave, which, moment);
         if (!done && !up) network.note(slave, done.error());
     }
     if (following) following->succeeded = done.ok();
