@@ -123,10 +123,9 @@ class Link {
     [[nodiscard]] Nic& nic() { return nic_; }
     // Asks the NIC for its link when its last answer is older than `age`. An operating system may take long to answer.
     void look_at_cable(Time now, std::chrono::milliseconds age) {
-        const auto at = std::chrono::floor<std::chrono::milliseconds>(now.time_since_epoch()).count();
-        const auto at_ms = static_cast<std::uint32_t>(at);  // wraps: the difference of two times is right
-        if (at_ms - cable_seen_ms_ < static_cast<std::uint32_t>(age.count())) return;
-        cable_seen_ms_ = at_ms;
+        const auto at = in_steps(now.time_since_epoch());  // wraps: the difference of two times is right
+        if (at - cable_seen_ < in_steps(age)) return;
+        cable_seen_ = at;
         down_ = nic_.link_state() == LinkState::down;
     }
     // Whether the NIC had no link when it was asked last.
@@ -134,6 +133,9 @@ class Link {
 
   private:
     friend class Datagram;
+
+    // In steps of 65 536 ns: a division of 64 bits is 0.9 KiB on a processor that has none.
+    static constexpr std::uint32_t in_steps(Duration time) { return static_cast<std::uint32_t>(time.count() >> 16); }
 
     // The settings, with the default in place of a value that is out of range.
     [[nodiscard]] Duration frame_timeout() const {
@@ -222,9 +224,9 @@ class Link {
     Time last_cycle_ = Time::min();
     std::size_t rider_budget_ = 0;  // octets of queued datagrams that may still be sent with this cycle
     bool riders_ = false;           // queued datagrams were sent with this cycle
-    bool down_ = false;             // the NIC had no link at cable_seen_ms_
+    bool down_ = false;             // the NIC had no link at cable_seen_
     std::array<std::byte, wire::kMaxFrameBytes> buffer_{};  // the frame that is being built or read
-    std::uint32_t cable_seen_ms_ = 0;
+    std::uint32_t cable_seen_ = 0;
     List<Waiter> early_;                               // received by drain()
     std::uint16_t receiving_ = PreparedFrame::kNever;  // PreparedFrame::park of the cycle that is being received
 };

@@ -26,7 +26,15 @@ constexpr unsigned kLooksBeforeParking = 4;
 // Rounds the time up to a multiple of `grid`: channels with the same pause then look at the same time, and their
 // datagrams share frames.
 Time on_grid(Time time, Duration grid) {
-    const auto rest = time.time_since_epoch() % grid;
+    Duration rest = time.time_since_epoch();
+    if constexpr (sizeof(void*) >= sizeof(std::int64_t)) {
+        rest %= grid;
+    } else {  // without a division of 64 bits, see Link::in_steps()
+        Duration part = grid;
+        while (part <= rest - part) part += part;
+        for (; part >= grid; part = Duration(part.count() >> 1))
+            if (part <= rest) rest -= part;
+    }
     return rest == Duration{0} ? time : time + (grid - rest);
 }
 

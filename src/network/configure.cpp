@@ -90,9 +90,12 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     co_return Nothing{};
 }
 
-// Converts a time to units of the watchdogs, rounded up.
-std::uint16_t watchdog_units(Duration time, Duration unit) {
-    return static_cast<std::uint16_t>(std::clamp<std::int64_t>((time + unit - Duration{1}) / unit, 0, 0xFFFF));
+// Converts a time to units of the watchdogs, rounded up. Without a division of 64 bits, see Link::in_steps().
+[[gnu::noinline]] std::uint16_t watchdog_units(Duration time, Duration unit) {
+    std::uint32_t units = 0;
+    for (std::uint32_t bit = 0x8000; bit != 0; bit /= 2)
+        if ((units + bit) * unit < time) units += bit;
+    return static_cast<std::uint16_t>(time > Duration{0} && units < 0xFFFF ? units + 1 : units);
 }
 
 // A value for a register of two octets; address 0: none.

@@ -103,7 +103,7 @@ void SiiReader::note_ready(Time sent) {
 Duration SiiReader::between() const {
     constexpr int kNarrow = 5;
     const Duration gap = known_ready_ - known_busy_;
-    return gap > known_ready_ / kNarrow ? known_busy_ + gap / 2 : known_ready_;
+    return gap * kNarrow > known_ready_ ? known_busy_ + gap / 2 : known_ready_;
 }
 
 // Copies the data of a visit that found the interface ready. False when it is not the block that was ordered: a frame
