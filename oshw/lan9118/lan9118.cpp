@@ -52,6 +52,7 @@ constexpr std::uint32_t kStatusError = 1U << 15;  // of both status FIFOs
 constexpr std::size_t kFcsBytes = 4;
 constexpr std::size_t kLeastBytes = 14;
 constexpr std::size_t kMostBytes = 1518;
+constexpr std::size_t kMostStored = 2560;  // the watchdog of the receiver cuts a longer frame (data sheet, section 5.4)
 
 // Registers of the MAC (data sheet, table 5.6).
 constexpr std::uint32_t kMacCr = 1;
@@ -199,18 +200,19 @@ SendStatus Lan9118::send(std::span<const std::byte> frame) noexcept {
     return SendStatus::sent;
 }
 
-bool Lan9118::frame_there() const noexcept { return (read(kRxFifoInf) >> 16 & 0xFF) != 0; }
+std::uint32_t Lan9118::stored_frames() const noexcept { return read(kRxFifoInf) >> 16 & 0xFF; }
 
 // A wait() must end at once while frames are in the FIFO. The controller reports an arriving frame only, so for frames
 // that are there already its software interrupt is used. A frame that arrives after the first line is reported.
 void Lan9118::allow_interrupt() noexcept {
     write(kIntSts, kRxStatusLevel | kSoftware);
-    write(kIntEn, frame_there() ? kRxStatusLevel | kSoftware : kRxStatusLevel);
+    write(kIntEn, stored_frames() != 0 ? kRxStatusLevel | kSoftware : kRxStatusLevel);
 }
 
+// The frames are counted once: a controller without supply reads as all ones, so it never has no frame.
 std::size_t Lan9118::receive(std::span<std::byte> into) noexcept {
     std::size_t length = 0;
-    while (length == 0 && frame_there()) length = read_frame(into);
+    for (auto frames = stored_frames(); length == 0 && frames != 0; --frames) length = read_frame(into);
     allow_interrupt();
     return length;
 }
@@ -218,7 +220,8 @@ std::size_t Lan9118::receive(std::span<std::byte> into) noexcept {
 // Reads the oldest frame from the FIFO. Returns 0 for a damaged frame.
 std::size_t Lan9118::read_frame(std::span<std::byte> into) noexcept {
     const auto status = read(kRxStatusFifo);
-    const std::size_t length = status >> 16 & 0x3FFF;  // with FCS
+    std::size_t length = status >> 16 & 0x3FFF;  // with FCS
+    if (length > kMostStored) length = 0;        // no frame: the bus does not answer
     const bool good = (status & kStatusError) == 0 && length >= kLeastBytes + kFcsBytes;
     const auto wanted = good ? std::min(length - kFcsBytes, into.size()) : 0;
     auto* at = into.data();

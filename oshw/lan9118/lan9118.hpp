@@ -59,7 +59,7 @@ class Lan9118 final : public Nic {
     Result<> fail(std::string_view what) noexcept;
     void start() noexcept;
     void read_sent_states() noexcept;
-    [[nodiscard]] bool frame_there() const noexcept;
+    [[nodiscard]] std::uint32_t stored_frames() const noexcept;
     [[nodiscard]] std::size_t read_frame(std::span<std::byte> into) noexcept;
     void allow_interrupt() noexcept;
 
