@@ -269,8 +269,9 @@ struct InterruptNic : FilterNic {
         return length;
     }
     [[nodiscard]] Time next_arrival() const noexcept override { return kNever; }
-    [[nodiscard]] Time interrupt() const noexcept { return raised ? inner().next_arrival() : kNever; }
+    [[nodiscard]] Time interrupt() const noexcept { return raised ? later(inner().next_arrival(), late) : kNever; }
     bool raised = false;
+    Duration late{};
     bool rearms = true;  // raises the interrupt for a frame that is left
 };
 
@@ -463,7 +464,28 @@ TEST_F(FaultyNics, AFrameDoesNotEndAWait) {
         using FilterNic::FilterNic;
         Time next_arrival() const noexcept override { return kNever; }  // in virtual time: no wake-up by the frame
     } nic{wire};
+    const Time begin = osal.now();
     expect_found(nic, "a frame ends a wait()");
+    EXPECT_EQ(host.failed().front(), "a frame ends a wait()") << "the first line tells the cause\n" << host.text();
+    EXPECT_LT(host.text().find("FAIL  a frame ends a wait()"), host.text().find("run   frames of every size"));
+    EXPECT_LT(osal.now() - begin, 60s) << "all later checks wait in vain for each frame";
+}
+
+TEST_F(FaultyNics, AFrameEndsAWaitTooLate) {
+    InterruptNic nic(wire);
+    nic.late = 20ms;
+    Semaphore waits(osal, nic);
+    const auto all = failures(nic, waits);
+    EXPECT_TRUE(std::ranges::count(all, "a frame ends a wait()") == 1) << host.text();
+}
+
+TEST_F(FaultyNics, TheLinkIsDownNowAndThen) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        unsigned calls = 0;
+        LinkState link_state() noexcept override { return ++calls % 10 == 0 ? LinkState::down : inner().link_state(); }
+    } nic{wire};
+    expect_found(nic, "link_state() is up with a cable");
 }
 
 TEST_F(FaultyNics, TheLinkIsAlwaysUp) {

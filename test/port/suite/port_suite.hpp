@@ -49,7 +49,7 @@ struct Port {
     // PHY. The default is below the 123 µs that a frame of full size needs on the wire, so that a send() that waits for
     // the end of the frame is found.
     Duration longest_call = std::chrono::microseconds(100);
-    // How much later than requested wait() and sleep_while() may return in the median.
+    // How much later than requested wait() and sleep_while() may return in the median, and wait() after a frame.
     Duration latest = std::chrono::milliseconds(2);
     // How long a reply may take. An event that has not occurred after ten of these periods does not occur any more.
     Duration reply = std::chrono::milliseconds(200);
