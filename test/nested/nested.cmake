@@ -133,7 +133,7 @@ set(board SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes NEEDS arm-none-eabi-
            CMAKE_BUILD_TYPE=MinSizeRel CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
 margay_nested(embedded/arm_builds ${board} FIXTURE arm_archives TARGETS margay_wire margay margay_subdevice)
 margay_nested(embedded/mps2_builds ${board} FIXTURE mps2_images AFTER arm_archives
-              TARGETS master count_cycle check_port master_freertos check_port_freertos)
+              TARGETS master count_cycle check_port master_freertos check_port_freertos sdo)
 margay_nested(embedded/sizes_builds ${board} FIXTURE size_programs AFTER arm_archives)
 
 # The same program for other processors; test/qemu runs the one for ARMv6-M, because a Cortex-M4 executes its code too. The

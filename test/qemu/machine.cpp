@@ -112,6 +112,19 @@ std::string Machine::report() const {
            qemu_->errors();
 }
 
+std::string Machine::memory(std::uint32_t address, std::uint32_t octets) const {
+    const auto path = file("memory");
+    std::filesystem::remove(path);
+    tell_qemu("pmemsave " + std::to_string(address) + " " + std::to_string(octets) + " \"" + path + "\"");
+    const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    std::string all;
+    while (all.size() != octets && std::chrono::steady_clock::now() < until) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        all = content_of(path);
+    }
+    return all;
+}
+
 void Machine::tell_segment(const std::string& command) const { write_line(segment_commands_, command); }
 void Machine::tell_qemu(const std::string& command) const { write_line(qemu_commands_, command); }
 

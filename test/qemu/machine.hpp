@@ -6,6 +6,7 @@
 #include "process/netns.hpp"
 
 #include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -38,6 +39,8 @@ class Machine {
     void tell_segment(const std::string& command) const;
     void tell_qemu(const std::string& command) const;
     [[nodiscard]] process::Child& segment() { return *segment_; }
+    // The octets of the memory of the board at this address, while the program runs.
+    [[nodiscard]] std::string memory(std::uint32_t address, std::uint32_t octets) const;
 
   private:
     void start(const std::filesystem::path& image_path, const std::string& more);

@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <iostream>
 #include <string>
+#include <thread>
 
 namespace margay::qemu {
 namespace {
@@ -77,6 +79,55 @@ TEST(Mps2, TheInstructionsOfACycleAreCounted) {
     // Those of x86-64: bench_cycle. A limit with some room keeps it from growing.
     EXPECT_GT(instructions, 100u) << "something was left out";
     EXPECT_LT(instructions, 600u) << line;
+}
+
+// The address of a symbol of the linker script; 0: the compiler's tools are missing, or the symbol.
+std::uint32_t address_of(const std::string& symbol, const std::string& image_name) {
+    std::string symbols;
+    (void)process::run("arm-none-eabi-nm " + image(image_name).string(), &symbols);
+    const auto at = symbols.find(" B " + symbol + "\n");
+    const auto with_data = at == std::string::npos ? symbols.find(" D " + symbol + "\n") : at;
+    return with_data == std::string::npos || with_data < 8
+               ? 0
+               : static_cast<std::uint32_t>(std::stoul(symbols.substr(with_data - 8, 8), nullptr, 16));
+}
+
+// The program for SDO reading of test/embedded/sizes: 8 slaves, 24 KiB of RAM with the stack. Nothing else writes to
+// the stack, which is zero at the start; an interrupt at the deepest place adds to it.
+TEST(Mps2, TheProgramForSdoReadingNeeds24KibWithItsStack) {
+    const std::string name = kBuild + "sdo";
+    Machine machine(name);
+    if (!machine.missing().empty()) GTEST_SKIP() << machine.missing();
+    const auto data_begin = address_of("data_begin", name);
+    const auto bss_end = address_of("bss_end", name);
+    const auto stack_top = address_of("stack_top", name);
+    ASSERT_TRUE(data_begin < bss_end && bss_end < stack_top) << "no symbols by arm-none-eabi-nm";
+    std::size_t stack = 0;
+    const auto measure = [&](const std::string& when) {
+        const auto all = machine.memory(bss_end, stack_top - bss_end);
+        ASSERT_EQ(all.size(), stack_top - bss_end) << machine.report();
+        stack = std::max(stack, all.size() - std::min(all.find_first_not_of('\0'), all.size()));
+        std::cout << when << ": " << stack << " octets of stack were in use\n";
+    };
+
+    ASSERT_TRUE(machine.segment().says("slave 4 (drive): OP", 120s)) << machine.report();
+    std::this_thread::sleep_for(2s);  // the SDO
+    measure("after the bring-up and an SDO");
+    for (const auto* slave : {"4", "2"}) {
+        machine.tell_segment(std::string("power off ") + slave);
+        std::this_thread::sleep_for(500ms);
+        machine.tell_segment(std::string("power on ") + slave);
+        std::this_thread::sleep_for(1s);
+    }
+    measure("after losses of power");
+    machine.tell_segment("drop 0.2");
+    std::this_thread::sleep_for(2s);
+    measure("with lost frames");
+
+    const auto ram = bss_end - data_begin;
+    std::cout << "SDO reading: " << ram << " octets of RAM and " << stack << " of stack: " << ram + stack << "\n";
+    EXPECT_GT(stack, 1000U) << "the program has not run";
+    EXPECT_LE(ram + stack, 24U * 1024);
 }
 
 }  // namespace
