@@ -1,7 +1,7 @@
 // What the programs with FreeRTOS share: a task with static memory, and printing.
 #pragma once
 
-#include "mps2_an386/board.hpp"
+#include <board.hpp>  // of the folder of the board, which may have another name in a copy
 
 #include <margay/parts/util/text_writer.hpp>
 
