@@ -127,7 +127,7 @@ bool Redundancy::reaches_nothing(unsigned nic) const noexcept {
 }
 
 SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexcept {
-    const bool moved = pair.shift != 0 && nic != pair.head;
+    const bool moved = pair.shift != 0 && nic != pair.front;
     const bool divided = pair.times[0].offset != 0;
     const bool of_head = divided && nic == pair.head;
     const bool changed = divided && (!of_head || pair.second_is_first || pair.times_held);
@@ -155,13 +155,18 @@ SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexc
     return status;
 }
 
-// By how much the positions of the copy are moved that is not sent by the head: by the slaves before the break. While
-// this number is not known, so far that the copy meets no slave: what is written by position to a slave behind a break
-// is written when it is known, and never to another slave.
-std::uint16_t Redundancy::positions_behind(unsigned head) const noexcept {
+// One copy has the positions as sent. The positions of the other one are moved by the slaves before the break. While
+// this number is not known, or the head seems to reach no slave, one copy meets no slave by position: nothing is
+// written to another slave than meant. A silent head may still reach slaves: only its replies are lost.
+void Redundancy::place(FramePair& pair, bool head_only) const noexcept {
     constexpr std::uint16_t kNowhere = 0x8000;
-    if (reaches_nothing(head)) return 0;
-    return front_known_.load(kRelaxed) ? slaves_[head].load(kRelaxed) : kNowhere;
+    const bool known = front_known_.load(kRelaxed);
+    const std::uint16_t before = slaves_[pair.head].load(kRelaxed);
+    const bool lost = !head_only && (reaches_nothing(pair.head) || (known && before == 0));
+    pair.front = static_cast<std::uint8_t>(lost ? 1 - pair.head : pair.head);
+    pair.positions = has_positions(Bytes(pair.out).first(pair.size));
+    pair.shift = lost || !known ? kNowhere : before;
+    if (!pair.positions) pair.shift = 0;
 }
 
 SendStatus Redundancy::send_by_head(FramePair& pair, Bytes frame) noexcept {
@@ -201,10 +206,9 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     pair->size = static_cast<std::uint16_t>(frame.size());
     pair->head = head_.load(kRelaxed);
     divide_times(*pair);
-    pair->positions = has_positions(Bytes(pair->out).first(pair->size));
-    pair->shift = pair->positions ? positions_behind(pair->head) : std::uint16_t{0};
     const bool opened = opening_.load(kRelaxed) != Opening::none && is_opened_by(frame);
     const bool head_only = opened || foreign_.load(kRelaxed);
+    place(*pair, head_only);
     pair->sent.store(head_only ? bit(pair->head) : static_cast<std::uint8_t>(bit(0) | bit(1)), kRelaxed);
     const bool own = pair >= own_.data() && pair < own_.data() + own_.size();
     if (!own) frame = {};  // the owner writes the reply into these octets as soon as one of both copies is back
@@ -215,7 +219,9 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     const unsigned first = refused_[0].load(kRelaxed) || busy_[0].load(kRelaxed) ? 1 : 0;
     if (head_only) return send_by_head(*pair, frame);
     const SendStatus one = send_by(first, *pair, frame);
-    const SendStatus two = one == SendStatus::busy ? SendStatus::busy : send_by(1 - first, *pair, frame);
+    // Without both copies, slaves would be missed; not by the copy that no slave processes.
+    const bool useless = one == SendStatus::busy && (first == pair->head || !by_head_.load(kRelaxed));
+    const SendStatus two = useless ? SendStatus::busy : send_by(1 - first, *pair, frame);
     if (one == SendStatus::sent || two == SendStatus::sent) return SendStatus::sent;
     if (hold(*pair)) pair->state.store(FramePair::unused, std::memory_order_release);
     return one == SendStatus::busy || two == SendStatus::busy ? SendStatus::busy : SendStatus::failed;
@@ -314,7 +320,7 @@ void Redundancy::note_copy(FramePair& pair, unsigned from, Bytes frame) noexcept
         rests_[from] = true;
     else if ((pair.crossed & bit(from)) != 0)  // a slave of a branch that only this copy reaches is back
         rests_[from] = false;
-    const std::uint16_t shift = from == pair.head ? std::uint16_t{0} : pair.shift;
+    const std::uint16_t shift = from == pair.front ? std::uint16_t{0} : pair.shift;
     const auto count = count_slaves(Bytes(pair.out).first(pair.size), frame, shift);
     if (!count) return;
     pair.counted |= bit(from);
@@ -396,15 +402,8 @@ void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
         store_count(nic, (pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0});
     }
     // In the whole ring, a copy that rests meets no slave, but the next one may be behind a new break.
+    by_head_.store(ring_ == RingState::whole && rests_[1 - head()], kRelaxed);
     front_known_.store(ring_ == RingState::whole ? !rests_[1 - head()] : counts_are_new(), kRelaxed);
-}
-
-// The positions of the copy at the end of the ring were moved by another number of slaves than the copy at the
-// beginning has passed: the ring has changed meanwhile.
-bool Redundancy::is_misplaced(const FramePair& pair, unsigned processed) const noexcept {
-    if (!pair.positions || (processed & bit(1U - pair.head)) == 0) return false;
-    const bool passed = (processed & bit(pair.head)) != 0;
-    return pair.shift != (passed ? pair.count[pair.head] : 0);
 }
 
 std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned from) noexcept {
@@ -418,10 +417,12 @@ std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned fro
     if (opening_.load(kRelaxed) == Opening::none) note_ring(pair, processed);
     if (processed == 0) return 0;
     const bool misplaced = is_misplaced(pair, processed);
-    const unsigned other = 1U - pair.head;
     // A slave that was not meant has been written: the caller must know it.
-    const bool harmed = misplaced && has_written_by_position(other == from ? Bytes(frame).first(pair.size)
-                                                                           : Bytes(pair.back).first(pair.size));
+    const auto wrote = [&](unsigned nic) {
+        const Bytes copy = nic == from ? Bytes(frame) : Bytes(pair.back);
+        return (processed & bit(nic)) != 0 && has_written_by_position(copy.first(pair.size));
+    };
+    const bool harmed = misplaced && (wrote(1U - pair.front) || (pair.front != pair.head && wrote(pair.front)));
     if ((changed && !complete) || (misplaced && !harmed)) {
         ++repeated_;
         return 0;

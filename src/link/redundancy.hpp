@@ -57,7 +57,8 @@ struct FramePair {
     std::uint8_t index = 0;
     std::uint8_t head = 0;                 // the NIC at the beginning of the ring, as known when the frame was sent
     bool positions = false;                // some datagram is addressed by position
-    std::uint16_t shift = 0;               // added to the positions of the copy that is not sent by `head`
+    std::uint8_t front = 0;                // the NIC whose copy has the positions as sent
+    std::uint16_t shift = 0;               // added to the positions of the other copy
     std::uint16_t size = 0;                // octets of the frame
     std::array<std::uint16_t, 2> count{};  // slaves that have processed the copy
     bool times_held = false;               // the reference is read, and no clock is given a time
@@ -187,12 +188,12 @@ class Redundancy final : public Nic, public Cables {
         fault_ = fault;
         foreign_.store(fault == CablingFault::second_segment, std::memory_order_relaxed);
     }
-    [[nodiscard]] std::uint16_t positions_behind(unsigned head) const noexcept;
+    void place(FramePair& pair, bool head_only) const noexcept;
     [[nodiscard]] bool is_opened_by(Bytes frame) noexcept;
     [[nodiscard]] SendStatus send_by_head(FramePair& pair, Bytes frame) noexcept;
     void send_probe(unsigned nic) noexcept;
     void note_probe(Bytes frame, unsigned at, unsigned from) noexcept;
-    [[nodiscard]] bool is_misplaced(const FramePair& pair, unsigned processed) const noexcept;
+    [[nodiscard]] static bool is_misplaced(const FramePair& pair, unsigned processed) noexcept;
     [[nodiscard]] std::size_t finish(FramePair& pair, MutableBytes frame, unsigned from) noexcept;
 
     std::array<Nic*, 2> nics_;
@@ -223,7 +224,8 @@ class Redundancy final : public Nic, public Cables {
     // frame of NOPs now and then, whose return shows when it is connected to the ring again.
     std::atomic<bool> foreign_{false};
     std::atomic<std::uint8_t> probe_turn_{0};
-    std::atomic<bool> front_known_{false};  // see positions_behind()
+    std::atomic<bool> front_known_{false};  // see place()
+    std::atomic<bool> by_head_{false};      // in the whole ring, slaves process only the copies of the head
     static constexpr std::uint8_t kFramesPerProbe = 64;
 
     // Of the receiving thread.

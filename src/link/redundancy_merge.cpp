@@ -43,6 +43,14 @@ void merge_replies(MutableBytes into, Bytes other, Bytes sent) noexcept {
     }
 }
 
+// The positions of one copy were moved by another number of slaves than the other copy has passed: the ring has changed
+// meanwhile.
+bool Redundancy::is_misplaced(const FramePair& pair, unsigned processed) noexcept {
+    if (!pair.positions || ((processed >> (1U - pair.front)) & 1U) == 0) return false;
+    const bool passed = ((processed >> pair.front) & 1U) != 0;
+    return pair.shift != (passed ? pair.count[pair.front] : 0);
+}
+
 // The cable of a NIC that has not seen it yet is broken: its copies are lost, and those of the other NIC have passed
 // all slaves. Elsewhere a copy that comes back alone has passed some of them only.
 std::size_t Redundancy::half(const PreparedFrame& frame, std::uint8_t index, MutableBytes into) noexcept {

@@ -42,12 +42,35 @@ std::vector<std::byte> octets(std::initializer_list<unsigned> values) {
     return all;
 }
 
+// A NIC that sends, and whose replies never arrive while it is deaf: one direction of its cable is dead.
+class DeafNic final : public Nic {
+  public:
+    explicit DeafNic(Nic& nic) : nic_(nic) {}
+    bool deaf = false;
+    bool busy = false;
+
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        return busy ? SendStatus::busy : nic_.send(frame);
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override {
+        std::size_t length = nic_.receive(into);
+        while (deaf && length != 0) length = nic_.receive(into);
+        return length;
+    }
+    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
+    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
+
+  private:
+    Nic& nic_;
+};
+
 // Slaves with station addresses 0x1001 … and the value 0x10 + n in 0x0F80, mapped one octet each from 0x10000 on for
 // reading, and the same octets for writing to 0x0F90.
 struct Rig {
     VirtualOsal osal;
     sim::Segment segment;
     std::unique_ptr<SimulatedNic> wires[2];
+    std::unique_ptr<DeafNic> nics[2];
     std::vector<FramePair> pairs = std::vector<FramePair>(4);
     std::unique_ptr<Redundancy> ring;
     std::uint8_t index = 0;
@@ -67,11 +90,12 @@ struct Rig {
             options.master_port = n;
             options.round_trip = std::chrono::microseconds(n == 0 ? 100 : 70);  // the second NIC answers first
             wires[n] = std::make_unique<SimulatedNic>(segment, osal, options);
+            nics[n] = std::make_unique<DeafNic>(*wires[n]);
         }
         wires[0]->set_other_end(wires[1].get());
         wires[1]->set_other_end(wires[0].get());
         if (!two) segment.set_cable({kSlaves - 1, 1}, false);
-        ring = std::make_unique<Redundancy>(*wires[0], *wires[1], pairs, std::span<FramePair>());
+        ring = std::make_unique<Redundancy>(*nics[0], *nics[1], pairs, std::span<FramePair>());
         for (std::uint16_t n = 0; n < kSlaves; ++n) {
             const RingPosition at{n};
             write(at, 0x0010, octets({1U + n, 0x10}));
@@ -270,6 +294,81 @@ TEST(RingCommands, PositionsAtANewBreakHarmNoSlave) {
                 EXPECT_EQ(seen[0].data == octets({0x77}), n == at) << n;
             }
         }
+}
+
+// The NIC at the beginning sends, and its replies do not arrive: positions count from the break then. Its slaves are
+// written by no position, because nobody would see it. When its replies arrive again, positions count from it.
+TEST(RingCommands, PositionsBesideADeafNic) {
+    constexpr std::uint16_t kBreak = 3;
+    for (const bool swapped : {false, true})
+        for (std::uint16_t at = 0; at < kSlaves; ++at) {
+            SCOPED_TRACE((swapped ? "swapped, position " : "position ") + std::to_string(at));
+            Rig rig(kSlaves + 1);
+            if (swapped) {
+                rig.segment.set_cable({kBreak, 0}, false);
+                rig.ring = std::make_unique<Redundancy>(*rig.nics[1], *rig.nics[0], rig.pairs, std::span<FramePair>());
+                (void)rig.exchange({{Command::BRD, {0, 0}, octets({0})}});
+                ASSERT_TRUE(rig.ring->status().swapped);
+            }
+            rig.segment.set_cable({kBreak, 0}, false);
+            rig.nics[0]->deaf = true;
+            for (int n = 0; n < 3; ++n) {
+                (void)rig.exchange({{Command::BRD, {0, 0}, octets({0})}});
+                rig.ring->give_up(rig.index);
+            }
+            const std::vector<Sent> sent{{Command::APWR, {RingPosition{at}, 0x0F80}, octets({0x77})}};
+            const auto got = rig.exchange(sent);
+            ASSERT_EQ(got.size(), 1U);
+            EXPECT_EQ(got[0].wkc, at < kSlaves - kBreak ? 1 : 0);
+            rig.nics[0]->deaf = false;
+            const std::vector<Sent> then{{Command::APWR, {RingPosition{at}, 0x0F81}, octets({0x78})}};
+            auto heard = rig.exchange(then);
+            if (at < kSlaves - kBreak) {
+                ASSERT_EQ(heard.size(), 1U);
+                EXPECT_EQ(heard[0].wkc, 0) << "the slave that was not meant is written: an error tells it";
+            } else {
+                EXPECT_TRUE(heard.empty()) << "it is repeated";
+            }
+            heard = rig.exchange(then);
+            ASSERT_EQ(heard.size(), 1U);
+            EXPECT_EQ(heard[0].wkc, 1);
+            for (std::uint16_t n = 0; n < kSlaves; ++n) {
+                const StationAddress station{static_cast<std::uint16_t>(0x1001 + n)};
+                const auto seen = rig.exchange({{Command::FPRD, {station, 0x0F80}, octets({0, 0})}});
+                ASSERT_EQ(seen.size(), 1U);
+                EXPECT_EQ(seen[0].data[0] == std::byte{0x77}, n == at + kBreak) << n;
+                EXPECT_EQ(seen[0].data[1] == std::byte{0x78}, n == at || n == at + kBreak) << n;
+            }
+        }
+}
+
+// A NIC that is busy costs no frame that the other NIC brings to all slaves.
+TEST(RingCommands, ABusyNicAtTheEndOfTheRing) {
+    for (const bool swapped : {false, true}) {
+        SCOPED_TRACE(swapped);
+        Rig rig(kSlaves + 1);
+        if (swapped)
+            rig.ring = std::make_unique<Redundancy>(*rig.nics[1], *rig.nics[0], rig.pairs, std::span<FramePair>());
+        const std::vector<Sent> sent{{Command::BRD, {0, 0}, octets({0})}};
+        for (int n = 0; n < 2; ++n) ASSERT_EQ(rig.exchange(sent).size(), 1U);
+        ASSERT_EQ(rig.ring->status().swapped, swapped);
+        for (int n = 0; n < 3; ++n) {
+            rig.nics[1]->busy = true;
+            const auto got = rig.exchange(sent);
+            ASSERT_EQ(got.size(), 1U) << n;
+            EXPECT_EQ(got[0].wkc, kSlaves) << n;
+            rig.nics[1]->busy = n != 2;
+        }
+        EXPECT_EQ(rig.exchange(sent).size(), 1U);
+        EXPECT_EQ(rig.ring->status().ring, RingState::whole);
+        // The copy of the head is needed: the caller sends the frame again.
+        rig.nics[0]->busy = true;
+        std::array<std::byte, wire::kMaxFrameBytes> frame{};
+        wire::FrameBuilder builder(frame, rig.ring->source_mac());
+        (void)builder.append(Command::BRD, 0x70, DatagramAddress(0, 0), 1);
+        const auto first = rig.ring->send(builder.finish());
+        EXPECT_TRUE(swapped || first == SendStatus::busy);
+    }
 }
 
 // Several frames at once, with other round trips at both ends: each reply is merged from its own two copies.
