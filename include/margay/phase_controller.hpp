@@ -44,8 +44,9 @@ enum class PhaseState : std::uint8_t {
     idle,  // no error was given yet
     busy,  // not in sync yet
     in_sync,
-    drift_too_high,   // the clocks differ by more than PhaseSettings::most_drift_ppm
-    error_too_large,  // was in sync, and an error has exceeded the limit
+    drift_too_high,  // the clocks differ by more than PhaseSettings::most_drift_ppm
+    // Was in sync, and an error has exceeded the limit; or the errors exceed PhaseSettings::outlier_ns again and again.
+    error_too_large,
     set_value_wrong,  // MasterClock: the set value is not less than a cycle, or there is no cycle
     cycle_wrong,      // MasterClock: the application's cycle is not PhaseSettings::cycle
     mode_wrong,       // ExternalClock: the cycle steers the reference clock too

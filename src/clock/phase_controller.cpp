@@ -111,6 +111,7 @@ bool PhaseController::is_outlier(std::int64_t error_ns) {
     if (++outliers_ < kMostOutliers) return true;
     outliers_ = 0;
     seen_ = 0;  // learns the phase again; the drift that was learned is the best guess
+    if (state_ == PhaseState::busy) state_ = PhaseState::error_too_large;  // perhaps the gate is below the jitter
     moved_fs_ = {};
     return false;
 }

@@ -198,6 +198,18 @@ TEST(PhaseControl, AStepIsBelievedAfterSomeCycles) {
     EXPECT_LT(std::abs(plant.phase_ns), 10);
 }
 
+// The default gate is below this jitter: the controller starts again and again, and its state tells why.
+TEST(PhaseControl, AJitterAboveTheGateIsSaid) {
+    SteeredCycle plant;
+    plant.jitter_ns = 40'000;
+    plant.start();
+    plant.run(2000);
+    EXPECT_EQ(plant.controller.state(), PhaseState::error_too_large);
+    plant.jitter_ns = 1000;
+    plant.run(2000);
+    EXPECT_EQ(plant.controller.state(), PhaseState::in_sync);
+}
+
 TEST(PhaseControl, CyclesWithoutAReadingKeepTheDrift) {
     SteeredCycle plant;
     plant.drift_ns = 50;
