@@ -37,7 +37,14 @@ Result<SyncRegisters> registers_of_mode(const wire::sii::DcOpMode& mode, const C
     settings.sync0_cycle = mode.sync0_cycle_time_ns != 0 ? Duration(mode.sync0_cycle_time_ns)
                                                          : times_factor(clocks.cycle, mode.sync0_cycle_factor);
     if (mode.sync1_cycle_factor > 1) settings.sync1_cycle = settings.sync0_cycle * (mode.sync1_cycle_factor - 1);
-    settings.sync1_cycle += Duration(std::max<std::int32_t>(mode.sync1_shift_time_ns, 0));
+    const Duration shift(mode.sync1_shift_time_ns);
+    const bool has_sync1 = (mode.assign_activate & wire::sync_activation::kSync1 << 8) != 0;
+    if (shift >= Duration{0})
+        settings.sync1_cycle += shift;
+    else if (has_sync1 && -shift >= settings.sync0_cycle)
+        return invalid_time(Argument::sync_cycle);
+    else if (has_sync1)  // a SYNC1 before its SYNC0 comes behind the SYNC0 before that
+        settings.sync1_cycle += settings.sync0_cycle + shift;
     settings.shift = Duration(mode.sync0_shift_time_ns);
     return sync_registers(settings, clocks);
 }

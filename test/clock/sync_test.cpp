@@ -487,5 +487,34 @@ TEST_F(Sync, AsTheSiiSays) {
               "slave 1: activating SYNC: not supported by the slave (its SII has no DC operation mode 2)");
 }
 
+// A SYNC1 before its SYNC0 comes behind the SYNC0 before that. One that is earlier by a cycle is refused. A slave
+// without SYNC1 does not mind.
+TEST_F(Sync, ASync1BeforeItsSync0) {
+    constexpr std::array<wire::sii::DcOpMode, 5> kModes{
+        wire::sii::DcOpMode{.sync1_shift_time_ns = -40'000, .sync1_cycle_factor = 1, .assign_activate = 0x0700},
+        {.sync1_shift_time_ns = -40'000, .sync1_cycle_factor = 2, .assign_activate = 0x0700},
+        {.sync1_shift_time_ns = -40'000, .assign_activate = 0x0700},
+        {.sync1_shift_time_ns = -1'000'000, .sync1_cycle_factor = 2, .assign_activate = 0x0700},
+        {.sync1_shift_time_ns = -1'000'000, .assign_activate = 0x0300}};
+    segment.add(clocked({}, kModes).assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    SlaveSetup setup{.dc = {.source = SyncSettings::Source::sii}};
+    ctx->slave(1).config.setup = &setup;
+    constexpr std::array<std::uint32_t, 5> kSync1{960'000, 1'960'000, 960'000, 0, 0};
+    for (std::uint8_t mode = 0; mode < 5; ++mode) {
+        SCOPED_TRACE(mode);
+        setup.dc.sii_mode = mode;
+        const auto mapped = config_map(*ctx, image);
+        EXPECT_EQ(mapped.ok(), mode != 3);
+        if (!mapped)
+            EXPECT_EQ(words(mapped.error()),
+                      "slave 1: activating SYNC: argument out of range: a SYNC cycle must be 0 to 4.29 s");
+        else
+            EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSync1CycleTime), kSync1.at(mode));
+    }
+}
+
 }  // namespace
 }  // namespace margay
