@@ -137,7 +137,11 @@ void note_difference(Network& network, const Slave& slave) {
     Clocks& clocks = network.clocks;
     ClockEntry& clock = clocks.of(slave);
     const FollowedClock followed = followed_clock(network, slave);
-    if (!clock.knows_difference() || followed.slave != clock.follows) return;
+    // The register of the reference shows a time that was meant for others, unless the application writes times to it,
+    // or the cycles carry the time of the standby: then the reference follows what the master sends.
+    const bool own_time = slave.number == clocks.reference && !clocks.is_driven && clocks.without_time < 2;
+    const bool known = clock.knows_difference() || (own_time && network.redundancy == nullptr);
+    if (!known || followed.slave != clock.follows) return;
     if (followed.slave != clocks.reference) {
         const std::int64_t own = followed.slave == slave.number ? 0 : clock.difference_ns;  // no frame brings it a time
         clock.difference_ns = static_cast<std::int32_t>(
@@ -145,9 +149,6 @@ void note_difference(Network& network, const Slave& slave) {
     }
     const SyncLimit limit{.limit_ns = clocks.settings.limit_ns, .settle = clocks.settings.settle};
     if (clock.in_sync != clock.watch.in_sync()) clock.watch.set(clock.in_sync);
-    // The register of the reference shows a time that was meant for others, unless the application writes times to it,
-    // or the cycles carry the time of the standby: then the reference follows what the master sends.
-    const bool own_time = slave.number == clocks.reference && !clocks.is_driven && clocks.without_time < 2;
     const std::int32_t difference = own_time ? 0 : clock.difference_ns;
     const auto change = clock.watch.update(difference, limit, network.engine.now());
     clock.in_sync = clock.watch.in_sync();

@@ -331,5 +331,25 @@ TEST_F(LateClocks, AReferenceWithAnotherWidthKeepsThePhase) {
     }
 }
 
+// Nothing is compared with the register of the reference, so it does not wait for 32 frames with its own time.
+TEST(LateReference, IsInSyncWhenItsSlaveIsBack) {
+    LateClocksBus bus;
+    bus.period = 10ms;
+    bus.hang(0, {.unit = sim::DcUnit::receive_times});
+    bus.hang(3, {.drift_ppb = 50'000, .start_ns = 123});
+    bus.hang(1, {.drift_ppb = -50'000, .start_ns = 1234});
+    bus.bring_up({}, {});
+    ASSERT_EQ(reference_clock(*bus.ctx), 2);
+    bus.power(1, false);
+    bus.steps(50);
+    ASSERT_EQ(reference_clock(*bus.ctx), 3);
+    bus.power(1, true);
+    for (unsigned n = 0; n < 200 && !bus.in_op(2); ++n) bus.step();
+    bus.steps(3);
+    EXPECT_EQ(reference_clock(*bus.ctx), 2);
+    EXPECT_TRUE(bus.in_op(2) && bus.clock(2).in_sync) << bus.joined(bus.events());
+    EXPECT_LE(std::abs(bus.ahead_ns(3, 2)), 200);
+}
+
 }  // namespace
 }  // namespace margay
