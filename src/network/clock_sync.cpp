@@ -1,5 +1,6 @@
 // SYNC signals, and the clock of a slave that comes back.
 #include "clock/system_time.hpp"
+#include "network/clock_restore.hpp"
 #include "network/network.hpp"
 #include "station/sii_access.hpp"
 #include "util/scoped_flag.hpp"
@@ -225,7 +226,8 @@ Task<Result<bool>> was_reset(Network& network, const Slave& reference, std::uint
         kNearest_ns + (now - clocks.system_at).count() / kRateParts;
 }
 
-// Looks whether the reference was reset, and gives it its time again.
+}  // namespace
+
 Task<Result<>> restore_reference(Network& network) {
     Clocks& clocks = network.clocks;
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
@@ -238,6 +240,8 @@ Task<Result<>> restore_reference(Network& network) {
     if (!clocks.paused && clocks.reference == reference.number) (void)carry_time_of(network, &reference);
     co_return Nothing{};
 }
+
+namespace {
 
 Slave& reference_of(Network& network, const Slave& slave) {
     return network.slave(network.redundancy == nullptr ? network.clocks.reference

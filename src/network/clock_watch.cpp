@@ -1,4 +1,5 @@
 // The supervision of the clocks: differences, and a reference clock that is lost.
+#include "network/clock_restore.hpp"
 #include "network/network.hpp"
 #include "network/wanted.hpp"
 #include "util/scoped_flag.hpp"
@@ -275,13 +276,17 @@ void watch_soon(Network& network) {
 
 // Keeps the time of the last cycle. A cycle that has stopped to carry the time of the reference, though the reference
 // is there, carries it again after some rounds: the supervision needs some time to see that the reference is lost.
-void note_time_of_cycle(Network& network) {
+// True: it has stopped, and the registers of the reference tell sooner whether this is still the same clock.
+bool note_time_of_cycle(Network& network) {
     Clocks& clocks = network.clocks;
     constexpr std::uint8_t kEnough = 20;
     const Slave& reference = network.slave(clocks.reference);
     // Below SAFEOP, a slave that has come back may not have its clock yet: prepare_clock() gives it back.
     const bool settled =
         reference.al.state >= AlState::safeop || reference.al.state == wanted_state(network, reference);
+    constexpr Duration kRecent = std::chrono::milliseconds(100);
+    const bool cycles = network.engine.now() <= later(network.engine.link().last_cycle(), kRecent);
+    bool stopped = false;
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference != clocks.reference || !group.dc_time.came) continue;
         const TimeSource source = time_source(group);
@@ -297,8 +302,11 @@ void note_time_of_cycle(Network& network) {
             clocks.without_time = 0;
         else if (!clocks.paused && settled && ++clocks.without_time >= kEnough)
             (void)carry_time_of(network, &reference);
+        else
+            stopped |= !clocks.paused && settled && cycles;
         if (clocks.without_time != 0 && network.redundancy == nullptr) watch_soon(network);
     }
+    return stopped && network.redundancy == nullptr;
 }
 
 Task<Result<>> compare_clocks(Network& network) {
@@ -379,7 +387,8 @@ Task<Result<>> watch_clocks(Network& network) {
     if (network.redundancy == nullptr && (network.segment_in_use || !is_there(network, clocks.reference)))
         co_return Nothing{};
     co_await required(set_late_clock(network));
-    note_time_of_cycle(network);
+    const bool stopped = note_time_of_cycle(network);
+    if (stopped) co_await completion(restore_reference(network));
     note_cycle_time(network);
     choose_standby(network);
     constexpr std::uint8_t kEnoughOld = 5;  // then all slaves of a branch are lost, or back

@@ -159,13 +159,13 @@ TEST_F(TimesThatStop, InSyncEndsInSilence) {
 }
 
 // After a silence the cycles carry no time until the reference is known to be the same. An oscillator that changes its
-// rate by 2 ppm meanwhile is 400 ns ahead after 200 ms.
+// rate by 15 ppm meanwhile is 450 ns ahead after 30 ms.
 TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackSoonWhereTheWatchIsSlow) {
     begin(4, 1s);
     segment.set_cable({0, 0}, false);
     cycles(1500);
     segment.set_cable({0, 0}, true);
-    segment.slave(2).set_drift(62'000, osal.now());  // it was 60 ppm
+    segment.slave(2).set_drift(75'000, osal.now());  // it was 60 ppm
     std::int64_t most = 0;
     for (unsigned n = 0; n < 5000; ++n) {
         cycles(1);
@@ -174,6 +174,24 @@ TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackSoonWhereTheWatchIsSlow) {
     EXPECT_GT(most, 200) << "the rate has changed";
     EXPECT_LE(most, 800);
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
+}
+
+// The registers of the reference tell that it is the same clock.
+TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackAtOnce) {
+    begin(4);
+    for (const unsigned silent : {15U, 50U, 300U, 900U}) {
+        SCOPED_TRACE(silent);
+        segment.set_cable({0, 0}, false);
+        cycles(silent);
+        segment.set_cable({0, 0}, true);
+        unsigned without = 0;
+        for (; without < 1000 && ctx->group(0).dc_time.slaves != 4; ++without) cycles(1);
+        EXPECT_LE(without, 50U);
+        for (unsigned n = 0; n < 2000; ++n) {
+            cycles(1);
+            ASSERT_TRUE(clock_status(*ctx, osal.now()).in_sync) << n;
+        }
+    }
 }
 
 // After a silence, only times that have come count: the register shows what was before the silence.
