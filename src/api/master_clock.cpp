@@ -63,15 +63,28 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     record_.read = group.dc_time.came && group.dc_time.slaves != 0;
     record_.clocks_in_sync = network.clocks.all_in_sync;
     record_.difference_ns = network.clocks.greatest_ns;
+    const auto tell_state = [this, &network] {
+        record_.state = state();
+        const bool in_sync = record_.state == PhaseState::in_sync;
+        if (in_sync == was_in_sync_) return false;
+        was_in_sync_ = in_sync;
+        network.report({.kind = in_sync ? EventKind::master_in_sync : EventKind::master_out_of_sync,
+                        .actual = static_cast<std::uint32_t>(record_.error_ns)});
+        return in_sync;
+    };
     if (!record_.read) {
         last_due_ns_ = 0;
         if (!corrects()) controller_.observe_nothing();
         record_.adjust_ns = corrects() ? controller_.coast() : 0;
         record_.adjusted_ns += record_.adjust_ns;
-        if (settings_.mode == Mode::master_shift) return Duration(record_.adjust_ns);
         if (settings_.mode == Mode::bus_shift) shift_reference(network, record_.adjust_ns);
-        return Duration{0};
+        // After this, nothing is known of the phase.
+        constexpr Duration kLongestWithout = std::chrono::seconds(1);
+        if (was_in_sync_ && network.engine.now() - read_at_ > kLongestWithout) fault_ = PhaseState::busy;
+        (void)tell_state();
+        return Duration(settings_.mode == Mode::master_shift ? record_.adjust_ns : 0);
     }
+    if (fault_ == PhaseState::busy) fault_ = PhaseState::idle;
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
     record_.bus_time_ns = whole_bus_time(network, group, record_.at, record_.bus_time_ns, read_at_);
     record_.bus_time_off_ns = record_.bus_time_ns % cycle;
@@ -80,13 +93,9 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     const std::uint64_t due_ns = record_.bus_time_ns - static_cast<std::uint64_t>(lateness.count());
     check_cycle(due_ns);
     const Duration earlier = correct(ctx, due_ns, record_.at);
-    const bool in_sync = state() == PhaseState::in_sync;
-    if (in_sync != was_in_sync_)
-        network.report({.kind = in_sync ? EventKind::master_in_sync : EventKind::master_out_of_sync,
-                        .actual = static_cast<std::uint32_t>(record_.error_ns)});
-    network.clocks.paced_ns = in_sync ? cycle : 0;
-    if (in_sync && !was_in_sync_) note_sync_cycles(network, cycle, UINT64_MAX);
-    was_in_sync_ = in_sync;
+    const bool begins = tell_state();
+    network.clocks.paced_ns = was_in_sync_ ? cycle : 0;
+    if (begins) note_sync_cycles(network, cycle, UINT64_MAX);
     return earlier;
 }
 
@@ -102,7 +111,6 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     record_.error_ns = error;
     record_.filtered_ns = filtered_ps_ / 1000;
     record_.drift_ppb = controller_.drift_ppb();
-    record_.state = state();
     record_.adjust_ns = correction;
     record_.adjusted_ns += record_.adjust_ns;
     if (network.clocks.reference != 0)
@@ -127,7 +135,7 @@ std::string_view to_text(PhaseState state) {
         case PhaseState::in_sync: return "in sync";
         case PhaseState::drift_too_high: return "the drift between both clocks is too high";
         case PhaseState::error_too_large: return "the error has exceeded the limit";
-        case PhaseState::set_value_wrong: return "the set value is not less than a cycle";
+        case PhaseState::set_value_wrong: return "the set value is not less than a cycle, or there is no cycle";
         case PhaseState::cycle_wrong: return "the cycle is not that of the settings";
         case PhaseState::mode_wrong: return "the mode of the cycle steers the reference clock too";
         case PhaseState::not_reference: return "the bridge is not the reference clock of its segment";

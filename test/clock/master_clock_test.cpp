@@ -256,7 +256,7 @@ TEST_F(MasterClockTest, TheLogHasOneLineForEachCycle) {
 TEST_F(MasterClockTest, WrongSettingsAreSaid) {
     bring_up(0, false);
     MasterClock far({.set_value = 1ms, .phase = {.cycle = 1ms}});
-    EXPECT_EQ(to_text(far.state()), "the set value is not less than a cycle");
+    EXPECT_EQ(to_text(far.state()), "the set value is not less than a cycle, or there is no cycle");
     for (const Duration wrong : {Duration::min(), Duration::max(), -1'000'000ns})
         EXPECT_EQ(MasterClock({.set_value = wrong, .phase = {.cycle = 1ms}}).state(), PhaseState::set_value_wrong);
     EXPECT_EQ(MasterClock({.phase = {.cycle = Duration::min()}}).state(), PhaseState::set_value_wrong);
@@ -270,6 +270,30 @@ TEST_F(MasterClockTest, WrongSettingsAreSaid) {
     EXPECT_EQ(right.state(), PhaseState::in_sync);
     right.restart();
     EXPECT_EQ(right.state(), PhaseState::idle);
+}
+
+// No frame comes back for 2 s: the phase is not known any more.
+TEST_F(MasterClockTest, WithoutATimeTheStateIsNotInSync) {
+    bring_up(50'000);
+    for (const auto mode : {MasterClock::Mode::master_shift, MasterClock::Mode::bus_shift}) {
+        SCOPED_TRACE(static_cast<int>(mode));
+        MasterClock clock({.mode = mode, .phase = {.cycle = 1ms, .settle = 50ms}});
+        run_cycles(clock, 6000);
+        ASSERT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state());
+        (void)events();
+        segment.set_noise({.lost = 1, .seed = 5});
+        run_cycles(clock, 900);
+        EXPECT_EQ(clock.state(), PhaseState::in_sync) << "it keeps the drift";
+        run_cycles(clock, 1100);
+        EXPECT_EQ(clock.state(), PhaseState::busy);
+        EXPECT_EQ(clock.record().state, PhaseState::busy);
+        segment.set_noise({});
+        run_cycles(clock, 3000);
+        EXPECT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state());
+        const auto all = events();
+        EXPECT_EQ(told(all, "cycle out of sync"), 1) << joined(all);
+        EXPECT_EQ(told(all, "cycle in sync, "), 1) << joined(all);
+    }
 }
 
 TEST_F(MasterClockTest, CyclesThatAreLostKeepTheRate) {
