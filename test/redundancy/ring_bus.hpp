@@ -27,22 +27,37 @@ using namespace std::chrono_literals;
 // frame.
 class HookedNic final : public Nic {
   public:
-    explicit HookedNic(Nic& nic) : nic_(nic) {}
+    HookedNic(Nic& nic, Osal& osal) : nic_(nic), osal_(osal) {}
     std::function<void()> before_send;
     bool tells_link = true;  // false: accepts every frame, and the link state is unknown
+    Duration sees_after{};   // it notices a lost link so much later, and accepts all frames until then
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (before_send) before_send();
+        const bool sees = sees_link();
         const SendStatus status = nic_.send(frame);
-        return status == SendStatus::failed && !tells_link ? SendStatus::sent : status;
+        return status == SendStatus::failed && (!tells_link || !sees) ? SendStatus::sent : status;
     }
     std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
-    LinkState link_state() noexcept override { return tells_link ? nic_.link_state() : LinkState::unknown; }
+    LinkState link_state() noexcept override {
+        if (!tells_link) return LinkState::unknown;
+        return sees_link() ? nic_.link_state() : LinkState::up;
+    }
     MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
     Time next_arrival() const noexcept override { return nic_.next_arrival(); }
 
   private:
+    bool sees_link() noexcept {
+        if (nic_.link_state() != LinkState::down)
+            lost_at_ = kNever;
+        else if (lost_at_ == kNever)
+            lost_at_ = osal_.now();
+        return lost_at_ == kNever || osal_.now() - lost_at_ >= sees_after;
+    }
+
     Nic& nic_;
+    Osal& osal_;
+    Time lost_at_ = kNever;
 };
 
 struct RingBus {
@@ -56,8 +71,8 @@ struct RingBus {
     std::vector<sim::PortRef> ring_cables;  // from the first NIC to the second one; one end of each
     std::vector<sim::PortRef> branch_cables;
     std::vector<std::uint16_t> numbers;  // of the slave, by its place in the segment; empty: in that order
-    Duration later[2]{};                // by how much later each NIC shows its frames
-    std::uint64_t frames = 0;           // sent by both NICs
+    Duration later[2]{};                 // by how much later each NIC shows its frames
+    std::uint64_t frames = 0;            // sent by both NICs
     std::function<void(std::uint64_t)> on_frame;
     std::uint8_t counter = 0;
 
@@ -107,7 +122,7 @@ struct RingBus {
             own.round_trip += later[n];
             own.mac[5] = static_cast<std::uint8_t>(own.mac[5] + n);
             wires[n] = std::make_unique<SimulatedNic>(segment, osal, own);
-            nics[n] = std::make_unique<HookedNic>(*wires[n]);
+            nics[n] = std::make_unique<HookedNic>(*wires[n], osal);
             nics[n]->before_send = [this] {
                 if (on_frame) on_frame(frames);
                 ++frames;
