@@ -140,6 +140,11 @@ void note_cycle(ProcessGroup& group, bool fresh) {
     if (odd || (fell_short && (changed || !group.sums_doubted))) doubt_sums(group);
 }
 
+void note_refusal(ProcessGroup& group) {
+    group.unfresh_cycle = group.cycle_received & 0xFFU;
+    if (!group.mapping) doubt_sums(group);
+}
+
 void confirm_sums(Network& network, ProcessGroup& group) {
     if (all_full(group)) {
         group.sums_doubted = group.sums_confirmed = false;

@@ -18,6 +18,8 @@ void note_leaving(ProcessGroup& group);
 // Call it at the end of a cycle that was not simply right. `fresh`: it has brought the inputs of all slaves that take
 // part.
 void note_cycle(ProcessGroup& group, bool fresh);
+// Call it when the NIC has refused a frame of a cycle: it is lost, and the application may not receive it.
+void note_refusal(ProcessGroup& group);
 
 // After a cycle that fell short or was lost, slaves may have changed places. The accepted working counter is believed
 // again when all slaves that take part have answered in SAFEOP or OP since it changed last. This starts to read their

@@ -395,12 +395,14 @@ void give_inputs(ProcessGroup& group) {
     SharedImageAccess::give_inputs(group.config.shared, group.image.subspan(group.output_bytes));
 }
 
-Error not_sent(const ProcessGroup& group, Link& link) {
+Error not_sent(ProcessGroup& group, Link& link) {
     if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
     // The application may not receive this cycle. Where cycles overlap, the thread that receives has the results.
     for (PreparedFrame& frame : group.prepared)
-        if (!frame.overlapped && frame.slot == nullptr && frame.end == CycleEnd::missing)
+        if (!frame.overlapped && frame.slot == nullptr && frame.end == CycleEnd::missing) {
             Link::mark_not_received(frame);
+            note_refusal(group);
+        }
     Error error = cycle_error(Errc::nic, group.number);
     error.actual = static_cast<std::uint32_t>(link.nic().last_error());
     return error;

@@ -124,7 +124,7 @@ void unprepare(ProcessGroup& group, Link& link, Time now);
 
 // The error of a cycle of which frames were not sent; callable from the cycle. Their datagrams have not come: old
 // inputs are not fresh. Errors: nic (actual: the system's error number), unknown_group (not mapped).
-[[nodiscard]] Error not_sent(const ProcessGroup& group, Link& link);
+[[nodiscard]] Error not_sent(ProcessGroup& group, Link& link);
 void set_outputs(ProcessGroup& group);
 // The slave of the copy whose bits are not part of its data in this group; 0: the copy can be executed.
 [[nodiscard]] std::uint16_t invalid_end(const ProcessGroup& group, const SlaveToSlave& copy);

@@ -202,6 +202,27 @@ TEST(EqualChange, IsSeenByASupervisionWithinItsInterval) {
     EXPECT_TRUE(plant.until([&] { return plant.in_op(3) && inputs_fresh(*plant.ctx, 3); }));
 }
 
+// The NIC has no link meanwhile, and the application does not receive the cycle whose frames are refused.
+TEST(EqualChange, IsSeenAtOnceBesideARefusedCycle) {
+    for (const bool supervised : {false, true}) {
+        SCOPED_TRACE(supervised);
+        Star plant(supervised);
+        plant.segment.set_master_cable(0, false);
+        plant.osal.advance(std::chrono::milliseconds(1));
+        EXPECT_FALSE(send_processdata(*plant.ctx).ok());
+        plant.change();
+        plant.segment.set_master_cable(0, true);
+        for (int n = 0; n < 5; ++n) {
+            plant.osal.advance(std::chrono::milliseconds(1));
+            EXPECT_TRUE(send_processdata(*plant.ctx).ok());
+            EXPECT_FALSE(receive_processdata(*plant.ctx, std::chrono::microseconds(500)).ok());
+            const DatagramStatus& sum = plant.ctx->group(0).datagrams[0];
+            EXPECT_EQ(sum.got, sum.accepted) << "the sum is right";
+            EXPECT_FALSE(inputs_fresh(*plant.ctx, 2)) << n;
+        }
+    }
+}
+
 TEST(EqualChange, IsSeenByReadstateWithoutASupervision) {
     Star plant(false);
     plant.change();
