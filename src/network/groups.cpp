@@ -32,7 +32,9 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
         // The configuration of the slave finds an error again.
         co_await completion(bring_to_state(network, slave, AlState::preop));
     }
-    auto done = co_await call_hook(slave.hooks.preop_to_safeop, network, slave);
+    Result<> done;
+    if (slave.hooks.preop_to_safeop)  // the application may have changed it meanwhile
+        done = co_await call_hook(slave.hooks.preop_to_safeop, network, slave);
     slave.hook_failed = !done.ok();
     if (!done) faults.note(network, slave, done.error());
     co_return done;

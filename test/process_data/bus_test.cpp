@@ -346,6 +346,25 @@ TEST_F(BusTest, HookIsCalledInPreopAndCanHoldTheSlaveBack) {
     EXPECT_EQ(ctx().slave(2).error.code, Errc::unsupported);
 }
 
+TEST_F(BusTest, AHookThatIsTakenAwayWhileItsSlaveGoesBackToPreopIsNotCalled) {
+    bus.add(8, 8);
+    bus.start();
+    const auto hook = [](HookedSlave, void*) -> Result<> { return Result<>(); };
+    for (int polls = 1; polls < 40; ++polls) {
+        ctx().slave(1).hooks.preop_to_safeop = hook;
+        ASSERT_TRUE(config_map(ctx(), image).ok());
+        MapRequest again;
+        again.image = image;
+        ASSERT_TRUE(submit(ctx(), again).ok());
+        for (int n = 0; again.busy(); ++n) {
+            if (n == polls) ctx().slave(1).hooks.preop_to_safeop = nullptr;
+            (void)poll(ctx(), bus.osal.now());
+            bus.osal.advance(100us);
+        }
+        EXPECT_EQ(again.error().code, Errc::none) << polls;
+    }
+}
+
 TEST_F(BusTest, WatchdogIsWritten) {
     bus.add(8, 0);
     bus.start();
