@@ -223,7 +223,9 @@ std::span<const CyclicRefusal> CyclicRunner::finish() noexcept {
     return std::span(refusals_).subspan(before, refused_ - before);
 }
 
-void CyclicRunner::refuse(const char* what, int error) noexcept { refusals_[refused_++] = {what, error}; }
+void CyclicRunner::refuse(const char* what, int error) noexcept {
+    if (refused_ < refusals_.size()) refusals_[refused_++] = {what, error};
+}
 
 Time CyclicRunner::now() noexcept { return monotonic_now(); }
 

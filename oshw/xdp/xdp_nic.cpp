@@ -17,6 +17,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <new>
 #include <utility>
@@ -217,8 +218,9 @@ constexpr int kTryAgainMs = 5;
 
 template <class Step>
 int once_free(Step step) {
+    const auto give_up = std::chrono::steady_clock::now() + std::chrono::milliseconds(kReleaseMs);
     int error = step();
-    for (int waited = 0; error == -EBUSY && waited < kReleaseMs; waited += kTryAgainMs) {
+    while (error == -EBUSY && std::chrono::steady_clock::now() < give_up) {
         ::poll(nullptr, 0, kTryAgainMs);
         error = step();
     }
