@@ -65,7 +65,7 @@ class Program {
                 print_out("{}\n", describe(*event, text));
             }
             // A message of a client ends the wait.
-            source_.osal().wait(std::min(next, source_.osal().now() + 100ms), source_.nic().wait_handle());
+            source_.osal().wait(std::min(next, source_.osal().now() + 100ms), source_.wait_handles());
         }
     }
 
