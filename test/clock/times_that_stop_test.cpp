@@ -182,7 +182,7 @@ TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackAtOnce) {
     for (const unsigned silent : {15U, 50U, 300U, 900U}) {
         SCOPED_TRACE(silent);
         segment.set_cable({0, 0}, false);
-        cycles(silent);
+        cycles(static_cast<int>(silent));
         segment.set_cable({0, 0}, true);
         unsigned without = 0;
         for (; without < 1000 && ctx->group(0).dc_time.slaves != 4; ++without) cycles(1);

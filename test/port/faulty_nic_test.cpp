@@ -383,7 +383,7 @@ TEST_F(FaultyNics, FramesOvertakeEachOther) {
         std::vector<std::vector<std::byte>> frames;
         std::size_t receive(Memory into) noexcept override {
             std::vector<std::byte> next(2048);
-            while (const auto length = inner().receive(next)) frames.emplace_back(next.begin(), next.begin() + length);
+            while (const auto length = inner().receive(next)) frames.emplace_back(next.data(), next.data() + length);
             if (frames.empty()) return 0;
             const auto last = frames.back();
             frames.pop_back();
@@ -524,7 +524,7 @@ struct OneSize : FilterNic {
 };
 
 TEST_F(FaultyNics, FramesOfOneSizeAreLostOrDamaged) {
-    for (const std::size_t size : {128, 256, 512, 1024, 1400, 1484, 1500, 1512}) {
+    for (const std::size_t size : {128U, 256U, 512U, 1024U, 1400U, 1484U, 1500U, 1512U}) {
         OneSize nic(wire, size, size % 8 == 4);
         host.lines.clear();
         expect_found(nic, "frames of every size come back unchanged");

@@ -94,7 +94,7 @@ void link_state_does_not_wait(Run& run) {
 // What is a frame for nic.hpp and has no place for a datagram, or has a VLAN tag.
 void every_frame_is_taken(Run& run) {
     FarEnd far(run);
-    for (const std::size_t size : {14, 15, 20, 27, 1515, 1516, 1517, 1518}) {
+    for (const std::size_t size : {14U, 15U, 20U, 27U, 1515U, 1516U, 1517U, 1518U}) {
         const Time until = run.osal.now() + 10 * run.port.reply;
         auto status = far.send_other(size);
         while (status == SendStatus::busy && run.osal.now() < until && run.wait_until(run.osal.now() + 100us))
