@@ -55,8 +55,13 @@ struct Question {
 };
 struct Reply {
     std::uint16_t wkc = 0;
+    bool crossed = false;     // it came back at the other NIC
     bool circulated = false;  // it has passed a slave whose port 0 is closed: the first slave behind a break
     std::array<std::byte, kOctets> octets{};
+
+    // All slaves of the ring have answered. A question of the other NIC would come back without an answer, and a
+    // recording would show a lost frame.
+    [[nodiscard]] bool has_passed_ring() const { return crossed && wkc != 0; }
 };
 
 // The answer of the slaves in a frame. Returns nothing for any other frame. A frame that no slave has processed is an
@@ -68,7 +73,7 @@ std::optional<Reply> answer_in(Bytes frame, const Question& question, bool cross
         datagram->header.address.ado() != wire::reg::kAlStatus.address || datagram->data.size() != kOctets ||
         (datagram->wkc == 0 && !crossed))
         return std::nullopt;
-    Reply reply{.wkc = datagram->wkc, .circulated = datagram->header.circulating};
+    Reply reply{.wkc = datagram->wkc, .crossed = crossed, .circulated = datagram->header.circulating};
     std::ranges::copy(datagram->data, reply.octets.begin());
     return reply;
 }
@@ -133,7 +138,7 @@ AlStatus al_status_in(Bytes registers) {
 SegmentLook look_at_segment(Nic& nic, Osal& osal, Nic* second) {
     if (!wait_for_link({&nic, second}, osal)) return {.link = false};
     const Reply one = ask_all({&nic, second}, osal, kIndex);
-    const Reply two = second == nullptr ? Reply{} : ask_all({second, &nic}, osal, kIndex + 1);
+    const Reply two = second == nullptr || one.has_passed_ring() ? Reply{} : ask_all({second, &nic}, osal, kIndex + 1);
     return {.slaves = static_cast<std::uint16_t>(one.wkc + two.wkc),
             .al_status = static_cast<std::uint16_t>(load_le<std::uint16_t>(one.octets, 0) |
                                                     load_le<std::uint16_t>(two.octets, 0))};
@@ -144,7 +149,7 @@ std::vector<AlStatus> look_at_states(Nic& nic, Osal& osal, Nic* second) {
     if (!wait_for_link({&nic, second}, osal)) return all;
     std::array<Ends, 2> ends{Ends{&nic, second}, Ends{second, &nic}};
     std::array<Reply, 2> replies{ask_all(ends[0], osal, kIndex)};
-    if (second != nullptr) replies[1] = ask_all(ends[1], osal, kIndex + 1);
+    if (second != nullptr && !replies[0].has_passed_ring()) replies[1] = ask_all(ends[1], osal, kIndex + 1);
     if (replies[0].circulated && !replies[1].circulated) {  // the first NIC is at the end of a broken ring
         std::swap(ends[0], ends[1]);
         std::swap(replies[0], replies[1]);

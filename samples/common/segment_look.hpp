@@ -25,8 +25,9 @@ struct SegmentLook {
 // the link, as config_init() does, then for the reply. Call it before init(), while no other code uses the NIC.
 //
 // The public API reads registers only of slaves that a scan has found, and a scan begins by putting slaves to INIT.
-// Therefore this function builds the frame itself. `second`: the NIC at the other end of a ring; each NIC asks, and the
-// answer comes back at either.
+// Therefore this function builds the frame itself. `second`: the NIC at the other end of a ring. The answer comes back
+// at either NIC; the second one asks too, unless the first answer has passed the whole ring. Slaves at branches that
+// only the frames of the second NIC reach are not seen then.
 [[nodiscard]] SegmentLook look_at_segment(Nic& nic, Osal& osal, Nic* second = nullptr);
 
 // The AL status in the registers 0x0130 to 0x0135 of one slave.
