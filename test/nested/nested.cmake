@@ -143,14 +143,8 @@ set(master SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g
            MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE}
            CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
 margay_nested(embedded/cortex_m0plus_builds ${master} MARGAY_CPU=cortex-m0plus FIXTURE mps2_images)
-# A Cortex-M7 without floating point: the compiler has the same macros and libraries for it as for the Cortex-M4, so that it sees the
-# sources of embedded/arm_builds and warns of the same. The part with code of the processor is compiled.
-add_test(NAME embedded/cortex_m7_macros COMMAND ${CMAKE_COMMAND} -DCOMPILER=arm-none-eabi-g++ "-DONE=-mcpu=cortex-m4 -mthumb -Os -DNDEBUG"
-         "-DOTHER=-mcpu=cortex-m7 -mthumb -Os -DNDEBUG" -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/same_macros.cmake)
-set_tests_properties(embedded/cortex_m7_macros PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
-list(TRANSFORM master REPLACE "^master$" "margay_bare" OUTPUT_VARIABLE bare)
-margay_nested(embedded/cortex_m7_builds ${bare} MARGAY_CPU=cortex-m7)
-set_tests_properties(embedded/cortex_m7_builds embedded/cortex_m7_macros PROPERTIES LABELS build_types)
+margay_nested(embedded/cortex_m7_builds ${master} MARGAY_CPU=cortex-m7)
+set_tests_properties(embedded/cortex_m7_builds PROPERTIES LABELS build_types)
 set(rv32 ${CMAKE_CURRENT_SOURCE_DIR}/embedded/rv32)
 margay_nested(embedded/rv32_builds SOURCE ${rv32} FIXTURE rv32_programs COST 60
               NEEDS riscv64-unknown-elf-g++ arm-none-eabi-g++ /usr/lib/picolibc/riscv64-unknown-elf/picolibc.specs
