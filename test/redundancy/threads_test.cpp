@@ -1,5 +1,6 @@
 // A ring with two NICs whose overlapped cycles are sent by one thread, while the owner receives, and old copies of
 // frames come back late.
+#include "oshw/filter_nic.hpp"
 #include "redundancy/clock_ring.hpp"
 
 #include <atomic>
@@ -171,9 +172,9 @@ TEST(RingThreads, TheFirstCopyIsBackBeforeTheSecondIsSent) {
 }
 
 // Refuses a frame where it is told so. What it sends is compared with what it was given, after `meanwhile`.
-class SlowNic final : public Nic {
+class SlowNic final : public FilterNic {
   public:
-    explicit SlowNic(Nic& nic) : nic_(nic) {}
+    using FilterNic::FilterNic;
     bool busy = false;
     std::function<void()> meanwhile;
     unsigned sent = 0;
@@ -185,15 +186,8 @@ class SlowNic final : public Nic {
         if (meanwhile) meanwhile();
         if (!std::ranges::equal(given, frame)) ++changed;
         ++sent;
-        return nic_.send(frame);
+        return inner().send(frame);
     }
-    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
-    LinkState link_state() noexcept override { return nic_.link_state(); }
-    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
-    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
-
-  private:
-    Nic& nic_;
 };
 
 // The first NIC was busy, so it sends its copy after the second one, whose copy is back by then. The reply is written
