@@ -12,8 +12,9 @@ struct StationAddress {
     friend constexpr auto operator<=>(StationAddress, StationAddress) = default;
 };
 
-// Position of a slave in the order in which a frame passes the processing units, from 0. On the wire (APRD, APWR, …)
-// the address is the negative of the position: each slave adds one, and the slave that reads zero is addressed.
+// Position of a slave in the order in which a frame passes the processing units. The first slave has position 0, as in
+// the standard; Slave::ring_position counts from 1. On the wire (APRD, APWR, …) the address is the negative of the
+// position: each slave adds one, and the slave that reads zero is addressed.
 struct RingPosition {
     std::uint16_t value = 0;
     [[nodiscard]] constexpr std::uint16_t on_wire() const { return static_cast<std::uint16_t>(-value); }

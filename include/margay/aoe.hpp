@@ -34,7 +34,7 @@ namespace margay {
 // invalid_argument (the command or the announced answer is longer than the mailbox), capacity (the answer is longer
 // than `data`), unsupported (no AoE), timeout, mailbox_error, protocol … When the answer of a slave is lost on the wire
 // and the slave cannot repeat it, the library sends AoeRead, AoeReadState and AoeReadDeviceInfo again. Every other
-// command ends with reply_lost: the slave may have executed it, and is not to execute it twice.
+// command ends with reply_lost: the slave may have executed the command, and must not execute it twice.
 struct AoeRequest : MailRequest {
     AoeAddress target;
     // The address of the master; the device sends its answer and its notifications there. The library accepts them
@@ -51,7 +51,7 @@ struct AoeRead : AoeRequest {
     AoeRead();
     std::uint32_t index_group = 0;
     std::uint32_t index_offset = 0;
-    std::span<std::byte> data;  // as many octets are requested
+    std::span<std::byte> data;  // its size is the number of octets that are requested
     std::size_t bytes = 0;      // result: how many the device has returned
 };
 
@@ -135,7 +135,7 @@ struct AoeSetNetId : AoeRequest {
 struct AoeNotification {
     AoeAddress source;             // the device
     std::uint32_t handle = 0;      // of AoeAddNotification
-    std::uint64_t time_stamp = 0;  // of the device: 100 ns since the year 1601, as far as the device has a clock
+    std::uint64_t time_stamp = 0;  // of the device: 100 ns since the year 1601, if the device has a clock
     Borrowed<std::byte> data;      // valid until notified() returns
 };
 

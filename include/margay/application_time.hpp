@@ -63,9 +63,9 @@ class ApplicationTime {
 
     // The reference clock follows the time of the last set(): its time is written to register 0x0910 of the reference
     // clock, and the control loop of the chip follows. Errors: wrong_state (no set() yet), busy (the last datagram of
-    // this kind is still under way; it counts), and the errors of submit().
+    // this kind is not back yet; it keeps its time), and the errors of submit().
     Result<> sync_reference_clock();
-    // The same with a time that is right when the datagram passes.
+    // The same, with a time that is right when the datagram passes the reference clock.
     Result<> sync_reference_clock_to(std::uint64_t time_ns);
     // Sends the time of the reference clock to all clocks behind it. Not needed where a cycle carries the time.
     Result<> sync_slave_clocks();
@@ -78,7 +78,8 @@ class ApplicationTime {
 
     // Reads an upper estimate of the differences between the reference clock and all other clocks, by one broadcast.
     Result<> queue_sync_monitor();
-    // Its result in ns: less than twice the greatest difference. Errors: as reference_clock_time().
+    // The result of queue_sync_monitor() in ns: less than twice the greatest difference. Errors: as
+    // reference_clock_time().
     [[nodiscard]] Result<std::uint32_t> process_sync_monitor() const;
 
   private:

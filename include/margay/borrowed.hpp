@@ -25,7 +25,8 @@ class Borrowed : public std::span<const T> {
     constexpr Borrowed(const T (&list)[N]) : Base(list) {}
     template <std::size_t N>
     constexpr Borrowed(const T (&&list)[N]) = delete;  // the list would end with the statement
-    // For a list in braces, GCC takes the constructor of a list that stays, although the one above is better.
+    // For a list in braces, GCC selects the constructor of an array that stays, although the deleted one above is the
+    // better match. So this one is deleted too.
     constexpr Borrowed(std::initializer_list<T>) = delete;
     constexpr Borrowed(const T* first, std::size_t count) : Base(first, count) {}
     template <std::ranges::contiguous_range R>

@@ -18,8 +18,8 @@
 
 namespace margay {
 
-// The clock of a slave, as its registers show it. The features register of some chips promises a clock that is switched
-// off, so it is not used.
+// The clock of a slave, as its registers show it. The features register of some chips shows a clock that is switched
+// off, so the library does not use that register.
 enum class ClockKind : std::uint8_t {
     unknown,        // configdc() has not looked
     none,           // no clock, no receive times: delays at its branches assume that its cables are equally long
@@ -39,8 +39,8 @@ struct SlaveClock {
     // lost last. While no time reaches a clock (after a break, or when the slave with the reference clock is lost), the
     // clock stays in sync for a second at most. A supervision updates this member. Without a supervision, or with a
     // watch_interval of zero, the member becomes false when the slave is seen to be lost, and stays false. While bus
-    // shift moves the reference clock faster than the other clocks can follow, these are not in sync. Behind a break of
-    // a ring with two NICs: see redundancy.hpp.
+    // shift moves the reference clock faster than the other clocks can follow, the other clocks are not in sync. Behind
+    // a break of a ring with two NICs: see redundancy.hpp.
     bool in_sync = false;
     bool sync_active = false;  // SYNC signals were activated
     // How long a SYNC signal stays active: ESC register 0x0982, which the chip loads from the SII. The library reads
@@ -113,11 +113,11 @@ struct ClockSettings {
     // EventKind::reference_lost and reference_clock report it. The last frame that was sent for the lost clock brings
     // the other clocks a time that the master has predicted. This time is wrong by the jitter of the cycle, and by the
     // propagation delay to a branch that is lost together with the clock. Where this is more than 50 µs (3 µs with two
-    // NICs), the rate of the new reference begins anew, and the others need about half a second to follow it: they are
-    // not in sync, and events say so. When a slave with a clock is back before the reference clock in the ring, its
-    // clock learns the rate and becomes the reference again, without a step of the others (EventKind::reference_clock);
-    // of a branch with several clocks, the first one does so. With cycles of 1 ms this takes less than a second, with
-    // longer ones some seconds.
+    // NICs), the rate of the new reference begins anew, and the other clocks need about half a second to follow it:
+    // they are not in sync, and events report that. When a slave with a clock returns to a place before the reference
+    // clock in the ring, the clock of this slave learns the rate and becomes the reference again, without a step of the
+    // other clocks (EventKind::reference_clock). If a branch with several clocks returns, its first clock becomes the
+    // reference. This takes less than a second with cycles of 1 ms, and some seconds with longer cycles.
     bool replace_lost_reference = true;
     // poll() calls this function with the start time of SYNC0 that the library proposes for a slave, in system time,
     // and writes the result of the function instead. nullptr: the proposed time is written. As a hook, the function
@@ -138,11 +138,11 @@ struct ClockStatus {
     std::uint64_t system_time_ns = 0;
 };
 
-// A SuperviseRequest keeps SlaveClock::in_sync up to date. It also does this with the clocks: a slave that was reset
-// gets delay and offset again before SAFEOP. A slave that was disconnected but kept its power is started again if its
-// clock differs by more than 100 µs, because its control loop would need long; if it kept its state too, and is before
-// the reference clock, its clock is set and its SYNC signals start again. A reference clock to which another program
-// has written a time gets its own rate again.
+// A SuperviseRequest keeps SlaveClock::in_sync up to date. It also restores clocks: a slave that was reset gets its
+// delay and its offset again before SAFEOP. A slave that was disconnected, has kept its power, and has a clock that
+// differs by more than 100 µs is started again, because the control loop of its clock would need a long time. But if
+// this slave has also kept its state, and is before the reference clock in the ring, the library sets its clock and
+// starts its SYNC signals again. A reference clock to which another program has written a time gets its own rate again.
 
 // Synchronises the clocks of all slaves; see configdc().
 struct ClockRequest : Request {

@@ -14,11 +14,11 @@
 // After a timeout, cancel(), a lost frame or a silence of the slave, the slave may still answer. The library sends the
 // slave an abort. Before the next request for the same object, the library waits for the late answer for 5 ms after the
 // slave has accepted the abort. If none comes, the library reads an object of its own choice (0x1000, 0x1001 or
-// 0x1018): a slave answers in order, so no late answer can follow the answer to this. The timeout of the next request
-// limits all of this: the request ends with Errc::timeout, or with a mailbox_error of the slave, and is not sent. The
-// library does not detect the late answer in these cases: a slave that answers out of order; a late TxPDO of the
-// mailbox (MailPdoFetch), which looks like one that the slave sends on its own; a reply that is sent twice before the
-// slave has counted a mail (some slaves never count).
+// 0x1018): a slave answers in order, so no late answer can follow the answer to this reading. The timeout of the next
+// request includes this waiting and this reading: the request ends with Errc::timeout, or with a mailbox_error of the
+// slave, and is not sent. The library does not detect the late answer in these cases: a slave that answers out of
+// order; a late TxPDO of the mailbox (MailPdoFetch), which looks like one that the slave sends on its own; a reply that
+// is sent twice before the slave has incremented its mailbox counter (some slaves never do).
 #pragma once
 
 #include <margay/borrowed.hpp>

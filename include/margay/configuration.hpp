@@ -133,9 +133,9 @@ struct SlaveConfiguration {
     bool no_mailbox : 1 = false;          // its mailbox is not used. Set this before the slave leaves INIT, by expect()
     bool no_complete_access : 1 = false;  // CoE objects are always read and written subindex by subindex
     bool fixed_pdos : 1 = false;  // the PDOs of `setup` describe what the slave has; the library writes none of them
-    // When the slave starts up again, with another revision too, its SyncManagers and FMMUs are set as they were
-    // mapped, and the library does not compare which PDOs the slave has. Outputs reach the wrong objects if the slave
-    // has others: for an application whose preop_to_safeop writes the PDOs at each start-up.
+    // When the slave starts up again, also with another revision, the library sets its SyncManagers and FMMUs as they
+    // were mapped, and does not compare the PDOs of the slave. If the slave has other PDOs, outputs reach the wrong
+    // objects. For an application whose preop_to_safeop writes the PDOs at each start-up.
     bool unchecked_pdos : 1 = false;
     // The highest state that the slave is brought to: PREOP (no process data), SAFEOP or OP.
     AlState highest = AlState::op;

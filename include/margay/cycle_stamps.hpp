@@ -33,7 +33,7 @@ struct CycleStamps {
 // cycle. `frame`: of the frames of the group, from 0. Returns no time when the frame has not come back, when `nic` has
 // no clocks, when the group or the frame does not exist, when cycles of the group overlap
 // (GroupConfiguration::cycles_in_flight), or when the calling thread does not own the context. In a ring with two NICs
-// only the copy that the first NIC has sent is looked for; `nic` may have `sent` of one NIC and `received` of the
+// the function finds only the copy that the first NIC has sent; `nic` may have `sent` of one NIC and `received` of the
 // other. Callable from the cycle; never waits. It costs one system call with PacketNic, and none with a NIC without
 // clocks.
 [[nodiscard]] CycleStamps cycle_stamps(Context& ctx, const FrameTiming& nic, std::size_t frame = 0,

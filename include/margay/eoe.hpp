@@ -44,8 +44,8 @@ namespace margay {
 struct EoeSetIp : MailRequest {
     EoeSetIp();
     EoeIp ip;
-    // Parameters that are not set occupy no octets in the message. The standard gives each parameter its place; some
-    // slaves expect this instead.
+    // Parameters that are not set occupy no octets in the message. In the standard each parameter has a fixed place in
+    // the message; some slaves expect a packed message.
     bool packed = false;
 };
 
@@ -87,8 +87,9 @@ struct EoeStatistics {
     std::uint32_t too_long = 0;    // frames of more than kEoeFrameBytes octets
 };
 
-// The memory of a port: how many of the longest frames wait in each direction (more shorter ones), and of how many
-// frames a slave may send the fragments at the same time.
+// The memory of a port. ToSlave, FromSlave: how many frames of the greatest length can wait in each direction; more
+// frames fit if they are shorter. AtOnce: how many frames can be incomplete at the same time, because the slave sends
+// their fragments alternately.
 template <std::size_t ToSlave, std::size_t FromSlave, std::size_t AtOnce = 2>
 struct EoePortMemory {
     static constexpr std::size_t kOne = kEoeFrameBytes + 8;
@@ -120,8 +121,8 @@ struct EoeFrame {
 // take_sending_time(); both may be any threads, also the thread of the cycle. No call waits.
 class EoePort final : public MailRequest {
   public:
-    // All memory outlives the request. `parts`: for a frame that a slave has begun, kEoeFrameBytes each, at most
-    // kMostAtOnce.
+    // All memory outlives the request. `parts`: kEoeFrameBytes for each frame that can be incomplete at the same time;
+    // at most kMostAtOnce frames.
     EoePort(std::span<std::byte> to_slave, std::span<std::byte> from_slave, std::span<std::byte> parts);
     template <std::size_t ToSlave, std::size_t FromSlave, std::size_t AtOnce>
     explicit EoePort(EoePortMemory<ToSlave, FromSlave, AtOnce>& memory)
@@ -148,7 +149,7 @@ class EoePort final : public MailRequest {
     // Queues a frame. False: the queue is full, or the frame has fewer than 14 or more than kEoeFrameBytes octets; it
     // is dropped and counted. `want_time`: asks the slave for the time at which it sends the frame.
     bool send(std::span<const std::byte> frame, bool want_time = false);
-    // The queue has room for the longest frame.
+    // Whether the queue has room for the longest frame.
     [[nodiscard]] bool can_send() const;
 
     // Removes the oldest received frame and copies its octets to `into`, as far as they fit.
@@ -159,7 +160,7 @@ class EoePort final : public MailRequest {
     // From any thread.
     [[nodiscard]] EoeStatistics statistics() const;
 
-    // Room for a frame in each direction, and for one whose fragments arrive.
+    // Whether the memory has room for a frame in each direction, and for one frame whose fragments arrive.
     [[nodiscard]] bool has_memory() const {
         constexpr std::size_t kOne = EoePortMemory<1, 1, 1>::kOne;
         return to_slave_.size() >= kOne && from_slave_.size() >= kOne && parts_.size() >= kEoeFrameBytes;

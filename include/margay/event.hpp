@@ -23,8 +23,8 @@ enum class EventKind : std::uint8_t {
     stranger,  // a slave that is not expected is connected to `port` of `slave`: not in the list of expect(), without a
                // list not found by the scan (actual: product, expected: revision, detail: vendor)
     ambiguous,  // a device is connected to `port` of slave `expected` (0: a NIC). `slave` and `other` are lost, and the
-                // device may be either of them: its identity and its place are right for both. It gets no outputs
-                // until enough of the lost slaves are there, or until config_init() scans again
+                // device may be either of them: its identity and its place are right for both. It gets no outputs until
+                // other lost slaves have returned and only one slave is left for it, or until config_init() scans again
     missing,    // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
     recovered,  // a slave has reached its target state again
     recovery_failed,  // bringing a slave back has failed (`error`: the reason); the supervision will try again

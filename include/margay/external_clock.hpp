@@ -27,7 +27,7 @@ struct ExternalClockSettings {
     MasterClockSettings cycle{};
     // The controller of the reference clock against the other segment. The library sets its `cycle` to the cycle above.
     PhaseSettings phase{};
-    // The system time of this segment minus the system time of the other segment, when both are in sync: within `grid`.
+    // The system time of this segment minus the system time of the other segment, modulo `grid`, when both are in sync.
     // So the SYNC signals of this segment come at the same time as in the other segment, or `offset` later.
     Duration offset{0};
     Duration grid{0};  // a multiple of the SYNC cycles of both segments; zero: the cycle;
@@ -58,7 +58,7 @@ class ExternalClock : public CycleClock {
     [[nodiscard]] PhaseState state() const { return fault_ == PhaseState::idle ? reference_.state() : fault_; }
     // The error of the reference clock against the other segment in ns; positive when this segment is ahead.
     [[nodiscard]] std::int64_t error_ns() const { return reference_.error_ns(); }
-    // The bridge has shown a new time stamp within the last 16 cycles.
+    // Whether the bridge has shown a new time stamp within the last 16 cycles.
     [[nodiscard]] bool connected() const { return silent_ < kSilent; }
     // The system time of this segment minus the system time of the other segment, by the bridge's last time stamps.
     [[nodiscard]] std::int64_t difference_ns() const { return difference_ns_; }

@@ -25,8 +25,8 @@ enum class Feature : std::uint8_t { none, coe, soe, overlap, boot };
 
 // The PDOs of a slave with an object dictionary are read from the dictionary (0x1C00, 0x1C12, 0x1C13 …). Without this
 // feature the sizes come from the SII of the slave, unless the application lists its PDOs for each SyncManager:
-// warnings() then has Errc::unsupported once for the slave, with the octets that are used. Where the SII has no sizes,
-// config_map() fails with this error. The slave may refuse SAFEOP if it has other PDOs than its SII says.
+// warnings() then has Errc::unsupported once for the slave, with the number of octets that are used. Where the SII has
+// no sizes, config_map() fails with this error. The slave may refuse SAFEOP if its PDOs differ from its SII.
 extern const CoeFeature kCoeFeature;
 // The process data of SoE drives is read from their parameters. Without this feature the sizes come from the SII of the
 // drive, with the same warning and the same error as without kCoeFeature.

@@ -1,9 +1,9 @@
 // A function of the application that the library calls while it works on one slave. A hook has one of two forms.
 //
 // A plain function does its work at once and returns a Result. For example, it fills in the configuration of the slave.
-// It must not wait: functions that wait return Errc::in_callback (with another context they stop the cycle). It may
-// return Errc::busy: then the library calls it again after a millisecond, for at most 10 seconds; after that, the hook
-// has failed with Errc::timeout.
+// It must not wait: functions that wait return Errc::in_callback. (With another context they do wait, and stop the
+// cycle.) It may return Errc::busy: then the library calls it again after a millisecond, for at most 10 seconds; after
+// that, the hook has failed with Errc::timeout.
 //
 // A sequence is a coroutine that returns a Task. It may await all functions of HookedSlave: access to the mailbox and
 // the registers of its slave. It does not stop the cycle or other slaves. (While a request for the whole segment waits

@@ -29,10 +29,10 @@ struct Limits {
     std::uint16_t guests = 16;
     // Octets of memory for running sequences and hooks. 0: as much as `tasks` sequences at the same time and requests
     // beside them need. Less memory makes the start-up slower: one slave for each 1024 * sizeof(void*) octets is
-    // processed at a time, and at least one. Too little for the operation on one slave ends it with Errc::capacity: the
-    // simulated devices of this project, with a mailbox of 1 KiB each, need up to 8.6 KiB with pointers of 64 bits, and
-    // up to 7 KiB (5.5 KiB without the supervision) with pointers of 32 bits. Context::arena_peak_bytes() shows what a
-    // program has needed.
+    // processed at a time, and at least one. If the memory is too small for the operation on one slave, the operation
+    // ends with Errc::capacity. The simulated devices of this project, with a mailbox of 1 KiB each, need up to 8.6 KiB
+    // with pointers of 64 bits, and up to 7 KiB (5.5 KiB without the supervision) with pointers of 32 bits.
+    // Context::arena_peak_bytes() shows what a program has needed.
     std::uint32_t arena_bytes = 0;
     // False: no memory for distributed clocks (216 octets for each slave); configdc() fails with Errc::capacity.
     bool clocks = true;

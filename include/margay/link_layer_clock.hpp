@@ -24,7 +24,7 @@ struct LinkLayerClockSettings {
     std::uint8_t group = 0;  // whose cycle carries the time of the reference clock
     // The phase of the frame, when it passes the reference clock, against the whole multiples of the cycle in system
     // time (SYNC0 without a shift); negative: before. Less than a cycle. The frames leave at whole multiples of the
-    // cycle in the time of the NIC, so that the system time is the time of the NIC plus set_value, within the cycle.
+    // cycle in the time of the NIC, so that the system time is the time of the NIC plus set_value, modulo the cycle.
     Duration set_value{0};
     // The settings of both controllers. The controller of the cycle treats no error as an outlier, because its errors
     // contain the jitter of the driver.
@@ -41,8 +41,8 @@ class LinkLayerClock : public CycleClock {
     // As MasterClock::update(): call it after each receive_processdata(); run_cycle() and reach() do it. Returns by how
     // much the next cycle must come earlier, so that the frames leave at the whole multiples of the cycle.
     // EventKind::master_in_sync and master_out_of_sync are reported for the reference clock. A cycle whose frame has no
-    // time stamp yet is compared one cycle later; without a time stamp it corrects nothing, as do overlapping cycles
-    // (GroupConfiguration::cycles_in_flight).
+    // time stamp yet is compared one cycle later. A cycle that never gets a time stamp corrects nothing, and neither do
+    // overlapping cycles (GroupConfiguration::cycles_in_flight).
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
     void restart();
 

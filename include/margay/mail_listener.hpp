@@ -12,7 +12,8 @@
 //
 // The protocols have listeners of their own: MailPdoListener (coe.hpp), SoeListener (soe.hpp), VoeInbox (voe.hpp),
 // AoeListener (aoe.hpp). Emergencies go to emergencies() only. Mail that no listener takes is counted as unexpected
-// (mailbox_statistics()). A listener of type `error` gets mailbox errors that most likely answer no request that waits.
+// (mailbox_statistics()). A listener of type `error` gets the mailbox errors that are probably not the answer to a
+// waiting request.
 #pragma once
 
 #include <margay/detail/list.hpp>

@@ -2,18 +2,24 @@
 // waits.
 //
 // Names. A service of a mailbox protocol begins with the protocol, in capitals but for SoE: SDOread(), SDOwrite(),
-// SoEread(), SoEcommand(), FOEread(), AOEread(), EOEset_ip(), VOEsend(); raw_mail() is for any protocol. The functions
-// that every master has keep their usual names: config_init(), config_map(), send_processdata(), receive_processdata(),
-// readstate(), writestate(), statecheck(), configdc(), dcsync0(), dcsync01(). Every other function that does something
-// is a verb and its object: read_register(), read_sii(), find_entry(), recover_slave(), set_target(). A function that
-// only returns what is known already is named after its result: all_right(), inputs_fresh(), emergencies(). The
-// requests of the usual functions are SdoUpload (SDOread()), SdoDownload (SDOwrite()), ScanRequest (config_init()),
-// MapRequest (config_map()), ClockRequest (configdc()) and SyncRequest (dcsync0(), dcsync01()). Other requests have
-// words of their function in CamelCase, most of them without the verb: read_object_list() and ObjectListRequest. A
-// method of Context returns a part of the context. A method of HookedSlave begins with what it accesses: sdo_read().
+// SoEread(), SoEcommand(), FOEread(), AOEread(), EOEset_ip(), VOEsend(). Exceptions are raw_mail(), which is for any
+// protocol, and the services of SDO information: read_object_list(). The functions that every master has keep their
+// usual names: config_init(), config_map(), send_processdata(), receive_processdata(), readstate(), writestate(),
+// statecheck(), configdc(), dcsync0(), dcsync01(). Every other function that does something is a verb with its object:
+// read_register(), read_sii(), find_entry(), recover_slave(), set_target(); or a verb alone, if an argument is the
+// object: submit(), listen(), expect(). A function that only returns what is known, or only computes, is named after
+// its result: all_right(), inputs_fresh(), emergencies(), sii_checksum(), what_is_wrong(). A function whose first
+// argument is a Transition writes nothing to a slave: it returns a StartupCommand, and has the name of the work of this
+// command (write_object(), startup.hpp). The requests of the usual functions are SdoUpload (SDOread()), SdoDownload
+// (SDOwrite()), ScanRequest (config_init()), MapRequest (config_map()), ClockRequest (configdc()) and SyncRequest
+// (dcsync0(), dcsync01()). Other requests have words of their function, or of their work, in CamelCase, most of them
+// without the verb: read_object_list() and ObjectListRequest. A method of Context returns a part of the context. A
+// method of HookedSlave begins with what it accesses: sdo_read().
 //
 // Numbers. `number` is the number of a slave, which config_init() gives and which stays until the next config_init().
-// `position` is a place in the ring, which the standard counts with auto-increment addresses, and nothing else.
+// `position` is the place of a slave in the ring, and nothing else. The standard counts it from 0, with auto-increment
+// addresses: so do RingPosition (address.hpp) and EniSlave::ring_position (files/eni.hpp). Slave::ring_position counts
+// from 1; 0 means that the slave is not in the ring.
 #pragma once
 
 #include <margay/aoe.hpp>
@@ -185,12 +191,12 @@ Result<> replan_processdata(Context& ctx, std::uint8_t group = 0);
 // error of the first slave that is held or missing, whose hook or PDOs have failed, or whose commands or hook after the
 // last transition have failed or were ended (start_up_unfinished, if there is no other error); the request is sent to
 // the other slaves nevertheless. other_state: a slave that enters every state by itself (device emulation) would leave
-// out the commands and hooks of a state between; request the states one by one. When a slave has made an earlier
+// out the commands and hooks of an intermediate state; request the states one by one. When a slave has made an earlier
 // transition and no function has read its new state yet, the commands and the hook after that transition are executed
-// first. While a supervision keeps another state, writestate() fails with
-// Errc::supervised: use set_target(). On the way from INIT to PREOP, the SyncManagers of a slave with a mailbox are
-// written anew: after INIT, set_target() or reconfigure_slave() bring the slave to SAFEOP and OP, and writestate() does
-// not, because the slave refuses SAFEOP.
+// first. While a supervision keeps another state, writestate() fails with Errc::supervised: use set_target(). On the
+// way from INIT to PREOP, the library writes only the SyncManagers of the mailboxes of a slave with a mailbox. Such a
+// slave then refuses SAFEOP: after INIT, use set_target() or reconfigure_slave() in place of writestate() to bring it
+// to SAFEOP and OP.
 //
 // The commands and the hook after the transition begin when readstate(), statecheck() or the supervision reads the new
 // state, whichever is first. They continue during all later calls of poll(). As long as they execute, other
@@ -245,7 +251,8 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //   wire.
 // - no_cycle: nothing was sent since the last receive_processdata(). The image is unchanged.
 // - no_frame (actual: the number of frames that did not come back): the inputs of these frames are old. Machines may be
-//   exchanged while no frame comes back: a supervision compares the slaves afterwards, without one call readstate().
+//   exchanged while no frame comes back: a supervision compares the slaves afterwards; without a supervision, call
+//   readstate().
 // - working_counter (expected, actual): a slave did not take part; or a slave that was away answers again, and its
 //   identity was not compared yet (slave: this one; then expected and actual may be equal). With detail
 //   Error::kOthersFresh, every slave that did not take part is known to be lost (by readstate() or the supervision;

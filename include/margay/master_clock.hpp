@@ -35,8 +35,8 @@ struct MasterClockSettings {
         off,
         master_shift,  // the master's cycle follows the reference clock: update() returns the adjustment
         // The reference clock follows the master's cycle: update() steers its offset (0x0920). The other clocks follow
-        // a change of its rate late, by some 30 ns for each ppm: while it seeks the phase (up to 600 ppm), they are up
-        // to 20 µs apart, and are not in sync.
+        // a change of its rate late, by some 30 ns for each ppm: while the reference clock moves to the phase (at up to
+        // 600 ppm), the other clocks differ from it by up to 20 µs, and are not in sync.
         bus_shift,
         // The reference clock follows the time of the master without a controller: update() writes the time to its
         // register 0x0910, and the chip's own control loop follows. The cycle must be accurate. state() is in_sync when

@@ -18,8 +18,8 @@ class ReceiveClock {
     // When the first octet of the newest received frame with these first octets has arrived, in ns of the NIC's clock;
     // the same clock as that of SendClock, if the NIC has both. Nothing when no such frame was received, or when the
     // NIC has no time for it. `head` has kHeadBytes octets, as they were received; the length in the EtherCAT header
-    // and the address of the datagram are not compared, because datagrams may be added and slaves count the position.
-    // Never waits. For the thread that owns the context.
+    // and the address of the datagram are not compared, because datagrams may be added, and each slave increments an
+    // address by position. Never waits. For the thread that owns the context.
     [[nodiscard]] virtual std::optional<std::uint64_t> receive_time_ns(std::span<const std::byte> head) noexcept = 0;
 
   protected:

@@ -150,11 +150,11 @@ struct SiiWriteRequest : SlaveRequest {
 // Brings one slave to a state. BOOT: the slave goes to INIT first, its process data is cleared, and it gets the
 // mailboxes of BOOT (Errc::unsupported if its SII describes none); from BOOT to PREOP it goes through INIT. Then the
 // process data must be configured again: reconfigure_slave(), or the supervision; a slave whose revision has changed
-// needs config_map() (Errc::remapping_needed), and so does one whose process data has another size now (pdo_size).
-// `timeout` zero: the time that the standard allows for the transition. A hook that executes when the time is over is
-// ended a quarter of a second later. While a supervision is busy, a slave that is lost is refused with missing_slave. A
-// slave that enters every state by itself (device emulation) is refused with other_state if the way up would leave out
-// the commands and hooks of a state between.
+// (Errc::remapping_needed), or whose process data has another size now (pdo_size), needs config_map(). `timeout` zero:
+// the time that the standard allows for the transition. A hook that executes when the time is over is ended a quarter
+// of a second later. While a supervision is busy, a slave that is lost is refused with missing_slave. A slave that
+// enters every state by itself (device emulation) is refused with other_state if the way up would leave out the
+// commands and hooks of a state between.
 struct StateRequest : SlaveRequest {
     StateRequest();
     AlState wanted = AlState::none;

@@ -109,24 +109,24 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // of these slaves. Call it after receive_processdata(). Callable from the cycle: never waits, and looks at each slave
 // once.
 //
-// How old this may be: a slave that exchanges process data is shown by the last cycle that was received, which was sent
-// up to cycles_in_flight cycles before. A slave whose target is INIT or PREOP is in no cycle. A supervision sees within
-// some cycles that it is gone, if poll() is called after each of them, and within 100 ms if no frame comes back.
-// receive_processdata() names the one change that no cycle shows.
-// Without a supervision, the last reading of its state is valid for a second of cycles. Then all_right() is false
-// (not_supervised): call readstate() more often, or submit a SuperviseRequest.
+// How old the result may be: of a slave that exchanges process data it is as old as the last received cycle, which was
+// sent up to cycles_in_flight cycles before. A slave whose target is INIT or PREOP is in no cycle. A supervision sees
+// within some cycles that such a slave is gone, if poll() is called after each cycle, and within 100 ms if no frame
+// comes back. receive_processdata() names the one change that no cycle shows. Without a supervision, the last reading
+// of the state of such a slave is valid for a second of cycles. Then all_right() is false (not_supervised): call
+// readstate() more often, or submit a SuperviseRequest.
 [[nodiscard]] bool all_right(Context& ctx);
 // The first reason why all_right() is false, by slave number; code none if all_right() is true. Codes: missing_slave,
 // other_slave, unexpected_slave, identity_unread (the slave was away, and its identity was not compared since),
-// unknown_group (the group of the slave is not mapped), no_place, al_status, other_state
-// (the slave is in another state than its target), start_up_unfinished (the slave is in its state, but the commands or
-// the hook after the transition have not ended, have failed or were ended), remapping_needed (when it is started
-// again), every error of the slave's start-up, working_counter (the slave does not take part in the cycle, or a working
-// counter of group `index` is low), no_frame (no cycle of group `index` came), wrong_state (no slaves yet), not_polled
-// (requests are busy, and the owner has exchanged process data for a second without a call of poll()), not_supervised
-// (no supervision is busy, and the states of all slaves were not read for a second of cycles), group_left_out (a mapped
-// group was not exchanged for a second of cycles; seen from the second call on), invalid_argument (a copy of a mapped
-// group is not executed, because its slave is in another group now, or GroupConfiguration::copies was changed; detail:
+// unknown_group (the group of the slave is not mapped), no_place, al_status, other_state (the slave is in another state
+// than its target), start_up_unfinished (the slave is in its state, but the commands or the hook after the transition
+// have not ended, have failed or were ended), remapping_needed (found when the slave is started again), every error of
+// the slave's start-up, working_counter (the slave does not take part in the cycle, or a working counter of group
+// `index` is low), no_frame (no cycle of group `index` came), wrong_state (no slaves yet), not_polled (requests are
+// busy, and the owner has exchanged process data for a second without a call of poll()), not_supervised (no supervision
+// is busy, and the states of all slaves were not read for a second of cycles), group_left_out (a mapped group was not
+// exchanged for a second of cycles; seen from the second call on), invalid_argument (a copy of a mapped group is not
+// executed, because its slave is in another group now, or GroupConfiguration::copies was changed; detail:
 // Argument::copy).
 [[nodiscard]] Error what_is_wrong(Context& ctx);
 

@@ -56,7 +56,7 @@ class TripleBuffer {
 //     std::vector<std::byte> memory(SharedImage::memory_bytes(outputs, inputs));
 //     SharedImage shared(memory);
 //     ctx.group(0).config.shared = &shared;
-//     // In the other thread, at any time but while config_map() executes, which divides the memory again:
+//     // In the other thread, except while config_map() executes, because it divides the memory again:
 //     if (shared.refresh_inputs()) { … shared.inputs() … }
 //     … shared.outputs() …
 //     shared.publish_outputs();

@@ -136,8 +136,9 @@ struct Slave {
     Identity identity;
     DlInformation dl;
     AlStatus al;  // as read last
-    // The slave's position in the ring as found last, the first is 1; 0: the slave is not in the ring. It may
-    // differ from `number` when slaves are missing or unexpected, or are identified by something else than their place.
+    // The slave's position in the ring as found last. The first slave has 1, although the standard and RingPosition
+    // count from 0; 0: the slave is not in the ring. The position may differ from `number` when slaves are missing or
+    // unexpected, or are identified by something else than their place.
     std::uint16_t ring_position = 0;
     // Explicit device id (ETG.1020), mostly set by a switch on the device; read if expect() names a device id for this
     // slave.

@@ -88,8 +88,8 @@ class SpscRing {
 
   private:
     // The state of the reader in one word: its index, how often the ring was cleared, and whether the reading thread
-    // copies a value. Positions count from 0 to twice the size, so that a full ring differs from an empty one for every
-    // size.
+    // copies a value. The index counts from 0 to twice the size, so that a full ring differs from an empty one for
+    // every size.
     static constexpr std::uint32_t kPlace = 0x0003FFFF;
     static constexpr std::uint32_t kOneClear = 0x00040000;
     static constexpr std::uint32_t kClears = 0x7FFC0000;

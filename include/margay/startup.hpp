@@ -76,8 +76,8 @@ struct StartupCommand {
         write_object,       // SDO download
         write_parameter,    // SoE write of a value: `index` is the IDN, `subindex` the number of the drive
         execute_parameter,  // SoE procedure command, until it has been executed; `timeout` is for the whole of it
-        send_aoe,           // AoE command that writes, and
-        send_eoe,           // EoE request that sets parameters: `data` is the message, see startup_mail.hpp
+        send_aoe,           // AoE command that writes: `data` is the message, see startup_mail.hpp
+        send_eoe,           // EoE request that sets parameters: `data` as for send_aoe
     };
 
     Kind kind = Kind::write_register;

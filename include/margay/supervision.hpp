@@ -15,7 +15,7 @@ namespace margay {
 struct PortErrors {
     std::uint32_t invalid_frames = 0;  // frames damaged before this port: CRC or alignment error
     std::uint32_t rx_errors = 0;       // receive errors of the physical layer
-    std::uint32_t forwarded = 0;       // frames that the previous slave received damaged: not by this cable
+    std::uint32_t forwarded = 0;       // frames that the previous slave received damaged: this cable is not the cause
     std::uint32_t lost_links = 0;
 };
 // The error counters of one slave.
@@ -53,7 +53,7 @@ struct LineErrors {
 // When the number of slaves has changed, the supervision scans the ring and updates slave(n).ring_position, parent and
 // ports. Expected slaves that were missing are started up when they appear: SII, mailboxes, start-up commands, hooks,
 // process data (ExpectedSlave says how they are identified). An unexpected slave is reported as EventKind::stranger,
-// with the port it is connected to, after it was found twice, with `retry` between the two. It is not used until
+// with the port to which it is connected, when it was found twice with `retry` between both times. It is not used until
 // config_init() scans again.
 //
 // A slave that is held (Tolerance) is kept in PREOP or INIT. set_target() (margay/run.hpp) or a change of `target` sets

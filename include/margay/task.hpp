@@ -90,7 +90,7 @@ struct PromiseBase : ListLink {
 };
 
 // Begins `task` for the sequence that awaits it. Returns the coroutine that continues. nullptr: the arena was full;
-// then the waiting sequence continues, or ends, in the next poll(), since it might try again and again.
+// then the waiting sequence continues, or ends, in the next poll(), because it may try again and again.
 [[nodiscard]] std::coroutine_handle<> await_task(PromiseBase* task, PromiseBase& waiting) noexcept;
 [[nodiscard]] std::coroutine_handle<> require_task(PromiseBase* task, PromiseBase& waiting) noexcept;
 [[nodiscard]] std::coroutine_handle<> require_value(PromiseBase* task, PromiseBase& waiting) noexcept;

@@ -16,7 +16,7 @@
 // states) travel in the frames of the cycle, if the application does not say otherwise: then building and reading the
 // frames takes longer, about 1000 instructions a cycle with four clients that ask without a pause. With
 // GroupConfiguration::acyclic_bytes = 0, poll() sends these datagrams in frames of their own between the cycles, and
-// the same clients cost 130 to 200 instructions a cycle. An application that wants its cycle constant sets it.
+// the same clients cost 130 to 200 instructions a cycle. Use this value where the time of a cycle must not vary.
 //
 // Access. Every program that may write to the socket can do what the application could do by requests: change states,
 // write objects and registers. The file permissions of the socket select these programs. `read_only` refuses every
@@ -54,8 +54,9 @@ struct AttachSettings {
     std::string group{};     // name of its group; empty: the group of the process
     bool read_only = false;  // refuse everything that changes a slave or the application
     AttachScan scan = AttachScan::refused;
-    // The `debug` of a client stores a level here: 0 no messages, 1 errors and warnings, 2 more. The application looks
-    // at it; the server writes it in its own thread, and it must outlive the server. nullptr: `debug` is refused.
+    // The `debug` of a client stores a level here: 0 no messages, 1 errors and warnings, 2 more. The application reads
+    // the level, and the server writes it in its own thread. The variable must outlive the server. nullptr: `debug` is
+    // refused.
     std::atomic<unsigned>* debug_level = nullptr;
     std::size_t clients = 8;  // connections at the same time, 1 to 32; others get an error and are closed
     std::size_t transfer_bytes = std::size_t{16} << 20;  // the largest file or object; at most twice as much memory for

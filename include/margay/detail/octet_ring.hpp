@@ -41,7 +41,7 @@ class OctetRing {
     [[nodiscard]] std::size_t slot(std::size_t at) const { return at < memory_.size() ? at : at - memory_.size(); }
 
     std::span<std::byte> memory_;
-    // Positions from 0 to twice the size of the memory, so that a full ring differs from an empty one.
+    // Indices from 0 to twice the size of the memory, so that a full ring differs from an empty one.
     std::atomic<std::size_t> added_{0};
     std::atomic<std::size_t> removed_{0};
 };

@@ -47,7 +47,7 @@ struct EniPort {
 struct EniSyncManager {
     std::uint8_t number = 0;
     std::uint8_t control = 0;
-    bool is_used = false;  // the library writes it: of process data; mailboxes have the octet of the SII
+    bool is_used = false;  // true: a SyncManager of process data gets this octet; false: a mailbox gets that of the SII
     Remark place{};
 };
 
@@ -57,7 +57,7 @@ struct EniSlave {
     std::string name{};
     std::uint32_t line = 0;
     std::uint16_t station_address = 0;             // PhysAddr, which config_init() assigns; 0: not given
-    std::optional<std::uint16_t> ring_position{};  // as in the file, the first is 0
+    std::optional<std::uint16_t> ring_position{};  // as in the file, from 0; Slave::ring_position: from 1
     Identity identity{};
     // The modules that the file writes to the list of configured modules (object 0xF030), from slot 0 on, by their
     // idents; 0: an empty slot.

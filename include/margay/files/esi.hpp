@@ -99,7 +99,8 @@ struct EsiMailbox {
     std::vector<EsiCommand> commands{};
 };
 
-// A SyncManager of an operation mode: the PDOs that the mode assigns to it. No PDOs: the mode leaves the assignment.
+// A SyncManager of an operation mode: the PDOs that the mode assigns to it. No PDOs: the mode does not change the
+// assignment.
 struct EsiModeSm {
     std::uint8_t number = 0;
     std::vector<std::uint16_t> pdos{};
@@ -237,10 +238,11 @@ struct EsiFile {
 // module with a fault is left out and named in `remarks`; when nothing is left, its fault is the problem of the file.
 [[nodiscard]] Read<EsiFile> read_esi(std::string_view octets);
 
-// The device of this identity: vendor and product are equal, and the revision fits the device's RevisionCheck; of
-// several the one with the greatest revision. nullptr: there is none.
+// The device of this identity: vendor and product are equal, and the revision fits the device's RevisionCheck. Of
+// several such devices, the one with the greatest revision. nullptr: there is none.
 [[nodiscard]] const EsiDevice* find_device(const EsiFile& esi, const Identity& identity);
-// The device with this order code (Type), or with this name; of several the one with the greatest revision.
+// The device with this order code (Type), or with this name. Of several such devices, the one with the greatest
+// revision.
 [[nodiscard]] const EsiDevice* find_device(const EsiFile& esi, std::string_view type);
 
 // The name of an entry of process data as the file gives it. Empty: the device has no such entry.
@@ -260,8 +262,8 @@ struct SiiImage {
 };
 [[nodiscard]] SiiImage make_sii(const EsiDevice& device);
 
-// The description of a device as its SII gives it: the reverse of make_sii(). The vendor is in the identity. What
-// belongs to one slave is left out: the serial number, the alias, and the category of production data (3).
+// The description of a device as its SII gives it: the reverse of make_sii(). The vendor is in the identity. Data that
+// belongs to one slave alone is left out: the serial number, the alias, and the category of production data (3).
 [[nodiscard]] Read<EsiDevice> describe_sii(std::span<const std::byte> image);
 
 // The selection of a mode, a cycle and modules for a device.

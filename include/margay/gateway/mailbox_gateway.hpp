@@ -78,7 +78,7 @@ class MailboxGateway {
     MailboxGateway(const MailboxGateway&) = delete;
     MailboxGateway& operator=(const MailboxGateway&) = delete;
 
-    // Why the gateway does not serve, as a sentence; empty: it does.
+    // Why the gateway does not serve, as a sentence; empty: it serves.
     [[nodiscard]] const std::string& error() const;
     // The port of UDP and TCP.
     [[nodiscard]] std::uint16_t port() const;
