@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <optional>
-#include <utility>
+#include <span>
 
 namespace margay::samples {
 namespace {
@@ -22,19 +22,40 @@ constexpr int kSendings = 5;
 constexpr std::size_t kOctets = 6;
 constexpr std::uint8_t kIndex = 0xA5;
 
-// One NIC, or the two NICs of a ring; the first one asks.
+// Without the mark of the first slave.
+MacAddress without_mark(MacAddress mac) {
+    mac[0] &= static_cast<std::uint8_t>(~std::to_integer<unsigned>(wire::kPassedEscBit));
+    return mac;
+}
+
+// One NIC, or the two NICs of a ring.
 struct Ends {
-    Nic* nic = nullptr;
-    Nic* other = nullptr;
+    std::array<Nic*, 2> nics{};
 
     [[nodiscard]] bool has_link() const {
-        return nic->link_state() != LinkState::down || (other != nullptr && other->link_state() != LinkState::down);
+        return std::ranges::any_of(nics, [](Nic* n) { return n != nullptr && n->link_state() != LinkState::down; });
     }
     [[nodiscard]] WaitHandles handles() const {
-        return {nic->wait_handle(), other == nullptr ? -1 : other->wait_handle()};
+        return {nics[0]->wait_handle(), nics[1] == nullptr ? -1 : nics[1]->wait_handle()};
     }
     [[nodiscard]] Time next_arrival() const {
-        return other == nullptr ? nic->next_arrival() : std::min(nic->next_arrival(), other->next_arrival());
+        return std::min(nics[0]->next_arrival(), nics[1] == nullptr ? kNever : nics[1]->next_arrival());
+    }
+    [[nodiscard]] MacAddress source(std::size_t nic) const {
+        MacAddress mac = without_mark(nics[nic]->source_mac());
+        if (nic == 1 && mac == source(0)) mac.back() ^= 1;
+        return mac;
+    }
+    // The NIC that has sent the frame; nothing for a frame of another master.
+    [[nodiscard]] std::optional<std::size_t> sender_of(Bytes frame) const {
+        if (nics[1] == nullptr) return 0;
+        MacAddress got{};
+        std::ranges::copy(frame.subspan(wire::kSourceMacOffset, got.size()),
+                          std::as_writable_bytes(std::span(got)).begin());
+        got = without_mark(got);
+        for (std::size_t nic = 0; nic < nics.size(); ++nic)
+            if (got == source(nic)) return nic;
+        return std::nullopt;
     }
 };
 
@@ -55,14 +76,11 @@ struct Question {
 };
 struct Reply {
     std::uint16_t wkc = 0;
-    bool crossed = false;     // it came back at the other NIC
     bool circulated = false;  // it has passed a slave whose port 0 is closed: the first slave behind a break
     std::array<std::byte, kOctets> octets{};
-
-    // All slaves of the ring have answered. A question of the other NIC would come back without an answer, and a
-    // recording would show a lost frame.
-    [[nodiscard]] bool has_passed_ring() const { return crossed && wkc != 0; }
 };
+// By the NIC that has asked.
+using Replies = std::array<std::optional<Reply>, 2>;
 
 // The answer of the slaves in a frame. Returns nothing for any other frame. A frame that no slave has processed is an
 // answer where it has crossed the ring: it has passed the slaves in the other direction.
@@ -73,50 +91,64 @@ std::optional<Reply> answer_in(Bytes frame, const Question& question, bool cross
         datagram->header.address.ado() != wire::reg::kAlStatus.address || datagram->data.size() != kOctets ||
         (datagram->wkc == 0 && !crossed))
         return std::nullopt;
-    Reply reply{.wkc = datagram->wkc, .crossed = crossed, .circulated = datagram->header.circulating};
+    Reply reply{.wkc = datagram->wkc, .circulated = datagram->header.circulating};
     std::ranges::copy(datagram->data, reply.octets.begin());
     return reply;
 }
 
-std::optional<Reply> received_answer(const Ends& ends, const Question& question) {
+void take_answers(const Ends& ends, const Question& question, Replies& replies) {
     std::array<std::byte, wire::kMaxFrameBytes> buffer{};
-    for (Nic* at : {ends.nic, ends.other}) {
-        if (at == nullptr) continue;
-        while (const auto size = at->receive(buffer))
-            if (const auto answer =
-                    answer_in(Bytes(buffer).first(std::min(size, buffer.size())), question, at == ends.other))
-                return answer;
+    for (std::size_t at = 0; at < ends.nics.size(); ++at) {
+        if (ends.nics[at] == nullptr) continue;
+        while (const auto size = ends.nics[at]->receive(buffer)) {
+            const auto frame = Bytes(buffer).first(std::min(size, buffer.size()));
+            if (frame.size() < wire::kFramePrefixBytes) continue;
+            const auto from = ends.sender_of(frame);
+            if (from && !replies[*from]) replies[*from] = answer_in(frame, question, *from != at);
+        }
     }
-    return std::nullopt;
 }
 
-std::optional<Reply> wait_for_answer(const Ends& ends, Osal& osal, const Question& question) {
+// Which NICs ask, by number.
+using Askers = std::array<bool, 2>;
+
+bool is_awaited(const Askers& asking, const Replies& replies) {
+    return (asking[0] && !replies[0]) || (asking[1] && !replies[1]);
+}
+
+void wait_for_answers(const Ends& ends, Osal& osal, const Question& question, const Askers& asking, Replies& replies) {
     const Time give_up = osal.now() + kReplyTimeout;
     for (;;) {
-        if (const auto answer = received_answer(ends, question)) return answer;
-        if (osal.now() >= give_up) return std::nullopt;
+        take_answers(ends, question, replies);
+        if (!is_awaited(asking, replies) || osal.now() >= give_up) return;
         osal.wait(std::min(give_up, ends.next_arrival()), ends.handles());
     }
 }
 
-// Sends the question up to kSendings times.
-std::optional<Reply> ask(const Ends& ends, Osal& osal, const Question& question) {
+// Sends the question up to kSendings times. The NICs ask at the same time, as a master with two NICs does: in the whole
+// ring, mostly no slave answers one of both copies, and an analysis of a recording takes both for one frame.
+Replies ask(const Ends& ends, Osal& osal, const Question& question, Askers asking) {
     std::array<std::byte, wire::kMaxFrameBytes> buffer{};
-    for (int sending = 0; sending < kSendings; ++sending) {
-        wire::FrameBuilder builder(buffer, ends.nic->source_mac());
-        // Each slave adds 1 to a position, and the slave that reads 0 answers.
-        const auto position = static_cast<std::uint16_t>(0U - question.position);
-        (void)builder.append(question.command, question.index,
-                             wire::DatagramAddress(position, wire::reg::kAlStatus.address), kOctets);
-        if (ends.nic->send(builder.finish()) == SendStatus::failed) return std::nullopt;
-        if (const auto answer = wait_for_answer(ends, osal, question)) return answer;
+    Replies replies{};
+    for (int sending = 0; sending < kSendings && is_awaited(asking, replies); ++sending) {
+        for (std::size_t nic = 0; nic < asking.size(); ++nic) {
+            if (!asking[nic]) continue;
+            wire::FrameBuilder builder(buffer, ends.source(nic));
+            // Each slave adds 1 to a position, and the slave that reads 0 answers.
+            const auto position = static_cast<std::uint16_t>(0U - question.position);
+            (void)builder.append(question.command, question.index,
+                                 wire::DatagramAddress(position, wire::reg::kAlStatus.address), kOctets);
+            asking[nic] = ends.nics[nic]->send(builder.finish()) != SendStatus::failed;
+        }
+        wait_for_answers(ends, osal, question, asking, replies);
     }
-    return std::nullopt;
+    return replies;
 }
 
-// What the slaves answer that the frames of the asking NIC reach.
-Reply ask_all(const Ends& ends, Osal& osal, std::uint8_t index) {
-    return ask(ends, osal, {.index = index}).value_or(Reply{});
+// What the slaves answer that the frames of each NIC reach.
+std::array<Reply, 2> ask_all(const Ends& ends, Osal& osal) {
+    const Replies replies = ask(ends, osal, {}, {true, ends.nics[1] != nullptr});
+    return {replies[0].value_or(Reply{}), replies[1].value_or(Reply{})};
 }
 
 }  // namespace
@@ -136,9 +168,9 @@ AlStatus al_status_in(Bytes registers) {
 }
 
 SegmentLook look_at_segment(Nic& nic, Osal& osal, Nic* second) {
-    if (!wait_for_link({&nic, second}, osal)) return {.link = false};
-    const Reply one = ask_all({&nic, second}, osal, kIndex);
-    const Reply two = second == nullptr || one.has_passed_ring() ? Reply{} : ask_all({second, &nic}, osal, kIndex + 1);
+    const Ends ends{{&nic, second}};
+    if (!wait_for_link(ends, osal)) return {.link = false};
+    const auto [one, two] = ask_all(ends, osal);
     return {.slaves = static_cast<std::uint16_t>(one.wkc + two.wkc),
             .al_status = static_cast<std::uint16_t>(load_le<std::uint16_t>(one.octets, 0) |
                                                     load_le<std::uint16_t>(two.octets, 0))};
@@ -146,18 +178,15 @@ SegmentLook look_at_segment(Nic& nic, Osal& osal, Nic* second) {
 
 std::vector<AlStatus> look_at_states(Nic& nic, Osal& osal, Nic* second) {
     std::vector<AlStatus> all;
-    if (!wait_for_link({&nic, second}, osal)) return all;
-    std::array<Ends, 2> ends{Ends{&nic, second}, Ends{second, &nic}};
-    std::array<Reply, 2> replies{ask_all(ends[0], osal, kIndex)};
-    if (second != nullptr && !replies[0].has_passed_ring()) replies[1] = ask_all(ends[1], osal, kIndex + 1);
-    if (replies[0].circulated && !replies[1].circulated) {  // the first NIC is at the end of a broken ring
-        std::swap(ends[0], ends[1]);
-        std::swap(replies[0], replies[1]);
-    }
-    for (std::size_t end = 0; end < ends.size(); ++end) {
+    const Ends ends{{&nic, second}};
+    if (!wait_for_link(ends, osal)) return all;
+    const auto replies = ask_all(ends, osal);
+    const bool turned =
+        replies[0].circulated && !replies[1].circulated;  // the first NIC is at the end of a broken ring
+    for (const std::size_t end : {turned ? 1U : 0U, turned ? 0U : 1U}) {
         for (std::uint16_t n = 0; n < replies[end].wkc; ++n) {
             const Question question{wire::Command::APRD, static_cast<std::uint8_t>(all.size()), n};
-            const auto answer = ask(ends[end], osal, question);
+            const auto answer = ask(ends, osal, question, {end == 0, end == 1})[end];
             all.push_back(answer && answer->wkc != 0 ? al_status_in(answer->octets) : AlStatus{});
         }
     }

@@ -26,8 +26,7 @@ struct SegmentLook {
 //
 // The public API reads registers only of slaves that a scan has found, and a scan begins by putting slaves to INIT.
 // Therefore this function builds the frame itself. `second`: the NIC at the other end of a ring. The answer comes back
-// at either NIC; the second one asks too, unless the first answer has passed the whole ring. Slaves at branches that
-// only the frames of the second NIC reach are not seen then.
+// at either NIC, and both NICs ask.
 [[nodiscard]] SegmentLook look_at_segment(Nic& nic, Osal& osal, Nic* second = nullptr);
 
 // The AL status in the registers 0x0130 to 0x0135 of one slave.

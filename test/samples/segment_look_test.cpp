@@ -10,6 +10,7 @@
 #include <margay/margay.hpp>
 #include <margay/redundancy.hpp>
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <utility>
@@ -117,11 +118,16 @@ struct RingLookTest : testing::Test {
     sim::Segment segment;
     std::optional<SimulatedNic> nics[2];
 
-    void build(bool swapped) {
-        for (std::uint32_t n = 0; n < 3; ++n) {
-            (void)segment.add(std::move(*sim::make_device("digital_io_16")).assemble());
-            ASSERT_TRUE(n == 0 || segment.connect({n - 1, 1}, {n, 0}));
+    // `branch`: the fourth slave is behind port 2 of the first one. In the whole ring, only the frames from the end of
+    // the ring reach it. Then this slave is in SAFEOP.
+    void build(bool swapped, bool branch = false) {
+        for (std::uint32_t n = 0; n < (branch ? 4 : 3); ++n) {
+            auto device = std::move(*sim::make_device("digital_io_16"));
+            device.chip = sim::junction();
+            (void)segment.add(std::move(device).assemble());
+            ASSERT_TRUE(n == 0 || n == 3 || segment.connect({n - 1, 1}, {n, 0}));
         }
+        if (branch) ASSERT_TRUE(segment.connect({0, 2}, {3, 0}));
         ASSERT_TRUE(segment.connect_master({0, 0}, swapped ? 1 : 0));
         ASSERT_TRUE(segment.connect_master({2, 1}, swapped ? 0 : 1));
         segment.power_up(osal.now());
@@ -134,11 +140,29 @@ struct RingLookTest : testing::Test {
         ASSERT_TRUE(init_redundant(ctx, *nics[0], *nics[1], osal));
         ASSERT_TRUE(config_init(ctx));
         ASSERT_TRUE(config_map(ctx, image));
-        for (std::uint16_t slave = 1; slave <= 2; ++slave) ASSERT_TRUE(writestate(ctx, slave, AlState::init));
+        for (std::uint16_t slave = 1; slave <= (branch ? 3 : 2); ++slave)
+            ASSERT_TRUE(writestate(ctx, slave, AlState::init));
         osal.advance(10ms);
         segment.advance(osal.now());
     }
 };
+
+TEST_F(RingLookTest, SlavesAtABranchThatOnlyTheFramesFromTheEndReach) {
+    const std::vector<AlStatus> states{
+        {.state = AlState::init}, {.state = AlState::init}, {.state = AlState::init}, {.state = AlState::safeop}};
+    for (const bool swapped : {false, true}) {
+        SCOPED_TRACE(swapped);
+        segment = {};
+        ASSERT_NO_FATAL_FAILURE(build(swapped, true));
+        const auto look = look_at_segment(*nics[0], osal, &*nics[1]);
+        EXPECT_EQ(look.slaves, 4);
+        EXPECT_TRUE(look.running());
+        const auto seen = look_at_states(*nics[0], osal, &*nics[1]);
+        ASSERT_EQ(seen.size(), 4U);
+        EXPECT_EQ(std::ranges::count(seen, states[3]), 1);
+        if (!swapped) EXPECT_EQ(seen, states);
+    }
+}
 
 TEST_F(RingLookTest, EachNicAsksAndEitherReceives) {
     const std::vector<AlStatus> states{{.state = AlState::init}, {.state = AlState::init}, {.state = AlState::safeop}};
