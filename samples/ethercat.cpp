@@ -44,7 +44,7 @@ int execute(const Arguments& arguments) {
 int run(const std::vector<std::string>& words) {
     const auto arguments = parse(words);
     if (!arguments) {
-        // What the words mean is not known: only the option in full tells which output is wanted.
+        // The arguments could not be read, so only the option in full shows which output the user wants.
         Arguments wanted;
         if (std::ranges::find(words, "--json") != words.end()) wanted.options.emplace_back("json", "");
         return fail(wanted, arguments.problem());

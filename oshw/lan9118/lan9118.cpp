@@ -202,14 +202,16 @@ SendStatus Lan9118::send(std::span<const std::byte> frame) noexcept {
 
 std::uint32_t Lan9118::stored_frames() const noexcept { return read(kRxFifoInf) >> 16 & 0xFF; }
 
-// A wait() must end at once while frames are in the FIFO. The controller reports an arriving frame only, so for frames
-// that are there already its software interrupt is used. A frame that arrives after the first line is reported.
+// A wait() must end at once while frames are in the FIFO. The controller reports only the arrival of a frame, so its
+// software interrupt is used for frames that are there already. A frame that arrives after the first line causes an
+// interrupt of its own.
 void Lan9118::allow_interrupt() noexcept {
     write(kIntSts, kRxStatusLevel | kSoftware);
     write(kIntEn, stored_frames() != 0 ? kRxStatusLevel | kSoftware : kRxStatusLevel);
 }
 
-// The frames are counted once: a controller without supply reads as all ones, so it never has no frame.
+// The number of frames is read once: a controller without supply reads as all ones, so it would always have another
+// frame.
 std::size_t Lan9118::receive(std::span<std::byte> into) noexcept {
     std::size_t length = 0;
     for (auto frames = stored_frames(); length == 0 && frames != 0; --frames) length = read_frame(into);

@@ -67,8 +67,8 @@ class Quiet {
     libbpf_print_fn_t before_;
 };
 
-// Held for some instructions, never during a system call. A thread that cannot have it soon gives up: the thread that
-// has it may wait for the processor.
+// The lock is held for some instructions, never during a system call. A thread that does not get the lock soon gives
+// up, because the thread that holds it may wait for the processor.
 class SendLock {
   public:
     explicit SendLock(std::atomic_flag& flag) : flag_(flag) {

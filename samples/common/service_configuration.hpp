@@ -77,7 +77,7 @@ struct ServiceConfiguration {
     std::vector<MasterConfiguration> masters{};  // by number
     // One sentence for each error, with file and line. The masters are not usable if there is one.
     std::vector<std::string> errors{};
-    // What does not keep the service from starting: remarks about ENI files, interfaces that are not there.
+    // Findings with which the service starts nevertheless: remarks about ENI files, interfaces that are not there.
     std::vector<std::string> warnings{};
     bool unreadable = false;  // the folder or a file cannot be read: an error of the system, not of the content
 };

@@ -72,7 +72,7 @@ double real(std::span<const std::byte> value) {
     return value.size() == 4 ? std::bit_cast<float>(static_cast<std::uint32_t>(bits)) : std::bit_cast<double>(bits);
 }
 
-// A value that was given, for a sentence: it may be a whole file of octets.
+// A value that the user has given, for a sentence, which shows its beginning: the value may be a whole file of octets.
 std::string shown(std::string_view text) {
     constexpr std::size_t kMost = 60;
     const bool shortened = text.size() > kMost;

@@ -131,8 +131,9 @@ std::string Master::open_here() {
     return open_gateway();
 }
 
-// A file beside the socket: the source, and whether its slaves are all in SAFEOP, the end state. Otherwise some of them
-// did not answer at the end and are in any state. The next master of this source knows them as its own.
+// The file beside the socket has the source, and says whether all its slaves are in SAFEOP, the end state. If it does
+// not say so, some slaves did not answer at the end and are in any state. By this file, the next master of this source
+// knows the slaves as its own.
 std::filesystem::path Master::left_file() const { return socket_ + ".left"; }
 
 void Master::note_left_slaves() const {

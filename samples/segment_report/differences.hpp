@@ -38,7 +38,7 @@ struct AlikeGroup {
     std::vector<std::uint16_t> positions{};
     std::size_t objects = 0;  // number of entries that were compared; 0: there are no dictionaries
     std::vector<Difference> differences{};
-    bool partly_read = false;  // of one slave less could be read than of another one
+    bool partly_read = false;  // less could be read of one slave than of another one
     std::vector<std::string> remarks{};
 
     // Number of differences of a kind.

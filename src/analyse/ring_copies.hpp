@@ -50,7 +50,7 @@ class RingCopies {
             bytes.assign(packet.begin(), packet.end());
         }
     };
-    // A frame on the wire. All pairs are by the NIC that has sent the copy.
+    // A frame on the wire. The index of each array is the NIC that has sent the copy.
     struct Flight {
         std::uint64_t number = 0;
         std::array<Held, 2> sent{};
@@ -81,7 +81,7 @@ class RingCopies {
     Flight& open(Flights& flights, Moment when);
     // Passes the frame on if nothing more is expected to come back.
     void settle_if_complete(Flight& flight);
-    // The copy was there before, and more slaves have processed it since. False: it was not.
+    // Whether the copy was there before, and more slaves have processed it since.
     bool take_farther(Flights& flights, std::size_t copy, Moment when, Bytes packet);
     void settle(Flight& flight);
     void note_head(const Flight& flight);
@@ -95,7 +95,7 @@ class RingCopies {
 
     static constexpr std::size_t kMostWaiting = 16384;
     static constexpr std::size_t kMostRepeated = 8;        // flights with the same index
-    static constexpr std::uint64_t kRepeatedWithin = 128;  // flights; what is older has the index by chance
+    static constexpr std::uint64_t kRepeatedWithin = 128;  // flights; an older flight has the same index by chance
 
     Emit emit_;
     std::array<Flights, 256> flights_{};                 // by the index of the first datagram, the youngest one last

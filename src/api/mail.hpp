@@ -36,8 +36,9 @@ template <class R>
     return network.mailboxes.channel(request.slave);
 }
 
-// While a request of the application writes an object or a parameter. One that decides about process data makes a
-// mapping necessary, also where the request fails or is cut: a part of it may have been written.
+// Exists while a request of the application writes an object or a parameter. If the object or parameter determines the
+// process data, the write makes a mapping necessary, also if the request fails or is cut: a part of the value may have
+// been written.
 class PdoWrite {
   public:
     PdoWrite(Network& network, std::uint16_t slave, bool decides) : marks_(network.marks(slave)), decides_(decides) {}

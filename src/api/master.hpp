@@ -24,8 +24,8 @@ struct Master {
     Time polled = Time::min();  // the time of the last poll()
     Time poll_due = kNever;     // when that poll() has asked to be called again
     Duration poll_late{0};      // how much later it was called than the one before it had asked for
-    // The last cycle that a clock has kept in step: when its frames were sent, and when it was due, with what the clock
-    // has moved the next cycle by.
+    // The last cycle that a clock has kept in step: when its frames were sent, when it was due, and by how much the
+    // clock has moved the next cycle.
     Time in_step_sent = Time::min();
     Time in_step_due = Time::min();
     RequestQueue queue;

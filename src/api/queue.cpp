@@ -90,7 +90,7 @@ bool is_free(Network& network, const Request& request) {
     return true;
 }
 
-// The slave is what it was before a pause of the application, or another one: the supervision is about to know.
+// Whether the supervision is about to compare the slave, which may be another one after a pause of the application.
 bool is_being_compared(Network& network, const Request& request) {
     return network.supervised && network.engine.now() < network.comparing_until &&
            operation(request).check(network, request).code == Errc::identity_unread;
@@ -125,9 +125,9 @@ void give_turn(Network& network) {
     network.supervision_sleep = nullptr;
 }
 
-// While a request waits for the segment, the supervision begins nothing. But the request may wait for long, for a hook
-// or for the SII of one slave, and the hook may wait for a slave that the supervision has not begun with: so the
-// supervision gets turns. The time until the next turn doubles, so that it becomes longer than every start-up of a
+// While a request waits for the segment, the supervision begins nothing. But the request may wait for a long time, for
+// a hook or for the SII of one slave, and the hook may wait for a slave that the supervision has not started yet: so
+// the supervision gets turns. The time until the next turn doubles, so that it becomes longer than every start-up of a
 // slave: then the request begins.
 void reserve_segment(Master& master, Time now) {
     constexpr Duration kFirst = std::chrono::seconds(1);
@@ -342,7 +342,7 @@ Time first_deadline(Master& master, Time first) {
     return first;
 }
 
-// The arena has room for one more request, or nothing that would make room is executing: then it is tried.
+// Whether to try another request: the arena has room for it, or no running request will free memory.
 bool may_have_room(const RequestQueue& queue, const Arena& arena) {
     if (!ends_some_day(queue)) return true;
     return arena.used_bytes() < queue.too_full_bytes && arena.capacity_bytes() - arena.used_bytes() >= kHeadroomBytes;

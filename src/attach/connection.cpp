@@ -61,7 +61,7 @@ Connection::Came Connection::receive(Moment now) {
             header_ = Header::load(in_);
             if (!header_allowed()) return Came::wrong;
         } else if (static_cast<std::size_t>(got) == block.size()) {
-            return complete() ? Came::message : Came::nothing;  // the other clients, too, have a turn
+            return complete() ? Came::message : Came::nothing;  // the other clients have a turn, too
         }
     }
     return Came::message;

@@ -156,7 +156,7 @@ std::int64_t PhaseController::whole(std::int64_t correction_fs) {
         const std::int64_t most_fs = std::int64_t{settings_.most_step_ns} * kFsInNs;
         correction_fs = std::clamp(correction_fs, -most_fs, most_fs);
     }
-    // Of the drift, each cycle brings as much as its correction takes away.
+    // Each cycle adds as much drift as this part of the correction removes: only the other part moves the phase.
     std::shift_right(moved_fs_.begin(), moved_fs_.end(), 1);
     moved_fs_.front() = correction_fs - drift_fs_;
     fraction_fs_ += correction_fs;

@@ -15,7 +15,7 @@ namespace reg = wire::reg;
 
 constexpr std::uint16_t kMailboxStatus = 0x080D;  // status of SyncManager 1
 
-// `origin`: what gives it.
+// `origin`: the name of what gives the address, for the remark.
 void set_station_address(Reader& r, Node at, const char* origin, std::uint16_t address, EniSlaveData& s) {
     constexpr std::uint16_t kUnknown = 0x0C00;  // to 0x0FFF: see ExpectedSlave::station_address
     s.slave.station_address = address;

@@ -102,7 +102,7 @@ void read_info(Reader& r, EsiDevice& device, Node info) {
     }
 }
 
-// Elements of Info that are not used: nonsense in them says that something is wrong with the file.
+// Elements of Info that are not used: a value without a meaning in them shows that something is wrong with the file.
 void name_odd_info(Reader& r, Node info) {
     const Node controller = info.child("EtherCATController");
     const Node times = info.child("StateMachine").child("Timeout");

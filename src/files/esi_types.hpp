@@ -13,7 +13,7 @@ namespace margay::files {
 inline constexpr const char* kUnusedSm = "Unused";
 
 // The direction of a SyncManager of process data that has a name of its own, from its control octet. nullopt: it has no
-// such name, or is that of a mailbox.
+// such name, or the octet is that of a mailbox.
 [[nodiscard]] std::optional<Direction> direction_by_control(const EsiSyncManager& sm);
 
 // For an unknown number: a type that has this number of bits, or "" if there is none.

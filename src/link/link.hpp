@@ -106,10 +106,10 @@ class Link {
     [[nodiscard]] Time next_deadline(Time now);
 
     [[nodiscard]] const LinkStatistics& statistics() const { return statistics_; }
-    // The most frames that did not come back one after the other, without a frame that did, since the last call.
+    // The greatest number of frames in succession that did not come back, since the last call.
     [[nodiscard]] std::uint32_t take_longest_silence() { return std::exchange(longest_silence_, 0); }
     [[nodiscard]] std::uint32_t longest_silence() const { return longest_silence_; }
-    // Frames that did not come back since the last one that did.
+    // How many frames did not come back since a frame came back last.
     [[nodiscard]] std::uint32_t silence() const {
         return received_before_ == statistics_.frames_received ? silence_ : 0;
     }

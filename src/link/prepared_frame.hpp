@@ -46,7 +46,7 @@ enum class CycleEnd : std::uint8_t {
 
 struct PreparedFrame;
 
-// What the frame asks of the part of the library that it belongs to; `group` is PreparedFrame::group.
+// The functions that the frame calls in the part of the library that owns it; `group` is PreparedFrame::group.
 struct FrameOwner {
     // Copies the inputs of the slaves that take part, and of no other slave; n is the index in `datagrams`. Called
     // for a degraded frame that is `apart`, or that was regrouped in flight.

@@ -253,8 +253,8 @@ unsigned Redundancy::sender_of(Bytes frame) const noexcept {
     return 2;
 }
 
-// Whether the copy of `nic` is waited for after the other copy has come. Not when the copies of this NIC do not come
-// back at all; but an idle copy has found the ring whole again. The port that the library opens may still be closed.
+// Whether the copy of `nic` is awaited after the other copy has come. Not while the library may have a port closed, and
+// not when the copies of this NIC do not come back at all, unless the idle other copy shows that the ring is whole.
 bool Redundancy::awaits(const FramePair& pair, unsigned nic) const noexcept {
     const bool closed = opening_.load(kRelaxed) == Opening::closed && nic != pair.head;
     if (closed && (pair.crossed & bit(pair.head)) == 0) return false;

@@ -61,7 +61,7 @@ struct FramePair {
     std::uint16_t shift = 0;               // added to the positions of the other copy
     std::uint16_t size = 0;                // octets of the frame
     std::array<std::uint16_t, 2> count{};  // slaves that have processed the copy
-    bool times_held = false;               // the reference is read, and no clock is given a time
+    bool times_held = false;               // the frame reads the reference, and gives no clock a time
     bool second_is_first = false;     // all slaves with a clock are behind the break: the other copy has the only time
     std::uint16_t second_slaves = 0;  // what the other copy has read last from the second reference
     std::uint32_t second_ns = 0;

@@ -38,7 +38,7 @@ Time on_grid(Time time, Duration grid) {
     return rest == Duration{0} ? time : time + (grid - rest);
 }
 
-// Of a reading that has not succeeded. Two slaves may answer at the address of one.
+// The error of a reading that has not succeeded. A working counter above 1: two slaves answer at the address of one.
 Errc failure_of(Reply reply) {
     if (!reply.ok()) return reply.errc;
     return reply.wkc == 0 ? Errc::working_counter : Errc::unstable;
@@ -208,7 +208,7 @@ bool MailboxChannel::pick_message() {
 }
 
 bool MailboxChannel::expecting() const {
-    const bool held_up = now() < send_at_ && !queue_.empty();  // it may want to be rid of its own mail first
+    const bool held_up = now() < send_at_ && !queue_.empty();  // the slave may have to send its own mail first
     // A late reply that no exchange waits for is fetched before the next message.
     const bool late = now() < late_until_ || (is_owed() && !queue_.empty());
     return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || late;

@@ -47,8 +47,9 @@ Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t ind
     const bool is_longer = !read && read.error().code == Errc::capacity && read.error().expected != 0;
     if (!read && !is_longer) co_return read.error();
     const auto value = load_le<std::uint32_t>(count);
-    // An object without entries has its value at subindex 0, and an empty string has no octets. A longer 0 is such a
-    // value, but where a list may be empty: a slave that does not say the size of the count gives 4 octets.
+    // An object without entries has its value at subindex 0, and an empty string has no octets. A 0 of more than one
+    // octet is such a value. In a list that may be empty it is not: there a slave that does not announce the size of
+    // the count returns 4 octets.
     if (is_longer || value > 255 || (value == 0 && *read != 1 && !may_be_empty(index)))
         co_return misfit(channel, {.index = index}, Step::sdo_upload, Errc::unsupported, 0, 0);
     co_return std::to_integer<std::uint8_t>(count[0]);

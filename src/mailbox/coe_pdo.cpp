@@ -70,9 +70,9 @@ Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, 
         auto bits = co_await assigned_bits(channel, {.direction = direction, .sync_manager = n}, patience, entries);
         if (!bits && !is_refusal(bits.error())) co_return bits.error();
         any = any || bits;
-        // The slave refuses a PDO, not the assignment: it is wrong that there are none.
+        // The slave refuses a PDO, not the assignment: this does not mean that there are no PDOs.
         if (!bits && bits.error().index != kAssignment + n) undescribed[n] = bits.error().index;
-        // The dictionary has no assignment for this direction: the length of the SII is used, it may be fixed.
+        // The dictionary has no assignment for this direction: the length in the SII is used, which may be fixed.
         const std::uint32_t length = bits ? *bits : slave.sync_managers[n].length_bytes * 8U;
         if (bits || length != 0) found[n] = {.any = true, .direction = direction, .bits = length};
     }

@@ -199,7 +199,7 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
         if (!clock.synchronised) continue;
         const FollowedClock followed = is_there(slave) ? followed_clock(network, slave) : FollowedClock{};
         const std::uint16_t before = std::exchange(clock.follows, followed.slave);
-        // Another event, before the clock was compared after the last one: it may be disturbed.
+        // Another event has occurred before the clock was compared after the last one: the clock may be disturbed.
         const bool unknown = before != 0 && before != followed.slave && clock.times_seen < ClockEntry::kTimesOfMean;
         if (before != followed.slave) clock.times_seen = 0;
         const bool fed = followed.slave != 0 && !followed.silent && (times != 0 || slave.number == clocks.reference);
@@ -208,7 +208,7 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
                 : static_cast<std::uint8_t>(std::min<std::int64_t>(clock.rounds_alone + rounds, UINT8_MAX));
         if (fed)
             clock.times_seen = static_cast<std::uint8_t>(std::min<std::uint32_t>(clock.times_seen + times, UINT8_MAX));
-        // What the register shows is older.
+        // The register still shows comparisons from before the event.
         const bool alone =
             clock.rounds_alone == UINT8_MAX || clock.rounds_alone * clocks.settings.watch_interval >= kLongestAlone;
         if (!is_there(slave)) {
@@ -438,7 +438,7 @@ Task<Result<>> set_late_clock(Network& network) {
         if (clock.measured && is_before_reference(network, slave)) continue;
         if (slave.number == clocks.reference || note_reach(network, slave)) continue;
         const SlaveToken token(network.marks(slave));
-        clocks.late_first = slave.number;  // the next time the slaves behind it are first
+        clocks.late_first = slave.number;  // the next time, the search begins with the slaves behind it
         auto set = co_await prepare_clock(network, slave);
         const Errc code = set ? Errc::none : set.error().code;
         if (!set) clocks.rests = kRests;

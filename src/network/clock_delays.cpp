@@ -75,9 +75,9 @@ const DelayNode* first_timed(std::span<const DelayNode> nodes, std::size_t from)
     return nullptr;
 }
 
-// The delay from the last slave before the break to the first one behind it is not known while the cable is broken. It
-// is taken for one of 10 m, until the ring is whole: the clocks behind the break do not depend on it, because they
-// follow the first clock there.
+// The delay from the last slave before the break to the first one behind it is not known while the cable is broken.
+// Until the ring is whole, the library assumes a cable of 10 m: the clocks behind the break do not depend on it,
+// because they follow the first clock there.
 constexpr std::int64_t kUnknownCable_ns = 500;
 
 // Without receive times, and with branches.

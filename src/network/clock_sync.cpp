@@ -409,7 +409,7 @@ Task<Result<>> read_pulse_length(Network& network, Slave& slave) {
     constexpr std::int32_t kUnit_ns = 10;
     auto units = co_await read<std::uint16_t>(network.station(slave), reg::kSyncPulseLength, Step::configure_clocks);
     if (!units && !does_not_answer(units.error())) co_return units.error();
-    // Perhaps the slave does not answer at all: then nothing is known of its register.
+    // If the slave does not answer at all, nothing is known of its register.
     if (!units) co_await required(read<std::uint8_t>(network.station(slave), reg::kType, Step::configure_clocks));
     network.clocks.of(slave).pulse_ns = units ? kUnit_ns * std::int32_t{*units} : -1;
     co_return Nothing{};

@@ -76,7 +76,7 @@ Task<Result<bool>> compare_with_itself(Network& network, const Slave& slave) {
 // When the reference was lost, the clocks took the time that the master had sent, and the way of the frame became
 // shorter perhaps: the mean of the differences leads the slave away from its rate, and nothing corrects a reference. A
 // write to the depth of its filter clears the mean. One comparison, through a filter so deep that its jitter does not
-// count, brings the rate back that the slave has learned. False: it may have another rate.
+// count, brings the rate back that the slave has learned. False: the slave may have another rate.
 Task<Result<bool>> calm_rate(Network& network, Slave& slave) {
     constexpr unsigned kMostTries = 3;
     constexpr std::int64_t kMostAway = 16;  // limits: by more, what it has learned is spoilt too

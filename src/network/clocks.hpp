@@ -40,7 +40,7 @@ struct FollowedClock {
 };
 
 struct ClockEntry : SlaveClock {
-    // The clock whose time arrives, how many frames have brought it since this is so, and how many times
+    // The clock whose time arrives, how many frames have brought its time since it is this clock, and how many times
     // ClockSettings::watch_interval has passed without one.
     std::uint16_t follows = 0;
     std::uint8_t times_seen = 0;
@@ -147,9 +147,10 @@ struct Clocks {
     Task<Result<>> (*watch)(Network& network) = nullptr;
     // Whether the clock of a slave that was away is so near that it follows by itself.
     Task<Result<bool>> (*is_near)(Network& network, Slave& slave) = nullptr;
-    // The frames of the group are prepared, and a clock is out of reach. nullptr: none is.
+    // Called when the frames of the group are prepared while a clock is out of reach; nullptr: no clock is out of
+    // reach.
     void (*begin_cycles)(ProcessGroup& group) = nullptr;
-    // The supervision ends, perhaps while no time is carried: the cycles carry it again.
+    // Called when the supervision ends, perhaps while the cycles carry no time: they carry it again.
     void (*resume)(Network& network) = nullptr;
 
     // The system time at `now`, from the last one that is known.

@@ -1,5 +1,6 @@
-// A working counter is a sum: where a slave is missing, it is the right one by coincidence when another slave leaves
-// while the missing one, or a slave that is being configured, answers. Here is decided when it is believed.
+// A working counter is a sum. Where a slave is missing, the sum can be the accepted one by coincidence: another slave
+// leaves, and the missing slave, or a slave that is being configured, answers. The functions here decide when the sum
+// is believed.
 #pragma once
 
 #include "network/network.hpp"
@@ -11,9 +12,9 @@ void note_joining(ProcessGroup& group, const Slave& slave);
 // Call it when a slave has left the exchange.
 void note_leaving(ProcessGroup& group);
 
-// Whether exactly the slaves that take part have answered a datagram that not all slaves have answered. Lets the slaves
-// leave the exchange before whose FMMUs are known to be cleared: their sequences have not continued yet. `changed`: the
-// cycle before had another working counter, or was lost.
+// Whether exactly the slaves that take part have answered a datagram that not all slaves have answered. Before that,
+// removes the slaves from the exchange whose FMMUs are known to be cleared, because their sequences have not continued
+// yet. `changed`: the cycle before had another working counter, or was lost.
 [[nodiscard]] bool is_sure(ProcessGroup& group, const DatagramStatus& status, bool changed);
 // Call it at the end of a cycle that was not simply right. `fresh`: it has brought the inputs of all slaves that take
 // part.
@@ -22,8 +23,8 @@ void note_cycle(ProcessGroup& group, bool fresh);
 void note_refusal(ProcessGroup& group);
 
 // After a cycle that fell short or was lost, slaves may have changed places. The accepted working counter is believed
-// again when all slaves that take part have answered in SAFEOP or OP since it changed last. This starts to read their
-// states where nothing else stands against it. For poll(), for a group with `sums_doubted`.
+// again when all slaves that take part have answered in SAFEOP or OP since it changed last. This function starts the
+// reading of their states unless something else prevents that. For poll(), for a group with `sums_doubted`.
 void confirm_sums(Network& network, ProcessGroup& group);
 
 // The same for sequences that read the states of all slaves anyway.

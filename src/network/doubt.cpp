@@ -39,7 +39,7 @@ void doubt_all(Network& network, bool away) {
     if (!away) return;
     for (const Slave& slave : network.slaves()) {
         if (!is_known(slave)) continue;
-        drop_work(network, slave);  // what waits, for example in a hook, would go on with another machine
+        drop_work(network, slave);  // a sequence that waits, for example a hook, would go on with another machine
         // Mail in BOOT goes on: its firmware may be incomplete, and a device that was exchanged is not in BOOT.
         if (network.has_mailbox(slave) && slave.al.state != AlState::boot)
             network.mailbox(slave).interrupt(Errc::identity_unread);

@@ -29,7 +29,7 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
     if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none || slave.al.state == AlState::init)
         co_return Nothing{};
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
-        // The configuration of the slave finds an error again.
+        // The result is not used: the configuration of the slave, which follows, finds an error again.
         co_await completion(bring_to_state(network, slave, AlState::preop));
     }
     Result<> done;

@@ -105,7 +105,7 @@ bool is_remembered(const Network& network, const Neighbour& neighbour) {
 struct Lost {
     std::size_t count = 0;
     Slave* in_order = nullptr;  // as many lost slaves are before it as newcomers before the newcomer
-    // Those that the newcomer can be:
+    // The lost slaves that the newcomer can be:
     std::array<Slave*, 2> same{};  // it has their serial number or their alias: the first two
     std::array<Slave*, 2> here{};  // they were at this neighbour: the first two
     std::array<Slave*, 2> any{};   // the first two

@@ -382,7 +382,7 @@ void set_outputs(ProcessGroup& group) {
     SharedImageAccess::take_outputs(group.config.shared, group.image.first(group.output_bytes));
     for (const SlaveToSlave& copy : group.config.copies) {
         if (invalid_end(group, copy) != 0) continue;  // a slave has left the group, or the list has changed
-        // Old inputs, or inputs of another device, drive nothing: the outputs of the application count.
+        // Old inputs, or inputs of another device, are not copied: the outputs of the application are sent.
         if (!group.slaves[copy.from_slave - 1U].takes_part || group.marks[copy.from_slave - 1U].was_away) continue;
         const ImagePart& from = group.slaves[copy.from_slave - 1U].image.inputs;
         const ImagePart& to = group.slaves[copy.to_slave - 1U].image.outputs;

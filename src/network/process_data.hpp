@@ -140,8 +140,8 @@ void set_outputs(ProcessGroup& group);
 [[nodiscard]] Result<> send_cycle(ProcessGroup& group, Link& link, Time now);
 
 // A group without frames, for example of a hot connect group that is away and whose sizes are not known: whether other
-// frames show that nothing answers, or that the NIC has no link. poll() keeps that for such groups: the cycle asks the
-// NIC itself only where poll() is not called.
+// frames show that nothing answers, or that the NIC has no link. poll() keeps this information for such groups: the
+// cycle asks the NIC itself only where poll() is not called.
 constexpr std::chrono::milliseconds kCableKnown{10};
 [[nodiscard]] bool is_silent(const ProcessGroup& group, Link& link, Time now);
 

@@ -122,7 +122,7 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& find
     Error error = discovered.error();
     if (discovered && finding.is_kept()) error = compare_with_place(slave, finding.sms());
     if (error.code == Errc::none && finding.is_kept() && !finding.is_same_content()) {
-        // It has refused to be read: that is the error. It may have the same PDOs.
+        // If the slave has refused to be read, its refusal is the error, because its PDOs may be the same.
         error = {.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number};
         if (network.marks(slave).pdo_content == 0 && network.marks(slave).pdos_refused) error = slave.error;
     }

@@ -357,7 +357,7 @@ void RingWatch::begin_to_steer(Network& network) {
     ahead_ns_ = change_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
     PhaseSettings phase =
         for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0});
-    phase.cycles_late = 0;  // steer() leaves out the differences that a correction is not in
+    phase.cycles_late = 0;  // steer() leaves out the differences that do not contain the correction yet
     phase_.start(phase);
 }
 
@@ -467,7 +467,7 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         const auto taught = co_await teach(network);
         constexpr std::uint8_t kRestsSoon = 20;  // it was broken off
         rests_ = taught ? UINT8_MAX : kRestsSoon;
-        // The constant is measured anew: by that of clocks that were not in step, they would be led back.
+        // The constant is measured anew: a constant of clocks that were not in step would lead the clocks back.
         learns_ = comparison_ == Comparison::unsure;
         if (learns_) comparison_ = Comparison::unknown;
         forget_differences();

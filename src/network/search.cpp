@@ -220,7 +220,7 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
 }
 
 // A newcomer is at place `n`, and its EEPROM cannot be read. When one slave alone is lost, and was there, the error is
-// that of this slave. The supervision says it once, although each of its searches finds the newcomer again.
+// that of this slave. The supervision reports it once, although each of its searches finds the newcomer again.
 void note_unreadable(Network& network, std::size_t n, Error& error) {
     Slave* only = nullptr;
     std::size_t lost = 0;

@@ -47,7 +47,7 @@ bool is_due(const StartupCommand& command, Transition which, Moment moment) {
     return contains(command.transitions, which) && moment_of(command, which) == moment;
 }
 
-// The part of the library that works with the command is there, and is that of its kind.
+// Whether the command names a part of the library that works with it, and this part is that of its kind.
 bool has_part(const StartupCommand& command) {
     if (!is_message(command) && !by_soe(command)) return true;
     const bool aoe = command.kind == StartupCommand::Kind::send_aoe;

@@ -17,7 +17,7 @@ namespace {
 constexpr Duration kFirstPause = std::chrono::microseconds(200);
 constexpr Duration kLongestPause = std::chrono::milliseconds(5);
 // Of a caller that does not wait for the state: the outputs of the other slaves may rest meanwhile, and their watchdogs
-// bite after 100 ms.
+// expire after 100 ms.
 constexpr Duration kControlStaysFull = std::chrono::milliseconds(20);
 
 Task<Result<>> read_state(Network& network, Slave& slave, SumConfirmation& confirmation) {
@@ -143,7 +143,7 @@ constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 Task<Result<>> prove_if_there(Network& network, Slave& slave) {
     const bool in_boot = slave.al.state == AlState::boot && network.marks(slave).was_away;
     if (slave.al.state == AlState::none || (!in_boot && !network.is_doubted(slave))) co_return Nothing{};
-    // The request that uses it has not compared it yet, or it is compared when it has left BOOT.
+    // The request that uses the slave has not compared it yet, or the slave is compared when it has left BOOT.
     if (network.marks(slave).in_use || (in_boot && network.boot == nullptr))
         co_return Error{.code = Errc::identity_unread, .step = Step::identify, .slave = slave.number};
     Result<> same;

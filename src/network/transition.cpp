@@ -102,8 +102,8 @@ static void nothing_follows(SlaveMarks& marks, Transition which) {
     if (marks.unfinished == which) marks.unfinished = Transition::none;
 }
 
-// While what follows a transition executes. If it fails or is cut after a transition to a higher state, the slave is in
-// its state without it.
+// Exists while the commands and the hook after a transition execute. If they fail or are cut after a transition to a
+// higher state, the slave is in its state without them.
 class Following {
   public:
     Following(SlaveMarks& marks, Transition which) : marks_(marks), which_(which) { marks_.following = true; }
@@ -237,7 +237,8 @@ void settle_request(Network& network, Slave& slave) {
     const Row* row = row_of(network.marks(slave).requested);
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
     if (met && network.boot != nullptr) network.boot->reached(network, slave, row->from, row->to);
-    // What follows must reach no other slave: it waits for the comparison, and the next reading after that starts it.
+    // The commands and the hook must reach no other slave: they wait for the comparison, and the next reading after it
+    // starts them.
     if (!met || network.is_doubted(slave) || network.marks(slave).in_use || network.segment_in_use) return;
     const TaskReference task = follow_transition(network, slave);
     (void)network.settling.start(task);
@@ -268,7 +269,7 @@ Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next)
     if (row != nullptr && slave.al.state == row->to) mailbox_starts(network, slave, row->transition);
     const Transition requested = std::exchange(network.marks(slave).requested, Transition::none);
     if (next != Transition::none && !goes_up(next)) co_return Nothing{};
-    if (on_its_way) mark_unfinished(network, slave, requested);  // what follows cannot be executed in that state
+    if (on_its_way) mark_unfinished(network, slave, requested);  // commands and hook cannot execute in that state
     if (!pending) co_return Nothing{};
     co_return co_await required(around_transition(network, slave, requested, Moment::after));
 }

@@ -233,8 +233,8 @@ void ProcessData::count_sync(Time now) {
     count_missed_frames();
 }
 
-// A SYNC0 is served late, never early. So its time follows from the earliest ones: a late one moves the grid by a part
-// of its delay only, which follows the drift between this clock and that of the ESC.
+// A SYNC0 is served late, never early. So its time follows from the earliest ones: a late one moves the grid by only a
+// part of its delay, so that the grid follows the drift between this clock and that of the ESC.
 void ProcessData::count_missed_syncs(Time now) {
     const Duration cycle{sync_cycle_ns_};
     const auto early = sync_cycle_ns_ / 8;

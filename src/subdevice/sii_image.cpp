@@ -54,8 +54,8 @@ class PdoCollector {
             if (!count_writable(object)) pdo.flags = sii::pdo_flag::kFixedContent;
             room = collect_entries(pdo);
         };
-        // The process data of a SyncManager have the order of its assignment: so has the category. Then the PDOs that
-        // are not assigned.
+        // The process data of a SyncManager have the order of its assignment, so the category has this order too.
+        // Behind them are the PDOs that are not assigned.
         for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) {
             const auto assigned = static_cast<unsigned>(dictionary_.number(area.assignment(), 0));
             for (unsigned n = 1; n <= assigned; ++n) {

@@ -95,7 +95,7 @@ class Bus {
     Bus(const Bus&) = delete;
     Bus& operator=(const Bus&) = delete;
 
-    // Opens the segment and returns after the first scan. False: the reason was said.
+    // Opens the segment and returns after the first scan. False: the reason was printed.
     [[nodiscard]] bool open();
 
     // --- Before activation (idle.cpp) ---
@@ -159,11 +159,11 @@ class Bus {
     std::condition_variable taken_over;
     std::atomic<bool> stop{false};
     std::thread idle;
-    std::thread reporter;  // says the errors of the context
+    std::thread reporter;  // prints the errors of the context
     std::mutex closing_mutex;
     std::condition_variable closes;
     bool closing = false;  // guarded by closing_mutex
-    // Until that thread says them. A thread that adds one does not wait for the others.
+    // The failures that wait until that thread prints them. A thread that adds one does not wait for the others.
     struct Failures {
         std::mutex mutex;
         std::array<Failure, 256> list;
@@ -238,10 +238,10 @@ class Bus {
     static constexpr std::uint8_t kDatagramsWait = 1;  // datagrams for the clocks wait for it
     static constexpr std::uint8_t kTimeWanted = 2;     // it carries the time of the reference clock to the others
     std::uint8_t clocks_due = 0;
-    // Of the last call of ecrt_master_send() that went the long way, and the time since the one before.
+    // When ecrt_master_send() was called last on the long way, and the time since the call before.
     Time sent_at{};
     Duration interval{0};
-    bool time_rides = true;  // the last send did so in the frames of the first domain
+    bool time_rides = true;  // the last send carried the time in the frames of the first domain
 
   private:
     [[nodiscard]] bool lock_interfaces();

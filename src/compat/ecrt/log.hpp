@@ -1,4 +1,4 @@
-// What the facade says on stderr. Not for the cycle, except where a thing is said once.
+// The messages of the facade on stderr. Not for the cycle, except for messages that are printed once.
 #pragma once
 
 #include <cstdint>

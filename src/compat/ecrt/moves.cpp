@@ -32,13 +32,13 @@ bool is_online(const Bus& bus, const ec_slave_config& config) {
 
 }  // namespace
 
-// A device was connected before its slave.
+// Whether a device was connected before the slave of the configuration.
 bool Operation::is_moved(const ec_slave_config& config) const {
     const std::uint16_t number = config.number.load(std::memory_order_relaxed);
     return config.alias == 0 && number != 0 && bus_.ctx->slave(number).ring_position > config.position + 1;
 }
 
-// It waits for its first device, and a device that fits is at its position.
+// Whether the configuration waits for its first device, and a device that fits is at its position.
 bool Operation::may_attach(const ec_slave_config& config) const {
     if (config.alias != 0 || is_online(bus_, config)) return false;
     const std::uint16_t number = config.number.load(std::memory_order_relaxed);
@@ -54,9 +54,9 @@ bool Operation::may_attach(const ec_slave_config& config) const {
     return bus_.answering > config.position && std::ranges::any_of(bus_.strangers, fits);
 }
 
-// It came after the process data was laid out, and has process data that the program has not named: nothing is
-// reserved for it, and the slave may refuse OP without. Where the slave is there, a mapping places it, unless its
-// process data could not be found: then the mapping would fail in the same way.
+// Whether the slave came after the process data was laid out, and has process data that the program has not named:
+// nothing is reserved for this data, and the slave may refuse OP without it. When the slave is present, a new mapping
+// places the data, unless the process data could not be found: then the mapping would fail in the same way.
 bool Operation::lacks_place(const ec_slave_config& config) const {
     const Slave& own = bus_.ctx->slave(config.number.load(std::memory_order_relaxed));
     if (own.number == 0 || !is_there(own) || own.held || own.pdos_failed) return false;
@@ -139,7 +139,7 @@ void Operation::start_again() {
     first_clock_ = false;
     forget_slaves();
     if (plan_expected() == 0) return;
-    restarts_left_ = 0;  // the reason was said; the scan goes by the list before
+    restarts_left_ = 0;  // the reason was printed; the scan uses the earlier list
     std::swap(expected_, old_expected_);
     find_expected();
 }

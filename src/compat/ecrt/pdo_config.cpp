@@ -74,7 +74,7 @@ void complete(ec_slave_config& config, PdoWish& pdo) {
     config.not_known = "the segment is being scanned";
 }
 
-// What a call says that does not find a PDO or an entry: the end of its line.
+// The end of the message of a call that does not find a PDO or an entry.
 std::string reason(const ec_slave_config& config) {
     const char* const why = config.not_known != nullptr ? config.not_known : config.answered ? nullptr : kUnanswered;
     return why == nullptr ? std::string() : std::string(" as far as its PDOs are known: ") + why;

@@ -49,7 +49,7 @@ struct KnownPdos {
 [[nodiscard]] bool is_answer(const Error& error);
 
 // The entries of one PDO, from `known` or from the object dictionary; empty: the slave has no such PDO. An error, which
-// was said: the slave could not be asked. Waits.
+// was printed: the slave could not be asked. Waits.
 [[nodiscard]] Result<std::vector<PdoEntry>> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known,
                                                      std::uint16_t index);
 

@@ -29,9 +29,9 @@ class Bus;
     }
 }
 
-// What the last transfer of a request was, and whether it could not even begin.
-// …_later: it begins when the scan of the start-up is over, or when the slave is in PREOP. begin_waiting() and the
-// state function of the request see to that; `beginning`: one of them is at it.
+// What the last transfer of a request was, and whether it could not even begin. …_later: it begins when the scan of the
+// start-up is over, or when the slave is in PREOP. begin_waiting() and the state function of the request begin it;
+// `beginning`: one of these two functions is beginning it.
 enum class Transfer : std::uint8_t {
     none,
     read,
@@ -49,12 +49,12 @@ enum class Transfer : std::uint8_t {
            last == Transfer::beginning;
 }
 
-// Whether a request may have memory of this size; otherwise it is said, with whose request it is.
+// Whether a request may have memory of this size; if not, a message says so, and names the owner of the request.
 [[nodiscard]] bool may_have(const ec_slave_config& config, std::size_t octets);
 [[nodiscard]] bool may_have(const ec_master& master, std::uint16_t position, std::size_t octets);
 
 // What the log needs to know of a request that has ended in ERROR. A program may ask for the state in each cycle, and
-// may repeat the request: a reason is said once, and again behind a success.
+// may repeat the request: a reason is printed once, and again after a success.
 struct RequestLog {
     Error refusal;                       // why the request could not begin; set before Transfer::refused
     std::atomic<std::uint64_t> said{0};  // the last reason; 0: none
@@ -87,10 +87,11 @@ class Beginning {
     Bus& bus_;
 };
 
-// The segment is scanned, which ends transfers and gives numbers to the slaves, or this slave goes through INIT yet.
+// Whether the segment is being scanned, which ends transfers and gives numbers to the slaves, or this slave still goes
+// through INIT.
 [[nodiscard]] bool too_early(const ec_slave_config& config);
 
-// The slave is there, and in INIT: it has no mailbox yet.
+// Whether the slave is present and in INIT: it has no mailbox yet.
 [[nodiscard]] bool before_preop(const ec_slave_config& config);
 
 // When a request that has not begun yet gives up; 0 ms: never.

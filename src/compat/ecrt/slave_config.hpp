@@ -111,7 +111,7 @@ struct ec_slave_config {
 
 namespace margay::compat::ecrt {
 
-// True, and said: the master is active, so the configuration cannot be changed any more.
+// Whether the master is active, so that the configuration cannot be changed any more; then a message is printed.
 [[nodiscard]] bool refuse_active(const ec_slave_config& config);
 
 // A call that changes a configuration, also while it waits for the slave. The calls for one configuration follow each
@@ -119,7 +119,7 @@ namespace margay::compat::ecrt {
 class Change {
   public:
     explicit Change(ec_slave_config& config);
-    // True, and said: the master is active.
+    // Whether the master is active; then a message was printed.
     [[nodiscard]] bool refused() const { return refused_; }
 
   private:

@@ -49,7 +49,7 @@ bool is_ready(Bus& bus, std::uint16_t position, Ready wanted) {
            });
 }
 
-// Submits, waits, and says what failed. The request is gone afterwards.
+// Submits, waits, and prints what failed. The request is gone afterwards.
 template <class Request>
 int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
     const Passage passage(bus, position, Ready::for_mail);

@@ -55,7 +55,7 @@ bool Eeprom::command(std::uint16_t command, std::uint16_t word, std::uint16_t da
     return session_.exchange(write, address_of(address_, ECT_REG_EEPCTL), sent, kFrame, false) > 0;
 }
 
-// Of an earlier command. False: there are some, and the command that clears them may be lost.
+// Clears the errors of an earlier command. False: there are errors, and the command that clears them may be lost.
 bool Eeprom::clear_errors(const Look& shown) { return (shown.status & kErrors) == 0 || command(EC_ECMD_NOP, kNoWord); }
 
 bool Eeprom::begin(std::uint16_t word, Duration timeout) {

@@ -124,8 +124,8 @@ class HookCaller final : public Session::Between {
           session_(session),
           with_context_(with_context) {}
     ~HookCaller();
-    // Such a call waits until no slave is being configured: in a hook of this thread it would wait for itself. True:
-    // so it is, and it was said.
+    // Such a call waits until no slave is being configured: in a hook of this thread it would wait for itself. Returns
+    // true in such a hook, after it has printed a message.
     static bool is_refused(const Session& session, const char* function);
     // Makes the library wait in PREOP until the hooks of the slave have been called.
     void attach(std::uint16_t number);

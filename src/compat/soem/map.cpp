@@ -19,7 +19,7 @@ struct ImageOfProgram {
 
     static std::span<std::byte> provide(std::size_t bytes, void* user) {
         auto& self = *static_cast<ImageOfProgram*>(user);
-        // Asked again in the same mapping, the octets have been set to zero.
+        // When the memory is asked for again in the same mapping, the library has set its octets to zero.
         if (bytes > self.before.size())
             self.before.insert(self.before.end(), self.begin + self.before.size(), self.begin + bytes);
         return {self.begin, bytes};
@@ -41,7 +41,7 @@ void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number
         slave.config.source = ConfigurationSource::none;
         slave.config.sm_count = 0;
         slave.config.unchecked_pdos = true;  // the interface sets what it has mapped, with other firmware too
-        static_cast<void>(clear_error(session.context(), number));  // say_unmapped() says the one of this mapping
+        static_cast<void>(clear_error(session.context(), number));  // say_unmapped() prints the error of this mapping
     }
     if (changed) take_sync_managers(context, session, number);
 }
@@ -322,8 +322,8 @@ void empty_others(ecx_contextt& context, Session& session, std::uint8_t group) {
     }
 }
 
-// The interface returns the sizes also when slaves do not reach SAFEOP: why they do not is said. `mapped`: the result
-// of the mapping, whose error is that of the first slave or that of the group.
+// The interface returns the sizes also when slaves do not reach SAFEOP: a message says why they do not. `mapped`: the
+// result of the mapping, whose error is that of the first slave or that of the group.
 void say_unmapped(ecx_contextt& context, Session& session, std::uint8_t group, const Result<>& mapped) {
     if (mapped || mapped.error().code == Errc::image_overlaps || session.closing()) return;
     std::array<char, 256> text{};
