@@ -58,8 +58,9 @@ Task<Result<bool>> wait_for_init(Network& network) {
     }
 }
 
-// Clears the configuration of an earlier master: FMMUs, SyncManagers, SYNC signals, the EEPROM assigned to the PDI, and
-// the use of the alias as a second station address, which may be the station address of another slave.
+// Clears the configuration of an earlier master: FMMUs, SyncManagers, SYNC signals, the EEPROM assigned to the PDI, the
+// use of the alias as a second station address, which may be the station address of another slave, and the station
+// address: a slave whose replies never arrive must not do what is meant for another one.
 Task<Result<>> clear_slaves(Network& network) {
     static constexpr std::array kForce{std::byte{wire::sii_config::kForceEcat}};
     Link& link = network.engine.link();
@@ -70,8 +71,9 @@ Task<Result<>> clear_slaves(Network& network) {
     Datagram force(link, Command::BWR, broadcast(reg::kSiiConfig), Bytes(kForce));
     Datagram assign(link, Command::BWR, broadcast(reg::kSiiConfig), zeros(reg::kSiiConfig.length));
     Datagram alias(link, Command::BWR, broadcast(reg::kAliasEnable), zeros(reg::kAliasEnable.length));
-    co_await together(fmmus, sms, sync, force, assign, alias);
-    for (const Datagram* datagram : {&fmmus, &sms, &sync, &force, &assign, &alias})
+    Datagram address(link, Command::BWR, broadcast(reg::kStationAddress), zeros(reg::kStationAddress.length));
+    co_await together(fmmus, sms, sync, force, assign, alias, address);
+    for (const Datagram* datagram : {&fmmus, &sms, &sync, &force, &assign, &alias, &address})
         if (!datagram->reply().ok()) co_return segment_error(datagram->reply().errc, Step::reset_slaves);
     co_return Nothing{};
 }

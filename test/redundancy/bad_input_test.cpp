@@ -80,6 +80,38 @@ TEST(RingBadInput, BrokenAtTheStart) {
     }
 }
 
+// An earlier master has used the same station addresses, the ring is broken, and the replies of one NIC never arrive:
+// its slaves do nothing that is meant for the slaves of the other NIC.
+TEST(RingBadInput, ADeafNicAtTheStart) {
+    for (const unsigned which : {0U, 1U})
+        for (const std::uint32_t broken : {1U, 3U, 5U}) {
+            SCOPED_TRACE("NIC " + std::to_string(which) + ", cable " + std::to_string(broken));
+            RingBus bus;
+            bus.build_line(6);
+            bus.start();
+            bus.cable(bus.ring_cables[broken], false);
+            bus.nics[which]->deaf = true;
+            ASSERT_TRUE(bus.begin().ok());
+            const auto found = config_init(*bus.ctx);
+            ASSERT_TRUE(found.ok()) << bus.words(found.error());
+            EXPECT_EQ(*found, which == 0 ? 6 - broken : broken);
+            ASSERT_NO_FATAL_FAILURE(bus.run());
+            (void)bus.stale_cycles(100);
+            const auto expect_untouched = [&] {
+                for (std::uint32_t n = 0; n < 6; ++n) {
+                    if ((n < broken) != (which == 0)) continue;
+                    EXPECT_EQ(bus.segment.slave(n).registers().get<std::uint16_t>(0x0130), 1U) << n;
+                    EXPECT_EQ(bus.io(n + 1)->outputs()[1], std::byte{0}) << n;
+                }
+            };
+            expect_untouched();
+            bus.nics[which]->deaf = false;
+            (void)bus.stale_cycles(1000);
+            expect_untouched();
+            EXPECT_TRUE(bus.all_in_op()) << bus.joined(bus.events());
+        }
+}
+
 TEST(RingBadInput, ABreakFromTheStartIsNamed) {
     for (const std::size_t n : {0U, 1U, 2U, 4U}) {
         RingBus bus;

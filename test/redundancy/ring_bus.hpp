@@ -31,6 +31,7 @@ class HookedNic final : public Nic {
     std::function<void()> before_send;
     bool tells_link = true;  // false: accepts every frame, and the link state is unknown
     Duration sees_after{};   // it notices a lost link so much later, and accepts all frames until then
+    bool deaf = false;       // it sends, and its replies never arrive: one direction of its cable is dead
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (before_send) before_send();
@@ -38,7 +39,11 @@ class HookedNic final : public Nic {
         const SendStatus status = nic_.send(frame);
         return status == SendStatus::failed && (!tells_link || !sees) ? SendStatus::sent : status;
     }
-    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
+    std::size_t receive(std::span<std::byte> into) noexcept override {
+        std::size_t length = nic_.receive(into);
+        while (deaf && length != 0) length = nic_.receive(into);
+        return length;
+    }
     LinkState link_state() noexcept override {
         if (!tells_link) return LinkState::unknown;
         return sees_link() ? nic_.link_state() : LinkState::up;
