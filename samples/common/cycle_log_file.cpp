@@ -73,6 +73,7 @@ class CycleLogReader {
             all.push_back({time(one, "from", where), time(one, "to", where), number(one, "count", where)});
         }
         const std::string where = std::string(key) + ".";
+        if (all.empty() && number(*at, "count", where) == 0) return;
         const bool right =
             into.restore(all, time(*at, "min", where), time(*at, "mean", where), time(*at, "max", where));
         if (!right || into.count() != number(*at, "count", where))

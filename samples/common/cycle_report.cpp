@@ -189,15 +189,17 @@ std::string cycle_json(const CycleFigures& figures) {
     for (const Named& one : histograms_of(figures)) {
         const auto& times = one.times;
         auto& part = json[std::string(one.key) + "_ns"];
-        part = {{"count", times.count()},
-                {"min", times.min().count()},
-                {"mean", times.mean().count()},
-                {"median", times.quantile(0.5).count()},
-                {"p99", times.quantile(0.99).count()},
-                {"p99.9", times.quantile(0.999).count()},
-                {"p99.99", times.quantile(0.9999).count()},
-                {"max", times.max().count()},
-                {"buckets", nlohmann::ordered_json::array()}};
+        part["count"] = times.count();
+        if (times.count() != 0) {  // without a value there is no smallest one
+            part["min"] = times.min().count();
+            part["mean"] = times.mean().count();
+            part["median"] = times.quantile(0.5).count();
+            part["p99"] = times.quantile(0.99).count();
+            part["p99.9"] = times.quantile(0.999).count();
+            part["p99.99"] = times.quantile(0.9999).count();
+            part["max"] = times.max().count();
+        }
+        part["buckets"] = nlohmann::ordered_json::array();
         for (std::size_t i = 0; i < DurationHistogram::kBuckets; ++i)
             if (const auto bucket = times.bucket(i); bucket.count != 0)
                 part["buckets"].push_back(

@@ -57,10 +57,12 @@ std::vector<Finding> judge_probe(const ProbeFacts& facts) {
         return say(Verdict::not_known, "the frames come back without having passed a slave (a loop or a mirror port)");
     if (facts.returned == 0) return say(Verdict::not_known, "no slave answers");
     const auto text = samples::counted(facts.slaves, "slave") + "; " + times(facts.round_trip);
-    if (facts.returned < facts.sent)
+    if (facts.returned < facts.sent) {
+        const auto lost = facts.sent - facts.returned;
         return say(Verdict::better,
-                   fmt::format("{} of {} lost: check cables and connectors; {}", facts.sent - facts.returned,
-                               samples::counted(facts.sent, "frame was", "frames were"), text));
+                   fmt::format("{} of {} {} lost: check cables and connectors; {}", lost,
+                               samples::counted(facts.sent, "frame"), lost == 1 ? "was" : "were", text));
+    }
     if (microseconds(facts.round_trip.quantile(0.99)) > kSlow_us)
         return say(Verdict::better, text + ": too long for a cycle of 1 ms; the findings above say why");
     return say(Verdict::good, text);

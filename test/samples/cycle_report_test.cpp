@@ -54,7 +54,7 @@ TEST(CycleReport, JsonHasEveryFigureAndEveryBucket) {
     EXPECT_EQ(json["without_all_frames"], 3);
     EXPECT_EQ(json["wrong_working_counter"], 4);
     EXPECT_EQ(json["lateness_ns"]["max"], 3'000'000);
-    EXPECT_EQ(json["period_ns"]["count"], 0);
+    EXPECT_EQ(json["period_ns"], (nlohmann::json{{"count", 0}, {"buckets", nlohmann::json::array()}})) << "no times";
     std::uint64_t in_buckets = 0;
     for (const auto& bucket : json["lateness_ns"]["buckets"]) in_buckets += bucket["count"].get<std::uint64_t>();
     EXPECT_EQ(in_buckets, 1001U);

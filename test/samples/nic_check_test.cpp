@@ -267,6 +267,7 @@ TEST(NicCheck, JudgesTheProbe) {
     EXPECT_EQ(with(100, 100, 900us).verdict, better);
     EXPECT_EQ(with(100, 98, 40us).verdict, better);
     EXPECT_NE(with(100, 98, 40us).text.find("2 of 100 frames were lost"), std::string::npos);
+    EXPECT_NE(with(500, 499, 40us).text.find("1 of 500 frames was lost"), std::string::npos);
     EXPECT_EQ(with(100, 0, 0us).verdict, not_known);
     EXPECT_EQ(with(0, 0, 0us).verdict, not_known);
     ProbeFacts echo;
