@@ -86,6 +86,14 @@ TEST_F(XdpSource, SimpleIoRunsInOpOnXdp) {
     EXPECT_FALSE(contains(attached(), "prog/xdp")) << attached();
 }
 
+// Of simple_io on an interface; here the fixture has one.
+TEST_F(XdpSource, ASpinThatIsLongerThanACycleIsNamed) {
+    serve();
+    const auto ran = run({"simple_io", kMaster, "--cycles", "3", "--period", "4000", "--spin", "5000"});
+    EXPECT_EQ(ran.errors, "simple_io: --spin 5000 is longer than a cycle allows: it is 4000 µs\n");
+    EXPECT_EQ(run({"simple_io", kMaster, "--cycles", "3", "--period", "4000", "--spin", "100"}).errors, "");
+}
+
 TEST_F(XdpSource, IsRefusedWithoutPrivilegesAndNamesThem) {
     if (!std::filesystem::exists("/usr/bin/setpriv")) GTEST_SKIP() << "setpriv is not installed";
     if (!built_with_xdp()) GTEST_SKIP() << "slaveinfo was built without libxdp and libbpf";
