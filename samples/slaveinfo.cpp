@@ -106,8 +106,8 @@ int map_and_print(margay::Context& ctx, const Options& options, const margay::fi
         return fail("--cstruct describes one process image, and the ENI has several Cyclic elements");
     print_segment(ctx, options, maps);
     const int status = options.write_eni.empty() ? 0 : save(options.write_eni, margay::files::write_eni(ctx));
-    (void)margay::writestate(ctx, 0, margay::AlState::preop);
-    return status;
+    const auto back = margay::writestate(ctx, 0, margay::AlState::preop);
+    return back || status != 0 ? status : fail(sentence(back.error()));
 }
 
 // All slaves that were read, each kind once. The vendor of the file is that of the first slave.
