@@ -143,7 +143,8 @@ void set_automatic_restoring(Context& ctx, bool on);
 // from the cycle.
 void restore_ring(Context& ctx);
 
-// The state of the ring. For the thread that owns the context; callable from the cycle.
+// The state of the ring. For the thread that owns the context. Not in every cycle: both NICs are asked for their link,
+// which is a system call each on Linux.
 [[nodiscard]] RedundancyStatus redundancy(Context& ctx);
 
 }  // namespace margay
