@@ -223,6 +223,7 @@ struct EsiOptions {
 int make_image(const EsiOptions& options) {
     const auto image = esi_image(options.file, options.type);
     for (const std::string& remark : image.remarks) print_note("note: " + remark);
+    if (image.needs_type) return fail(image.error, exit_code::kUsage);
     if (!image.error.empty()) return print_system_error(image.error);
     if (options.output.empty()) {
         write_out(sii_text(image.octets));

@@ -361,7 +361,7 @@ int Update::run(FirmwareFile* file, FirmwareCopy* copy) {
 }
 
 int update(Options& options) {
-    if (options.number == 0) return fail("NUMBER of the slave is missing; 1 is the first slave", exit_code::kUsage);
+    if (options.number == 0) return fail("NUMBER of the slave is 0; 1 is the first slave", exit_code::kUsage);
     if (options.read && options.read_back) return fail("--read and --read-back exclude each other", exit_code::kUsage);
     if (options.name.empty()) options.name = std::filesystem::path(options.file).stem().string();
     stop_at_signals();
@@ -388,7 +388,7 @@ int main(int argc, char** argv) {
         "back, and waits until it has restarted. Puts the segment to PREOP. Do not use it while another "
         "master is running.");
     add_source_arguments(arguments, options.source);
-    arguments.positional("NUMBER", options.number, "the slave, 1 is the first");
+    arguments.positional("NUMBER", options.number, "the slave, 1 is the first", Arguments::Presence::required);
     arguments.positional("FILE", options.file, "the firmware");
     arguments.option("--name", options.name,
                      "name of the file in the device; without it that of FILE, less its extension");

@@ -214,6 +214,9 @@ class Program {
         // A segment that could not be scanned is reported too, but not one that another master runs.
         if (session.refused() || (!report_.failure.empty() && report_.failure_code != exit_code::kSegment))
             return fail(report_.failure, report_.failure_code);
+        // Of a recording without the answers to this program, nothing on the page would be a fact.
+        if (!closed && options_.source.source.starts_with("pcap:"))
+            return fail(closed.problem().text, closed.problem().code);
         if (!report_.failure.empty()) samples::warn(report_.failure);
         if (!closed && closed.problem().code == exit_code::kSystem)
             return fail(closed.problem().text, exit_code::kSystem);

@@ -51,7 +51,7 @@ int main(int argc, char** argv) {
         "and gets wrong requests on purpose; its outputs are 0. All other slaves stay in PREOP. Do not "
         "use it on a machine.");
     add_source_arguments(arguments, options.source);
-    arguments.positional("NUMBER", options.number, "the slave, 1 is the first");
+    arguments.positional("NUMBER", options.number, "the slave, 1 is the first", Arguments::Presence::required);
     arguments.flag("--json", options.json, "print JSON for programs");
     arguments.flag("--all", options.all, "also print the checks that passed or do not apply");
     arguments.option("--only", options.checks.only,
@@ -61,8 +61,7 @@ int main(int argc, char** argv) {
         "also write the EEPROM: the alias, with the value that it has, and the word behind the content, which "
         "gets its old value again");
     return arguments.run(argc, argv, [&] {
-        if (options.number == 0)
-            return fail("NUMBER of the slave is missing or 0; 1 is the first slave", exit_code::kUsage);
+        if (options.number == 0) return fail("NUMBER of the slave is 0; 1 is the first slave", exit_code::kUsage);
         stop_at_signals();
         return run_on_source(options.source, [&](Source& source) { return check(source, options); });
     });

@@ -100,7 +100,8 @@ void Arguments::number(const std::string& name, const NumberRule& rule, const st
                 name, fmt::format("{} is not from {} to {}", word, rule.bounds.least, rule.bounds.most));
         set(*value);
     };
-    command_->app->add_option_function<std::string>(name, take, shown)->type_name("NUMBER");
+    auto* added = command_->app->add_option_function<std::string>(name, take, shown)->type_name("NUMBER");
+    if (rule.presence == Presence::required) added->required();
 }
 
 void Arguments::one_of(const std::string& name, std::vector<std::string> words, const std::string& text,

@@ -51,10 +51,11 @@ class Arguments {
     // `needs` names another option that must be given together with this flag; empty: none.
     void flag(const std::string& name, bool& value, const std::string& text, const std::string& needs = {});
 
-    // A positional argument that is a number is optional.
+    // A positional argument that is a number is optional unless `presence` says otherwise.
     template <WholeNumber T>
-    void positional(const std::string& name, T& value, const std::string& text) {
-        number(name, {limits<T>(), false, {}}, text, [&value](std::int64_t n) { value = static_cast<T>(n); });
+    void positional(const std::string& name, T& value, const std::string& text,
+                    Presence presence = Presence::optional) {
+        number(name, {limits<T>(), false, {}, presence}, text, [&value](std::int64_t n) { value = static_cast<T>(n); });
     }
     template <WholeNumber T>
     void positional(const std::string& name, std::optional<T>& value, const std::string& text) {
@@ -97,6 +98,7 @@ class Arguments {
         Bounds bounds;
         bool show_bounds = false;
         std::optional<std::int64_t> default_value{};
+        Presence presence = Presence::optional;
     };
 
     explicit Arguments(std::unique_ptr<Command> command);

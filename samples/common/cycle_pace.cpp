@@ -44,7 +44,8 @@ void add_period_options(Arguments& arguments, PaceOptions& options, const std::s
                      "processor time, in µs, that the kernel reserves for the program in each period (SCHED_DEADLINE; "
                      "where it is refused, --priority is used); 0: none",
                      Bounds{0, 1'000'000});
-    arguments.option("--cpu", options.cpu, "bind the program to this processor [any]", Bounds{0, 1023});
+    arguments.option("--cpu", options.cpu, "bind the program to this processor; without it the kernel chooses",
+                     Bounds{0, 1023});
 }
 
 void add_pace_options(Arguments& arguments, PaceOptions& options, const std::string& before) {

@@ -17,8 +17,10 @@ void add_frame_time_options(Arguments& arguments, FrameTimeOptions& options) {
         Bounds{0, 1'000'000});
     arguments.choice("--stamps", options.stamps,
                      "measure cycles by the times that the NIC notes for its frames: hardware, or software (by the "
-                     "driver and the kernel) [none]",
-                     {{"hardware", WantedTimes::Stamps::hardware}, {"software", WantedTimes::Stamps::software}});
+                     "driver and the kernel), or none, the default",
+                     {{"hardware", WantedTimes::Stamps::hardware},
+                      {"software", WantedTimes::Stamps::software},
+                      {"none", WantedTimes::Stamps::off}});
 }
 
 WantedTimes wanted_times(const FrameTimeOptions& options) {

@@ -145,7 +145,7 @@ bool SegmentServer::run() {
         const Duration wait = std::clamp<Duration>(next - osal_.now(), 0ns, 100ms);
         const timespec timeout{0, static_cast<long>(wait.count())};
         if (::ppoll(files_.data(), files_.size(), &timeout, nullptr) < 0 && errno != EINTR) {
-            say(fmt::format("waiting failed: {}", std::strerror(errno)));
+            (void)fail(fmt::format("waiting failed: {}", std::strerror(errno)));
             return false;
         }
         for (unsigned n = 0; n < end_count_; ++n)
@@ -156,11 +156,11 @@ bool SegmentServer::run() {
     }
     say(fmt::format("{} answered, {} lost in the segment", counted(answered_, "frame"), lost_));
     if (ring_recorder_ && !ring_recorder_->close()) {
-        say(ring_recorder_->problem());
+        (void)fail(ring_recorder_->problem());
         return false;
     }
     if (recorder_ && !recorder_->close()) {
-        say(recorder_->problem());
+        (void)fail(recorder_->problem());
         return false;
     }
     return true;

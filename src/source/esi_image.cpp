@@ -83,8 +83,10 @@ EsiImage esi_image(const std::string& file, const std::string& type) {
     }
     if (type.empty() && esi->devices.size() > 1) {
         result.error = fmt::format(
-            "{}: describes {} devices; choose one of them, in a SOURCE by sim:{}#TYPE or sim:{}#TYPE/REVISION:{}", file,
-            esi->devices.size(), file, file, device_list(*esi));
+            "{}: describes {} devices; choose one of them by TYPE or TYPE/REVISION, in a SOURCE by sim:{}#TYPE or "
+            "sim:{}#TYPE/REVISION:{}",
+            file, esi->devices.size(), file, file, device_list(*esi));
+        result.needs_type = true;
         return result;
     }
     std::vector<std::string> remarks;

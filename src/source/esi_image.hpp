@@ -16,7 +16,8 @@ struct EsiImage {
     std::vector<std::byte> octets{};
     std::string type{};
     std::vector<std::string> remarks{};
-    std::string error{};  // a sentence with the name of the file
+    std::string error{};      // a sentence with the name of the file
+    bool needs_type = false;  // the error: the file has several devices, and `type` is empty
 };
 [[nodiscard]] EsiImage esi_image(const std::string& file, const std::string& type);
 [[nodiscard]] EsiImage esi_image(const std::string& path);  // "FILE.xml" or "FILE.xml#TYPE"…

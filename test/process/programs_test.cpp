@@ -155,6 +155,30 @@ TEST(Programs, OfferOnlyTheSourcesThatTheyAccept) {
     EXPECT_FALSE(contains(bare.out + bare.err, "sim:")) << bare.out << bare.err;
 }
 
+TEST(Programs, ShowNoDefaultThatIsNoValueAndNoBracketsAroundWhatIsRequired) {
+    const ShellFolder folder;
+    const auto help = folder.run(kBin + "simple_io --help").out;
+    EXPECT_FALSE(contains(help, "[any]")) << help;
+    EXPECT_FALSE(contains(help, "[none]")) << help;
+    const auto none = folder.run(kBin + "simple_io sim:demo --cycles 5 --stamps none");
+    EXPECT_EQ(none.status, 0) << none.err;
+    for (const std::string program : {"firmware_update", "subdevice_check"}) {
+        const auto usage = folder.run(kBin + program + " --help").out;
+        EXPECT_TRUE(contains(usage, " SOURCE NUMBER")) << usage;
+        const auto without = folder.run(kBin + program + " sim:demo");
+        EXPECT_EQ(without.status, 2);
+        EXPECT_TRUE(contains(without.err, "NUMBER is required")) << without.err;
+    }
+}
+
+TEST(Programs, AskForTheTypeOfADeviceOfAnEsiThatDescribesSeveral) {
+    const ShellFolder folder;
+    ASSERT_EQ(folder.run(kBin + "slaveinfo sim:demo --write-esi several.xml").status, 0);
+    const auto ran = folder.run(kBin + "eepromtool esi several.xml");
+    EXPECT_EQ(ran.status, 2) << ran.out;
+    EXPECT_TRUE(contains(ran.err, "devices; choose one of them by TYPE or TYPE/REVISION")) << ran.err;
+}
+
 TEST(Programs, SayThatARecordingHasRepeatedItsLastAnswers) {
     const ShellFolder folder;
     ASSERT_EQ(folder.run(kBin + "simple_io sim:demo --cycles 20 --record r.pcap").status, 0);

@@ -189,6 +189,16 @@ TEST_F(VirtualSegmentTest, EndsWhenNobodyReadsItsOutput) {
     EXPECT_NE(segment.errors().find("standard output cannot be written"), std::string::npos) << segment.errors();
 }
 
+TEST_F(VirtualSegmentTest, NamesItselfWhenTheRecordingIsLost) {
+    Child segment(cable.segment_namespace(), serve(std::string(Cable::kSegment) + " demo --record /dev/full"));
+    ASSERT_TRUE(segment.says("serving 5 slaves on", 20s)) << segment.errors();
+    EXPECT_EQ(found(), "5 slaves found");
+    command("quit");
+    EXPECT_EQ(segment.wait(10s), 3);
+    EXPECT_NE(segment.errors().find("virtual_segment: recording to /dev/full: "), std::string::npos)
+        << segment.errors() << segment.output();
+}
+
 TEST_F(VirtualSegmentTest, ServesATapDevice) {
     if (!std::filesystem::exists("/dev/net/tun")) GTEST_SKIP() << "there is no /dev/net/tun";
     Child segment(cable.master_namespace(), serve("ecat-tap demo --tap"));

@@ -227,6 +227,14 @@ TEST_F(ReportProgram, RecordsBesideThePageAndTheRecordingCanBeReadAgain) {
     EXPECT_TRUE(contains(seen.headline(), "5 slaves seen")) << seen.headline();
 }
 
+TEST_F(ReportProgram, WritesNoPageFromARecordingOfAnotherProgram) {
+    ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:demo --record other.pcap").status, 0);
+    const auto ran = run("pcap:other.pcap -o r.html");
+    EXPECT_EQ(ran.status, 1) << ran.out;
+    EXPECT_TRUE(contains(ran.err, "a recording answers only what the recorded master asked")) << ran.err;
+    EXPECT_FALSE(fs::exists(folder.path() / "r.html"));
+}
+
 // The requests of another master are put behind a recording without faults, 256 s later: none of them was answered.
 TEST_F(ReportProgram, EachMasterOfARecordingIsJudged) {
     ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:demo --record one.pcap").status, 0);
