@@ -1,4 +1,4 @@
-// What an attacker has found in the order of requests: each test shows one fault.
+// Faults in the order of requests that an attack on the library has found. Each test is for one fault.
 #include "api/master.hpp"
 #include "api/slow_hook.hpp"
 

@@ -505,7 +505,7 @@ TEST(AttachPlaces, AreOfThoseWhoUseThem) {
     ASSERT_NE(clients[0]->job, nullptr) << refusal;
     EXPECT_EQ(attach::who_gives_way(clients, begin + 5900ms), 3u);
     EXPECT_EQ(attach::who_gives_way(clients, begin + 6s), 1u);
-    // A message octet by octet holds a place for 10 s, however lately the last octet came.
+    // A message that comes octet by octet holds a place for 10 s, even if the last octet has just come.
     for (int n = 0; n < 9; ++n) octet(1, begin + 6s + 1s * n);
     octet(2, begin + 15s);
     EXPECT_EQ(attach::who_gives_way(clients, begin + 16s), 3u);

@@ -14,8 +14,8 @@
 // For comparison, each segment is also started without the burst and with one measurement, by waiting until the
 // differences are small. The chips count in steps of 10 ns, and the arrival of each frame at each port has a jitter of
 // ±5 ns. The phase is the true system time of the reference clock when the cycle is due, against the set value: it
-// contains the way of the frame to the reference clock, 200 ns. When the frame passes, the lateness of the cycle comes
-// to that.
+// contains the way of the frame to the reference clock, 200 ns. When the frame passes, the lateness of the cycle is
+// added to the phase.
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "process_data/io_image.hpp"

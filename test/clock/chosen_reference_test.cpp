@@ -196,7 +196,8 @@ TEST_F(OverlappingReference, TheClocksBeforeItTakeOverNoZeros) {
     EXPECT_EQ(told(events(), "clock out of sync"), 0);
 }
 
-// Nobody answers as the reference: the other clocks get the time that the master expects, and its own is none.
+// No slave answers as the reference. The other clocks get the time that the master expects, and this time is no reading
+// of the reference.
 TEST_F(OverlappingReference, ALostReferenceLeavesNoZeros) {
     settings.replace_lost_reference = false;
     start_overlapped();

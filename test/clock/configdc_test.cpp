@@ -324,7 +324,7 @@ TEST_F(Configdc, AGroupThatDoesNotExistIsRefused) {
     EXPECT_EQ(words(refused.error()),
               "synchronising the clocks: argument out of range: ClockSettings: measurements and burst_bulk at least 1, "
               "times from 0 to 100 years, cycle above zero, group below Limits::groups");
-    // It was said that ClockSettings::start_time had returned a time that has passed.
+    // An earlier version named another cause: that ClockSettings::start_time had returned a time that has passed.
     EXPECT_EQ(configdc(*ctx, {.start_delay = Duration::max()}).error().code, Errc::invalid_argument);
     EXPECT_EQ(configdc(*ctx, {.cycle = Duration::max()}).error().code, Errc::invalid_argument);
     EXPECT_TRUE(configdc(*ctx, {.burst_frames = 100, .system_time_at_zero = Duration::max()}).ok());

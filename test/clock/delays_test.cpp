@@ -174,7 +174,7 @@ TEST(Delays, ByAnotherEntryPort) {
 }
 
 // The last slave of a ring that is closed to a second NIC: its port 1 is open, but no slave is there. The time of this
-// port is old and counts for nothing.
+// port is old and is not used.
 TEST(Delays, OfTheLastSlaveInAClosedRing) {
     Ring ring;
     ring.add(0, 0, {{1, 140 + 500 + 140 + 500}});

@@ -1,4 +1,5 @@
-// No clock is said to be in sync that is not, whatever happens while it is measured, set, or brought back.
+// The library reports no clock as in sync that is not in sync, whatever happens while the clock is measured, set, or
+// brought back.
 #include "clock/clock_bus.hpp"
 #include "clock/port_times.hpp"
 

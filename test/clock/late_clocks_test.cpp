@@ -229,7 +229,7 @@ TEST_F(LateClocks, TheCycleKeepsItsPhaseAfterALateCycle) {
     }
 }
 
-// What the new slave is against the chosen reference is not known before that is back.
+// The difference between the new slave and the chosen reference is not known before the reference is back.
 TEST_F(LateClocks, AClockFirstSeenWhileTheChosenReferenceIsLost) {
     hang(0, {.drift_ppb = 50'000});
     hang(3, {.drift_ppb = 20'000, .start_ns = 7}, true);

@@ -187,7 +187,7 @@ TEST_F(SyncPulse, ARefusedCycleChangesNothing) {
     EXPECT_FALSE(clock(1).sync_active);
 }
 
-// Without an answer, nothing is known of the register: it is not said to be missing.
+// Without an answer, nothing is known of the register: the library does not report it as missing.
 TEST_F(SyncPulse, ASlaveThatDoesNotAnswerKeepsItsLength) {
     add({});
     add_with(1000);

@@ -277,7 +277,7 @@ TEST(EniUnused, NonsenseInElementsThatAreNotUsedIsNamed) {
     EXPECT_EQ(more_said(replaced(kExampleEni, "<Sm2><Pdo>", "<Sm2><ControlByte>#x64</ControlByte><Pdo>")), Texts());
 }
 
-// Words and addresses that a tool writes and no master of ours needs.
+// Words and addresses that a tool writes and that this library does not need.
 TEST(EniUnused, NonsenseInWordsThatAreNotUsedIsNamed) {
     const auto named = [](const std::string& text) {
         const Texts all = more_said(text);

@@ -77,8 +77,8 @@ TEST_F(GatewayClients, EachClientHasItsTurn) {
                        for (int n = 0; n < 20; ++n) {
                            const auto before = gateway->counts().replies;
                            EXPECT_TRUE(good(modest));
-                           // Its message waits for one message of the other client, not for sixty. A busy system
-                           // may hold this thread up before and behind.
+                           // Its message waits for one message of the other client, not for sixty. A busy system may
+                           // delay this thread before and after the message.
                            late += gateway->counts().replies - before >= 50 ? 1 : 0;
                        }
                        done = true;

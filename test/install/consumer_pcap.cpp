@@ -1,4 +1,4 @@
-// A stranger's program that reads recordings.
+// The program of another project that reads recordings.
 #include <margay/parts/oshw/pcap/capture_file.hpp>
 
 int main() {

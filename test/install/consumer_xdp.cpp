@@ -1,4 +1,4 @@
-// A stranger's program with the AF_XDP NIC.
+// The program of another project with the AF_XDP NIC.
 #include <margay/parts/oshw/xdp/xdp_nic.hpp>
 
 int main() {

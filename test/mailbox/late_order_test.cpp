@@ -136,7 +136,7 @@ TEST_F(LateOrder, AReplyIsLostBeforeOtherMail) {
     EXPECT_LT(bus.osal.now() - start, 500ms);
 }
 
-// Without a supervision, and with a slave that keeps its state: the request of before is still answered.
+// Without a supervision, and with a slave that keeps its state: the slave still answers the earlier request.
 TEST_F(LateOrder, BehindASilence) {
     for (const bool of_file : {false, true})
         for (const bool queues : {false, true})
@@ -306,7 +306,7 @@ TEST_F(LateOrder, TheSecondAnswerToARequestThatWasRepeated) {
     EXPECT_EQ(finish(refused).code, Errc::eoe_error);
 }
 
-// Mail without data ends the request that waits; its answer comes besides.
+// Mail without data ends the request that waits. The answer to this request comes later.
 TEST_F(LateOrder, TheAnswerBehindAMalformedMail) {
     const auto disturbed = [&](Request&& request, MailboxType type, Duration behind) {
         slow = 5ms + behind;

@@ -292,7 +292,7 @@ TEST(LostParts, ADriveThatLeavesOutAMail) {
 
 // ------------------------------------------------------------------ files
 
-// The slave stalls once, for longer than the library waits for a late packet. Both first packets come behind each
+// The slave stalls once, for longer than the library waits for a late packet. Both first packets come one after the
 // other, while the application has no room for more, or while another protocol is used.
 TEST_F(LateParts, TheFirstPacketOfAFileThatComesTwiceEndsIt) {
     struct SlowSink final : ByteSink {

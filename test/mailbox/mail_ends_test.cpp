@@ -44,7 +44,7 @@ class MailEnds : public testing::TestWithParam<bool> {
         end.at = bus.osal.now();
         bus.segment.slave(place).frame_end(end);
     }
-    // As this master has left the other device yesterday.
+    // The other device has the registers that this master has written on an earlier day.
     void prepare_other() {
         const std::array sms{std::byte{0x00}, std::byte{0x10}, std::byte{64}, std::byte{0},
                              std::byte{0x26}, std::byte{0},    std::byte{1},  std::byte{0},

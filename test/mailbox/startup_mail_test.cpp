@@ -118,7 +118,8 @@ TEST_F(StartupMail, WhatCannotBeSentIsNamed) {
     EXPECT_EQ(says(send_aoe(preop_to_safeop, net_id)), "");
 }
 
-// The late answer to a command that was given up is none to the next one, although the files say one invoke ID.
+// The late answer to a command that was given up is no answer to the next command, although both have the same invoke
+// ID in the file.
 TEST_F(StartupMail, ALateAnswerIsNotThatOfTheNextCommand) {
     ScriptedSlave& slave = bus.add_scripted(128, mailbox_protocol::kAoE);
     bus.start();

@@ -99,7 +99,7 @@ TEST_F(FrameTimingTest, TheSimulatedNicHasWhatItsOptionsSay) {
     EXPECT_EQ(all.timing().sent, &all);
     EXPECT_EQ(all.timing().received, &all);
     EXPECT_EQ(all.timing().send_at, &all);
-    // A NIC that holds no frames sends them at once, and does not keep it secret.
+    // A NIC that holds no frames sends them at once, and counts them.
     plain.set_send_time(osal.now() + 1ms);
     EXPECT_EQ(plain.send(read_frame(1)), SendStatus::sent);
     EXPECT_EQ(plain.missed(), 1U);

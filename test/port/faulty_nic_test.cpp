@@ -321,7 +321,7 @@ TEST_F(FaultyNics, TheSameFrameComesForEver) {
     EXPECT_NE(host.text().find("receive() returns frames without an end"), std::string::npos) << host.text();
 }
 
-// Frames that come back in another way are not said to be lost.
+// The suite does not report frames as lost that come back in another way.
 class OddReplies : public FilterNic {
   public:
     OddReplies(Nic& inner, bool unmarked) : FilterNic(inner), unmarked_(unmarked) {}

@@ -40,7 +40,7 @@ TEST_F(NicCheck, ReadsACable) {
         EXPECT_TRUE(contains(ran.out, line)) << line << "\n" << ran.out;
 }
 
-// What is changed by the commands of the system is seen, and the commands that are printed mend it.
+// nic_check sees what commands of the system have changed, and the commands that nic_check prints mend it.
 TEST_F(NicCheck, SeesWhatIsChangedAndItsCommandsMendIt) {
     const auto in_namespace = "ip netns exec " + cable.master_namespace() + " ";
     const std::string name = Cable::kMaster;

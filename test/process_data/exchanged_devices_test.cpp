@@ -251,7 +251,7 @@ TEST(ExchangedDevicesInBoot, RecoverDoesNotUseTheEepromOfASlaveInBoot) {
     EXPECT_NE(done.error().step, Step::read_sii) << "the EEPROM was taken from the firmware";
 }
 
-// While a mapping waits for the hook of slave 1, the tool of slave 2 is changed under the eyes of a supervision.
+// While a mapping waits for the hook of slave 1, the tool of slave 2 is exchanged. A supervision is active.
 TEST_F(ExchangedDevices, AToolThatWasChangedDuringAMappingGetsNoOutputs) {
     build();
     ASSERT_TRUE(submit(*ctx, supervision).ok());

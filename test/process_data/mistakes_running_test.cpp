@@ -286,7 +286,8 @@ TEST_F(Mistakes, ARequestOfAnotherContextCannotBeWaitedFor) {
     EXPECT_TRUE(wait(*ctx, request).ok());
 }
 
-// The supervision leaves its scope at once: nothing watches the slaves, and the program looks right.
+// The supervision is destroyed at the end of its scope, right after submit(): nothing watches the slaves, although the
+// program looks right.
 TEST_F(Mistakes, ASupervisionThatIsDestroyedBeforeItBeginsIsReported) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());

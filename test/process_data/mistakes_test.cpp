@@ -81,7 +81,7 @@ TEST_F(Mistakes, AScanThatDoesNotBeginWarnsOfNothing) {
     EXPECT_TRUE(all(ctx->warnings()).empty());
 }
 
-// The word was not said yet.
+// The error of a request that has not begun names no place, because no slave was asked yet.
 TEST(DescribeUnbegun, ARequestThatHasNotBegunNamesNoPlace) {
     std::array<char, 256> text{};
     for (const Step step : {Step::read_sii, Step::sdo_upload, Step::read_register})

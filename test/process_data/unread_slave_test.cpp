@@ -162,7 +162,7 @@ TEST(UnreadSlave, ThatIsGoneIsMissingInEachCall) {
     EXPECT_TRUE(inputs_fresh(*plant.ctx, 1));
     EXPECT_FALSE(all_right(*plant.ctx));
     EXPECT_EQ(what_is_wrong(*plant.ctx).code, Errc::missing_slave);
-    // To go on without it is said for this slave, or by a new scan.
+    // The application goes on without the slave when it makes the slave optional, or scans again.
     plant.ctx->slave(2).config.optional = true;
     EXPECT_TRUE(config_map(*plant.ctx, plant.image).ok());
     EXPECT_TRUE(reach(*plant.ctx, AlState::op, 1s).ok());
@@ -174,7 +174,8 @@ TEST(UnreadSlave, ThatIsGoneIsMissingInEachCall) {
 
 // ------------------------------------------------------------------ comes late, and cannot be read
 
-// The slave that is awaited is there, and its EEPROM does not answer: that is said, once, and not that it is missing.
+// The awaited slave is there, and its EEPROM does not answer. The library reports this once, and does not report the
+// slave as missing.
 TEST(UnreadSlave, ThatComesLateIsNotCalledMissing) {
     for (const bool listed : {true, false}) {
         PairWithUnread plant;

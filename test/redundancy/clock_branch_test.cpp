@@ -77,7 +77,7 @@ struct ClockBranch : testing::Test, ClockRingBus {
 };
 
 // The clock beside the ring has followed what the master has sent for a moment, and is taught when the ring is whole.
-// Comparisons of the time before belong to no constant.
+// Comparisons from before the break belong to no constant.
 TEST_F(ClockBranch, ABreakOfAMoment) {
     add_ring(6);
     add_branch(2, 2);

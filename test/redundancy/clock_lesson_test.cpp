@@ -102,7 +102,8 @@ TEST(ClockLesson, TheFirstClockIsSetMeanwhile) {
 }
 
 // Another program writes a wrong time to the clock when the master has just begun to keep it in step: it runs as fast
-// or slow as the chip can, 763 ppm, and the corrections are at most 600 ppm. It ran away for good.
+// or slow as the chip can, 763 ppm, and the corrections are at most 600 ppm. Without the lesson the clock would never
+// come back.
 TEST(ClockLesson, AClockThatRunsAwayIsTaughtAgain) {
     for (const std::int64_t wrong_ns : {-50'000'000, 50'000'000}) {
         SCOPED_TRACE(wrong_ns);

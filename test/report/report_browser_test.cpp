@@ -74,7 +74,7 @@ TEST_F(ReportBrowser, RendersWithoutAMessageInTheConsole) {
     folder.write("empty.html", "<!DOCTYPE html><html><body></body></html>");
     ASSERT_EQ(chromium("--window-size=1200,2000 --screenshot=empty.png", "empty.html").status, 0);
     EXPECT_GT(png.size(), 5 * content_of(folder.path() / "empty.png").size()) << "there is something to see";
-    // A broken policy or a script would speak in the console.
+    // A broken policy or a script would cause a message in the console.
     folder.write("noisy.html", "<!DOCTYPE html><html><body><script>console.error('heard')</script></body></html>");
     EXPECT_TRUE(contains(chromium("--screenshot=noisy.png", "noisy.html").err, "CONSOLE"))
         << "this test hears the console";

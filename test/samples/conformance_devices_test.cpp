@@ -1,4 +1,4 @@
-// The checks of subdevice_check: devices that an author may build and that keep the rules are not blamed.
+// The checks of subdevice_check: devices that keep the rules pass, whatever their authors have chosen.
 #include "samples/conformance.hpp"
 #include "subdevice/sii_image.hpp"
 #include "subdevice/standard_device.hpp"

@@ -1,4 +1,4 @@
-// The checks of subdevice_check: a modular device whose maker uses the indices behind the last slot is not blamed. It
+// The checks of subdevice_check: a modular device whose maker uses the indices behind the last slot passes. The device
 // tells its shortest cycle.
 #include "samples/conformance.hpp"
 #include "sim/process_data.hpp"

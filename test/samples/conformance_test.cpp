@@ -18,7 +18,7 @@ TEST(SubdeviceCheck, EveryDeviceOfTheLibraryKeepsTheRules) {
         EXPECT_EQ(checked.report.checks.size(), all_checks().size()) << name;
         for (const auto& check : checked.report.checks) judged += check.outcome == Outcome::passed ? 1U : 0U;
         if (name != "odd_device") continue;
-        // This device lets nearly everything be tried.
+        // Nearly all checks apply to this device.
         std::set<std::string> left;
         for (const auto& check : checked.report.checks)
             if (check.outcome != Outcome::passed) left.insert(check.name);
@@ -102,7 +102,7 @@ TEST(SubdeviceCheck, NamesOfChecksAreUniqueAndHaveClauses) {
     }
 }
 
-// A real NIC ends a wait only with a frame: a wait without an end while no frame is under way would be the last one.
+// A real NIC ends a wait only with a frame: a wait without a limit while no frame is under way would never end.
 class OsalOfARealNic final : public Osal {
   public:
     [[nodiscard]] Time now() noexcept override { return now_; }

@@ -61,7 +61,8 @@ TEST_F(ServiceTest, ARescanNamesWhatIsMissing) {
     EXPECT_EQ(content_of(folder.path() / "quiet"), "");
 }
 
-// The flag E and exit code 1 come with words, attached, too; once where a source of its own has said them.
+// Attached to margayd, `slaves` prints the flag E and a warning with its reason, and ends with exit code 1. The warning
+// comes once.
 TEST_F(ServiceTest, ASlaveWithAnErrorIsNamed) {
     std::ofstream(folder.path() / "b.toml")
         << "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_in_8\"\nsii_status = 0x2000\n";

@@ -180,7 +180,7 @@ TEST_P(SyncStops, TheControlLoopOfADriveLocksAgain) {
     EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::op, false, 0}));
 }
 
-// A master that was started again: a SYNC0 of the time before still waits, and the new start time is in the future.
+// A master that was started again: a SYNC0 from before the start still waits, and the new start time is in the future.
 TEST_P(SyncStops, SyncSignalsFromBeforeSafeopDoNotCount) {
     bench.application.description_value.dc.sync1 = true;
     bench.esc.ecat_set<std::uint8_t>(0x0981, 7);

@@ -1,6 +1,6 @@
 // The IP parameters of slaves: set before SAFEOP. The facade has no function that reads them, so the test asks the
-// slave by the library, whose sources it contains. Its last line says that each had the
-// expected result.
+// slave by the library, whose sources it contains. The last line of the output says that each test had the expected
+// result.
 #include <cycle.h>
 #include "compat/ecrt/bus.hpp"
 
@@ -49,7 +49,7 @@ int main() {
         ecrt_slave_config_eoe_hostname(gateway, nullptr) != -EINVAL ||
         ecrt_slave_config_eoe_hostname(gateway, "a-name-of-more-than-thirty-two-octets") != -EINVAL)
         return 3;
-    // A slave without EoE: this is said, and the slave comes to OP.
+    // A slave without EoE: a message says so, and the slave comes to OP.
     if (ecrt_slave_config_eoe_ip_address(drive, address("192.168.5.3")) != 0) return 4;
     if (ecrt_slave_config_reg_pdo_entry(gateway, 0x7000, 0, domain, nullptr) < 0) return 5;
     if (ecrt_slave_config_reg_pdo_entry(drive, 0x6040, 0, domain, nullptr) < 0) return 5;

@@ -1,5 +1,5 @@
-// A scan before activation takes longer than 3 s: a call that has to ask a slave for its PDOs waits for it. What cannot
-// be asked is not said to be not mapped. Ends with 0 when everything is as expected.
+// A scan before activation takes longer than 3 s: a call that has to ask a slave for its PDOs waits for it. No error
+// says "not mapped" of an entry for which the slave could not be asked. Ends with 0 when everything is as expected.
 #include "compat/ecrt/bus.hpp"
 
 #include <check.h>

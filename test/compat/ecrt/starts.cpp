@@ -1,6 +1,6 @@
-// Every slave starts by itself: one that answers no mail holds nobody up, and many domains start together. Virtual
-// time counts the cycles. Arguments: segment, number of drives, number of domains, position of the mute drive or -1,
-// the most cycles. Ends with 0 when everything is as expected.
+// Every slave starts by itself: one that answers no mail delays no other slave, and many domains start together.
+// Virtual time counts the cycles. Arguments: segment, number of drives, number of domains, position of the mute drive
+// or -1, the most cycles. Ends with 0 when everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 

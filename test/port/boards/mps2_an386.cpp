@@ -53,7 +53,7 @@ int main() {
     port.second_clock = [](void*) -> Duration {
         return second_clock.extend(board::second_counter()).time_since_epoch();
     };
-    // Somebody reads this line and does it.
+    // A person reads this line and moves the cable.
     port.plug = [](void*, bool in) { board::print(in ? "please connect the cable" : "please pull out the cable"); };
     port.longest_plugging = 60s;
     // QEMU executes each access to the FIFO as a call of a function, on a machine that does other work too.

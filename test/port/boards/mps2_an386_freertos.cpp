@@ -54,7 +54,7 @@ void check(void*) {
     port.several_threads = true;
     port.calls_at_once = 2;
     port.second_clock = [](void*) { return second_clock.extend(board::second_counter()).time_since_epoch(); };
-    // Somebody reads this line and does it.
+    // A person reads this line and moves the cable.
     port.plug = [](void*, bool in) { print(in ? "please connect the cable" : "please pull out the cable"); };
     port.longest_plugging = 60s;
     // QEMU executes each access to the FIFO as a call of a function, on a machine that does other work too.
