@@ -90,7 +90,7 @@ TEST_F(XdpSource, SimpleIoRunsInOpOnXdp) {
 TEST_F(XdpSource, ASpinThatIsLongerThanACycleIsNamed) {
     serve();
     const auto ran = run({"simple_io", kMaster, "--cycles", "3", "--period", "4000", "--spin", "5000"});
-    EXPECT_EQ(ran.errors, "simple_io: --spin 5000 is longer than a cycle allows: it is 4000 µs\n");
+    EXPECT_EQ(ran.errors, "simple_io: --spin 5000 is longer than a cycle allows; the program uses 4000 µs\n");
     EXPECT_EQ(run({"simple_io", kMaster, "--cycles", "3", "--period", "4000", "--spin", "100"}).errors, "");
 }
 
