@@ -83,8 +83,8 @@ AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device,
     if (sizes.fault != AlStatusCode::none) return sizes.fault;
     auto fault = AlStatusCode::none;
     Places places(esc);
-    // The mailboxes have been checked. The activate octet is not read: the AL event of a change of theirs stays for the
-    // state machine.
+    // The mailboxes have been checked. Their activate octets are not read: the AL event of a change stays for the state
+    // machine.
     const unsigned mailboxes = device.mailbox.present() ? 2 : 0;
     for (unsigned n = 0; n < mailboxes; ++n)
         (void)places.add(read_octets(esc, n, wire::SyncManagerLayout::activate::offset));

@@ -68,7 +68,7 @@ void FoeServer::open(bool write, Bytes data, Outbox& out, Time now) {
     const auto opening = write ? Transfer::opening_to_write : Transfer::opening_to_read;
     if (!same || transfer_ != opening) end();
     if (length > kNameBytes) return fail(FoeError::not_found, out);
-    transfer_ = Transfer::none;  // the store need not give up a file that it does not open
+    transfer_ = Transfer::none;  // give_up() is not called for a file that the store has not opened
     name_ = name;
     name_bytes_ = static_cast<std::uint8_t>(length);
     password_ = password;

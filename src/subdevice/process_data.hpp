@@ -64,12 +64,12 @@ class ProcessData {
     }
 
     // The sizes from assignment (0x1C10 + number of the SyncManager) and mapping. When the dictionary does not have the
-    // assignment object, Application::process_data_sizes() says the size, or else it is the maximum of the description.
+    // assignment object, the size is that of Application::process_data_sizes(), or else the maximum of the description.
     // In SAFEOP and OP the sizes stay as they were at the transition to SAFEOP.
     [[nodiscard]] ProcessDataSizes sizes();
 
-    // PREOP→SAFEOP: compares the synchronization types of 0x1C32 and its kin with the device, with the SYNC signals,
-    // and with each other. AlStatusCode::none when they fit.
+    // PREOP→SAFEOP: compares the synchronization types (subindex 1 of 0x1C32, 0x1C33 and the objects of further
+    // SyncManagers) with the device, with the SYNC signals, and with each other. AlStatusCode::none when they fit.
     [[nodiscard]] AlStatusCode check_sync_types();
     // PREOP→SAFEOP: writes the first inputs before the master reads SAFEOP. Locked.
     void start(Time now);
