@@ -94,7 +94,7 @@ Answer<Octets> AttachedSession::ask(Operation operation, const attach::Arguments
     auto reply = client_.call(operation, arguments, progress);
     last_error_ = reply.error.code;
     if (reply.ok()) return std::move(reply.payload);
-    // All texts come from another program: a terminal gets no control characters of theirs.
+    // All texts come from another program: a terminal gets none of their control characters.
     if (reply.status == attach::Status::refused)
         return Problem{.text = samples::words_of_slave(reply.text),
                        .code = reply.broken ? samples::exit_code::kSystem : samples::exit_code::kSegment,

@@ -33,7 +33,7 @@ SdoReply SdoClient::ask(Bytes message) {
         const auto service = coe::load_header(mail.data).service;
         if (service != coe::Service::sdo_response && service != coe::Service::sdo_request) return false;
         const auto kind = sdo::specifier(SdoLayout::command::load(mail.data));
-        // Segments have no index. The response to another initiate request is none of theirs.
+        // Segments have no index. The response to another initiate request is no response to a segment.
         if (segment) return kind != coe::response::kUpload && kind != coe::response::kDownload;
         return SdoLayout::index::load(mail.data) == SdoLayout::index::load(message) &&
                SdoLayout::subindex::load(mail.data) == SdoLayout::subindex::load(message);

@@ -66,8 +66,9 @@ class Application {
     // mapping determines the sizes. nullopt: the maximum sizes of the description.
     [[nodiscard]] virtual std::optional<ProcessDataSizes> process_data_sizes() { return std::nullopt; }
 
-    // Replace the PDO mapping: unpack_outputs() reads the outputs from the octets of their SyncManagers, pack_inputs()
-    // writes the inputs into the octets of theirs. Return false to use the PDO mapping instead.
+    // Replace the PDO mapping: unpack_outputs() reads the outputs from the octets of the output SyncManagers,
+    // pack_inputs() writes the inputs into the octets of the input SyncManagers. Return false to use the PDO mapping
+    // instead.
     virtual bool unpack_outputs(Bytes raw) {
         (void)raw;
         return false;
