@@ -326,9 +326,10 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
     if (set) set = co_await write_delay_again(network, slave);
     clocks.lose_sync(slave);
     if (first) co_await completion(set_reference(network, slave));
-    // It has not learned its rate: the clocks that do not follow it are not in step with it.
+    // With another rate it leads its followers away until they have learned it; the others are not in step with it.
     for (const Slave& other : network.slaves())
-        if (first && followed_clock(network, other).slave != slave.number) clocks.lose_sync(other);
+        if (first && (rate == ClockRate::own || followed_clock(network, other).slave != slave.number))
+            clocks.lose_sync(other);
     const Slave& reference = network.slave(clocks.reference);
     for (unsigned n = 0; !carry_time_of(network, &reference) && n < kMostTries; ++n)
         co_await network.engine.next_poll();
