@@ -388,7 +388,7 @@ Task<Result<>> latch_receive_times(Network& network) {
     co_await together(latch, count);
     for (const Datagram* d : {&latch, &count})
         if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = kClockStep};
-    network.clocks.unknown_latched = network.redundancy == nullptr && count.reply().wkc > most_answers(network);
+    network.clocks.unknown_latched = count.reply().wkc > most_answers(network);
     co_return Nothing{};
 }
 

@@ -112,7 +112,6 @@ Task<Result<>> RingWatch::close_ring(Network& network) {
     last_ = 0;
     ring_.end_opening();
     if (written && network.engine.now() - opened_ > kLongest) co_return ring_error(Errc::unstable);
-    if (written) guessed_ = false;
     co_return written;
 }
 

@@ -44,6 +44,7 @@ const ClockEntry* timed_ring_slave(Network& network, std::size_t at, int step) {
 
 void RingWatch::note_ways(Network& network) {
     if (!measured_whole_) return;
+    guessed_ = false;
     Clocks& clocks = network.clocks;
     const auto ring = network.seen_ring();
     const auto nodes = clocks.nodes.first(std::min(clocks.nodes.size(), ring.size()));

@@ -100,5 +100,22 @@ TEST(ClockTimetable, TheReferenceHasAnotherRate) {
                 {0, Part::branch_cable, 2, true}});
 }
 
+// While the delays are measured, a slave answers that is not found yet: the frames pass its branch too.
+TEST(ClockTimetable, ABranchIsBackBeforeItIsFound) {
+    TimetableBus bus(7, {{1, 2}, {3, 2}, {8, 1}}, std::chrono::microseconds(2), std::chrono::microseconds(0));
+    bus.follow({{0, Part::power, 0, false},
+                {1422, Part::ring_cable, 2, false},
+                {104, Part::ring_cable, 3, false},
+                {148, Part::power, 6, false},
+                {76, Part::ring_cable, 1, false},
+                {94, Part::branch_cable, 0, false},
+                {101, Part::ring_cable, 3, true},
+                {116, Part::ring_cable, 1, true},
+                {42, Part::ring_cable, 2, true},
+                {55, Part::power, 0, true},
+                {27, Part::power, 6, true},
+                {19, Part::branch_cable, 0, true}});
+}
+
 }  // namespace
 }  // namespace margay
