@@ -117,5 +117,20 @@ TEST(ClockTimetable, ABranchIsBackBeforeItIsFound) {
                 {19, Part::branch_cable, 0, true}});
 }
 
+// The rate of the first clock differs by more than 60 ppm from that of the reference.
+TEST(ClockTimetable, TheFirstClockRunsAwayFromTheReference) {
+    TimetableBus bus(4, {{0, 3}, {2, 3}}, std::chrono::microseconds(0), std::chrono::microseconds(13));
+    bus.follow({{0, Part::power, 2, false},
+                {44, Part::power, 5, false},
+                {457, Part::power, 2, true},
+                {58, Part::ring_cable, 0, false},
+                {1060, Part::ring_cable, 1, false},
+                {1455, Part::ring_cable, 1, true},
+                {97, Part::ring_cable, 1, false},
+                {462, Part::ring_cable, 0, true},
+                {43, Part::ring_cable, 1, true},
+                {52, Part::power, 5, true}});
+}
+
 }  // namespace
 }  // namespace margay
