@@ -52,7 +52,8 @@ bool Redundancy::is_misplaced(const FramePair& pair, unsigned processed) noexcep
 }
 
 // The cable of a NIC that has not seen it yet is broken: its copies are lost, and those of the other NIC have passed
-// all slaves. Elsewhere a copy that comes back alone has passed some of them only.
+// all slaves. Elsewhere a copy that comes back alone has passed some of them only. Where slaves are missing in a ring
+// that is not whole, the slaves of both parts may have the same working counter.
 std::size_t Redundancy::half(const PreparedFrame& frame, std::uint8_t index, MutableBytes into) noexcept {
     FramePair* const pair = pair_of(index);
     if (pair == nullptr || !hold(*pair)) return 0;
@@ -62,8 +63,15 @@ std::size_t Redundancy::half(const PreparedFrame& frame, std::uint8_t index, Mut
         const std::uint16_t accepted = d.status->accepted;
         return load_le<std::uint16_t>(reply, d.offset + wire::kDatagramHeaderBytes + d.bytes) == accepted;
     };
+    // As many slaves as before have been read.
+    const auto has_all = [&frame, reply](const PreparedReading& r) {
+        return frame.bytes[r.offset] != static_cast<std::byte>(wire::Command::BRD) ||
+               load_le<std::uint16_t>(reply, r.offset + wire::kDatagramHeaderBytes + r.bytes) == r.into->slaves;
+    };
     const bool whole = pair->index == index && came != 0 && frame.size <= pair->size && !is_misplaced(*pair, came) &&
-                       !frame.datagrams.empty() && std::ranges::all_of(frame.datagrams, is_complete);
+                       !frame.datagrams.empty() && (!frame.degraded || by_head_.load(std::memory_order_relaxed)) &&
+                       std::ranges::all_of(frame.datagrams, is_complete) &&
+                       std::ranges::all_of(frame.readings, has_all);
     if (whole) std::ranges::copy(reply, into.begin());
     pair->state.store(FramePair::open, std::memory_order_release);
     return whole ? reply.size() : 0;

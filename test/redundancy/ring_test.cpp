@@ -299,6 +299,52 @@ TEST(Ring, ANicWithoutALinkBesideRequests) {
     }
 }
 
+// In a broken ring, one part has no process data. When its copy is lost, the AL status of its slaves has not come.
+TEST(Ring, TheAlStatusOfOnePartIsNotThatOfAllSlaves) {
+    RingBus bus;
+    for (unsigned n = 0; n < 3; ++n) (void)bus.add_to_ring();
+    for (unsigned n = 0; n < 3; ++n) {
+        auto device = sim::device_from_sii(io_image(0, 0));
+        device.chip = sim::junction();
+        (void)bus.add_to_ring(std::move(device));
+    }
+    bus.close_ring();
+    bus.start();
+    bus.ctx->group(0).config.al_status = true;
+    bus.run();
+    bus.cable(bus.ring_cables[3], false);
+    for (unsigned n = 0; n < 100; ++n) (void)bus.cycle();
+    const auto& read = bus.ctx->group(0).al_status;
+    for (unsigned n = 0; n < 60; ++n) {
+        bus.nics[1]->deaf = n % 20 == 0;
+        (void)bus.cycle();
+        EXPECT_TRUE(!read.came || read.slaves == 6) << n << ": " << read.slaves;
+        EXPECT_TRUE(bus.nics[1]->deaf || read.came) << n;
+    }
+}
+
+// The slaves of one part are missing. In the cycle in which they answer again, the others do not: the working counter
+// is the accepted one.
+TEST(Ring, BothPartsHaveTheSameWorkingCounter) {
+    RingBus bus;
+    bus.build_line(6);
+    bus.start();
+    bus.run();
+    bus.cable(bus.ring_cables[3], false);
+    (void)bus.stale_cycles(20);
+    bus.nics[1]->deaf = true;
+    (void)bus.stale_cycles(300);
+    ASSERT_EQ(bus.ctx->slave(4).al.state, AlState::none);
+    ASSERT_TRUE(inputs_fresh(*bus.ctx, 1));
+    bus.nics[0]->deaf = true;
+    bus.nics[1]->deaf = false;
+    for (unsigned n = 0; n < 20; ++n) {
+        (void)bus.cycle();
+        for (std::uint16_t s = 1; s <= 3; ++s)
+            EXPECT_FALSE(inputs_fresh(*bus.ctx, s)) << "slave " << s << ", cycle " << n;
+    }
+}
+
 TEST(Ring, FramesThatGetLostOnTop) {
     RingBus bus;
     bus.build_tree();
