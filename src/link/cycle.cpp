@@ -20,7 +20,6 @@ constexpr std::byte with_time(std::byte command) {
 
 // The next frames only read the reference clock, until two answers in succession show the next time.
 void read_only(PreparedFrame& frame, PreparedReading& reading) {
-    ++reading.without;
     std::byte& command = frame.bytes[reading.offset];
     if (command == static_cast<std::byte>(Command::BRD)) return;
     if (command >= kFirstWithTime) command = without_time(command);
@@ -252,18 +251,17 @@ void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterRead
     std::array<std::byte, sizeof(std::uint64_t)> next{};
     store_le<std::uint64_t>(next, 0, (before.value == 0 ? into.value : 2 * into.value - before.value) + kBeside_ns);
     if (*head < kFirstWithTime) {
-        ++reading.without;
         if (before.slaves != 0) *head = with_time(*head);
     } else if (as_sent && are_others(reading)) {
         const MutableBytes address(head + 2, 2);
         const bool standby = reading.standby != 0 && load_le<std::uint16_t>(address) != reading.standby;
         *head = static_cast<std::byte>(standby ? Command::FPRD : Command::NOP);
         if (standby) store_le<std::uint16_t>(address, 0, reading.standby);
-        ++reading.without;
         reading.full = answers(reading);  // to a frame of the standby
         into.slaves = 0;
         into.value = before.value;
     } else {
+        ++reading.times;
         reading.full = answers(reading);
     }
     std::memcpy(time, next.data(), reading.bytes);
@@ -278,14 +276,13 @@ void take_overlapped_time(PreparedFrame& sent, PreparedReading& reading, const R
     std::byte& command = sent.bytes[reading.offset];
     if (command == static_cast<std::byte>(Command::BRD)) return;
     if (command < kFirstWithTime) {
-        ++reading.without;
         if (!reading.held && into.value != 0) command = with_time(command);
     } else if (sent.no_time && are_others(reading)) {
-        ++reading.without;
         command = without_time(command);
         into.slaves = 0;
         into.value = before.value;
     } else {
+        ++reading.times;
         reading.full = answers(reading);
     }
 }

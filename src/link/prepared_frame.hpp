@@ -32,7 +32,7 @@ struct PreparedReading {
     // Of the reference clock's time: the station address of the slave whose time is sent when the reference clock is
     // lost; 0: none.
     std::uint16_t standby = 0;
-    std::uint16_t without = 0;  // frames that brought no time of the reference clock to the others; wraps
+    std::uint16_t times = 0;  // frames that brought the time of the reference clock to the others; wraps
     RegisterReading* into = nullptr;
 };
 

@@ -20,17 +20,13 @@ bool is_before_reference(Network& network, const Slave& slave) {
 
 // How many frames have brought the time of the reference since the last round: frames of the cycle, and others.
 std::uint32_t times_since_last_round(Network& network) {
-    // A frame that is lost lowers the number, until the next frame comes back. By more, the count has begun anew.
-    constexpr std::int16_t kMostLost = 1000;
     Clocks& clocks = network.clocks;
     const std::uint32_t sent = std::exchange(clocks.times_sent, std::uint16_t{0});
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference != clocks.reference) continue;
         const std::uint16_t now = cycles_with_time(group);
-        const auto times = static_cast<std::int16_t>(now - clocks.times_seen);
-        if (network.silent || (times < 0 && times >= -kMostLost)) return sent;
-        clocks.times_seen = now;
-        return sent + (times > 0 ? static_cast<std::uint32_t>(times) : 0U);
+        const auto times = static_cast<std::int16_t>(now - std::exchange(clocks.times_seen, now));
+        return sent + (times > 0 ? static_cast<std::uint32_t>(times) : 0U);  // negative: it has begun anew
     }
     return sent;
 }

@@ -296,8 +296,7 @@ bool is_time_whole(const ProcessGroup& group) {
 
 std::uint16_t cycles_with_time(const ProcessGroup& group) {
     const auto found = std::ranges::find(group.readings, &group.dc_time, &PreparedReading::into);
-    const auto without = found == group.readings.end() ? std::uint16_t{0} : found->without;
-    return static_cast<std::uint16_t>(group.cycle_received - without);
+    return found == group.readings.end() ? std::uint16_t{0} : found->times;
 }
 
 bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns) {

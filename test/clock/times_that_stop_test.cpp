@@ -20,6 +20,18 @@ struct TimesThatStop : testing::Test, ClockBus {
         cycles(3000);
         ASSERT_TRUE(clock_status(*ctx, osal.now()).in_sync);
     }
+    // run_cycle(), which also receives the cycles that the NIC has refused to send. Returns in how many of its cycles
+    // the clocks were not in sync.
+    unsigned run_for(Duration time, Duration period) {
+        unsigned out = 0;
+        const Time end = osal.now() + time;
+        const auto each = [&](const CycleInfo&) {
+            out += clock_status(*ctx, osal.now()).in_sync ? 0U : 1U;
+            return osal.now() < end;
+        };
+        EXPECT_TRUE(run_cycle(*ctx, {.period = period}, each).ok());
+        return out;
+    }
     void lose(unsigned count) {
         for (unsigned n = 0; n < count; ++n) {
             segment.lose_next({0, 0});
@@ -192,6 +204,16 @@ TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackAtOnce) {
             ASSERT_TRUE(clock_status(*ctx, osal.now()).in_sync) << n;
         }
     }
+}
+
+// Each cycle that the NIC has refused to send is lost once.
+TEST_F(TimesThatStop, AfterASilenceInWhichTheNicSendsNothingTheClocksStayInSync) {
+    begin(4);
+    segment.set_master_cable(0, false);
+    (void)run_for(900ms, 1ms);
+    segment.set_master_cable(0, true);
+    (void)run_for(50ms, 1ms);
+    EXPECT_EQ(run_for(2s, 1ms), 0U) << "cycles out of sync";
 }
 
 // After a silence, only times that have come count: the register shows what was before the silence.
