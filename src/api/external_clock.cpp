@@ -68,7 +68,7 @@ Duration ExternalClock::update(Context& ctx, Duration lateness) {
     const bool is_reference = network.clocks.reference == internal_.address().slave;
     fault_ = is_reference ? PhaseState::idle : PhaseState::not_reference;
     if (!is_reference) return earlier;
-    const Time now = network.engine.link().last_cycle();
+    const Time now = cycle_.record().at;
     std::int64_t correction = 0;
     if (inputs_fresh(ctx, internal_.address().slave) && take_stamps()) {
         const auto grid = static_cast<std::uint64_t>(settings_.grid.count());

@@ -68,7 +68,7 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
     is_pending_ = false;
     const bool single = !group.prepared.empty() && group.overlap.sets <= 1;
     if (single && group.dc_time.came && group.dc_time.slaves != 0) {
-        const Time at = network.engine.link().last_cycle();
+        const Time at = received_at(group, network.engine.link());
         const std::uint64_t time = whole_bus_time(network, group, at, pending_.bus_time_ns, pending_.at);
         pending_ = {.bus_time_ns = time, .at = at, .lateness = lateness};
         std::copy_n(group.prepared.front().bytes.begin(), pending_.head.size(), pending_.head.begin());

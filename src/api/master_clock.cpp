@@ -59,7 +59,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     network.clocks.is_paced = true;
     network.clocks.paced_ns = 0;
     const ProcessGroup& group = network.process.groups[settings_.group];
-    record_.at = network.engine.link().last_cycle();
+    record_.at = received_at(group, network.engine.link());
     record_.read = group.dc_time.came && group.dc_time.slaves != 0;
     record_.clocks_in_sync = network.clocks.all_in_sync;
     record_.difference_ns = network.clocks.greatest_ns;

@@ -8,11 +8,9 @@ void refresh_system_time(Network& network) {
     Clocks& clocks = network.clocks;
     const bool watched = network.supervised && clocks.settings.watch_interval > Duration{0};
     if (clocks.reference == 0 || watched) return;
-    const Time sent_at = network.engine.link().last_cycle();
-    if (sent_at <= clocks.system_at) return;
     for (const ProcessGroup& group : network.process.groups)
         if (group.mapped && group.dc_reference == clocks.reference && group.dc_time.came && group.dc_time.slaves != 0)
-            clocks.note_seen_time(group.dc_time.value, is_time_whole(group), sent_at);
+            clocks.note_seen_time(group.dc_time.value, is_time_whole(group), received_at(group, network.engine.link()));
 }
 
 }  // namespace margay

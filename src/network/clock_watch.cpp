@@ -297,7 +297,7 @@ bool note_time_of_cycle(Network& network) {
             continue;
         }
         if (group.dc_time.slaves != 0 && settled)
-            clocks.note_seen_time(group.dc_time.value, is_time_whole(group), network.engine.link().last_cycle());
+            clocks.note_seen_time(group.dc_time.value, is_time_whole(group), received_at(group, network.engine.link()));
         if (group.dc_time.slaves != 0 && of_reference)
             clocks.without_time = 0;
         else if (!clocks.paused && settled && ++clocks.without_time >= kEnough)

@@ -167,6 +167,7 @@ struct Clocks {
     // come some times in succession: a slave that was reset, and is not known to be lost yet, answers by its position
     // with a time of its own.
     void note_seen_time(std::uint64_t time_ns, bool wide, Time now) {
+        if (now <= system_at) return;
         constexpr std::int64_t kNearest_ns = 100'000;
         constexpr std::int64_t kRateParts = 500;  // 2000 ppm
         constexpr std::uint8_t kEnough = 20;

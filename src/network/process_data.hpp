@@ -182,6 +182,11 @@ void set_time_standby(ProcessGroup& group, StationAddress standby);
 // How many cycles have brought the time of the reference clock to the other clocks: they came back, and did not only
 // read it. Wraps, and has another origin after config_map().
 [[nodiscard]] std::uint16_t cycles_with_time(const ProcessGroup& group);
+// When the cycle was sent that was received last: Group::dc_time is of that cycle. The next one may be under way.
+[[nodiscard]] inline Time received_at(const ProcessGroup& group, const Link& link) {
+    if (group.overlap.sets > 1) return link.last_cycle();
+    return group.under_way ? group.pace.before : group.pace.last;
+}
 
 [[nodiscard]] Error nothing_sent(const ProcessGroup& group);
 

@@ -216,6 +216,25 @@ TEST_F(TimesThatStop, AfterASilenceInWhichTheNicSendsNothingTheClocksStayInSync)
     EXPECT_EQ(run_for(2s, 1ms), 0U) << "cycles out of sync";
 }
 
+// Group::dc_time is of the cycle that was received last, and the next one is under way.
+TEST_F(TimesThatStop, TheSystemTimeIsRightWhileACycleIsUnderWay) {
+    begin(4);
+    const auto exchange = [this] {
+        for (unsigned n = 0; n < 300; ++n) {
+            osal.advance(1ms);
+            (void)receive_processdata(*ctx, 0ms);
+            ASSERT_TRUE(send_processdata(*ctx));
+            (void)poll(*ctx, osal.now());
+            const auto away = static_cast<std::int64_t>(clock_status(*ctx, osal.now()).system_time_ns -
+                                                        segment.slave(0).clock().copy(osal.now()));
+            ASSERT_LE(std::abs(away), 50'000) << n;
+        }
+    };
+    exchange();
+    supervision.cancel();
+    exchange();
+}
+
 // After a silence, only times that have come count: the register shows what was before the silence.
 TEST_F(TimesThatStop, AfterASilenceNoClockIsInSyncBeforeItIsCompared) {
     begin(4);
