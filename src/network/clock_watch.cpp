@@ -298,8 +298,13 @@ bool note_time_of_cycle(Network& network) {
         }
         if (group.dc_time.slaves != 0 && settled)
             clocks.note_seen_time(group.dc_time.value, is_time_whole(group), received_at(group, network.engine.link()));
+        // Two answers in succession tell the next time: with long cycles, that takes several rounds.
+        const bool reads = group.overlap.sets == 1 && source.address == wanted.address &&
+                           (source.command == wire::Command::FPRD || source.command == wire::Command::APRD);
         if (group.dc_time.slaves != 0 && of_reference)
             clocks.without_time = 0;
+        else if (reads)
+            clocks.without_time = 1;
         else if (!clocks.paused && settled && ++clocks.without_time >= kEnough)
             (void)carry_time_of(network, &reference);
         else

@@ -216,6 +216,21 @@ TEST_F(TimesThatStop, AfterASilenceInWhichTheNicSendsNothingTheClocksStayInSync)
     EXPECT_EQ(run_for(2s, 1ms), 0U) << "cycles out of sync";
 }
 
+// Two answers in succession tell the next time. With these cycles, the watch makes several rounds between them.
+TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackWhereCyclesAreLong) {
+    begin(4);
+    for (const auto period : {12ms, 20ms, 50ms}) {
+        SCOPED_TRACE(period.count());
+        segment.set_master_cable(0, false);
+        (void)run_for(600ms, period);
+        segment.set_master_cable(0, true);
+        (void)run_for(10 * period, period);
+        EXPECT_EQ(ctx->group(0).dc_time.slaves, 4);
+        (void)run_for(10s, period);
+        EXPECT_EQ(run_for(1s, period), 0U) << "cycles out of sync";
+    }
+}
+
 // Group::dc_time is of the cycle that was received last, and the next one is under way.
 TEST_F(TimesThatStop, TheSystemTimeIsRightWhileACycleIsUnderWay) {
     begin(4);
