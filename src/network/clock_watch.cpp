@@ -16,6 +16,11 @@ bool is_there(Network& network, std::uint16_t number) {
     return number != 0 && network.slave(number).al.state != AlState::none;
 }
 
+// Below SAFEOP, a slave that has come back may not have its clock yet: prepare_clock() gives it back.
+bool has_its_state(Network& network, const Slave& slave) {
+    return slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave);
+}
+
 // The first slave in the ring whose clock is synchronised, and that is not lost when the slave `without` is lost: then
 // its time must be that of the others, because it is not compared before. Not one beside a ring, whose time the other
 // clocks do not get.
@@ -28,7 +33,8 @@ std::uint16_t next_reference(Network& network, std::uint16_t without) {
         if (place == lost) behind = true;
         if (place > lost) behind = behind && ring[n].parent >= lost;
         const std::uint16_t slave = ring[n].slave;
-        if (behind || slave == 0 || !is_there(network, slave)) continue;
+        if (behind || slave == 0 || !is_there(network, slave) || !has_its_state(network, network.slave(slave)))
+            continue;
         const ClockEntry& clock = network.clocks.entries[slave - 1U];
         if (!clock.synchronised || (without != 0 && !clock.is_in_step())) continue;
         if (!clock.beside || network.clocks.entries[network.clocks.reference - 1U].beside) return slave;
@@ -281,9 +287,7 @@ bool note_time_of_cycle(Network& network) {
     Clocks& clocks = network.clocks;
     constexpr std::uint8_t kEnough = 20;
     const Slave& reference = network.slave(clocks.reference);
-    // Below SAFEOP, a slave that has come back may not have its clock yet: prepare_clock() gives it back.
-    const bool settled =
-        reference.al.state >= AlState::safeop || reference.al.state == wanted_state(network, reference);
+    const bool settled = has_its_state(network, reference);
     constexpr Duration kRecent = std::chrono::milliseconds(100);
     const bool cycles = network.engine.now() <= later(network.engine.link().last_cycle(), kRecent);
     bool stopped = false;

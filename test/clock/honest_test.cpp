@@ -324,6 +324,27 @@ TEST_F(Honest, SyncSignalsThatTheSetupDoesNotWantAnyMoreAreSwitchedOff) {
     }
 }
 
+// Slave 1 is back, and the reference is lost before slave 1 has its clock again: the system time stays as it was.
+TEST_F(Honest, ASlaveThatDoesNotHaveItsClockYetIsNoReference) {
+    add_line(2);
+    bring_up(kFewFrames);
+    for (int wait = 0; wait < 12; ++wait) {
+        SCOPED_TRACE(wait);
+        power(0, false);
+        cycles(300);
+        power(0, true);
+        ASSERT_TRUE(until([this] { return reference_clock(*ctx) == 2 && ctx->slave(1).al.state == AlState::preop; }));
+        cycles(wait);
+        segment.set_cable({1, 0}, false);
+        cycles(200);
+        segment.set_cable({1, 0}, true);
+        ASSERT_TRUE(until([this] { return all_in_op() && clock_status(*ctx, osal.now()).in_sync; }, 10'000));
+        const std::uint64_t expected = static_cast<std::uint64_t>((osal.now() - Time{}).count());
+        const auto away = static_cast<std::int64_t>(clock_status(*ctx, osal.now()).system_time_ns - expected);
+        EXPECT_LE(std::abs(away), 100'000'000) << joined(events());
+    }
+}
+
 TEST(PortTimesThatDiffer, AreOld) {
     PortTimes times;
     times.add({.port_ns = {1000, 1500, 7, 0}}, 0);
