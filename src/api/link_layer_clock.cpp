@@ -36,8 +36,9 @@ std::optional<Duration> LinkLayerClock::take(Context& ctx, const Reading& readin
     const std::int64_t set_value = settings_.set_value.count();
     const std::int64_t error =
         phase_error_ns(reading.bus_time_ns % cycle + (cycle - *sent_ns % cycle), cycle, set_value);
-    const std::int64_t correction = reference_.update(error, reading.at);
-    shift_reference(network, correction);
+    const bool waits = waits_for_cycle(network, reading.at, settings_.phase.cycle);
+    const std::int64_t correction = reference_.update(error, reading.at, std::uint8_t{waits});
+    shift_reference(network, correction, waits);
     record_.at = reading.at;
     record_.bus_time_ns = reading.bus_time_ns;
     record_.bus_time_off_ns = reading.bus_time_ns % cycle;

@@ -72,12 +72,13 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
                         .actual = static_cast<std::uint32_t>(record_.error_ns)});
         return in_sync;
     };
+    const bool waits = settings_.mode == Mode::bus_shift && waits_for_cycle(network, record_.at, settings_.phase.cycle);
     if (!record_.read) {
         last_due_ns_ = 0;
         if (!corrects()) controller_.observe_nothing();
         record_.adjust_ns = corrects() ? controller_.coast() : 0;
         record_.adjusted_ns += record_.adjust_ns;
-        if (settings_.mode == Mode::bus_shift) shift_reference(network, record_.adjust_ns);
+        if (settings_.mode == Mode::bus_shift) shift_reference(network, record_.adjust_ns, waits);
         // After this, nothing is known of the phase.
         constexpr Duration kLongestWithout = std::chrono::seconds(1);
         if (was_in_sync_ && network.engine.now() - read_at_ > kLongestWithout) fault_ = PhaseState::busy;
@@ -104,7 +105,10 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     Network& network = master_of(ctx)->network;
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
     const std::int64_t error = phase_error_ns(due_ns, cycle, settings_.set_value.count());
-    const std::int64_t correction = corrects() ? controller_.update(error, now) : 0;
+    const bool bus_shift = settings_.mode == Mode::bus_shift;
+    const bool waits = bus_shift && waits_for_cycle(network, now, settings_.phase.cycle);
+    const std::uint8_t hidden = bus_shift ? std::uint8_t{waits} : settings_.phase.cycles_late;
+    const std::int64_t correction = corrects() ? controller_.update(error, now, hidden) : 0;
     if (!corrects()) controller_.observe(error, now);
     constexpr std::int64_t kMost_ns = INT64_MAX / 2000;
     filtered_ps_ += (std::clamp(error, -kMost_ns, kMost_ns) * 1000 - filtered_ps_) / 16;
@@ -116,7 +120,7 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     if (network.clocks.reference != 0)
         record_.start_time_ns = network.clocks.entries[network.clocks.reference - 1U].sync_start_ns;
     if (settings_.mode == Mode::master_shift) return Duration(correction);
-    if (settings_.mode == Mode::bus_shift) shift_reference(network, correction);
+    if (bus_shift) shift_reference(network, correction, waits);
     if (settings_.mode == Mode::master_reference) {
         // The time at which the next cycle is due. The cycles may begin anywhere in the milliseconds of the master.
         const std::uint64_t late = record_.bus_time_ns - due_ns;

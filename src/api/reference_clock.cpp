@@ -57,13 +57,18 @@ void send_to_reference(Network& network, wire::Register r, std::uint64_t value) 
     if (has_clock(network)) (void)network.settling.start(write_reference(network, r, value));
 }
 
-void shift_reference(Network& network, std::int64_t correction_ns) {
+bool waits_for_cycle(Network& network, Time sent, Duration cycle) {
+    return network.engine.link().cycling(later(sent, cycle));
+}
+
+void shift_reference(Network& network, std::int64_t correction_ns, bool waits) {
     if (!has_clock(network)) return;
     note_shift(network, correction_ns);
     if (correction_ns == 0) return;
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
     reference.offset_ns -= static_cast<std::uint64_t>(correction_ns);
     send_to_reference(network, wire::reg::kSystemTimeOffset, reference.offset_ns);
+    if (!waits) network.engine.link().send(network.engine.now());
 }
 
 std::uint64_t whole_bus_time(Network& network, const ProcessGroup& group, Time at, std::uint64_t last, Time last_at) {

@@ -9,8 +9,14 @@ namespace margay {
 // followed by the next one.
 void send_to_reference(Network& network, wire::Register r, std::uint64_t value);
 
-// Moves the system time of the reference clock back by `correction_ns` (register 0x0920).
-void shift_reference(Network& network, std::int64_t correction_ns);
+// Whether what is queued now leaves with the next cycle: then it changes the reference clock behind the reading of its
+// time. With long cycles, and without room for queued datagrams, the queue does not wait for the cycle. `sent`: when
+// the last cycle was sent.
+[[nodiscard]] bool waits_for_cycle(Network& network, Time sent, Duration cycle);
+
+// Moves the system time of the reference clock back by `correction_ns` (register 0x0920). `waits`: with the next cycle;
+// else now, so that the next reading shows it.
+void shift_reference(Network& network, std::int64_t correction_ns, bool waits = true);
 
 // The set value is less than a cycle, and there is a cycle.
 [[nodiscard]] constexpr bool is_in_cycle(Duration set_value, Duration cycle) {

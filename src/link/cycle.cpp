@@ -40,7 +40,9 @@ Time Link::cycles_until() {
     for (CyclePace* pace = paces_.front(); pace != nullptr; pace = paces_.after(*pace)) {
         if (pace->budget_bytes == 0 || pace->before == Time::min()) continue;
         const Duration interval = pace->last - pace->before;
-        if (interval < kLongestWait) until = std::max(until, pace->last + std::min(2 * interval, kLongestWait));
+        // The next cycle may be late by its jitter.
+        const Duration wait = std::min(2 * interval, kLongestWait + interval / 8);
+        if (interval < kLongestWait) until = std::max(until, pace->last + wait);
     }
     return until;
 }

@@ -345,6 +345,37 @@ TEST_F(Honest, ASlaveThatDoesNotHaveItsClockYetIsNoReference) {
     }
 }
 
+// With cycles of 10 ms and more, and without room for queued datagrams, a correction does not wait for the cycle: the
+// next reading shows it.
+TEST(BusShiftOfLongCycles, ComesIntoSync) {
+    struct Case {
+        Duration cycle;
+        std::int32_t drift_ppb;
+        std::uint16_t acyclic_bytes;
+    };
+    for (const Case& one : {Case{9ms, 10'000, 1498}, {9ms, 10'000, 0}, {10ms, 40'000, 1498}, {20ms, 10'000, 1498}}) {
+        SCOPED_TRACE(one.cycle.count());
+        ClockBus bus;
+        bus.add({.drift_ppb = one.drift_ppb});
+        bus.add({.drift_ppb = -30'000, .start_ns = 77});
+        bus.start();
+        bus.ctx->group(0).config.acyclic_bytes = one.acyclic_bytes;
+        ASSERT_TRUE(configdc(*bus.ctx, kFewFrames).ok());
+        bus.run();
+        MasterClock master(
+            {.mode = MasterClock::Mode::bus_shift, .set_value = -one.cycle / 2, .phase = {.cycle = one.cycle}});
+        std::int64_t most = 0;
+        const Time begin = bus.osal.now();
+        const auto each = [&](const CycleInfo&) {
+            if (bus.osal.now() > begin + 30s) most = std::max(most, std::abs(master.error_ns()));
+            return bus.osal.now() < begin + 40s;
+        };
+        ASSERT_TRUE(run_cycle(*bus.ctx, {.period = one.cycle, .clock = &master}, each).ok());
+        EXPECT_EQ(master.state(), PhaseState::in_sync);
+        EXPECT_LE(most, 100);
+    }
+}
+
 TEST(PortTimesThatDiffer, AreOld) {
     PortTimes times;
     times.add({.port_ns = {1000, 1500, 7, 0}}, 0);
