@@ -18,15 +18,17 @@ bool is_before_reference(Network& network, const Slave& slave) {
     return slave.ring_position != 0 && slave.ring_position < network.slave(network.clocks.reference).ring_position;
 }
 
-// How many frames have brought the time of the reference since the last round: frames of the cycle, and others.
-std::uint32_t times_since_last_round(Network& network) {
+// How many frames have brought the time of the reference since the last round: frames of the cycle, and others. After
+// rounds that were left out, they may have come long ago, unless the last cycle has brought it.
+std::uint32_t times_since_last_round(Network& network, std::int64_t rounds) {
     Clocks& clocks = network.clocks;
     const std::uint32_t sent = std::exchange(clocks.times_sent, std::uint16_t{0});
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference != clocks.reference) continue;
         const std::uint16_t now = cycles_with_time(group);
         const auto times = static_cast<std::int16_t>(now - std::exchange(clocks.times_seen, now));
-        return sent + (times > 0 ? static_cast<std::uint32_t>(times) : 0U);  // negative: it has begun anew
+        const bool recent = rounds == 1 || (group.dc_time.came && group.dc_time.slaves != 0);
+        return sent + (times > 0 && recent ? static_cast<std::uint32_t>(times) : 0U);  // negative: it has begun anew
     }
     return sent;
 }
@@ -187,7 +189,7 @@ FollowedClock followed_clock(Network& network, const Slave& slave) {
 void note_followed_clocks(Network& network, std::int64_t rounds) {
     constexpr Duration kLongestAlone = std::chrono::seconds(1);
     Clocks& clocks = network.clocks;
-    const std::uint32_t times = times_since_last_round(network);
+    const std::uint32_t times = times_since_last_round(network, rounds);
     const bool old = find_old_delays(network);
     clocks.rounds_old = old ? static_cast<std::uint8_t>(std::min(clocks.rounds_old + 1, UINT8_MAX)) : std::uint8_t{0};
     for (const Slave& slave : network.slaves()) {

@@ -250,6 +250,18 @@ TEST_F(TimesThatStop, TheSystemTimeIsRightWhileACycleIsUnderWay) {
     exchange();
 }
 
+// The frames that have brought the time came before the silence, and the supervision begins in it.
+TEST_F(TimesThatStop, TimesThatCameBeforeASilenceAreOld) {
+    begin(4);
+    supervision.cancel();
+    cycles(500);
+    segment.set_cable({0, 0}, false);
+    cycles(2000);
+    EXPECT_TRUE(submit(*ctx, supervision).ok());
+    cycles(30);
+    for (std::uint16_t s = 2; s <= 4; ++s) EXPECT_FALSE(clock(s).in_sync) << s;
+}
+
 // After a silence, only times that have come count: the register shows what was before the silence.
 TEST_F(TimesThatStop, AfterASilenceNoClockIsInSyncBeforeItIsCompared) {
     begin(4);
