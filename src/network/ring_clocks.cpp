@@ -97,7 +97,8 @@ Task<Result<>> RingWatch::open_ring_with(Network& network, bool times) {
     ring_.begin_opening(times);
     opened_ = network.engine.now();
     last_ = last->number;
-    last_control_ = control;
+    // A port that an opening has left closed opens by itself soon: "closed" is not what it comes back to.
+    last_control_ = (control & closed(port)) == closed(port) ? control & ~closed(port) : control;
     const auto written = co_await write_loops(station, control | kTemporary | closed(port));
     if (!written) {  // perhaps only the reply was lost
         co_await completion(close_ring(network));

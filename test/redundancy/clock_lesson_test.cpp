@@ -193,5 +193,28 @@ TEST(ClockLesson, ASlaveThatIsLostEndsTheLesson) {
     bus.expect_in_step();
 }
 
+// A lesson is broken off, and the port that it has closed is closed when the next opening begins: it was closed for
+// ever afterwards.
+TEST(ClockLesson, TheNextOpeningFindsThePortClosed) {
+    for (const unsigned cycles : {0U, 1U, 3U}) {
+        SCOPED_TRACE(cycles);
+        LessonBus bus(5);
+        bus.power(bus.beside, false);
+        (void)bus.cycles(300);
+        bus.power(bus.beside, true);
+        ASSERT_NO_FATAL_FAILURE(bus.until_open());
+        (void)bus.cycles(100);
+        ASSERT_TRUE(bus.is_open());
+        bus.supervision.cancel();
+        for (unsigned n = 0; n < cycles; ++n) (void)bus.cycle();
+        (void)bus.clocks();
+        ASSERT_TRUE(submit(*bus.ctx, bus.supervision).ok());
+        (void)bus.cycles(8000);
+        EXPECT_FALSE(bus.is_open());
+        EXPECT_EQ(bus.status().ring, RingState::whole) << bus.joined(bus.events());
+        bus.expect_in_step();
+    }
+}
+
 }  // namespace
 }  // namespace margay
