@@ -206,10 +206,8 @@ TEST_F(GatewayLines, FirmwareInBoot) {
     with_client([&](GatewayClient& client) {
         auto reply = client.ask(0x1001, kFoe, packet(1, 0, text("firmware")));
         ASSERT_EQ(reply.type, unsigned{kFoe}) << reply.error();
-        std::size_t octets_read = 0;
         unsigned n = 1;
         for (; at(reply.data, 0) == 3 && number(reply.data, 2, 4) == n; ++n) {
-            octets_read += reply.data.size() - 6;
             if (reply.data.size() < 1024 - 6) break;
             reply = client.ask(0x1001, kFoe, packet(4, n));
         }

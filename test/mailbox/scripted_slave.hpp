@@ -93,7 +93,7 @@ class ScriptedSlave final : public sim::Firmware {
         now_ = now;
         serve_repeat();
         if (boxed_ && (status(1) & wire::sm_status::kMailboxFull) == 0) boxed_ = false;
-        if (takes && (status(0) & wire::sm_status::kMailboxFull) != 0) fetch();
+        if (takes && (status(0) & wire::sm_status::kMailboxFull) != 0) take_mail();
         box();
         return now + std::chrono::microseconds(50);
     }
@@ -115,7 +115,7 @@ class ScriptedSlave final : public sim::Firmware {
     }
     [[nodiscard]] std::uint8_t status(unsigned sm) { return octet(at(sm, wire::SyncManagerLayout::status::offset)); }
 
-    void fetch() {
+    void take_mail() {
         Mail mail(bytes_);
         esc_->read(0x1000, mail);
         mail.resize(std::min<std::size_t>(bytes_, wire::kMailboxHeaderBytes + wire::load_mailbox_header(mail).length));

@@ -157,14 +157,14 @@ TEST_P(Lowered, TheSlavesAreNotMissedInAnyCycle) {
     for (const char* name : {"digital_io_16", "digital_io_16", "bootloader_open", "bootloader_open", "bootloader_open"})
         bus.add_device(sim::make_device(name).value());
     bus.start();
-    for (int n = 2; n <= 5; ++n) bus.ctx->slave(n).config.group = 1;
+    for (std::size_t n = 2; n <= 5; ++n) bus.ctx->slave(n).config.group = 1;
     ASSERT_TRUE(config_map(*bus.ctx, image, 0).ok());
     ASSERT_TRUE(config_map(*bus.ctx, other, 1).ok());
     ASSERT_TRUE(submit(*bus.ctx, supervision).ok());
     ASSERT_TRUE(reach(*bus.ctx, AlState::op, 5s).ok());
     while (bus.ctx->events().take()) continue;
     const auto down = [&] {
-        for (int n = 3; n <= 5; ++n)
+        for (std::size_t n = 3; n <= 5; ++n)
             if (bus.ctx->slave(n).al.state != GetParam()) return false;
         return true;
     };

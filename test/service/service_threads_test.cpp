@@ -140,13 +140,13 @@ class ServiceThreads : public testing::Test {
         while (!stopping) {
             GatewayClient client(port, over);
             client.wait_at_most(2000);
-            for (int n = 0; n < 20 && !stopping; ++n) {
+            for (unsigned n = 0; n < 20 && !stopping; ++n) {
                 const auto address = static_cast<std::uint16_t>(0x1001 + random() % 3);
                 if (!is_hostile) {
                     replies += testing_gateway::upload(client, address, 0x1018, 1).size() == 4 ? 1 : 0;
                     continue;
                 }
-                auto octets = testing_gateway::frame(address, testing_gateway::kCoe, n % 8U,
+                auto octets = testing_gateway::frame(address, testing_gateway::kCoe, n % 8,
                                                      testing_gateway::sdo(0x40, 0x1018, 1));
                 for (auto hits = random() % 4; hits != 0; --hits)
                     octets[random() % octets.size()] = static_cast<std::byte>(random());
