@@ -138,7 +138,8 @@ std::string_view to_text(PhaseState state) {
         case PhaseState::busy: return "not in sync yet";
         case PhaseState::in_sync: return "in sync";
         case PhaseState::drift_too_high: return "the drift between both clocks is too high";
-        case PhaseState::error_too_large: return "the error has exceeded the limit";
+        case PhaseState::error_too_large:
+            return "an error has exceeded the limit, or the jitter exceeds the gate of outliers";
         case PhaseState::set_value_wrong: return "the set value is not less than a cycle, or there is no cycle";
         case PhaseState::cycle_wrong: return "the cycle is not that of the settings";
         case PhaseState::mode_wrong: return "the mode of the cycle steers the reference clock too";

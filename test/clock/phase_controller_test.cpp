@@ -1,4 +1,5 @@
 // The controller of the phase between the master's cycle and the reference clock.
+#include <margay/master_clock.hpp>
 #include <margay/phase_controller.hpp>
 
 #include <gtest/gtest.h>
@@ -205,6 +206,7 @@ TEST(PhaseControl, AJitterAboveTheGateIsSaid) {
     plant.start();
     plant.run(2000);
     EXPECT_EQ(plant.controller.state(), PhaseState::error_too_large);
+    EXPECT_NE(to_text(plant.controller.state()).find("jitter"), std::string_view::npos);
     plant.jitter_ns = 1000;
     plant.run(2000);
     EXPECT_EQ(plant.controller.state(), PhaseState::in_sync);
