@@ -106,7 +106,8 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
     const std::int64_t error = phase_error_ns(due_ns, cycle, settings_.set_value.count());
     const bool bus_shift = settings_.mode == Mode::bus_shift;
-    const bool waits = bus_shift && waits_for_cycle(network, now, settings_.phase.cycle);
+    const bool writes = bus_shift || settings_.mode == Mode::master_reference;
+    const bool waits = writes && waits_for_cycle(network, now, settings_.phase.cycle);
     const std::uint8_t hidden = bus_shift ? std::uint8_t{waits} : settings_.phase.cycles_late;
     const std::int64_t correction = corrects() ? controller_.update(error, now, hidden) : 0;
     if (!corrects()) controller_.observe(error, now);
@@ -122,12 +123,16 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     if (settings_.mode == Mode::master_shift) return Duration(correction);
     if (bus_shift) shift_reference(network, correction, waits);
     if (settings_.mode == Mode::master_reference) {
-        // The time at which the next cycle is due. The cycles may begin anywhere in the milliseconds of the master.
+        // The time at which the next cycle is due, or of this moment if the write does not wait for the cycle. The
+        // cycles may begin anywhere in the milliseconds of the master.
         const std::uint64_t late = record_.bus_time_ns - due_ns;
         const auto at_zero = static_cast<std::uint64_t>(network.clocks.settings.system_time_at_zero.count());
-        const std::uint64_t next = static_cast<std::uint64_t>((now - Time{}).count()) - late + cycle + at_zero;
-        if (!std::exchange(has_shift_, true)) shift_ns_ = -phase_error_ns(next, cycle, settings_.set_value.count());
-        send_to_reference(network, reg::kSystemTime, next + static_cast<std::uint64_t>(shift_ns_));
+        const std::uint64_t next = static_cast<std::uint64_t>((now - Time{}).count()) - late + cycle;
+        if (!std::exchange(has_shift_, true))
+            shift_ns_ = -phase_error_ns(next + at_zero, cycle, settings_.set_value.count());
+        const std::uint64_t at =
+            waits ? next : static_cast<std::uint64_t>((master_of(ctx)->osal.now() - Time{}).count());
+        send_to_reference(network, reg::kSystemTime, at + at_zero + static_cast<std::uint64_t>(shift_ns_), waits);
     }
     return Duration{0};
 }

@@ -52,9 +52,11 @@ void note_shift(Network& network, std::int64_t correction_ns) {
 
 }  // namespace
 
-void send_to_reference(Network& network, wire::Register r, std::uint64_t value) {
+void send_to_reference(Network& network, wire::Register r, std::uint64_t value, bool waits) {
     if (r.address == wire::reg::kSystemTime.address) network.clocks.is_driven = true;
-    if (has_clock(network)) (void)network.settling.start(write_reference(network, r, value));
+    if (!has_clock(network)) return;
+    (void)network.settling.start(write_reference(network, r, value));
+    if (!waits) network.engine.link().send(network.engine.now());
 }
 
 bool waits_for_cycle(Network& network, Time sent, Duration cycle) {
@@ -67,8 +69,7 @@ void shift_reference(Network& network, std::int64_t correction_ns, bool waits) {
     if (correction_ns == 0) return;
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
     reference.offset_ns -= static_cast<std::uint64_t>(correction_ns);
-    send_to_reference(network, wire::reg::kSystemTimeOffset, reference.offset_ns);
-    if (!waits) network.engine.link().send(network.engine.now());
+    send_to_reference(network, wire::reg::kSystemTimeOffset, reference.offset_ns, waits);
 }
 
 std::uint64_t whole_bus_time(Network& network, const ProcessGroup& group, Time at, std::uint64_t last, Time last_at) {

@@ -6,16 +6,16 @@
 namespace margay {
 
 // Writes a register of the reference clock: all 8 octets, or 4 where the clock has 32 bits. A value that is lost is
-// followed by the next one.
-void send_to_reference(Network& network, wire::Register r, std::uint64_t value);
+// followed by the next one. `waits`: it leaves with the next cycle; else now.
+void send_to_reference(Network& network, wire::Register r, std::uint64_t value, bool waits);
 
 // Whether what is queued now leaves with the next cycle: then it changes the reference clock behind the reading of its
 // time. With long cycles, and without room for queued datagrams, the queue does not wait for the cycle. `sent`: when
 // the last cycle was sent.
 [[nodiscard]] bool waits_for_cycle(Network& network, Time sent, Duration cycle);
 
-// Moves the system time of the reference clock back by `correction_ns` (register 0x0920). `waits`: with the next cycle;
-// else now, so that the next reading shows it.
+// Moves the system time of the reference clock back by `correction_ns` (register 0x0920). Without `waits`, the next
+// reading shows it.
 void shift_reference(Network& network, std::int64_t correction_ns, bool waits = true);
 
 // The set value is less than a cycle, and there is a cycle.

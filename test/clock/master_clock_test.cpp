@@ -129,6 +129,35 @@ TEST_F(MasterClockTest, TheTimeOfTheMasterComesInSync) {
     EXPECT_EQ(told(all, "cycle in sync, "), 1) << joined(all);
 }
 
+// With long cycles, and without room for queued datagrams, the time does not wait for the next cycle.
+TEST(TheTimeOfTheMaster, ComesInSyncWithLongCycles) {
+    struct Case {
+        Duration cycle;
+        std::uint16_t acyclic_bytes;
+    };
+    for (const Case& one : {Case{1ms, 0}, {9ms, 1498}, {9ms, 0}, {10ms, 1498}, {20ms, 1498}}) {
+        SCOPED_TRACE(one.cycle.count());
+        ClockBus bus;
+        bus.add({.drift_ppb = 40'000});
+        bus.add({.drift_ppb = -30'000, .start_ns = 77});
+        bus.start();
+        bus.ctx->group(0).config.acyclic_bytes = one.acyclic_bytes;
+        ASSERT_TRUE(configdc(*bus.ctx, kFewFrames).ok());
+        bus.run();
+        MasterClock clock(
+            {.mode = MasterClock::Mode::master_reference, .set_value = -300us, .phase = {.cycle = one.cycle}});
+        std::int64_t most = 0;
+        const Time begin = bus.osal.now();
+        const auto each = [&](const CycleInfo&) {
+            if (bus.osal.now() > begin + 20s) most = std::max(most, std::abs(clock.error_ns()));
+            return bus.osal.now() < begin + 25s;
+        };
+        ASSERT_TRUE(run_cycle(*bus.ctx, {.period = one.cycle, .clock = &clock}, each).ok());
+        EXPECT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state());
+        EXPECT_LE(most, 2000);
+    }
+}
+
 // Nothing is corrected: the phase moves through the whole cycle, and the drift is what the clocks differ by.
 TEST_F(MasterClockTest, OffShowsTheNaturalDrift) {
     for (const int drift : {80'000, -50'000}) {
