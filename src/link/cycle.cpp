@@ -33,6 +33,17 @@ void read_only(PreparedFrame& frame, PreparedReading& reading) {
 
 }  // namespace
 
+// The clock is only read, until two answers tell the next time: slaves before the reference take what is sent.
+void change_time(PreparedFrame& frame, PreparedReading& reading) {
+    const Command read = reading.by_position ? Command::APRD : Command::FPRD;
+    const std::uint16_t address = std::exchange(reading.standby, std::uint16_t{0});
+    frame.bytes[reading.offset] = static_cast<std::byte>(address == 0 && !reading.by_position ? Command::NOP : read);
+    store_le<std::uint16_t>(frame.bytes, reading.offset + 2U, address);
+    reading.into->value = 0;  // the next time does not follow the last one
+    reading.into->slaves = 0;
+    reading.changes = false;
+}
+
 // Returns until when the queue waits for the next cycle. A group counts while its cycles keep their interval.
 Time Link::cycles_until() {
     constexpr Duration kLongestWait = std::chrono::milliseconds(10);
@@ -72,7 +83,10 @@ void Link::fill(PreparedFrame& frame, std::uint8_t index) {
         if (frame.degraded && !frame.apart) cycle::copy(at + wire::kDatagramHeaderBytes + d.input_at, d.input);
         cycle::copy(at + wire::kDatagramHeaderBytes, d.output);
     }
-    for (const PreparedReading& r : frame.readings) frame.bytes[r.offset + 1U] = std::byte{index};
+    for (PreparedReading& r : frame.readings) {
+        if (r.changes) change_time(frame, r);
+        frame.bytes[r.offset + 1U] = std::byte{index};
+    }
     frame.regrouped = false;
     frame.own.unmarked = false;
 }

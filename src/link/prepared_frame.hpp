@@ -26,7 +26,11 @@ struct PreparedDatagram {
 // A datagram that reads a register. It is placed behind the PreparedDatagrams of its frame.
 struct PreparedReading {
     std::uint16_t offset = 0;
-    std::uint8_t bytes : 7 = 0;  // of the data, at most 8
+    std::uint8_t bytes : 4 = 0;  // of the data, at most 8
+    // Of the reference clock's time, for a frame that cannot be changed now: the next one is sent with the standby, or
+    // without a time, and the address of the standby is a position.
+    bool changes : 1 = false;
+    bool by_position : 1 = false;
     bool held : 1 = false;  // overlapped frames only: the reference clock is read, and its time reaches no other clock
     std::uint8_t full = 0;  // how many slaves the last frame with its time has passed, modulo 256; 0: not known
     // Of the reference clock's time: the station address of the slave whose time is sent when the reference clock is
@@ -103,5 +107,8 @@ struct PreparedFrame {
     // Call it when `degraded` or `parked` has changed.
     void settle_form() { plain = datagrams.size() == 1 && readings.empty() && !degraded && !parked; }
 };
+
+// PreparedReading::changes of a frame that is neither on the wire nor parked.
+void change_time(PreparedFrame& frame, PreparedReading& reading);
 
 }  // namespace margay

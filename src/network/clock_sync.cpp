@@ -307,14 +307,13 @@ Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
 // other clocks go on at their rates meanwhile.
 Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) {
     Clocks& clocks = network.clocks;
-    constexpr unsigned kMostTries = 100;
     constexpr Duration kLongestOther = std::chrono::seconds(8);
     // With long cycles this takes long: the others have the time meanwhile.
     if (!clocks.of(slave).measured) co_await required(improve_delays(network));
     const Time give_up = later(network.engine.now(), kLongestOther);
     while (network.redundancy == nullptr && clocks.paused && network.engine.now() < give_up)
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));  // another slave becomes the reference now
-    for (unsigned n = 0; !carry_time_of(network, nullptr) && n < kMostTries; ++n) co_await network.engine.next_poll();
+    (void)carry_time_of(network, nullptr);
     // After a loss of power it has followed the system time as fast as it can, and would go on while it is set.
     auto set = co_await reset_control_loop(network.station(slave));
     if (set) set = co_await set_clock_by_reference(network, slave);
@@ -331,8 +330,7 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
         if (first && (rate == ClockRate::own || followed_clock(network, other).slave != slave.number))
             clocks.lose_sync(other);
     const Slave& reference = network.slave(clocks.reference);
-    for (unsigned n = 0; !carry_time_of(network, &reference) && n < kMostTries; ++n)
-        co_await network.engine.next_poll();
+    (void)carry_time_of(network, &reference);
     co_return set;
 }
 

@@ -232,27 +232,22 @@ std::uint32_t second_ahead_ns(Network& network) {
 
 bool carry_time_of(Network& network, const Slave* slave) {
     Clocks& clocks = network.clocks;
-    const std::uint64_t about = clocks.system_at_ns(network.engine.now());
     clocks.without_time = 0;
     clocks.paused = slave == nullptr;
     bool all = true;
     for (ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference == 0) continue;
-        if (slave == nullptr) set_time_standby(group, {});
-        all &= redirect_time(group, slave, about);
+        all &= redirect_time(group, slave);
     }
     return all;
 }
 
-// A frame on the wire cannot be changed. When it is back, the cycle changes to the standby by itself.
 void resume_time(Network& network) {
     Clocks& clocks = network.clocks;
     clocks.returning = 0;
     if (!clocks.paused || !is_there(network, clocks.reference)) return;
     const Slave& reference = network.slave(clocks.reference);
-    if (carry_time_of(network, &reference)) return;
-    for (ProcessGroup& group : network.process.groups)
-        if (group.mapped && group.dc_reference == clocks.reference) set_time_standby(group, reference.station_address);
+    (void)carry_time_of(network, &reference);
 }
 
 Task<Result<>> set_reference(Network& network, const Slave& slave) {

@@ -208,7 +208,7 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 
 // ------------------------------------------------------------------ parts of the sequences
 
-// The cycles carry the time of this slave from now on; nullptr: no time. False: not now, a frame is on the wire.
+// The next cycles carry the time of this slave; nullptr: no time. False where cycles overlap: see redirect_time().
 [[nodiscard]] bool carry_time_of(Network& network, const Slave* slave);
 // The slave, whose time the cycles carry, is the reference from now on, in place of the present one. The error is that
 // of a request to a second reference, which the supervision repeats.

@@ -257,7 +257,7 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
 void set_time_standby(ProcessGroup& group, StationAddress standby) {
     if (group.overlap.sets > 1) return;
     for (PreparedReading& reading : group.readings)
-        if (reading.into == &group.dc_time) reading.standby = standby.value;
+        if (reading.into == &group.dc_time && !reading.changes) reading.standby = standby.value;
 }
 
 void begin_by_reading(ProcessGroup& group) {
@@ -299,29 +299,25 @@ std::uint16_t cycles_with_time(const ProcessGroup& group) {
     return found == group.readings.end() ? std::uint16_t{0} : found->times;
 }
 
-bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns) {
+bool redirect_time(ProcessGroup& group, const Slave* reference) {
     if (group.overlap.sets > 1) {
         for (PreparedReading& reading : group.readings)
             if (reading.into == &group.dc_time) reading.held = reference == nullptr;
         return false;
     }
-    for (const PreparedFrame& frame : group.prepared)
-        if (frame.slot != nullptr || frame.parked) return false;
     const TimeSource source =
         reference == nullptr ? TimeSource{} : time_source_of(group.slaves, *reference, group.by_position);
     for (PreparedFrame& frame : group.prepared) {
-        for (const PreparedReading& reading : frame.readings) {
+        for (PreparedReading& reading : frame.readings) {
             if (reading.into != &group.dc_time) continue;
-            const MutableBytes head = MutableBytes(frame.bytes).subspan(reading.offset);
-            wire::DatagramLayout::command::store(head, source.command);
-            if (reference != nullptr) store_le<std::uint16_t>(head, 2, source.address);
-            store_le<std::uint32_t>(head, wire::kDatagramHeaderBytes, static_cast<std::uint32_t>(about_ns));
+            reading.changes = true;
+            reading.by_position = source.command == wire::Command::ARMW;
+            reading.standby = source.address;
+            // Else the next frame is built with it: a loop that sends before it polls always has a frame on the wire.
+            if (frame.slot == nullptr && !frame.parked) change_time(frame, reading);
         }
     }
     if (reference != nullptr) group.dc_reference = reference->number;
-    group.dc_time.value = 0;  // the next time does not follow the last one
-    group.dc_time.slaves = 0;
-    begin_by_reading(group);  // slaves before the reference take what is sent
     return true;
 }
 

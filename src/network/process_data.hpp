@@ -162,11 +162,10 @@ void give_inputs(ProcessGroup& group);
     return group.expected_wkc;
 }
 
-// The cycle carries the time of this slave from now on; nullptr: no time. `about_ns` is the system time, for the slaves
-// before the reference. False while a frame with the time is on the wire, and where cycles overlap (then another thread
-// may be sending): these frames keep their reference. Those that only read it, because it has not answered, do so until
-// a slave is named again.
-[[nodiscard]] bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns);
+// The next cycle that is sent carries the time of this slave; nullptr: no time. False where cycles overlap (then
+// another thread may be sending): these frames keep their reference. Those that only read it, because it has not
+// answered, do so until a slave is named again.
+[[nodiscard]] bool redirect_time(ProcessGroup& group, const Slave* reference);
 // The first cycles only read the time, until two of them tell the next time: the clocks before the reference would take
 // over zeros.
 void begin_by_reading(ProcessGroup& group);

@@ -42,7 +42,8 @@ void with_time_datagram(ProcessGroup& group, Use use) {
 
 SentTime sent_time(ProcessGroup& group) {
     SentTime sent;
-    with_time_datagram(group, [&sent](const PreparedReading& reading, MutableBytes head) {
+    with_time_datagram(group, [&](PreparedReading& reading, MutableBytes head) {
+        if (reading.changes) change_time(group.prepared.front(), reading);
         sent.command = wire::DatagramLayout::command::load(head);
         std::ranges::copy(head.subspan(SentTime::kAddress, sent.address.size()), sent.address.begin());
         std::ranges::copy(head.subspan(wire::kDatagramHeaderBytes, reading.bytes), sent.data.begin());

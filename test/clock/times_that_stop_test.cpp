@@ -250,6 +250,35 @@ TEST_F(TimesThatStop, TheSystemTimeIsRightWhileACycleIsUnderWay) {
     exchange();
 }
 
+// The order of the programs that users of IgH write: a frame is on the wire whenever the library can act.
+TEST_F(TimesThatStop, ALoopThatSendsBeforeItPollsGetsItsTimeBack) {
+    begin(5);
+    const auto exchange = [this](unsigned count) {
+        for (unsigned n = 0; n < count; ++n) {
+            osal.advance(1ms);
+            (void)receive_processdata(*ctx, 0ms);
+            (void)send_processdata(*ctx);
+            (void)poll(*ctx, osal.now());
+        }
+    };
+    exchange(100);
+    segment.set_cable({0, 0}, false);
+    exchange(600);
+    segment.set_cable({0, 0}, true);
+    exchange(4000);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync) << "after a silence";
+    for (std::uint16_t s = 2; s <= 5; ++s) EXPECT_LE(std::abs(ahead_ns(s)), 100) << s;
+    bridge_first();
+    exchange(4000);
+    EXPECT_EQ(reference_clock(*ctx), 2);
+    for (std::uint16_t s = 3; s <= 5; ++s) EXPECT_TRUE(clock(s).in_sync && std::abs(ahead_ns(s, 2)) <= 100) << s;
+    restore_first();
+    exchange(10'000);
+    EXPECT_EQ(reference_clock(*ctx), 1);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync) << "the first clock is back";
+    for (std::uint16_t s = 2; s <= 5; ++s) EXPECT_LE(std::abs(ahead_ns(s)), 100) << s;
+}
+
 // The frames that have brought the time came before the silence, and the supervision begins in it.
 TEST_F(TimesThatStop, TimesThatCameBeforeASilenceAreOld) {
     begin(4);
