@@ -69,7 +69,8 @@ std::string_view argument_text(Argument argument, const Error& where) {
             return "GroupConfiguration::copies: at least 1 bit, and only bits of the slave's data in this group";
         case Argument::entry_handle: return "GroupConfiguration::entries has a null pointer";
         case Argument::empty_group: return "no slave has this group in SlaveConfiguration::group";
-        case Argument::sync_cycle: return "a SYNC cycle must be 0 to 4.29 s";
+        case Argument::sync_cycle:
+            return "a SYNC cycle must be 0 to 4.29 s, and SYNC1 less than a SYNC0 cycle before its SYNC0";
         case Argument::clock_settings:
             return "ClockSettings: measurements and burst_bulk at least 1, times from 0 to 100 years, cycle above "
                    "zero, group below Limits::groups";

@@ -447,7 +447,7 @@ void write_cause(TextWriter& out, const Error& e) {
             else if (is_refused_call(e))
                 out << (e.step == Step::open_nic ? " (init() was called before)"
                                                  : " (call init(), then config_init(), then submit or wait)");
-            if (e.step == Step::configure_sync) out << " (call configdc() before)";
+            if (e.step == Step::configure_sync) out << " (call configdc() before: it has to find a clock)";
             if (e.slave != 0 && e.step >= Step::mailbox_send && e.step <= Step::eoe_frames)
                 out << " (the mailbox of the slave is closed: the slave is in INIT, or was not read)";
             if (e.step == Step::configure_clocks && e.slave != 0)

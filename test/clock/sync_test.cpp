@@ -86,7 +86,7 @@ TEST_F(Sync, MistakesAreNamed) {
     add({.unit = DcUnit::receive_times});
     start();
     EXPECT_EQ(words(dcsync0(*ctx, 1, true, 1ms).error()),
-              "slave 1: activating SYNC: not possible in this state (call configdc() before)");
+              "slave 1: activating SYNC: not possible in this state (call configdc() before: it has to find a clock)");
     ctx->slave(1).config.setup = &every_ms;
     EXPECT_EQ(config_map(*ctx, image).error().code, Errc::wrong_state);
     ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
@@ -510,7 +510,8 @@ TEST_F(Sync, ASync1BeforeItsSync0) {
         EXPECT_EQ(mapped.ok(), mode != 3);
         if (!mapped)
             EXPECT_EQ(words(mapped.error()),
-                      "slave 1: activating SYNC: argument out of range: a SYNC cycle must be 0 to 4.29 s");
+                      "slave 1: activating SYNC: argument out of range: a SYNC cycle must be 0 to 4.29 s, "
+                      "and SYNC1 less than a SYNC0 cycle before its SYNC0");
         else
             EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSync1CycleTime), kSync1.at(mode));
     }
