@@ -46,7 +46,7 @@ class ExternalClock : public CycleClock {
 
     // The entries of the bridge that config_map() must find. Set GroupConfiguration::entries to this list, or to a list
     // that also has the entries of the application.
-    [[nodiscard]] std::array<EntryHandle*, 4> entries() { return {&internal_, &external_, &updated_, &not_connected_}; }
+    [[nodiscard]] std::array<EntryHandle*, 3> entries() { return {&internal_, &external_, &not_connected_}; }
 
     // As MasterClock::update(). While the bridge shows no new time stamps (the other half is not connected, the slave
     // does not take part), the reference clock keeps the rate that it has learned.
@@ -69,18 +69,17 @@ class ExternalClock : public CycleClock {
   private:
     static constexpr std::uint8_t kSilent = 16;  // cycles without a new time stamp
     [[nodiscard]] bool take_stamps();
-    [[nodiscard]] std::uint8_t not_visible() const;
+    [[nodiscard]] std::uint8_t not_visible(bool waits) const;
 
     Settings settings_;
     MasterClock cycle_;
     PhaseController reference_;
     Input<std::uint64_t> internal_;
     Input<std::uint64_t> external_;
-    Input<bool> updated_;
     Input<bool> not_connected_;
     std::int64_t difference_ns_ = 0;
     std::uint8_t silent_ = kSilent;
-    bool toggle_ = false;
+    std::uint64_t stamp_ns_ = 0;  // internal time stamp of the last cycle
     PhaseState fault_ = PhaseState::idle;
 };
 

@@ -20,7 +20,6 @@ ExternalClock::ExternalClock(std::uint16_t bridge, const Settings& settings)
       cycle_(settings.cycle),
       internal_(bridge, kExternalSynchronization, 0x11),
       external_(bridge, kExternalSynchronization, 0x12),
-      updated_(bridge, kExternalSynchronization, 0x0F),
       not_connected_(bridge, kExternalSynchronization, 0x10) {
     settings_.phase.cycle = settings_.cycle.phase.cycle;
     if (settings_.grid <= Duration{0}) settings_.grid = settings_.phase.cycle;
@@ -37,11 +36,12 @@ void ExternalClock::restart() {
     silent_ = kSilent;
 }
 
-// True when the bridge has noted both times again.
+// True when the bridge has noted both times again. Its "Time stamp update toggle" does not tell this: the bridge may
+// note an even number of times in a cycle.
 bool ExternalClock::take_stamps() {
-    const bool updated = updated_.read();
-    const bool fresh = !not_connected_.read() && updated != toggle_ && internal_.read() != 0;
-    toggle_ = updated;
+    const std::uint64_t stamp_ns = internal_.read();
+    const bool fresh = !not_connected_.read() && stamp_ns != stamp_ns_ && stamp_ns != 0;
+    stamp_ns_ = stamp_ns;
     if (!fresh) {
         if (silent_ < kSilent) ++silent_;
         return false;
@@ -51,12 +51,13 @@ bool ExternalClock::take_stamps() {
     return true;
 }
 
-// How many corrections the time stamps do not show: a correction takes effect when the cycle after it passes.
-std::uint8_t ExternalClock::not_visible() const {
+// How many corrections the time stamps do not show: a correction takes effect when the cycle after it passes, or at
+// once.
+std::uint8_t ExternalClock::not_visible(bool waits) const {
     const auto age = static_cast<std::int64_t>(cycle_.record().bus_time_ns - internal_.read());
     const std::int64_t cycle = std::max<std::int64_t>(settings_.phase.cycle.count(), 1);
-    if (age < 0 || age > cycle * PhaseSettings::kMostLate) return 1;
-    return static_cast<std::uint8_t>((age + cycle - 1) / cycle);
+    if (age < 0 || age > cycle * PhaseSettings::kMostLate) return std::uint8_t{waits};
+    return static_cast<std::uint8_t>((age + (waits ? cycle - 1 : 0)) / cycle);
 }
 
 Duration ExternalClock::update(Context& ctx, Duration lateness) {
@@ -69,15 +70,16 @@ Duration ExternalClock::update(Context& ctx, Duration lateness) {
     fault_ = is_reference ? PhaseState::idle : PhaseState::not_reference;
     if (!is_reference) return earlier;
     const Time now = cycle_.record().at;
+    const bool waits = waits_for_cycle(network, now, settings_.phase.cycle);
     std::int64_t correction = 0;
     if (inputs_fresh(ctx, internal_.address().slave) && take_stamps()) {
         const auto grid = static_cast<std::uint64_t>(settings_.grid.count());
         const std::uint64_t ahead = internal_.read() % grid + (grid - external_.read() % grid);
-        correction = reference_.update(phase_error_ns(ahead, grid, settings_.offset.count()), now, not_visible());
+        correction = reference_.update(phase_error_ns(ahead, grid, settings_.offset.count()), now, not_visible(waits));
     } else {
         correction = reference_.coast();
     }
-    shift_reference(network, correction);
+    shift_reference(network, correction, waits);
     return earlier;
 }
 

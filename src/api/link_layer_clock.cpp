@@ -84,7 +84,8 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
                         .actual = static_cast<std::uint32_t>(record_.error_ns)});
     was_in_sync_ = in_sync;
     if (earlier) return *earlier;
-    shift_reference(network, reference_.coast());
+    const bool waits = waits_for_cycle(network, received_at(group, network.engine.link()), settings_.phase.cycle);
+    shift_reference(network, reference_.coast(), waits);
     return Duration(cycle_.coast());
 }
 

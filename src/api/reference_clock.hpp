@@ -16,7 +16,7 @@ void send_to_reference(Network& network, wire::Register r, std::uint64_t value, 
 
 // Moves the system time of the reference clock back by `correction_ns` (register 0x0920). Without `waits`, the next
 // reading shows it.
-void shift_reference(Network& network, std::int64_t correction_ns, bool waits = true);
+void shift_reference(Network& network, std::int64_t correction_ns, bool waits);
 
 // The set value is less than a cycle, and there is a cycle.
 [[nodiscard]] constexpr bool is_in_cycle(Duration set_value, Duration cycle) {

@@ -25,6 +25,7 @@ struct HalfOfTwo {
         .dc = {.source = SyncSettings::Source::application, .sync0_cycle = std::chrono::milliseconds(1)}};
     SuperviseRequest supervision;
     Time due{};
+    Duration period = 1ms;
     std::uint32_t bridge = 0;
 
     explicit HalfOfTwo(Osal& system) : osal(system) {}
@@ -58,7 +59,7 @@ struct HalfOfTwo {
         const Duration late = osal.now() - due;  // the other master has been waiting
         ASSERT_TRUE(send_processdata(ctx).ok());
         (void)receive_processdata(ctx, 400us);
-        due += 1ms;
+        due += period;
         if (clock != nullptr) due -= clock->follow(ctx, late);
         (void)poll(ctx, osal.now());
     }
@@ -77,16 +78,17 @@ struct TwoSegments : testing::Test {
     int counted = 0;
 
     // The bridge is the second slave of the first segment.
-    void bring_up(Duration offset = Duration{0}, std::uint32_t place = 0) {
+    void bring_up(Duration offset = Duration{0}, std::uint32_t place = 0, Duration period = 1ms) {
+        first.period = second.period = period;
         first.build(bus, 1, 60'000, 1000);
         second.build(bus, place, -40'000, 0x55'5555'5555);
         bridge = std::make_unique<sim::ClockBridge>(first.segment, 1, second.segment, place);
         ASSERT_TRUE(bridge->valid());
         first.start();
-        of_first = std::make_unique<MasterClock>(MasterClockSettings{.set_value = -300us});
-        of_second =
-            std::make_unique<ExternalClock>(static_cast<std::uint16_t>(place + 1),
-                                            ExternalClockSettings{.cycle = {.set_value = -300us}, .offset = offset});
+        of_first = std::make_unique<MasterClock>(MasterClockSettings{.set_value = -300us, .phase = {.cycle = period}});
+        of_second = std::make_unique<ExternalClock>(
+            static_cast<std::uint16_t>(place + 1),
+            ExternalClockSettings{.cycle = {.set_value = -300us, .phase = {.cycle = period}}, .offset = offset});
         const auto entries = of_second->entries();
         second.start(entries);
         EXPECT_EQ(of_second->state(), PhaseState::idle);
@@ -134,6 +136,21 @@ TEST_F(TwoSegments, HaveOneClock) {
     EXPECT_LE(std::abs(difference(2)), 600);
     EXPECT_TRUE(clock_status(second.ctx, bus.osal.now()).in_sync) << "the other clocks of the segment follow";
 }
+
+// The bridge notes both times each millisecond: in these cycles an even number of times.
+struct CyclesOfTwoSegments : TwoSegments, testing::WithParamInterface<int> {};
+
+TEST_P(CyclesOfTwoSegments, SeveralTimeStampsInACycle) {
+    bring_up(0us, 0, std::chrono::milliseconds(GetParam()));
+    run(6000);
+    EXPECT_EQ(of_second->state(), PhaseState::in_sync) << to_text(of_second->state());
+    EXPECT_TRUE(of_second->connected());
+    forget();
+    run(500);
+    EXPECT_LE(most, 400 + 110 * GetParam()) << "100 ppm between both, 100 ns in each millisecond";
+}
+
+INSTANTIATE_TEST_SUITE_P(Milliseconds, CyclesOfTwoSegments, testing::Values(2, 4, 10, 20));
 
 TEST_F(TwoSegments, OrWithAnOffset) {
     bring_up(250us);
