@@ -108,7 +108,9 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     const bool bus_shift = settings_.mode == Mode::bus_shift;
     const bool writes = bus_shift || settings_.mode == Mode::master_reference;
     const bool waits = writes && waits_for_cycle(network, now, settings_.phase.cycle);
-    const std::uint8_t hidden = bus_shift ? std::uint8_t{waits} : settings_.phase.cycles_late;
+    // Cycles that are under way show a correction no more than a cycle that it leaves with.
+    const auto hidden = static_cast<std::uint8_t>(
+        bus_shift ? cycles_under_way(network.process.groups[settings_.group]) + waits : settings_.phase.cycles_late);
     const std::int64_t correction = corrects() ? controller_.update(error, now, hidden) : 0;
     if (!corrects()) controller_.observe(error, now);
     constexpr std::int64_t kMost_ns = INT64_MAX / 2000;

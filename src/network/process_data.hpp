@@ -210,6 +210,11 @@ struct OverlapFeature {
 [[nodiscard]] inline bool is_cycle_sent(const ProcessGroup& group) {
     return group.overlap.sent.load(std::memory_order_acquire) != group.overlap.received.load(std::memory_order_relaxed);
 }
+// How many cycles were sent and are not received yet.
+[[nodiscard]] inline std::uint32_t cycles_under_way(const ProcessGroup& group) {
+    if (group.overlap.sets == 1) return group.under_way ? 1 : 0;
+    return group.overlap.sent.load(std::memory_order_acquire) - group.overlap.received.load(std::memory_order_relaxed);
+}
 [[nodiscard]] inline Time sent_at(const ProcessGroup& group) {
     return group.overlap.sent_at[group.overlap.receive_set];
 }

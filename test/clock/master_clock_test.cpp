@@ -158,6 +158,36 @@ TEST(TheTimeOfTheMaster, ComesInSyncWithLongCycles) {
     }
 }
 
+// Cycles that are under way when a correction is sent do not show it.
+TEST(BusShiftOfOverlappedCycles, ComesIntoSync) {
+    for (const int sets : {2, 3, 4}) {
+        SCOPED_TRACE(sets);
+        ClockBus bus;
+        bus.add({.drift_ppb = 28'000});
+        bus.add({.drift_ppb = -30'000, .start_ns = 77});
+        bus.start();
+        bus.ctx->group(0).config.cycles_in_flight = static_cast<std::uint8_t>(sets);
+        ASSERT_TRUE(configdc(*bus.ctx, kFewFrames).ok());
+        bus.run();
+        MasterClock clock({.mode = MasterClock::Mode::bus_shift, .set_value = -300us, .phase = {.cycle = 1ms}});
+        std::int64_t most = 0;
+        Time due = bus.osal.now() + 5ms;
+        for (int n = 0; n < 12'000; ++n) {
+            bus.osal.wait(due, -1);
+            ASSERT_TRUE(send_processdata(*bus.ctx).ok());
+            if (n >= sets - 1) {
+                (void)receive_processdata(*bus.ctx, 200us);
+                EXPECT_EQ(clock.update(*bus.ctx, 0us), 0us);
+            }
+            due += 1ms;
+            (void)poll(*bus.ctx, bus.osal.now());
+            if (n > 10'000) most = std::max(most, std::abs(clock.error_ns()));
+        }
+        EXPECT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state());
+        EXPECT_LE(most, 100);
+    }
+}
+
 // Nothing is corrected: the phase moves through the whole cycle, and the drift is what the clocks differ by.
 TEST_F(MasterClockTest, OffShowsTheNaturalDrift) {
     for (const int drift : {80'000, -50'000}) {
