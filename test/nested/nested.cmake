@@ -126,6 +126,11 @@ set(gcc_Debug SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install FOLDER install_subdirec
            MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE} CMAKE_BUILD_TYPE=Debug CMAKE_CXX_FLAGS_DEBUG=-g0)
 margay_nested(install/subdirectory_builds ${gcc_Debug} FIXTURE subdirectory COST 100 TARGETS consumer_linux consumer_readme consumer_port)
 
+# An option without the options that it needs is an error, and not left out without a word.
+add_test(NAME install/compat_needs COMMAND ${CMAKE_COMMAND} -S ${PROJECT_SOURCE_DIR} -B ${PROJECT_BINARY_DIR}/nested/compat_needs
+         -DMARGAY_TESTS=OFF -DMARGAY_SAMPLES=OFF -DMARGAY_PCAP=OFF -DMARGAY_COMPAT=ON)
+set_tests_properties(install/compat_needs PROPERTIES PASS_REGULAR_EXPRESSION "MARGAY_COMPAT needs MARGAY_LINUX, MARGAY_PCAP")
+
 # The parts for an embedded system, with them the programs for a board that QEMU knows, which test/qemu runs, and a program for
 # each feature of the master. All three use the same archives.
 set(board SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes NEEDS arm-none-eabi-g++ FOLDER embedded_arm_builds COST 300
