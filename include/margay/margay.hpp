@@ -8,9 +8,9 @@
 // statecheck(), configdc(), dcsync0(), dcsync01(). Every other function that does something is a verb with its object:
 // read_register(), read_sii(), find_entry(), recover_slave(), set_target(); or a verb alone, if an argument is the
 // object: submit(), listen(), expect(). A function that only returns what is known, or only computes, is named after
-// its result: all_right(), inputs_fresh(), emergencies(), sii_checksum(), what_is_wrong(). A function whose first
-// argument is a Transition writes nothing to a slave: it returns a StartupCommand, and has the name of the work of this
-// command (write_object(), startup.hpp). The requests of the usual functions are SdoUpload (SDOread()), SdoDownload
+// its result: all_right(), inputs_fresh(), emergencies(), sii_checksum(), what_is_wrong(). A function that returns a
+// StartupCommand writes nothing to a slave itself, and has the name of the work of this command (write_object(),
+// startup.hpp). The requests of the usual functions are SdoUpload (SDOread()), SdoDownload
 // (SDOwrite()), ScanRequest (config_init()), MapRequest (config_map()), ClockRequest (configdc()) and SyncRequest
 // (dcsync0(), dcsync01()). Other requests have words of their function, or of their work, in CamelCase, most of them
 // without the verb: read_object_list() and ObjectListRequest. A method of Context returns a part of the context. A
