@@ -38,8 +38,8 @@ int main(int argc, char** argv) {
     Arguments arguments("nic_check",
                         "Says what an interface, the kernel and the machine can do for EtherCAT: good, could be better "
                         "(with the command that mends it), or not known. Sends nothing without --probe, and changes "
-                        "nothing without --try-xdp. Findings are no errors: only an interface that cannot be used, or a probe without an "
-                        "answer, ends with another code than 0.");
+                        "nothing without --try-xdp. Findings are no errors: only an interface that cannot be used, or "
+                        "a probe without an answer, ends with another code than 0.");
     Options options;
     arguments.positional("IFACE", options.interface, "interface (eth0)");
     arguments.flag("--json", options.json, "print JSON for programs");
