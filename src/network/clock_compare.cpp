@@ -19,7 +19,8 @@ bool is_before_reference(Network& network, const Slave& slave) {
 }
 
 // How many frames have brought the time of the reference since the last round: frames of the cycle, and others. After
-// rounds that were left out, they may have come long ago, unless the last cycle has brought it.
+// rounds that were left out, frames of the cycle count only if the last cycle has brought the time: the others may have
+// come long ago.
 std::uint32_t times_since_last_round(Network& network, std::int64_t rounds) {
     Clocks& clocks = network.clocks;
     const std::uint32_t sent = std::exchange(clocks.times_sent, std::uint16_t{0});
@@ -33,7 +34,8 @@ std::uint32_t times_since_last_round(Network& network, std::int64_t rounds) {
     return sent;
 }
 
-// The second reference, and all clocks that follow it, are out of the limit; or it is not known to be within it.
+// Whether the clock follows a second reference that is not in sync, or that may be farther from the reference than the
+// limit.
 bool is_led_away(const Clocks& clocks, const Slave& slave, const FollowedClock& followed) {
     if (followed.slave == 0 || followed.slave == clocks.reference) return false;
     const bool by_another = followed.slave != slave.number && !clocks.entries[followed.slave - 1U].is_in_step();
@@ -115,8 +117,8 @@ void MeasuredCycle::note(Time sent_at, std::uint32_t number) {
     votes += votes == 0 || away <= likely_ns / kAlike ? 1 : -1;
 }
 
-// Where the application has stopped once, or leaves out cycles, the mean is not the cycle that it keeps: then it
-// differs from that of most rounds.
+// The mean is not the cycle of the application if the application has stopped once, or leaves out cycles. Such a mean
+// differs from the cycle that most rounds have seen.
 std::uint64_t MeasuredCycle::steady_ns() const {
     constexpr std::uint64_t kAlike = 100;
     if (seen == first || 2 * votes < static_cast<std::int32_t>(rounds)) return 0;
@@ -131,7 +133,7 @@ void note_cycle_time(Network& network) {
     constexpr std::uint64_t kMeasured = 50;
     Clocks& clocks = network.clocks;
     MeasuredCycle& cycle = clocks.cycle;
-    // Perhaps MasterClock, and with it this cycle, has ended since: then it is measured from now on.
+    // The cycle of MasterClock is used. If MasterClock has ended since, the cycle is measured from now on.
     if (std::exchange(clocks.is_paced, false)) {
         note_sync_cycles(network, clocks.paced_ns, UINT64_MAX);
         cycle = {};
@@ -149,8 +151,8 @@ void note_cycle_time(Network& network) {
     }
 }
 
-// While the chosen reference is lost, it has no place in the ring: where a slave is that was not seen before, is not
-// known until the reference is back, see set_late_clock().
+// While the chosen reference is lost, the chosen reference has no place in the ring. A slave that is seen for the first
+// time then may be before or behind it. This is known when the reference is back, see set_late_clock().
 bool note_reach(Network& network, Slave& slave) {
     const Clocks& clocks = network.clocks;
     ClockEntry& clock = network.clocks.of(slave);
@@ -197,7 +199,7 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
         if (!clock.synchronised) continue;
         const FollowedClock followed = is_there(slave) ? followed_clock(network, slave) : FollowedClock{};
         const std::uint16_t before = std::exchange(clock.follows, followed.slave);
-        // Another event has occurred before the clock was compared after the last one: the clock may be disturbed.
+        // The source has changed again before the clock was compared with the last source: the clock may be disturbed.
         const bool unknown = before != 0 && before != followed.slave && clock.times_seen < ClockEntry::kTimesOfMean;
         if (before != followed.slave) clock.times_seen = 0;
         const bool fed = followed.slave != 0 && !followed.silent && (times != 0 || slave.number == clocks.reference);
@@ -253,8 +255,8 @@ Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns) {
 
 namespace {
 
-// The slave is in its state, and no sequence works on it. Below SAFEOP, a slave that has come back may not have its
-// clock yet.
+// The slave is in its state, and no sequence works on the slave. Below SAFEOP, a slave that has come back may not have
+// its clock yet.
 bool is_settled(Network& network, const Slave& slave) {
     return is_there(slave) && !slave.al.error && !network.marks(slave.number).in_use &&
            (slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave));
@@ -263,15 +265,15 @@ bool is_settled(Network& network, const Slave& slave) {
 // The token of the slave that becomes the reference again.
 using ReturnToken = std::optional<SlaveToken>;
 
-// Whether the slave still comes back to the same reference. While it learns, its token is free: the supervision sees
-// what happens to the slave, and a request may change it.
+// Whether the slave still returns to the same reference. While the slave learns, its token is free: the supervision
+// sees what happens to the slave, and a request may change the slave.
 bool still_returns(Network& network, const Slave& slave, std::uint16_t reference) {
     return network.clocks.reference == reference && is_there(network.slave(reference)) && !network.segment_in_use &&
            is_settled(network, slave) && is_before_reference(network, slave);
 }
 
-// Frames with the time, until the slave has followed it. The last comparison must be within the limit: its register
-// keeps it while the slave is the reference, see check_reference().
+// Sends frames with the time until the slave has followed the time. The last comparison must be within the limit: the
+// register keeps this comparison while the slave is the reference, see check_reference().
 Task<Result<>> teach_time(Network& network, Slave& slave, ReturnToken* token) {
     const std::uint16_t reference = network.clocks.reference;
     const auto ends = [&] { return token != nullptr && !still_returns(network, slave, reference); };
@@ -293,13 +295,14 @@ Task<Result<>> teach_time(Network& network, Slave& slave, ReturnToken* token) {
     co_return Nothing{};
 }
 
-// While two clocks are measured twice, their rates differ by 2.5 ppm at most.
+// Two clocks have the same rate if their difference changes by kMostChange_ns at most in kRateLook: 2.5 ppm.
 constexpr Duration kRateLook = std::chrono::milliseconds(20);
 constexpr std::int64_t kMostChange_ns = 50;
 
-// Teaches the slave the rate of the reference. The other clocks run at that rate: a new reference with another one
-// would lead them out of the limit until they have learned it. Receive times show the rate without the jitter of the
-// master. Returns how far the slave is ahead. `token` is free during the lessons; nullptr: the caller holds one.
+// Teaches the slave the rate of the reference. The other clocks run at this rate: a new reference with another rate
+// would lead the other clocks out of the limit until they have learned the new rate. Receive times show the rate
+// without the jitter of the master. Returns how far the slave is ahead. `token` is free during the lessons; nullptr:
+// the caller holds a token.
 Task<Result<std::int64_t>> teach_rate(Network& network, Slave& slave, Slave& reference, ReturnToken* token) {
     constexpr unsigned kMostLessons = 8;
     const std::int64_t limit_ns = network.clocks.settings.limit_ns;
@@ -345,8 +348,8 @@ Slave* first_before_reference(Network& network) {
     return first;
 }
 
-// In a ring with two NICs the slave does not learn the rate of the reference. If its rate is another one, the other
-// clocks are not in sync until they have followed it. Returns how far the slave is ahead.
+// In a ring with two NICs the slave does not learn the rate of the reference. If the slave has another rate, the other
+// clocks are not in sync until they have learned this rate. Returns how far the slave is ahead.
 Task<Result<std::int64_t>> compare_rate(Network& network, Slave& slave, Slave& reference, std::int64_t before_ns) {
     co_await network.engine.sleep_for(kRateLook);
     const auto ahead = co_await required(measure_ahead(network, slave, reference));
@@ -356,7 +359,7 @@ Task<Result<std::int64_t>> compare_rate(Network& network, Slave& slave, Slave& r
     co_return ahead;
 }
 
-// Stops the time, and moves the clock of the slave to that of the reference. True: it is there.
+// Stops the time, and moves the clock of the slave to the time of the reference. True: the clock shows this time.
 Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToken& token) {
     constexpr std::int64_t kMostStep_ns = 6'000;
     constexpr unsigned kMostSteps = 50;
@@ -367,7 +370,7 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToke
         if (network.redundancy == nullptr && clocks.paused) co_return Error{.code = Errc::busy, .slave = slave.number};
         clocks.returning = slave.number;
         if (!carry_time_of(network, nullptr)) co_return Error{.code = Errc::busy, .slave = slave.number};
-        // While it got what the master has sent, its rate has followed the jitter of the master.
+        // While the slave took the time that the master has sent, its rate has followed the jitter of the master.
         if (network.redundancy != nullptr) co_await required(settle_rate(network, slave));
     }
     const std::uint16_t reference = clocks.reference;
@@ -375,7 +378,7 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToke
         return clocks.reference != reference || !is_there(slave) || !is_before_reference(network, slave);
     };
     auto ahead = co_await required(measure_ahead(network, slave, network.slave(reference)));
-    // In a ring it does not learn the rate: from one round of the watch to the next, it would run farther than a step.
+    // With two NICs the slave does not learn the rate: until the next round, its clock would run farther than a step.
     for (unsigned n = 0; network.redundancy != nullptr && n < kMostSteps; ++n) {
         if (is_other() || std::abs(ahead) > kNear_ns || std::abs(ahead) <= kMostStep_ns) break;
         co_await required(move_clock(network, slave, ahead > 0 ? -kMostStep_ns : kMostStep_ns));
@@ -440,7 +443,7 @@ Task<Result<>> set_late_clock(Network& network) {
         Slave& slave = slaves[(clocks.late_first + n) % slaves.size()];
         const ClockEntry& clock = clocks.of(slave);
         if (clock.synchronised || !is_clock(clock.kind) || !is_settled(network, slave) || clock.beside) continue;
-        // return_to_first_clock() does it.
+        // return_to_first_clock() sets this clock.
         if (clock.measured && is_before_reference(network, slave)) continue;
         if (slave.number == clocks.reference || note_reach(network, slave)) continue;
         const SlaveToken token(network.marks(slave));

@@ -33,55 +33,52 @@ struct SyncRegisters {
 // The clock whose time the frames bring to a slave, as the ring is now.
 struct FollowedClock {
     std::uint16_t slave = 0;    // the reference, or the second reference of a ring with two NICs; 0: no time arrives
-    std::int64_t ahead_ns = 0;  // how far that clock is ahead of the reference; 0 where it cannot be distinguished from
-                                // 0
-    std::int64_t moves_ns = 0;  // how far it may be from there until the next round
-    bool silent = false;        // its time has not been seen since the last round
+    std::int64_t ahead_ns = 0;  // how far this clock is ahead of the reference; 0 also while the jitter hides it
+    std::int64_t moves_ns = 0;  // by how much `ahead_ns` may change until the next round
+    bool silent = false;        // the master has not seen the time of this clock since the last round
 };
 
 struct ClockEntry : SlaveClock {
-    // The clock whose time arrives, how many frames have brought its time since it is this clock, and how many times
-    // ClockSettings::watch_interval has passed without one.
-    std::uint16_t follows = 0;
-    std::uint8_t times_seen = 0;
-    std::uint8_t rounds_alone = 0;
-    bool told_in_sync = false;   // no event has said since that it is out of sync
-    std::uint64_t local_ns = 0;  // register 0x0918 of the last measurement
-    SyncRegisters sync;          // by dcsync0(), where `sync_set` is true
+    std::uint16_t follows = 0;      // the slave whose time arrives
+    std::uint8_t times_seen = 0;    // frames that have brought this time since `follows` has changed
+    std::uint8_t rounds_alone = 0;  // how often ClockSettings::watch_interval has passed without such a frame
+    bool told_in_sync = false;      // no event has reported since then that the clock is out of sync
+    std::uint64_t local_ns = 0;     // register 0x0918 of the last measurement
+    SyncRegisters sync;             // from dcsync0(), where `sync_set` is true
     SyncWatch watch;
     [[no_unique_address]] PortTimes times;  // the small members behind it fill its last word
     bool sync_set : 1 = false;
     bool measured : 1 = false;     // its delay is known
     bool delay_waits : 1 = false;  // the register of the slave may have another delay (network/ring_ways.cpp)
-    bool delay_old : 1 = false;    // the frames go another way than when it was measured, see find_old_delays()
-    bool knows_rate : 1 = false;   // it was in sync since its control loop was started
-    bool misled : 1 = false;   // it was in sync until a frame has perhaps brought it a wrong time, see note_change()
-    bool in_ring : 1 = false;  // these two: see `ring_slave`
+    bool delay_old : 1 = false;    // measured for an earlier way of the frames, see find_old_delays()
+    bool knows_rate : 1 = false;   // the clock was in sync since its control loop was started
+    bool misled : 1 = false;   // the clock was in sync, but a frame may have brought a wrong time, see note_change()
+    bool in_ring : 1 = false;  // this slave is a ring slave, see `ring_slave`
     bool beside : 1 = false;   // while the ring is whole, only the copy that the head does not send reaches the slave
     bool out_of_reach : 1 = false;  // see note_reach()
     // While delays are measured: the port at which the frame arrives first, and the port at which it arrives before the
     // processing unit. They differ behind a break of a ring with two NICs.
     std::uint8_t arrival_port = 0;
     std::uint8_t passing_port = 0;
-    std::uint8_t entered_port = 0;  // with one NIC: at which the last measurement has seen the frame first
-    std::int32_t passed_ns = 0;     // when the frame has passed the slave, after the reference: the delay, see there
+    std::uint8_t entered_port = 0;  // with one NIC: the port with the earliest receive time of the last measurement
+    std::int32_t passed_ns = 0;     // `delay_ns` without the part that compute_clock_delays() adds behind a break
     // In a ring with two NICs, as measured while it was whole (network/ring_ways.cpp). Ring slaves are the slaves
     // between both NICs, counted from 1 at the head.
-    std::uint16_t ring_slave = 0;  // this slave, or the ring slave behind which this slave is; 0: not known
-    std::uint16_t way = 0;         // sum over the slaves before it when its delay was measured, see way_part()
-    std::int32_t away_ns = 0;      // of a ring slave: how long the frame is away behind the way to the next ring slave,
-    std::int32_t return_ns = 0;    // and from the processing unit until it has left towards the head
-    // The register with the difference is a mean of 16 comparisons: with fewer, it shows what was before.
+    std::uint16_t ring_slave = 0;  // this slave, or the ring slave with the branch of this slave; 0: not known
+    std::uint16_t way = 0;         // sum over the slaves before this slave when the delay was measured, see way_part()
+    std::int32_t away_ns = 0;      // from when the frame leaves towards the next ring slave until it is back
+    std::int32_t return_ns = 0;    // from when the frame passes the processing unit until it leaves towards the head
+    // Register 0x092C shows a mean of 16 comparisons. After fewer comparisons it still shows old differences.
     static constexpr std::uint8_t kTimesOfMean = 32;
-    // As far as it is known: good enough for what is compared with it next.
+    // In sync, or in sync until a frame has perhaps misled the clock: other clocks may still follow it.
     [[nodiscard]] bool is_in_step() const { return in_sync || misled; }
-    // Its SYNC signals were switched off.
+    // The SYNC signals of the slave were switched off.
     void end_sync() {
         sync_active = false;
         sync_start_ns = 0;
     }
     [[nodiscard]] bool knows_difference() const { return follows != 0 && times_seen >= kTimesOfMean; }
-    // It is in sync again when it is compared.
+    // The clock is in sync again only after new comparisons.
     void lose_sync() {
         in_sync = misled = false;
         watch.reset();
@@ -91,13 +88,13 @@ struct ClockEntry : SlaveClock {
 
 // The cycle of the bus as the rounds of the watch see it: how long a cycle takes, as a mean from round to round.
 struct MeasuredCycle {
-    Time begin = Time::min();  // when the first cycle was sent; min: not begun
-    Time last{};               // and the last one that a round has seen,
-    std::uint32_t first = 0;   // their numbers, which wrap
-    std::uint32_t seen = 0;
-    std::uint64_t likely_ns = 0;  // what most rounds have seen, if there is such a time
+    Time begin = Time::min();     // when the first cycle was sent; min: not begun
+    Time last{};                  // when the last cycle was sent that a round has seen
+    std::uint32_t first = 0;      // number of the first cycle; the numbers wrap
+    std::uint32_t seen = 0;       // number of the last cycle
+    std::uint64_t likely_ns = 0;  // the cycle that most rounds have seen, if they agree
     std::uint32_t rounds = 0;
-    std::int32_t votes = 0;  // rounds that have seen this time, minus rounds that have seen another time
+    std::int32_t votes = 0;  // rounds that have seen this cycle, minus rounds that have seen another one
 
     void note(Time sent_at, std::uint32_t number);
     // The mean cycle; 0: the cycles are too few, or too different.
@@ -111,29 +108,29 @@ struct Clocks {
     std::span<ClockEntry> entries;  // by slave number - 1
     std::span<DelayNode> nodes;     // by place
     Time latched_at{};              // when receive times were latched last
-    std::uint64_t system_ns = 0;    // a system time that is known,
-    Time system_at{};               // at this time
-    bool measuring = false;         // receive times are latched, not all of them are read: nothing else may latch
+    std::uint64_t system_ns = 0;    // the last known system time
+    Time system_at{};               // when it was the system time
+    bool measuring = false;         // not all latched receive times are read yet: nothing else may latch
     bool watching = false;          // watch_clocks() is executing
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
     bool watched_soon = false;      // the next round comes before the interval of the watch is over, see watch_soon()
     std::uint16_t rounds_soon = 0;  // such rounds since an interval was counted
-    std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
+    std::uint8_t without_time = 0;  // rounds of the watch in which the cycle did not carry the time
     std::uint8_t rounds_old = 0;    // rounds in which the delay of some clock was old
     Errc late_error = Errc::none;   // why the clock of a slave that came late was not set the last time
     std::uint16_t late_first = 0;   // index of the slave whose clock is tried first the next time
     std::uint8_t rests = 0;         // rounds until a clock may be brought to the reference, after this has failed
     bool all_in_sync = false;
     bool is_driven = false;        // times are written to the reference, which follows them
-    bool is_paced = false;         // since the last round of the watch, a MasterClock has known the cycle:
-    std::uint64_t paced_ns = 0;    // this one, while it is in sync with it
-    bool loss_reported = false;    // that the reference is lost
-    std::uint8_t odd_times = 0;    // times in succession that note_seen_time() has left out
+    bool is_paced = false;         // a MasterClock has set `paced_ns` since the last round of the watch
+    std::uint64_t paced_ns = 0;    // the cycle of this MasterClock; 0: it is not in sync with the bus
+    bool loss_reported = false;    // the loss of the reference was reported
+    std::uint8_t odd_times = 0;    // how many times in succession note_seen_time() has left out
     bool ways_unknown = false;     // frames enter slaves at other ports, and find_ways() does not know how
-    bool unknown_latched = false;  // more slaves have latched receive times last than are known to be in the ring
+    bool unknown_latched = false;  // the last latching has reached more slaves than are known to be in the ring
     std::uint16_t looked_at = 0;   // the slave whose difference was read last while all clocks were in sync
     std::uint16_t times_seen = 0;  // cycles_with_time() of the group that carries the time, in the last round
-    std::uint16_t times_sent = 0;  // by send_time() since then
+    std::uint16_t times_sent = 0;  // frames of send_time() since the last round
     MeasuredCycle cycle;
     // shift_reference(): by how much the reference was moved since the last round, apart from the rate that the clocks
     // have learned: `shift_mean` in 16 cycles.
@@ -163,9 +160,9 @@ struct Clocks {
         system_ns = wide ? time_ns : extend_time_ns(static_cast<std::uint32_t>(time_ns), about);
         system_at = now;
     }
-    // The same for a time that a frame has brought by itself. A time that no rate explains is left out until it has
-    // come some times in succession: a slave that was reset, and is not known to be lost yet, answers by its position
-    // with a time of its own.
+    // The same for a time that frames bring without a request. A time that no rate explains is left out until such
+    // times have come often in succession: a slave that was reset, and is not known to be lost yet, answers by its
+    // position with a time of its own.
     void note_seen_time(std::uint64_t time_ns, bool wide, Time now) {
         if (now <= system_at) return;
         constexpr std::int64_t kNearest_ns = 100'000;
@@ -210,18 +207,18 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 
 // The next cycles carry the time of this slave; nullptr: no time. False where cycles overlap: see redirect_time().
 [[nodiscard]] bool carry_time_of(Network& network, const Slave* slave);
-// The slave, whose time the cycles carry, is the reference from now on, in place of the present one. The error is that
-// of a request to a second reference, which the supervision repeats.
+// The slave, whose time the cycles carry, is the reference from now on. The error is the error of a request to a second
+// reference, which the supervision repeats.
 [[nodiscard]] Task<Result<>> set_reference(Network& network, const Slave& slave);
 // Sends the time of the reference clock to all slaves once, in a frame of its own.
 [[nodiscard]] Task<Result<>> send_time(Network& network);
-// An upper estimate of the differences of all clocks that are synchronised, by one broadcast. The difference of another
-// clock would hide them: where there is one, each of them is read.
+// An upper estimate of the differences of all clocks that are synchronised, by one broadcast. A clock that is not
+// synchronised would hide these differences: where there is such a clock, the difference of each clock is read.
 [[nodiscard]] Task<Result<std::uint32_t>> read_greatest_difference(Network& network);
 // Reads register 0x092C of a slave into its entry.
 [[nodiscard]] Task<Result<>> read_difference(Network& network, Slave& slave);
 [[nodiscard]] Task<Result<>> probe_clock(Network& network, Slave& slave);
-// Register 0x0982, into its entry.
+// Reads register 0x0982 of a slave into its entry.
 [[nodiscard]] Task<Result<>> read_pulse_length(Network& network, Slave& slave);
 // Latches the receive times of all slaves. read_receive_times() reads the local time of one slave, and with `yes` adds
 // its receive times to the times from which the delays are computed.
@@ -231,7 +228,7 @@ enum class Keep : bool { no, yes };
 // Fills Clocks::nodes with the ways of the frames as they are now, and the ports of the entries. Returns the number of
 // nodes (network/clock_delays.cpp).
 std::size_t find_frame_ways(Network& network);
-// Finds the port at which the frames enter each slave, from the receive times. With two NICs, the ring tells it.
+// Finds the port at which the frames enter each slave, from the receive times. With two NICs, the ring shows this port.
 void find_entry_ports(Network& network);
 // What a slave that answers adds to the sums ClockEntry::way of all slaves behind it. The sums of two slaves differ as
 // long as before if the same slaves are between them.
@@ -252,9 +249,9 @@ bool find_old_delays(Network& network);
 void correct_topology(Network& network);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);
-// How much later a frame passes `slave` than `reference`, or its other copy where a break of the ring is between both:
-// then it is measured, with the ways as they are now, as if both NICs had sent at the same time. Errors: unstable (the
-// ring has changed meanwhile).
+// How much later a frame passes `slave` than `reference`. Where a break of the ring is between both slaves, the copies
+// of the frame are compared: the time is measured, with the present ways, as if both NICs had sent at the same time.
+// Errors: unstable (the ring has changed meanwhile).
 [[nodiscard]] Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Slave& reference);
 // Whether a break of the ring is between both, and the ways of both copies are not measured, because some clocks are
 // beside the ring: neither clock can be set by the other one until the ring is whole.
@@ -275,27 +272,29 @@ void note_sync_cycles(Network& network, std::uint64_t cycle_ns, std::uint64_t to
 // The same for the cycle of MasterClock, or for the cycle that was measured where no MasterClock is. Once in each round
 // of the watch.
 void note_cycle_time(Network& network);
-// The first slave in the ring that has its clock and its state, where this slave is before the reference: it gets what
-// the master has sent. It becomes the reference. Its clock is moved to that of the reference before, in small steps, so
-// that no other clock sees a step; one that is too far away is set, and its SYNC signals start again.
+// Makes the first slave in the ring that has its clock and its state the reference, where this slave is before the
+// reference: such a slave takes the time that the master has sent. The clock of the slave is moved to the time of the
+// old reference in small steps, so that no other clock sees a step. A clock that is too far away is set, and its SYNC
+// signals start again.
 [[nodiscard]] Task<Result<>> return_to_first_clock(Network& network);
-// Gives a slave its clock that was first seen, or was reset, while the reference was lost.
+// Sets the clock of a slave that was first seen, or was reset, while the reference was lost.
 [[nodiscard]] Task<Result<>> set_late_clock(Network& network);
 // Without a supervision that watches the clocks: notes the time that the last cycle has brought. Callable from the
 // cycle.
 void refresh_system_time(Network& network);
 // See Clocks::resume.
 void resume_time(Network& network);
-// The slave becomes a reference, with the rate that it has learned. One wrong comparison with the time of the lost one
-// disturbs this rate: if the mean of the differences has left the limit, no comparison would correct it any more, and
-// its control loop starts again. True: the clocks that follow it are not in sync with it now.
+// The slave becomes a reference, with the rate that its clock has learned. A wrong comparison with the time of the lost
+// reference disturbs this rate, and no comparison corrects the rate of a reference. So the control loop starts again
+// if the mean of the differences is not within the limit. True: the clocks that follow the slave are not in sync now.
 [[nodiscard]] Task<Result<bool>> settle_rate(Network& network, Slave& slave);
-// See prepare_clock(): the slave gets the time of the reference, while the cycles carry no time, and is the reference
-// then. `of_reference`: it learns the rate of the reference before, which takes some tenths of a second.
+// Sets the clock of the slave by the reference, while the cycles carry no time. Then the slave is the reference.
+// `of_reference`: the slave first learns the rate of the old reference, which takes some tenths of a second.
 enum class ClockRate : bool { own, of_reference };
 [[nodiscard]] Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate);
-// The slave is before the reference in the ring, and its clock was set by it; the cycles carry no time. Single frames
-// bring it the time that the master expects, until it runs at the rate of the reference; then its clock is set again.
+// Teaches a slave before the reference in the ring the rate of the reference. The clock of the slave was set by the
+// reference, and the cycles carry no time. Single frames bring the slave the time that the master expects, until its
+// clock runs at the rate of the reference. Then the clock is moved to the time of the reference.
 [[nodiscard]] Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference);
 // Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.
 [[nodiscard]] Task<Result<>> improve_delays(Network& network);

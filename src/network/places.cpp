@@ -14,7 +14,7 @@ bool is_marked(const Network& network, const RingPlace& place, std::uint16_t bel
     return network.stranger_mark != 0 && place.address == network.stranger_mark - below;
 }
 
-// An unknown slave that is no slave of the line, as far as it was asked.
+// A slave that was asked, and that is not a slave of the line.
 bool is_stranger(const Network& network, const RingPlace& place) {
     return is_marked(network, place, 0) || is_marked(network, place, stranger_mark::kSuspect);
 }
@@ -24,7 +24,7 @@ struct Gap {
     const Slave* before = nullptr;
     const Slave* behind = nullptr;
     std::size_t there = 0;  // places whose slaves are not known and may be slaves of the line; the newcomer included
-    std::size_t index = 0;  // how many of them are before the newcomer
+    std::size_t index = 0;  // how many of these places are before the newcomer
 
     [[nodiscard]] bool includes(const Slave& slave) const {
         return of_the_line(slave) && (before == nullptr || slave.number >= before->number) &&
@@ -57,9 +57,9 @@ const RingPlace* next_below(std::span<const RingPlace> ring, std::size_t n) {
     return nullptr;
 }
 
-// The neighbour of a place in the direction of its NIC, and which slaves were there.
+// The neighbour of a place in the direction of the NIC from which the frames come.
 struct Neighbour {
-    bool below = false;  // it is below the place
+    bool below = false;  // the neighbour is below the place, which is behind a break
     std::uint16_t slave = 0;
     std::uint8_t port = 0;  // of the slave above
     std::uint16_t home = SlaveMarks::kNoHome;
@@ -88,7 +88,7 @@ bool was_at(const Network& network, const Neighbour& neighbour, const Slave& sla
     if (!neighbour.below) return marks.home == neighbour.slave && marks.home_port == neighbour.port;
     if (neighbour.slave == 0) return marks.at_second_nic;
     if (neighbour.home == slave.number) return true;
-    // The slave below has come to the place of this one, which was bridged.
+    // `slave` was bridged, and the slave below is now where `slave` was.
     return neighbour.home != SlaveMarks::kNoHome && marks.home == neighbour.home &&
            marks.home_port == neighbour.home_port && slave.number < neighbour.slave;
 }
@@ -101,17 +101,18 @@ bool is_remembered(const Network& network, const Neighbour& neighbour) {
                                [&](const Slave& slave) { return network.marks(slave).at_second_nic; });
 }
 
-// The lost slaves of a gap, in the order of their numbers; and the lost slaves that the newcomer is at any place.
+// The lost slaves of a gap, in the order of their numbers. A lost slave outside of the gap is included if the newcomer
+// has its serial number, or, with two NICs, if it was at the neighbour of the newcomer.
 struct Lost {
     std::size_t count = 0;
-    Slave* in_order = nullptr;  // as many lost slaves are before it as newcomers before the newcomer
+    Slave* in_order = nullptr;  // the lost slave with the index Gap::index, if the newcomer can be this slave
     // The lost slaves that the newcomer can be:
-    std::array<Slave*, 2> same{};  // it has their serial number or their alias: the first two
-    std::array<Slave*, 2> here{};  // they were at this neighbour: the first two
+    std::array<Slave*, 2> same{};  // the first two with the serial number or the alias of the newcomer
+    std::array<Slave*, 2> here{};  // the first two that were at this neighbour
     std::array<Slave*, 2> any{};   // the first two
-    bool none_was_there = true;    // since the scan
-    Slave* never = nullptr;        // the first of them that was never there
-    Slave* replaced = nullptr;     // the slave that was here, or else the first one
+    bool none_was_there = true;    // none of these slaves was present since the scan
+    Slave* never = nullptr;        // the first of these slaves that was not present since the scan
+    Slave* replaced = nullptr;     // the first lost slave that was at this neighbour, or else the first lost slave
     bool unsettled = false;        // a slave is absent that is in use, and not reported lost yet
 };
 
@@ -188,7 +189,7 @@ Verdict choose_by_place(Network& network, std::size_t n) {
     const Gap gap = find_gap(network, n);
     const Lost lost = find_lost_slaves(network, gap, neighbour);
     if (lost.unsettled) return {};
-    // An equal device that was there beside the slave, and was reported as a stranger, is not the lost slave.
+    // A device that was reported as a stranger while the equal slave was present is not this slave, which is lost now.
     const bool stranger = is_marked(network, place, 0);
     if (!stranger && lost.same[0] != nullptr && lost.same[1] == nullptr) return {.slave = lost.same[0]};
     const bool all_are_there = !stranger && lost.in_order != nullptr && lost.count == gap.there;

@@ -55,8 +55,8 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
     return {};
 }
 
-// While the process data of a slave that comes back is being found: its configuration is not complete. The values of a
-// reserved place, and of its former firmware, are taken out of the configuration, so that the hook and the search
+// Exists while the process data of a slave that comes back is being found, and its configuration is incomplete. Values
+// of a reserved place, and of its former firmware, are taken out of the configuration, so that the hook and the search
 // for PDOs find it empty, as at the first start-up. They are put back unless accept() was called, or the application
 // has set others meanwhile.
 class Finding {
@@ -182,7 +182,7 @@ bool is_configured(const Slave& slave) {
 }  // namespace
 
 Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
-    // A device of another revision is read again; one of another product is another slave.
+    // A device of another revision is read again. A device of another product is another slave.
     if (!slave.other) co_await required(prove(network, slave));
     co_await required(sii_assign(network.station(slave), false));
     auto surveyed = co_await survey(network, slave, true);
@@ -290,8 +290,8 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     const bool settled = in_preop && network.marks(slave).settled == AlState::preop;
     const bool waits = settled && !slave.held && to >= AlState::safeop;
     const bool asks = in_preop && to_be_asked;
-    const bool rests = settled && to == AlState::preop && !to_be_asked;  // its identity alone was in question
-    if (rests) co_return Nothing{};
+    const bool is_done = settled && to == AlState::preop && !to_be_asked;  // only the identity was in doubt
+    if (is_done) co_return Nothing{};
     Result<> again;
     if (asks) again = co_await clear_fmmus(network, slave);  // of an earlier mapping
     if ((waits || asks) && again) again = co_await back_to_safeop(network, slave);

@@ -70,7 +70,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     network.ring[n].address = slave.station_address.value;
     store_places(network);
     doubt_pdos(network, slave);  // in whatever state it is: it may be a spare part that comes from another machine
-    // The slave was never reported lost.
+    // A slave that was never reported lost keeps its state.
     if (slave.al.state != AlState::none || network.marks(slave).in_use) co_return Nothing{};
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
@@ -163,7 +163,7 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* v
 }
 
 // A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group.
-// Behind a break the slaves of the way are asked before the slaves above them.
+// The slaves on the way from the second NIC to a break are asked before the slaves above them: see place_of_turn().
 bool below_unasked(Network& network, std::size_t n) {
     if (network.ring[n].behind_break) return false;
     for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
@@ -185,9 +185,9 @@ std::uint16_t place_of_turn(Network& network, std::size_t turn) {
     return own == round ? static_cast<std::uint16_t>(n) : kNoPlace;
 }
 
-// Slaves that are being started up and have not answered since may have lost their power again, and with one of them a
-// lost slave may have come back. They are found when the start-up has given up: until then a newcomer that fits one of
-// them is no stranger.
+// A slave that is in doubt while it is started up may have lost its power again, and a lost slave may have come back
+// together with it. A search finds both after the start-up has given up. Until then a newcomer that fits such a slave
+// is not called a stranger.
 bool is_awaited(Network& network) {
     const auto starts = [&network](const Slave& slave) {
         return network.marks(slave).in_use && network.is_doubted(slave);
@@ -219,8 +219,8 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
     co_return admitted ? Result<bool>(true) : Result<bool>(admitted.error());
 }
 
-// A newcomer is at place `n`, and its EEPROM cannot be read. When one slave alone is lost, and was there, the error is
-// that of this slave. The supervision reports it once, although each of its searches finds the newcomer again.
+// The EEPROM of the newcomer at place `n` cannot be read. If only one slave is lost, and this slave was at place `n`,
+// the error names this slave. The supervision reports the error once, although each search finds the newcomer again.
 void note_unreadable(Network& network, std::size_t n, Error& error) {
     Slave* only = nullptr;
     std::size_t lost = 0;
@@ -286,8 +286,8 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 }
 
 // Slaves that stay in another state than the others hide changes to that state in the OR of all states. A lost slave
-// that has kept its power may come in the moment in which another one leaves. Looks then follow each other. The rest is
-// 4 times as long as a look, if `retry` is not shorter, so that mailboxes keep most of the acyclic traffic.
+// that has kept its power may come in the moment in which another one leaves. Looks then follow each other. The pause
+// is 4 times as long as a look, if `retry` is not shorter, so that mailboxes keep most of the acyclic traffic.
 Time next_look(Network& network, const SuperviseRequest& wanted, Time begun, unsigned al_status) {
     const Time now = network.engine.now();
     const bool may_come_back = std::ranges::any_of(network.slaves(), [](const Slave& slave) {

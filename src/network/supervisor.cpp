@@ -33,11 +33,11 @@ struct Watch {
     BroadcastState last{};
     std::uint16_t reported_count = 0;  // number of answering slaves, as last reported
     unsigned looks = 0;                // consecutive looks that have not explained a short working counter
-    std::uint64_t heard = 0;           // frames received,
-    std::uint64_t lost_before = 0;     // and lost, when a frame was received last
+    std::uint64_t heard = 0;           // frames received
+    std::uint64_t lost_before = 0;     // frames lost when a frame was received last
     std::uint32_t walked = 0;          // slaves in the ring when it was last read by a search
-    RingParts parts{};                 // with two NICs: where the ring was broken in the last round,
-    std::uint32_t changes = 0;         // and how often it was broken or closed until then
+    RingParts parts{};                 // with two NICs: where the ring was broken in the last round
+    std::uint32_t changes = 0;         // how often the ring was broken or closed until the last round
     bool ring_moved = false;           // since the last search: the ring was closed, or is broken at another place
     Time retry_at = Time::min();
     Time look_at = Time::min();   // when the state of all slaves is read again, whatever the roll says
@@ -62,7 +62,7 @@ bool may_look_at(Network& network, const Slave& slave) {
 }
 
 // A slave has left its state while it was started: by itself, or by its hook. The next attempt comes after a pause. If
-// that ends in the same way, the failure is reported.
+// the next attempt ends in the same way, the failure is reported.
 void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
     SlaveMarks& marks = network.marks(slave);
     if (marks.repeating) note_state(network, slave, now);
@@ -82,7 +82,7 @@ void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
 // Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave, SumConfirmation& confirmation) {
     if (slave.al.state == AlState::none && !slave.seen) co_return Nothing{};
-    // The mapping, or the request that changes the slave, reads its state; here only that it was away.
+    // The mapping, or the request that changes the slave, reads its state. This look only notes that it was away.
     if (is_being_mapped(network, slave) || !may_look_at(network, slave)) {
         auto there = co_await read_al_status(network.station(slave));
         if (!does_not_answer(there.error()) || !is_known(slave)) co_return Nothing{};
@@ -92,7 +92,7 @@ Task<Result<>> look_at(Network& network, Slave& slave, SumConfirmation& confirma
     }
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
-    // In use: the reading may be older than a change.
+    // While the slave is in use, the reading may be older than a change of the state.
     if (!may_look_at(network, slave) || (!seen && !does_not_answer(seen.error()))) co_return Nothing{};
     if (!seen) {
         if (!was_there || slave.al.state == AlState::none) co_return Nothing{};
@@ -173,7 +173,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     if (network.is_doubted(slave) && slave.al.state != AlState::none) {
         co_await completion(clear_fmmus(network, slave));  // it gets no outputs until it is compared
     }
-    // That the slave is gone again is reported by the next look; another slave, by the search.
+    // The next look reports a slave that is gone again. The search reports another slave in its place.
     if (!does_not_answer(done.error()) && slave.al.state != AlState::none)
         report_failure(network, slave, slave.al, done.error());
     if (network.marks(slave).attempts < SlaveMarks::kMostAttempts) ++network.marks(slave).attempts;
@@ -246,7 +246,7 @@ bool report_working_counters(Watch& watch) {
     return unexpected;
 }
 
-// Without cycles fewer frames are sent than kSilentFrames, so the time counts too: then this many.
+// Without cycles, few frames are lost in a silence: kFewFrames are enough if the silence lasts longer than kSilence.
 constexpr std::uint32_t kFewFrames = 4;
 constexpr Duration kSilence = std::chrono::milliseconds(60);
 constexpr Duration kShortSilence = std::chrono::milliseconds(30);
@@ -262,8 +262,8 @@ Duration rest_between(const Watch& watch, Time now) {
     return overlapped ? std::min(kBesideOverlapped, watch.wanted.interval) : watch.wanted.interval;
 }
 
-// A silence between the last roll that came back and this one, while the supervision rested, or looked at slaves. A
-// device may have been exchanged meanwhile. Call it before the time of this roll is noted.
+// Doubts the slaves after a silence since the last roll that came back: a device may have been exchanged meanwhile.
+// Call this function before the time of the present roll is noted.
 void doubt_after_silence(Watch& watch) {
     Network& network = watch.network;
     const std::uint32_t lost = network.engine.link().take_longest_silence();
@@ -378,7 +378,7 @@ bool ring_has_changed(Watch& watch) {
     return changes != watch.changes || moved;
 }
 
-// A clock becomes the reference, which takes seconds: the rounds go on meanwhile. False: the round watches the clocks.
+// Watches the clocks beside the rounds while a clock becomes the reference. False: the round must watch the clocks.
 bool watch_beside(Network& network, Crew& crew) {
     Clocks& clocks = network.clocks;
     if (clocks.watch == nullptr || clocks.watching) return true;
@@ -410,7 +410,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     const Time now = network.engine.now();
     const Time latest = later(later(network.compared, watch.wanted.interval), std::chrono::milliseconds(100));
     network.rested = network.is_unobserved() && now <= latest;  // not when the application has paused
-    if (network.is_unobserved()) {                              // not looked at for long: perhaps another machine
+    if (network.is_unobserved()) {                              // perhaps the slaves belong to another machine now
         watch.last = {};
         doubt_all(network, false);
     }
