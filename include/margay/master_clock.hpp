@@ -42,8 +42,9 @@ struct MasterClockSettings {
         // of up to 4 * ClockSettings::limit_ns; with a greater step the other clocks are not in sync.
         bus_shift,
         // The reference clock follows the time of the master without a controller: update() writes the time to its
-        // register 0x0910, and the chip's own control loop follows. The cycle must be accurate. state() is in_sync when
-        // the phase that results is within the limit.
+        // register 0x0910, and the chip's own control loop follows. The cycle must be accurate, and no other group may
+        // have shorter cycles: the time would leave with a cycle of the other group, and be wrong. state() is in_sync
+        // when the phase that results is within the limit.
         master_reference,
     };
     Mode mode = Mode::master_shift;
