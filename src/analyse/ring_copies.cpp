@@ -203,7 +203,7 @@ void RingCopies::received(std::size_t copy, bool crossed, Moment when, Bytes pac
         (void)enqueue({when, {packet.begin(), packet.end()}, packet.size()});
         return;
     }
-    if (crossed) rests_[copy] = !processed;
+    if (crossed) idle_[copy] = !processed;
     const auto awaits = [&](const Flight& flight) {
         return !flight.over && !flight.came[copy].there() && !flight.untouched[copy] && is_of(flight);
     };
@@ -254,7 +254,7 @@ void RingCopies::note_head(const Flight& flight) {
     for (std::size_t copy = 0; copy < 2; ++copy) {
         const auto& came = flight.came[copy];
         if (!came.there()) continue;
-        if (flight.crossed[copy] && rests_[1 - copy]) head_ = copy;
+        if (flight.crossed[copy] && idle_[1 - copy]) head_ = copy;
         circulating[copy] = wire::load_datagram_header(Bytes(came.bytes).subspan(wire::kFramePrefixBytes)).circulating;
     }
     if (flight.came[0].there() && flight.came[1].there() && circulating[0] != circulating[1])

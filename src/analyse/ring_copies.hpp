@@ -103,7 +103,7 @@ class RingCopies {
     std::array<RingSigns::Address, 2> macs_{};
     bool has_directions_ = true;
     RingSigns::Counters whole_{};  // without directions
-    std::array<bool, 2> rests_{};  // in the whole ring, no slave processes the copy
+    std::array<bool, 2> idle_{};   // in the whole ring, no slave processes the copy
     std::size_t head_ = 0;         // the NIC at the beginning of the ring
     std::deque<Place> queue_{};
     std::uint64_t first_ = 1;   // the number of the first place of the queue

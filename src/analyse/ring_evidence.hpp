@@ -10,11 +10,13 @@ namespace margay::analyse {
 
 class RingEvidence {
   public:
-    // Each packet with an EtherCAT frame, in any order of time. The first ones of a long recording count.
+    // Call it for each packet with an EtherCAT frame, in any order of time. Of a long recording, the first packets are
+    // used.
     void look(const PacketOrigin& origin, Duration at, Bytes packet);
-    // whole: both NICs of a ring: a frame that was sent at one NIC was received at the other one, or most frames were
-    // sent at both. like: two NICs send the same frames, with a time between that is too long for a ring of one clock.
-    // part: one NIC of a ring, because it receives the frames of another address that are those that it sends.
+    // whole: both NICs of a ring: a frame that was sent at one NIC was received at the other NIC, or most frames were
+    // sent at both NICs. like: two NICs send the same frames, but the time between both copies is too long for a ring
+    // of one clock. part: one NIC of a ring. This NIC receives frames of another address, which are copies of the
+    // frames that this NIC sends.
     [[nodiscard]] RingSigns::Sight decide();
 
   private:

@@ -24,7 +24,7 @@ bool has_positions(Bytes frame) {
     return false;
 }
 
-// Adds `by` to the positions of all datagrams that have one: the first `by` slaves are not passed by this copy.
+// Adds `by` to the positions of all datagrams that have one: this copy does not pass the first `by` slaves.
 void move_positions(MutableBytes frame, std::uint16_t by) {
     constexpr std::size_t kAdp = 2;
     wire::DatagramReader reader(frame);
@@ -49,7 +49,7 @@ void set_source(MutableBytes frame, const MacAddress& source) {
     std::ranges::copy(std::as_bytes(std::span(source)), frame.begin() + wire::kSourceMacOffset);
 }
 
-// Whether a slave has changed its registers by an address that is a position.
+// Whether a datagram has written to a slave by position.
 bool has_written_by_position(Bytes frame) {
     wire::DatagramReader reader(frame);
     while (const auto d = reader.next())
@@ -155,9 +155,9 @@ SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexc
     return status;
 }
 
-// One copy has the positions as sent. The positions of the other one are moved by the slaves before the break. While
-// this number is not known, or the head seems to reach no slave, one copy meets no slave by position: nothing is
-// written to another slave than meant. A silent head may still reach slaves: only its replies are lost.
+// One copy has the positions as sent. The positions of the other copy are moved by the number of slaves before the
+// break. While this number is not known, or the head seems to reach no slave, the moved positions meet no slave, so
+// that no wrong slave is written. A silent head may still reach slaves: only its replies are lost.
 void Redundancy::place(FramePair& pair, bool head_only) const noexcept {
     constexpr std::uint16_t kNowhere = 0x8000;
     const bool known = front_known_.load(kRelaxed);
@@ -186,8 +186,8 @@ void Redundancy::send_probe(unsigned nic) noexcept {
     if (nics_[nic]->send(probe) == SendStatus::sent) add(counters_[nic].sent);
 }
 
-// A probe that comes back at its own NIC and has passed a slave with a closed port 0: the NIC is at the end of the
-// broken ring again. When the ring is whole, the copy of the head shows it.
+// A probe that comes back at its own NIC and has passed a slave with a closed port 0 shows that this NIC is at the end
+// of the broken ring again. In a whole ring, the copy of the head shows that the NIC is connected.
 void Redundancy::note_probe(Bytes frame, unsigned at, unsigned from) noexcept {
     if (at != from || !wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes)).circulating) return;
     head_.store(static_cast<std::uint8_t>(1 - from), kRelaxed);
@@ -211,15 +211,15 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     place(*pair, head_only);
     pair->sent.store(head_only ? bit(pair->head) : static_cast<std::uint8_t>(bit(0) | bit(1)), kRelaxed);
     const bool own = pair >= own_.data() && pair < own_.data() + own_.size();
-    if (!own) frame = {};  // the owner writes the reply into these octets as soon as one of both copies is back
+    if (!own) frame = {};  // the owner writes the reply into these octets as soon as one copy is back
     const auto number = own ? pair - own_.data() : pair - overlapped_.data() + static_cast<std::ptrdiff_t>(own_.size());
     pair->state.store(FramePair::open, std::memory_order_release);
     number_of_[index].store(static_cast<std::uint16_t>(number), std::memory_order_release);
-    // The NIC that has refused the last frame is the second one, so that the reply of the other one finds its bit.
+    // NIC 0 is the first to send, unless it has refused the last frame or was busy for the last frame.
     const unsigned first = refused_[0].load(kRelaxed) || busy_[0].load(kRelaxed) ? 1 : 0;
     if (head_only) return send_by_head(*pair, frame);
     const SendStatus one = send_by(first, *pair, frame);
-    // Without both copies, slaves would be missed; not by the copy that no slave processes.
+    // If the first NIC is busy, slaves would miss the frame, unless slaves process only the copy of the other NIC.
     const bool useless = one == SendStatus::busy && (first == pair->head || !by_head_.load(kRelaxed));
     const SendStatus two = useless ? SendStatus::busy : send_by(1 - first, *pair, frame);
     if (one == SendStatus::sent || two == SendStatus::sent) return SendStatus::sent;
@@ -253,8 +253,8 @@ unsigned Redundancy::sender_of(Bytes frame) const noexcept {
     return 2;
 }
 
-// Whether the copy of `nic` is awaited after the other copy has come. Not while the library may have a port closed, and
-// not when the copies of this NIC do not come back at all, unless the idle other copy shows that the ring is whole.
+// Whether the copy of `nic` is awaited after the other copy has come. It is not awaited while the library may have
+// closed a port, or while no copy of `nic` comes back, unless the other copy is idle: then the ring is whole.
 bool Redundancy::awaits(const FramePair& pair, unsigned nic) const noexcept {
     const bool closed = opening_.load(kRelaxed) == Opening::closed && nic != pair.head;
     if (closed && (pair.crossed & bit(pair.head)) == 0) return false;
@@ -278,7 +278,7 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
     }
     const bool idle = crossed && !marked && !is_counted(frame);
     FramePair* const pair = pair_of(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
-    // Held before it is read: another thread may open the pair for another index at any time, also a pair that is over.
+    // The pair is held before it is read: another thread may open it for another index at any time, even after its end.
     const bool is_open = pair != nullptr && hold(*pair);
     if (!is_open && (pair == nullptr || !hold(*pair, FramePair::unused))) {
         if (!idle) add(counters_[at].late);
@@ -303,7 +303,7 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
     note_copy(*pair, from, frame);
     take_second_time(*pair, frame, from);
     const unsigned other = 1 - from;
-    if (awaits(*pair, other) && !(crossed && !idle && rests_[other])) {
+    if (awaits(*pair, other) && !(crossed && !idle && idle_[other])) {
         if (!idle) std::ranges::copy(Bytes(frame).first(pair->size), pair->back.begin());
         pair->state.store(FramePair::open, std::memory_order_release);
         return 0;
@@ -317,9 +317,9 @@ void Redundancy::note_copy(FramePair& pair, unsigned from, Bytes frame) noexcept
     pair.came |= bit(from);
     if (wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes)).circulating) pair.circulated |= bit(from);
     if ((pair.idle & bit(from)) != 0)
-        rests_[from] = true;
+        idle_[from] = true;
     else if ((pair.crossed & bit(from)) != 0)  // a slave of a branch that only this copy reaches is back
-        rests_[from] = false;
+        idle_[from] = false;
     const std::uint16_t shift = from == pair.front ? std::uint16_t{0} : pair.shift;
     const auto count = count_slaves(Bytes(pair.out).first(pair.size), frame, shift);
     if (!count) return;
@@ -327,11 +327,11 @@ void Redundancy::note_copy(FramePair& pair, unsigned from, Bytes frame) noexcept
     pair.count[from] = *count;
 }
 
-// A copy of a frame that is over, or a second time the same copy.
+// Notes a copy that comes after the end of its pair, or that comes for the second time.
 void Redundancy::note_late(const FramePair& pair, unsigned at, unsigned from, bool idle, bool marked) noexcept {
     const bool crossed = from != at;
     if ((pair.came & bit(from)) != 0) {
-        // The same copy has come at the other NIC too.
+        // The same copy has come back at both NICs.
         if (((pair.crossed & bit(from)) != 0) != crossed) {
             set_fault(CablingFault::same_port);
             clean_ = 0;
@@ -339,7 +339,7 @@ void Redundancy::note_late(const FramePair& pair, unsigned at, unsigned from, bo
         return;
     }
     // Behind the ring slaves there are branches that only this copy reaches.
-    if (crossed && marked && !idle) rests_[from] = false;
+    if (crossed && marked && !idle) idle_[from] = false;
 }
 
 void Redundancy::set_ring(RingState state) noexcept {
@@ -354,8 +354,8 @@ void Redundancy::set_ring(RingState state) noexcept {
     front_known_.store(false, kRelaxed);
 }
 
-// Both copies have come back at their own NICs. The one that has passed a slave with a closed port 0 comes from the end
-// of the ring.
+// Both copies have come back at their own NICs. The copy that has passed a slave with a closed port 0 comes from the
+// end of the ring.
 void Redundancy::note_two_ends(const FramePair& pair) noexcept {
     if (pair.circulated == bit(0) || pair.circulated == bit(1)) {
         head_.store(pair.circulated == bit(0) ? 1 : 0, kRelaxed);
@@ -389,35 +389,35 @@ void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
     if (crossing != 0) {
         if (fault_ == CablingFault::second_segment) set_fault(CablingFault::none);
         set_ring(RingState::whole);
-        if (crossing == bit(0) && rests_[1]) head_.store(0, kRelaxed);
-        if (crossing == bit(1) && rests_[0]) head_.store(1, kRelaxed);
+        if (crossing == bit(0) && idle_[1]) head_.store(0, kRelaxed);
+        if (crossing == bit(1) && idle_[0]) head_.store(1, kRelaxed);
     } else if (processed != 0) {
         set_ring(RingState::broken);
         if (processed == (bit(0) | bit(1))) note_two_ends(pair);
     }
     for (unsigned nic = 0; nic < 2; ++nic) {
         const bool gone = (pair.sent.load(kRelaxed) & bit(nic)) == 0 || silent_[nic].load(kRelaxed);
-        const bool rests = ring_ == RingState::whole && rests_[nic] && (pair.came & bit(nic)) == 0;
-        if ((pair.counted & bit(nic)) == 0 && !gone && !rests) continue;
+        const bool idle = ring_ == RingState::whole && idle_[nic] && (pair.came & bit(nic)) == 0;
+        if ((pair.counted & bit(nic)) == 0 && !gone && !idle) continue;
         store_count(nic, (pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0});
     }
-    // In the whole ring, a copy that rests meets no slave, but the next one may be behind a new break.
-    by_head_.store(ring_ == RingState::whole && rests_[1 - head()], kRelaxed);
-    front_known_.store(ring_ == RingState::whole ? !rests_[1 - head()] : counts_are_new(), kRelaxed);
+    // In the whole ring, no slave processes an idle copy. But the next copy may be behind a new break.
+    by_head_.store(ring_ == RingState::whole && idle_[1 - head()], kRelaxed);
+    front_known_.store(ring_ == RingState::whole ? !idle_[1 - head()] : counts_are_new(), kRelaxed);
 }
 
 std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned from) noexcept {
     unsigned processed = pair.came & static_cast<unsigned>(~pair.idle);
-    // One copy has found the ring whole, and the other one broken: the ring has changed between them, and some slaves
-    // have processed both copies or none. A copy that has crossed is complete when the other one rests.
+    // If one copy has found the ring whole, and the other copy has found it broken, the ring has changed meanwhile:
+    // some slaves have processed both copies or none. A copy that has crossed is complete if the other copy is idle.
     const bool changed = pair.came == (bit(0) | bit(1)) && (pair.crossed == bit(0) || pair.crossed == bit(1));
     const unsigned crossing = processed & pair.crossed;
-    const bool complete = crossing != 0 && rests_[crossing == bit(0) ? 1 : 0];
+    const bool complete = crossing != 0 && idle_[crossing == bit(0) ? 1 : 0];
     if (changed && complete) processed = crossing;
     if (opening_.load(kRelaxed) == Opening::none) note_ring(pair, processed);
     if (processed == 0) return 0;
     const bool misplaced = is_misplaced(pair, processed);
-    // A slave that was not meant has been written: the caller must know it.
+    // The caller must know that a wrong slave was written.
     const auto wrote = [&](unsigned nic) {
         const Bytes copy = nic == from ? Bytes(frame) : Bytes(pair.back);
         return (processed & bit(nic)) != 0 && has_written_by_position(copy.first(pair.size));
@@ -444,7 +444,7 @@ std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned fro
 void Redundancy::give_up(std::uint8_t index) noexcept {
     FramePair* const pair = pair_of(index);
     if (pair == nullptr || !hold(*pair)) return;
-    if (pair->index != index) {  // opened for another frame since
+    if (pair->index != index) {  // the pair was opened for another frame
         pair->state.store(FramePair::open, std::memory_order_release);
         return;
     }

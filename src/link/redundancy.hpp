@@ -45,14 +45,14 @@ struct FramePair {
     enum State : std::uint8_t {
         unused,
         open,  // copies are awaited
-        held,  // one thread reads or writes it: the receiving thread, or the thread that opens it
+        held,  // one thread uses the pair: the receiving thread, or the thread that opens it
     };
     std::atomic<std::uint8_t> state{unused};
     std::atomic<std::uint8_t> sent{0};  // this and the next four: one bit for each NIC that the copy was sent by
     std::uint8_t came = 0;
     std::uint8_t crossed = 0;
     std::uint8_t idle = 0;
-    std::uint8_t circulated = 0;  // it has passed a slave whose port 0 is closed: the first slave behind a break
+    std::uint8_t circulated = 0;  // the copy has passed a slave whose port 0 is closed: the first slave behind a break
     std::uint8_t counted = 0;     // `count` of the copy is known
     std::uint8_t index = 0;
     std::uint8_t head = 0;                 // the NIC at the beginning of the ring, as known when the frame was sent
@@ -63,7 +63,7 @@ struct FramePair {
     std::array<std::uint16_t, 2> count{};  // slaves that have processed the copy
     bool times_held = false;               // the frame reads the reference, and gives no clock a time
     bool second_is_first = false;     // all slaves with a clock are behind the break: the other copy has the only time
-    std::uint16_t second_slaves = 0;  // what the other copy has read last from the second reference
+    std::uint16_t second_slaves = 0;  // what the other copy has last read from the second reference
     std::uint32_t second_ns = 0;
     std::array<TimeDatagram, 2> times{};
     std::array<std::byte, wire::kMaxFrameBytes> out;   // as sent, with the source address of the second NIC
@@ -208,7 +208,7 @@ class Redundancy final : public Nic, public Cables {
 
     // Written by the receiving thread, some of it by the sending threads.
     std::array<std::atomic<bool>, 2> refused_{};  // the NIC has not accepted the last frame
-    std::array<std::atomic<bool>, 2> busy_{};     // the NIC was busy for the last frame: the other one is the first
+    std::array<std::atomic<bool>, 2> busy_{};     // the NIC was busy for the last frame
     std::array<std::atomic<bool>, 2> silent_{};   // copies do not come back, although the NIC accepts them
     std::array<std::atomic<std::uint16_t>, 2> slaves_{};
     std::atomic<std::uint8_t> head_{0};
@@ -230,7 +230,7 @@ class Redundancy final : public Nic, public Cables {
 
     // Of the receiving thread.
     std::array<unsigned, 2> missed_{};  // copies that did not come back since the last one came
-    std::array<bool, 2> rests_{};       // in the whole ring, no slave processes the copy
+    std::array<bool, 2> idle_{};        // in the whole ring, no slave processes the copy
     std::array<bool, 2> count_is_new_{};
     unsigned turn_ = 0;  // the NIC that is asked first
     unsigned clean_ = 0;

@@ -2,8 +2,9 @@
 // messages that end operations early.
 //
 // A slave answers the messages of a protocol in their order. So a reply cannot arrive any more when the slave has
-// answered a later request (CoE: settle_owed() asks one), or when a slave that works on one message at a time has taken
-// a later one. For slaves that keep messages in a queue, and protocols without such a request, only time is left.
+// answered a later request (CoE: settle_owed() sends such a request), or when a slave that works on one message at a
+// time has taken a later message. For slaves that keep messages in a queue, and for protocols without such a request,
+// the channel waits for a time.
 #include "mailbox/channel.hpp"
 #include "mailbox/mailboxes.hpp"
 #include "wire/coe.hpp"
@@ -59,7 +60,7 @@ void MailboxChannel::owe_files(unsigned files, Time until) {
 }
 
 // The channel waits for the reply as long as the exchange itself would have waited, unless the next exchanges can
-// distinguish it from their own replies.
+// distinguish the late reply from their own replies.
 void MailboxChannel::owe_answer_to(const MailExchange& exchange) {
     const auto& options = exchange.options_;
     if (!options.reply) {
@@ -131,7 +132,8 @@ std::uint64_t MailboxChannel::next_question() {
     const auto free = [&](std::uint64_t key) { return (owed_[0].questions & question_bit(key)) == 0; };
     const auto at = std::ranges::find_if(kQuestions, free);
     if (at != kQuestions.end()) return *at;
-    // A slave without an answer to all of them may have dropped them. It answers by an abort, which names the object.
+    // No question was answered: the slave may have dropped all of them. A spare question asks for a subindex that does
+    // not exist. The slave answers by an abort, which names the object.
     owed_[0].spare = owed_[0].spare == UINT8_MAX ? std::uint8_t{2} : static_cast<std::uint8_t>(owed_[0].spare + 1);
     return mail_key::of(mail_key::Kind::sdo, 0x1000, owed_[0].spare);
 }
@@ -171,7 +173,7 @@ bool MailboxChannel::can_answer(std::uint64_t key, const wire::MailboxMessage& m
             return opcode == wire::soe::Opcode::read_response || opcode == wire::soe::Opcode::write_response;
         }
         case wire::MailboxType::foe: {
-            // The late packet of a transfer that was given up in its middle is none that is_doubtful() counts.
+            // A late packet from the middle of a transfer is not one of the replies that Owed::mails counts.
             namespace foe = wire::foe;
             if (data.size() < foe::kHeaderBytes) return false;
             const auto opcode = foe::Layout::opcode::load(data);
@@ -225,7 +227,7 @@ void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
     }
     if (owed.mails == 0 || owed.mails == MailExchange::kManyMails || owed.type != mail.header.type) return;
     if (!can_answer(owed.key, mail)) return;
-    // The slave has answered all that came before the end of the write.
+    // The slave has answered all messages that came before the end of the write.
     owed.mails = is_answer_to_end(mail) ? std::uint8_t{0} : static_cast<std::uint8_t>(owed.mails - 1);
     if (owed.files != 0 && is_first_packet(mail)) --owed.files;
     if (!is_owed()) late_until_ = Time::min();
@@ -287,8 +289,8 @@ class MailboxChannel::Fence {
     std::uint32_t epoch_;
 };
 
-// A slave that works on one message at a time takes this one when it has answered the message before. Until then the
-// reply to the exchange that was given up may still come, however long it takes.
+// A slave that works on one message at a time takes this message when it has answered the earlier message. Until then
+// the reply to the exchange that was given up may still come, however long that takes.
 Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
     constexpr std::uint16_t kStatusOfSm0 =
         wire::reg::sync_manager(0).address + static_cast<std::uint16_t>(wire::SyncManagerLayout::status::offset);
