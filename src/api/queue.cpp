@@ -55,7 +55,7 @@ void insert(RequestQueue& queue, Request& request) {
 void accept(RequestQueue& queue, Request& request, Time now) {
     if (request.timeout > Duration{0}) RequestAccess::deadline(request) = later(now, request.timeout);
     RequestAccess::take(request);
-    // cancel() may have been called before the request had its place in the queue.
+    // cancel() may have been called before the request had its slot in the queue.
     if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
         queue.cancel_asked.store(true, std::memory_order_release);
     insert(queue, request);
@@ -63,8 +63,8 @@ void accept(RequestQueue& queue, Request& request, Time now) {
 
 void accept_submitted(RequestQueue& queue, Time now) {
     if (!queue.any_submitted.exchange(false, std::memory_order_acquire)) return;
-    for (auto& place : queue.submitted)
-        if (Request* request = place.exchange(nullptr, std::memory_order_acq_rel)) accept(queue, *request, now);
+    for (auto& slot : queue.submitted)
+        if (Request* request = slot.exchange(nullptr, std::memory_order_acq_rel)) accept(queue, *request, now);
 }
 
 // At least one running request will end by itself and free its memory.
@@ -379,9 +379,9 @@ bool enqueue(Master& master, Request& request) {
         accept(queue, request, master.in_poll ? master.network.engine.now() : master.osal.now());
         return true;
     }
-    for (auto& place : queue.submitted) {
+    for (auto& slot : queue.submitted) {
         Request* free = nullptr;
-        if (!place.compare_exchange_strong(free, &request, std::memory_order_acq_rel)) continue;
+        if (!slot.compare_exchange_strong(free, &request, std::memory_order_acq_rel)) continue;
         queue.any_submitted.store(true, std::memory_order_release);
         master.osal.wake();
         return true;
@@ -390,9 +390,9 @@ bool enqueue(Master& master, Request& request) {
 }
 
 bool withdraw_submitted(RequestQueue& queue, Request& request) {
-    for (auto& place : queue.submitted) {
+    for (auto& slot : queue.submitted) {
         Request* it = &request;
-        if (place.compare_exchange_strong(it, nullptr, std::memory_order_acq_rel)) return true;
+        if (slot.compare_exchange_strong(it, nullptr, std::memory_order_acq_rel)) return true;
     }
     return false;
 }

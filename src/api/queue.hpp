@@ -38,7 +38,7 @@ struct RequestAccess {
     static void sleep(Request& r, Osal& osal, Time until);
 };
 
-// Requests of other threads: each thread puts its request into a free place of `submitted`. A thread can remove its
+// Requests of other threads: each thread puts its request into a free slot of `submitted`. A thread can remove its
 // request again as long as the owner has not accepted it, and no thread ever waits for another thread.
 struct RequestQueue {
     static constexpr std::size_t kPlaces = 64;
@@ -54,7 +54,7 @@ struct RequestQueue {
     std::size_t too_full_bytes = 0;  // with so much of the arena in use a request could not begin
 };
 
-// Queues a request after claim(). False: there is no free place.
+// Queues a request after claim(). False: there is no free slot.
 [[nodiscard]] bool enqueue(Master& master, Request& request);
 
 // Removes a request that another thread has submitted. From any thread; false if the owner has accepted the request
