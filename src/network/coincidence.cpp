@@ -14,12 +14,6 @@ namespace {
 
 constexpr Duration kPause = std::chrono::milliseconds(2);  // between two readings of the states
 
-// Cycles that were sent and are not received.
-std::uint8_t cycles_under_way(const ProcessGroup& group) {
-    if (group.overlap.sets == 1) return group.under_way ? 1 : 0;
-    return static_cast<std::uint8_t>(sent_cycles(group) - group.overlap.received.load(std::memory_order_relaxed));
-}
-
 // The number of the cycle whose reply is being checked.
 std::uint32_t judged_cycle(const ProcessGroup& group) {
     if (group.overlap.sets == 1) return group.cycles_sent;
