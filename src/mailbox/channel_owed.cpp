@@ -1,5 +1,5 @@
-// Late replies: which reply to an exchange that was given up may still arrive, and which exchanges wait for it. And the
-// messages that end operations early.
+// Late replies: which replies to abandoned exchanges may still arrive, and which exchanges wait for these replies. The
+// messages that end operations early are here too.
 //
 // A slave answers the messages of a protocol in their order. So a reply cannot arrive any more when the slave has
 // answered a later request (CoE: settle_owed() sends such a request), or when a slave that works on one message at a
@@ -80,7 +80,7 @@ void MailboxChannel::make_last(Owed& owed, const MailExchange& exchange) {
     if (exchange.type_ == wire::MailboxType::foe && owed.files != UINT8_MAX) ++owed.files;
 }
 
-// The exchange ends by mail that may not be its reply.
+// Notes that an exchange has ended by mail that may not be its reply.
 void MailboxChannel::owe_in_doubt(const MailExchange& exchange) {
     Owed& owed = owed_of(exchange.type_);
     const bool alone = !is_current(owed, now()) || owed.guessed;
@@ -193,7 +193,7 @@ bool is_spare_question(const wire::MailboxMessage& mail) {
            coe::SdoLayout::subindex::load(mail.data) > 1;
 }
 
-// To the message that ends a write (soe.cpp). The mail has been checked by can_answer().
+// Whether the mail is the answer to the message that ends a write (soe.cpp). The mail has been checked by can_answer().
 bool is_answer_to_end(const wire::MailboxMessage& mail) {
     namespace soe = wire::soe;
     if (mail.header.type != wire::MailboxType::soe) return false;
@@ -210,7 +210,7 @@ bool is_first_packet(const wire::MailboxMessage& mail) {
 
 }  // namespace
 
-// Mail that no exchange and no listener has accepted. If it has the protocol of an owed reply, it most likely is that
+// Notes mail that no exchange and no listener has accepted. Mail with the protocol of an owed reply most likely is this
 // reply.
 void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
     if (can_answer(mail_key::kAny, mail)) late_.note(mail);
@@ -222,7 +222,7 @@ void MailboxChannel::note_late(const wire::MailboxMessage& mail) {
                 of_question |= (owed.questions & question_bit(key)) != 0;
                 owed.questions &= static_cast<std::uint8_t>(~question_bit(key));
             }
-        // An answer to a question is none of the replies that are counted.
+        // An answer to a question is not one of the replies that Owed::mails counts.
         if (of_question && owed.key == mail_key::kAny) return;
     }
     if (owed.mails == 0 || owed.mails == MailExchange::kManyMails || owed.type != mail.header.type) return;

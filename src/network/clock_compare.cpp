@@ -29,7 +29,8 @@ std::uint32_t times_since_last_round(Network& network, std::int64_t rounds) {
         const std::uint16_t now = cycles_with_time(group);
         const auto times = static_cast<std::int16_t>(now - std::exchange(clocks.times_seen, now));
         const bool recent = rounds == 1 || (group.dc_time.came && group.dc_time.slaves != 0);
-        return sent + (times > 0 && recent ? static_cast<std::uint32_t>(times) : 0U);  // negative: it has begun anew
+        // A negative number: the count of the group has begun anew.
+        return sent + (times > 0 && recent ? static_cast<std::uint32_t>(times) : 0U);
     }
     return sent;
 }
@@ -63,7 +64,7 @@ void Clocks::forget() {
     begin_cycles = nullptr;
 }
 
-// Before configdc() the features register has to be believed.
+// Before configdc(), only the features register shows whether a slave has a clock.
 std::uint16_t clock_before(Network& network, std::uint16_t reference) {
     const Clocks& clocks = network.clocks;
     if (reference != 0 && reference <= network.count && !network.slave(reference).dl.dc) return 0;
@@ -208,7 +209,7 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
                 : static_cast<std::uint8_t>(std::min<std::int64_t>(clock.rounds_alone + rounds, UINT8_MAX));
         if (fed)
             clock.times_seen = static_cast<std::uint8_t>(std::min<std::uint32_t>(clock.times_seen + times, UINT8_MAX));
-        // The register still shows comparisons from before the event.
+        // While no time arrives, the register of the clock only shows old comparisons.
         const bool alone =
             clock.rounds_alone == UINT8_MAX || clock.rounds_alone * clocks.settings.watch_interval >= kLongestAlone;
         if (!is_there(slave)) {
@@ -388,7 +389,7 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToke
     if (std::abs(ahead) > kNear_ns || !clocks.of(slave).synchronised) {
         constexpr std::uint8_t kRests = 100;
         clocks.returning = 0;
-        clocks.paused = false;  // become_reference() stops the time itself
+        clocks.paused = false;  // become_reference() itself stops the time
         clocks.rests = kRests;  // if this fails
         const bool sync = clocks.of(slave).sync_active;
         co_await required(become_reference(network, slave, ClockRate::own));
@@ -408,8 +409,8 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToke
 }  // namespace
 
 Task<Result<>> return_to_first_clock(Network& network) {
-    // In Clocks::returning: a slave is about to come back. With one NIC it learns the rate of the reference, which
-    // takes seconds: from the next round on, the supervision calls the watch beside its own rounds.
+    // In Clocks::returning: a slave is about to come back. With one NIC the slave learns the rate of the reference,
+    // which takes seconds: from the next round on, the supervision calls the watch beside its own rounds.
     constexpr std::uint16_t kAnnounced = UINT16_MAX;
     Clocks& clocks = network.clocks;
     const bool allowed = network.redundancy == nullptr || network.redundancy->may_restore();

@@ -256,9 +256,9 @@ void compute_clock_delays(Network& network);
 // Whether a break of the ring is between both, and the ways of both copies are not measured, because some clocks are
 // beside the ring: neither clock can be set by the other one until the ring is whole.
 [[nodiscard]] bool is_way_unknown(Network& network, const Slave& slave, const Slave& reference);
-// How far the clock of `slave` is ahead of that of `reference`: both latch the same frame, or copies of it.
+// How far the clock of `slave` is ahead of the clock of `reference`: both latch the same frame, or copies of the frame.
 [[nodiscard]] Task<Result<std::int64_t>> measure_ahead(Network& network, Slave& slave, Slave& reference);
-// Changes the offset of a clock that runs: its control loop goes on.
+// Changes the offset of a clock that runs. The control loop of the clock goes on.
 [[nodiscard]] Task<Result<>> move_clock(Network& network, Slave& slave, std::int64_t by_ns);
 // The clock whose time reaches the slave now.
 [[nodiscard]] FollowedClock followed_clock(Network& network, const Slave& slave);
@@ -308,7 +308,7 @@ inline constexpr std::uint8_t kUsualFilter = 4;
 // Writes `bytes` octets of a register. The error names the slave and the register.
 [[nodiscard]] Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint64_t value);
 
-// Starts the control loop of a clock again: it forgets its rate.
+// Starts the control loop of a clock again: the control loop forgets the rate.
 [[nodiscard]] Task<Result<>> reset_control_loop(Station station);
 
 // Sets ClockEntry::out_of_reach: the slave is before the reference that the settings have chosen, so that no time of

@@ -93,7 +93,7 @@ bool was_at(const Network& network, const Neighbour& neighbour, const Slave& sla
            marks.home_port == neighbour.home_port && slave.number < neighbour.slave;
 }
 
-// Behind a break: some slave was at this neighbour, lost or not.
+// Behind a break: whether any slave, lost or not, was seen at this neighbour.
 bool is_remembered(const Network& network, const Neighbour& neighbour) {
     if (!neighbour.below) return false;
     if (neighbour.slave != 0) return neighbour.home != SlaveMarks::kNoHome;

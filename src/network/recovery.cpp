@@ -57,8 +57,8 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
 
 // Exists while the process data of a slave that comes back is being found, and its configuration is incomplete. Values
 // of a reserved place, and of its former firmware, are taken out of the configuration, so that the hook and the search
-// for PDOs find it empty, as at the first start-up. They are put back unless accept() was called, or the application
-// has set others meanwhile.
+// for PDOs find it empty, as at the first start-up. The values are put back unless accept() was called, or the
+// application has set other values meanwhile.
 class Finding {
   public:
     Finding(SlaveMarks& marks, Slave& slave)
@@ -115,7 +115,7 @@ Error check_late_slave(Network& network, Slave& slave) {
 }
 
 // Finds the process data of a slave that could not be read when the image was laid out: from the application's values,
-// or from the slave itself. It may differ from the reserved place.
+// or from the slave itself. The size of the process data may differ from the size of the reserved place.
 Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& finding) {
     auto discovered = co_await discover_pdos(network, slave);
     if (discovered) discovered = check_found(slave);
@@ -133,7 +133,7 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& find
     co_return Nothing{};
 }
 
-// The hook, and the search for the process data if it was not read yet.
+// Calls the hook, and searches for the process data if it was not read yet.
 Task<Result<>> find_process_data(Network& network, Slave& slave) {
     Finding finding(network.marks(slave), slave);
     Result<> hook;
@@ -280,7 +280,7 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     }
     if (configured && slave.al.state != to) {
         auto changed = co_await change(network, slave, to);
-        if (!changed && unfinished()) co_return changed.error();  // in its state: the next attempt starts it again
+        if (!changed && unfinished()) co_return changed.error();  // the next attempt starts the slave again
         configured = changed.ok();
     }
     if (configured && !to_be_asked) co_return Nothing{};
@@ -293,7 +293,7 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     const bool is_done = settled && to == AlState::preop && !to_be_asked;  // only the identity was in doubt
     if (is_done) co_return Nothing{};
     Result<> again;
-    if (asks) again = co_await clear_fmmus(network, slave);  // of an earlier mapping
+    if (asks) again = co_await clear_fmmus(network, slave);  // the FMMUs of an earlier mapping
     if ((waits || asks) && again) again = co_await back_to_safeop(network, slave);
     if (!asks && (!waits || !again)) again = co_await reconfigure(network, slave);
     if (!again || goal(network, slave) != AlState::op) co_return again;

@@ -48,7 +48,7 @@ void revise(Network& network, Slave& slave) {
     read_again(slave);
 }
 
-// Whether the slave differs from the known one in its revision alone, and expect() does not name another revision.
+// Whether only the revision of the slave differs from the known revision, and expect() names no other revision.
 bool accept_revision(Slave& slave, const Error& differs) {
     if (differs.code != Errc::other_slave || differs.subindex != static_cast<std::uint8_t>(IdentityField::revision) ||
         slave.held)
@@ -69,7 +69,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     network.ring[n].slave = slave.number;
     network.ring[n].address = slave.station_address.value;
     store_places(network);
-    doubt_pdos(network, slave);  // in whatever state it is: it may be a spare part that comes from another machine
+    doubt_pdos(network, slave);  // in any state: the device may be a spare part from another machine
     // A slave that was never reported lost keeps its state.
     if (slave.al.state != AlState::none || network.marks(slave).in_use) co_return Nothing{};
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
@@ -132,8 +132,8 @@ void report_rivals(Network& network, std::uint16_t n, const Verdict& verdict) {
     network.report(event);
 }
 
-// An unknown slave gets a mark as its station address. It is reported when it is found a second time, because a ring
-// that changes while it is being read can mislead; after that it is not reported again.
+// An unknown slave gets a mark as its station address. The slave is reported when it is found for the second time,
+// because a ring that changes while it is read can mislead the search. After that, the slave is not reported again.
 Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* verdict) {
     using stranger_mark::kSuspect;
     using stranger_mark::kUndecided;
@@ -143,7 +143,7 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* v
     const bool waits = rivals || !neighbour_is_known(network, n);
     const auto undecided = static_cast<std::uint16_t>(reported != 0 && waits ? kUndecided : 0);
     const bool known = reported != 0 && (before == reported - kUndecided || (before == reported && !rivals));
-    const bool at_once = !network.supervised && !known;  // the application asks once
+    const bool at_once = !network.supervised && !known;  // the application searches only once
     const bool again =
         reported != 0 && (before == reported - kSuspect - kUndecided || (before == reported - kSuspect && !rivals));
     const auto suspect = static_cast<std::uint16_t>(at_once || again || known ? 0 : kSuspect);
@@ -276,7 +276,7 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
         update_al_status(slave.al, seen);
         if (slave.al.state == AlState::none) return leave_exchange(network, slave);
         if (seen) note_reached(network, slave, before);
-        // A sequence that starts the slave may have opened the mailbox since.
+        // A sequence that starts the slave may have opened the mailbox meanwhile.
         if (slave.al.state != AlState::init || !worked_on) update_mailbox(network, slave);
         return;
     }
@@ -286,7 +286,7 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 }
 
 // Slaves that stay in another state than the others hide changes to that state in the OR of all states. A lost slave
-// that has kept its power may come in the moment in which another one leaves. Looks then follow each other. The pause
+// that has kept its power may come back when another slave leaves. In both cases, looks follow each other. The pause
 // is 4 times as long as a look, if `retry` is not shorter, so that mailboxes keep most of the acyclic traffic.
 Time next_look(Network& network, const SuperviseRequest& wanted, Time begun, unsigned al_status) {
     const Time now = network.engine.now();
@@ -341,7 +341,7 @@ Task<Result<>> prove(Network& network, Slave& slave) {
             set_takes_part(network, slave, false);  // its place in the image is for the PDOs of the other revision
             auto unmapped = co_await unmap(network.station(slave));  // no outputs until config_map() has read its PDOs
             if (!unmapped) {
-                slave.identity.revision = same.error().expected;  // compared again
+                slave.identity.revision = same.error().expected;  // the revision is compared again
                 co_return unmapped;
             }
         }
@@ -367,7 +367,8 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     leave_exchange(network, slave);
     if (!network.supervised) network.note(slave, same.error());  // the search of a supervision reports it
     co_await required(unmap(network.station(slave)));
-    co_await completion(rename(network, slave.station_address, 0));  // or the search finds it at this address again
+    // The search must not find the other slave at this station address.
+    co_await completion(rename(network, slave.station_address, 0));
     co_return same;
 }
 

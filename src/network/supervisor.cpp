@@ -38,7 +38,7 @@ struct Watch {
     std::uint32_t walked = 0;          // slaves in the ring when it was last read by a search
     RingParts parts{};                 // with two NICs: where the ring was broken in the last round
     std::uint32_t changes = 0;         // how often the ring was broken or closed until the last round
-    bool ring_moved = false;           // since the last search: the ring was closed, or is broken at another place
+    bool ring_moved = false;  // since the last search, the ring was closed, or the place of its break has changed
     Time retry_at = Time::min();
     Time look_at = Time::min();   // when the state of all slaves is read again, whatever the roll says
     std::size_t next_helped = 0;  // index of the slave that the next choice starts with: no slave blocks another one
@@ -171,7 +171,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         co_return Nothing{};
     }
     if (network.is_doubted(slave) && slave.al.state != AlState::none) {
-        co_await completion(clear_fmmus(network, slave));  // it gets no outputs until it is compared
+        co_await completion(clear_fmmus(network, slave));  // the slave gets no outputs until its identity is compared
     }
     // The next look reports a slave that is gone again. The search reports another slave in its place.
     if (!does_not_answer(done.error()) && slave.al.state != AlState::none)
@@ -251,8 +251,8 @@ constexpr std::uint32_t kFewFrames = 4;
 constexpr Duration kSilence = std::chrono::milliseconds(60);
 constexpr Duration kShortSilence = std::chrono::milliseconds(30);
 
-// Between two rolls. Overlapping cycles carry no rolls, and Link::cycling() does not count them: then a roll is sent
-// every millisecond.
+// The pause between two rolls. Overlapping cycles carry no rolls, and Link::cycling() does not count these cycles: so
+// beside overlapping cycles a roll is sent every millisecond.
 Duration rest_between(const Watch& watch, Time now) {
     constexpr Duration kBesideOverlapped = std::chrono::milliseconds(1);
     constexpr Duration kCycles = std::chrono::milliseconds(10);
@@ -276,7 +276,7 @@ void doubt_after_silence(Watch& watch) {
     doubt_all(network, silent);
 }
 
-// Returns the number of frames lost since one was received.
+// Returns the number of frames that were lost since a frame was received.
 std::uint64_t count_lost_frames(Watch& watch) {
     const LinkStatistics& link = watch.network.engine.link().statistics();
     const std::uint64_t lost = link.lost + link.send_refused;  // without a link frames are not even sent
@@ -292,7 +292,7 @@ void report_silent_segment(Watch& watch) {
     doubt_all(watch.network, true);
 }
 
-// The target of the slave has become lower: a hook of the way up does not hold the slave in its state.
+// Ends a start-up when the target of the slave has become lower: a hook of the start-up must not hold the slave.
 void end_work_upwards(Network& network, const Slave& slave) {
     const SlaveWork* work = find_work(network, slave);
     if (work == nullptr || work->since == kNever || work->upwards_to == AlState::none) return;
@@ -357,7 +357,7 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
         co_await required(for_each_slave(network, doubt));
     }
     report_count(watch, roll.count);
-    // A slave in the place of another one leaves the number of slaves as it was. The first search does not wait.
+    // If a slave takes the place of another slave, the number of slaves is the same. The first search does not wait.
     const auto has_no_place = [](const Slave& s) { return s.al.state != AlState::none && s.ring_position == 0; };
     const bool before = std::exchange(watch.unplaced, std::ranges::any_of(network.slaves(), has_no_place));
     if (roll.count == watch.walked && watch.unplaced) watch.walked = kNotWalked;
@@ -366,8 +366,8 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
     co_return Nothing{};
 }
 
-// Whether the ring was broken or closed, or is broken at another place, since the last call. Between two rolls one
-// slave may have come and another one gone.
+// Whether the ring was broken or closed, or the place of its break has changed, since the last call. Between two rolls,
+// one slave may have come, and another slave may be gone.
 bool ring_has_changed(Watch& watch) {
     const RedundancyPart* const redundancy = watch.network.redundancy;
     if (redundancy == nullptr) return false;
