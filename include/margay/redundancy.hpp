@@ -52,13 +52,13 @@
 // by the propagation delay between both slaves. If configdc() is called while the ring is broken between slaves, the
 // clocks at these branches follow the second reference clock as soon as the ring is whole.
 //
-// After a repair, and when the first of these slaves returns from a loss of power, the library closes the port of the
-// last slave again, for up to two seconds in all, until the clocks at these branches have learned the rate. The library
-// does so once more, some seconds later, if the time of a clock differed too much for the clock to learn the rate. A
-// break in this time cuts off the slaves behind the break for about a second, until the timer of the chip opens the
-// port again. No NIC can open the port earlier, because the frames of the second NIC end at it. The library compares no
-// clock in this time: it reports a clock that leaves the limit when the port is open again (measured: 1.1 s late with
-// cycles of 1 ms).
+// When the first of these slaves returns from a loss of power, the library closes the port of the last slave again, for
+// up to two seconds in all, until the clocks at these branches have learned the rate. After a repair it does so if the
+// difference of these clocks is not known, or if they need corrections of more than limit_ns in each watch_interval;
+// and once more, some seconds later, if a clock was too far away to learn the rate. A break in this time cuts off the
+// slaves behind the break for about a second, until the timer of the chip opens the port again. No NIC can open the
+// port earlier, because the frames of the second NIC end at it. The library compares no clock in this time: it reports
+// a clock that leaves the limit when the port is open again (measured: 1.1 s late with cycles of 1 ms).
 //
 // Either NIC may be at the beginning of the ring, and the cables of both NICs may be swapped while the machine runs
 // (RedundancyStatus::swapped, EventKind::cables_swapped). If some branches are reached only by frames from the end of

@@ -84,7 +84,7 @@ Task<Result<>> RingWatch::open_ring_with(Network& network, bool times) {
     }
     // The counts show which clocks are beside the ring; the counts of the broken ring would be wrong.
     if (!ring_.counts_are_new()) co_return ring_error(Errc::unstable);
-    constants_ = {};
+    std::ranges::fill(constants_.begin() + (first_time ? 0 : 1), constants_.end(), Constant{});
     if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;  // perhaps with other delays
     if (last == nullptr) co_return ring_error(Errc::wrong_state);
     const Slave& reference = network.slave(network.clocks.reference);
@@ -267,7 +267,7 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     }
     second_ = second;
     second_is_first_ = is_first;
-    learns_ = false;
+    learns_ = carried_ = false;
     // The clocks beside the ring have followed others since a lesson, unless the ring is whole.
     if (comparison_ != Comparison::taught || !parts().whole) comparison_ = Comparison::unknown;
     first_ = {};
@@ -289,11 +289,15 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     co_return Nothing{};
 }
 
+void RingWatch::lose_behind(Network& network) const {
+    for (const Slave& slave : network.slaves())
+        if (is_behind(network, slave)) network.clocks.lose_sync(slave);
+}
+
 // The clocks that the reference clock does not reach are not in step with it. A known constant, or the ways, show the
 // difference.
 void RingWatch::distrust_second_part(Network& network) {
-    for (const Slave& slave : network.slaves())
-        if (is_behind(network, slave)) network.clocks.lose_sync(slave);
+    lose_behind(network);
     first_ = {};
     comparison_ = Comparison::unknown;
     use_known_constant(network);
@@ -322,15 +326,6 @@ bool RingWatch::is_in_step(const Network& network) const {
     return second_ != 0 && (network.clocks.entries[second_ - 1U].is_in_step() || comparison_ == Comparison::taught);
 }
 
-const RingWatch::Constant* RingWatch::known_constant() const {
-    const auto front = static_cast<std::uint16_t>(parts().front);
-    const std::uint16_t behind = ring_.reached_by(1 - ring_.head());
-    const auto found = std::ranges::find_if(constants_, [&](const Constant& known) {
-        return known.slave == second_ && known.front == front && known.behind == behind;
-    });
-    return second_ == 0 || found == constants_.end() ? nullptr : &*found;
-}
-
 FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) const {
     const Slave& reference = network.slave(network.clocks.reference);
     const std::int64_t passes = passes_at_ns(network, slave);
@@ -353,58 +348,13 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
 }
 
 void RingWatch::begin_to_steer(Network& network) {
+    carried_ = false;
     comparison_ = Comparison::known;
     ahead_ns_ = change_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
     PhaseSettings phase =
         for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0});
     phase.cycles_late = 0;  // steer() leaves out the differences that do not contain the correction yet
     phase_.start(phase);
-}
-
-// The constant contains the delay of the reference, and not that of the second reference.
-Task<Result<>> RingWatch::find_constant(Network& network) {
-    const Clocks& clocks = network.clocks;
-    // A slave has appeared during the lesson, which is seen when both copies come back again.
-    if (comparison_ == Comparison::taught && ring_.ways() != taught_ways_) comparison_ = Comparison::unknown;
-    const std::uint16_t second = second_;
-    const std::int64_t mean_ns = first_.sum_ns / first_.count;
-    first_ = {};
-    constant_ns_ = mean_ns + clocks.entries[second - 1U].delay_ns;
-    if (!is_in_step(network) && has_beside_) {
-        // The ways are not measured with clocks beside the ring. In the whole ring they are taught; behind a break the
-        // clocks stay where they are, and are not in sync.
-        begin_to_steer(network);
-        comparison_ = Comparison::unsure;
-        if (!std::exchange(learns_, false)) rests_ = 0;
-        co_return Nothing{};
-    }
-    if (!is_in_step(network)) {
-        const Slave& reference = network.slave(clocks.reference);
-        if (!are_places_new(network)) co_return Nothing{};  // the next differences
-        const auto way = co_await measure_way(network, network.slave(second), reference);
-        // The ring changes now, or there is another second reference: the next differences show the constant.
-        if (!way && way.error().code == Errc::unstable) co_return Nothing{};
-        if (!way) co_return way.error();
-        if (second != second_ || is_steered() || reference.number != clocks.reference) co_return Nothing{};
-        constant_ns_ = *way + clocks.entries[reference.number - 1U].delay_ns;
-    }
-    (void)ring_.take_difference();
-    constants_[next_constant_++ % constants_.size()] = {second_, static_cast<std::uint16_t>(parts().front),
-                                                        ring_.reached_by(1 - ring_.head()), constant_ns_};
-    begin_to_steer(network);
-    ahead_ns_ = mean_ns - (constant_ns_ - clocks.entries[second - 1U].delay_ns);
-    co_return Nothing{};
-}
-
-// A branch behind the break is lost, or back: the way of the second copy is another one, and the constant too.
-bool RingWatch::end_constant(Network& network) {
-    const std::uint16_t behind = ring_.reached_by(1 - ring_.head());
-    const bool known = ring_.counts_are_new() && behind != 0;
-    if (!known || std::exchange(compared_behind_, behind) == behind) return false;
-    if (comparison_ == Comparison::known) comparison_ = Comparison::unknown;
-    first_ = {};
-    use_known_constant(network);
-    return true;
 }
 
 // One step of the controller of the second reference.
@@ -415,7 +365,12 @@ Task<Result<>> RingWatch::steer(Network& network) {
     if (end_constant(network)) co_return Nothing{};
     if (seen.count == 0) co_return Nothing{};
     rounds_deaf_ = 0;
+    const std::uint32_t now_us = us_of(network.engine.now());
+    const std::uint32_t interval_us = us_of(Time(network.clocks.settings.watch_interval));
     if (!is_steered()) {
+        first_us_ = first_.count == 0 ? now_us - interval_us : first_us_;
+        first_.least_ns = first_.count == 0 ? seen.least_ns : std::min(first_.least_ns, seen.least_ns);
+        first_.most_ns = first_.count == 0 ? seen.most_ns : std::max(first_.most_ns, seen.most_ns);
         first_.sum_ns += seen.sum_ns;
         first_.count += seen.count;
         if (first_.count < kEnough) co_return Nothing{};
@@ -427,6 +382,7 @@ Task<Result<>> RingWatch::steer(Network& network) {
     jitter_ns_ = std::max<std::int64_t>(std::int64_t{seen.most_ns} - seen.least_ns - std::abs(moved_ns_), 0);
     const std::int64_t correction = phase_.update(ahead_ns_, network.engine.now());
     moved_ns_ = correction;
+    steered_us_ = now_us - interval_us / 2;
     if (correction == 0) co_return Nothing{};
     const auto moved = co_await move_clock(network, network.slave(second_), -correction);
     (void)ring_.take_difference();

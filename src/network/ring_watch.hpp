@@ -40,7 +40,7 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> close_ring(Network& network) override;
     void forget_opening() override { ring_.end_opening(); }
     [[nodiscard]] Task<Result<>> begin_second_part(Network& network) override;
-    // Clocks beside the ring (ring_ways.cpp)
+    // Clocks beside the ring, and constants (ring_ways.cpp)
     void note_ways(Network& network) override;
     [[nodiscard]] bool delays_are_guessed() const override { return guessed_; }
     [[nodiscard]] Task<Result<>> watch_clocks(Network& network) override;
@@ -65,6 +65,7 @@ class RingWatch final : public RedundancyPart {
         // break, and a branch that is lost makes the way of its copy shorter.
         std::uint16_t front = 0;
         std::uint16_t behind = 0;
+        std::uint16_t head = 0;  // the NIC at the beginning of the ring: the constant contains the times of both NICs
         std::int64_t ns = 0;
     };
 
@@ -107,10 +108,16 @@ class RingWatch final : public RedundancyPart {
     void begin_to_steer(Network& network);
     bool end_constant(Network& network);
     void use_known_constant(Network& network);
+    void lose_behind(Network& network) const;
     void distrust_second_part(Network& network);
+    [[nodiscard]] Constant present_constant() const;
     [[nodiscard]] const Constant* known_constant() const;
+    [[nodiscard]] std::int64_t carried_ns(std::uint32_t now_us) const;
     [[nodiscard]] bool is_in_step(const Network& network) const;
     [[nodiscard]] bool is_steered() const { return comparison_ >= Comparison::unsure; }
+    static std::uint32_t us_of(Time time) {
+        return static_cast<std::uint32_t>(time.time_since_epoch() / std::chrono::microseconds(1));
+    }
     void forget_differences() {
         first_ = {};
         (void)ring_.take_difference();
@@ -139,7 +146,8 @@ class RingWatch final : public RedundancyPart {
     std::uint16_t compared_behind_ = 0;  // how many slaves were behind the break when the constant was measured
     std::uint32_t taught_ways_ = 0;      // Redundancy::ways() before teach() began
     std::uint8_t rests_ = 0;             // rounds until teach() runs again
-    bool learns_ = false;                // a lesson has ended, and the second reference is not in step yet
+    bool carried_ = false;  // the constant has ended; the second reference still has its difference and its rate
+    bool learns_ = false;   // a lesson has ended, and the second reference is not in step yet
     std::uint8_t rounds_unsettled_ = 0;  // rounds in which frames have passed slaves that are not brought back yet
     std::int64_t ahead_ns_ = 0;          // mean of the differences of the last round, without the constant
     std::int64_t change_ns_ = 0;         // how far `ahead_ns_` is from its value of the round before
@@ -147,12 +155,16 @@ class RingWatch final : public RedundancyPart {
     std::int64_t moved_ns_ = 0;          // the correction of the round before; the differences contain it
     std::uint8_t rounds_deaf_ = 0;       // rounds without a difference
     bool guessed_ = false;               // the delays behind a break, see delays_are_guessed()
+    std::uint32_t steered_us_ = 0;       // when `ahead_ns_` was measured
     std::int64_t constant_ns_ = 0;
     static constexpr std::uint8_t kDeaf = 100;
+    // The first one is that of the whole ring. It stays as it was measured after a lesson: measured anew after each
+    // repair, it would take over what the clock is away at that moment, and these errors would add up.
     std::array<Constant, 4> constants_{};
     std::size_t next_constant_ = 0;
     std::uint16_t wanted_second_ = 0;  // the slave that was the best second reference in `rounds_seen_` rounds
     std::uint8_t rounds_seen_ = 0;
+    std::uint32_t first_us_ = 0;  // when `first_` began
     PartDifference first_;
     PhaseController phase_;
     // Clocks beside the ring. Ring slaves are counted from 1 at the head.
@@ -165,14 +177,14 @@ class RingWatch final : public RedundancyPart {
     std::uint16_t front_end_ = 0;     // the last ring slave that the head reaches; in the whole ring the last of all
     std::uint16_t behind_begin_ = 0;  // the first ring slave that only the other NIC reaches
     std::uint8_t rounds_unclear_ = 0;
-    bool judges_ = false;  // note_change() has marked clocks, and where the ring is broken is not known yet
+    bool judges_ = false;        // note_change() has marked clocks, and where the ring is broken is not known yet
     std::uint8_t end_port_ = 0;  // the port of slave `end_` to the second NIC
     // The measurement that opens the ring by closing a port of the last slave.
     Time opened_{};
     std::uint16_t last_ = 0;          // that slave
     std::uint16_t last_control_ = 0;  // its DL control before
-    std::uint16_t end_ = 0;  // the slave that the second NIC was connected to before the break
-    std::uint16_t noted_ways_ = 0;  // Redundancy::ways() of the last note_change()
+    std::uint16_t end_ = 0;           // the slave that the second NIC was connected to before the break
+    std::uint16_t noted_ways_ = 0;    // Redundancy::ways() of the last note_change()
 };
 
 }  // namespace margay

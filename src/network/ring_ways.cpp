@@ -156,8 +156,8 @@ bool RingWatch::is_misled(Network& network, const Slave& slave) const {
     const Slave& other = network.slave(source);
     if (other.al.state == AlState::none || is_behind(network, other) != behind) return true;
     const std::int64_t now_ns = passes_at_ns(network, slave) - passes_at_ns(network, other);
-    const std::int64_t before_ns = std::int64_t{clocks.entries[slave.number - 1U].delay_ns} -
-                                   std::int64_t{clocks.entries[source - 1U].delay_ns};
+    const std::int64_t before_ns =
+        std::int64_t{clocks.entries[slave.number - 1U].delay_ns} - std::int64_t{clocks.entries[source - 1U].delay_ns};
     return std::abs(now_ns - before_ns) > clocks.settings.limit_ns;
 }
 
@@ -171,8 +171,8 @@ void RingWatch::note_change(Network& network) {
     if (clocks.reference == 0 || (!has_beside_ && !corrected)) return;
     judges_ = has_beside_;
     for (ClockEntry& clock : clocks.entries.first(network.count)) {
-        const bool is_safe = has_beside_ ? &clock == &clocks.entries[clocks.reference - 1U]
-                                         : clock.follows == clocks.reference;
+        const bool is_safe =
+            has_beside_ ? &clock == &clocks.entries[clocks.reference - 1U] : clock.follows == clocks.reference;
         if (is_safe || !clock.in_sync) continue;
         clock.in_sync = clocks.all_in_sync = false;
         clock.misled = true;
@@ -258,6 +258,87 @@ Task<Result<>> RingWatch::teach_beside(Network& network) {
     co_await required(arrange(network));
     for (unsigned n = 0; n < kComparisons; ++n) co_await required(send_time(network));
     co_return co_await required(steer(network));
+}
+
+RingWatch::Constant RingWatch::present_constant() const {
+    return {.slave = second_,
+            .front = static_cast<std::uint16_t>(parts().front),
+            .behind = ring_.reached_by(1 - ring_.head()),
+            .head = static_cast<std::uint16_t>(ring_.head()),
+            .ns = constant_ns_};
+}
+
+const RingWatch::Constant* RingWatch::known_constant() const {
+    const Constant now = present_constant();
+    const auto known = std::span(constants_).subspan(parts().whole ? 0 : 1, parts().whole ? 1 : constants_.size() - 1);
+    const auto found = std::ranges::find_if(known, [&now](const Constant& one) {
+        return one.slave == now.slave && one.front == now.front && one.behind == now.behind && one.head == now.head;
+    });
+    return second_ == 0 || found == known.end() ? nullptr : &*found;
+}
+
+// The constant contains the delay of the reference, and not that of the second reference.
+Task<Result<>> RingWatch::find_constant(Network& network) {
+    const Clocks& clocks = network.clocks;
+    // A slave has appeared during the lesson, which is seen when both copies come back again.
+    if (comparison_ == Comparison::taught && ring_.ways() != taught_ways_) comparison_ = Comparison::unknown;
+    const std::uint16_t second = second_;
+    const std::int64_t mean_ns = first_.sum_ns / first_.count;
+    const std::int64_t jitter_ns = std::int64_t{first_.most_ns} - first_.least_ns;
+    first_ = {};
+    constant_ns_ = mean_ns + clocks.entries[second - 1U].delay_ns;
+    const bool in_step = is_in_step(network);
+    if (in_step) constant_ns_ -= carried_ns(us_of(network.engine.now()));
+    const Constant* const whole =
+        in_step && parts().whole && comparison_ != Comparison::taught ? known_constant() : nullptr;
+    if (whole != nullptr && std::abs(constant_ns_ - whole->ns) > clocks.settings.limit_ns + jitter_ns / 2)
+        lose_behind(network);  // it is not in step, or a NIC needs another time: a lesson shows it
+    else if (whole != nullptr)
+        constant_ns_ = whole->ns;
+    if (!is_in_step(network) && has_beside_) {
+        // The ways are not measured with clocks beside the ring. In the whole ring they are taught; behind a break the
+        // clocks stay where they are, and are not in sync.
+        begin_to_steer(network);
+        comparison_ = Comparison::unsure;
+        if (!std::exchange(learns_, false)) rests_ = 0;
+        co_return Nothing{};
+    }
+    if (!is_in_step(network)) {
+        const Slave& reference = network.slave(clocks.reference);
+        if (!are_places_new(network)) co_return Nothing{};  // the next differences
+        const auto way = co_await measure_way(network, network.slave(second), reference);
+        // The ring changes now, or there is another second reference: the next differences show the constant.
+        if (!way && way.error().code == Errc::unstable) co_return Nothing{};
+        if (!way) co_return way.error();
+        if (second != second_ || is_steered() || reference.number != clocks.reference) co_return Nothing{};
+        constant_ns_ = *way + clocks.entries[reference.number - 1U].delay_ns;
+    }
+    (void)ring_.take_difference();
+    constants_[parts().whole ? 0 : 1 + next_constant_++ % (constants_.size() - 1)] = present_constant();
+    begin_to_steer(network);
+    ahead_ns_ = mean_ns - (constant_ns_ - clocks.entries[second - 1U].delay_ns);
+    co_return Nothing{};
+}
+
+// How far the second reference was ahead when the first differences were measured, if it is the same clock as before
+// the change. It has run at its rate since the last correction.
+std::int64_t RingWatch::carried_ns(std::uint32_t now_us) const {
+    if (!carried_) return 0;
+    const std::int64_t since_us = std::uint32_t{now_us - steered_us_} - std::uint32_t{now_us - first_us_} / 2;
+    const std::int64_t ahead_ns = std::abs(ahead_ns_) <= jitter_ns_ / 2 ? 0 : ahead_ns_;  // as in followed_clock()
+    return ahead_ns - moved_ns_ + phase_.drift_ppb() * since_us / 1'000'000;
+}
+
+// A branch behind the break is lost, or back: the way of the second copy is another one, and the constant too.
+bool RingWatch::end_constant(Network& network) {
+    const std::uint16_t behind = ring_.reached_by(1 - ring_.head());
+    const bool known = ring_.counts_are_new() && behind != 0;
+    if (!known || std::exchange(compared_behind_, behind) == behind) return false;
+    carried_ |= comparison_ == Comparison::known && rounds_deaf_ < kDeaf;
+    if (comparison_ == Comparison::known) comparison_ = Comparison::unknown;
+    first_ = {};
+    use_known_constant(network);
+    return true;
 }
 
 // Gives all clocks the delays of the ways as they are now, and the part that the head does not reach its reference.

@@ -207,5 +207,28 @@ TEST_F(ClockBranch, FaultsBeforeTheClocksAreCompared) {
     expect_all_in_step();
 }
 
+// Each break and each repair has taken what the clock was away at that moment for a difference of the ways: these
+// errors added up, and the clock was in sync. It runs at another rate now, and is corrected every 10 ms.
+TEST_F(ClockBranch, ErrorsOfBreaksAndRepairsDoNotAddUp) {
+    add_ring(6);
+    add_branch(4, 2);
+    bring_up_ring();
+    segment.slave(at[6]).set_drift(15'000, osal.now());  // before: -1 ppm
+    go(5000);
+    expect_all_in_step();
+    for (unsigned n = 0; n < 40; ++n) {
+        cut(2, 150);
+        mend(2, 250);
+        go(1500);
+        SCOPED_TRACE(n);
+        EXPECT_TRUE(slave_clock(*ctx, 7).in_sync);
+        for (unsigned c = 0; c < 20; ++c) {
+            go(1);
+            EXPECT_LE(std::abs(ahead_ns(7)), 120);
+        }
+    }
+    expect_all_in_step();
+}
+
 }  // namespace
 }  // namespace margay
