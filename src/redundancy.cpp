@@ -24,7 +24,7 @@ struct TwoCables {
     RingWatch watch;
 };
 static_assert(std::is_trivially_destructible_v<FramePair>);
-constexpr std::size_t kCables = sizeof(void*) == 8 ? 1216 : 1152;
+constexpr std::size_t kCables = sizeof(void*) == 8 ? 1216 : 1160;
 constexpr std::size_t kPair = 3088;
 constexpr bool kExact = alignof(std::uint64_t) == 8;
 static_assert(kExact ? sizeof(TwoCables) == kCables : sizeof(TwoCables) <= kCables, "context_bytes(): kCablesBytes");
