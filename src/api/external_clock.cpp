@@ -71,11 +71,13 @@ Duration ExternalClock::update(Context& ctx, Duration lateness) {
     if (!is_reference) return earlier;
     const Time now = cycle_.record().at;
     const bool waits = waits_for_cycle(network, now, settings_.phase.cycle);
+    const std::uint32_t under_way = cycles_under_way(network.process.groups[settings_.cycle.group]);
     std::int64_t correction = 0;
     if (inputs_fresh(ctx, internal_.address().slave) && take_stamps()) {
         const auto grid = static_cast<std::uint64_t>(settings_.grid.count());
         const std::uint64_t ahead = internal_.read() % grid + (grid - external_.read() % grid);
-        correction = reference_.update(phase_error_ns(ahead, grid, settings_.offset.count()), now, not_visible(waits));
+        correction = reference_.update(phase_error_ns(ahead, grid, settings_.offset.count()), now,
+                                       static_cast<std::uint8_t>(not_visible(waits) + under_way));
     } else {
         correction = reference_.coast();
     }

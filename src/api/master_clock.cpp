@@ -109,8 +109,8 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     const bool writes = bus_shift || settings_.mode == Mode::master_reference;
     const bool waits = writes && waits_for_cycle(network, now, settings_.phase.cycle);
     // Cycles that are under way show a correction no more than a cycle that it leaves with.
-    const auto hidden = static_cast<std::uint8_t>(
-        bus_shift ? cycles_under_way(network.process.groups[settings_.group]) + waits : settings_.phase.cycles_late);
+    const std::uint32_t under_way = cycles_under_way(network.process.groups[settings_.group]);
+    const auto hidden = static_cast<std::uint8_t>(bus_shift ? under_way + waits : settings_.phase.cycles_late);
     const std::int64_t correction = corrects() ? controller_.update(error, now, hidden) : 0;
     if (!corrects()) controller_.observe(error, now);
     constexpr std::int64_t kMost_ns = INT64_MAX / 2000;
@@ -125,11 +125,11 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     if (settings_.mode == Mode::master_shift) return Duration(correction);
     if (bus_shift) shift_reference(network, correction, waits);
     if (settings_.mode == Mode::master_reference) {
-        // The time at which the next cycle is due, or of this moment if the write does not wait for the cycle. The
-        // cycles may begin anywhere in the milliseconds of the master.
+        // The time at which the next cycle to be sent is due, or of this moment if the write does not wait for the
+        // cycle. The cycles may begin anywhere in the milliseconds of the master.
         const std::uint64_t late = record_.bus_time_ns - due_ns;
         const auto at_zero = static_cast<std::uint64_t>(network.clocks.settings.system_time_at_zero.count());
-        const std::uint64_t next = static_cast<std::uint64_t>((now - Time{}).count()) - late + cycle;
+        const std::uint64_t next = static_cast<std::uint64_t>((now - Time{}).count()) - late + (1 + under_way) * cycle;
         if (!std::exchange(has_shift_, true))
             shift_ns_ = -phase_error_ns(next + at_zero, cycle, settings_.set_value.count());
         const std::uint64_t at =

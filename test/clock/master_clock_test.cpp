@@ -158,6 +158,28 @@ TEST(TheTimeOfTheMaster, ComesInSyncWithLongCycles) {
     }
 }
 
+// The order of an own loop that sends before it looks at the clock: the time is that of the cycle that it leaves with.
+TEST(TheTimeOfTheMaster, IsRightWhileACycleIsUnderWay) {
+    ClockBus bus;
+    bus.add({.drift_ppb = 40'000});
+    bus.start();
+    ASSERT_TRUE(configdc(*bus.ctx, kFewFrames).ok());
+    bus.run();
+    MasterClock clock({.mode = MasterClock::Mode::master_reference, .phase = {.cycle = 1ms}});
+    Time due = bus.osal.now() + 5ms;
+    for (int n = 0; n < 10'000; ++n) {
+        bus.osal.wait(due, -1);
+        if (n > 0) (void)receive_processdata(*bus.ctx, 200us);
+        ASSERT_TRUE(send_processdata(*bus.ctx).ok());
+        if (n > 0) (void)clock.update(*bus.ctx, 0us);
+        due += 1ms;
+        (void)poll(*bus.ctx, bus.osal.now());
+    }
+    const Time now = bus.osal.now();
+    const auto ahead = static_cast<std::int64_t>(bus.segment.slave(0).clock().copy(now)) - (now - Time{}).count();
+    EXPECT_LE(std::abs(ahead), 500'000 + 20'000) << "less than half of a cycle, for the phase of the set value";
+}
+
 // Cycles that are under way when a correction is sent do not show it.
 TEST(BusShiftOfOverlappedCycles, ComesIntoSync) {
     for (const int sets : {2, 3, 4}) {
