@@ -31,7 +31,7 @@ foreach(v 1 2)
                      -I${PROJECT_SOURCE_DIR}/src/compat/soem${v}/include -I${PROJECT_SOURCE_DIR}/src/compat/soem/include
                      ${compat}/soem${v}/include.c)
   endforeach()
-  foreach(standard c++11 c++14 c++17 c++20 c++23)
+  foreach(standard c++11 c++14 c++17 c++20 c++2b)
     add_test(NAME compat/soem${v}_headers_${standard}
              COMMAND ${CMAKE_CXX_COMPILER} -x c++ -std=${standard} -Wall -Wextra -pedantic -Werror -fsyntax-only
                      -I${PROJECT_SOURCE_DIR}/src/compat/soem${v}/include -I${PROJECT_SOURCE_DIR}/src/compat/soem/include
