@@ -72,13 +72,13 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
                         .actual = static_cast<std::uint32_t>(record_.error_ns)});
         return in_sync;
     };
-    const bool waits = settings_.mode == Mode::bus_shift && waits_for_cycle(network, record_.at, settings_.phase.cycle);
     if (!record_.read) {
         last_due_ns_ = 0;
         if (!corrects()) controller_.observe_nothing();
         record_.adjust_ns = corrects() ? controller_.coast() : 0;
         record_.adjusted_ns += record_.adjust_ns;
-        if (settings_.mode == Mode::bus_shift) shift_reference(network, record_.adjust_ns, waits);
+        if (settings_.mode == Mode::bus_shift)
+            shift_reference(network, record_.adjust_ns, waits_for_cycle(network, record_.at, settings_.phase.cycle));
         // After this, nothing is known of the phase.
         constexpr Duration kLongestWithout = std::chrono::seconds(1);
         if (was_in_sync_ && network.engine.now() - read_at_ > kLongestWithout) fault_ = PhaseState::busy;

@@ -182,6 +182,7 @@ void set_time_standby(ProcessGroup& group, StationAddress standby);
 // read it. Wraps, and has another origin after config_map().
 [[nodiscard]] std::uint16_t cycles_with_time(const ProcessGroup& group);
 // When the cycle was sent that was received last: Group::dc_time is of that cycle. The next one may be under way.
+// Where cycles overlap, the last cycle of any group is meant.
 [[nodiscard]] inline Time received_at(const ProcessGroup& group, const Link& link) {
     if (group.overlap.sets > 1) return link.last_cycle();
     return group.under_way ? group.pace.before : group.pace.last;
