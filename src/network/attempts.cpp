@@ -10,7 +10,7 @@
 namespace margay {
 namespace {
 
-// Not 0.
+// The check value of the cause of a failure. It is never 0.
 std::uint16_t check_of(const Error& cause) {
     CheckValue check;
     check.add_word(static_cast<std::uint32_t>(cause.code) << 16 | static_cast<std::uint32_t>(cause.step));
@@ -29,7 +29,7 @@ Attempt::Attempt(Network& network, Slave& slave) : network_(network), slave_(sla
 Attempt::~Attempt() {
     if (!network_.marks(slave_).repeating) return;
     network_.marks(slave_).repeating = false;
-    if (slave_.al == before_ || slave_.al.state == AlState::none) return;  // that it is lost is reported
+    if (slave_.al == before_ || slave_.al.state == AlState::none) return;  // note_lost() has reported the loss
     network_.report({.kind = EventKind::state, .slave = slave_.number, .before = before_, .now = slave_.al});
 }
 

@@ -6,7 +6,8 @@
 
 namespace margay {
 
-// While the supervision brings the slave back; also when its sequence is destroyed.
+// Exists while the supervision brings the slave back. The destructor reports what a repeated attempt has changed, also
+// when the sequence is destroyed.
 class Attempt {
   public:
     Attempt(Network& network, Slave& slave);
@@ -20,7 +21,8 @@ class Attempt {
     AlStatus before_;
 };
 
-// Whether the slave is as the supervision has left it, or starts for the first time: then the end is not a recovery.
+// Whether the slave is as the supervision has left it, or starts for the first time. The end of such an attempt is not
+// reported as a recovery.
 [[nodiscard]] bool is_well(const Network& network, const Slave& slave);
 
 // The attempt has failed, and the slave is in state `now`: `cause` becomes the error of the slave. It is reported

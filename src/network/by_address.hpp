@@ -5,8 +5,8 @@
 
 namespace margay {
 
-// Finds slaves of the table by their station addresses. The ring has most slaves in the order of the table, so each
-// search begins behind the slave that was found last.
+// Finds slaves of the table by their station addresses. Most slaves have the same order in the ring and in the table,
+// so each search begins behind the slave that was found last.
 class ByAddress {
   public:
     explicit ByAddress(Network& network) : network_(network) {}

@@ -19,8 +19,8 @@ bool is_before_reference(Network& network, const Slave& slave) {
 }
 
 // How many frames have brought the time of the reference since the last round: frames of the cycle, and others. After
-// rounds that were left out, frames of the cycle count only if the last cycle has brought the time: the others may have
-// come long ago.
+// rounds that were left out, frames of the cycle are counted only if the last cycle has brought the time, because the
+// other cycles may be old.
 std::uint32_t times_since_last_round(Network& network, std::int64_t rounds) {
     Clocks& clocks = network.clocks;
     const std::uint32_t sent = std::exchange(clocks.times_sent, std::uint16_t{0});
@@ -29,7 +29,7 @@ std::uint32_t times_since_last_round(Network& network, std::int64_t rounds) {
         const std::uint16_t now = cycles_with_time(group);
         const auto times = static_cast<std::int16_t>(now - std::exchange(clocks.times_seen, now));
         const bool recent = rounds == 1 || (group.dc_time.came && group.dc_time.slaves != 0);
-        // A negative number: the count of the group has begun anew.
+        // A negative number: the group was mapped again, and its count has started again.
         return sent + (times > 0 && recent ? static_cast<std::uint32_t>(times) : 0U);
     }
     return sent;
@@ -118,8 +118,8 @@ void MeasuredCycle::note(Time sent_at, std::uint32_t number) {
     votes += votes == 0 || away <= likely_ns / kAlike ? 1 : -1;
 }
 
-// The mean is not the cycle of the application if the application has stopped once, or leaves out cycles. Such a mean
-// differs from the cycle that most rounds have seen.
+// If the application has stopped once, or leaves out cycles, the mean is not the cycle of the application. Such a mean
+// differs from the cycle that most rounds have measured.
 std::uint64_t MeasuredCycle::steady_ns() const {
     constexpr std::uint64_t kAlike = 100;
     if (seen == first || 2 * votes < static_cast<std::int32_t>(rounds)) return 0;
@@ -213,7 +213,7 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
         const bool alone =
             clock.rounds_alone == UINT8_MAX || clock.rounds_alone * clocks.settings.watch_interval >= kLongestAlone;
         if (!is_there(slave)) {
-            clock.lose_sync();  // the clocks that are there may be in sync
+            clock.lose_sync();  // all present clocks may still be in sync
             clock.told_in_sync = false;
         } else if (alone || clock.delay_old || unknown || is_led_away(clocks, slave, followed)) {
             clocks.lose_sync(slave);
@@ -300,10 +300,10 @@ Task<Result<>> teach_time(Network& network, Slave& slave, ReturnToken* token) {
 constexpr Duration kRateLook = std::chrono::milliseconds(20);
 constexpr std::int64_t kMostChange_ns = 50;
 
-// Teaches the slave the rate of the reference. The other clocks run at this rate: a new reference with another rate
-// would lead the other clocks out of the limit until they have learned the new rate. Receive times show the rate
-// without the jitter of the master. Returns how far the slave is ahead. `token` is free during the lessons; nullptr:
-// the caller holds a token.
+// Teaches the slave the rate of the reference, at which the other clocks run. If the new reference had another rate,
+// the other clocks would leave the limit until they have learned the new rate. Receive times show the rate without the
+// jitter of the master. Returns how far the slave is ahead. `token` is free during the lessons; nullptr: the caller
+// holds a token.
 Task<Result<std::int64_t>> teach_rate(Network& network, Slave& slave, Slave& reference, ReturnToken* token) {
     constexpr unsigned kMostLessons = 8;
     const std::int64_t limit_ns = network.clocks.settings.limit_ns;
@@ -409,8 +409,9 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToke
 }  // namespace
 
 Task<Result<>> return_to_first_clock(Network& network) {
-    // In Clocks::returning: a slave is about to come back. With one NIC the slave learns the rate of the reference,
-    // which takes seconds: from the next round on, the supervision calls the watch beside its own rounds.
+    // Value of Clocks::returning: the next round begins to bring a slave to the reference. With one NIC the slave
+    // learns the rate of the reference, which takes seconds: from the next round on, the supervision calls the watch
+    // beside its own rounds.
     constexpr std::uint16_t kAnnounced = UINT16_MAX;
     Clocks& clocks = network.clocks;
     const bool allowed = network.redundancy == nullptr || network.redundancy->may_restore();
@@ -448,7 +449,7 @@ Task<Result<>> set_late_clock(Network& network) {
         if (clock.measured && is_before_reference(network, slave)) continue;
         if (slave.number == clocks.reference || note_reach(network, slave)) continue;
         const SlaveToken token(network.marks(slave));
-        clocks.late_first = slave.number;  // the next time, the search begins with the slaves behind it
+        clocks.late_first = slave.number;  // the next search begins with the slaves behind this slave
         auto set = co_await prepare_clock(network, slave);
         const Errc code = set ? Errc::none : set.error().code;
         if (!set) clocks.rests = kRests;

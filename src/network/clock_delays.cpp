@@ -20,20 +20,21 @@ constexpr std::uint16_t processing_ns_of(const Slave& slave) {
     return is_et ? 20 : 40;
 }
 
-// The first place behind the break; the number of places where there is none.
+// The index of the first place behind the break; without a break, the number of places.
 std::size_t second_part(Network& network, std::size_t places) {
     const RingParts parts = network.ring_parts();
     return parts.two_nics && !parts.whole ? std::min(parts.front, places) : places;
 }
 
-// A port that leads to no slave: that to the second NIC. The entry port when there is none.
+// The open port without a neighbour, to which the second NIC is connected; if there is none, the entry port.
 std::uint8_t outer_port(const RingPlace& place) {
     for (std::uint8_t port = 0; port < 4; ++port)
         if (place.ports[port].open && place.ports[port].neighbour == 0 && port != place.entry_port) return port;
     return place.entry_port;
 }
 
-// Turns the way from the first slave behind the break to the last one: it begins at the last one.
+// Reverses the way between the break and the second NIC: it begins at the last slave, not at the first slave behind the
+// break.
 void turn_second_part(Network& network, std::span<DelayNode> nodes, std::size_t first) {
     const auto ring = network.seen_ring();
     std::size_t at = nodes.size();
@@ -68,22 +69,22 @@ void find_neighbours(Network& network, std::span<DelayNode> nodes) {
     }
 }
 
-// Of the first node from `from` on whose delay can be known; nullptr: none.
+// The first node from `from` on that has receive times; nullptr: none.
 const DelayNode* first_timed(std::span<const DelayNode> nodes, std::size_t from) {
     for (std::size_t n = from; n < nodes.size(); ++n)
         if (nodes[n].timed()) return &nodes[n];
     return nullptr;
 }
 
-// The delay from the last slave before the break to the first one behind it is not known while the cable is broken.
-// Until the ring is whole, the library assumes a cable of 10 m: the clocks behind the break do not depend on it,
-// because they follow the first clock there.
+// While the cable is broken, the delay between the slaves at both sides of the break is not known. Until the ring is
+// whole, the library assumes a cable of 10 m. The clocks behind the break do not depend on this delay, because they
+// follow the first clock behind the break.
 constexpr std::int64_t kUnknownCable_ns = 500;
 
-// Without receive times, and with branches.
+// A slave with branches and without receive times.
 bool is_unmeasured_junction(const DelayNode& node) { return !node.timed() && std::popcount(node.neighbours) > 1; }
 
-// The place of the first such slave on the way from `node` to `reference`; 0: the delay between both is measured.
+// The place of the first such slave on the way from `node` to `reference`; 0: the delay between both nodes is measured.
 std::size_t junction_between(std::span<const DelayNode> nodes, const DelayNode& reference, const DelayNode& node) {
     if (node.assumed == reference.assumed) return 0;
     std::size_t at = nodes[(node.assumed != 0 ? node.assumed : reference.assumed) - 1U].parent;
@@ -126,7 +127,7 @@ bool is_old(const PortTimes& times, std::uint8_t port) {
     return times.differ(port) || times.port_ps(port) > kLongest_ps || times.port_ps(port) < -kLongest_ps;
 }
 
-// From the arrival of the frame until it has arrived for the last time.
+// The time from the first arrival of the frame at the slave to its last arrival.
 std::int64_t away_ps_of(const RingPlace& place, const PortTimes& times) {
     std::int64_t last = 0;
     for (std::uint8_t port = 0; port < 4; ++port)
@@ -135,7 +136,7 @@ std::int64_t away_ps_of(const RingPlace& place, const PortTimes& times) {
 }
 
 // With one NIC, the frames may enter slaves at other ports than 0, and pass some of the slaves behind such a slave
-// before its processing unit: these come before it in the ring.
+// before its processing unit. In the ring, these slaves come before that slave.
 void find_entered_ways(Network& network, std::span<DelayNode> nodes) {
     Clocks& clocks = network.clocks;
     const auto ring = network.seen_ring();
@@ -207,7 +208,8 @@ void compute_clock_delays(Network& network) {
     compute_delays(nodes);
     std::size_t reference = network.slave(clocks.reference).ring_position;
     if (reference == 0 || reference > nodes.size()) return;
-    // A delay cannot be negative: all are from the first clock, which is the reference again when it is settled.
+    // A delay register cannot be negative. So all delays are measured from the first clock in the ring, which becomes
+    // the reference again as soon as it is ready.
     for (std::size_t n = reference; n-- > 0;)
         if (ring[n].slave != 0 && nodes[n].timed() && is_clock(clocks.entries[ring[n].slave - 1U].kind))
             reference = n + 1;
@@ -260,8 +262,8 @@ void correct_topology(Network& network) {
     }
 }
 
-// Receive times that no way of the frames explains. A port that the last frame has not passed has an old time: the
-// slaves behind it were lost, and this is not known yet.
+// Looks for receive times that contradict the ways of the frames. A port that the last frame has not passed shows an
+// old time: the slaves behind this port were lost, and their loss is not known yet.
 Error check_receive_times(Network& network) {
     const auto ring = network.seen_ring();
     const auto nodes = network.clocks.nodes.first(find_frame_ways(network));
@@ -290,7 +292,7 @@ bool find_old_delays(Network& network) {
     Clocks& clocks = network.clocks;
     const auto ring = network.seen_ring();
     const bool any_followed = network.slave(clocks.reference).al.state != AlState::none;
-    // By how much the sum before a slave has changed.
+    // The change of the sum ClockEntry::way before a slave since the delay was measured.
     const auto change = [&](std::uint16_t slave) {
         std::uint16_t way = 0;
         for (const RingPlace& place : ring) {

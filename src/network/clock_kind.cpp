@@ -1,4 +1,5 @@
-// Which clock a slave has, by its registers: the features register of a chip may say another thing.
+// Finds the kind of clock of a slave by access to its clock registers, because the features register of some chips is
+// wrong.
 #include "network/clocks.hpp"
 
 #include "network/network.hpp"
@@ -14,8 +15,9 @@ using wire::Command;
 
 constexpr Step kKindStep = Step::configure_clocks;
 
-// A slave whose register does not answer has no such register, or it is lost. One frame asks again, and for the type,
-// which each slave has. Error unstable: the register answers now, and the slave was lost for a frame.
+// A read without a reply: the slave has no such register, or the slave is lost. One frame reads the register again,
+// together with the type register, which each slave has. Error unstable: the register answers now, so only one frame
+// was lost.
 Task<Result<ClockKind>> without_register(Station station, wire::Register missing, ClockKind kind) {
     std::array<std::byte, 4> value{};
     std::array<std::byte, 1> type{};
@@ -29,8 +31,8 @@ Task<Result<ClockKind>> without_register(Station station, wire::Register missing
     co_return station.error(Errc::unstable, kKindStep);
 }
 
-// A clock runs when two readings differ. A clock of 64 bits has an upper half, which is 0 for one of two offsets at
-// most, whatever the clock shows by itself.
+// A clock runs if two readings of its time differ. With two different offsets, the upper half of a clock of 64 bits is
+// 0 in one of the two readings at most.
 Task<Result<ClockKind>> read_kind(Station station) {
     co_await required(read<std::uint8_t>(station, reg::kType, kKindStep));
     auto times = co_await read<std::uint32_t>(station, reg::kPortReceiveTime, kKindStep);
@@ -63,7 +65,7 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     auto kind = co_await read_kind(network.station(slave));
     for (unsigned n = 1; n < kMostTries && kind.error().code == Errc::unstable; ++n)
         kind = co_await read_kind(network.station(slave));
-    // A register that answers reading and never writing is of no use.
+    // A register that can be read, and never accepts a write, is of no use.
     const bool useless = kind.error().code == Errc::unstable;
     if (!kind && !useless) co_return kind.error();
     clock.kind = useless ? ClockKind::receive_times : *kind;

@@ -9,7 +9,8 @@ namespace margay {
 
 struct Network;
 
-// Looks whether the reference was reset, and gives it its time again. The cycles carry its time from now on.
+// Checks whether the reference clock was reset, and restores its time in this case. From now on the cycles carry its
+// time.
 [[nodiscard]] Task<Result<>> restore_reference(Network& network);
 
 }  // namespace margay

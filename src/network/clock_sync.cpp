@@ -25,9 +25,9 @@ Result<std::uint32_t> cycle_ns(Duration cycle) {
     return invalid_time(Argument::sync_cycle);
 }
 
-// A factor of an operation mode: n cycles, or for a negative number the nth part of a cycle (ETG.2000).
+// Applies a factor of an operation mode (ETG.2000): a positive n means n cycles, a negative n the nth part of a cycle.
 Duration times_factor(Duration cycle, std::int16_t factor) {
-    if (factor == 0 || cycle.count() > UINT32_MAX) return cycle;  // longer than a SYNC cycle may be: cycle_ns()
+    if (factor == 0 || cycle.count() > UINT32_MAX) return cycle;  // too long for a SYNC cycle: cycle_ns() refuses it
     return factor > 0 ? cycle * factor : cycle / -factor;
 }
 
@@ -44,7 +44,7 @@ Result<SyncRegisters> registers_of_mode(const wire::sii::DcOpMode& mode, const C
         settings.sync1_cycle += shift;
     else if (has_sync1 && -shift >= settings.sync0_cycle)
         return invalid_time(Argument::sync_cycle);
-    else if (has_sync1)  // a SYNC1 before its SYNC0 comes behind the SYNC0 before that
+    else if (has_sync1)  // negative shift: the time is measured from the previous SYNC0
         settings.sync1_cycle += settings.sync0_cycle + shift;
     settings.shift = Duration(mode.sync0_shift_time_ns);
     return sync_registers(settings, clocks);
@@ -56,7 +56,7 @@ Error no_such_mode(const Slave& slave, std::uint8_t mode) {
     return error;
 }
 
-// Reads operation mode `number` from the DC category. The SII belongs to the master meanwhile.
+// Reads operation mode `number` from the DC category. The caller has assigned the SII to the master.
 Task<Result<SyncRegisters>> read_mode(Network& network, const Slave& slave, std::uint8_t number) {
     namespace sii = wire::sii;
     constexpr unsigned kMostCategories = 64;
@@ -77,7 +77,7 @@ Task<Result<SyncRegisters>> read_mode(Network& network, const Slave& slave, std:
     co_return no_such_mode(slave, number);
 }
 
-// What the slave wants: by dcsync0(), by its configuration, or by its SII.
+// The SYNC signals of the slave: from dcsync0(), from its configuration, or from its SII.
 Task<Result<SyncRegisters>> find_sync(Network& network, Slave& slave) {
     const ClockEntry& clock = network.clocks.of(slave);
     const SyncSettings wanted = slave.config.dc();
@@ -91,7 +91,7 @@ Task<Result<SyncRegisters>> find_sync(Network& network, Slave& slave) {
     co_return mode;
 }
 
-// invalid_argument where a pulse is as long as the cycle of its signal, which then has no edges.
+// invalid_argument if a pulse is at least as long as the cycle of its signal: such a signal has no edges.
 Error check_pulse(std::int32_t pulse_ns, const SyncRegisters& sync) {
     constexpr std::uint16_t kSync0 = wire::sync_activation::kSync0 << 8;
     constexpr std::uint16_t kSync1 = wire::sync_activation::kSync1 << 8;
@@ -106,13 +106,13 @@ Error check_pulse(std::int32_t pulse_ns, const SyncRegisters& sync) {
     return error;
 }
 
-// The start time lies in the future when the registers are written; when a frame was lost meanwhile, the caller tries
+// Writes the registers while the start time is still in the future. If a frame was lost meanwhile, the caller tries
 // again.
 Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     const Station station = network.station(slave);
     ClockEntry& clock = network.clocks.of(slave);
     const ClockSettings& settings = network.clocks.settings;
-    // SYNC signals that run go on when others are refused.
+    // First the checks: if the new SYNC signals are refused, the active ones continue.
     if (sync.assign_activate != 0) co_await required(read_pulse_length(network, slave));
     const Error no_edges = check_pulse(clock.pulse_ns, sync);
     if (no_edges.code != Errc::none) co_return no_edges;
@@ -138,8 +138,8 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
         start_time_ns(now_ns + static_cast<std::uint64_t>(settings.start_delay.count()), grid, sync.shift_ns);
     if (settings.start_time != nullptr)
         start_ns = settings.start_time(slave.number, start_ns, settings.start_time_user);
-    // The chip would wait for a time that has passed for centuries, or until 32 bits wrap. With 32 bits, it would start
-    // whole wraps too early.
+    // If the start time has passed, the chip would wait for centuries, or until its 32 bits wrap. If the start time of
+    // a clock of 32 bits is more than one wrap ahead, the chip would start too early.
     const auto ahead = static_cast<std::int64_t>(start_ns - now_ns);
     Error refused = invalid_time(Argument::sync_start);
     if (ahead > std::int64_t{UINT32_MAX}) refused.expected = UINT32_MAX;
@@ -173,7 +173,8 @@ Task<Result<bool>> has_its_clock(Network& network, Slave& slave) {
     co_return co_await required(is_near(network, slave));
 }
 
-// A clock that has its time while the reference has none: it goes on at the rate that it has learned. nullptr: none.
+// A clock that has kept its time while the reference was away; this clock runs at the rate that it has learned.
+// nullptr: none.
 Slave* kept_clock(Network& network) {
     Clocks& clocks = network.clocks;
     for (Slave& slave : network.slaves()) {
@@ -193,7 +194,9 @@ Task<Result<>> continue_reference(Network& network) {
     Slave& reference = network.slave(clocks.reference);
     Slave* const kept = network.redundancy == nullptr ? kept_clock(network) : nullptr;
     co_await required(latch_receive_times(network));
-    const Time sent = std::max(clocks.latched_at, network.engine.link().last_cycle());  // beside a cycle: with it
+    const Time sent =
+        std::max(clocks.latched_at,
+                 network.engine.link().last_cycle());  // in a running cycle, the datagram was sent with the cycle
     co_await required(read_receive_times(network, reference, Keep::no));
     if (kept != nullptr) {
         co_await required(read_receive_times(network, *kept, Keep::no));
@@ -206,8 +209,8 @@ Task<Result<>> continue_reference(Network& network) {
     co_return co_await required(write_clock(network, reference));
 }
 
-// Whether the reference was reset. Its offset is 0 then, unless the bus shift has written one to it meanwhile: then its
-// time is far from that which is known. `offset`: its register.
+// Whether the reference clock was reset. Then its offset is 0, or, if the bus shift has written an offset meanwhile,
+// its time is far from the expected system time. `offset`: receives the offset register.
 Task<Result<bool>> was_reset(Network& network, const Slave& reference, std::uint64_t& offset) {
     constexpr std::int64_t kNearest_ns = 20'000'000;
     constexpr std::int64_t kRateParts = 500;  // 2000 ppm
@@ -236,7 +239,8 @@ Task<Result<>> restore_reference(Network& network) {
     const Slave& reference = network.slave(clocks.reference);
     const auto reset = co_await required(was_reset(network, reference, offset));
     if (reset) co_await required(continue_reference(network));
-    // The cycles carry no time since it was lost, unless another one has become the reference meanwhile.
+    // The cycles have carried no time since the reference was lost, unless another slave has become the reference
+    // meanwhile.
     if (!clocks.paused && clocks.reference == reference.number) (void)carry_time_of(network, &reference);
     co_return Nothing{};
 }
@@ -248,8 +252,8 @@ Slave& reference_of(Network& network, const Slave& slave) {
                                                        : network.redundancy->reference_of(network, slave));
 }
 
-// The clock of the slave from that of the reference: both latch the same frame. The delay of a slave that configdc()
-// has not seen is measured before; its neighbours are measured with it.
+// Sets the clock of the slave by the clock of the reference: both latch the same frame. If configdc() has not seen the
+// slave, its delay is measured first, together with the delays of its neighbours.
 Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
     if (!clocks.of(slave).measured) co_await required(improve_delays(network));
@@ -277,14 +281,15 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     co_return co_await required(write_clock(network, slave));
 }
 
-// A clock that is being set is left out when the delays are measured: perhaps they were measured meanwhile.
+// A measurement of the delays does not write the delay of a clock that is being set. So the delay is written again
+// here, because delays may have been measured meanwhile.
 Task<Result<>> write_delay_again(Network& network, Slave& slave) {
     co_return co_await required(
         write_clock_register(network.station(slave), wire::reg::kSystemTimeDelay, network.clocks.of(slave).delay_ns));
 }
 
-// Sends the time until the slave's clock is within the limit, for kLongest at most. After that the supervision reports
-// the clock.
+// Sends the time until the clock of the slave is within the limit, for kLongest at most. If the clock is still outside
+// the limit, the supervision reports it later.
 Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
     constexpr Duration kLongest = std::chrono::milliseconds(800);
     const Time give_up = later(network.engine.now(), kLongest);
@@ -302,19 +307,20 @@ Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
 
 }  // namespace
 
-// The slave is before the reference in the ring, so the time of the reference does not reach it: it would get what the
-// master has sent. While the cycles carry no time it is set by the reference, and then is the reference itself. The
-// other clocks go on at their rates meanwhile.
+// The slave is before the reference in the ring, so the time of the reference does not reach the slave: it would
+// receive the time that the master has sent. So the cycles stop to carry the time, the clock of the slave is set by the
+// reference, and the slave becomes the reference. Meanwhile the other clocks run at their rates.
 Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) {
     Clocks& clocks = network.clocks;
     constexpr Duration kLongestOther = std::chrono::seconds(8);
-    // With long cycles this takes long: the others have the time meanwhile.
+    // With long cycles the measurement takes long. The cycles still carry the time meanwhile.
     if (!clocks.of(slave).measured) co_await required(improve_delays(network));
     const Time give_up = later(network.engine.now(), kLongestOther);
     while (network.redundancy == nullptr && clocks.paused && network.engine.now() < give_up)
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));  // another slave becomes the reference now
     (void)carry_time_of(network, nullptr);
-    // After a loss of power it has followed the system time as fast as it can, and would go on while it is set.
+    // After a loss of power, the control loop corrects the clock at the greatest rate, and would continue while the
+    // clock is being set.
     auto set = co_await reset_control_loop(network.station(slave));
     if (set) set = co_await set_clock_by_reference(network, slave);
     if (set && rate == ClockRate::of_reference) set = co_await learn_rate(network, slave, reference_of(network, slave));
@@ -325,7 +331,8 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
     if (set) set = co_await write_delay_again(network, slave);
     clocks.lose_sync(slave);
     if (first) co_await completion(set_reference(network, slave));
-    // With another rate it leads its followers away until they have learned it; the others are not in step with it.
+    // If the new reference has another rate, the clocks that follow it need time to learn this rate. The clocks that do
+    // not follow the slave are not in step with it.
     for (const Slave& other : network.slaves())
         if (first && (rate == ClockRate::own || followed_clock(network, other).slave != slave.number))
             clocks.lose_sync(other);
@@ -336,9 +343,9 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
 
 namespace {
 
-// Of a branch that is back before the reference: a slave that is there before this one becomes the reference, and this
-// one follows it. Until then it gets what the master sends. Where that slave does not reach its state,
-// return_to_first_clock() brings this one to the reference.
+// A branch before the reference has come back: whether another slave with a clock is before this slave. Then the other
+// slave becomes the reference, and this slave follows it; until then, this slave receives the time that the master
+// sends. If the other slave does not reach its state, return_to_first_clock() makes this slave the reference.
 bool follows_another(Network& network, const Slave& slave) {
     if (network.redundancy != nullptr) return false;
     return std::ranges::any_of(network.slaves(), [&network, &slave](const Slave& other) {
@@ -348,7 +355,7 @@ bool follows_another(Network& network, const Slave& slave) {
     });
 }
 
-// A slave that was lost while it was made the reference may have the deepest filter: see calm_rate().
+// calm_rate() sets the deepest filter. A slave that was lost meanwhile may still have this filter.
 Task<Result<>> restore_filter(Network& network, const Slave& slave) {
     const wire::Register filter = wire::reg::kSystemTimeDifferenceFilter;
     const auto depth = co_await required(read<std::uint8_t>(network.station(slave), filter, Step::configure_clocks));
@@ -373,7 +380,7 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     clock.end_sync();
     clock.follows = 0;
     clocks.lose_sync(slave);
-    // set_late_clock() sets it when the reference is back, or another one has taken over.
+    // set_late_clock() sets the clock when the reference is back, or when another slave has become the reference.
     if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
     const Slave& reference = network.slave(clocks.reference);
     // 0: its place in the ring is not known yet.
@@ -389,12 +396,12 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
 
 }  // namespace
 
-// A slave that was away may not have compared its clock since.
+// A slave that was away may not have received a time since then, so its difference register may be old.
 Task<Result<bool>> is_near(Network& network, Slave& slave) {
     const ClockEntry& clock = network.clocks.of(slave);
     Slave& reference = reference_of(network, slave);
     if (!clock.synchronised || network.clocks.reference == slave.number) co_return true;
-    if (reference.al.state == AlState::none) co_return true;  // nothing to compare with
+    if (reference.al.state == AlState::none) co_return true;  // without the reference, no comparison is possible
     const bool watched = network.clocks.settings.watch_interval > Duration{0};
     if (!watched || (!clock.is_in_step() && !clock.knows_difference())) {
         const auto ahead = co_await required(measure_ahead(network, slave, reference));
@@ -408,7 +415,7 @@ Task<Result<>> read_pulse_length(Network& network, Slave& slave) {
     constexpr std::int32_t kUnit_ns = 10;
     auto units = co_await read<std::uint16_t>(network.station(slave), reg::kSyncPulseLength, Step::configure_clocks);
     if (!units && !does_not_answer(units.error())) co_return units.error();
-    // If the slave does not answer at all, nothing is known of its register.
+    // Without any reply of the slave, it is not known whether the slave has this register.
     if (!units) co_await required(read<std::uint8_t>(network.station(slave), reg::kType, Step::configure_clocks));
     network.clocks.of(slave).pulse_ns = units ? kUnit_ns * std::int32_t{*units} : -1;
     co_return Nothing{};

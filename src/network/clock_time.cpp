@@ -1,4 +1,5 @@
-// The system time from what the cycles bring. A file of its own: programs that use it may not use the clocks.
+// Reads the system time from the time that the cycles bring. This file is separate, because a program may use this
+// function without the other functions of the clocks.
 #include "network/clocks.hpp"
 #include "network/network.hpp"
 

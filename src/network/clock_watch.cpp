@@ -16,14 +16,15 @@ bool is_there(Network& network, std::uint16_t number) {
     return number != 0 && network.slave(number).al.state != AlState::none;
 }
 
-// Below SAFEOP, a slave that has come back may not have its clock yet: prepare_clock() gives it back.
+// Below SAFEOP, the clock of a slave that has come back may not be set yet: prepare_clock() sets it.
 bool has_its_state(Network& network, const Slave& slave) {
     return slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave);
 }
 
-// The first slave in the ring whose clock is synchronised, and that is not lost when the slave `without` is lost: then
-// its time must be that of the others, because it is not compared before. Not one beside a ring, whose time the other
-// clocks do not get.
+// The first slave in the ring whose clock is synchronised and that stays present when the slave `without` is lost. With
+// `without`, the clock must also be in step with the others, because it is not compared before it becomes the
+// reference. A clock beside a ring is left out, unless the reference is beside the ring too: its time does not reach
+// the other clocks.
 std::uint16_t next_reference(Network& network, std::uint16_t without) {
     const auto ring = network.seen_ring();
     const std::size_t lost = without == 0 ? 0 : network.slave(without).ring_position;
@@ -61,7 +62,8 @@ bool is_time_overlapped(const Network& network) {
     });
 }
 
-// Sends the slave its own time: what it shows now, and continued until it gets it. False: a frame was lost.
+// Sends the slave its own time: reads the time of the slave, adds the time since the reading, and writes the sum.
+// False: a frame was lost.
 Task<Result<bool>> compare_with_itself(Network& network, const Slave& slave) {
     const Station station = network.station(slave);
     const bool wide = network.clocks.of(slave).kind == ClockKind::bits64;
@@ -79,18 +81,20 @@ Task<Result<bool>> compare_with_itself(Network& network, const Slave& slave) {
     co_return shown.ok() && shown.wkc != 0;
 }
 
-// When the reference was lost, the clocks took the time that the master had sent, and the way of the frame became
-// shorter perhaps: the mean of the differences leads the slave away from its rate, and nothing corrects a reference. A
-// write to the depth of its filter clears the mean. One comparison, through a filter so deep that its jitter does not
-// count, brings the rate back that the slave has learned. False: the slave may have another rate.
+// When the reference was lost, the clocks took the time that the master had sent, and the way of the frame may have
+// become shorter. So the mean of the differences leads the slave away from its rate, and no comparison corrects the
+// clock of a reference. A write to the depth of the filter clears the mean. Then one comparison, through the deepest
+// filter, restores the rate that the slave has learned. False: the slave may have another rate.
 Task<Result<bool>> calm_rate(Network& network, Slave& slave) {
     constexpr unsigned kMostTries = 3;
-    constexpr std::int64_t kMostAway = 16;  // limits: by more, what it has learned is spoilt too
+    constexpr std::int64_t kMostAway =
+        16;  // in multiples of the limit: a greater difference has also changed the learned rate
     const Station station = network.station(slave);
     const std::int64_t near_ns = network.clocks.settings.limit_ns / 8;
     const auto found =
         co_await required(read<std::uint8_t>(station, reg::kSystemTimeDifferenceFilter, Step::configure_clocks));
-    const std::uint8_t depth = found == kDeepestFilter ? kUsualFilter : found;  // this sequence may have ended early
+    const std::uint8_t depth =
+        found == kDeepestFilter ? kUsualFilter : found;  // an earlier execution of this sequence may have been cut
     co_await required(read_difference(network, slave));
     const std::int64_t away_ns = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
     if (found == depth && away_ns <= near_ns) co_return true;
@@ -110,8 +114,8 @@ void stop_time(Network& network) {
     network.clocks.paused = false;
 }
 
-// The new reference shows the time of the lost one: it has followed it, and its register 0x0928 is subtracted when the
-// master reads the time. So all delays stay right, and no clock makes a step.
+// The new reference shows the time of the lost reference, because it has followed that clock and the chip subtracts
+// register 0x0928 when the master reads the time. So all delays stay right, and no clock makes a step.
 Task<Result<>> replace_reference(Network& network) {
     Clocks& clocks = network.clocks;
     const bool known = std::exchange(clocks.loss_reported, true);
@@ -134,7 +138,7 @@ Task<Result<>> replace_reference(Network& network) {
     co_return co_await required(set_reference(network, slave));
 }
 
-// Of a clock that is `own_ns` ahead of the clock that it follows.
+// The greatest possible difference to the reference of a clock that is `own_ns` ahead of the clock that it follows.
 std::int64_t greatest_ahead_ns(const FollowedClock& followed, std::int64_t own_ns) {
     const std::int64_t ahead = own_ns + followed.ahead_ns;
     return ahead < 0 ? ahead - followed.moves_ns : ahead + followed.moves_ns;
@@ -144,13 +148,15 @@ void note_difference(Network& network, const Slave& slave) {
     Clocks& clocks = network.clocks;
     ClockEntry& clock = clocks.of(slave);
     const FollowedClock followed = followed_clock(network, slave);
-    // The register of the reference shows a time that was meant for others, unless the application writes times to it,
-    // or the cycles carry the time of the standby: then the reference follows what the master sends.
+    // The difference register of the reference shows a comparison with a time for other clocks. It is valid only when
+    // the application writes times to the reference, or when the cycles carry the time of the standby: then the
+    // reference follows the time that the master sends.
     const bool own_time = slave.number == clocks.reference && !clocks.is_driven && clocks.without_time < 2;
     const bool known = clock.knows_difference() || (own_time && network.redundancy == nullptr);
     if (!known || followed.slave != clock.follows) return;
     if (followed.slave != clocks.reference) {
-        const std::int64_t own = followed.slave == slave.number ? 0 : clock.difference_ns;  // no frame brings it a time
+        const std::int64_t own =
+            followed.slave == slave.number ? 0 : clock.difference_ns;  // a reference clock follows no other clock
         clock.difference_ns = static_cast<std::int32_t>(
             std::clamp<std::int64_t>(greatest_ahead_ns(followed, own), -INT32_MAX, INT32_MAX));
     }
@@ -160,7 +166,8 @@ void note_difference(Network& network, const Slave& slave) {
     const auto change = clock.watch.update(difference, limit, network.engine.now());
     clock.in_sync = clock.watch.in_sync();
     clock.knows_rate |= clock.in_sync;
-    // Perhaps it was not in sync before it was compared: after a loss of the reference, or while the bus is shifted.
+    // The clock may have lost `in_sync` before this comparison: after a loss of the reference, or while the bus is
+    // shifted.
     const bool away = std::abs(std::int64_t{difference}) > limit.limit_ns;
     const bool out = change == SyncWatch::Change::out_of_sync || (clock.told_in_sync && !clock.in_sync && away);
     const bool in = change == SyncWatch::Change::in_sync;
@@ -182,9 +189,8 @@ Task<Result<>> look_at_clock(Network& network, Slave& slave) {
 }
 
 // Finds out whether the time of another clock was written to the reference: by a frame with ARMW while another slave
-// was in its position, or by another program. Nothing else writes a time to the reference, so its rate would stay
-// wrong: its control loop starts again. Where the application or MasterClock writes times to the reference, this is
-// left out.
+// had its position, or by another program. Then the rate of the reference is wrong and would stay wrong, so its control
+// loop starts again. This check is left out if the application or MasterClock writes times to the reference.
 Task<Result<>> check_reference(Network& network) {
     Clocks& clocks = network.clocks;
     if (clocks.is_driven) co_return Nothing{};
@@ -198,7 +204,7 @@ Task<Result<>> check_reference(Network& network) {
     co_return co_await required(reset_control_loop(network.station(slave)));
 }
 
-// While all clocks are in sync, the difference of one more of them is read in each round.
+// While all clocks are in sync, each round reads the difference of one clock, in turn.
 Task<Result<>> look_at_next_clock(Network& network) {
     std::uint16_t& last = network.clocks.looked_at;
     for (std::uint16_t n = 0; n < network.count; ++n) {
@@ -277,7 +283,8 @@ void watch_soon(Network& network) {
 
 // Keeps the time of the last cycle. A cycle that has stopped to carry the time of the reference, though the reference
 // is there, carries it again after some rounds: the supervision needs some time to see that the reference is lost.
-// True: it has stopped, and the registers of the reference tell sooner whether this is still the same clock.
+// True: the cycle carries no time now, so the caller reads the registers of the reference to find out early whether the
+// reference was reset.
 bool note_time_of_cycle(Network& network) {
     Clocks& clocks = network.clocks;
     constexpr std::uint8_t kEnough = 20;
@@ -291,13 +298,13 @@ bool note_time_of_cycle(Network& network) {
         const TimeSource source = time_source(group);
         const TimeSource wanted = time_source_of(group.slaves, reference, group.by_position);
         const bool of_reference = source.command == wire::Command::ARMW || source == by_station(reference);
-        if (of_reference && source != wanted) {  // positions are not known while a slave is lost
+        if (of_reference && source != wanted) {  // while a slave was lost, the station address was used
             (void)carry_time_of(network, &reference);
             continue;
         }
         if (group.dc_time.slaves != 0 && settled)
             clocks.note_seen_time(group.dc_time.value, is_time_whole(group), received_at(group, network.engine.link()));
-        // Two answers in succession tell the next time: with long cycles, that takes several rounds.
+        // The next time is predicted from two consecutive replies. With long cycles this takes several rounds.
         const bool reads = group.overlap.sets == 1 && source.address == wanted.address &&
                            (source.command == wire::Command::FPRD || source.command == wire::Command::APRD);
         if (group.dc_time.slaves != 0 && of_reference)
@@ -318,7 +325,7 @@ Task<Result<>> compare_clocks(Network& network) {
     auto greatest = co_await required(read_greatest_difference(network));
     greatest = std::max(greatest, second_ahead_ns(network));
     clocks.greatest_ns = greatest;
-    // A slave that was away is there again since the last look.
+    // A slave that was away may have come back since the last round.
     clocks.all_in_sync = clocks.all_in_sync && all_in_sync(network);
     if (greatest <= clocks.settings.limit_ns && clocks.all_in_sync) {
         co_return co_await required(look_at_next_clock(network));
@@ -330,9 +337,10 @@ Task<Result<>> compare_clocks(Network& network) {
     co_return all;
 }
 
-// In the intervals of the watch, until `done`.
+// Compares the clocks in the intervals of the watch, until `done`.
 Task<Result<>> compare_until(Network& network, const bool& done) {
-    constexpr Duration kLook = std::chrono::milliseconds(10);  // the supervision waits for the end
+    constexpr Duration kLook =
+        std::chrono::milliseconds(10);  // short, because the supervision waits for the end of this sequence
     for (Time due = later(network.engine.now(), network.clocks.settings.watch_interval);;) {
         co_await network.engine.sleep_for(std::min(kLook, network.clocks.settings.watch_interval));
         if (done || network.silent || !is_there(network, network.clocks.reference)) co_return Nothing{};
@@ -342,11 +350,12 @@ Task<Result<>> compare_until(Network& network, const bool& done) {
     }
 }
 
-// A measurement takes some cycles for each time that the receive times are latched.
+// Measures the delays and compares the clocks meanwhile, because each latching of the receive times takes some cycles.
 Task<Result<>> improve_and_compare(Network& network) {
     bool done = false;
     Crew comparing(1);
-    if (network.redundancy == nullptr) (void)comparing.start(compare_until(network, done));  // else the ring is open
+    if (network.redundancy == nullptr)
+        (void)comparing.start(compare_until(network, done));  // with two NICs the ring is open meanwhile
     auto improved = co_await improve_delays(network);
     done = true;
     co_await comparing.all();
@@ -395,7 +404,7 @@ Task<Result<>> watch_clocks(Network& network) {
     if (stopped) co_await completion(restore_reference(network));
     note_cycle_time(network);
     choose_standby(network);
-    constexpr std::uint8_t kEnoughOld = 5;  // then all slaves of a branch are lost, or back
+    constexpr std::uint8_t kEnoughOld = 5;  // after these rounds, all slaves of a branch are lost or back
     const bool old = clocks.rounds_old >= kEnoughOld;
     const bool guessed = network.redundancy != nullptr && (old || network.redundancy->delays_are_guessed()) &&
                          network.ring_parts().whole && !network.redundancy->are_ports_old() &&

@@ -59,7 +59,7 @@ Result<std::uint16_t> choose_reference(Network& network, std::uint16_t wanted) {
     return error;
 }
 
-// One measurement: all latch, all are read.
+// One measurement: all slaves latch their receive times, then the receive times of all slaves are read.
 Task<Result<>> measure_once(Network& network) {
     co_await required(latch_receive_times(network));
     if (network.clocks.unknown_latched) co_return Error{.code = Errc::unstable, .step = kClockStep};
@@ -127,7 +127,7 @@ Task<Result<>> measure(Network& network) {
     co_return Nothing{};
 }
 
-// Places of the ring that the frames enter as they do now.
+// Whether the break of the ring is at another place than `before`.
 bool ring_has_changed(Network& network, const RingParts& before) {
     const RingParts now = network.ring_parts();
     return now.whole != before.whole || now.front != before.front;
@@ -147,7 +147,8 @@ void compute_offsets(Network& network) {
     }
 }
 
-// A clock that is out of reach begins with the right time, too: it is compared with times that the master has sent.
+// A clock that is out of reach gets the right time once, too, because its register compares it with times that the
+// master has sent.
 Task<Result<>> write_clock_if_any(Network& network, Slave& slave) {
     if (!is_clock(network.clocks.of(slave).kind)) co_return Nothing{};
     co_return co_await required(write_clock(network, slave));
@@ -164,7 +165,7 @@ Task<Result<>> read_difference_if_any(Network& network, Slave& slave) {
     co_return co_await required(read_difference(network, slave));
 }
 
-// Of all slaves. A slave that does not answer any more was lost meanwhile: what is known of its clock is old.
+// Reads the differences of all slaves. Error unstable: a slave does not answer, so it was lost meanwhile.
 Task<Result<>> read_differences(Network& network) {
     Error first;
     const auto read = [&network](Slave& s) { return read_difference_if_any(network, s); };
@@ -174,7 +175,7 @@ Task<Result<>> read_differences(Network& network) {
 }
 
 Task<Result<std::uint32_t>> read_each_difference(Network& network) {
-    auto read = co_await read_differences(network);  // that of a slave that does not answer stays
+    auto read = co_await read_differences(network);  // a slave that does not answer keeps its old difference
     if (!read && read.error().code == Errc::capacity) co_return read.error();
     std::uint32_t most = 0;
     for (const Slave& slave : network.slaves()) {
@@ -186,8 +187,8 @@ Task<Result<std::uint32_t>> read_each_difference(Network& network) {
     co_return most;
 }
 
-// Many frames with the time, several of them on the wire at once. Beside a cycle they wait for its spare room: then the
-// burst ends with its time.
+// Sends many frames with the time, several of them on the wire at the same time. In a running cycle they wait for free
+// space in its frames. So the time of the burst is limited.
 Task<Result<>> send_burst(Network& network) {
     constexpr Duration kLongest = std::chrono::seconds(2);
     const ClockSettings& settings = network.clocks.settings;
@@ -220,8 +221,8 @@ Error worst_clock(Network& network, std::int64_t most) {
     return error;
 }
 
-// Whether every clock is within the limit. The upper estimate is less than twice the greatest difference: only where it
-// is little above the limit, each clock is asked.
+// Whether every clock is within the limit. The upper estimate is less than twice the greatest difference. Only if the
+// estimate is between the limit and twice the limit, each clock is read.
 Task<Result<bool>> are_within_limit(Network& network) {
     const std::uint32_t limit = network.clocks.settings.limit_ns;
     const auto greatest = co_await required(read_greatest_difference(network));
@@ -352,7 +353,7 @@ Task<Result<>> send_time(Network& network) {
         const Time left = carrier == nullptr ? now : std::max(now, carrier->pace.last);
         network.clocks.note_seen_time(load_le<std::uint64_t>(time), wide, left);
     }
-    co_return Nothing{};  // a lost frame is one of many
+    co_return Nothing{};  // a lost frame is no error: the next frame brings the time
 }
 
 Task<Result<std::uint32_t>> read_greatest_difference(Network& network) {
@@ -371,7 +372,8 @@ Task<Result<>> read_difference(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-// Where more slaves answer, the frames go other ways than in the ring as it was read last.
+// The number of slaves that should answer at most. If more slaves answer, the frames take other ways than in the ring
+// that was read last.
 static std::ptrdiff_t most_answers(Network& network) {
     return std::ranges::count_if(network.seen_ring(), [&network](const RingPlace& place) {
         return place.slave == 0 || network.slave(place.slave).al.state != AlState::none;

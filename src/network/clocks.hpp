@@ -21,10 +21,10 @@ struct Network;
 struct Station;
 struct ProcessGroup;
 
-// SYNC signals as the registers have them.
+// The register values of the SYNC signals.
 struct SyncRegisters {
     std::uint16_t assign_activate = 0;  // 0: no SYNC signals
-    bool misfit_told = false;           // that they do not fit the cycle: see note_sync_cycles()
+    bool misfit_told = false;           // the misfit with the cycle was reported: see note_sync_cycles()
     std::uint32_t sync0_cycle_ns = 0;
     std::uint32_t sync1_cycle_ns = 0;
     std::int64_t shift_ns = 0;
@@ -190,7 +190,8 @@ struct Clocks {
 // See configdc(). Returns the number of the reference clock.
 [[nodiscard]] Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings settings);
 
-// Gives a slave whose clock was reset delay and offset, as prepare does it, and activates its SYNC signals.
+// Writes delay and offset of a slave whose clock was reset, and activates its SYNC signals. This is the function of
+// Clocks::prepare.
 [[nodiscard]] Task<Result<>> prepare_clock(Network& network, Slave& slave);
 [[nodiscard]] Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync);
 // The registers for settings of the application; invalid_argument when a time does not fit.
@@ -207,8 +208,8 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 
 // The next cycles carry the time of this slave; nullptr: no time. False where cycles overlap: see redirect_time().
 [[nodiscard]] bool carry_time_of(Network& network, const Slave* slave);
-// The slave, whose time the cycles carry, is the reference from now on. The error is the error of a request to a second
-// reference, which the supervision repeats.
+// From now on the slave is the reference. The cycles already carry its time. The error is the error of a request to a
+// second reference, which the supervision repeats.
 [[nodiscard]] Task<Result<>> set_reference(Network& network, const Slave& slave);
 // Sends the time of the reference clock to all slaves once, in a frame of its own.
 [[nodiscard]] Task<Result<>> send_time(Network& network);
@@ -249,9 +250,9 @@ bool find_old_delays(Network& network);
 void correct_topology(Network& network);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);
-// How much later a frame passes `slave` than `reference`. Where a break of the ring is between both slaves, the copies
-// of the frame are compared: the time is measured, with the present ways, as if both NICs had sent at the same time.
-// Errors: unstable (the ring has changed meanwhile).
+// How much later a frame passes `slave` than `reference`. If a break of the ring is between both slaves, the two copies
+// of the frame are compared, as if both NICs had sent them at the same time. Errors: unstable (the ring has changed
+// meanwhile).
 [[nodiscard]] Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Slave& reference);
 // Whether a break of the ring is between both, and the ways of both copies are not measured, because some clocks are
 // beside the ring: neither clock can be set by the other one until the ring is whole.

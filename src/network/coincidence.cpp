@@ -35,13 +35,14 @@ bool may_be_coincidence(const ProcessGroup& group) {
     for (const Slave& slave : group.slaves) {
         if (slave.image.group != group.number) continue;
         const SlaveMarks& marks = group.marks[slave.number - 1U];
-        // Without it the sum would be short: another slave has answered, or the reading of its state is old.
+        // Without the share of this slave the sum would be short. So another slave has answered, or the known state of
+        // this slave is old.
         const bool down = std::min(slave.al.state, awaited_state(marks, slave)) < AlState::safeop;
         if (slave.takes_part && (down || marks.uncertain)) return true;
         entering |= marks.uncertain;
     }
-    // A slave that the last cycle has missed answers in no cycle under way, and one that left since then does. Where
-    // cycles overlap, there is a cycle or more between a change on the wire and the moment when it is known.
+    // One slave may have missed the last cycle and may answer now, while another slave that has left does not answer in
+    // the cycle under way. If cycles overlap, the library knows a change on the wire only one or more cycles later.
     const bool joined = group.joins_under_way > 0;
     const bool was_fresh = group.unfresh_cycle != (group.cycle_received & 0xFFU);
     const bool both = joined || !was_fresh || group.overlap.sets > 1;
@@ -96,7 +97,7 @@ Task<Result<>> read_members(Network& network, ProcessGroup& group) {
 void note_joining(ProcessGroup& group, const Slave& slave) {
     if (!group.mapped) return;  // config_map() has failed: there are no cycles
     group.joins_under_way = cycles_under_way(group) & 0xFU;
-    ++group.overlap.doubts;  // its state is not being read
+    ++group.overlap.doubts;  // a reading of states that is under way does not include this slave
     group.marks[slave.number - 1U].joining = true;
     group.marks[slave.number - 1U].joined_after = sent_cycles(group);
 }
@@ -121,7 +122,8 @@ void note_cycle(ProcessGroup& group, bool fresh) {
     if (group.joins_under_way > 0) --group.joins_under_way;
     if (group.leaves_under_way > 0) --group.leaves_under_way;
     if (group.mapping) return;  // its inputs are not fresh, and all slaves are configured anew
-    // Lost, or all slaves answer although one is missing: the next sum may be the accepted one by coincidence.
+    // The datagram was lost, or all slaves have answered although one of them does not take part. So the next working
+    // counter may be the accepted one by coincidence.
     bool odd = false;
     bool fell_short = false;
     std::uint16_t sums = 0;

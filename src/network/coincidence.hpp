@@ -16,8 +16,8 @@ void note_leaving(ProcessGroup& group);
 // removes the slaves from the exchange whose FMMUs are known to be cleared, because their sequences have not continued
 // yet. `changed`: the cycle before had another working counter, or was lost.
 [[nodiscard]] bool is_sure(ProcessGroup& group, const DatagramStatus& status, bool changed);
-// Call it at the end of a cycle that was not simply right. `fresh`: it has brought the inputs of all slaves that take
-// part.
+// Call it at the end of a cycle that has not passed the fast check. `fresh`: the cycle has brought the inputs of all
+// slaves that take part.
 void note_cycle(ProcessGroup& group, bool fresh);
 // Call it when the NIC has refused a frame of a cycle: it is lost, and the application may not receive it.
 void note_refusal(ProcessGroup& group);
@@ -30,14 +30,14 @@ void confirm_sums(Network& network, ProcessGroup& group);
 // The same for sequences that read the states of all slaves anyway.
 class SumConfirmation {
   public:
-    // Before the first state is read. `only`: the states of this group alone are read.
+    // Create it before the first state is read. `only`: the states of this group alone are read.
     explicit SumConfirmation(Network& network, const ProcessGroup* only = nullptr)
         : network_(network), only_(only), doubts_(count_doubts()) {}
     [[nodiscard]] bool concerns(const Slave& slave) const {
         return slave.takes_part && (only_ == nullptr || slave.image.group == only_->number);
     }
     void note(const Slave& slave, const Result<AlStatus>& seen);
-    // After the last one was read.
+    // Call it after the last state was read.
     void end() const;
 
   private:

@@ -62,7 +62,7 @@ MutableBytes bytes_of_fmmu(FmmuBytes& bytes, std::size_t n) {
     return MutableBytes(bytes).subspan(n * reg::kFmmuStride, reg::kFmmuStride);
 }
 
-// Not in the sequences: the FMMUs would be kept in their memory while they wait.
+// This is a plain function: in a sequence, the frame of the coroutine would hold the FMMUs during each co_await.
 Error store_fmmus(FmmuBytes& bytes, const Slave& slave, const ImageLayout& layout, bool active) {
     const auto fmmus = make_fmmus(slave, layout);
     for (std::size_t n = 0; fmmus && active && n < fmmus->at.size(); ++n)
@@ -211,7 +211,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     if (before->state == AlState::safeop || before->state == AlState::op) {
         co_await required(bring_to_state(network, slave, AlState::preop));
     }
-    if (slave.al.state != AlState::preop) {  // it has fallen since it was started
+    if (slave.al.state != AlState::preop) {  // the slave has left PREOP by itself
         Error error = station.error(Errc::other_state, Step::request_state, 0);
         error.expected = static_cast<std::uint32_t>(AlState::preop);
         error.actual = static_cast<std::uint32_t>(slave.al.state);

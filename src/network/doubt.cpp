@@ -11,7 +11,8 @@
 namespace margay {
 namespace {
 
-// The cycles of its group show that the slave is there: the two last ones, and none is overdue.
+// Whether the cycles of its group show that the slave is present: the interval of the last two cycles was short, and
+// the next cycle is not overdue.
 bool is_shown_by_cycles(Network& network, const Slave& slave) {
     if (!slave.takes_part || !is_mapped(network, slave)) return false;
     const ProcessGroup& group = network.process.groups[slave.image.group];
@@ -20,7 +21,7 @@ bool is_shown_by_cycles(Network& network, const Slave& slave) {
     return pace.last <= later(pace.before, Link::kPause) && network.engine.now() <= later(pace.last, Link::kPause);
 }
 
-// While the cycles of other slaves go on: a slave that no cycle shows may have been exchanged.
+// Doubts the slaves that no cycle shows: they may have been exchanged while the cycles of other slaves continued.
 bool doubt_unshown(Network& network) {
     bool any = false;
     for (const Slave& slave : network.slaves()) {
@@ -39,8 +40,9 @@ void doubt_all(Network& network, bool away) {
     if (!away) return;
     for (const Slave& slave : network.slaves()) {
         if (!is_known(slave)) continue;
-        drop_work(network, slave);  // a sequence that waits, for example a hook, would go on with another machine
-        // Mail in BOOT goes on: its firmware may be incomplete, and a device that was exchanged is not in BOOT.
+        drop_work(network, slave);  // a waiting sequence, for example a hook, could continue with another machine
+        // Mail of a slave in BOOT continues: its firmware may be incomplete, and a device that was exchanged is
+        // normally not in BOOT.
         if (network.has_mailbox(slave) && slave.al.state != AlState::boot)
             network.mailbox(slave).interrupt(Errc::identity_unread);
     }

@@ -80,7 +80,7 @@ class EntryTypes final : public EntrySink {
 // reported in errors(); the first error is returned.
 [[nodiscard]] Error place_entries(Network& network, ProcessGroup& group, const Slave* only = nullptr);
 
-// What is done with the entries of a group.
+// The functions for the entries of a group.
 struct detail::EntryPart {
     Task<Result<>> (*discover)(Network& network, Slave& slave);
     Error (*place)(Network& network, ProcessGroup& group, const Slave* only);

@@ -77,8 +77,8 @@ std::size_t number_in_line(Expected list, const Slave& slave, std::size_t next, 
     return next;
 }
 
-// Sets slave.number of all slaves to their new place in the table; until they are moved there it is not their index.
-// Returns the resulting number of entries in the table.
+// Sets slave.number of all slaves to their new place in the table. Until the slaves are moved, slave.number is not
+// their index. Returns the resulting number of entries in the table.
 std::size_t plan_numbers(Network& network) {
     const Expected list = network.expected;
     std::size_t last = 0;
@@ -112,7 +112,8 @@ const ExpectedSlave* wanted_at(Expected list, std::size_t number) {
     return nullptr;
 }
 
-// An address of the list belongs to its slave, also while that slave is missing.
+// The station address of a slave. An address that the list gives to one slave is not used for another slave, also while
+// the first one is missing.
 StationAddress address_of(const Network& network, const Slave& slave) {
     if (slave.wanted != nullptr && slave.wanted->station_address != 0) return {slave.wanted->station_address};
     std::uint16_t address = network.station_address(slave.number).value;
@@ -158,7 +159,8 @@ Result<> check_expected(std::span<const ExpectedSlave> expected) {
     return Result<>();
 }
 
-// Nothing says that an unread slave is another one. What prevented the reading, where that is not overwritten.
+// The error of a slave that could not be read: the cause of the failed reading, if it is still stored; otherwise
+// identity_unread. It is not other_slave, because the identity is not known.
 static Error reading_error(const Slave& slave) {
     const bool told = slave.error.step == Step::read_sii || slave.error.step == Step::read_dl_information;
     if (told && slave.error.code != Errc::none) return slave.error;
@@ -269,7 +271,7 @@ void compare_with_expected(Network& network, FirstFault& faults) {
         Error error;
         if (slave.unexpected) error = {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.number};
         if (slave.other) error = difference(slave, *slave.wanted);
-        // What has prevented the reading of the slave was noted.
+        // The cause of a failed reading was noted already.
         if (error.code != Errc::none && error.code != slave.error.code) network.note(slave, error);
         if (slave.held) faults.keep(error);
     }
@@ -277,7 +279,8 @@ void compare_with_expected(Network& network, FirstFault& faults) {
 
 namespace {
 
-// Whether the device id is needed: an expected slave is recognised by its device id, and this slave may be that one.
+// Whether the device id is needed: an expected slave is recognised by its device id, and this slave may be the expected
+// slave.
 bool id_is_wanted(const Network& network, const Slave& slave) {
     return std::ranges::any_of(network.expected, [&](const ExpectedSlave& wanted) {
         if (!wanted.device_id) return false;

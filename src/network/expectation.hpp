@@ -50,9 +50,9 @@ void compare_with_expected(Network& network, FirstFault& faults);
 // The hot connect group that the slave at a place of the ring belongs to, found through its parents; 0: none.
 [[nodiscard]] std::uint8_t group_above(Network& network, std::uint16_t place);
 
-// A slave that was away keeps its station address with its power, and may have been put behind another head meanwhile.
-// There it is no member of its group, but perhaps one of the other. Errors besides the errors of reading the ring:
-// other_slave, unstable.
+// Checks whether a slave that was away is still in its hot connect group. The slave keeps its station address as long
+// as it has power, and may have been connected behind the head of another group meanwhile. Errors besides the errors of
+// reading the ring: other_slave, unstable.
 [[nodiscard]] Task<Result<>> compare_group(Network& network, const Slave& slave);
 
 }  // namespace margay

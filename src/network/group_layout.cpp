@@ -13,13 +13,14 @@
 namespace margay {
 namespace {
 
-// Where the application has not chosen another one.
+// Whether the application has left the logical address at its default.
 bool is_usual_start(const ProcessGroup& group) {
     return group.config.start.value == group.number * GroupConfiguration::kSpacing;
 }
 
-// Two images at the same logical addresses would be exchanged with the slaves of both groups. `all`: also leaves out
-// what the application has chosen for groups that are not mapped yet.
+// Whether the image can begin at `start` without sharing logical addresses with another group: otherwise the slaves of
+// both groups would exchange both images. `all`: also avoids the addresses that the application has chosen for groups
+// that are not mapped yet.
 bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group, LogicalAddress start, bool all) {
     const std::uint64_t begin = start.value;
     const std::uint64_t end = begin + group.layout.logical_bytes();
@@ -67,7 +68,7 @@ Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& g
     const Clocks& clocks = network.clocks;
     const std::uint16_t usual = group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
     const std::uint16_t wanted = group.config.dc_reference != 0 ? group.config.dc_reference : usual;
-    if (wanted == 0 || wanted > network.count) return wanted;  // plan_datagrams() reports the latter
+    if (wanted == 0 || wanted > network.count) return wanted;  // plan_datagrams() reports a wrong number
     if (is_lost(network, wanted)) return clocks.reference != 0 ? clocks.reference : wanted;
     const bool by_configdc =
         group.config.dc_reference == 0 || (wanted == clocks.reference && wanted == clocks.settings.reference);
@@ -77,8 +78,8 @@ Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& g
     return error.expected == 0 ? Result<std::uint16_t>(wanted) : Result<std::uint16_t>(error);
 }
 
-// A slave that was away keeps its FMMUs. So that they match nothing when its cable is back, each mapping has other
-// logical addresses, unless the application has chosen them.
+// A slave that is away keeps its FMMUs. So each mapping uses other logical addresses, unless the application has chosen
+// the address: then the old FMMUs match nothing when the slave comes back.
 LogicalAddress next_start(const ProcessTables& tables, ProcessGroup& group) {
     constexpr std::uint32_t kStep = 0x0004'0000;
     constexpr std::uint32_t kSteps = GroupConfiguration::kSpacing / kStep;
@@ -137,7 +138,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (prepared && network.clocks.begin_cycles != nullptr) network.clocks.begin_cycles(group);
     if (group.overlap.sets > 1) network.overlapping.store(true, std::memory_order_release);
     if (prepared) begin_counting(network, group);
-    // Until its configuration has ended: the mapping may be cut.
+    // No slave takes part before its configuration has ended, because the mapping may be cut meanwhile.
     for (Slave& slave : network.slaves())
         if (slave.image.group == number) set_takes_part(network, slave, false);
     return prepared;

@@ -33,7 +33,7 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
         co_await completion(bring_to_state(network, slave, AlState::preop));
     }
     Result<> done;
-    if (slave.hooks.preop_to_safeop)  // the application may have changed it meanwhile
+    if (slave.hooks.preop_to_safeop)  // the application may have removed the hook meanwhile
         done = co_await call_hook(slave.hooks.preop_to_safeop, network, slave);
     slave.hook_failed = !done.ok();
     if (!done) faults.note(network, slave, done.error());
@@ -48,7 +48,7 @@ void report_copies(Network& network, const Slave& slave, FirstFault& faults) {
         return copy.from_slave == slave.number || copy.to_slave == slave.number;
     };
     if (!group.mapped || std::ranges::none_of(group.config.copies, names)) return;
-    // Not an error of the slave, which is mapped in its new group.
+    // This is no error of the slave: the slave is mapped in its new group.
     const Error error = invalid_mapping(Argument::copy, slave.number);
     network.note(error);
     faults.keep(error);
@@ -72,37 +72,39 @@ Task<Result<>> leave_group(Network& network, Slave& slave, FirstFault& faults) {
     co_return Nothing{};
 }
 
-// The application has set other start-up commands since the slave left INIT, and some of them are for that transition.
+// Whether the application has set other start-up commands since the slave left INIT, and some of them are for the
+// transition from INIT to PREOP.
 bool has_late_commands(const Network& network, const Slave& slave) {
     if (network.marks(slave).started_with == check_of_ip_commands(slave)) return false;
     constexpr Transition kIp = Transition::init_to_preop;
     return has_commands(slave, kIp, Moment::before) || has_commands(slave, kIp, Moment::after);
 }
 
-// The slave can be asked. In BOOT it has another program, whose mailbox knows no process data.
+// Whether the slave can be read. In BOOT the slave executes its bootloader, whose mailbox has no process data.
 bool is_there_to_map(const Slave& slave) { return slave.al.state != AlState::none && slave.al.state != AlState::boot; }
 
 constexpr auto kNeedsInit = static_cast<std::uint16_t>(wire::AlStatusCode::needs_init);
 
-// The start-up of a slave that was held, that is still in INIT or asks for INIT, or whose commands were set after it
-// has left INIT.
+// Starts a slave that was held, that is still in INIT or requires INIT, or whose commands were set after it had left
+// INIT.
 Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     const bool ours = slave.config.group == number || slave.image.group == number;
     if (ours && (slave.al.state != AlState::none || slave.seen)) {
         auto now = co_await read_anew(network, slave);  // nothing may have read the state for long
         if (!now && !does_not_answer(now.error())) faults.note(network, slave, now.error());
     }
-    // The error of a slave that is missing or held stays, and that of an unread one until it is read again.
+    // A slave that is missing or held keeps its error. A slave that could not be read keeps its error until it is read
+    // again.
     const bool stays = slave.held || slave.al.state == AlState::none || (slave.ring_position != 0 && !slave.seen);
-    if (slave.config.group == number && !stays) slave.error = {};  // of an earlier attempt
+    if (slave.config.group == number && !stays) slave.error = {};  // the error of an earlier attempt
     const bool leaves = slave.config.group != number && slave.image.group == number;
     const bool comes = slave.config.group == number && slave.image.group != number;
     if (slave.image.group != SlaveImage::kNoGroup && (leaves || comes)) {
         auto left = co_await leave_group(network, slave, faults);
         if (!left || leaves) co_return left;
     }
-    // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is disabled, and still increment the
-    // working counter.
+    // An earlier mapping ends here. The FMMUs of that mapping would read memory whose SyncManager is disabled, and
+    // would still increment the working counter.
     if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
         co_await completion(clear_fmmus(network, slave));  // a slave that does not answer maps nothing
     }
@@ -121,7 +123,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
     }
     const bool readable = !slave.held || is_unread(slave);
     const bool unread = !slave.seen && readable && slave.config.group == number && is_there_to_map(slave);
-    if (unread) {  // it came, or could be read, after the scan
+    if (unread) {  // the scan has not found the slave, or could not read it
         auto known = co_await read_missing_slave(network, slave);
         if (!known) faults.note(network, slave, known.error());
         if (!known) co_return Nothing{};
@@ -151,13 +153,14 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
         co_return Nothing{};
     }
     if (slave.config.highest < AlState::safeop) co_return Nothing{};
-    if (slave.held) forget_described(slave);  // read from the slave at this place, which is not the wanted one
+    if (slave.held)
+        forget_described(slave);  // the process data of the slave at this place, which is not the expected slave
     if (slave.held || !is_there_to_map(slave) || !slave.seen) {
-        // Without a list the scan has found the slave, and could not read it.
+        // Without a list of expected slaves, an unknown slave is one that the scan has found and could not read.
         const bool nobodys = (slave.held && slave.unexpected) ||
                              (slave.wanted == nullptr && !is_known(slave) && !network.expected.empty());
         slave.unplaced = !nobodys && !keep_place(slave);
-        // The slave is asked when it comes: perhaps it has no process data.
+        // The slave is read when it comes. It may have no process data.
         slave.pdos_failed = slave.unplaced && (!slave.held || is_unread(slave));
         if (slave.unplaced && !slave.held && missing_error(network, slave).code == Errc::none)
             network.note({.code = Errc::place_unknown, .step = Step::map_process_data, .slave = slave.number});
@@ -182,8 +185,8 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     co_return Nothing{};
 }
 
-// Removes the slave from the exchange and brings it to PREOP at the highest, also if an earlier mapping has brought it
-// further.
+// Removes the slave from the exchange. If an earlier mapping has brought the slave to SAFEOP or OP, brings it back to
+// PREOP.
 Task<Result<>> leave_out(Network& network, Slave& slave) {
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
@@ -196,7 +199,7 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-// The slave has left PREOP by itself since its start-up.
+// The error of a slave that has left PREOP by itself since its start-up.
 Error fallen(const Slave& slave) {
     Error error{.code = Errc::other_state, .step = Step::map_process_data, .slave = slave.number};
     error.expected = static_cast<std::uint32_t>(AlState::safeop);
@@ -221,14 +224,14 @@ Task<Result<>> compare_placed(Network& network, Slave& slave, Pass& pass, FirstF
     if (!same || slave.seen || slave.held) co_return Nothing{};
     pass.revised |= !slave.unplaced;
     if (!pass.last && !slave.unplaced) co_return Nothing{};  // the next pass reads it
-    // It could not be read before the image was laid out, or is of another revision.
+    // The slave could not be read before the image was laid out, or it has another revision than then.
     const Errc late = slave.unplaced ? Errc::no_place : Errc::remapping_needed;
     faults.note(network, slave, {.code = late, .step = Step::map_process_data, .slave = slave.number});
     co_return Nothing{};
 }
 
-// Whether the slave has refused SAFEOP for a cause that INIT may end. What the application has written to the slave
-// since INIT may be lost there: INIT is the last resort, unless the slave itself asks for it.
+// Whether the slave has refused SAFEOP for a cause that INIT may remove. In INIT, the slave may lose values that the
+// application has written to it. So the library uses INIT only if the slave requires it, or has had an error before.
 bool may_need_init(const Error& refused, const AlStatus& before) {
     return refused.code == Errc::al_status && (before.error || refused.detail == kNeedsInit);
 }
@@ -236,7 +239,7 @@ bool may_need_init(const Error& refused, const AlStatus& before) {
 Task<Result<>> configure(Network& network, Slave& slave, Pass& pass, FirstFault& faults) {
     const std::uint8_t number = pass.number;
     if (slave.image.group != number) co_return Nothing{};
-    // A hook of any slave may have taken long.
+    // The last reading may be old, because the hooks of other slaves may have taken long.
     if (is_there_to_map(slave)) {
         co_await completion(read_anew(network, slave));
         if (is_there_to_map(slave)) {
@@ -264,7 +267,7 @@ Task<Result<>> configure(Network& network, Slave& slave, Pass& pass, FirstFault&
     co_return Nothing{};
 }
 
-// Keeps the errors of all other slaves that are not as wanted; most of them were reported before.
+// Keeps the errors of all slaves that are missing, held or in a wrong state. Most of these errors were reported before.
 void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
     for (Slave& slave : network.slaves()) {
         if (slave.config.group >= network.process.groups.size()) {
@@ -278,7 +281,8 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
         if (!gone) faults.keep(held_error(slave, Step::identify));
         const Error missing = slave.al.state == AlState::none ? missing_error(network, slave) : Error{};
         if (missing.code != Errc::none && (slave.seen || slave.error.code == Errc::none))
-            faults.note(network, slave, missing);  // it was there, or tolerated, when the segment was scanned
+            faults.note(network, slave,
+                        missing);  // the slave was present at the scan, or its absence was tolerated then
         else
             faults.keep(missing);
         if (slave.al.state == AlState::boot) faults.keep(state_error(network, slave));
@@ -299,8 +303,9 @@ void use_status_bits(Network& network, std::uint8_t number) {
     }
 }
 
-// Ends the earlier mapping of the group and keeps the supervision away from its slaves, until it is destroyed. If the
-// group is not mapped then, the caller may free the memory of both images: nothing points to it any more.
+// The constructor ends the earlier mapping of the group. Until this object is destroyed, the supervision does not
+// change the slaves of the group. If the group is not mapped after that, the application may free the memory of both
+// images, because nothing points to it any more.
 class Mapping {
   public:
     Mapping(Network& network, std::uint8_t number) : network_(network), group_(network.process.groups[number]) {
@@ -333,7 +338,7 @@ class Mapping {
 
 MutableBytes memory_of_image(Network& network, std::uint8_t number, const ImageMemory& memory) {
     if (memory.provide == nullptr) return memory.image;
-    // Without memory, the layout ends with the size that it needs, or with an error that it finds again.
+    // A layout without memory ends with the required size, or with an error that the real layout reports again.
     const auto measured = lay_out(network.slaves(), number, network.process.groups[number].config, {});
     const bool too_large = !measured && measured.error().code == Errc::image_too_large;
     return memory.provide(too_large ? measured.error().expected : 0, memory.user);
@@ -377,8 +382,8 @@ Task<Result<std::size_t>> map_once(Network& network, Pass& pass, const ImageMemo
 
 }  // namespace
 
-// Firmware that has just been started may write its revision into the EEPROM while the group is mapped: then its
-// process data is read again.
+// New firmware of a slave may write its revision into the EEPROM while the group is being mapped. Then the process data
+// of the slave is read again in the next pass.
 Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, const ImageMemory& memory) {
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
     if (number >= network.process.groups.size()) co_return unmapped_group(network, number);

@@ -5,7 +5,7 @@
 
 namespace margay {
 
-// The memory of an image: that of the caller, or a function that gives it when the size is known.
+// The memory of an image: memory of the caller, or a function that provides the memory when the size is known.
 struct ImageMemory {
     MutableBytes image{};
     std::span<std::byte> (*provide)(std::size_t bytes, void* user) = nullptr;

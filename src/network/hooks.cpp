@@ -8,7 +8,8 @@ namespace {
 // A plain function that returns Errc::busy for longer has failed.
 constexpr Duration kBusyTimeout = std::chrono::seconds(10);
 
-// While a hook executes: when the request that waits for the hook is ended, its error names the slave of the hook.
+// Exists while a hook executes. If the request that waits for the hook is ended, the error of the request names the
+// slave of the hook.
 class Execution {
   public:
     Execution(Network& network, const Slave& slave)
@@ -59,7 +60,7 @@ Result<> call_plain(const SlaveHooks& hooks, HookedSlave slave, Transition which
 }
 
 Task<> run_hook(Network& network, const Slave& slave, Transition which, Moment moment) {
-    const SlaveHooks hooks = slave.hooks;  // the application may change them meanwhile
+    const SlaveHooks hooks = slave.hooks;  // a copy, because the application may change the hooks meanwhile
     const HookedSlave hooked = HookAccess::slave(network, slave.number);
     Execution execution(network, slave);
     Result<> done;

@@ -22,8 +22,9 @@ struct Ranges {
     std::size_t count = 0;
 };
 
-// An ESC counts a datagram once for all that is read (ETG.1000.4 "Working counter"). The mailbox status can always be
-// read, so it has a datagram of its own: in the datagram of the inputs it would count for inputs that were not read.
+// An ESC increments the working counter of a datagram once, however many of its FMMUs were read (ETG.1000.4 "Working
+// counter"). The mailbox status can always be read. So it has a datagram of its own: in the datagram of the inputs, it
+// would increment the working counter even if the inputs were not read.
 Ranges choose_ranges(const ImageLayout& layout, bool block_lrw) {
     const std::uint32_t inputs_begin = layout.overlapped ? 0 : layout.output_bytes;
     const std::uint32_t status_begin = layout.logical_bytes() - layout.status_bytes;
@@ -73,8 +74,8 @@ class Planner {
         const std::uint32_t whole = slave_boundary(range, at, most);
         const std::uint32_t needed = frames_needed(s, at, room_);
         if (whole > at && frames_needed(s, whole, kFrameRoom) + 1 <= needed) return put(range, at, whole);
-        // No complete slave fits. The rest of the frame is left empty if that costs no frame, otherwise the slave's
-        // data is divided.
+        // The data of no complete slave fits. If a new frame does not increase the number of frames, the rest of this
+        // frame stays empty; otherwise the data of the slave is divided.
         if (room_ < kFrameRoom && whole == at && frames_needed(s, at, kFrameRoom) + 1 <= needed) return open_frame(at);
         return put(range, at, most);
     }
@@ -85,7 +86,7 @@ class Planner {
         return at;
     }
 
-    // The lowest number of frames for everything from here on, with `room` octets left in the first frame.
+    // The lowest number of frames for all data from `at` on, with `room` free octets in the first frame.
     [[nodiscard]] std::uint32_t frames_needed(std::size_t s, std::uint32_t at, std::uint32_t room) const {
         std::uint32_t frames = 1;
         std::uint32_t left = ranges_.at[s].end - at;
@@ -105,7 +106,7 @@ class Planner {
         return frames;
     }
 
-    // The last octet from `at` to `most` that divides no slave's data.
+    // The last offset from `at` to `most` at which the datagram can end without dividing the data of a slave.
     [[nodiscard]] std::uint32_t slave_boundary(const Range& range, std::uint32_t at, std::uint32_t most) const {
         std::uint32_t cut = most;
         for (bool moved = true; moved && cut > at;) {
@@ -188,7 +189,8 @@ ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfigurati
              wire::reg::kAlStatus.length,
              &Group::al_status});
     if (wanted.dc_reference != 0) {
-        // All other slaves would copy what was sent while the reference is lost: then the cycle carries no time.
+        // While the reference is lost, the cycle carries no time: the other slaves would copy the octets that the
+        // master has sent.
         const Slave& reference = slaves[wanted.dc_reference - 1U];
         const TimeSource source = time_source_of(slaves, reference, by_position);
         add({reference.al.state == AlState::none ? Command::NOP : source.command,
@@ -239,7 +241,7 @@ Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t g
                      .actual = static_cast<std::uint32_t>(into.size())};
     for (const Slave& slave : slaves) {
         if (slave.image.group != group) continue;
-        // What a slave has that is being started up is compared when it joins.
+        // A slave that is being started up is compared with the mapping when it joins.
         const bool joins_later = !slave.takes_part && !is_as_mapped(slave);
         const Result<SlaveFmmus> fmmus = joins_later ? exchanged_ranges(slave, layout) : make_fmmus(slave, layout);
         if (!fmmus) return fmmus.error();

@@ -65,7 +65,7 @@ Extent extent(const Slave& slave, Packing packing, Direction direction, std::uin
     return any ? e : Extent{};
 }
 
-// The resources of the slave's ESC are unknown: the slave was not read yet, or another slave is at its place.
+// Whether the resources of the ESC are unknown: the slave was not read yet, or another slave is at its place.
 bool not_asked(const Slave& slave) { return slave.place_kept || slave.held; }
 
 bool lies_on(const ProcessSm& sm, std::uint32_t start, std::uint32_t bytes) {
@@ -104,7 +104,8 @@ Result<> check_sync_managers(const Slave& slave) {
     return Result<>();
 }
 
-// Of the SyncManagers, their directions and sizes, and of the PDOs and entries in the lists of the application.
+// A check value of the SyncManagers with their directions and sizes, and of the PDOs and entries in the lists of the
+// application.
 std::uint16_t check_of_process_data(const Slave& slave) {
     CheckValue check;
     for (const ProcessSm& sm : process_sms(slave)) {
@@ -340,7 +341,7 @@ std::size_t pick(const Slave& slave, const SlaveFmmus& taken, std::size_t availa
     return n;
 }
 
-// In the place of the result: a second copy would be what needs the most stack.
+// Builds the FMMUs directly in the result, because a second copy would need the most stack of all objects here.
 Result<SlaveFmmus> number_fmmus(const Slave& slave, const FmmuList& list, std::size_t available, LogicalAddress start) {
     Result<SlaveFmmus> fmmus;
     for (const auto& entry : list.entries())

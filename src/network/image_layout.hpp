@@ -52,7 +52,7 @@ struct SlaveFmmus {
 };
 
 // Whether the application has not changed what decides about the slave's place (the SyncManagers, their directions and
-// sizes) since the mapping. What is changed counts from the next mapping on.
+// sizes) since the mapping. Changes take effect with the next mapping.
 [[nodiscard]] bool is_as_mapped(const Slave& slave);
 
 // The logical addresses that the slave reads and writes, by its place in the image alone. For working counters: as

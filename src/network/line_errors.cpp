@@ -69,7 +69,8 @@ void count_port(Network& network, const Slave& slave, std::uint8_t port, const s
     sums.rx_errors += more[2U * port + 1];
     sums.forwarded += more[kForwarded + port];
     sums.lost_links += lost;
-    // The counts are older than a change of the wiring: an interrupted link is that of the neighbour before the change.
+    // The counts were made before the wiring was changed. So an interrupted link is compared with the neighbour before
+    // the change.
     CableEnd& end = LineErrorsAccess::other_ends(here)[port];
     const std::uint16_t before = end.slave;
     const std::uint8_t first = first_counted(all, end, lost);
@@ -87,8 +88,8 @@ bool high(LineErrors& sums) {
 
 using Counters = std::array<std::byte, kOctets>;
 
-// Reads and clears the counters in one frame, so that no error in between is lost. Not repeated: cleared values cannot
-// be read again.
+// Reads and clears the counters in one frame, so that no error is lost between reading and clearing. A lost frame is
+// not sent again, because cleared values cannot be read again.
 Task<Result<>> read_and_clear(Network& network, Slave& slave, Counters& octets) {
     static constexpr Counters kZeros{};
     Link& link = network.engine.link();

@@ -39,7 +39,7 @@ void settle(ProcessGroup& group) {
     };
     const bool zeroes =
         holds_inputs(group) && group.config.lost_inputs == LostInputs::zero && std::ranges::any_of(group.slaves, left);
-    // Where cycles overlap, another thread reads `special` while it sends: there its value never changes.
+    // If cycles overlap, another thread reads `special` while it sends. So the value of `special` does not change then.
     const bool special =
         group.extras || group.overlap.sets > 1 || !group.complete || zeroes || (group.mapped && group.prepared.empty());
     if (group.special != special) group.special = special;
@@ -174,7 +174,7 @@ void leave_exchange(Network& network, Slave& lost) {
     for (Slave& slave : network.slaves()) {
         if (slave.wanted == nullptr || slave.wanted->hot_connect != lost.wanted->hot_connect) continue;
         network.marks(slave).missing_reported = false;
-        // A member that still takes part is not starting up: it stays awaited.
+        // A member that still takes part is not being started up, so it stays awaited.
         if (!slave.takes_part) network.marks(slave).awaited = false;
         update_counted(network, slave);
     }

@@ -17,8 +17,8 @@ void settle_groups(Network& network);
 // Sets whether the slave takes part, from the next cycle on. No effect when nothing changes.
 void set_takes_part(Network& network, Slave& slave, bool takes_part);
 
-// While the write that clears the FMMUs of a slave is under way: the slave leaves the exchange as soon as the reply to
-// the write is there. The cycle of another frame that was sent behind the write is judged before the sequence
+// Exists while the write that clears the FMMUs of a slave is under way. The slave leaves the exchange as soon as the
+// reply to the write has arrived, because a cycle that was sent after the write may be judged before the sequence
 // continues.
 class LeavingExchange {
   public:
@@ -27,7 +27,7 @@ class LeavingExchange {
     LeavingExchange& operator=(const LeavingExchange&) = delete;
     ~LeavingExchange();
 
-    // The slaves whose FMMUs are known to be cleared leave the exchange of the group.
+    // Removes the slaves whose FMMUs are known to be cleared from the exchange of the group.
     static void update(ProcessGroup& group);
     // Whether a slave still takes part in the exchange of the group that is leaving it.
     [[nodiscard]] static bool any(const ProcessGroup& group);
@@ -43,7 +43,8 @@ class LeavingExchange {
 // Call it when the slave was away and is known to be this slave again: the inputs of earlier cycles were not copied.
 void join_again(Network& network, const Slave& slave);
 
-// Call it when the state of the slave was read. It takes no part in cycles that were sent before it reached SAFEOP.
+// Call it when the state of the slave was read. The slave does not take part in cycles that were sent before it reached
+// SAFEOP.
 void note_reached(Network& network, const Slave& slave, AlState before);
 
 // Adds the slave to the expected working counters, or removes it, according to what is wanted of the slave now.

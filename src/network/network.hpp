@@ -73,19 +73,20 @@ class RedundancyPart {
     virtual void note_change(Network& network) = 0;
     // An error when the NICs are connected wrongly.
     [[nodiscard]] virtual Error check() const = 0;
-    // At which end of the ring its places are, for find_topology().
+    // The division of the ring between the two NICs, for find_topology().
     [[nodiscard]] virtual RingParts parts() const = 0;
-    // For a scan, before it assigns addresses: finds out which NIC is at the beginning of the ring, where the ports of
-    // the slaves must tell it.
+    // For a scan, before it assigns addresses: finds out which NIC is at the beginning of the ring, if only the ports
+    // of the slaves show this.
     [[nodiscard]] virtual Task<Result<>> find_beginning(Network& network) = 0;
-    // The places of the ring were read: false if they count from the wrong NIC. They must be read again then.
+    // Call it when the places of the ring were read. False: they are counted from the wrong NIC, and must be read
+    // again.
     [[nodiscard]] virtual bool begins_right(Network& network) = 0;
-    // Slaves may be started, and delays measured: see set_automatic_restoring().
+    // Whether slaves may be started and delays may be measured: see set_automatic_restoring().
     [[nodiscard]] virtual bool may_restore() const = 0;
     // How often the ring was broken or closed.
     [[nodiscard]] virtual std::uint32_t changes() const = 0;
-    // For a scan: reads the ports of all slaves again if a cable has broken or healed since there were `changes`, while
-    // the scan read them. Else they would not belong to one ring.
+    // For a scan: reads the ports of all slaves again if a cable has broken or was connected since there were
+    // `changes`. Otherwise the ports that the scan has read would not belong to the same ring.
     [[nodiscard]] virtual Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) = 0;
 
     // The ring was broken when its ports were read, and is whole now: read_ports() finds the way through all slaves.
@@ -105,19 +106,19 @@ class RedundancyPart {
     [[nodiscard]] virtual bool delays_are_guessed() const = 0;
     // The clocks behind a break begin to follow the first clock there. For configdc(), before it sends times.
     [[nodiscard]] virtual Task<Result<>> begin_second_part(Network& network) = 0;
-    // The sequence between both was destroyed: the chip opens its port by itself.
+    // The sequence between open_ring() and close_ring() was destroyed: the chip opens its port by itself.
     virtual void forget_opening() = 0;
     // Keeps the clocks behind a break in step with the reference clock.
     [[nodiscard]] virtual Task<Result<>> watch_clocks(Network& network) = 0;
     // Clocks::reference is another slave: the part that it does not reach gets the second reference that belongs to it,
     // from the next frame on.
     [[nodiscard]] virtual Task<Result<>> follow_reference(Network& network) = 0;
-    // The slave whose clock the slave follows: the reference clock, or that of the part behind the break.
+    // The number of the slave whose clock the slave follows: the reference, or the second reference behind the break.
     [[nodiscard]] virtual std::uint16_t reference_of(Network& network, const Slave& slave) const = 0;
     [[nodiscard]] virtual FollowedClock followed_clock(Network& network, const Slave& slave) const = 0;
     // Some clocks are beside the ring: the ways of both copies are not measured then.
     [[nodiscard]] virtual bool has_clocks_beside() const = 0;
-    // A break of the ring is between both.
+    // Whether a break of the ring is between both slaves.
     [[nodiscard]] virtual bool are_parted(Network& network, const Slave& one, const Slave& other) const = 0;
 
   protected:
@@ -162,7 +163,7 @@ struct Network {
     Slave guest;                   // a newcomer while it is being identified
     std::uint8_t newcomers = 0;    // counts the newcomers, so that each one gets an address of its own
     bool searching = false;        // a search (find_lost()) is executing
-    Errc unreadable = Errc::none;  // why the last search could not read a newcomer, if it said so
+    Errc unreadable = Errc::none;  // why the last search could not read a newcomer; none: no such failure was reported
     std::uint32_t scans = 0;       // number of scans started: older requests detect that the table has changed
     Clocks clocks;
     Tolerance tolerance;
@@ -171,20 +172,21 @@ struct Network {
     std::atomic<bool> overlapping{false};  // a group has cycles that another thread may send
     bool supervised = false;
     const SuperviseRequest* supervision = nullptr;  // while `supervised`
-    AlState target_read = AlState::none;            // its target when the supervision has read it last
-    // For how long what was read last, or exchanged last, is believed.
+    AlState target_read = AlState::none;            // the target of the request when the supervision has read it last
+    // How long a reading or an exchange proves that the slaves are the same.
     static constexpr Duration kBelieved = std::chrono::seconds(1);
     Time states_read = Time::min();  // when the states of all slaves were read last
     // Up to this time, no pause in looking at the slaves was longer than kBelieved since all identities were compared.
     Time compared = Time::min();
     // The application has paused: until then requests wait while the supervision compares their slave.
     Time comparing_until = Time::min();
-    bool supervision_ended = false;       // not reported yet: the next poll() does
-    Error supervision_error;              // why it has ended
-    bool segment_in_use = false;          // a request that needs the whole segment is executing
-    bool segment_wanted = false;          // such a request waits
-    bool group_is_back = false;           // the head of a hot connect group: its members should come with it
-    bool supervision_turn = false;        // such a request has ended: the supervision works before the next one begins
+    bool supervision_ended = false;  // not reported yet: the next poll() reports it
+    Error supervision_error;         // why it has ended
+    bool segment_in_use = false;     // a request that needs the whole segment is executing
+    bool segment_wanted = false;     // such a request waits
+    bool group_is_back = false;      // the head of a hot connect group is back: its members should come with it
+    bool supervision_turn =
+        false;  // such a request has ended: the supervision has its turn before the next such request begins
     std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave
     bool rested = false;  // before its last roll the supervision rested longer than kBelieved, as its request says
     bool silence_noted = false;  // doubt_after_silence() is due: in the next poll(), outside all sequences
@@ -193,13 +195,14 @@ struct Network {
     bool in_run_cycle = false;  // groups that were mapped before a scan are missing until they are mapped again
     bool reaching = false;      // reach() has started the supervision itself
     bool topology_read = true;  // when the ring was read last, all its ports have led to a slave or to a NIC
-    // What follows transitions that were requested without waiting. With the requests in execution the last members, so
-    // that they are destroyed first.
+    // The commands and hooks after transitions that were requested without waiting. `settling` and `requests` are the
+    // last members, so that they are destroyed first.
     Crew settling;
     Crew requests;
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
-    // Another slave may be there, and can be compared: not in BOOT, where its firmware may use the EEPROM.
+    // Another slave may be present, and its identity can be read. In BOOT it cannot, because the firmware may use the
+    // EEPROM.
     [[nodiscard]] bool is_doubted(const Slave& slave) const {
         return marks(slave).unproved && slave.al.state != AlState::boot;
     }

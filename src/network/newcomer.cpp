@@ -17,9 +17,9 @@ namespace {
 namespace reg = wire::reg;
 namespace sii = wire::sii;
 
-// The guest is the slave that was seen in this place, or the wanted one where that was another one. The other one may
-// come back too, also with another alias or another revision: then it is this slave again, and held or tolerated as
-// before.
+// Whether the guest is the slave that was seen at this place. If another slave than the expected one was seen there,
+// the guest may be either of them: the expected slave, or the other slave, also with another alias or revision. The
+// other slave is then held or tolerated as before.
 bool fits(const Slave& slave, const Slave& guest) {
     const bool same_kind =
         slave.identity.vendor == guest.identity.vendor && slave.identity.product == guest.identity.product;
@@ -43,7 +43,7 @@ Task<Result<Identity>> read_identity(Station station) {
     auto offered = co_await sii_assign(station, true);
     if (!read) co_return read.error();
     if (!offered) co_return offered.error();
-    // A blank EEPROM contains no identity: neither does the known slave with a blank EEPROM.
+    // A blank EEPROM contains no identity. The known identity of a slave with a blank EEPROM is empty, too.
     if (sii::is_blank(octets)) co_return Identity{};
     co_return sii::load_identity(octets);
 }
@@ -57,7 +57,7 @@ const Slave* last_before(Network& network, std::size_t n, Holds holds) {
     return nullptr;
 }
 
-// Returns the lost member of a group that the guest is: the search begins behind `after`, then continues with the
+// Returns the lost member of a group that fits the guest. The members behind `after` are compared first, then the
 // others.
 template <class Holds>
 Verdict choose_member(Network& network, const Slave* after, Holds holds) {
@@ -84,7 +84,7 @@ bool is_wanted_elsewhere(Network& network, const Slave& slave) {
     });
 }
 
-// 0: the device has no such number.
+// A number 0 means that the device has no such number.
 bool agrees(std::uint32_t known, std::uint32_t seen) { return known != 0 && known == seen; }
 bool contradicts(std::uint32_t known, std::uint32_t seen) { return known != 0 && seen != 0 && known != seen; }
 
@@ -114,14 +114,14 @@ bool is_guest_by_serial(const Network& network, const Slave& slave) {
         return agrees(s.identity.serial, guest.serial) && s.identity.vendor == guest.vendor &&
                s.identity.product == guest.product;
     };
-    // Devices may all have the same serial number: then it says nothing.
+    // If several devices have the same serial number, it does not identify a device.
     return is_known(slave) && has_it(slave) && std::ranges::count_if(network.slaves(), has_it) == 1;
 }
 
 bool is_guest_by_number(const Network& network, const Slave& slave) {
     const Slave& guest = network.guest;
     if (is_guest_by_serial(network, slave) || agrees(slave.alias, guest.alias)) return true;
-    const ExpectedSlave* wanted = slave.wanted;  // the slave was never there: the list has its numbers
+    const ExpectedSlave* wanted = slave.wanted;  // a slave that was never present has its numbers in the list
     return wanted != nullptr && (agrees(wanted->serial.value_or(0), guest.identity.serial) ||
                                  agrees(wanted->alias.value_or(0), guest.alias));
 }
@@ -144,7 +144,7 @@ StationAddress newcomer_address(const Network& network) {
 }
 
 bool is_lost(const Network& network, const Slave& slave) {
-    // The list of expect() has no slave of this number: no newcomer can be that slave.
+    // If the list of expect() has no slave with this number, no newcomer can be this slave.
     const bool nobody = !network.expected.empty() && slave.wanted == nullptr && !slave.unexpected;
     return slave.al.state == AlState::none && !nobody && !network.marks(slave).in_use &&
            (slave.ring_position == 0 || !slave.seen);

@@ -10,7 +10,8 @@ namespace margay {
 // disconnected as a newcomer and comes back must not be taken for the present one.
 [[nodiscard]] StationAddress newcomer_address(const Network& network);
 
-// A slave that has its own address in the ring is not lost: the supervision reads its state and readmits it.
+// Whether the slave is lost. A slave that answers at its own station address is not lost: the supervision reads its
+// state and readmits it.
 [[nodiscard]] bool is_lost(const Network& network, const Slave& slave);
 
 // Whether the guest has the identity that the application expects at the place of the slave.
@@ -34,7 +35,7 @@ namespace margay {
 // its device id.
 [[nodiscard]] Task<Result<>> read_newcomer(Network& network);
 
-// Whether the identity of the slave is known: the slave was read. One of another revision is to be read again.
+// Whether the identity of the slave is known: the slave was read. A slave with another revision must be read again.
 [[nodiscard]] inline bool is_known(const Slave& slave) { return slave.seen || slave.identity != Identity{}; }
 // An expected slave that is there, and whose EEPROM could not be read yet: it is held like another slave, and the next
 // mapping and the supervision read it again.
@@ -50,30 +51,32 @@ namespace margay {
 // What the guest can be, by its identity alone:
 // - this slave, or the wanted one in its place;
 [[nodiscard]] bool fits_guest(const Network& network, const Slave& slave);
-// - the same, and neither does its alias say something else, nor is it exactly what is wanted of another lost slave;
+// - the same, and its alias does not contradict, and the guest is not exactly the expected device of another lost
+//   slave;
 [[nodiscard]] bool guest_may_be(Network& network, const Slave& slave);
 // - the device with the serial number or the alias of this slave.
 [[nodiscard]] bool is_guest_by_number(const Network& network, const Slave& slave);
-// - the device with the serial number of this slave, which was seen: then at whatever place.
+// - the device with the serial number of this slave, which was seen before: at any place.
 [[nodiscard]] bool is_guest_by_serial(const Network& network, const Slave& slave);
 
-// The result of the identification: the newcomer is `slave`; or it is none of them, but at the place of `instead_of`;
-// or it is one of several lost slaves, at least of these two, and nothing says which.
+// The result of the identification. `slave`: the newcomer is this slave. `instead_of` alone: the newcomer is no slave
+// of the table, and it is at the place of this slave. Both: the newcomer is one of several lost slaves, of these two at
+// least, and cannot be identified.
 struct Verdict {
     Slave* slave = nullptr;
     Slave* instead_of = nullptr;
     std::array<const Slave*, 2> rivals{};
 };
 
-// Which slave the guest at place `n` is by what the application expects of it: by the alias or device id of a lost
-// slave, or as a member of the hot connect group above the place. Neither `slave` nor `instead_of`: nothing is
-// expected.
+// Identifies the guest at place `n` by the expected slaves: by the alias or device id of a lost slave, or as a member
+// of the hot connect group above the place. Neither `slave` nor `instead_of`: nothing is expected.
 [[nodiscard]] Verdict identify_as_expected(Network& network, std::uint16_t n);
 
-// The station addresses of unknown slaves, below Network::stranger_mark, which is that of a slave that was reported.
+// The station addresses of unknown slaves, below Network::stranger_mark, which is the address of a slave that was
+// reported.
 namespace stranger_mark {
 inline constexpr std::uint16_t kSuspect = 0x0100;  // was found once
-// Is identified as soon as its neighbour is known, or as the others are there.
+// The slave is identified as soon as its neighbour is known, or as soon as the other lost slaves are present.
 inline constexpr std::uint16_t kUndecided = 0x0300;
 }  // namespace stranger_mark
 
