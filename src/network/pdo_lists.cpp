@@ -8,7 +8,7 @@
 namespace margay {
 namespace {
 
-constexpr std::size_t kMostElements = 254;  // elements of a list in the dictionary
+constexpr std::size_t kMostElements = 254;  // subindices 1 to 254 of a list in the dictionary
 
 bool is_output(std::uint16_t pdo) { return pdo >= 0x1600 && pdo < 0x1800; }
 bool is_input(std::uint16_t pdo) { return pdo >= 0x1A00 && pdo < 0x1C00; }
@@ -37,7 +37,7 @@ Error check_entries(const Slave& slave, const Pdo& pdo) {
     return list_fault(slave, PdoListFault::no_bits, pdo.index, number);
 }
 
-// Returns in how many places the PDO is listed.
+// Returns how often the PDO occurs in the lists of the slave.
 std::size_t times_listed(const Slave& slave, std::uint16_t pdo) {
     std::size_t times = 0;
     for (const SmPdos& list : slave.config.pdos())
@@ -169,7 +169,7 @@ bool place_by_lists(Slave& slave) {
     SlaveConfiguration& config = slave.config;
     if (!lists_all_entries(slave)) return false;
     if (slave.seen && !slave.held && check_pdo_lists(slave).code != Errc::none) return false;
-    // In the order of the SyncManagers, like the process data that is read from the slave.
+    // The order of the SyncManagers, as for process data that is read from the slave.
     for (std::uint8_t n = 0; n < Slave::kSyncManagers; ++n) {
         const SmPdos* list = find_list(slave, n);
         if (list == nullptr || list->pdos.empty()) continue;

@@ -40,7 +40,7 @@ void forget_described(Slave& slave);
 // The direction of the PDOs in the list; by the SII if the list is empty.
 [[nodiscard]] Direction direction_of(const Slave& slave, const SmPdos& list);
 
-// Adds all that the lists contain to a check value.
+// Adds the whole content of the lists to a check value.
 void add_lists(CheckValue& check, const Slave& slave);
 
 // Whether the application, or one of its files, has set the SyncManagers of the process data.
@@ -49,7 +49,7 @@ void add_lists(CheckValue& check, const Slave& slave);
 // The part of keep_place() that uses the lists.
 [[nodiscard]] bool place_by_lists(Slave& slave);
 
-// What is done with the PDO lists of a slave.
+// The functions for the PDO lists of a slave.
 struct detail::PdoPart {
     Error (*check)(const Slave& slave);
     bool (*place)(Slave& slave);

@@ -20,8 +20,8 @@ Error fault(const Station& station, sii::Fault what, std::uint32_t word) {
     return error;
 }
 
-// Returns the SyncManager that the PDO is counted at: that of the application's list for the PDO if there is one,
-// otherwise that of the SII. A PDO whose entries are listed too is not counted.
+// Returns the SyncManager to whose size the PDO is added: the SyncManager in the list of the application if the list
+// names the PDO, otherwise the SyncManager in the SII. A PDO whose entries are listed too is not added.
 std::uint8_t sync_manager_of(const sii::Pdo& pdo, const Slave& slave) {
     for (const SmPdos& list : slave.config.pdos()) {
         const auto listed = std::ranges::find(list.pdos, pdo.index, &Pdo::index);
@@ -33,8 +33,8 @@ std::uint8_t sync_manager_of(const sii::Pdo& pdo, const Slave& slave) {
 
 // The task of one pass over the PDO categories.
 struct PdoWalk {
-    FoundSms* assigned = nullptr;  // either all PDOs that are assigned, or
-    std::uint16_t only = 0;        // only this PDO
+    FoundSms* assigned = nullptr;  // not null: reads all assigned PDOs
+    std::uint16_t only = 0;        // otherwise: reads only this PDO
     FoundEntry at{};               // the place of the next entry
     EntrySink* entries = nullptr;
 

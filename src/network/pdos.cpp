@@ -17,7 +17,7 @@
 
 namespace margay {
 
-// The process data found: by the source that counts (`source`), and by the SII.
+// The process data that was found in the source that is used (`source`), and in the SII.
 struct PdoFindings {
     FoundSms counts{};
     FoundSms sii{};
@@ -26,7 +26,7 @@ struct PdoFindings {
     bool sii_read = false;
     Feature not_asked = Feature::none;  // the context does not have the feature that could ask the slave
     CheckValue by_soe;
-    bool notes_refusals = true;  // in the slave; false: nothing is changed
+    bool notes_refusals = true;  // false: the marks and the error of the slave are not changed
 };
 
 struct CoeFeature {
@@ -35,7 +35,8 @@ struct CoeFeature {
 
 namespace {
 
-// Also a mailbox that is closed because the slave has fallen to INIT: its sizes must not be guessed.
+// True also for a mailbox that is closed because the slave has fallen to INIT: the sizes of its process data must not
+// be guessed from the SII.
 bool has_mailbox(Network& network, const Slave& slave) {
     return network.has_mailbox(slave) && network.mailbox(slave).was_open();
 }
@@ -84,7 +85,8 @@ Task<Result<>> ask_dictionary(Network& network, Slave& slave, PdoFindings& found
     co_return known ? Result<>() : Result<>(known.error());
 }
 
-// Notes that the slave refuses to say its PDOs. When it comes back, that is the newest cause of its failure.
+// Notes that the slave refuses to report its PDOs. When the slave comes back, this refusal is the newest cause of its
+// failure.
 void note_refusal(Network& network, Slave& slave, const PdoFindings& found, const Error& refusal) {
     if (!found.notes_refusals) return;
     network.marks(slave).pdos_refused = true;
@@ -92,8 +94,9 @@ void note_refusal(Network& network, Slave& slave, const PdoFindings& found, cons
     network.note(slave, refusal);
 }
 
-// Reads the dictionary, otherwise the drives. A refusal is not an error, because the SII may contain the process data.
-// A missing or invalid answer is an error: it does not show that the slave has no process data.
+// Reads the object dictionary (CoE); if the slave has none, the parameters of its drives (SoE). A refusal is not an
+// error, because the SII may contain the process data. A missing or invalid answer is an error: it does not show that
+// the slave has no process data.
 Task<Result<>> ask_by_mail(Network& network, Slave& slave, PdoFindings& found, bool compare, EntrySink* entries) {
     const bool by_dictionary = has_dictionary(network, slave);
     const SoeFeature* const soe = network.mailboxes.soe;
@@ -113,8 +116,8 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, PdoFindings& found, b
     co_return Nothing{};
 }
 
-// Reads the process data of the SII. If the SII is the source that counts, the matcher gets its entries, otherwise only
-// their data types.
+// Reads the process data of the SII. If the SII is the source that is used, the matcher gets the entries of the SII;
+// otherwise it gets only their data types.
 Task<Result<>> read_sii(Network& network, Slave& slave, PdoFindings& found, EntrySink* sink) {
     if (sink != nullptr && found.source != ConfigurationSource::sii) {
         EntryTypes types(*sink);
@@ -129,8 +132,8 @@ Task<Result<>> read_sii(Network& network, Slave& slave, PdoFindings& found, Entr
     co_return co_await required(pdo_part(slave)->walk(network, slave, *sink));
 }
 
-// The bits of a list: its own sum if it contains all entries, otherwise with the sizes of the other PDOs from the
-// slave.
+// The bits of a list: the sum of the listed entries, plus the sizes of the PDOs without listed entries, which the slave
+// has reported.
 Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const PdoFindings& found) {
     const ListedBits listed = listed_bits(list);
     const FoundSm& slaves = found.counts[list.sync_manager];
@@ -190,8 +193,9 @@ void compare_with_sii(Network& network, const Slave& slave, const PdoFindings& f
                               found.sii[n].bits);
 }
 
-// An assigned PDO that the dictionary does not describe may be in the SII. If it is not, the size of the process data
-// is not known, which is an error. Otherwise the size of the SII is used, and this is said once.
+// An assigned PDO that the dictionary does not describe may be in the SII. If the SII does not describe the PDO either,
+// the size of the process data is not known, which is an error. Otherwise the size in the SII is used, and one error in
+// errors() reports this.
 Result<> settle_undescribed(Network& network, const Slave& slave, PdoFindings& found, bool compare) {
     if (found.source == ConfigurationSource::soe) return Result<>();
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
@@ -208,7 +212,7 @@ Result<> settle_undescribed(Network& network, const Slave& slave, PdoFindings& f
 }
 
 // The slave can report its PDOs, but the context does not have the feature that reads them. The SII may have other
-// PDOs: one warning says so. If the SII has no PDOs, it is not known whether the slave has any.
+// PDOs: one warning reports this. If the SII has no PDOs, it is not known whether the slave has any.
 Result<> settle_not_asked(Network& network, const Slave& slave, const PdoFindings& found, bool compare) {
     if (found.not_asked == Feature::none || found.source != ConfigurationSource::sii) return Result<>();
     std::uint32_t octets = 0;
@@ -217,7 +221,7 @@ Result<> settle_not_asked(Network& network, const Slave& slave, const PdoFinding
         const SmType type = slave.sync_managers[n].type;
         if (type == SmType::mailbox_out || type == SmType::mailbox_in || find_list(slave, n) != nullptr) continue;
         needed = true;
-        octets += (found.sii[n].bits + 7) / 8;  // a SyncManager has whole octets
+        octets += (found.sii[n].bits + 7) / 8;  // the length of a SyncManager is in octets
     }
     if (!needed) return Result<>();
     Error error{.code = Errc::unsupported, .step = Step::discover_pdos, .slave = slave.number};
@@ -228,7 +232,7 @@ Result<> settle_not_asked(Network& network, const Slave& slave, const PdoFinding
     return Result<>();
 }
 
-// Selects the source that counts, and reports differences to the others. `read`: the result of reading the SII.
+// Selects the source that is used, and reports differences to the other sources. `read`: the result of reading the SII.
 Result<> select_source(Network& network, Slave& slave, PdoFindings& found, const Result<>& read, bool compare) {
     const bool by_slave = found.source != ConfigurationSource::sii;
     if (!by_slave) found.counts = found.sii;
@@ -261,7 +265,7 @@ MailPatience startup_patience(const Slave& slave) {
 
 Task<Result<>> write_pdos(Network& network, Slave& slave) {
     if (slave.config.fixed_pdos || !has_dictionary(network, slave)) co_return Nothing{};
-    // PDOs can be written in PREOP only.
+    // PDOs can be written only in PREOP.
     if (!slave.config.pdos().empty() && (slave.al.state == AlState::safeop || slave.al.state == AlState::op)) {
         co_await required(bring_to_state(network, slave, AlState::preop));
     }
@@ -308,7 +312,7 @@ class PdoContent final : public EntrySink {
     void forget() override {
         if (next_ != nullptr) next_->forget();
     }
-    // Not 0.
+    // The check value; never 0.
     [[nodiscard]] std::uint32_t value() const { return std::max<std::uint32_t>(value_.get(), 1); }
 
   private:
@@ -353,7 +357,7 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     co_return select_source(network, slave, found, read, compare);
 }
 
-// The same, and finds the entries that the application has listed.
+// The same as discover(), and finds the entries that the application has listed.
 Task<Result<>> discover_with_entries(Network& network, Slave& slave) {
     EntryMatcher entries(entries_of(network, slave), slave);
     co_return co_await required(discover(network, slave, entries.wanted() ? &entries : nullptr));
@@ -375,7 +379,8 @@ Task<Result<>> find_entries(Network& network, Slave& slave, EntryMatcher& entrie
     PdoFindings found;
     found.notes_refusals = false;
     auto asked = co_await ask_by_mail(network, slave, found, false, &entries);
-    // The data types of the SII are left out here: to read it would take the EEPROM from a slave in operation.
+    // The data types of the SII are not read here, because the master would take the EEPROM away from a slave in
+    // operation.
     if (!asked || found.source != ConfigurationSource::sii) co_return asked;
     auto read = co_await read_sii(network, slave, found, &entries);
     co_return read;

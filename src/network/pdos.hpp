@@ -12,9 +12,9 @@ class EntryMatcher;
 // set them: from the lists, otherwise from the object dictionary or the drives, otherwise from the SII. When sources
 // differ, this is reported in warnings() once, and is no failure. For a slave that refuses to answer the SII is used.
 // Errors: the lists are contradictory, the slave refuses them, or it does not answer although its SII says that it can;
-// then its process data is unknown. pdo_unknown: an assigned PDO that the slave does not describe. Where the SII says
-// the size, this is only noted, and the size is used. Entries that the application wants (GroupConfiguration::entries)
-// are matched meanwhile.
+// then its process data is unknown. pdo_unknown: an assigned PDO that the slave does not describe. If the SII contains
+// the size, the error is only noted, and the size of the SII is used. Entries that the application wants
+// (GroupConfiguration::entries) are matched meanwhile.
 [[nodiscard]] Task<Result<>> discover_pdos(Network& network, Slave& slave);
 
 // Passes the entries of a slave to `entries`, found as by discover_pdos(), without changing anything. `entries`

@@ -14,7 +14,7 @@ bool is_marked(const Network& network, const RingPlace& place, std::uint16_t bel
     return network.stranger_mark != 0 && place.address == network.stranger_mark - below;
 }
 
-// A slave that was asked, and that is not a slave of the line.
+// Whether the slave at this place was identified, and is no slave of the line.
 bool is_stranger(const Network& network, const RingPlace& place) {
     return is_marked(network, place, 0) || is_marked(network, place, stranger_mark::kSuspect);
 }
@@ -23,7 +23,7 @@ bool is_stranger(const Network& network, const RingPlace& place) {
 struct Gap {
     const Slave* before = nullptr;
     const Slave* behind = nullptr;
-    std::size_t there = 0;  // places whose slaves are not known and may be slaves of the line; the newcomer included
+    std::size_t there = 0;  // places of unknown slaves that may be slaves of the line, the newcomer included
     std::size_t index = 0;  // how many of these places are before the newcomer
 
     [[nodiscard]] bool includes(const Slave& slave) const {
@@ -88,12 +88,12 @@ bool was_at(const Network& network, const Neighbour& neighbour, const Slave& sla
     if (!neighbour.below) return marks.home == neighbour.slave && marks.home_port == neighbour.port;
     if (neighbour.slave == 0) return marks.at_second_nic;
     if (neighbour.home == slave.number) return true;
-    // `slave` was bridged, and the slave below is now where `slave` was.
+    // `slave` was bridged, and the neighbour is now connected where `slave` was.
     return neighbour.home != SlaveMarks::kNoHome && marks.home == neighbour.home &&
            marks.home_port == neighbour.home_port && slave.number < neighbour.slave;
 }
 
-// Behind a break: whether any slave, lost or not, was seen at this neighbour.
+// Behind a break: whether any slave, lost or present, was seen last at this neighbour.
 bool is_remembered(const Network& network, const Neighbour& neighbour) {
     if (!neighbour.below) return false;
     if (neighbour.slave != 0) return neighbour.home != SlaveMarks::kNoHome;
@@ -110,7 +110,7 @@ struct Lost {
     std::array<Slave*, 2> same{};  // the first two with the serial number or the alias of the newcomer
     std::array<Slave*, 2> here{};  // the first two that were at this neighbour
     std::array<Slave*, 2> any{};   // the first two
-    bool none_was_there = true;    // none of these slaves was present since the scan
+    bool none_was_there = true;    // no lost slave of the gap was present since the scan
     Slave* never = nullptr;        // the first of these slaves that was not present since the scan
     Slave* replaced = nullptr;     // the first lost slave that was at this neighbour, or else the first lost slave
     bool unsettled = false;        // a slave is absent that is in use, and not reported lost yet
@@ -189,7 +189,8 @@ Verdict choose_by_place(Network& network, std::size_t n) {
     const Gap gap = find_gap(network, n);
     const Lost lost = find_lost_slaves(network, gap, neighbour);
     if (lost.unsettled) return {};
-    // A device that was reported as a stranger while the equal slave was present is not this slave, which is lost now.
+    // The device was reported as a stranger while an equal slave was present. So the device is not this slave, although
+    // the slave is lost now.
     const bool stranger = is_marked(network, place, 0);
     if (!stranger && lost.same[0] != nullptr && lost.same[1] == nullptr) return {.slave = lost.same[0]};
     const bool all_are_there = !stranger && lost.in_order != nullptr && lost.count == gap.there;

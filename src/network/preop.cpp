@@ -33,7 +33,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     if (state) {
         slave.al = *state;
         open_mailbox(network, slave, slave.mailbox);
-        // After BOOT: its new firmware runs now, and may have another identity.
+        // After BOOT, the new firmware of the slave runs now, and the identity may have changed.
         co_await required(prove_before_request(network, slave, AlState::preop));
         const Time reached = network.engine.now();
         co_await required(around_transition(network, slave, which, Moment::after));

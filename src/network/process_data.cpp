@@ -34,8 +34,8 @@ std::size_t find_free(std::span<T> all, std::size_t n, std::span<ProcessGroup> g
     return all.size();
 }
 
-// The first slave that is known not to take part, or may be another one, and that belongs to datagram `n`; 0: none is
-// known.
+// The first slave of datagram `n` that is known not to take part, or at whose address another slave may answer; 0: none
+// is known.
 std::uint16_t lost_slave(const ProcessGroup& group, std::size_t n) {
     for (const Slave& slave : group.slaves) {
         const bool counted = group.marks[slave.number - 1U].counted;
@@ -57,8 +57,8 @@ bool others_are_doubted(const ProcessGroup& group, std::uint16_t named) {
     });
 }
 
-// Without a supervision: slow cycles have been lost for so long that a device may have been exchanged, though they are
-// few.
+// Without a supervision: whether the lost cycles cover so long a time that a device may have been exchanged. With slow
+// cycles these are few cycles.
 bool is_silent_for_long(const ProcessGroup& group) {
     constexpr Duration kSilence = std::chrono::milliseconds(250);
     const CyclePace& pace = group.pace;
@@ -87,7 +87,7 @@ void copy_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes in
     };
     for (const Slave& slave : group.slaves) {
         if (slave.image.group != group.number || !slave.takes_part) continue;
-        if (group.marks[slave.number - 1U].was_away) continue;  // another device may have sent them
+        if (group.marks[slave.number - 1U].was_away) continue;  // another device may have sent these inputs
         copy(slave.image.inputs.offset_bits, slave.image.inputs.bits);
         if (slave.image.mailbox_status_bit != SlaveImage::kNone) copy(slave.image.mailbox_status_bit, 1);
     }
@@ -225,7 +225,7 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     GroupConfiguration wanted = group.config;
     wanted.dc_reference = group.dc_reference;
     const ReadingPlans readings = plan_readings(group.slaves, wanted, group.by_position);
-    // A first frame that is completely reserved for others is not sent.
+    // A first frame without datagrams of the group, whose space is completely reserved, is not sent.
     const std::uint16_t first = planned.empty() || readings.count > 0 ? std::uint16_t{0} : planned.front().frame;
     const std::size_t end = planned.empty() ? readings.count > 0 : planned.back().frame + 1U;
     const std::size_t frame_count = end - first;
@@ -313,7 +313,8 @@ bool redirect_time(ProcessGroup& group, const Slave* reference) {
             reading.changes = true;
             reading.by_position = source.command == wire::Command::ARMW;
             reading.standby = source.address;
-            // Else the next frame is built with it: a loop that sends before it polls always has a frame on the wire.
+            // If a frame is on the wire, the next frame is built with the new address: a loop that sends before it
+            // polls always has a frame on the wire.
             if (frame.slot == nullptr && !frame.parked) change_time(frame, reading);
         }
     }
@@ -337,7 +338,7 @@ std::uint32_t sent_cycles(const ProcessGroup& group) {
 
 bool is_fresh(const ProcessGroup& group, const Slave& slave) {
     if (!slave.takes_part || !group.mapped || group.mapping || is_joining(group, slave)) return false;
-    if (group.marks[slave.number - 1U].was_away) return false;  // another slave may have sent them
+    if (group.marks[slave.number - 1U].was_away) return false;  // another slave may have sent the inputs
     const bool has_inputs = slave.image.inputs.bits > 0;
     const ImagePart& part = has_inputs ? slave.image.inputs : slave.image.outputs;
     const std::uint64_t end = part.offset_bits + std::uint64_t{part.bits};
@@ -405,7 +406,7 @@ Error not_sent(ProcessGroup& group, Link& link) {
 
 bool is_silent(const ProcessGroup& group, Link& link, Time now) {
     if (!group.prepared.empty()) return false;
-    link.look_at_cable(now, 10 * kCableKnown);  // unless poll() has
+    link.look_at_cable(now, 10 * kCableKnown);  // unless poll() has asked the NIC already
     return link.silence() >= kSilentFrames || link.is_down();
 }
 
@@ -414,7 +415,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
     Error error = cycle_error(Errc::working_counter, group.number);
     std::uint32_t missing = 0;
     for (PreparedFrame& frame : frames) {
-        if (frame.is_held()) Link::commit_held(frame);  // behind a frame that has not come
+        if (frame.is_held()) Link::commit_held(frame);  // a frame before this one has not come back
         if (frame.end != CycleEnd::missing || link.take_half(frame, now)) continue;
         if (reset_unmarked(frame)) error.detail = Error::kUnmarked;
         link.give_up_prepared(frame, now);
@@ -442,7 +443,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
     }
     group.cycles_lost = 0;
     if (fresh) give_inputs(group);
-    if (right && fresh) return got;  // the sum may be right although other slaves take part than known: then not fresh
+    if (right && fresh) return got;  // not fresh: the sum is right, but perhaps other slaves have answered
     error.detail = fresh ? Error::kOthersFresh : 0;
     if (group.mapping) error.detail = Error::kBeingMapped;
     error.expected = group.expected_wkc;

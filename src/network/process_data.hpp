@@ -19,7 +19,7 @@ namespace margay {
 
 struct Master;
 
-// What the cycle does with the image for another thread; nullptr: there is none.
+// The access of the cycle to the image of another thread; nullptr: there is no shared image.
 struct SharedImageAccess {
     [[nodiscard]] static bool attach(SharedImage* shared, std::size_t output_bytes, std::size_t input_bytes) {
         return shared == nullptr || shared->attach(output_bytes, input_bytes);
@@ -41,9 +41,10 @@ struct Overlap {
     std::uint8_t sets = 1;  // sets of frames, each for one cycle; 1: cycles do not overlap
     std::uint8_t send_set = 0;
     std::uint8_t receive_set = 0;
-    // Also where cycles do not overlap, for the owner's thread; see coincidence.hpp. How often the working counters of
-    // the group were doubted, the low half of the number of the first cycle that can be believed again, and a check
-    // value of the working counters of the last cycle that was not simply right.
+    // These three members are used by the owner's thread, also if cycles do not overlap; see coincidence.hpp. `doubts`:
+    // how often the working counters of the group were doubted. `believed_from`: the low half of the number of the
+    // first cycle whose working counters can be believed again. `last_sums`: a check value of the working counters of
+    // the last cycle that has not passed the fast check.
     std::uint8_t doubts = 0;
     std::uint16_t believed_from = 0;
     std::uint16_t last_sums = 0;
@@ -54,12 +55,12 @@ class LeavingExchange;
 struct ProcessGroup : Group {
     LeavingExchange* leaving = nullptr;  // the slaves whose FMMUs are being cleared: see members.hpp
     ImageLayout layout;
-    std::span<PreparedFrame> prepared;  // of all sets where cycles overlap
+    std::span<PreparedFrame> prepared;  // if cycles overlap: the frames of all sets
     Overlap overlap;
     std::span<DatagramPlan> plans;  // the plan of each datagram, in the order of `datagrams`
     std::span<DatagramStatus> statuses;
     std::span<const Slave> slaves;  // all slaves of the network
-    std::span<SlaveMarks> marks;    // and their marks
+    std::span<SlaveMarks> marks;    // the marks of all slaves
     std::array<PreparedReading, ReadingPlans::kMost> readings{};
     CyclePace pace;
     Time seen_at{};  // when what_is_wrong() saw `cycles_seen` cycles for the first time
@@ -79,15 +80,17 @@ struct ProcessGroup : Group {
     bool fell_short : 1 = false;      // without a supervision: a working counter has fallen short
     bool was_right : 1 = false;       // without a supervision: readstate() has found the cycles right since the mapping
     bool unexpected : 1 = false;      // for the supervision: a cycle was not usable, or a slave is back
-    bool settling : 1 = false;        // the counters have changed, and no cycle behind `settled_after` was received
+    // The expected working counters have changed, and no cycle after `settled_after` was received.
+    bool settling : 1 = false;
     // A working counter was neither the accepted one nor that of all slaves, or did not come, and the states of the
     // slaves that take part were not read since. See coincidence.hpp.
     bool sums_doubted : 1 = false;
-    bool sums_confirmed : 1 = false;  // they were read, and the cycles from `overlap.believed_from` on are believed
-    bool confirming : 1 = false;      // they are being read
-    bool by_position : 1 = false;     // ClockSettings::by_position, as config_map() has found it
-    bool holds_inputs : 1 = false;    // GroupConfiguration::hold_inputs, as config_map() has found it
-    std::uint8_t next_place = 0;      // where the logical addresses of the next mapping begin: see next_start()
+    // The states were read, and the cycles from `overlap.believed_from` on are believed.
+    bool sums_confirmed : 1 = false;
+    bool confirming : 1 = false;    // the states are being read
+    bool by_position : 1 = false;   // ClockSettings::by_position, as config_map() has found it
+    bool holds_inputs : 1 = false;  // GroupConfiguration::hold_inputs, as config_map() has found it
+    std::uint8_t next_place = 0;    // where the logical addresses of the next mapping begin: see next_start()
     // The low octet of the number of the last cycle that did not bring the inputs of all slaves that take part.
     std::uint8_t unfresh_cycle = 0;
     // Cycles to be received that were sent before a slave took part, or before one left the exchange.
@@ -139,9 +142,9 @@ void set_outputs(ProcessGroup& group);
 // Sends all frames of a cycle; callable from the cycle. Errors: the errors of not_sent().
 [[nodiscard]] Result<> send_cycle(ProcessGroup& group, Link& link, Time now);
 
-// A group without frames, for example of a hot connect group that is away and whose sizes are not known: whether other
-// frames show that nothing answers, or that the NIC has no link. poll() keeps this information for such groups: the
-// cycle asks the NIC itself only where poll() is not called.
+// For a group without frames, for example a hot connect group that is away and whose sizes are not known: whether other
+// frames show that no slave answers, or that the NIC has no link. poll() keeps this information up to date. The cycle
+// asks the NIC itself only if poll() is not called.
 constexpr std::chrono::milliseconds kCableKnown{10};
 [[nodiscard]] bool is_silent(const ProcessGroup& group, Link& link, Time now);
 
@@ -162,27 +165,27 @@ void give_inputs(ProcessGroup& group);
     return group.expected_wkc;
 }
 
-// The next cycle that is sent carries the time of this slave; nullptr: no time. False where cycles overlap (then
-// another thread may be sending): these frames keep their reference. Those that only read it, because it has not
-// answered, do so until a slave is named again.
+// The next cycle that is sent carries the time of this slave; nullptr: no time. False if cycles overlap, because
+// another thread may be sending: the frames keep their reference. A frame that only reads the time, because the
+// reference has not answered, continues to read it until a slave is set again.
 [[nodiscard]] bool redirect_time(ProcessGroup& group, const Slave* reference);
-// The first cycles only read the time, until two of them tell the next time: the clocks before the reference would take
-// over zeros.
+// The first cycles only read the time, until the next time can be predicted from two of them. Otherwise the clocks
+// before the reference would take zeros as the time.
 void begin_by_reading(ProcessGroup& group);
-// Sets the slave whose time the cycle carries by itself as soon as the reference is lost; 0: none. Not where cycles
-// overlap.
+// Sets the standby: the slave whose time the cycle carries as soon as the reference is lost; 0: none. No effect if
+// cycles overlap.
 void set_time_standby(ProcessGroup& group, StationAddress standby);
 // Command and address of the datagram with the time as it is sent now; command NOP: the cycle carries no time.
 [[nodiscard]] TimeSource time_source(const ProcessGroup& group);
 
-// Whether Group::dc_time has all 64 bits of a clock: not where the reference has 32, nor where it had 32 when the group
-// was mapped, nor while the cycle carries the time of the standby, which may have 32.
+// Whether Group::dc_time has all 64 bits of a clock. False if the reference clock has 32 bits, or had 32 bits when the
+// group was mapped. False also while the cycle carries the time of the standby, which may have 32 bits.
 [[nodiscard]] bool is_time_whole(const ProcessGroup& group);
-// How many cycles have brought the time of the reference clock to the other clocks: they came back, and did not only
-// read it. Wraps, and has another origin after config_map().
+// How many cycles have brought the time of the reference clock to the other clocks: cycles that came back and have also
+// written the time. The number wraps, and starts again after config_map().
 [[nodiscard]] std::uint16_t cycles_with_time(const ProcessGroup& group);
-// When the cycle was sent that was received last: Group::dc_time is of that cycle. The next one may be under way.
-// Where cycles overlap, the last cycle of any group is meant.
+// When the cycle that was received last was sent: Group::dc_time comes from this cycle, and the next cycle may be under
+// way. If cycles overlap: when the last cycle of any group was sent.
 [[nodiscard]] inline Time received_at(const ProcessGroup& group, const Link& link) {
     if (group.overlap.sets > 1) return link.last_cycle();
     return group.under_way ? group.pace.before : group.pace.last;

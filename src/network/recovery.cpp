@@ -55,10 +55,10 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
     return {};
 }
 
-// Exists while the process data of a slave that comes back is being found, and its configuration is incomplete. Values
-// of a reserved place, and of its former firmware, are taken out of the configuration, so that the hook and the search
-// for PDOs find it empty, as at the first start-up. The values are put back unless accept() was called, or the
-// application has set other values meanwhile.
+// Exists while the process data of a slave that comes back is being found, and the configuration of the slave is
+// incomplete. The constructor removes the values of a reserved place and of earlier firmware from the configuration. So
+// the hook and the search for PDOs find an empty configuration, as at the first start-up. The values are put back
+// unless accept() was called, or the application has set other values meanwhile.
 class Finding {
   public:
     Finding(SlaveMarks& marks, Slave& slave)
@@ -108,7 +108,7 @@ Error check_late_slave(Network& network, Slave& slave) {
     ProcessGroup& group = network.process.groups[slave.image.group];
     const detail::EntryPart* const part = group.config.entries.part();
     const Error entries = part == nullptr ? Error{} : part->place(network, group, &slave);
-    if (entries.code != Errc::none) return entries;  // outputs that the application writes would have no effect
+    if (entries.code != Errc::none) return entries;  // the application would write outputs without effect
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
     return check_place(slave, group.layout, lrw).error();
@@ -122,7 +122,7 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& find
     Error error = discovered.error();
     if (discovered && finding.is_kept()) error = compare_with_place(slave, finding.sms());
     if (error.code == Errc::none && finding.is_kept() && !finding.is_same_content()) {
-        // If the slave has refused to be read, its refusal is the error, because its PDOs may be the same.
+        // If the slave has refused to report its PDOs, the refusal is the error: the PDOs may be the same.
         error = {.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number};
         if (network.marks(slave).pdo_content == 0 && network.marks(slave).pdos_refused) error = slave.error;
     }
@@ -154,7 +154,7 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     if (doubt_after_hook(network, slave, begun)) {
         co_await required(prove_before_request(network, slave, AlState::safeop));
     }
-    // Some firmware writes its identity into the EEPROM when it has started.
+    // Some new firmware writes its identity into the EEPROM only after its start.
     if (new_firmware) {
         co_await required(prove(network, slave));
     }
@@ -190,7 +190,7 @@ Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
     if (!surveyed) co_return surveyed;
     slave.other = slave.wanted != nullptr && difference(slave, *slave.wanted).code != Errc::none;
     update_held(network);
-    if (slave.other && slave.held) {  // the wanted slave may still come
+    if (slave.other && slave.held) {  // the expected slave may still come
         slave.seen = false;
         co_return difference(slave, *slave.wanted);
     }
@@ -231,13 +231,13 @@ void doubt_pdos(Network& network, const Slave& slave) {
 }
 
 Task<Result<>> restart(Network& network, Slave& slave) {
-    // Another slave may answer at this address: not every reading of the states sees that a slave was away.
-    // A slave in BOOT is compared when it is in PREOP: its firmware may use the EEPROM.
+    // Another slave may answer at this address, because the readings of the states may have missed that the slave was
+    // away. A slave in BOOT is compared when it is in PREOP: its firmware may use the EEPROM.
     Result<> same;
     if (slave.al.state != AlState::boot) same = co_await prove(network, slave);
     if (same && !slave.seen) same = co_await read_missing_slave(network, slave);
     if (!same) co_return same;
-    // In INIT, a device may take over other modules or settings than the mapping has.
+    // In INIT, a device may start to use other modules or settings than at the mapping.
     doubt_pdos(network, slave);
     co_await required(back_to_init(network, slave));
     const ChangeReport report(network, slave);
@@ -284,13 +284,14 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
         configured = changed.ok();
     }
     if (configured && !to_be_asked) co_return Nothing{};
-    // The slave was brought to PREOP and has been there since: its mailboxes need not be configured again.
+    // Whether the slave was brought to PREOP and has stayed there: then its mailboxes need not be configured again.
     const bool in_preop = !network.marks(slave).unproved && slave.seen && slave.al.state == AlState::preop &&
                           !slave.al.error && !unfinished();
     const bool settled = in_preop && network.marks(slave).settled == AlState::preop;
     const bool waits = settled && !slave.held && to >= AlState::safeop;
     const bool asks = in_preop && to_be_asked;
-    const bool is_done = settled && to == AlState::preop && !to_be_asked;  // only the identity was in doubt
+    // Nothing is left to do: only the identity was in doubt.
+    const bool is_done = settled && to == AlState::preop && !to_be_asked;
     if (is_done) co_return Nothing{};
     Result<> again;
     if (asks) again = co_await clear_fmmus(network, slave);  // the FMMUs of an earlier mapping

@@ -43,8 +43,8 @@ void note_change(Network& network, Slave& slave, const AlStatus& before);
 void note_state(Network& network, Slave& slave, const AlStatus& now);
 
 // A slave that has lost its power, its station address or its own program may have other PDOs: PDOs that the
-// application has written by mail are gone, and a spare part, or another master, may have stored others. The PDOs are
-// read and compared before the slave takes part again.
+// application has written by mail are lost, and a spare part may contain other PDOs, or another master may have stored
+// other PDOs. The PDOs are read and compared before the slave takes part again.
 void doubt_pdos(Network& network, const Slave& slave);
 
 }  // namespace margay

@@ -22,9 +22,10 @@ Result<std::size_t> plan_frames(Network& network, const ProcessGroup& group, boo
     return plan_datagrams(network.slaves(), group.number, wanted, group.layout, network.process.scratch);
 }
 
-// The datagram of the time as it is sent: the reference may have changed, or be lost, since the frames were built.
+// The datagram of the time as it is sent now. The reference may have changed or may have been lost since the frames
+// were built.
 struct SentTime {
-    static constexpr std::size_t kAddress = 2;  // in the header, behind command and index
+    static constexpr std::size_t kAddress = 2;  // offset in the datagram header, behind command and index
     wire::Command command{};
     std::array<std::byte, 4> address{};
     std::array<std::byte, 8> data{};
@@ -32,7 +33,7 @@ struct SentTime {
     bool known = false;
 };
 
-// Calls `use` with the reading of the time and with the first octet of its datagram.
+// Calls `use` with the reading of the time and with the octets of its datagram.
 template <class Use>
 void with_time_datagram(ProcessGroup& group, Use use) {
     for (PreparedReading& reading : group.readings)
@@ -107,7 +108,7 @@ Result<> replan(Network& network, std::uint8_t number) {
     if (!count) return count.error();
     Engine& engine = network.engine;
     const auto built = prepare_again(network.process, group, *count, engine.link(), engine.now());
-    if (!built) {  // the frames of the group are free now: there is room for its old frames
+    if (!built) {  // the frames of the group are free now, so its old frames fit
         const auto before = plan_frames(network, group, blocked);
         if (before) static_cast<void>(prepare_again(network.process, group, *before, engine.link(), engine.now()));
     }

@@ -1,8 +1,8 @@
 // Distributed clocks in a ring with two NICs. While the ring is whole, the copy of each frame that begins at the head
 // of the ring passes the processing units of all slaves, and brings them the time of the reference clock. Behind a
 // break, the frames of the second NIC pass the processing units in the same order, so the delays stay right; the first
-// clock behind the break becomes the second reference. Both references are compared by the two copies of each frame,
-// and the master steers the second one by its offset.
+// clock behind the break becomes the second reference. The two copies of each frame compare both references, and the
+// master steers the second reference by its offset.
 #include "network/ring_watch.hpp"
 #include "network/wanted.hpp"
 #include "util/scoped_flag.hpp"
@@ -27,8 +27,8 @@ Error ring_error(Errc code, std::uint16_t slave = 0) {
     return {.code = code, .step = Step::configure_clocks, .slave = slave, .detail = Error::kRedundancy};
 }
 
-// Whether some slave with a clock is reached by the head (`beside` false), or only by the other copy, while the ring is
-// whole.
+// While the ring is whole: whether the copy of the head reaches any slave with a clock (`beside` false), or whether
+// only the other copy reaches one (`beside` true).
 bool has_clock(Network& network, RingParts parts, bool beside) {
     return std::ranges::any_of(network.slaves(), [&](const Slave& slave) {
         const bool other = slave.ring_position > parts.front;
@@ -36,7 +36,8 @@ bool has_clock(Network& network, RingParts parts, bool beside) {
     });
 }
 
-// A clock was being set when the others were given the delays of the ways as they are.
+// Whether a clock still needs the delay of its present way, because it was being set when arrange() wrote the delays of
+// the other clocks.
 bool delay_waits(Network& network) {
     return std::ranges::any_of(network.slaves(), [&](const Slave& slave) {
         const ClockEntry& clock = network.clocks.of(slave);
@@ -44,7 +45,7 @@ bool delay_waits(Network& network) {
     });
 }
 
-// In a frame of its own: the frames before it and behind it take another way.
+// The datagram is sent in a frame of its own, because the frames before it and after it take different ways.
 Task<Result<>> write_loops(Station station, int value) {
     std::array<std::byte, 2> bytes{};
     store_le<std::uint16_t>(bytes, 0, static_cast<std::uint16_t>(value));
@@ -74,10 +75,10 @@ Task<Result<>> RingWatch::open_ring_with(Network& network, bool times) {
         ring_.guard_times(false);
     }
     if (!now.whole) {
-        // Broken at the cable of a NIC: a line.
+        // If the ring is broken at the cable of a NIC, it is a line without a second part.
         const bool parted = now.front < network.ring_count;
-        // What was measured in the whole ring is better than what can be measured now: the delay across the break is
-        // not known, and the first slave behind it forwards frames faster than with port 0 open.
+        // Delays that were measured in the whole ring are more exact: now the delay across the break is not known, and
+        // the first slave behind the break forwards frames faster than with port 0 open.
         if (parted && !first_time && !guessed_) co_return ring_error(Errc::wrong_state);
         guessed_ = parted;
         co_return Nothing{};
@@ -85,7 +86,7 @@ Task<Result<>> RingWatch::open_ring_with(Network& network, bool times) {
     // The counts show which clocks are beside the ring; the counts of the broken ring would be wrong.
     if (!ring_.counts_are_new()) co_return ring_error(Errc::unstable);
     std::ranges::fill(constants_.begin() + (first_time ? 0 : 1), constants_.end(), Constant{});
-    if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;  // perhaps with other delays
+    if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;  // the lesson may have used other delays
     if (last == nullptr) co_return ring_error(Errc::wrong_state);
     const Slave& reference = network.slave(network.clocks.reference);
     if (reference.ring_position > now.front && has_clock(network, now, false))
@@ -97,7 +98,8 @@ Task<Result<>> RingWatch::open_ring_with(Network& network, bool times) {
     ring_.begin_opening(times);
     opened_ = network.engine.now();
     last_ = last->number;
-    // A port that an opening has left closed opens by itself soon: "closed" is not what it comes back to.
+    // An earlier open_ring() may have left the port closed; the chip opens it soon. So close_ring() must not restore
+    // the value "closed".
     last_control_ = (control & closed(port)) == closed(port) ? control & ~closed(port) : control;
     const auto written = co_await write_loops(station, control | kTemporary | closed(port));
     if (!written) {  // perhaps only the reply was lost
@@ -125,10 +127,11 @@ std::uint16_t RingWatch::reference_of(Network& network, const Slave& slave) cons
 std::uint16_t RingWatch::first_behind(Network& network, bool only_settled) const {
     std::uint16_t best = 0;
     const Slave& reference = network.slave(network.clocks.reference);
-    // Not a clock of a branch before it, which does not become the reference.
+    // If the reference itself is behind the front, it is the first clock there. A clock of a branch before it does not
+    // become the reference.
     if (has_beside_ && is_behind(network, reference) && reference.al.state != AlState::none) return reference.number;
     for (const Slave& slave : network.slaves()) {
-        // Below SAFEOP, a slave that has come back may not have its clock yet, unless it is the reference.
+        // Below SAFEOP, the clock of a slave that has come back may not be set yet, unless the slave is the reference.
         const bool settled = !only_settled || slave.number == second_ || slave.number == network.clocks.reference ||
                              slave.al.state >= AlState::safeop || slave.al.state == wanted_state(network, slave);
         const bool candidate = is_behind(network, slave) && slave.al.state != AlState::none && settled &&
@@ -142,7 +145,7 @@ std::uint16_t RingWatch::first_behind(Network& network, bool only_settled) const
 Task<Result<>> RingWatch::begin_second_part(Network& network) {
     const RingParts now = parts();
     const bool broken = now.two_nics && !now.whole;
-    // Another clock, or the same clock with another time.
+    // The second reference will be another clock, or the same clock with another time.
     ring_.set_second_reference({});
     second_ = 0;
     if (has_beside_ && now.whole) co_return co_await required(teach_beside(network));
@@ -156,8 +159,9 @@ Task<Result<>> RingWatch::begin_second_part(Network& network) {
     co_return co_await required(change_second(network, wanted_second_));
 }
 
-// The second reference has never been compared with the reference, and would drift away as fast as both oscillators
-// differ. So the master writes the time of the reference to it, until its control loop has learned the rate.
+// The second reference has never been compared with the reference, and would drift away because both oscillators
+// differ. So the master writes the time of the reference to the second reference until its control loop has learned the
+// rate.
 Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
     constexpr Duration kLesson = std::chrono::seconds(1);
     const Time give_up = network.engine.now() + kLesson;
@@ -173,7 +177,7 @@ Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
     co_return Nothing{};
 }
 
-// Whether a cycle has come back in which a slave is missing that is not known to be lost.
+// Whether a cycle has come back in which a slave is missing whose loss is not known yet.
 static bool falls_short(const Network& network) {
     const auto is_short = [](const DatagramStatus& status) { return status.came && !status.usable(); };
     return std::ranges::any_of(network.process.groups, [&is_short](const ProcessGroup& group) {
@@ -186,7 +190,8 @@ static bool falls_short(const Network& network) {
 Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
     constexpr Duration kLesson = std::chrono::milliseconds(400);
     Clocks& clocks = network.clocks;
-    // While a slave becomes the reference, or its clock is set, no time may reach it, and the ways are measured.
+    // While a slave becomes the reference, or while a clock is set, the ways are measured, and no time may reach the
+    // slave.
     if (clocks.paused || clocks.measuring) co_return ring_error(Errc::unstable);
     const ScopedFlag measuring(clocks.measuring);
     co_await required(open_ring_with(network, true));
@@ -201,7 +206,7 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
         same = !find_old_delays(network) && !clocks.paused && times_short < kEnough;
     }
     std::int64_t greatest = 0;
-    // A clock whose rate is wrong yet passes the right time now and then.
+    // A clock whose rate is still wrong shows the right time at single moments, so it is compared several times.
     for (unsigned looks = 0; looks < 8 && same; ++looks) {
         for (unsigned times = 0; times < 4; ++times) co_await required(send_time(network));
         for (Slave& slave : network.slaves()) {
@@ -213,12 +218,12 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
         }
     }
     co_await required(close_ring(network));
-    // A slave is lost, or back: the times belong to another way.
+    // A slave was lost or has come back: the times belong to other ways.
     if (!same) co_return ring_error(Errc::unstable);
     co_return static_cast<std::uint32_t>(greatest);
 }
 
-// The clocks behind the break from that of the reference: all latch the same frame.
+// Sets the clocks behind the break by the clock of the reference: all of them latch the same frame.
 Task<Result<>> RingWatch::set_second_part(Network& network, Slave& second) {
     Clocks& clocks = network.clocks;
     Slave& reference = network.slave(clocks.reference);
@@ -235,7 +240,7 @@ Task<Result<>> RingWatch::set_second_part(Network& network, Slave& second) {
             co_await required(write_clock(network, slave));
             continue;
         }
-        wire::Register offset = reg::kSystemTimeOffset;  // its control loop goes on
+        wire::Register offset = reg::kSystemTimeOffset;  // the control loop continues
         if (clock.kind == ClockKind::bits32) offset.length = 4;
         co_await required(write_clock_register(network.station(slave), offset, clock.offset_ns));
     }
@@ -246,7 +251,7 @@ Task<Result<>> RingWatch::set_second_part(Network& network, Slave& second) {
 std::uint16_t RingWatch::choose_second(Network& network) const {
     const RingParts now = parts();
     if (!now.two_nics || (now.whole && !has_beside_) || network.clocks.reference == 0) return 0;
-    // A NIC whose copies were lost some times is taken for silent: then the counts do not describe the ring.
+    // If some copies of a NIC were lost, the link regards this NIC as silent. Then the counts do not describe the ring.
     std::size_t there = 0;
     for (const Slave& slave : network.slaves())
         if (slave.al.state != AlState::none && slave.ring_position != 0) ++there;
@@ -261,14 +266,15 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     const StationAddress address = second == 0 ? StationAddress{} : network.slave(second).station_address;
     const StationAddress first = is_first ? reference.station_address : StationAddress{};
     if (second == second_ && is_first == second_is_first_) {
-        // There is another reference; or one answer was lost, or had the time that was sent.
+        // The reference has changed, or the link has stopped to use the second reference because a reply was lost or
+        // contained the time that was sent.
         if (!ring_.has_second_reference(address, first)) ring_.set_second_reference(address, first);
         co_return Nothing{};
     }
     second_ = second;
     second_is_first_ = is_first;
     learns_ = carried_ = false;
-    // The clocks beside the ring have followed others since a lesson, unless the ring is whole.
+    // Unless the ring is whole, the clocks beside the ring have followed other clocks since the last lesson.
     if (comparison_ != Comparison::taught || !parts().whole) comparison_ = Comparison::unknown;
     first_ = {};
     compared_behind_ = ring_.reached_by(1 - ring_.head());
@@ -277,7 +283,8 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     if (second == 0 || is_first) co_return Nothing{};
     network.report({.kind = EventKind::second_reference, .slave = second, .other = network.clocks.reference});
     ClockEntry& clock = network.clocks.entries[second - 1U];
-    // After a loss of power it may run as fast as it can, though its difference is small at this moment.
+    // After a loss of power, the control loop may correct the clock at the greatest rate, although the difference is
+    // small at this moment.
     const bool runs_away = !clock.knows_rate && comparison_ != Comparison::taught;
     const auto restarted = co_await required(settle_rate(network, network.slave(second)));
     if (runs_away && !restarted) {
@@ -294,8 +301,8 @@ void RingWatch::lose_behind(Network& network) const {
         if (is_behind(network, slave)) network.clocks.lose_sync(slave);
 }
 
-// The clocks that the reference clock does not reach are not in step with it. A known constant, or the ways, show the
-// difference.
+// The clocks that the reference clock does not reach are not in step with the reference clock. A known constant, or a
+// measurement of the ways, shows the difference.
 void RingWatch::distrust_second_part(Network& network) {
     lose_behind(network);
     first_ = {};
@@ -308,20 +315,21 @@ void RingWatch::use_known_constant(Network& network) {
     if (constant == nullptr || is_in_step(network)) return;
     constant_ns_ = constant->ns;
     begin_to_steer(network);
-    rounds_deaf_ = kDeaf;  // how far it is ahead is known after the first comparison
+    rounds_deaf_ = kDeaf;  // until the first comparison, it is not known how far this clock is ahead
 }
 
-// The reference is another one. Without this, the copies that the head does not send would carry no time for some
-// rounds where they have the only one. While the ring changes, the rounds decide.
+// The reference has changed, so the second reference is chosen again at once. Otherwise the copies of the other NIC
+// would carry no time for some rounds. While the ring changes, the rounds of the watch choose it.
 Task<Result<>> RingWatch::follow_reference(Network& network) {
-    if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;  // by the time of the one before
+    // The lesson used the time of the previous reference.
+    if (comparison_ == Comparison::taught) comparison_ = Comparison::unknown;
     if (!is_steered()) first_ = {};
     if (has_beside_ && (!arranged_ || ring_.are_times_held())) co_return Nothing{};
     wanted_second_ = choose_second(network);
     co_return co_await required(change_second(network, wanted_second_));
 }
 
-// Before the first comparison.
+// Whether the second reference is in step with the reference, before the first comparison.
 bool RingWatch::is_in_step(const Network& network) const {
     return second_ != 0 && (network.clocks.entries[second_ - 1U].is_in_step() || comparison_ == Comparison::taught);
 }
@@ -333,14 +341,15 @@ FollowedClock RingWatch::followed_clock(Network& network, const Slave& slave) co
     if (ring_.are_times_held()) return {};
     if (behind == is_behind(network, reference))
         return {.slave = passes < passes_at_ns(network, reference) ? std::uint16_t{0} : reference.number};
-    // Before the break, no time arrives while the reference is behind it.
+    // If the reference is behind the break, no time arrives before the break.
     if (!behind || second_ == 0 || second_is_first_ || comparison_ != Comparison::known || rounds_deaf_ >= kDeaf)
         return {};
     if (slave.number != second_ && passes < passes_at_ns(network, network.slave(second_))) return {};
-    // Between two corrections its own rate moves it by half of that to either side.
+    // Between two corrections, the rate of the second reference moves it by half of its drift in one interval to either
+    // side.
     const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
     const std::int64_t half_ns = std::abs(std::int64_t{phase_.drift_ppb()}) * cycle_ms / 2000;
-    // Until the controller knows this rate, the difference changes from round to round.
+    // Until the controller has learned this drift, the difference changes from round to round.
     const std::int64_t known_ns = std::abs(ahead_ns_) <= jitter_ns_ / 2 ? 0 : ahead_ns_;
     const std::int64_t change_ns = change_ns_ <= jitter_ns_ ? 0 : change_ns_;
     const std::int64_t moves_ns = half_ns + change_ns + lost_way_ns(network, slave);
@@ -353,7 +362,7 @@ void RingWatch::begin_to_steer(Network& network) {
     ahead_ns_ = change_ns_ = jitter_ns_ = moved_ns_ = rounds_deaf_ = 0;
     PhaseSettings phase =
         for_bus_shift({.cycle = network.clocks.settings.watch_interval, .gain_ppt = 50, .outlier_ns = 0});
-    phase.cycles_late = 0;  // steer() leaves out the differences that do not contain the correction yet
+    phase.cycles_late = 0;  // steer() skips differences that were measured before the correction
     phase_.start(phase);
 }
 
@@ -392,11 +401,13 @@ Task<Result<>> RingWatch::steer(Network& network) {
 Task<Result<>> RingWatch::watch_clocks(Network& network) {
     constexpr std::uint8_t kEnough = 2;
     const RingParts now = parts();
-    // The ring was a line when the delays were measured, and is whole now; or these clocks were away.
+    // The delays were measured while the ring was a line, or while the clocks beside the ring were away, and the ring
+    // is whole now.
     const bool unknown = !ways_known_ || !has_beside_;
     if (unknown && now.whole && !ports_of_broken_ && has_clock(network, now, true)) guessed_ = true;
     if (has_beside_ && (!arranged_ || ring_.are_times_held())) {
-        // Measured for the first time in the whole ring: the clocks have followed other delays before.
+        // After the first measurement in the whole ring, the clocks need a lesson, because they have followed other
+        // delays before.
         const bool taught = !now.whole || second_ != 0 || ring_.are_times_held();
         if (!taught && !may_teach(network)) co_return Nothing{};
         if (!taught) co_await completion(teach(network));
@@ -411,17 +422,18 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
     if (wanted == 0 || wanted == second_ || rounds_seen_ >= kEnough) {
         if (has_beside_ && now.whole && wanted != 0 && wanted != second_) {
             if (!may_teach(network)) co_return Nothing{};
-            // Perhaps it comes from a loss of power: a second reference behind it brings it what the master has sent.
+            // The new clock may have lost its power. The present second reference may be behind it, and then brings it
+            // the time that the master has sent.
             ring_.set_second_reference({});
             co_await completion(teach(network));
-            forget_differences();  // meanwhile it has become the second reference perhaps, by follow_reference()
+            forget_differences();  // follow_reference() may have made it the second reference meanwhile
         }
         co_await required(change_second(network, wanted));
     }
     if (second_ == 0 || second_is_first_) co_return Nothing{};
     if (needs_lesson(network) && now.whole && may_teach(network) && rests_-- == 0) {
         const auto taught = co_await teach(network);
-        constexpr std::uint8_t kRestsSoon = 20;  // it was broken off
+        constexpr std::uint8_t kRestsSoon = 20;  // the lesson was broken off
         rests_ = taught ? UINT8_MAX : kRestsSoon;
         // The constant is measured anew: a constant of clocks that were not in step would lead the clocks back.
         learns_ = comparison_ == Comparison::unsure;

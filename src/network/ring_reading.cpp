@@ -41,10 +41,10 @@ Task<Result<bool>> is_of_two(Station station) {
     co_return two;
 }
 
-// Two slaves with the station address of one slave of the table: a slave has come from another machine, where it had
-// that address. It is not known which of them is the right one, so both lose the address and their FMMUs, and the next
-// search identifies both. While a request uses the slave of the table, this search leaves them as they are. Returns
-// whether the ring must be read again.
+// Ends clashes: two slaves have the station address of one slave of the table, because a slave has come from another
+// machine, where it had the same address. It is not known which of them is the right one, so both lose the address and
+// their FMMUs, and the next search identifies both. While a request uses the slave of the table, this search leaves
+// them as they are. Returns whether the ring must be read again.
 Task<Result<bool>> end_clashes(Network& network) {
     ByAddress table(network);
     const auto ring = network.seen_ring();
@@ -59,7 +59,7 @@ Task<Result<bool>> end_clashes(Network& network) {
         const Station both{network.engine, {address}, 0};
         const bool two = co_await required(is_of_two(both));
         if (!two) co_return true;   // the ring has changed while it was read
-        drop_work(network, slave);  // a hook of the supervision may last for any time
+        drop_work(network, slave);  // a hook that the supervision has called may take any time
         if (network.marks(slave).in_use) {
             for (RingPlace& place : behind) place.unasked |= place.address == address;
             continue;
@@ -67,7 +67,7 @@ Task<Result<bool>> end_clashes(Network& network) {
         any = true;
         const SlaveToken token(network.marks(slave));
         if (slave.al.state != AlState::none) note_lost(network, slave);
-        co_await completion(unmap(both));  // neither of them may answer for the slave
+        co_await completion(unmap(both));  // neither of the two may answer in place of the slave
         auto reset = co_await write<std::uint16_t>(both, reg::kStationAddress, 0, Step::recover);
         (void)reset;  // the working counter is 2
     }

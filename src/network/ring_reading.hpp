@@ -32,7 +32,8 @@ void store_places(Network& network);
 void recognise(Network& network);
 // Reads all places of the ring. Errors: unstable (the ring has changed meanwhile), capacity.
 [[nodiscard]] Task<Result<>> read_places(Network& network);
-// The same, ends clashes of station addresses, and recognises the slaves. Errors: the errors of read_places().
+// The same as read_places(); also ends clashes of station addresses and recognises the slaves. Errors: the errors of
+// read_places().
 [[nodiscard]] Task<Result<>> read_ring(Network& network);
 
 }  // namespace margay

@@ -66,7 +66,7 @@ std::size_t count_behind(std::span<const RingPlace> ring, std::size_t front, std
     return count;
 }
 
-// Changes with the places and the slaves in them.
+// A check value of the places and of the slaves at these places.
 std::uint32_t sum_of_places(std::span<const RingPlace> ring) {
     std::uint32_t sum = 0;
     for (const RingPlace& place : ring) sum = sum * 31 + place.slave + std::uint32_t{place.parent} * 7;
@@ -80,7 +80,7 @@ bool find_neighbours(Network& network, std::size_t first_behind, Event& event) {
     std::uint16_t at = first_behind == 0 ? std::uint16_t{0} : ring[first_behind - 1].slave;
     if (at == 0) return false;
     event.other = at;
-    // The slaves between are lost. Each of them was seen last below the next one.
+    // The slaves between both are lost. Each of them was seen last below the next one of this search.
     for (std::size_t steps = 0; steps <= network.slaves().size(); ++steps) {
         const SlaveMarks& marks = network.marks(at);
         if (marks.home == SlaveMarks::kNoHome) return false;
@@ -92,7 +92,8 @@ bool find_neighbours(Network& network, std::size_t first_behind, Event& event) {
     return false;
 }
 
-// Only the first NIC reaches slaves: the last of them on the way to the end of the ring, as it was seen last.
+// If only the first NIC reaches slaves: finds the last present slave on the way to the end of the ring, by the places
+// that were seen last.
 bool find_last_before(Network& network, std::uint16_t end, std::uint8_t end_port, Event& event) {
     if (end == 0) return false;
     event.slave = end;
@@ -107,7 +108,8 @@ bool find_last_before(Network& network, std::uint16_t end, std::uint8_t end_port
     return false;
 }
 
-// Where the ring is open, by the numbers of slaves that the frames reach from its beginning and from its end.
+// Finds where the ring is open, by the numbers of slaves that the frames reach from the beginning and from the end of
+// the ring.
 Event find_break_by_counts(Network& network, std::size_t front, std::size_t behind, std::uint16_t end,
                            std::uint8_t end_port) {
     Event event{.kind = EventKind::ring_broken};
@@ -122,7 +124,7 @@ Event find_break_by_counts(Network& network, std::size_t front, std::size_t behi
         return event;
     }
     if (behind == 0 && find_last_before(network, end, end_port, event)) return event;
-    // Slaves are lost, or the ring was never seen whole.
+    // Otherwise slaves are lost, or the ring was never seen whole.
     const Slave* at = slave_at(network, front);
     if (at != nullptr) event.port = broken_port(network, *at);
     if (behind == 0)
@@ -270,7 +272,8 @@ bool RingWatch::begins_right(Network& network) {
         ring_.turn_round();
         return false;
     }
-    // A search behind a break has read them, too: delays that are measured by them in the whole ring would be wrong.
+    // In a broken ring, the ports are different. Delays that are computed with these ports in the whole ring would be
+    // wrong.
     ports_of_broken_ = network.parts_read.two_nics && !network.parts_read.whole;
     return true;
 }
@@ -303,7 +306,7 @@ Task<Result<>> RingWatch::read_ports(Network& network) {
     const auto read_one = [&network](Slave& s) { return read_dl_status(network, s); };
     co_await required(for_each_slave(network, read_one));
     if (ring_.changes() != changes) co_return Nothing{};  // the next round reads them
-    // A branch behind the way to the next ring slave has another place now.
+    // In the whole ring, a branch whose port comes after the way to the next ring slave has another place.
     const auto ring = network.seen_ring();
     ByAddress table(network);
     for (std::size_t n = 0; n < ring.size(); ++n) {

@@ -128,13 +128,13 @@ class RingWatch final : public RedundancyPart {
     CablingFault reported_fault_ = CablingFault::none;
     bool reported_swapped_ = false;
     bool automatic_ = true;
-    std::uint32_t restored_ = 0;    // changes of the ring, when restoring was asked for last
+    std::uint32_t restored_ = 0;    // RedundancyPart::changes() when restoring was requested last
     bool ports_of_broken_ = false;  // the topology is that of the broken ring
     std::uint16_t before_ = 0;      // the slaves at both sides of the last break
     std::uint16_t behind_ = 0;
     std::uint16_t first_behind_ = 0;    // the first place behind the break; 0: not known
-    std::uint16_t front_of_break_ = 0;  // how many places are before the break,
-    std::uint16_t behind_break_ = 0;    // and how many behind it
+    std::uint16_t front_of_break_ = 0;  // how many places are before the break
+    std::uint16_t behind_break_ = 0;    // how many places are behind the break
     std::uint32_t places_of_break_ = 0;
 
     // The slave with the second reference clock. If this clock is in step at the moment of the break, the first
@@ -158,8 +158,8 @@ class RingWatch final : public RedundancyPart {
     std::uint32_t steered_us_ = 0;       // when `ahead_ns_` was measured
     std::int64_t constant_ns_ = 0;
     static constexpr std::uint8_t kDeaf = 100;
-    // The first one is that of the whole ring. It stays as it was measured after a lesson: measured anew after each
-    // repair, it would take over what the clock is away at that moment, and these errors would add up.
+    // The first element is the constant of the whole ring. It keeps the value that was measured after a lesson. A new
+    // measurement after each repair would include the present error of the clock, and these errors would add up.
     std::array<Constant, 4> constants_{};
     std::size_t next_constant_ = 0;
     std::uint16_t wanted_second_ = 0;  // the slave that was the best second reference in `rounds_seen_` rounds
@@ -179,10 +179,10 @@ class RingWatch final : public RedundancyPart {
     std::uint8_t rounds_unclear_ = 0;
     bool judges_ = false;        // note_change() has marked clocks, and where the ring is broken is not known yet
     std::uint8_t end_port_ = 0;  // the port of slave `end_` to the second NIC
-    // The measurement that opens the ring by closing a port of the last slave.
+    // State of open_ring(), which closes a port of the last slave. When the port was closed.
     Time opened_{};
-    std::uint16_t last_ = 0;          // that slave
-    std::uint16_t last_control_ = 0;  // its DL control before
+    std::uint16_t last_ = 0;          // the last slave
+    std::uint16_t last_control_ = 0;  // the DL control register of the last slave before the port was closed
     std::uint16_t end_ = 0;           // the slave that the second NIC was connected to before the break
     std::uint16_t noted_ways_ = 0;    // Redundancy::ways() of the last note_change()
 };

@@ -94,8 +94,8 @@ void RingWatch::note_ways(Network& network) {
     judges_ = false;
 }
 
-// Where the ring is broken, by the slaves that answer to each copy. False: the counts do not belong to the slaves that
-// are known to be there, so one of them is lost or has come back and this is not known yet.
+// Where the ring is broken, by the slaves that answer to each copy. False: the counts do not fit the slaves that are
+// known to be present. So a slave was lost or has come back, and this is not known yet.
 bool RingWatch::find_sides(Network& network) {
     front_end_ = ring_slaves_;
     behind_begin_ = static_cast<std::uint16_t>(ring_slaves_ + 1);
@@ -108,7 +108,7 @@ bool RingWatch::find_sides(Network& network) {
     while (begin > 1 && there_between(network, begin, ring_slaves_) < behind) --begin;
     front_end_ = end;
     behind_begin_ = std::max<std::uint16_t>(begin, static_cast<std::uint16_t>(end + 1));
-    // Where both parts would have the same slave, one that answers is not known to be there.
+    // If the same slave would belong to both parts, a slave answers that is not known to be present.
     return ring_.counts_are_new() && begin > end && there_between(network, 1, end) == front &&
            there_between(network, begin, ring_slaves_) == behind;
 }
@@ -120,7 +120,7 @@ bool RingWatch::is_behind(Network& network, const Slave& slave) const {
                                                                       : clock.ring_slave >= behind_begin_;
 }
 
-// When the frame passes the slave, as the ring is now. For the slaves of each part by itself.
+// When the frame passes the slave in the present ring. Only the times of slaves in the same part can be compared.
 std::int64_t RingWatch::passes_at_ns(Network& network, const Slave& slave) const {
     const ClockEntry& clock = network.clocks.of(slave);
     if (!has_beside_) return slave.ring_position;
@@ -131,8 +131,9 @@ std::int64_t RingWatch::passes_at_ns(Network& network, const Slave& slave) const
     return std::int64_t{clock.passed_ns} - (behind ? at->return_ns : at->away_ns);
 }
 
-// Behind a break, the frames pass the branches beside the ring before the ring slaves. A branch that is lost behind the
-// second reference makes the way from there to the ring slaves shorter than their delays say, by this at most.
+// Behind a break, the frames pass the branches beside the ring before the ring slaves. If a branch behind the second
+// reference is lost, the way from the second reference to the ring slaves is shorter than their delays, by the returned
+// time at most.
 std::int64_t RingWatch::lost_way_ns(Network& network, const Slave& slave) const {
     const ClockEntry& second = network.clocks.entries[second_ - 1U];
     if (!has_beside_ || parts().whole || network.clocks.of(slave).beside || !second.beside) return 0;
@@ -146,8 +147,8 @@ std::int64_t RingWatch::lost_way_ns(Network& network, const Slave& slave) const 
     return lost_ns;
 }
 
-// Whether a frame that was on the wire at the change has brought the slave a wrong time: its register, or that of the
-// clock whose time comes, has the delay of the ways before.
+// Whether a frame that was on the wire at the change may have brought the slave a wrong time, because the delay
+// register of the slave, or of the clock that it follows, still has the delay of the earlier way.
 bool RingWatch::is_misled(Network& network, const Slave& slave) const {
     const Clocks& clocks = network.clocks;
     const bool behind = is_behind(network, slave);
@@ -167,7 +168,8 @@ void RingWatch::note_change(Network& network) {
     const auto ways = static_cast<std::uint16_t>(ring_.ways());
     if (std::exchange(noted_ways_, ways) == ways) return;
     Clocks& clocks = network.clocks;
-    const bool corrected = guessed_ && parts().whole;  // clocks behind the break get the first time of the reference
+    // The clocks behind the break now receive the time of the reference for the first time.
+    const bool corrected = guessed_ && parts().whole;
     if (clocks.reference == 0 || (!has_beside_ && !corrected)) return;
     judges_ = has_beside_;
     for (ClockEntry& clock : clocks.entries.first(network.count)) {
@@ -183,7 +185,8 @@ void RingWatch::judge_change(Network& network) {
     if (network.clocks.reference == 0) judges_ = false;  // a new scan has forgotten the clocks
     if (!judges_ || !find_sides(network)) return;
     judges_ = false;
-    if (is_misled(network, network.slave(network.clocks.reference))) return;  // the others are compared with it
+    // The other clocks are compared with the reference.
+    if (is_misled(network, network.slave(network.clocks.reference))) return;
     for (const Slave& slave : network.slaves()) {
         ClockEntry& clock = network.clocks.of(slave);
         if (!clock.misled || is_misled(network, slave)) continue;
@@ -194,7 +197,7 @@ void RingWatch::judge_change(Network& network) {
 
 Task<Result<>> RingWatch::write_delay(Network& network, Slave& slave, std::int64_t earliest_ns) {
     ClockEntry& clock = network.clocks.of(slave);
-    clock.delay_waits |= clock.measured && !clock.synchronised;  // it is being set
+    clock.delay_waits |= clock.measured && !clock.synchronised;  // the clock is being set
     if (!clock.synchronised || !clock.measured) co_return Nothing{};
     // A register of the chip cannot be negative.
     const std::int64_t later = is_behind(network, slave) ? std::max<std::int64_t>(-earliest_ns, 0) : 0;
@@ -202,15 +205,15 @@ Task<Result<>> RingWatch::write_delay(Network& network, Slave& slave, std::int64
     const bool same = clock.delay_ns == delay && !clock.beside && !clock.delay_waits;
     clock.delay_ns = delay;
     if (same) co_return Nothing{};
-    clock.delay_waits = true;  // a slave that is lost, until it is back
+    clock.delay_waits = true;  // the delay of a lost slave is written when the slave is back
     if (slave.al.state == AlState::none) co_return Nothing{};
     co_await required(write_clock_register(network.station(slave), wire::reg::kSystemTimeDelay, delay));
     clock.delay_waits = clock.delay_ns != delay;
     co_return Nothing{};
 }
 
-// The clock has not learned the rate, and is kept in step by corrections that are too great; or it runs away faster
-// than it is corrected, and then the controller learns no drift.
+// Whether the second reference needs a lesson: it has not learned the rate, and only large corrections keep it in step;
+// or it drifts away faster than the corrections, so that the controller cannot learn the drift.
 bool RingWatch::needs_lesson(const Network& network) const {
     if (comparison_ == Comparison::unsure) return true;
     const std::int64_t cycle_ms = network.clocks.settings.watch_interval / std::chrono::milliseconds(1);
@@ -219,12 +222,14 @@ bool RingWatch::needs_lesson(const Network& network) const {
            (step_ns > network.clocks.settings.limit_ns / 2 || std::abs(ahead_ns_) > kNear_ns);
 }
 
-// A search reads the ports, and teach() closes one. The delays belong to the open ring with its present slaves.
-// A slave that frames pass already and that is not brought back yet makes the ways longer; a stranger stays one.
+// Whether a lesson is possible now. A search reads the ports of the slaves, and teach() closes one of them. The delays
+// must belong to the open ring with its present slaves. A slave that has come back and is not readmitted yet makes the
+// ways longer. A slave that is reported as a stranger does not prevent a lesson.
 bool RingWatch::may_teach(Network& network) {
     constexpr std::uint8_t kMostRounds = 200;
     if (network.searching || network.clocks.rounds_old != 0 || network.clocks.paused) return false;
-    // In a lesson the clocks are not compared. So the master must know before which clocks a new reference misleads.
+    // During a lesson the clocks are not compared. So each clock must have been compared with its present reference
+    // before the lesson.
     const auto is_compared = [](const ClockEntry& clock) {
         return clock.follows == 0 || clock.beside || clock.times_seen >= 2 * ClockEntry::kTimesOfMean;
     };
@@ -250,8 +255,8 @@ Task<Result<>> RingWatch::teach(Network& network) {
     co_return Nothing{};
 }
 
-// The clocks beside a whole ring, before they follow a reference of their own: while the ring is open, the copy of the
-// head brings them the time of the reference. Then the constant of their first clock is measured.
+// Prepares the clocks beside a whole ring before they follow the second reference. While the ring is open, the copy of
+// the head brings these clocks the time of the reference. Then the constant of the first of these clocks is measured.
 Task<Result<>> RingWatch::teach_beside(Network& network) {
     constexpr unsigned kComparisons = 32;
     co_await required(teach(network));
@@ -277,10 +282,10 @@ const RingWatch::Constant* RingWatch::known_constant() const {
     return second_ == 0 || found == known.end() ? nullptr : &*found;
 }
 
-// The constant contains the delay of the reference, and not that of the second reference.
+// The constant contains the delay of the reference, and not the delay of the second reference.
 Task<Result<>> RingWatch::find_constant(Network& network) {
     const Clocks& clocks = network.clocks;
-    // A slave has appeared during the lesson, which is seen when both copies come back again.
+    // If the number of slaves has changed during the lesson, this is known when both copies come back again.
     if (comparison_ == Comparison::taught && ring_.ways() != taught_ways_) comparison_ = Comparison::unknown;
     const std::uint16_t second = second_;
     const std::int64_t mean_ns = first_.sum_ns / first_.count;
@@ -292,12 +297,12 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
     const Constant* const whole =
         in_step && parts().whole && comparison_ != Comparison::taught ? known_constant() : nullptr;
     if (whole != nullptr && std::abs(constant_ns_ - whole->ns) > clocks.settings.limit_ns + jitter_ns / 2)
-        lose_behind(network);  // it is not in step, or a NIC needs another time: a lesson shows it
+        lose_behind(network);  // the clock is not in step, or the time of a NIC has changed: a lesson shows which
     else if (whole != nullptr)
         constant_ns_ = whole->ns;
     if (!is_in_step(network) && has_beside_) {
-        // The ways are not measured with clocks beside the ring. In the whole ring they are taught; behind a break the
-        // clocks stay where they are, and are not in sync.
+        // If there are clocks beside the ring, the ways are not measured. In the whole ring a lesson brings these
+        // clocks in step. Behind a break the clocks keep their difference, and are not in sync.
         begin_to_steer(network);
         comparison_ = Comparison::unsure;
         if (!std::exchange(learns_, false)) rests_ = 0;
@@ -320,8 +325,8 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
     co_return Nothing{};
 }
 
-// How far the second reference was ahead when the first differences were measured, if it is the same clock as before
-// the change. It has run at its rate since the last correction.
+// How far the second reference was ahead when the first differences were measured, if the change has kept the second
+// reference. Since the last correction the clock has run at its own rate.
 std::int64_t RingWatch::carried_ns(std::uint32_t now_us) const {
     if (!carried_) return 0;
     const std::int64_t since_us = std::uint32_t{now_us - steered_us_} - std::uint32_t{now_us - first_us_} / 2;
@@ -329,7 +334,8 @@ std::int64_t RingWatch::carried_ns(std::uint32_t now_us) const {
     return ahead_ns - moved_ns_ + phase_.drift_ppb() * since_us / 1'000'000;
 }
 
-// A branch behind the break is lost, or back: the way of the second copy is another one, and the constant too.
+// Ends the constant if a branch behind the break was lost or has come back: then the way of the second copy has
+// changed, and so has the constant.
 bool RingWatch::end_constant(Network& network) {
     const std::uint16_t behind = ring_.reached_by(1 - ring_.head());
     const bool known = ring_.counts_are_new() && behind != 0;
@@ -341,28 +347,29 @@ bool RingWatch::end_constant(Network& network) {
     return true;
 }
 
-// Gives all clocks the delays of the ways as they are now, and the part that the head does not reach its reference.
-// Until then, no clock gets a time.
+// Writes the delays of the present ways to all clocks, and sets the second reference for the clocks that the copy of
+// the head does not reach. Until this is done, no frame carries a time.
 Task<Result<>> RingWatch::arrange(Network& network) {
-    constexpr std::uint8_t kMostRounds = 20;  // then the order that fits the counts best is used
+    constexpr std::uint8_t kMostRounds = 20;  // after these rounds, the best division that was found is used
     const std::uint32_t ways = ring_.ways();
     if (!find_sides(network) && ++rounds_unclear_ < kMostRounds) co_return Nothing{};
-    judges_ = false;  // the registers change now
+    judges_ = false;  // the delay registers change now
     std::int64_t earliest = 0;
     for (const Slave& slave : network.slaves())
         if (network.clocks.of(slave).synchronised && is_behind(network, slave))
             earliest = std::min(earliest, passes_at_ns(network, slave));
     const auto write = [this, &network, earliest](Slave& s) { return write_delay(network, s, earliest); };
     co_await required(for_each_slave(network, write));
-    if (ring_.ways() != ways) co_return Nothing{};  // the next round
+    if (ring_.ways() != ways) co_return Nothing{};  // the next round tries again
     rounds_unclear_ = 0;
-    // In the whole ring, a clock that was away is taught first: until then there is no second reference.
-    const std::uint16_t wanted = first_behind(network, !network.segment_in_use);  // in configdc(): all are below SAFEOP
+    // In the whole ring, a clock that was away needs a lesson first. Until then there is no second reference. During
+    // configdc() all slaves are below SAFEOP.
+    const std::uint16_t wanted = first_behind(network, !network.segment_in_use);
     const bool ready = !parts().whole || wanted == second_ || comparison_ == Comparison::taught || wanted == 0 ||
                        network.clocks.entries[wanted - 1U].is_in_step();
     co_await required(change_second(network, ready ? wanted : std::uint16_t{0}));
     if (ring_.ways() != ways) co_return Nothing{};
-    first_ = {};  // differences with the old and with the new delays give a wrong constant
+    first_ = {};  // do not mix differences with old and with new delays
     (void)end_constant(network);
     arranged_ = true;
     ring_.release_times();

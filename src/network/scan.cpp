@@ -43,7 +43,7 @@ Task<Result<>> broadcast_write(Network& network, wire::Register place, std::uint
     co_return Nothing{};
 }
 
-// Waits until all slaves report INIT. A slave that does not is found later, when its own state is read.
+// Waits until all slaves report INIT. A slave that does not report INIT is found later, when its own state is read.
 Task<Result<bool>> wait_for_init(Network& network) {
     const Time give_up = later(network.engine.now(), network.settings.init_timeout);
     for (;;) {
@@ -58,9 +58,9 @@ Task<Result<bool>> wait_for_init(Network& network) {
     }
 }
 
-// Clears the configuration of an earlier master: FMMUs, SyncManagers, SYNC signals, the EEPROM assigned to the PDI, the
-// use of the alias as a second station address, which may be the station address of another slave, and the station
-// address: a slave whose replies never arrive must not do what is meant for another one.
+// Clears the configuration of an earlier master: FMMUs, SyncManagers, SYNC signals, the assignment of the EEPROM to the
+// PDI, the use of the alias as a second station address (which may be the station address of another slave), and the
+// station address. A slave whose replies never arrive must not execute commands for another slave.
 Task<Result<>> clear_slaves(Network& network) {
     static constexpr std::array kForce{std::byte{wire::sii_config::kForceEcat}};
     Link& link = network.engine.link();
@@ -120,8 +120,8 @@ Task<Result<std::uint16_t>> count_slaves(Network& network) {
 Task<Result<bool>> reset_slaves(Network& network) {
     constexpr auto kInit = static_cast<std::uint16_t>(AlState::init);
     constexpr std::uint16_t kAndAcknowledge = wire::al::kErrorAcknowledge;
-    // INIT with the error acknowledged, then without: slaves that mirror AL control would keep the acknowledge bit as
-    // an error, and some old slaves require the second write.
+    // Requests INIT with the acknowledge bit, then without it: slaves that mirror AL control would show the acknowledge
+    // bit as an error, and some old slaves require the second write.
     for (const int state : {kInit | kAndAcknowledge, +kInit}) {
         co_await required(broadcast_write(network, reg::kAlControl, static_cast<std::uint16_t>(state)));
     }
@@ -133,7 +133,7 @@ Task<Result<bool>> reset_slaves(Network& network) {
 
 namespace {
 
-// Fills the table after counting: the number of each slave is its place in the ring.
+// Fills the table after counting. The number of each slave is its place in the ring for now.
 void begin_table(Network& network, std::uint16_t count, bool in_init) {
     network.count = count;
     for (std::uint16_t i = 1; i <= count; ++i) {
@@ -151,7 +151,7 @@ void begin_table(Network& network, std::uint16_t count, bool in_init) {
 // changed.
 Task<Result<>> arrange(Network& network) {
     for (Slave& slave : network.slaves()) {
-        // A search that reads the ring may have found that the slave is absent.
+        // An earlier reading of the ring may have found that the slave is absent.
         if (slave.ring_position == 0 || slave.ring_position > network.ring.size()) continue;
         network.ring[slave.ring_position - 1U] = {.slave = slave.number, .dl_status = slave.dl_status};
     }

@@ -70,14 +70,14 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     network.ring[n].address = slave.station_address.value;
     store_places(network);
     doubt_pdos(network, slave);  // in any state: the device may be a spare part from another machine
-    // A slave that was never reported lost keeps its state.
+    // A slave whose loss was never reported keeps its state.
     if (slave.al.state != AlState::none || network.marks(slave).in_use) co_return Nothing{};
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;
     network.marks(slave).missing_reported = false;
     network.marks(slave).settled = AlState::none;
-    // The held slave is gone: delete what was read from it.
+    // The held slave is gone, and the expected slave has come: delete the values that were read from the held slave.
     if (slave.other && is_the_wanted_one(slave, network.guest)) {
         slave.other = slave.held = false;
         read_again(slave);
@@ -162,8 +162,8 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* v
     co_return Nothing{};
 }
 
-// A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group.
-// The slaves on the way from the second NIC to a break are asked before the slaves above them: see place_of_turn().
+// A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group. The slaves
+// between the second NIC and a break are identified before the slaves above them: see place_of_turn().
 bool below_unasked(Network& network, std::size_t n) {
     if (network.ring[n].behind_break) return false;
     for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
@@ -171,9 +171,10 @@ bool below_unasked(Network& network, std::size_t n) {
     return false;
 }
 
-// The places are asked from the NICs on: the places before a break in their order; the places on the way from the
-// second NIC to the break in the opposite order; then their branches. Each round has one turn for each place.
-constexpr std::uint16_t kNoPlace = UINT16_MAX;  // not in this round
+// The newcomers are identified in this order: the places before a break in the order of the ring; the places on the way
+// from the second NIC to the break in the opposite order; then the branches of these places. Each round has one turn
+// for each place.
+constexpr std::uint16_t kNoPlace = UINT16_MAX;  // this place has no turn in this round
 std::uint16_t place_of_turn(Network& network, std::size_t turn) {
     const auto ring = network.seen_ring();
     const std::size_t round = turn / ring.size();
@@ -187,7 +188,7 @@ std::uint16_t place_of_turn(Network& network, std::size_t turn) {
 
 // A slave that is in doubt while it is started up may have lost its power again, and a lost slave may have come back
 // together with it. A search finds both after the start-up has given up. Until then a newcomer that fits such a slave
-// is not called a stranger.
+// is not reported as a stranger.
 bool is_awaited(Network& network) {
     const auto starts = [&network](const Slave& slave) {
         return network.marks(slave).in_use && network.is_doubted(slave);
@@ -206,7 +207,7 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
     if (asked) verdict = co_await verify_newcomer(network, n);
     const bool awaited = asked && verdict && verdict->slave == nullptr && is_awaited(network);
     if (!asked || !verdict || awaited) {
-        // If this fails, the newcomer is gone, or the next search reads it again.
+        // Restores the previous address. If this fails, the newcomer is gone, or the next search identifies it again.
         co_await completion(rename(network, newcomer_address(network), network.ring[n].address));
         if (awaited) co_return false;
         co_return asked ? verdict.error() : asked.error();
@@ -254,7 +255,7 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
         auto ours = co_await receive_newcomer(network, n);
         network.ring[n].unasked = !ours;
         if (!ours) {
-            error = ours.error();  // of this newcomer; the slaves behind it may be correct
+            error = ours.error();  // the error of this newcomer; the slaves behind it may still be identified
             if (is_unreadable(error)) note_unreadable(network, n, error);
         }
         if (ours && *ours) ++found;
@@ -285,9 +286,10 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
     if (does_not_answer(seen.error())) note_lost(network, slave);
 }
 
-// Slaves that stay in another state than the others hide changes to that state in the OR of all states. A lost slave
-// that has kept its power may come back when another slave leaves. In both cases, looks follow each other. The pause
-// is 4 times as long as a look, if `retry` is not shorter, so that mailboxes keep most of the acyclic traffic.
+// If slaves are in different states, the OR of all states hides the change of a slave from one of these states to
+// another one. A lost slave that has kept its power may come back when another slave leaves. In both cases, the looks
+// follow each other closely. The pause is 4 times as long as a look, if `retry` is not shorter, so that mailboxes keep
+// most of the acyclic traffic.
 Time next_look(Network& network, const SuperviseRequest& wanted, Time begun, unsigned al_status) {
     const Time now = network.engine.now();
     const bool may_come_back = std::ranges::any_of(network.slaves(), [](const Slave& slave) {
@@ -311,7 +313,8 @@ Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
     const bool boot = slave.al.state == AlState::boot;  // its firmware may use the EEPROM
     if (slave.al.state != AlState::none && !boot && network.marks(slave).unproved && !network.marks(slave).in_use) {
         const SlaveToken token(network.marks(slave));
-        co_return co_await required(prove(network, slave));  // without a supervision, the reading has readmitted it
+        // Without a supervision, reading the state has readmitted the slave.
+        co_return co_await required(prove(network, slave));
     }
     if (slave.al.state != AlState::none || !slave.seen) co_return Nothing{};
     auto seen = co_await read_al_status(network.station(slave));
@@ -326,7 +329,7 @@ Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
     const AlStatus before = slave.al;
     if (!network.supervised) {
         note_reading(network, slave, seen, true);
-    } else if (before.state != AlState::none) {  // the supervision readmits a slave that was lost
+    } else if (before.state != AlState::none) {  // the supervision readmits lost slaves
         update_al_status(slave.al, seen);
         note_change(network, slave, before);
     }
@@ -338,7 +341,8 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     if (accept_revision(slave, same.error())) {
         if (!slave.config.unchecked_pdos) {
             revise(network, slave);
-            set_takes_part(network, slave, false);  // its place in the image is for the PDOs of the other revision
+            // Its place in the image belongs to the PDOs of the earlier revision.
+            set_takes_part(network, slave, false);
             auto unmapped = co_await unmap(network.station(slave));  // no outputs until config_map() has read its PDOs
             if (!unmapped) {
                 slave.identity.revision = same.error().expected;  // the revision is compared again
@@ -388,14 +392,14 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
         mapped = same && *same;
     }
     network.marks(slave).uncertain = mapped;
-    // A slave in BOOT is asked when it leaves BOOT: its firmware may use the EEPROM.
+    // The identity of a slave in BOOT is compared when it leaves BOOT, because its firmware may use the EEPROM.
     if (is_known(slave)) network.marks(slave).doubt(true);
     if (now.state != AlState::boot) {
         auto same = co_await prove(network, slave);
-        // The search identifies another slave. Where the SII cannot be read, the next look repeats the check.
+        // Another slave is identified by the search. If the SII cannot be read, the next look repeats the check.
         if (!same) {
             if (same.error().code != slave.error.code) network.note(slave, same.error());
-            co_await completion(unmap(network.station(slave)));  // until then it gets no outputs
+            co_await completion(unmap(network.station(slave)));  // until then the slave gets no outputs
             network.marks(slave).uncertain = false;
             co_return Nothing{};
         }

@@ -18,8 +18,8 @@ namespace margay {
 // executes at a time. Errors: unstable (the ring has changed meanwhile).
 [[nodiscard]] Task<Result<std::uint16_t>> find_lost(Network& network);
 
-// When the states of all slaves are read again, whatever the roll of all states (`al_status`) says; `begun`: when they
-// were read.
+// When the states of all slaves are read again, even if the roll (`al_status`) does not change; `begun`: when they were
+// read.
 [[nodiscard]] Time next_look(Network& network, const SuperviseRequest& wanted, Time begun, unsigned al_status);
 
 // A slave does not answer any more: reports it, and removes it from the cycle.
@@ -34,18 +34,18 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 // supervision readmits it.
 [[nodiscard]] Task<Result<AlStatus>> read_anew(Network& network, Slave& slave);
 
-// Compares the identity of the slave that answers at the address of `slave` with the known one, and of a member of a
-// hot connect group that was away, whether it is behind the head of its group. Another slave loses its FMMUs and its
-// station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave, the errors of
-// reading the SII.
+// Compares the identity of the slave that answers at the address of `slave` with the known identity. For a member of a
+// hot connect group that was away, also checks that it is behind the head of its group. If another slave answers, it
+// loses its FMMUs and its station address, so that find_lost() identifies it, and `slave` is lost. Errors: other_slave,
+// the errors of reading the SII.
 [[nodiscard]] Task<Result<>> prove(Network& network, Slave& slave);
 
 // The same as prove() before a request of the application changes the state of the slave, where the identity is not
-// certain. A slave in BOOT is not asked, because its firmware may use the EEPROM.
+// certain. The identity of a slave in BOOT is not read, because its firmware may use the EEPROM.
 [[nodiscard]] Task<Result<>> prove_before_request(Network& network, Slave& slave, AlState wanted);
 
-// A lost slave, whose token is free, answers at its station address: checks whether it is the same slave. If so it is
-// reported as found, and takes part in the cycle again if it has kept its FMMUs; see prove().
+// A lost slave, whose token is free, answers at its station address: checks whether it is the same slave. If so, the
+// slave is reported as found, and it takes part in the cycle again if it has kept its FMMUs; see prove().
 [[nodiscard]] Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now);
 // The same for a slave that may be lost and may answer.
 [[nodiscard]] Task<Result<>> readmit_if_there(Network& network, Slave& slave);

@@ -9,7 +9,7 @@
 namespace margay {
 
 struct SlaveMarks {
-    // The check value of the commands of IP when the slave left INIT last.
+    // The check value of the commands of the transition IP when the slave left INIT last.
     std::uint32_t started_with = 0;
     // The check value of the PDOs and entries that were read from its dictionary last; 0: none were read.
     std::uint32_t pdo_content = 0;
@@ -40,7 +40,7 @@ struct SlaveMarks {
     // in BOOT.
     bool leave_boot : 1 = false;
     bool finding : 1 = false;       // the slave comes back, and its process data is being found
-    bool pdos_refused : 1 = false;  // it has refused to say its PDOs when it was asked last
+    bool pdos_refused : 1 = false;  // the slave refused to report its PDOs when they were read last
     bool pdos_written : 1 = false;  // the application has written PDOs by SDO since the mapping
     // The slave did not answer for a while, or its answers were not looked at: another slave may have its station
     // address now. Its identity is compared before the next change of its state, and before the commands and hooks that
@@ -50,10 +50,11 @@ struct SlaveMarks {
     bool joining : 1 = false;        // no cycle behind joined_after was received yet
     bool from_boot : 1 = false;      // it was in BOOT, and may have other firmware: compared again in PREOP
     bool pdos_in_doubt : 1 = false;  // it has started again, or was in BOOT, since its PDOs were read from it
-    bool new_firmware : 1 = false;   // it was in BOOT since then: its identity may change when its firmware has started
-    bool held_back : 1 = false;      // brought to PREOP while it was held: its start-up commands were left out
+    // It was in BOOT since then: its identity may change when the new firmware has started.
+    bool new_firmware : 1 = false;
+    bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
     // While it takes part: a state below SAFEOP was requested, and its AL status was not read since. While it does not:
-    // its FMMUs are being written or read. So the working counters may have its share, or not.
+    // its FMMUs are being written or read. So the working counters may include its share or not.
     bool uncertain : 1 = false;
     bool boot_read : 1 = false;  // its AL status was read since it was away, and is still BOOT
     // Where the slave was seen last in a ring that could be read: below this port of the slave `home` (0: the first
@@ -63,13 +64,13 @@ struct SlaveMarks {
     std::uint16_t home = kNoHome;
     static constexpr std::uint16_t kNoHome = UINT16_MAX;
 
-    // Another slave may be there. `away`: this one did not answer.
+    // Another slave may answer at the address. `away`: this slave did not answer for a while.
     void doubt(bool away) {
         unproved = true;
         was_away |= away;
         boot_read &= !away;
     }
-    // The comparison has shown that it is this slave.
+    // Call it when the comparison has shown that this slave answers.
     void trust() { unproved = was_away = false; }
 };
 

@@ -37,7 +37,8 @@ bool is_message(const StartupCommand& command) {
     return command.kind == StartupCommand::Kind::send_aoe || command.kind == StartupCommand::Kind::send_eoe;
 }
 
-// There is no mailbox in INIT: mailbox commands for the moment before INIT is left are sent right after the transition.
+// There is no mailbox in INIT. So mailbox commands for the moment before INIT is left are sent directly after the
+// transition.
 Moment moment_of(const StartupCommand& command, Transition which) {
     const bool early = which == Transition::init_to_preop || which == Transition::init_to_boot;
     return by_mailbox(command) && early ? Moment::after : command.moment;
@@ -55,7 +56,7 @@ bool has_part(const StartupCommand& command) {
     return command.mail != nullptr && command.mail->type == wanted;
 }
 
-// What is wrong with the command for each slave; Argument::unknown: nothing.
+// The member of the command that is wrong for every slave; Argument::unknown: none.
 Argument invalid_member(const StartupCommand& command) {
     const auto transitions = static_cast<unsigned>(command.transitions);
     if (transitions == 0 || transitions > kTransitions) return Argument::command_transition;
@@ -80,7 +81,7 @@ Error invalid_command(const StartupCommand& command) {
     return {.code = Errc::invalid_argument, .step = Step::none, .actual = static_cast<std::uint32_t>(wrong)};
 }
 
-// Completes the error of a command: transition, slave, place in the list, and what the command accesses.
+// Completes the error of a command: transition, slave, place in the list, and the object or register of the command.
 void name_command(Error& error, const Slave& slave, const StartupCommand& command, std::size_t place,
                   Transition which) {
     error.step = step_of(which);
@@ -131,7 +132,7 @@ Task<Result<>> check_register_of(Station station, const StartupCommand& command)
     }
 }
 
-// Repeats the access while the slave does not take part, as often as the command says.
+// Repeats the access while the working counter is 0, as often as the command allows.
 Task<Result<>> access_register(Station station, const StartupCommand& command) {
     for (std::uint16_t left = command.retries;; --left) {
         Result<> done;
@@ -155,7 +156,7 @@ MailPatience patience_of(Network& network, const Slave& slave, const StartupComm
 }
 
 Task<Result<>> mail(Network& network, Slave& slave, const StartupCommand& command) {
-    // The protocol, as far as the slave must announce it.
+    // The protocol that the SII of the slave must announce.
     const bool by_part = command.kind != StartupCommand::Kind::write_object;
     const unsigned protocol = by_part ? command.mail->protocol : 0U;
     if (!network.has_mailbox(slave) || !network.mailbox(slave).is_open() ||

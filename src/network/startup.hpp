@@ -16,7 +16,7 @@ struct detail::StartupPart {
     // run_commands(). Commands that may fail are left out: run_commands() reports their errors.
     Error (*invalid)(const Slave& slave);
     Task<Result<>> (*run)(Network& network, Slave& slave, Transition which, Moment moment);
-    // A check value of the commands of IP with what they write.
+    // A check value of the commands of the transition IP and of the data that they write.
     std::uint32_t (*check)(std::span<const StartupCommand> commands);
 };
 
@@ -25,7 +25,7 @@ struct detail::StartupPart {
     return !commands.empty() && slave.config.setup->startup.part()->has(commands, which, moment);
 }
 
-// Differs when the slave has other commands of IP; 0: it has no list.
+// This value changes when the slave has other commands of the transition IP; 0: the slave has no list.
 [[nodiscard]] inline std::uint32_t check_of_ip_commands(const Slave& slave) {
     const auto commands = slave.config.startup();
     return commands.empty() ? 0 : slave.config.setup->startup.part()->check(commands);

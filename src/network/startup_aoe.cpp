@@ -10,7 +10,8 @@ namespace aoe = wire::aoe;
 
 namespace {
 
-// Octets between the AoE header and the data of a command whose answer is a result alone; 0: of another command.
+// The octets between the AoE header and the data of a command whose answer contains only a result; 0: any other
+// command.
 std::size_t head_bytes(aoe::Command command) {
     if (command == aoe::Command::write) return aoe::kIndexBytes;
     return command == aoe::Command::write_control ? aoe::kControlBytes : 0;

@@ -8,8 +8,8 @@ namespace eoe = wire::eoe;
 
 namespace {
 
-// IP parameters with at least one of them, and of exactly the size that their flags announce: with all places, or only
-// with the places of the parameters that are set.
+// Whether the octets are IP parameters: at least one parameter is set, and the size is exactly the size that the flags
+// announce, either with all places or only with the places of the parameters that are set.
 bool is_ip(Bytes parameters) {
     constexpr std::uint32_t kFlags = 0x1'003F;  // six parameters, and the time stamp
     if (parameters.size() < sizeof(std::uint32_t)) return false;

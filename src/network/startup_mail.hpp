@@ -11,7 +11,7 @@ namespace margay {
 struct detail::StartupMail {
     std::uint16_t protocol;  // mailbox_protocol
     MailboxType type;
-    // Of a command that is a message: whether a slave answers it with a result alone.
+    // For a command that is a message: whether the answer of a slave contains only a result.
     bool (*valid)(Bytes message);
     // Executes a valid command, which outlives the task, and returns the error of the answer.
     Task<Result<>> (*send)(MailboxChannel& channel, const StartupCommand& command, const MailPatience& patience);

@@ -16,8 +16,9 @@ namespace {
 
 constexpr Duration kFirstPause = std::chrono::microseconds(200);
 constexpr Duration kLongestPause = std::chrono::milliseconds(5);
-// Of a caller that does not wait for the state: the outputs of the other slaves may rest meanwhile, and their watchdogs
-// expire after 100 ms.
+// How long a request is repeated while the program of the slave has not read the previous request, for a caller that
+// does not wait for the state. The time is short, because the outputs of the other slaves may stop meanwhile, and their
+// watchdogs expire after 100 ms.
 constexpr Duration kControlStaysFull = std::chrono::milliseconds(20);
 
 Task<Result<>> read_state(Network& network, Slave& slave, SumConfirmation& confirmation) {
@@ -30,7 +31,7 @@ Task<Result<>> read_state(Network& network, Slave& slave, SumConfirmation& confi
     co_return Nothing{};
 }
 
-// What must be done before a state is requested. Returns the transition that begins.
+// Executes the steps before a state is requested. Returns the transition that begins.
 Task<Result<Transition>> prepare_request(Network& network, Slave& slave, AlState state) {
     if (crosses_boot(network, slave, state)) {
         if (network.boot == nullptr) co_return boot_refusal(network, slave);
@@ -67,7 +68,7 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
         static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
     auto written =
         co_await write<std::uint16_t>(network.station(slave), wire::reg::kAlControl, request, Step::request_state);
-    if (does_not_answer(written.error()) && slave.al.state != AlState::none)  // it was there a moment ago
+    if (does_not_answer(written.error()) && slave.al.state != AlState::none)  // the slave answered a moment ago
         written = co_await request_again(network.station(slave), request, Step::request_state, kControlStaysFull);
     if (!written) network.note(slave, written.error());
     co_return written;
@@ -78,7 +79,8 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
     if (slave.al.state == AlState::none && (is_optional(slave) || !slave.seen))
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
-    if (network.supervised && slave.target != AlState::none) co_return Nothing{};  // set_target() has its own target
+    // Set_target() has set a target of the slave.
+    if (network.supervised && slave.target != AlState::none) co_return Nothing{};
     co_await completion(read_anew(network, slave));  // the request itself says whether the slave answers
     co_await required(prove_before_request(network, slave, state));
     if (process && state >= slave.al.state) {
@@ -129,7 +131,7 @@ const Slave* find_unfinished(const Network& network, std::uint16_t slave) {
     return nullptr;
 }
 
-// The first slave, of all slaves or `slave` alone, in whose place another device answers.
+// The first slave, of all slaves or `slave` alone, at whose place another device answers.
 const Slave* find_exchanged(const Network& network, std::uint16_t slave) {
     for (const Slave& one : network.slaves())
         if ((slave == 0 || slave == one.number) && one.al.state == AlState::none && one.error.code == Errc::other_slave)
@@ -154,7 +156,7 @@ Task<Result<>> prove_if_there(Network& network, Slave& slave) {
         else
             same = co_await prove(network, slave);
     }
-    // The reading has found it doubted, so what follows a transition has not begun.
+    // The reading has not started the commands and hooks after a transition, because the slave was in doubt.
     if (same) settle_request(network, slave);
     co_return same;
 }
@@ -192,7 +194,8 @@ Task<Result<AlStatus>> observe_states(Network& network) {
 Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state) {
     if (slave != 0) {
         Slave& one = network.slave(slave);
-        // Nothing may have read the state for long. The request itself says whether the slave answers.
+        // The known state may be old. The error is not used, because the request itself finds out whether the slave
+        // answers.
         co_await completion(read_anew(network, one));
         co_await required(prove_before_request(network, one, state));
         const Error refused = refusal(network, one, state);

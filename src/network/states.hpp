@@ -23,9 +23,9 @@ namespace margay {
 // supervision keeps the slaves in another state.
 [[nodiscard]] Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state);
 
-// Reads states until the slave, or all slaves (0), are in `state` without error and what follows the transition has
-// ended, or until `until`; kNever: reads once. Returns the status read last: of the slave, or the lowest state. Errors:
-// the errors of read_states().
+// Reads the states until the slave, or all slaves (0), are in `state` without error and the commands and hooks after
+// the transition have ended, or until `until`; kNever: reads once. Returns the status read last: of the slave, or the
+// lowest state. Errors: the errors of read_states().
 [[nodiscard]] Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlState state, Time until);
 
 }  // namespace margay

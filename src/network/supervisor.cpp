@@ -61,8 +61,8 @@ bool may_look_at(Network& network, const Slave& slave) {
     return !network.marks(slave).in_use || (work != nullptr && work->since != kNever);
 }
 
-// A slave has left its state while it was started: by itself, or by its hook. The next attempt comes after a pause. If
-// the next attempt ends in the same way, the failure is reported.
+// Ends the start-up of a slave that has left its state meanwhile, by itself or because of its hook. The next attempt
+// comes after a pause. If the next attempt ends in the same way, the failure is reported.
 void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
     SlaveMarks& marks = network.marks(slave);
     if (marks.repeating) note_state(network, slave, now);
@@ -82,7 +82,8 @@ void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
 // Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave, SumConfirmation& confirmation) {
     if (slave.al.state == AlState::none && !slave.seen) co_return Nothing{};
-    // The mapping, or the request that changes the slave, reads its state. This look only notes that it was away.
+    // The mapping, or the request that changes the slave, reads the state itself. This look only notes that the slave
+    // was away.
     if (is_being_mapped(network, slave) || !may_look_at(network, slave)) {
         auto there = co_await read_al_status(network.station(slave));
         if (!does_not_answer(there.error()) || !is_known(slave)) co_return Nothing{};
@@ -166,14 +167,14 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = slave.al.state;
         const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
-        if (there) slave.error = {};  // an old error is not the reason when the slave falls out again
+        if (there) slave.error = {};  // an old error must not be reported when the slave leaves its state again
         if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
         co_return Nothing{};
     }
     if (network.is_doubted(slave) && slave.al.state != AlState::none) {
         co_await completion(clear_fmmus(network, slave));  // the slave gets no outputs until its identity is compared
     }
-    // The next look reports a slave that is gone again. The search reports another slave in its place.
+    // The next look reports a slave that is lost again. The search reports another slave at its place.
     if (!does_not_answer(done.error()) && slave.al.state != AlState::none)
         report_failure(network, slave, slave.al, done.error());
     if (network.marks(slave).attempts < SlaveMarks::kMostAttempts) ++network.marks(slave).attempts;
@@ -187,8 +188,8 @@ Task<Result<>> search(Watch& watch) {
     watch.ring_moved = false;
     auto found = co_await find_lost(watch.network);
     const Time now = watch.network.engine.now();
-    // An unknown slave remains unknown for a while. When the ring has changed during the search, the search is repeated
-    // soon.
+    // An unknown slave remains unknown for a while, so the next search waits. If the ring has changed during the
+    // search, the search is repeated soon.
     watch.search_at = later(now, found.error().code == Errc::unstable ? watch.wanted.interval : watch.wanted.retry);
     watch.walked = found ? watch.network.ring_count : kNotWalked;
     if (found && *found > 0) watch.groups_at = later(now, watch.wanted.retry);
@@ -246,7 +247,8 @@ bool report_working_counters(Watch& watch) {
     return unexpected;
 }
 
-// Without cycles, few frames are lost in a silence: kFewFrames are enough if the silence lasts longer than kSilence.
+// Without cycles, only few frames are sent in a silence. So kFewFrames lost frames are enough if the silence lasts
+// longer than kSilence.
 constexpr std::uint32_t kFewFrames = 4;
 constexpr Duration kSilence = std::chrono::milliseconds(60);
 constexpr Duration kShortSilence = std::chrono::milliseconds(30);
@@ -279,7 +281,7 @@ void doubt_after_silence(Watch& watch) {
 // Returns the number of frames that were lost since a frame was received.
 std::uint64_t count_lost_frames(Watch& watch) {
     const LinkStatistics& link = watch.network.engine.link().statistics();
-    const std::uint64_t lost = link.lost + link.send_refused;  // without a link frames are not even sent
+    const std::uint64_t lost = link.lost + link.send_refused;  // without a link the NIC refuses to send frames
     if (link.frames_received != watch.heard) watch.lost_before = lost;
     watch.heard = link.frames_received;
     return lost - watch.lost_before;
@@ -305,9 +307,9 @@ void start_helpers(Watch& watch, Crew& crew) {
     const auto slaves = watch.network.slaves();
     const std::size_t first = watch.next_helped;
     for (Slave& slave : slaves) {
-        // A free place: the slave is missing, and the cycle does not exchange it.
+        // The slave is missing, and it has no process data, or no part in the cycle.
         if (slave.al.state == AlState::none && !exchanges(slave) && !slave.unplaced) continue;
-        // The slave is there, and its data is missing in the image.
+        // Whether the slave is present and its data is missing in the image.
         const bool asked = watch.network.marks(slave).attempts > 0 || !is_to_be_asked(watch.network, slave);
         const bool missed = (slave.unplaced && asked) || !is_highest(slave.config.highest);
         if (missed && slave.al.state == AlState::preop) watch.network.marks(slave).awaited = true;
@@ -357,7 +359,8 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
         co_await required(for_each_slave(network, doubt));
     }
     report_count(watch, roll.count);
-    // If a slave takes the place of another slave, the number of slaves is the same. The first search does not wait.
+    // If a slave has replaced another slave, the number of slaves is the same. The first search for such a slave does
+    // not wait.
     const auto has_no_place = [](const Slave& s) { return s.al.state != AlState::none && s.ring_position == 0; };
     const bool before = std::exchange(watch.unplaced, std::ranges::any_of(network.slaves(), has_no_place));
     if (roll.count == watch.walked && watch.unplaced) watch.walked = kNotWalked;
@@ -401,7 +404,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         co_return Nothing{};
     }
     doubt_after_silence(watch);
-    // A search keeps the places that it has read until it has ended.
+    // No reading of the ports during a search: the search uses the places that it has read until its end.
     const bool in_use = network.segment_in_use || network.searching;
     if (network.redundancy != nullptr && network.redundancy->are_ports_old() && !in_use) {
         co_await required(network.redundancy->read_ports(network));
@@ -409,8 +412,8 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     (void)count_lost_frames(watch);
     const Time now = network.engine.now();
     const Time latest = later(later(network.compared, watch.wanted.interval), std::chrono::milliseconds(100));
-    network.rested = network.is_unobserved() && now <= latest;  // not when the application has paused
-    if (network.is_unobserved()) {                              // perhaps the slaves belong to another machine now
+    network.rested = network.is_unobserved() && now <= latest;  // false if the application has paused
+    if (network.is_unobserved()) {                              // the slaves may belong to another machine now
         watch.last = {};
         doubt_all(network, false);
     }
@@ -418,7 +421,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     if (std::exchange(watch.network.silent, false)) {
         network.report({.kind = EventKind::found});
         watch.last = {};
-        doubt_all(network, true);  // perhaps another machine
+        doubt_all(network, true);  // the slaves may belong to another machine
     }
     apply_target(watch);
     const bool unexpected = report_working_counters(watch);
@@ -471,8 +474,10 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     Watch watch{network, wanted};
     watch.reported_count = answering(network);
     watch.walked = network.ring_count;
-    if (std::exchange(network.silent, false)) network.compared = Time::min();  // a supervision has ended meanwhile
-    // Where a supervision is submitted again and again, slaves that never recover do not keep others from their turn.
+    // The last supervision ended during a silence.
+    if (std::exchange(network.silent, false)) network.compared = Time::min();
+    // If the application submits supervisions again and again, slaves that never recover must not block the other
+    // slaves.
     if (network.count != 0) watch.next_helped = (network.stranger_mark & 0xFFU) % network.count;
     network.stranger_mark = static_cast<std::uint16_t>(0x0F00 | ((network.stranger_mark + 1) & 0xFF));
     for (Slave& slave : network.slaves()) {

@@ -7,7 +7,7 @@
 namespace margay {
 namespace {
 
-// The next port that a frame leaves a slave by, after it came in by `port`.
+// The next port by which a frame leaves a slave, after the frame has arrived at `port`.
 constexpr std::uint8_t next_port(std::uint8_t port) {
     constexpr std::uint8_t kNext[4] = {3, 2, 0, 1};  // 0 → 3 → 1 → 2 → 0
     return kNext[port & 3];
@@ -53,17 +53,17 @@ void store_parent(std::span<const RingPlace> ring, const RingPlace& place, Slave
     slave.parent = at == 0 ? std::uint16_t{0} : ring[at - 1U].slave;
 }
 
-constexpr std::uint16_t kSecondNic = UINT16_MAX;  // as a neighbour
+constexpr std::uint16_t kSecondNic = UINT16_MAX;  // value of a port's neighbour
 
-// The place that a frame leaves the ring's slaves by after it has passed the places 1 to `last`, all of them included:
-// the slave before, or one of its parents, that has a free open port. 0: no port is free.
+// The place by whose free port a frame continues after it has passed the places 1 to `last`: the place `last`, or the
+// nearest of its parents that has a free open port. 0: no port is free.
 std::size_t free_place(std::span<const RingPlace> ring, std::size_t last) {
     while (last != 0 && free_port(ring[last - 1]) == ring[last - 1].entry_port) last = ring[last - 1].parent;
     return last;
 }
 
-// The frame has passed `last` places, and leaves by the next free port to the second NIC. Returns the place of this
-// port; 0: no port is free.
+// Connects the second NIC to the next free port, by which a frame leaves after it has passed `last` places. Returns the
+// place of this port; 0: no port is free.
 std::size_t leave_to_second_nic(std::span<RingPlace> ring, std::size_t last) {
     const std::size_t at = free_place(ring, last);
     if (at != 0) ring[at - 1].ports[free_port(ring[at - 1])].neighbour = kSecondNic;
@@ -71,7 +71,7 @@ std::size_t leave_to_second_nic(std::span<RingPlace> ring, std::size_t last) {
     return at;
 }
 
-// The first slave behind the break: frames pass its closed port 0, and it has no parent.
+// Fills the place of the first slave behind the break: its port 0 is closed, and it has no parent.
 void begin_second_part(RingPlace& place) {
     place.entry_port = 0;
     place.parent = 0;
@@ -79,8 +79,8 @@ void begin_second_part(RingPlace& place) {
     place.behind_break = true;
 }
 
-// The first slave behind the break: its port 0 is closed. The slaves before it are at branches behind the way to the
-// next slave: the frames of the second NIC pass them first.
+// The index of the first slave behind the break: its port 0 is closed. The places before it from `front` on are at
+// branches that the frames of the second NIC pass first.
 std::size_t first_behind(std::span<const RingPlace> ring, std::size_t front) {
     for (std::size_t i = front; i < ring.size(); ++i)
         if (!ring[i].ports[0].open) return i;
@@ -111,7 +111,7 @@ Result<> find_topology(std::span<RingPlace> ring, RingParts parts) {
     for (std::size_t i = 1; i < front; ++i) note(connect(ring, i, i));
     if (!parts.whole && first < ring.size()) begin_second_part(ring[first]);
     for (std::size_t i = first + 1; !parts.whole && i < ring.size(); ++i) note(connect(ring, i, i));
-    // Without a place behind the front, the way to the second NIC is not known yet.
+    // 0: the way to the second NIC is not known yet.
     std::size_t before = 0;
     if (parts.two_nics) before = leave_to_second_nic(ring, parts.whole ? front : ring.size());
     // The way from the second NIC to the break.

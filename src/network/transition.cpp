@@ -97,7 +97,7 @@ std::string_view initials(Transition one) {
     return row == nullptr ? "" : row->initials;
 }
 
-// There is nothing after the transition (any more).
+// The commands and the hook after the transition have ended, or there are none.
 static void nothing_follows(SlaveMarks& marks, Transition which) {
     if (marks.unfinished == which) marks.unfinished = Transition::none;
 }
@@ -147,7 +147,7 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
 }
 
 void mark_unfinished(Network& network, Slave& slave, Transition which) {
-    // Its mailbox is opened behind the transition.
+    // The mailbox is opened after the transition.
     const bool opens = which == Transition::init_to_preop && uses_mailbox(slave);
     if (opens || (goes_up(which) && concerns(slave, which, Moment::after))) network.marks(slave).unfinished = which;
 }
@@ -155,7 +155,7 @@ void mark_unfinished(Network& network, Slave& slave, Transition which) {
 bool is_unfinished(const Network& network, const Slave& slave) {
     const Row* row = row_of(network.marks(slave).unfinished);
     if (row == nullptr) return false;
-    const bool boot = row->to == AlState::boot || slave.al.state == AlState::boot;  // it is above no other state
+    const bool boot = row->to == AlState::boot || slave.al.state == AlState::boot;  // BOOT is not above another state
     return boot ? slave.al.state == row->to : slave.al.state >= row->to;
 }
 
@@ -216,7 +216,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     update_mailbox(network, slave);
     mailbox_starts(network, slave, which);
     if (network.boot != nullptr) network.boot->reached(network, slave, from, state);
-    // After BOOT its new firmware runs now, and may have another identity.
+    // After BOOT, the new firmware of the slave runs now, and the identity may have changed.
     if (network.marks(slave).from_boot && state == AlState::preop) {
         co_await required(prove_before_request(network, slave, state));
     }
@@ -237,8 +237,8 @@ void settle_request(Network& network, Slave& slave) {
     const Row* row = row_of(network.marks(slave).requested);
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
     if (met && network.boot != nullptr) network.boot->reached(network, slave, row->from, row->to);
-    // The commands and the hook must reach no other slave: they wait for the comparison, and the next reading after it
-    // starts them.
+    // The commands and the hook must not reach another slave. So they wait until the identity was compared, and the
+    // next reading after that starts them.
     if (!met || network.is_doubted(slave) || network.marks(slave).in_use || network.segment_in_use) return;
     const TaskReference task = follow_transition(network, slave);
     (void)network.settling.start(task);
@@ -269,14 +269,15 @@ Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next)
     if (row != nullptr && slave.al.state == row->to) mailbox_starts(network, slave, row->transition);
     const Transition requested = std::exchange(network.marks(slave).requested, Transition::none);
     if (next != Transition::none && !goes_up(next)) co_return Nothing{};
-    if (on_its_way) mark_unfinished(network, slave, requested);  // commands and hook cannot execute in that state
+    // The commands and the hook cannot be executed in this state.
+    if (on_its_way) mark_unfinished(network, slave, requested);
     if (!pending) co_return Nothing{};
     co_return co_await required(around_transition(network, slave, requested, Moment::after));
 }
 
 AlState awaited_state(const SlaveMarks& marks, const Slave& slave) {
     const Row* row = slave.al.error ? nullptr : row_of(marks.requested);
-    return row == nullptr || slave.al.state != row->from ? slave.al.state : row->to;  // it may have fallen since
+    return row == nullptr || slave.al.state != row->from ? slave.al.state : row->to;  // the slave may have fallen since
 }
 
 bool is_requested(const Network& network, const Slave& slave, AlState state) {
@@ -347,7 +348,7 @@ Duration al_timeout(const Slave& slave, AlState state) {
 
 AlState limited(const Slave& slave, AlState wanted) {
     const bool process = wanted == AlState::safeop || wanted == AlState::op;
-    // config_map() and what_is_wrong() refuse another value than these three.
+    // config_map() and what_is_wrong() refuse all other values.
     const AlState highest = is_highest(slave.config.highest) ? slave.config.highest : AlState::preop;
     return process && wanted > highest ? highest : wanted;
 }

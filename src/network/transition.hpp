@@ -10,8 +10,8 @@ namespace margay {
 // the slave's error. Errors: that of the command or hook.
 [[nodiscard]] Task<Result<>> around_transition(Network& network, Slave& slave, Transition which, Moment moment);
 
-// The error of a way up that leaves out a state, and with it the commands and hooks on the way, for a slave that enters
-// each state that is requested. Other slaves refuse such a request themselves. Code none otherwise.
+// The error of a request that skips a state, and with it the commands and hooks of that state, for a slave that enters
+// any requested state. Other slaves refuse such a request themselves. Code none otherwise.
 [[nodiscard]] Error left_out_state(const Slave& slave, AlState from, AlState to);
 
 // Requests `state` and waits for it. slave.al is the start and is updated. Errors: above_highest, the errors of
@@ -41,7 +41,8 @@ void settle_request(Network& network, Slave& slave);
 [[nodiscard]] Error unfinished_error(const Network& network, const Slave& slave);
 
 // Executes what follows a state that was requested without waiting, and that the slave has reached since. Call it
-// before a transition from this state; `next` to a lower state: what follows is not executed any more.
+// before a transition from this state. If `next` leads to a lower state, the commands and the hook are not executed any
+// more.
 [[nodiscard]] Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next);
 
 // The work on the slave that no request waits for; nullptr: there is none.
@@ -65,7 +66,7 @@ class WorkLimit {
     SlaveWork* work_;  // outlives this object: both are parts of one sequence
 };
 
-// The state of the slave when it has done what was requested last; slave.al has been read just now.
+// The state of the slave when it has reached the state that was requested last; slave.al has just been read.
 [[nodiscard]] AlState awaited_state(const SlaveMarks& marks, const Slave& slave);
 [[nodiscard]] inline AlState awaited_state(const Network& network, const Slave& slave) {
     return awaited_state(network.marks(slave), slave);

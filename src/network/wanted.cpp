@@ -17,12 +17,12 @@ namespace {
 
 Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.number}; }
 
-// An expected slave that may be missing, even while the head of its hot connect group is present.
+// Whether an expected slave may be missing even while the head of its hot connect group is present.
 bool may_be_missing(const ExpectedSlave& wanted) {
     return wanted.optional || (wanted.config != nullptr && wanted.config->optional);
 }
 
-// The error that ended the start-up of the slave, where known.
+// The error that ended the start-up of the slave; if there is none, `otherwise`.
 Error start_up_error(const Slave& slave, const Error& otherwise) {
     const bool failed = slave.error.code != Errc::none && !is_warning(slave.error.code) &&
                         slave.error.step != Step::parse_sii && slave.error.step != Step::identify;
@@ -45,8 +45,8 @@ Error state_trouble(const Network& network, const Slave& slave, AlState wanted) 
     return failed ? start_up_error(slave, error) : error;
 }
 
-// Of a slave that does not answer. A slave that is back, and whose EEPROM cannot be read, is not missing: the search
-// has left its error.
+// The error of a slave that does not answer. If a slave may have come back whose EEPROM cannot be read, it is the error
+// that the search has stored in the slave.
 Error absence_error(Network& network, const Slave& slave) {
     const Error missing = missing_error(network, slave);
     const auto is_unasked = [](const RingPlace& place) { return static_cast<bool>(place.unasked); };
@@ -68,7 +68,8 @@ Error held_error(const Slave& slave, Step step) {
     if (!slave.held) return {};
     if (slave.unexpected) return fault(slave, Errc::unexpected_slave, step);
     Error error = slave.wanted == nullptr ? Error{} : difference(slave, *slave.wanted);
-    const bool compared = slave.wanted == nullptr;  // or its EEPROM is being read
+    // False: the EEPROM of the slave could not be read, or is being read.
+    const bool compared = slave.wanted == nullptr;
     if (error.code == Errc::none) error = fault(slave, compared ? Errc::other_slave : Errc::identity_unread, step);
     if (!is_unread(slave)) error.step = step;
     return error;
@@ -115,7 +116,7 @@ bool needs_mapping(const Network& network, const Slave& slave) {
 
 void note_boot(Network& network, const Slave& slave) {
     network.marks(slave).from_boot = true;
-    // Without the part of BOOT nothing compares the slave before it leaves BOOT.
+    // Without Features::boot, the slave is not compared before it leaves BOOT.
     network.marks(slave).boot_read = network.boot != nullptr;
     const bool checked = !is_by_application(slave.config) && !slave.config.unchecked_pdos;
     network.marks(slave).pdos_in_doubt = network.marks(slave).new_firmware = checked;
@@ -220,7 +221,8 @@ AlState target_of_all(const Network& network) {
 
 void set_target_of_all(Network& network, AlState state) {
     network.target = state;
-    if (network.supervision != nullptr) network.target_read = network.supervision->target;  // a value of before
+    // The target that the supervision has read.
+    if (network.supervision != nullptr) network.target_read = network.supervision->target;
 }
 
 void set_targets(Network& network, std::uint16_t slave, AlState state, AlState of_all) {

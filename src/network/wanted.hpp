@@ -23,10 +23,10 @@ void update_held(Network& network);
 [[nodiscard]] bool is_being_mapped(const Network& network, const Slave& slave);
 // Whether all process data of the slave has a place in the image.
 [[nodiscard]] bool has_place(const Slave& slave);
-// The configuration of the slave, or its PDOs by an SDO of the application, have changed since the mapping.
+// Whether the configuration of the slave was changed since the mapping, or its PDOs by an SDO of the application.
 [[nodiscard]] bool needs_mapping(const Network& network, const Slave& slave);
-// Whether the slave takes part, or can. While its process data is being found, or a hook is executing, which may change
-// the configuration: what these leave counts.
+// Whether the slave takes part, or can. True while its process data is being found, or while a hook is executing,
+// because both may change the configuration.
 [[nodiscard]] bool may_be_exchanged(const Network& network, const Slave& slave);
 [[nodiscard]] inline bool exchanges(const Slave& slave) {
     return slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
@@ -39,7 +39,8 @@ void update_held(Network& network);
 // place for it or has another place than its configuration, and PREOP or INIT while it is held.
 [[nodiscard]] AlState goal(const Network& network, const Slave& slave);
 
-// The slave has no place in the image, because its process data could not be read. It may have none.
+// Whether the slave has no place in the image because its process data could not be read. The slave may have no process
+// data.
 [[nodiscard]] bool is_to_be_asked(const Network& network, const Slave& slave);
 
 // The slave is in BOOT, where it may receive other firmware: its identity is compared when it is in PREOP again, and
@@ -63,7 +64,8 @@ void note_boot(Network& network, const Slave& slave);
 // The reason why an application's request for this state is refused; code none when it is allowed: that of
 // target_refusal(), that of start_up_refusal(), supervised.
 [[nodiscard]] Error refusal(const Network& network, const Slave& slave, AlState state);
-// The part of it that does not depend on the present state: the supervision keeps the slave in another state.
+// The part of refusal() that does not depend on the present state: supervised, because the supervision keeps the slave
+// in another state.
 [[nodiscard]] Error contradiction(const Network& network, const Slave& slave, AlState state);
 
 // The states that can be the target of a slave.
@@ -71,7 +73,7 @@ void note_boot(Network& network, const Slave& slave);
     return state == AlState::init || state == AlState::preop || state == AlState::safeop || state == AlState::op;
 }
 
-// The target of all slaves, also where the supervision has not read its request yet.
+// The target of all slaves, also if the supervision has not read its request yet.
 [[nodiscard]] AlState target_of_all(const Network& network);
 
 // Sets the target of all slaves that have none of their own. It replaces the present SuperviseRequest::target.
