@@ -4,7 +4,7 @@
 
 namespace margay {
 
-// BOOT is for one slave that the application names.
+// BOOT is allowed only for a single slave.
 static std::string_view states_text(const Error& where) {
     if (where.step == Step::configure_mailbox) return "the state must be PREOP or BOOT";
     if (where.slave != 0) return "the state must be INIT, PREOP, BOOT, SAFEOP or OP";
@@ -113,7 +113,7 @@ std::string_view capacity_text(const Error& e) {
     if (e.detail == Error::kTasks) return kSequences;
     if (e.detail == Error::kPlaces) return "places for requests of other threads";
     if (e.detail == Error::kRedundancy) return "Limits::redundancy is false";
-    // A buffer that is too small has a size that was needed. Only the size of a file is not known.
+    // If a buffer is too small, `expected` is the required size. Only for a file this size is not known.
     const bool of_buffer = e.expected != 0 || e.step == Step::foe_read;
     switch (e.step) {
         case Step::count_slaves:

@@ -1,4 +1,4 @@
-// The texts of what an application has given wrongly or not at all: arguments, features, memory.
+// The texts for arguments, features and memory that an application has not provided, or has provided wrongly.
 #pragma once
 
 #include <margay/error.hpp>
@@ -11,17 +11,17 @@ namespace margay {
 // `where`: the error, of which step and slave decide which states are allowed.
 [[nodiscard]] std::string_view argument_text(Argument argument, const Error& where);
 
-// Whether a feature that the context does not have would be needed; feature_text() is then the cause.
+// Whether the error is caused by a feature that the context does not have; feature_text() is the text of this cause.
 [[nodiscard]] bool needs_feature(const Error& e);
 [[nodiscard]] std::string_view feature_text(const Error& e);
 
 // The memory of the application that is too small, by its name in the API.
 [[nodiscard]] std::string_view capacity_text(const Error& e);
 
-// Which configuration is gone, and when it must be written.
+// Names the configuration that was lost, and the time at which it must be written.
 [[nodiscard]] std::string_view lost_text(const Error& e);
 
-// Why no slave can have the list of PDOs.
+// The reason why no slave can have the list of PDOs.
 [[nodiscard]] std::string_view pdo_list_text(PdoListFault why);
 
 }  // namespace margay

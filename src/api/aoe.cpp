@@ -14,7 +14,7 @@ using wire::aoe::IndexLayout;
 
 std::uint32_t octets_of(std::size_t size) { return static_cast<std::uint32_t>(size); }
 
-// A command that begins with an index.
+// A call whose message begins with index group and index offset.
 AoeCall call_at(Command command, Step step, std::uint32_t group, std::uint32_t offset, std::size_t bytes) {
     AoeCall call{.command = command, .step = step, .head_bytes = wire::aoe::kIndexBytes};
     IndexLayout::group::store(call.head, group);
@@ -86,7 +86,7 @@ AoeCall call_of(const AoeSetNetId& r) {
     return call;
 }
 
-// Whether `bytes` octets fit, if a message has `most` octets of which the command needs `around`.
+// Checks whether `bytes` octets of data fit a message of `most` octets, of which the command itself needs `around`.
 Error check_size(std::size_t bytes, std::size_t around, std::size_t most, const Error& where) {
     if (most >= around && bytes <= most - around) return {};
     Error error = invalid(Argument::aoe_size, where.step, where.slave);
@@ -121,7 +121,7 @@ Error check(Network& network, const AoeAddNotification& r) {
     return check_call(network, r, call_of(r));
 }
 
-// What a command returns beside its codes: the number of octets, or octets of a fixed size that `store` takes.
+// The result of a command beside its codes: the number of octets, or octets of a fixed size that `store` reads.
 struct Outcome {
     std::size_t* bytes = nullptr;
     std::size_t fixed_bytes = 0;

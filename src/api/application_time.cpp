@@ -1,4 +1,4 @@
-// The clocks driven by the time of the application.
+// The clocks follow the time of the application.
 #include "api/master.hpp"
 #include "api/operation.hpp"
 #include "network/clocks.hpp"
@@ -22,8 +22,8 @@ static Error check(Network& network, const ClockDatagramRequest&) {
     return network.clocks.reference == 0 ? clock_error(network, Errc::no_clock) : Error{};
 }
 
-// The time that `distribute` sends is what all clocks take when the reference clock does not answer: the time that the
-// reference clock will probably have. A reply with the same time, from fewer slaves than the last one, was not read
+// `distribute` sends the time that the reference clock will probably have, because all clocks take the sent time when
+// the reference clock does not answer. A reply with the same time, from fewer slaves than the last one, was not read
 // from the reference clock.
 static Task<Result<>> run(Network& network, ClockDatagramRequest& request) {
     Clocks& clocks = network.clocks;

@@ -28,7 +28,7 @@ static Error check(Network& network, const ClockRequest& request) {
     if (refused.code != Errc::none) return refused;
     if (request.settings.group >= network.process.groups.size())
         return invalid(Argument::clock_settings, Step::configure_clocks);
-    // The slaves would run on without the SYNC signals that they need.
+    // configdc() switches SYNC signals off, and slaves in OP need them.
     for (const Slave& slave : network.slaves())
         if (slave.al.state == AlState::op && network.clocks.of(slave).sync_active)
             return {.code = Errc::wrong_state, .step = Step::configure_clocks, .slave = slave.number};

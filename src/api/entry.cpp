@@ -66,7 +66,7 @@ void OctetsEntry::store(std::span<const std::byte> value) {
 
 namespace {
 
-// The handle for the entry that an EntryRequest asks for.
+// The handle for the entry that an EntryRequest searches.
 class Wanted final : public EntryHandle {
   public:
     Wanted(const EntryAddress& address, Direction direction) : EntryHandle(address, direction, EntryKind::any, 0) {}

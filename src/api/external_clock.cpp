@@ -36,8 +36,8 @@ void ExternalClock::restart() {
     silent_ = kSilent;
 }
 
-// True when the bridge has noted both times again. Its "Time stamp update toggle" does not tell this: the bridge may
-// note an even number of times in a cycle.
+// True when the bridge has noted both times again. The "Time stamp update toggle" does not show this, because the
+// bridge may note the times an even number of times in one cycle.
 bool ExternalClock::take_stamps() {
     const std::uint64_t stamp_ns = internal_.read();
     const bool fresh = !not_connected_.read() && stamp_ns != stamp_ns_ && stamp_ns != 0;
@@ -51,8 +51,8 @@ bool ExternalClock::take_stamps() {
     return true;
 }
 
-// How many corrections the time stamps do not show: a correction takes effect when the cycle after it passes, or at
-// once.
+// The number of corrections that the time stamps do not include yet: a correction takes effect when the next cycle
+// passes, or at once.
 std::uint8_t ExternalClock::not_visible(bool waits) const {
     const auto age = static_cast<std::int64_t>(cycle_.record().bus_time_ns - internal_.read());
     const std::int64_t cycle = std::max<std::int64_t>(settings_.phase.cycle.count(), 1);

@@ -1,4 +1,4 @@
-// What an application does with the times of the frames of the cycle.
+// Functions that use the times of the frames of the cycle.
 #include "api/master.hpp"
 
 #include <margay/cycle_stamps.hpp>

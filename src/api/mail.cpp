@@ -9,7 +9,7 @@ Error check_mailbox(Network& network, Error where) {
     const bool known = refused.code == Errc::none;
     if (known) refused = check_same_slave(network, where.slave, where.step);
     if (known && network.slave(where.slave).al.state == AlState::none)
-        refused.code = Errc::missing_slave;  // no need to wait for an answer; what it supports may be unknown
+        refused.code = Errc::missing_slave;  // no waiting for a lost slave, whose protocols may be unknown
     else if (known && !network.slave(where.slave).mailbox.present())
         refused.code = network.slave(where.slave).sii_read ? Errc::unsupported : Errc::wrong_state;
     where.code = refused.code;
@@ -17,7 +17,7 @@ Error check_mailbox(Network& network, Error where) {
     if (refused.code != Errc::none) return where;
     const Slave& slave = network.slave(where.slave);
     if (network.marks(slave).in_hook && slave.al.state == AlState::init)
-        where.code = Errc::wrong_state;  // a hook around INIT would wait in vain
+        where.code = Errc::wrong_state;  // the mailbox is closed in INIT, so a hook there must not wait
     else if (!network.mailbox(slave).is_open())
         where.code = Errc::wrong_state;  // the slave never reached PREOP
     return where.code == Errc::none ? Error{} : where;

@@ -45,7 +45,7 @@ class PdoWrite {
     PdoWrite(const PdoWrite&) = delete;
     PdoWrite& operator=(const PdoWrite&) = delete;
     ~PdoWrite() {
-        // What a hook writes belongs to the start-up of the slave, as with HookedSlave.
+        // Values that a hook writes belong to the start-up of the slave, as with HookedSlave.
         if (decides_ && !marks_.in_hook) marks_.pdos_written = true;
     }
     // The slave has refused the whole request.

@@ -1,4 +1,4 @@
-// The places of mailboxes that the application knows better than the SII.
+// Sets the places of mailboxes in place of the values of the SII.
 #include <margay/mailbox_places.hpp>
 
 #include "api/master.hpp"

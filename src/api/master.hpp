@@ -22,8 +22,8 @@ struct Master {
     bool in_poll = false;
     bool in_work = false;       // the work function of run_cycle() is being called
     Time polled = Time::min();  // the time of the last poll()
-    Time poll_due = kNever;     // when that poll() has asked to be called again
-    Duration poll_late{0};      // how much later it was called than the one before it had asked for
+    Time poll_due = kNever;     // the time of the next call that the last poll() has returned
+    Duration poll_late{0};      // how much later poll() was called than the poll() before it had requested
     // The last cycle that a clock has kept in step: when its frames were sent, when it was due, and by how much the
     // clock has moved the next cycle.
     Time in_step_sent = Time::min();
@@ -51,7 +51,8 @@ struct ContextAccess {
 // nullptr before init().
 [[nodiscard]] inline Master* master_of(Context& ctx) { return ContextAccess::master(ctx); }
 
-// Why a call that only the owner may make is refused: wrong_state before init(), not_owner; code none: it is allowed.
+// The error of a call that only the owner may make: wrong_state before init(), not_owner; code none: the call is
+// allowed.
 [[nodiscard]] Error check_owner(Context& ctx, Step step);
 
 // The same for a call that waits; further codes: in_callback, waiting_forbidden.

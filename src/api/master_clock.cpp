@@ -31,8 +31,8 @@ void MasterClock::restart() {
     has_shift_ = false;
 }
 
-// A cycle that is an eighth longer or shorter than it should be, several times in succession, is another cycle. The
-// times of a 32-bit clock wrap, so the low halves are compared.
+// If the cycle is an eighth longer or shorter than its setting several times in succession, the application uses
+// another cycle. The times of a 32-bit clock wrap, so the low halves are compared.
 void MasterClock::check_cycle(std::uint64_t due_ns) {
     constexpr std::uint8_t kTooOften = 16;
     const std::int64_t cycle = settings_.phase.cycle.count();
@@ -79,7 +79,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
         record_.adjusted_ns += record_.adjust_ns;
         if (settings_.mode == Mode::bus_shift)
             shift_reference(network, record_.adjust_ns, waits_for_cycle(network, record_.at, settings_.phase.cycle));
-        // After this, nothing is known of the phase.
+        // After this time without a correction, the phase is not known any more.
         constexpr Duration kLongestWithout = std::chrono::seconds(1);
         if (was_in_sync_ && network.engine.now() - read_at_ > kLongestWithout) fault_ = PhaseState::busy;
         (void)tell_state();
@@ -108,7 +108,7 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     const bool bus_shift = settings_.mode == Mode::bus_shift;
     const bool writes = bus_shift || settings_.mode == Mode::master_reference;
     const bool waits = writes && waits_for_cycle(network, now, settings_.phase.cycle);
-    // Cycles that are under way show a correction no more than a cycle that it leaves with.
+    // Cycles that are under way do not show a correction, and neither does the cycle with which the correction is sent.
     const std::uint32_t under_way = cycles_under_way(network.process.groups[settings_.group]);
     const auto hidden = static_cast<std::uint8_t>(bus_shift ? under_way + waits : settings_.phase.cycles_late);
     const std::int64_t correction = corrects() ? controller_.update(error, now, hidden) : 0;
@@ -125,8 +125,8 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     if (settings_.mode == Mode::master_shift) return Duration(correction);
     if (bus_shift) shift_reference(network, correction, waits);
     if (settings_.mode == Mode::master_reference) {
-        // The time at which the next cycle to be sent is due, or of this moment if the write does not wait for the
-        // cycle. The cycles may begin anywhere in the milliseconds of the master.
+        // The time at which the next cycle is due, or the present time if the write does not wait for the cycle. The
+        // phase of the cycles in the time of the master is arbitrary.
         const std::uint64_t late = record_.bus_time_ns - due_ns;
         const auto at_zero = static_cast<std::uint64_t>(network.clocks.settings.system_time_at_zero.count());
         const std::uint64_t next = static_cast<std::uint64_t>((now - Time{}).count()) - late + (1 + under_way) * cycle;

@@ -29,7 +29,7 @@ Error check_same_slave(Network& network, std::uint16_t slave, Step step) {
     if (one.al.state == AlState::none && is_known(one))
         error.code = Errc::missing_slave;
     else if (silent || is_identity_unread(network, one))
-        error.code = Errc::identity_unread;  // another device may be there
+        error.code = Errc::identity_unread;  // another device may answer at its address
     return error.code == Errc::none ? Error{} : error;
 }
 

@@ -31,9 +31,9 @@ enum class Ends : std::uint8_t { by_itself, when_canceled };
 // Which part of the library ends a request when its timeout is over.
 enum class Timing : std::uint8_t {
     by_queue,
-    by_sequence,  // its own sequence, which can give a more precise error; if the sequence does not, the queue
-    // The sequence alone, and cancel() only asks the sequence: the slave would be damaged if the sequence were
-    // destroyed in the middle. The sequence looks at reason_to_end() where it may end.
+    by_sequence,  // its own sequence, because its error is more precise; later, the queue
+    // Only the sequence; cancel() only requests the end, because a slave may be damaged if the sequence is destroyed in
+    // the middle. The sequence calls reason_to_end() at the points where it may end.
     by_sequence_alone,
 };
 
@@ -80,7 +80,7 @@ inline void note_of_segment(Network& network, const Error& error) {
     if (error.code != Errc::none && error.slave == 0) network.note(error);
 }
 
-// For Timing::by_sequence_alone: canceled or timeout if the request should end; none while it goes on.
+// For Timing::by_sequence_alone: canceled or timeout if the request should end; none if it continues.
 [[nodiscard]] inline Errc reason_to_end(Request& request, Time now) {
     if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire)) return Errc::canceled;
     return RequestAccess::deadline(request) <= now ? Errc::timeout : Errc::none;
@@ -98,7 +98,7 @@ Error check_nothing(Network&, const R&) {
 }
 
 [[nodiscard]] Error check_slave(Network& network, std::uint16_t slave, Step step);
-// The same for what is written to the slave: it must be there, and be the known one.
+// The same for a request that writes to the slave: the slave must be present, and its identity must not be in doubt.
 [[nodiscard]] Error check_same_slave(Network& network, std::uint16_t slave, Step step);
 // Slave 0 means all slaves.
 [[nodiscard]] Error check_slave_or_all(Network& network, std::uint16_t slave, Step step);

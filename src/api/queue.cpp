@@ -33,8 +33,8 @@ bool remove(Request*& list, Request& request) {
     return false;
 }
 
-// What the request reserves. A request for slave 0 reserves the whole segment. A new target is only stored while a
-// supervision works towards the targets.
+// What the request reserves. A request for slave 0 reserves the whole segment. With a supervision, set_target()
+// reserves nothing: it only stores the target, and the supervision brings the slave to it.
 Needs needs_of(const Network& network, const Request& r) {
     if (operation(r).operation == Operation::set_target && network.supervised) return Needs::nothing;
     const Needs needs = operation(r).needs;
@@ -67,7 +67,7 @@ void accept_submitted(RequestQueue& queue, Time now) {
         if (Request* request = slot.exchange(nullptr, std::memory_order_acq_rel)) accept(queue, *request, now);
 }
 
-// At least one running request will end by itself and free its memory.
+// Whether at least one running request will end by itself and free its memory.
 bool ends_some_day(const RequestQueue& queue) {
     for (Request* r = queue.running; r != nullptr; r = next(*r))
         if (operation(*r).ends == Ends::by_itself) return true;
@@ -97,7 +97,7 @@ bool is_being_compared(Network& network, const Request& request) {
 }
 
 // Calls `visit` for each waiting request that can begin, the oldest first, until `visit` returns false. A request that
-// waits for the whole segment keeps back the younger requests that would use a part of the segment again and again.
+// waits for the whole segment holds back younger requests for a part of the segment. Otherwise it might never begin.
 template <class Visit>
 void for_each_ready(Master& master, Visit visit) {
     bool segment_wanted = false;
@@ -152,7 +152,7 @@ Request* next_to_begin(Master& master) {
     return rule.next();
 }
 
-// Older requests that could begin as well are passed over.
+// Counts the older requests that could also begin, and that are passed over.
 void count_passed(Master& master, const Request& chosen) {
     for_each_ready(master, [&chosen](Request& r) {
         if (&r == &chosen) return false;
@@ -190,7 +190,7 @@ class Running {
     }
 
   private:
-    // There was no memory for a task, which knows neither the step nor the slave.
+    // There was no memory for a task. Its error contains neither the step nor the slave, so they are added here.
     void name_starved() {
         error_.step = operation(request_).step;
         error_.detail = Error::kTasks;
@@ -241,7 +241,7 @@ Operation in_the_way(Master& master, const Request& waiting) {
     Network& network = master.network;
     const Needs needed = needs_of(network, waiting);
     if (needed == Needs::nothing) return Operation::none;
-    const bool free = is_free(network, waiting);  // then an older request may wait for the whole segment
+    const bool free = is_free(network, waiting);  // if free, an older request may wait for the whole segment
     for (Request* r = free ? master.queue.waiting : master.queue.running; r != nullptr && r != &waiting; r = next(*r)) {
         const Needs needs = needs_of(network, *r);
         const bool part = needs == Needs::its_slave && (needed == Needs::segment || slave_of(*r) == slave_of(waiting));
@@ -251,7 +251,7 @@ Operation in_the_way(Master& master, const Request& waiting) {
     return (free ? is_being_compared(network, waiting) : network.supervised) ? Operation::supervise : Operation::none;
 }
 
-// False: the arena has no memory for the request now.
+// Begins the request. False: the arena has no memory for it now.
 bool begin(Master& master, Request& request) {
     Error refused = operation(request).check(master.network, request);
     if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
@@ -293,10 +293,10 @@ bool is_cancel_asked(Request& request, Time) {
     return RequestAccess::cancel_asked(request).load(std::memory_order_acquire);
 }
 
-// When the queue ends this running request.
+// The time at which the queue ends this running request.
 Time end_by_queue(Request& request) {
-    // Its own sequence knows more about the reason. The queue ends it where the sequence waits for something else, for
-    // example for a hook.
+    // The sequence can report a more precise error, so it ends first. If the sequence waits for something without a
+    // timeout, for example for a hook, the queue ends the request.
     constexpr Duration kSequenceFirst = std::chrono::milliseconds(250);
     switch (operation(request).timing) {
         case Timing::by_queue: return RequestAccess::deadline(request);
@@ -306,7 +306,7 @@ Time end_by_queue(Request& request) {
     return kNever;
 }
 
-// When the work that no request waits for ends, because a waiting request needs its slave.
+// The time at which a work must end, because a waiting request needs its slave; kNever: no request needs it.
 Time end_of_work(Master& master, const SlaveWork& work) {
     for (Request* r = master.queue.waiting; r != nullptr; r = next(*r)) {
         const Needs needs = needs_of(master.network, *r);
@@ -316,7 +316,7 @@ Time end_of_work(Master& master, const SlaveWork& work) {
     return kNever;
 }
 
-// Ends the works whose time is over. Returns when the next one ends.
+// Ends the works whose time is over. Returns the time at which the next work must end.
 Time end_works(Master& master, Time now) {
     Network& network = master.network;
     Time first = kNever;
@@ -457,7 +457,7 @@ Result<> submit(Context& ctx, Request& request) {
     return refused;
 }
 
-// Ends a sequence outside poll(). The callbacks of its events have the same limits as in poll().
+// Ends a sequence outside poll(). For the callbacks of its events, the same calls are forbidden as in poll().
 static void destroy_sequence(Master& master, TaskReference sequence) {
     master.in_poll = true;
     TaskAccess::end(sequence);
@@ -474,7 +474,7 @@ void Request::cancel() {
         return destroy_sequence(master, std::exchange(sequence_, {}));
     const Error canceled = unbegun(*this, Errc::canceled);
     if (owner && remove(master.queue.waiting, *this)) return end_unbegun(master, *this, canceled);
-    // The end of a supervision is an event: the owner ends it.
+    // The end of a supervision is an event, so only the owner ends a supervision.
     const bool by_owner = operation(*this).operation == Operation::supervise;
     if ((owner || !by_owner) && withdraw_submitted(master.queue, *this)) {
         if (by_owner) return end_unbegun(master, *this, canceled);

@@ -49,9 +49,9 @@ struct RequestQueue {
     std::atomic<bool> cancel_asked{false};
     Request* waiting = nullptr;  // accepted, not begun; oldest first
     Request* running = nullptr;
-    Time turn_at = kNever;           // when the supervision works although a request waits for the segment,
-    Duration turn_after{0};          // and how long the request had waited since the turn before
-    std::size_t too_full_bytes = 0;  // with so much of the arena in use a request could not begin
+    Time turn_at = kNever;           // when the supervision gets its turn although a request waits for the segment
+    Duration turn_after{0};          // the time between the last turn and the next one
+    std::size_t too_full_bytes = 0;  // a request could not begin while this much of the arena was in use
 };
 
 // Queues a request after claim(). False: there is no free slot.

@@ -8,8 +8,8 @@
 namespace margay {
 namespace {
 
-// Whether a message writes an object or a parameter that decides about process data. The first message of a segmented
-// download says so; AoE is not looked into.
+// Whether a message writes an object or a parameter that decides about process data. For a segmented download, the
+// first message shows this. Messages of AoE are not checked.
 bool writes_pdos(const RawMail& r) {
     namespace coe = wire::coe;
     if (r.type == MailboxType::soe && r.message.size() >= wire::soe::kHeaderBytes) {

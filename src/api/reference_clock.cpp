@@ -22,8 +22,8 @@ Task<Result<>> write_reference(Network& network, wire::Register r, std::uint64_t
 
 namespace {
 
-// The slave with the reference clock has its clock: it is not lost, and is not brought back now. What is written to a
-// clock that was reset would hide this.
+// Whether the clock of the reference is set: the slave is not lost, and it is not being brought back. A write to a
+// clock that was reset would hide the reset.
 bool has_clock(Network& network) {
     if (network.clocks.reference == 0) return false;
     const Slave& reference = network.slave(network.clocks.reference);
@@ -32,8 +32,8 @@ bool has_clock(Network& network) {
            (!network.supervised || state >= AlState::safeop || state == wanted_state(network, reference));
 }
 
-// The other clocks follow the rate of the reference, but a change of this rate only after some milliseconds. So they
-// are not in sync until the supervision has compared them again.
+// The other clocks follow a change of the rate of the reference only after some milliseconds. So they are not in sync
+// until the supervision has compared them again.
 void note_shift(Network& network, std::int64_t correction_ns) {
     constexpr std::int32_t kCycles = 16;
     Clocks& clocks = network.clocks;
@@ -41,7 +41,7 @@ void note_shift(Network& network, std::int64_t correction_ns) {
     clocks.shift_mean += change;
     clocks.shifted_ns += change;
     const std::int64_t limit_ns = clocks.settings.limit_ns;
-    // Just after its step, the reference is away by the whole step, whatever its rate.
+    // Directly after a step, the difference is the whole step, independent of the rate.
     const bool jumps = correction_ns > 4 * limit_ns || correction_ns < -4 * limit_ns;
     const bool is_faster = std::abs(std::int64_t{clocks.shifted_ns}) > 2 * limit_ns;
     if (!network.supervised || (!jumps && !is_faster)) return;

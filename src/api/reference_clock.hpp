@@ -5,26 +5,26 @@
 
 namespace margay {
 
-// Writes a register of the reference clock: all 8 octets, or 4 where the clock has 32 bits. A value that is lost is
-// followed by the next one. `waits`: it leaves with the next cycle; else now.
+// Writes a register of the reference clock: all 8 octets, or 4 octets if the clock has 32 bits. A lost write is not
+// repeated, because the next value follows. `waits`: the write is sent with the next cycle, otherwise now.
 void send_to_reference(Network& network, wire::Register r, std::uint64_t value, bool waits);
 
-// Whether what is queued now leaves with the next cycle: then it changes the reference clock behind the reading of its
-// time. With long cycles, and without room for queued datagrams, the queue does not wait for the cycle. `sent`: when
-// the last cycle was sent.
+// Whether a datagram that is queued now is sent with the next cycle. Then it changes the reference clock after the
+// cycle has read its time. With long cycles, or if the cycle has no room for queued datagrams, the queue does not wait
+// for the cycle. `sent`: when the last cycle was sent.
 [[nodiscard]] bool waits_for_cycle(Network& network, Time sent, Duration cycle);
 
 // Moves the system time of the reference clock back by `correction_ns` (register 0x0920). Without `waits`, the next
 // reading shows it.
 void shift_reference(Network& network, std::int64_t correction_ns, bool waits);
 
-// The set value is less than a cycle, and there is a cycle.
+// Whether there is a cycle, and the set value is less than a cycle.
 [[nodiscard]] constexpr bool is_in_cycle(Duration set_value, Duration cycle) {
     return cycle > Duration{0} && set_value < cycle && set_value > -cycle;
 }
 
 // The time of the reference clock that the cycle of the group has brought, sent at `at`: all 64 bits, also where the
-// clock has 32 and wraps. `last` is the one before, at `last_at`; 0: none.
+// clock has 32 and wraps. `last`: the time before that, at `last_at`; 0: none.
 [[nodiscard]] std::uint64_t whole_bus_time(Network& network, const ProcessGroup& group, Time at, std::uint64_t last,
                                            Time last_at);
 

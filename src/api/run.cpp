@@ -22,7 +22,7 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::request_state};
     if (const Error error = check_slave_or_all(network, slave, Step::request_state); error.code != Errc::none)
         return error;
-    if (slave != 0 && state == AlState::none) return {};     // ends the slave's own target
+    if (slave != 0 && state == AlState::none) return {};     // the slave uses the target of all slaves again
     const bool boot = slave != 0 && state == AlState::boot;  // only slaves that the application names
     if (!boot && !can_be_target(state)) return invalid(Argument::state, Step::request_state, slave);
     if (slave == 0) return {};
@@ -31,10 +31,10 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
 
 Task<Result<>> bring_one(Network& network, Slave& slave, FirstFault& faults) {
     if (slave.al.state == AlState::none) co_return Nothing{};
-    auto seen = co_await read_anew(network, slave);  // nothing may have read the state for long
+    auto seen = co_await read_anew(network, slave);  // the known state may be old
     if (!seen) faults.note(network, slave, seen.error());
     if (!seen) co_return Nothing{};
-    slave.error = {};  // of an earlier attempt
+    slave.error = {};  // the error of an earlier attempt
     auto done = co_await bring_back(network, slave);
     if (!done) faults.note(network, slave, done.error());
     co_return Nothing{};
@@ -49,7 +49,7 @@ struct Standing {
 bool can_change(const Network& network, const Slave& slave) {
     if (!is_highest(slave.config.highest)) return false;
     if (slave.al.state == AlState::none) return true;
-    if (slave.held) return is_unread(slave) || network.marks(slave).in_use;  // it is being read
+    if (slave.held) return is_unread(slave) || network.marks(slave).in_use;  // an unread slave may be read later
     if (wanted_state(network, slave) < AlState::safeop || is_to_be_asked(network, slave)) return true;
     return is_mapped(network, slave) && has_place(slave) && may_be_exchanged(network, slave);
 }
@@ -77,7 +77,7 @@ Error cycle_trouble(const ProcessGroup& group) {
     return error;
 }
 
-// The application exchanges other groups, and not this one.
+// Whether the application exchanges other groups, but not this group.
 bool is_left_out(ProcessGroup& group, Time now) {
     const std::uint32_t sent = sent_cycles(group);
     const bool goes_on = std::exchange(group.cycles_seen, sent) != sent || group.seen_at == Time{};
@@ -87,7 +87,7 @@ bool is_left_out(ProcessGroup& group, Time now) {
 
 Error cycles_trouble(Network& network) {
     const Time now = network.engine.link().last_cycle();
-    // After a silence the slaves may belong to another machine, until the supervision has looked.
+    // After a silence the slaves may belong to another machine, until the supervision has compared them.
     if (network.supervised && network.silent) return {.code = Errc::no_frame, .step = Step::exchange_process_data};
     for (ProcessGroup& group : network.process.groups) {
         if (!group.mapped) continue;
@@ -101,7 +101,8 @@ Error cycles_trouble(Network& network) {
     return {};
 }
 
-// A slave of a copy has left the group since the mapping, or the list has changed: the copy is not executed.
+// The error of a copy that is not executed: one of its slaves has left the group since the mapping, or the list of
+// copies has changed.
 Error copies_trouble(const Network& network) {
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.mapping) continue;
@@ -122,13 +123,14 @@ Error not_mapped(std::uint8_t group) {
     return {.code = Errc::unknown_group, .step = Step::exchange_process_data, .index = group};
 }
 
-// The error of a reach(): where no group at all is mapped, a call is missing, whatever the first slave is.
+// The error of a reach(). If no group is mapped at all, the call of config_map() is missing, and the error names no
+// slave.
 Error reach_error(const Network& network, const Error& first) {
     const bool no_mapping = first.code == Errc::unknown_group && first.expected == 0 && !any_mapped(network);
     return no_mapping ? Error{.code = Errc::unknown_group, .step = Step::request_state} : first;
 }
 
-// What holds the frames of the cycle until they leave; nullptr: nothing does.
+// The object that holds the frames of the cycle until their send time; nullptr: the frames are sent at once.
 TimedSend* sender(const CycleSettings& settings) { return settings.send ? settings.send_at : nullptr; }
 
 // When the frames of a cycle leave.
@@ -139,8 +141,8 @@ struct Departure {
         : wanted(sender(settings) != nullptr ? later(due, settings.send_lead) : due), at(std::max(wanted, begun)) {}
 };
 
-// Executes one cycle of all mapped groups. Returns its first error; an error that ends the cycle takes precedence. That
-// nothing is mapped, or a group not any more, is an error too: its data is not exchanged.
+// Executes one cycle of all mapped groups. Returns its first error; an error that ends the cycle takes precedence. It
+// is also an error if no group is mapped, or if a group is not mapped any more, because its data is not exchanged.
 Error exchange(Context& ctx, const CycleSettings& settings, const Departure& departure) {
     const auto groups = master_of(ctx)->network.process.groups;
     const Duration timeout = settings.reply_timeout > Duration{0} ? settings.reply_timeout : settings.period / 2;
@@ -213,14 +215,14 @@ class OverrunNews {
     Time next_ = Time::min();
 };
 
-// The owner exchanges process data but does not call poll(), so that its requests do not progress.
+// Whether the owner exchanges process data but does not call poll(), so that requests do not progress.
 bool is_starved(Master& master) {
     const bool requests = master.queue.waiting != nullptr || master.queue.running != nullptr;
     return requests && later(master.polled, Network::kBelieved) < master.network.engine.link().last_cycle();
 }
 
-// Why reach() or run_cycle() is refused: the codes of check_waiting_owner(), or the work function of run_cycle() called
-// it.
+// The error if reach() or run_cycle() is refused: the errors of check_waiting_owner(), in_callback (called in the work
+// function of run_cycle()), or a wrong setting.
 Error check_cycling(Context& ctx, const CycleSettings& cycle, Step step) {
     const Error refused = check_waiting_owner(ctx, step);
     if (refused.code != Errc::none && refused.code != Errc::waiting_forbidden) return refused;
@@ -283,15 +285,16 @@ void poll_until(Context& ctx, Time due) {
     } while (now < due);
 }
 
-// When the last cycle was due; of a cycle of the application, when it was sent, less the time that frames are held.
+// When the last cycle was due. For a cycle of the application itself: when it was sent, minus the time for which frames
+// are held.
 Time last_due(Master& master, const CycleSettings& settings) {
     const Time sent = master.network.engine.link().last_cycle();
     if (sent == master.in_step_sent) return master.in_step_due;
     return sender(settings) != nullptr ? later(sent, -settings.send_lead) : sent;
 }
 
-// Where a clock keeps the cycle in step, the first cycle continues the phase of the last one, and is waited for: a jump
-// would lead the clock out of its limit. After a longer pause the phase is a new one.
+// If a clock keeps the cycle in step, the function waits until the first cycle continues the phase of the last cycle: a
+// jump would lead the clock out of its limit. After a longer pause, the cycle begins with a new phase.
 Schedule begin_schedule(Context& ctx, const CycleSettings& settings) {
     constexpr Duration kLongest = std::chrono::seconds(1);
     Master& master = *master_of(ctx);
@@ -347,8 +350,7 @@ Result<> set_target(Context& ctx, std::uint16_t slave, AlState state) {
     if (owner && (master->network.supervised || waiting != nullptr)) {
         const Error refused = check_target(master->network, slave, state);
         if (refused.code != Errc::none) return refused;
-        if (waiting != nullptr && slave == 0)
-            waiting->target = state;  // replaces the target that it was submitted with
+        if (waiting != nullptr && slave == 0) waiting->target = state;  // replaces the target of the waiting request
         const AlState of_all = waiting != nullptr ? waiting->target : target_of_all(master->network);
         set_targets(master->network, slave, state, of_all);
         return Result<>();
@@ -364,7 +366,7 @@ Error what_is_wrong(Context& ctx) {
     Network& network = master_of(ctx)->network;
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::read_state};
     if (is_starved(*master_of(ctx))) return {.code = Errc::not_polled, .step = Step::exchange_process_data};
-    // A group that is left out is the cause of its slaves' states.
+    // If a group is left out, this is the cause of the states of its slaves.
     const Error trouble = cycles_trouble(network);
     if (trouble.code == Errc::group_left_out) return trouble;
     for (const Slave& slave : network.slaves())
@@ -390,12 +392,12 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
     supervision.target = state;
     set_target_of_all(network, state);
     for (Slave& slave : network.slaves()) update_counted(network, slave);
-    ReadStateRequest look;  // the states that are known may be old
+    ReadStateRequest look;  // the known states may be old
     if (const auto looks = submit(ctx, look); !looks) return looks;
     const Time give_up = later(osal.now(), timeout);
     Schedule schedule = begin_schedule(ctx, cycle);
     for (int periods = 1;; ++periods) {
-        if (!network.supervised && !supervision.busy()) {  // or the supervision of the application has ended meanwhile
+        if (!network.supervised && !supervision.busy()) {  // also if the supervision of the application has ended
             if (const auto supervised = submit(ctx, supervision); !supervised) return supervised;
         }
         const Departure departure(cycle, schedule.due(), osal.now());
@@ -446,7 +448,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
         cycle.left_out += late;
         poll_until(ctx, schedule.due());
         news.add(late, cycle.left_out, done);
-        // If poll() itself was late, the cycles of that time are not made up for.
+        // Cycles that were missed because poll() itself was late are not repeated.
     }
 }
 

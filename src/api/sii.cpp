@@ -11,7 +11,8 @@
 namespace margay {
 namespace {
 
-// The end of the words that the request may access: the size of the EEPROM, as far as it is known and wanted.
+// The end of the words that the request may access: the size of the EEPROM, if it is known and not ignored
+// (`beyond_end`).
 std::uint32_t end_word(const Slave& slave, bool beyond_end) {
     const auto words = static_cast<std::uint32_t>(slave.sii_bytes / 2);
     return words == 0 || beyond_end ? SiiReader::kNone : words;

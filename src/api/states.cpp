@@ -35,7 +35,7 @@ static Error check(Network& network, const StateRequest& request) {
     Error refused = check_slave(network, request.slave, Step::request_state);
     if (refused.code == Errc::none) refused = check_state(network, request.slave, request.wanted, Step::request_state);
     if (refused.code != Errc::none) return refused;
-    // Here, so that the request does not end a hook that executes at the slave before it is refused.
+    // Checked before the request begins, so that a refused request does not end a hook that executes for the slave.
     return contradiction(network, network.slave(request.slave), request.wanted);
 }
 static Error check(Network& network, const WriteStateRequest& request) {
@@ -61,7 +61,7 @@ static Task<Result<>> run(Network& network, StateRequest& request) {
     co_return changed ? Result<>() : Result<>(changed.error());
 }
 
-// All slaves were doubted, and read and compared since then, or not completely.
+// Notes the comparison of all slaves after they were doubted. `complete`: all of them were read and compared.
 static void note_comparison(Network& network, bool complete) {
     if (complete)
         network.compared = network.engine.now();

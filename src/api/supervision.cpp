@@ -51,7 +51,8 @@ class Supervised {
 };
 
 static Task<Result<>> run(Network& network, SuperviseRequest& request) {
-    (void)doubt_after_silence(network);  // a silence before this request: no other request may write before
+    // For a silence before this request: no other request may write to the slaves before.
+    (void)doubt_after_silence(network);
     const Supervised supervised(network, request);
     network.target = request.target;
     co_return co_await required(supervise(network, request));
@@ -59,14 +60,14 @@ static Task<Result<>> run(Network& network, SuperviseRequest& request) {
 
 static Task<Result<>> run(Network& network, ReconfigRequest& request) {
     Slave& slave = network.slave(request.slave);
-    slave.error = {};  // of an earlier attempt
+    slave.error = {};  // the error of an earlier attempt
     auto done = co_await reconfigure(network, slave);
     const Error error = done ? held_error(slave, Step::recover) : done.error();
     if (error.code != Errc::none) slave.error = error;
     co_return error;
 }
 
-// Why the slave does not answer; code none if it answers.
+// The error of a slave that does not answer; code none if it answers.
 static Error absence(Network& network, std::uint16_t number) {
     const Slave& slave = network.slave(number);
     if (slave.al.state != AlState::none) return {};
@@ -77,7 +78,8 @@ static Error absence(Network& network, std::uint16_t number) {
 Task<Result<>> recover(Network& network, RecoverRequest& request) {
     request.found = 0;
     Slave* const wanted = request.slave == 0 ? nullptr : &network.slave(request.slave);
-    if (wanted != nullptr && wanted->error.code == Errc::other_slave) wanted->error = {};  // of an earlier search
+    // The error of an earlier search.
+    if (wanted != nullptr && wanted->error.code == Errc::other_slave) wanted->error = {};
     if (!network.supervised && network.is_unobserved()) {
         doubt_all(network, false);
         network.compared = network.engine.now();
@@ -88,7 +90,7 @@ Task<Result<>> recover(Network& network, RecoverRequest& request) {
     co_await required(for_each_slave(network, readmit, &refused));
     if (wanted != nullptr && wanted->al.state != AlState::none) {
         if (!network.marks(*wanted).unproved) co_return Nothing{};
-        co_return co_await required(readmit_if_there(network, *wanted));  // its SII could not be read
+        co_return co_await required(readmit_if_there(network, *wanted));  // a slave whose SII could not be read
     }
     const auto found = co_await required(find_lost(network));
     request.found = found;

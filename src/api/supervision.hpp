@@ -1,4 +1,4 @@
-// What the search for lost slaves shares with the rescan of a client (src/attach).
+// The search for lost slaves, which RecoverRequest and the rescan of a client (src/attach) use.
 #pragma once
 
 #include "network/network.hpp"

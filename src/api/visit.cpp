@@ -15,7 +15,7 @@ static Task<Result<>> run(Network&, VisitRequest& request) {
     co_return Nothing{};
 }
 
-// It reserves nothing, so no error names it as the operation that prevents another one.
+// The request reserves nothing, so no error names it as the operation in the way of another one.
 static constexpr OperationDescription kVisit =
     describe_operation<VisitRequest, check, run>(Operation::none, Step::none);
 VisitRequest::VisitRequest() : Request(kVisit) {}

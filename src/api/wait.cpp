@@ -18,7 +18,7 @@ constexpr Duration kPatience = std::chrono::milliseconds(300);
 // How long another thread waits until the owner accepts its request.
 constexpr Duration kOwnerSilent = std::chrono::seconds(3);
 
-// Why the calling thread may not wait; code none: it may.
+// The error if the calling thread may not wait; code none: it may wait.
 Error check_may_wait(const Master& master, Step step) {
     if (!master.owned_by_caller()) return {};
     if (master.in_poll) return {.code = Errc::in_callback, .step = step};
@@ -39,8 +39,8 @@ void poll_until_over(Context& ctx, Master& master, Request& request) {
     }
 }
 
-// The supervision compares the slave that is doubted after a pause of the application, before a call that waits is
-// refused for it.
+// Gives the supervision time to compare a slave in doubt after a pause of the application. Otherwise a call that waits
+// would be refused because of this doubt.
 void let_supervision_compare(Context& ctx, Master& master, Request& request) {
     Network& network = master.network;
     Osal& osal = master.osal;
@@ -86,7 +86,7 @@ Result<> wait(Context& ctx, Request& request) {
     const Step step = RequestAccess::operation(request).step;
     if (master == nullptr) return Error{.code = Errc::wrong_state, .step = step};
     if (const Error refused = check_may_wait(*master, step); refused.code != Errc::none) return refused;
-    // A request of another context would never end here.
+    // The poll() of this context never ends a request of another context.
     if (request.busy() && RequestAccess::context(request) != &ctx)
         return Error{.code = Errc::wrong_state, .step = step, .detail = Error::kNotSubmitted};
     if (master->owned_by_caller())
@@ -121,14 +121,13 @@ Result<> take_ownership(Context& ctx) {
     return Result<>();
 }
 
-// The application usually polls more often, and the slaves were not looked at for long: another machine may be there.
-// No request continues before the supervision has looked at the slaves.
+// Whether the application has paused: it usually polls more often, and the slaves were not read for long, so another
+// machine may be connected now. Then no request continues before the supervision has compared the slaves.
 static bool is_after_pause(Master& master, Time now) {
     constexpr Duration kLate = std::chrono::milliseconds(250);
     const bool first = master.polled == Time::min();
     const Duration gap = first ? Duration{0} : now - master.polled;
-    const Duration late =
-        first || now < master.poll_due ? Duration{0} : now - master.poll_due;  // than poll() has asked for
+    const Duration late = first || now < master.poll_due ? Duration{0} : now - master.poll_due;
     const Duration before = std::exchange(master.poll_late, late);
     return gap > Network::kBelieved && late > kLate && late / 4 > before;
 }
@@ -173,7 +172,8 @@ Time poll(Context& ctx, Time now) {
         network.report(ended);
     }
     master->in_poll = false;
-    // A frame that has arrived between the two rounds may have ended the request that a waiting request waited for.
+    // A frame that arrived between both calls of serve_queue() may have ended a request, so that another request can
+    // begin now.
     const Time due = begins_at_once(*master) ? now : std::min(next, queued);
     master->poll_due = due;
     return due;

@@ -6,8 +6,8 @@
 
 namespace margay {
 
-// The application has set `config` or `hooks` of this slave; `given`: what they were before. `sms` count only if the
-// application says so: the library fills them in.
+// Whether the application has set `config` or `hooks` of this slave; `given`: their value before. `sms` are compared
+// only if the application is their source, because otherwise the library fills them in.
 static bool has_wishes(const Slave& slave, const SlaveConfiguration& given) {
     const SlaveConfiguration& config = slave.config;
     const bool flags = config.block_lrw != given.block_lrw || config.mailbox_status != given.mailbox_status ||

@@ -14,9 +14,9 @@
 namespace margay::attach {
 namespace {
 
-constexpr std::size_t kMostPayload = (std::size_t{1} << 30) + 65536;  // a server sends no more
+constexpr std::size_t kMostPayload = (std::size_t{1} << 30) + 65536;  // a server never sends more
 
-constexpr int kLookMs = 1000;  // between two looks at a silent application
+constexpr int kLookMs = 1000;  // interval between two calls of the Silence function
 
 constexpr const char* kGivenUp = "the application has not answered";
 
@@ -35,7 +35,7 @@ std::string Client::connect(const std::string& path) {
     if (auto error = address.set(path); !error.empty()) return error;
     fd_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd_ < 0) return path + ": no application can be reached: " + std::strerror(errno);
-    // A stopped application takes no connections: when too many wait already, this one finds no place (EAGAIN).
+    // A stopped application accepts no connections. If too many connections wait already, connect() fails with EAGAIN.
     for (const auto begin = Clock::now(); ::connect(fd_, address.pointer(), address.bytes()) != 0;) {
         const int error = errno;
         if (error != EAGAIN && error != EINTR) return path + ": no application can be reached: " + std::strerror(error);
@@ -56,7 +56,7 @@ std::string Client::connect(const std::string& path) {
     return {};
 }
 
-// False: the caller does not want to wait any more, and the connection is closed.
+// Waits until the socket is ready. False: the Silence function has ended the waiting, and the connection is closed.
 bool Client::wait_for(short events) {
     const auto begin = Clock::now();
     for (;;) {
@@ -69,7 +69,7 @@ bool Client::wait_for(short events) {
 
 bool Client::goes_on(Clock::time_point since) {
     if (!silence_ || silence_(std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - since))) return true;
-    // A request is half sent, or its answer half read: nothing can follow.
+    // Closes the connection, because a request was sent partly, or an answer was read partly.
     ::close(std::exchange(fd_, -1));
     given_up_ = true;
     return false;
@@ -106,7 +106,7 @@ Reply Client::exchange(Operation operation, Bytes payload, const Progress& progr
     request.store(octets);
     auto error = send_all(octets);
     if (error.empty()) error = send_all(payload);
-    // A server without a free place answers before it reads: look at its answer all the same.
+    // A server without a free place answers before it reads. So the answer is read even if sending has failed.
     if (error == kGivenUp) return broken(error);
     for (;;) {
         if (auto ended = receive_all(octets); !ended.empty()) return broken(error.empty() ? ended : error);

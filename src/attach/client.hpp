@@ -17,7 +17,7 @@ struct Reply {
     std::vector<std::byte> payload{};
     Error error{};
     std::string text{};
-    bool broken = false;  // `refused` by the client itself: the connection has ended, or makes no sense
+    bool broken = false;  // `refused` by the client itself: the connection has ended, or an answer is invalid
     [[nodiscard]] bool ok() const { return status == Status::done; }
 };
 
@@ -28,12 +28,12 @@ class Client {
     Client(const Client&) = delete;
     Client& operator=(const Client&) = delete;
 
-    // A sentence when the server does not answer, or speaks another version; empty: connected.
+    // Returns a sentence if the server does not answer, or uses another version of the protocol; empty: connected.
     [[nodiscard]] std::string connect(const std::string& path);
 
-    // Called at least each second in which the application sends and takes nothing, or takes no connection, while it is
-    // waited for, with the time since it last did, also after a signal. `false` ends the connection: this call and all
-    // later ones are refused. Before connect().
+    // Called at least once a second while the client waits and the application does not send, receive or accept
+    // anything, and after each signal. The argument is the time of this silence. `false` ends the connection: the
+    // present call and all later calls are refused. Set the function before connect().
     using Silence = std::function<bool(std::chrono::seconds)>;
     void when_silent(Silence silence) { silence_ = std::move(silence); }
 
@@ -41,7 +41,7 @@ class Client {
     // Waits for the answer as long as the connection lasts.
     [[nodiscard]] Reply call(Operation operation, const Arguments& arguments, const Progress& progress = {});
 
-    // As the server has said.
+    // The values that the server has sent with its answer to `hello`.
     [[nodiscard]] const std::string& name() const { return name_; }
     [[nodiscard]] const std::string& version() const { return version_; }
     [[nodiscard]] bool read_only() const { return read_only_; }
@@ -53,11 +53,11 @@ class Client {
     [[nodiscard]] std::string receive_all(MutableBytes into);
     using Clock = std::chrono::steady_clock;
     [[nodiscard]] bool wait_for(short events);
-    // False: the caller does not want to wait any more, and the connection is closed.
+    // False: the Silence function has ended the waiting, and the connection is closed.
     [[nodiscard]] bool goes_on(Clock::time_point since);
 
     int fd_ = -1;
-    bool given_up_ = false;  // by silence_
+    bool given_up_ = false;  // silence_ has ended the waiting
     Silence silence_{};
     std::string path_{};
     std::uint32_t number_ = 0;

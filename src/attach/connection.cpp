@@ -45,7 +45,7 @@ std::size_t who_gives_way(std::span<const std::unique_ptr<Connection>> clients, 
     return found;
 }
 
-// The memory grows with what has come, not with what the header promises.
+// The memory grows with the received octets, not with the length in the header.
 Connection::Came Connection::receive(Moment now) {
     std::array<std::byte, kAtOnce> block;
     while (!complete()) {
@@ -61,7 +61,7 @@ Connection::Came Connection::receive(Moment now) {
             header_ = Header::load(in_);
             if (!header_allowed()) return Came::wrong;
         } else if (static_cast<std::size_t>(got) == block.size()) {
-            return complete() ? Came::message : Came::nothing;  // the other clients have a turn, too
+            return complete() ? Came::message : Came::nothing;  // the other clients have their turn first
         }
     }
     return Came::message;

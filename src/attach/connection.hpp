@@ -30,22 +30,23 @@ class Connection {
     [[nodiscard]] bool closed() const { return fd_ < 0; }
     void close();
 
-    // A message is taken in only when the one before has been answered, so that a client that floods waits for itself.
+    // A message is read only when the previous one was answered, so that a client that floods the server only delays
+    // itself.
     [[nodiscard]] bool listens() const { return !closed() && job == nullptr && out_.empty() && !complete(); }
     [[nodiscard]] bool has_output() const { return !out_.empty(); }
-    // In the middle of a message, of either direction.
+    // A message of either direction is incomplete.
     [[nodiscard]] bool in_message() const { return !in_.empty() || !out_.empty(); }
     [[nodiscard]] Moment moved() const { return moved_; }
-    // May lose its place to a new client: without a message for kIdle, or in the middle of one message for kSlow. A
-    // client that has a request keeps its place.
+    // Whether the client may lose its place to a new client: it has sent no message for kIdle, or one message is
+    // incomplete for kSlow. A client with a busy request keeps its place.
     [[nodiscard]] bool gives_way(Moment now) const;
 
-    // Reads what is there, up to a limit. `wrong`: the message is not allowed.
+    // Reads the available octets, up to a limit. `wrong`: the message is not allowed.
     [[nodiscard]] Came receive(Moment now);
-    // False: the client is gone.
+    // False: the client has closed the connection.
     [[nodiscard]] bool send(Moment now);
 
-    // After Came::message.
+    // The received message, after Came::message.
     [[nodiscard]] Operation operation() const { return static_cast<Operation>(header_.what); }
     [[nodiscard]] Bytes payload() const { return Bytes(in_).subspan(Header::kBytes); }
     void forget_message() { Octets().swap(in_); }
@@ -53,8 +54,8 @@ class Connection {
     void answer(Status status, Octets payload, Moment now);
 
     std::unique_ptr<Job> job{};
-    Moment begun{};     // of the job
-    Moment reported{};  // of its last progress
+    Moment begun{};     // when the job began
+    Moment reported{};  // when its last progress was reported
     std::size_t reported_octets = 0;
     bool unpolled = false;  // the job was withdrawn because the owner does not poll
     bool greeted = false;
@@ -72,7 +73,7 @@ class Connection {
     Octets out_{};
     std::size_t sent_ = 0;
     Moment moved_;    // when octets moved last
-    Moment began_{};  // of the message that it is in the middle of
+    Moment began_{};  // when the incomplete message began
     int fd_;
 };
 

@@ -9,7 +9,7 @@ EventLog::EventLog(Context& ctx) : ctx_(ctx), before_(ctx.events().callback), be
     ctx.events().callback = tap;
 }
 
-// The logs of several servers call each other, and end in any order.
+// Several servers may observe the same events: their callbacks form a chain, and the servers end in any order.
 EventLog::~EventLog() {
     auto* callback = &ctx_.events().callback;
     auto* user = &ctx_.events().user;
@@ -18,7 +18,7 @@ EventLog::~EventLog() {
         callback = &newer.before_;
         user = &newer.before_user_;
     }
-    if (*callback != tap) return;  // the application has set another one
+    if (*callback != tap) return;  // the application has set another callback
     *callback = before_;
     *user = before_user_;
 }

@@ -14,7 +14,7 @@ namespace margay::attach {
 
 class EventLog {
   public:
-    // In the thread of the owner: observes the events, and calls the callback that was there before.
+    // In the thread of the owner: observes the events, and also calls the callback that was set before.
     explicit EventLog(Context& ctx);
     ~EventLog();
     EventLog(const EventLog&) = delete;
@@ -22,7 +22,8 @@ class EventLog {
 
     // In the thread of the server: empties the ring.
     void collect();
-    // The events after a number: the newest number, how many events were lost, how many follow, and these.
+    // The events after `number`: the newest number, how many events were lost, how many events follow, and these
+    // events.
     [[nodiscard]] Octets after(std::uint64_t number) const;
 
   private:

@@ -1,4 +1,4 @@
-// What the messages contain. fields() lists the members of a type once, for writing and for reading.
+// The content of the messages. fields() lists the members of a type once, for writing and for reading.
 #pragma once
 
 #include "attach/message.hpp"
@@ -22,7 +22,7 @@ namespace margay::attach {
 struct Arguments {
     std::uint16_t slave = 0;    // number; of the operation `group`: the group
     std::uint16_t index = 0;    // object, IDN, ESC register
-    std::uint8_t subindex = 0;  // or drive
+    std::uint8_t subindex = 0;  // subindex, or number of the drive
     std::uint8_t elements = 0;  // soe_element bits
     bool complete_access = false;
     bool urgent = false;
@@ -71,7 +71,7 @@ struct SlaveFacts {
     std::uint16_t alias = 0;
     std::uint16_t dl_status = 0;
     Identity identity{};
-    Identity wanted{};  // by the list of expect(); 0: any
+    Identity wanted{};  // the identity in the list of expect(); 0: any
     DlInformation dl{};
     AlStatus al{};
     AlState target = AlState::none;
@@ -113,12 +113,13 @@ struct GroupFacts {
     std::uint32_t expected_wkc = 0;
     std::uint32_t cycle = 0;  // the last cycle that was received
     std::uint16_t frames = 0;
-    // One snapshot brings this much of the image. A larger image is read in parts, which are of several cycles.
+    // One answer contains at most this many octets of the image. A larger image is read in parts, which come from
+    // different cycles.
     static constexpr std::size_t kOnce = 32768;
 };
 
 struct StartupFacts {
-    bool object = false;  // an object, or else a parameter of a drive
+    bool object = false;  // true: an object; false: a parameter of a drive
     bool complete_access = false;
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
@@ -129,7 +130,7 @@ void fields(A& a, StartupFacts& v) {
     a(v.object, v.complete_access, v.index, v.subindex, v.data);
 }
 
-// An event, as a sentence too: a client needs no knowledge of the kinds.
+// An event and its sentence, so that a client need not know the kinds of events.
 struct EventFacts {
     std::uint64_t number = 0;  // the first is 1
     std::int64_t at_ns = 0;    // in the time of the osal of the application
@@ -142,22 +143,23 @@ void fields(A& a, EventFacts& v) {
     a(v.number, v.at_ns, v.kind, v.slave, v.text);
 }
 
-// What a rescan has found.
+// The result of a rescan.
 struct RescanFacts {
-    bool whole = false;         // all slaves were scanned again; or else the ring was compared with the known slaves
+    // True: all slaves were scanned again; false: the ring was compared with the known slaves.
+    bool whole = false;
     std::uint16_t slaves = 0;   // that answer
-    std::uint16_t missing = 0;  // that are expected and do not answer
-    std::uint16_t unused = 0;   // that answer and are not in the table
+    std::uint16_t missing = 0;  // expected slaves that do not answer
+    std::uint16_t unused = 0;   // slaves that answer and are not in the table
 };
 template <class A>
 void fields(A& a, RescanFacts& v) {
     a(v.whole, v.slaves, v.missing, v.unused);
 }
 
-// A port that is busy.
+// A busy EoePort.
 struct EoePortFacts {
     std::uint16_t slave = 0;  // number
-    bool open = false;        // the mailbox of the slave takes and gives frames now
+    bool open = false;        // the mailbox of the slave can exchange frames now
     EoeStatistics counted{};
     std::array<char, EoePort::kNameBytes> name_text{};
     std::uint8_t name_bytes = 0;
@@ -215,7 +217,7 @@ void fields(A& a, PartFacts& v) {
     a(v.offset_bits, v.bits);
 }
 
-// An optional parameter: whether it is there, then its octets.
+// An optional parameter: whether it has a value, then its octets.
 template <class A, class T>
 void optional_field(A& a, std::optional<T>& v) {
     bool there = v.has_value();

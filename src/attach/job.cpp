@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kMostObjects = 65536;
 
-// A job with a request of the library.
+// A job that executes a request of the library.
 template <class R>
 class With : public Job {
   public:
@@ -28,7 +28,7 @@ class With : public Job {
     R request_;
 };
 
-// Reads into memory of the job. A result `bytes` says how much of it is used.
+// Reads into memory of the job. The result `bytes` of the request is the used part of this memory.
 template <class R>
 class Reading : public With<R> {
   public:

@@ -24,14 +24,15 @@ class Job {
     Job(const Job&) = delete;
     Job& operator=(const Job&) = delete;
 
-    // What is submitted. Lives until the job ends; a job with a busy request is destroyed by the owner alone.
+    // The submitted request. It lives until the job ends. Only the owner destroys a job with a busy request.
     [[nodiscard]] virtual Request& request() = 0;
-    // After the success of the request: a sentence when there was nothing to do it with. Empty: answer() counts.
+    // Called after the success of the request: a sentence if the request could not do its work. Empty: answer() is
+    // sent.
     [[nodiscard]] virtual std::string refusal() { return {}; }
     [[nodiscard]] virtual Octets answer() = 0;
-    // After its error: the words of the slave.
+    // Called after an error of the request: the text that the slave has sent with its error.
     [[nodiscard]] virtual std::string slave_text() { return {}; }
-    // Octets that have been transferred, and all of them; 0 of 0: not a transfer.
+    // Octets that were transferred, and octets in total; both 0: no transfer.
     [[nodiscard]] virtual std::pair<std::size_t, std::size_t> progress() { return {0, 0}; }
 };
 
@@ -48,8 +49,8 @@ Octets octets_of(const T& value) {
 // Whether the operation changes a slave, or the application.
 [[nodiscard]] bool writes(Operation operation);
 
-// nullptr: there is no such operation, a number is out of range, or the application does not allow it; `refusal` is the
-// sentence then.
+// nullptr: the operation does not exist, a number is out of range, or the application does not allow the operation;
+// then `refusal` is the sentence for the client.
 [[nodiscard]] std::unique_ptr<Job> make_job(Operation operation, Arguments arguments, const AttachSettings& settings,
                                             std::string& refusal);
 

@@ -18,7 +18,7 @@ std::string failed(const std::string& path, const char* what) {
     return path + ": " + what + ": " + std::strerror(errno);
 }
 
-// 0: a program serves the socket.
+// Connects to the socket, and returns the error number; 0: a program serves the socket.
 int connection_error(const SocketAddress& address) {
     const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (probe < 0) return errno;
@@ -27,13 +27,13 @@ int connection_error(const SocketAddress& address) {
     return why;
 }
 
-// The same for a socket whose mode does not let this user in: a program that gives its socket to another user has left
-// it so. For the probe the socket belongs to this user, where the system permits that.
+// The same for a socket whose mode does not permit this user to connect, because a program has given its socket to
+// another user. For the attempt, the socket is given to this user, if the system permits that.
 int connection_error_as_owner(const std::string& path, const SocketAddress& address, const struct stat& found) {
     constexpr mode_t kPermissions = 0777;
     if (::lchown(path.c_str(), ::geteuid(), static_cast<gid_t>(-1)) != 0) return EACCES;
     const int why = ::chmod(path.c_str(), S_IRUSR | S_IWUSR) == 0 ? connection_error(address) : EACCES;
-    if (why == ECONNREFUSED) return why;  // it is removed
+    if (why == ECONNREFUSED) return why;  // the caller removes the socket
     (void)::chmod(path.c_str(), found.st_mode & kPermissions);
     (void)::lchown(path.c_str(), found.st_uid, static_cast<gid_t>(-1));
     return why;
@@ -62,7 +62,7 @@ std::string Listener::open(const std::string& path, const AttachSettings& settin
     return error;
 }
 
-// A socket that no program serves refuses connections. Everything else stays as it is.
+// Removes a socket that no program serves, which refuses connections. Any other file is not changed.
 std::string Listener::replace_left_behind() {
     struct stat found {};
     if (::lstat(path_.c_str(), &found) != 0) return {};
@@ -91,7 +91,7 @@ std::string Listener::set_access(const AttachSettings& settings) const {
         if (entry == nullptr) return path_ + ": there is no group '" + settings.group + "'";
         group = entry->gr_gid;
     }
-    // The permissions first: afterwards the file may belong to another user.
+    // The permissions are set before the owner, because afterwards the file may belong to another user.
     if (::chmod(path_.c_str(), settings.mode & 0777U) != 0) return failed(path_, "its permissions cannot be set");
     if ((!settings.owner.empty() || !settings.group.empty()) && ::lchown(path_.c_str(), user, group) != 0)
         return failed(path_, "its owner cannot be set");

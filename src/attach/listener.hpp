@@ -14,19 +14,19 @@ class Listener {
     Listener(const Listener&) = delete;
     Listener& operator=(const Listener&) = delete;
 
-    // A sentence when the socket cannot be served; empty: it listens.
+    // Returns a sentence if the socket cannot be served; empty: the socket listens.
     [[nodiscard]] std::string open(const std::string& path, const AttachSettings& settings);
     [[nodiscard]] int fd() const { return fd_; }
 
   private:
-    void close();  // and removes the socket
+    void close();  // also removes the socket
     [[nodiscard]] std::string bind_and_listen(const AttachSettings& settings);
     [[nodiscard]] std::string replace_left_behind();
     [[nodiscard]] std::string set_access(const AttachSettings& settings) const;
 
     int fd_ = -1;
     std::string path_{};
-    // Of the socket in the file system, so that the end does not remove the socket of another program.
+    // The inode of the socket in the file system, so that close() does not remove the socket of another program.
     unsigned long long inode_ = 0;
     bool bound_ = false;
 };

@@ -16,8 +16,8 @@
 namespace margay::attach {
 
 // Raise it with every change of the messages, and of enumerations whose values are in them (Errc, Step, EventKind …).
-// What never changes, so that each version can refuse each other in words: Header, `hello` with its two numbers, and
-// Status::refused with a string.
+// These parts never change, so that any two versions can refuse each other with a sentence: Header, `hello` with its
+// two numbers, and Status::refused with a string.
 inline constexpr std::uint32_t kProtocolVersion = 3;
 inline constexpr std::uint32_t kMagic = 0x5947'524D;  // "MRGY"
 
@@ -27,7 +27,7 @@ enum class Operation : std::uint16_t {
     slaves,   // a few SlaveFacts from a number on
     group,    // GroupFacts, and a part of the image
     startup,  // the start-up commands of a slave
-    events,   // what was reported after a number
+    events,   // the events after a number
     set_target,
     read_registers,
     write_registers,
@@ -43,7 +43,7 @@ enum class Operation : std::uint16_t {
     soe_read,
     soe_write,
     eoe_set_ip,
-    eoe_ports,  // the ports of the application, and what they have counted
+    eoe_ports,  // the EoE ports of the application, with their counters
     rescan,
     set_debug_level,
     end,  // no operation: the number of operations
@@ -51,15 +51,15 @@ enum class Operation : std::uint16_t {
 
 enum class Status : std::uint16_t {
     done,
-    failed,    // by an error of the library: Error, and the words of the slave
-    refused,   // by the server: a sentence
+    failed,    // an error of the library: Error, and the text of the slave
+    refused,   // refused by the server: a sentence
     progress,  // not the end yet: octets done, octets in total (0: not known)
 };
 
 struct Header {
     static constexpr std::size_t kBytes = 12;
     std::uint32_t bytes = 0;   // of the payload
-    std::uint32_t number = 0;  // of the request, chosen by the client; its answer has the same
+    std::uint32_t number = 0;  // chosen by the client; the answer has the number of its request
     std::uint16_t what = 0;    // Operation in a request, Status in an answer
     std::uint16_t reserved = 0;
 
@@ -86,7 +86,7 @@ class Writer {
     void operator()(const T&... values) {
         (one(values), ...);
     }
-    // Octets with their number before them.
+    // The number of octets, then the octets.
     void octets(Bytes from) {
         one(static_cast<std::uint32_t>(from.size()));
         if (!from.empty() && room(from.size())) {
@@ -95,7 +95,7 @@ class Writer {
         }
     }
     [[nodiscard]] Bytes written() const { return memory_.first(used_); }
-    // False: the memory was too small, and the content is useless.
+    // False: the memory was too small, and the content is invalid.
     [[nodiscard]] bool ok() const { return ok_; }
 
   private:
@@ -127,7 +127,7 @@ class Writer {
     bool ok_ = true;
 };
 
-// Reads values; what is missing reads as 0, and ok() is false then.
+// Reads values. A missing value reads as 0, and then ok() is false.
 class Reader {
   public:
     explicit Reader(Bytes from) : from_(from) {}
@@ -144,7 +144,7 @@ class Reader {
         return found;
     }
     [[nodiscard]] bool ok() const { return ok_; }
-    // Everything was there, and nothing else.
+    // All values were present, and there are no other octets.
     [[nodiscard]] bool complete() const { return ok_ && at_ == from_.size(); }
     [[nodiscard]] std::size_t left() const { return from_.size() - at_; }
 

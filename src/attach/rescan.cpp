@@ -10,7 +10,7 @@
 namespace margay::attach {
 namespace {
 
-// A hook or a slow EEPROM of one slave may keep the segment in use for seconds.
+// The time is long, because a hook or a slow EEPROM of one slave may use the segment for seconds.
 constexpr Duration kPatience = std::chrono::seconds(60);
 
 bool exchanges_nothing(const Network& network) {
@@ -45,7 +45,7 @@ Task<Result<>> run(Network& network, RescanRequest& request) {
     if (whole) {
         const auto count = co_await scan(network);
         note_of_segment(network, count.error());
-        // The error of a slave is one of the facts: the table shows it.
+        // An error of one slave is not an error of the rescan: the table of slaves shows it.
         if (!count && count.error().slave == 0) co_return count.error();
     } else {
         co_await required(recover(network, request.search));

@@ -1,5 +1,6 @@
-// The rescan of a client as a request of the library: it looks for slaves beside the cycle, or scans where nothing is
-// exchanged. Which of both is decided in poll(), when it begins: so no group can be mapped in between.
+// The rescan of a client as a request of the library: it searches slaves while cycles run, or scans the segment if no
+// process data is exchanged. poll() decides this when the request begins, so that no group can be mapped between the
+// decision and the scan.
 #pragma once
 
 #include "attach/facts.hpp"
@@ -16,7 +17,7 @@ struct RescanRequest : Request {
     RescanFacts facts;   // result
     // Result: nothing was done, because the application has not scanned its segment yet.
     bool too_early = false;
-    RecoverRequest search;  // never submitted: what the search needs
+    RecoverRequest search;  // parameter of the search; never submitted
 };
 
 class RescanJob final : public Job {

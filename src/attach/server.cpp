@@ -1,4 +1,4 @@
-// The thread of an AttachServer: takes messages in, submits their requests, and sends the answers.
+// The thread of an AttachServer: reads messages, submits their requests, and sends the answers.
 #include <margay/attach/server.hpp>
 
 #include "api/master.hpp"
@@ -28,7 +28,7 @@ using attach::Octets;
 using attach::Status;
 
 constexpr auto kStall = Connection::kSlow;  // a message must go on within this time
-constexpr auto kOwnerSilent = 3s;           // as wait()
+constexpr auto kOwnerSilent = 3s;           // the same time as in wait()
 constexpr auto kProgressEvery = 100ms;
 constexpr std::uint32_t kHighestLevel = 2;
 
@@ -99,7 +99,7 @@ void AttachServer::Loop::start() {
         error_ = path_ + ": " + failed;
 }
 
-// The jobs end in the thread that calls this, which owns the context.
+// The jobs end in the calling thread, which owns the context.
 void AttachServer::Loop::stop() {
     thread_.stop();
     clients_.clear();
@@ -107,7 +107,7 @@ void AttachServer::Loop::stop() {
 
 // ------------------------------------------------------------------ the loop
 
-// A request that runs is looked at often in its first milliseconds, in which most requests end.
+// The state of a request is checked often in its first milliseconds, because most requests end in this time.
 timespec AttachServer::Loop::patience() const {
     std::chrono::nanoseconds time = 250ms;
     for (const auto& client : clients_) {
@@ -156,7 +156,7 @@ bool AttachServer::Loop::make_room() {
 void AttachServer::Loop::accept() {
     const int fd = ::accept4(listener_.fd(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (fd < 0) {
-        // Without descriptors the connection stays in the queue: do not try again at once.
+        // Without free descriptors the connection stays in the queue, so wait before the next attempt.
         if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS)
             std::this_thread::sleep_for(10ms);
         return;
@@ -205,7 +205,7 @@ void AttachServer::Loop::hello(Connection& client) {
     std::uint32_t magic = 0;
     std::uint32_t version = 0;
     from(magic, version);
-    // Another version may say more than its two numbers.
+    // The message of another version may contain more than its two numbers.
     const bool well = version == attach::kProtocolVersion ? from.complete() : from.ok();
     if (!well || magic != attach::kMagic) {
         ++malformed_;
@@ -249,7 +249,7 @@ void AttachServer::Loop::take_message(Connection& client) {
     begin(client, operation, std::move(arguments));
 }
 
-// Returns why not; empty: the application sees the new level.
+// Returns the reason of a refusal; empty: the level was set.
 std::string AttachServer::Loop::set_debug_level(std::uint32_t level) {
     if (settings_.debug_level == nullptr) return "the application has no messages with a level";
     if (level > kHighestLevel)
@@ -274,7 +274,7 @@ void AttachServer::Loop::look_after(Connection& client) {
     if (!request.busy()) return end_job(client);
     if (!client.unpolled && now_ - client.begun > kOwnerSilent && !RequestAccess::taken(request)) {
         client.unpolled = true;
-        request.cancel();  // over at once, unless the owner accepts it at this moment
+        request.cancel();  // ends the request at once, unless the owner accepts it at this moment
         if (!request.busy()) return end_job(client);
     }
     const auto [done, total] = client.job->progress();
@@ -290,7 +290,7 @@ void AttachServer::Loop::look_after(Connection& client) {
 }
 
 void AttachServer::Loop::end_job(Connection& client) {
-    if (client.has_output()) return;  // a progress is being sent: the answer follows it
+    if (client.has_output()) return;  // a progress message is being sent: the answer is sent after it
     const auto job = std::move(client.job);
     if (job->request().state() == RequestState::success) {
         const auto refusal = job->refusal();
@@ -299,7 +299,7 @@ void AttachServer::Loop::end_job(Connection& client) {
     }
     Error error = job->request().error();
     if (client.unpolled) error.code = Errc::not_polled;
-    if (error.code == Errc::none) error.code = Errc::wrong_state;  // refused before it was a request: no init()
+    if (error.code == Errc::none) error.code = Errc::wrong_state;  // submit() has refused it before init()
     const std::string text = job->slave_text();
     Octets out(64 + text.size());
     attach::Writer into(out);

@@ -15,7 +15,7 @@ namespace margay::attach {
 std::string ServiceThread::start(const char* name, std::function<void()> run) {
     wake_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (wake_ < 0) return std::string("no eventfd: ") + std::strerror(errno);
-    // The signals of the application are for its own threads.
+    // This thread receives no signals: the signals of the application are for its own threads.
     sigset_t all, before;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);

@@ -11,12 +11,12 @@ namespace margay::attach {
 class ServiceThread {
   public:
     ServiceThread() = default;
-    // stop() must have been called, if the thread uses what is destroyed before.
+    // If the thread uses members that are destroyed before this object, call stop() first.
     ~ServiceThread() { stop(); }
     ServiceThread(const ServiceThread&) = delete;
     ServiceThread& operator=(const ServiceThread&) = delete;
 
-    // `name` has at most 15 characters. Returns a sentence when there is no thread; empty: it runs.
+    // `name` has at most 15 characters. Returns a sentence if the thread cannot be created; empty: the thread runs.
     [[nodiscard]] std::string start(const char* name, std::function<void()> run);
     // Wakes the thread and waits for its end.
     void stop();

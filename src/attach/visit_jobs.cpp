@@ -30,7 +30,7 @@ void copy_master(Context& ctx, const Arguments&, Writer& into) {
 
 PartFacts facts_of(const ImagePart& part) { return {part.offset_bits, part.bits}; }
 
-// What is known of the slave may be old: nobody has compared it since a silence.
+// The facts of a slave may be old: after a silence, its identity was not compared yet.
 Error error_of(Context& ctx, const Slave& s) {
     if (s.error.code != Errc::none) return s.error;
     const Network& network = master_of(ctx)->network;
@@ -79,7 +79,7 @@ SlaveFacts facts_of(Context& ctx, const Slave& s) {
     return facts;
 }
 
-// The number of all slaves, then how many follow, and these.
+// Writes the number of all slaves, how many slaves follow, and the facts of these slaves.
 void copy_slaves(Context& ctx, const Arguments& arguments, Writer& into) {
     const auto all = ctx.slaves();
     const std::size_t first = std::min<std::size_t>(std::max<std::uint32_t>(arguments.from, 1) - 1, all.size());
@@ -112,7 +112,7 @@ void copy_group(Context& ctx, const Arguments& arguments, Writer& into) {
     into.octets(group.image.subspan(at, std::min(used - at, GroupFacts::kOnce)));
 }
 
-// One octet 1 before each command, and an octet 0 behind the last one.
+// Writes an octet 1 before each command, and an octet 0 after the last command.
 void copy_startup(Context& ctx, const Arguments& arguments, Writer& into) {
     const SlaveConfiguration& config = ctx.slave(arguments.slave).config;
     const SyncSettings dc = config.dc();
@@ -129,7 +129,7 @@ void copy_startup(Context& ctx, const Arguments& arguments, Writer& into) {
     into(false);
 }
 
-// Calls `visit` for each EoePort that is busy. It may be one that has not begun.
+// Calls `visit` for each EoePort that is busy. The port may not have begun yet.
 template <class Visit>
 void for_each_port(const RequestQueue& queue, Visit visit) {
     for (Request* list : {queue.running, queue.waiting})
@@ -138,7 +138,7 @@ void for_each_port(const RequestQueue& queue, Visit visit) {
                 visit(static_cast<const EoePort&>(*r));
 }
 
-// As the sequence of the port decides it.
+// Whether the port can exchange frames, by the same conditions as in the sequence of the port.
 bool is_open(Network& network, std::uint16_t number) {
     if (number < 1 || number > network.count) return false;
     const Slave& slave = network.slave(number);
@@ -146,7 +146,7 @@ bool is_open(Network& network, std::uint16_t number) {
            (slave.mailbox.protocols & mailbox_protocol::kEoE) != 0;
 }
 
-// The number of all ports, then how many follow, and these.
+// Writes the number of all ports, how many ports follow, and the facts of these ports.
 void copy_eoe_ports(Context& ctx, const Arguments&, Writer& into) {
     Master& master = *master_of(ctx);
     std::size_t all = 0;
@@ -181,7 +181,7 @@ VisitJob::VisitJob(Copy copy, Arguments arguments, std::size_t bytes)
 }
 
 Octets VisitJob::answer() {
-    memory_.resize(fits_ ? written_ : 0);  // an empty answer is no complete one: the client reports it
+    memory_.resize(fits_ ? written_ : 0);  // if the memory was too small, the answer is empty, which the client reports
     return std::move(memory_);
 }
 

@@ -82,8 +82,7 @@ void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
 // Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave, SumConfirmation& confirmation) {
     if (slave.al.state == AlState::none && !slave.seen) co_return Nothing{};
-    // The mapping, or the request that changes the slave, reads the state itself. This look only notes that the slave
-    // was away.
+    // The mapping or a request changes the slave and reads its state. This look only notes that the slave was away.
     if (is_being_mapped(network, slave) || !may_look_at(network, slave)) {
         auto there = co_await read_al_status(network.station(slave));
         if (!does_not_answer(there.error()) || !is_known(slave)) co_return Nothing{};
@@ -247,8 +246,7 @@ bool report_working_counters(Watch& watch) {
     return unexpected;
 }
 
-// Without cycles, only few frames are sent in a silence. So kFewFrames lost frames are enough if the silence lasts
-// longer than kSilence.
+// Without cycles only few frames are sent: kFewFrames lost frames are enough in a silence of more than kSilence.
 constexpr std::uint32_t kFewFrames = 4;
 constexpr Duration kSilence = std::chrono::milliseconds(60);
 constexpr Duration kShortSilence = std::chrono::milliseconds(30);
@@ -359,8 +357,7 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
         co_await required(for_each_slave(network, doubt));
     }
     report_count(watch, roll.count);
-    // If a slave has replaced another slave, the number of slaves is the same. The first search for such a slave does
-    // not wait.
+    // A slave that has replaced another slave does not change the number of slaves. The first search does not wait.
     const auto has_no_place = [](const Slave& s) { return s.al.state != AlState::none && s.ring_position == 0; };
     const bool before = std::exchange(watch.unplaced, std::ranges::any_of(network.slaves(), has_no_place));
     if (roll.count == watch.walked && watch.unplaced) watch.walked = kNotWalked;
@@ -474,10 +471,9 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     Watch watch{network, wanted};
     watch.reported_count = answering(network);
     watch.walked = network.ring_count;
-    // The last supervision ended during a silence.
+    // The last supervision ended in a silence.
     if (std::exchange(network.silent, false)) network.compared = Time::min();
-    // If the application submits supervisions again and again, slaves that never recover must not block the other
-    // slaves.
+    // With supervisions that are submitted repeatedly, slaves that never recover must not block the other slaves.
     if (network.count != 0) watch.next_helped = (network.stranger_mark & 0xFFU) % network.count;
     network.stranger_mark = static_cast<std::uint16_t>(0x0F00 | ((network.stranger_mark + 1) & 0xFF));
     for (Slave& slave : network.slaves()) {
