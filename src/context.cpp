@@ -15,8 +15,8 @@
 
 namespace margay {
 
-// The constants of context_bytes() for these sizes of pointers: exact, except where integers of 64 bits are aligned to
-// less than 8 octets.
+// Compares a constant of context_bytes() with the real size for this size of pointers. The constant is exact, unless
+// integers of 64 bits are aligned to less than 8 octets; then it may be larger.
 constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow) {
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
     return alignof(std::uint64_t) == 8 ? actual == constant : actual <= constant;
@@ -74,7 +74,7 @@ class Carver {
 
 constexpr std::uint32_t kMostGroups = 256;
 
-// What is in the context's memory before the arena, the most aligned first.
+// The tables in the memory of the context before the arena, in the order of decreasing alignment.
 struct Tables {
     void* master;
     std::span<MailboxChannel> mailboxes;
@@ -161,7 +161,7 @@ Error check_link_settings(const LinkSettings& settings) {
 
 // How many slaves one operation processes at the same time: as many as leave each of their sequences enough memory.
 std::size_t tasks_at_once(const Limits& limits) {
-    constexpr std::size_t kShareBytes = 1024 * sizeof(void*);  // as in context_bytes()
+    constexpr std::size_t kShareBytes = 1024 * sizeof(void*);  // the same as in context_bytes()
     const std::size_t wanted = limits.tasks == 0 ? limits.slaves : limits.tasks;
     if (limits.arena_bytes == 0) return wanted;
     return std::clamp<std::size_t>(limits.arena_bytes / kShareBytes, 1, wanted);

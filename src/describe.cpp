@@ -46,7 +46,8 @@ void write_parameter(TextWriter& out, const Error& e) {
     out << to_text(Idn{e.index}, idn) << ", drive " << e.subindex;
 }
 
-// The error of a command that is a message: it has no index, and the type in place of the subindex.
+// Whether the error belongs to a command that is a message: it has no index, and its subindex is the type of the
+// message.
 bool is_message(const Error& e) {
     const auto type = static_cast<MailboxType>(e.subindex);
     if (e.index != 0 || (type != MailboxType::aoe && type != MailboxType::eoe)) return false;
@@ -60,7 +61,7 @@ bool is_message(const Error& e) {
     }
 }
 
-// The k…Command of an error; 0: it has none. A detail of 32 bits has no place for it.
+// The k…Command of an error; 0: it has none. A detail that uses all 32 bits does not contain it.
 std::uint32_t command_kind(const Error& e) {
     constexpr std::array kWide{Errc::sdo_abort, Errc::soe_error,  Errc::command_failed,
                                Errc::aoe_error, Errc::aoe_result, Errc::eoe_error};
@@ -83,14 +84,14 @@ void write_command(TextWriter& out, const Error& e) {
     out << ")";
 }
 
-// The call itself was refused; the error does not concern a slave.
+// Whether the call itself was refused, so that the error does not concern a slave.
 bool is_refused_call(const Error& e) {
     const bool of_call = e.code == Errc::not_owner || e.code == Errc::not_polled || e.code == Errc::waiting_forbidden ||
                          e.code == Errc::in_callback || e.code == Errc::wrong_state || e.code == Errc::busy;
     return of_call && e.slave == 0 && e.index == 0;
 }
 
-// The error concerns a request as a whole, and the request did not say which object, word or register it accesses.
+// Whether the error concerns a request as a whole, and does not contain the object, word or register.
 bool is_without_place(const Error& e) {
     const bool accesses = (e.step >= Step::sdo_upload && e.step <= Step::write_register) || e.step == Step::read_sii ||
                           e.step == Step::write_sii;
@@ -172,7 +173,7 @@ void write_difference(TextWriter& out, const Error& e) {
         << e.actual << " bits)";
 }
 
-// The size of process data by the SII, which is used although the slave itself does not say it; 0: none.
+// The size of process data in the SII, which is used although the slave itself does not report a size; 0: none.
 void write_used_size(TextWriter& out, std::uint32_t octets) {
     if (octets != 0) out << " (used: " << octets << (octets == 1 ? " octet" : " octets") << ", as the SII says)";
 }
@@ -279,7 +280,7 @@ void write_oversized_mailbox(TextWriter& out, const Error& e) {
     out << " (the " << which << " has " << e.actual << " octets, a frame carries " << e.expected << ")";
 }
 
-// A register that every slave has, or a mailbox, shows that the slave is silent.
+// The error of a register that every slave has, or of a mailbox, shows that the slave does not answer.
 void write_silence(TextWriter& out, const Error& e) {
     const bool any_register = e.step == Step::read_register || e.step == Step::write_register || is_command(e.step) ||
                               e.step >= Step::configure_clocks;
@@ -301,7 +302,7 @@ void write_aoe(TextWriter& out, const Error& e) {
     out << ")";
 }
 
-// What is used instead of PDOs that the slave was not asked for.
+// The source that is used because the PDOs were not read from the slave.
 void write_instead(TextWriter& out, const Error& e) {
     write_used_size(out, e.expected);
     if (e.step == Step::discover_pdos && e.expected == 0) out << ", and the SII has no sizes";
@@ -320,7 +321,7 @@ std::string_view code_text(const Error& e) {
     return to_text(e.code);
 }
 
-// What kept a request from beginning.
+// The operation that has prevented a request from beginning.
 void write_obstacle(TextWriter& out, std::uint32_t operation) {
     out << " (it has not begun";
     if (operation != 0) out << ": " << to_text(static_cast<Operation>(operation)) << " is busy";

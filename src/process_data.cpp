@@ -60,7 +60,8 @@ Error negative_timeout(std::uint8_t group) {
     bool none = false;
     for (;;) {
         const bool was_none = std::exchange(none, !is_cycle_sent(group));  // a cycle may have no frames
-        const auto frames = oldest_cycle(group);  // after it: the other thread may send the cycle at any time
+        // Read after `none`, because the other thread may send the cycle at any time.
+        const auto frames = oldest_cycle(group);
         // The other thread has sent the cycle meanwhile. The time it was sent with may be old, so count from now.
         if (was_none && !none) from = now;
         const bool all = !none && engine.receive_overlapped(frames, now);
@@ -77,7 +78,7 @@ Error negative_timeout(std::uint8_t group) {
     }
 }
 
-// Receives a group with overlapping cycles; for another group no cycle was sent.
+// Receives a group with overlapping cycles. For any other group, no cycle was sent.
 [[gnu::noinline]] Result<std::uint32_t> receive_special(Master& master, ProcessGroup& group, Duration timeout) {
     if (group.overlap.sets > 1) return master.network.overlap->receive(master, group, timeout);
     return nothing_sent(group);
@@ -99,7 +100,7 @@ template <class Now>
     if (group >= network.process.groups.size()) return refused_number(network, group);
     const Time at = now(master->osal);
     ProcessGroup& wanted = network.process.groups[group];
-    // Another thread may send a group whose cycles overlap, and looks at no other group.
+    // Another thread may only send a group whose cycles overlap.
     if (!master->owned_by_caller()) [[unlikely]]
         return network.overlapping.load(std::memory_order_acquire) ? send_special(*master, wanted, at)
                                                                    : refused(Errc::not_owner, group);

@@ -1,4 +1,5 @@
-// init_redundant(): places what merges two cables at the beginning of the context's memory, and init() uses the rest.
+// init_redundant(): places the objects that merge two cables at the beginning of the memory of the context; init() uses
+// the rest.
 #include "api/init.hpp"
 #include "api/master.hpp"
 #include "api/operation.hpp"
@@ -16,7 +17,7 @@
 namespace margay {
 namespace {
 
-// In the memory of the context.
+// The objects at the beginning of the memory of the context.
 struct TwoCables {
     TwoCables(Nic& first, Nic& second, std::span<FramePair> own, std::span<FramePair> overlapped)
         : ring(first, second, own, overlapped), watch(ring) {}
@@ -27,7 +28,8 @@ static_assert(std::is_trivially_destructible_v<FramePair>);
 constexpr std::size_t kCables = sizeof(void*) == 8 ? 1216 : 1168;
 constexpr std::size_t kPair = 3088;
 constexpr bool kExact = alignof(std::uint64_t) == 8;
-// Pairs and the context follow at an address for each type. Some processors with pointers of 32 bits align to 16 octets.
+// Rounded up, so that the pairs and the context begin at an aligned address. Some processors with pointers of 32 bits
+// align to 16 octets.
 constexpr std::size_t kRounded = (sizeof(TwoCables) + 15) / 16 * 16;
 static_assert(kExact ? kRounded == kCables : kRounded <= kCables, "context_bytes(): kCablesBytes");
 static_assert(kExact ? sizeof(FramePair) == kPair : sizeof(FramePair) <= kPair, "context_bytes(): kPairBytes");

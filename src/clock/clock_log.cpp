@@ -13,7 +13,7 @@ void write_signed(TextWriter& out, std::int64_t value) {
     out << (value < 0 ? 0U - static_cast<std::uint64_t>(value) : static_cast<std::uint64_t>(value));
 }
 
-// `value` in thousandths.
+// Writes `value`, which is in thousandths.
 void write_thousandths(TextWriter& out, std::int64_t value) {
     const std::uint64_t magnitude =
         value < 0 ? 0U - static_cast<std::uint64_t>(value) : static_cast<std::uint64_t>(value);
@@ -26,7 +26,7 @@ std::int64_t tenths_of_permil(const ClockRecord& record) {
     return record.cycle_ns <= 0 ? 0 : std::clamp(record.error_ns, -kMost, kMost) * 10'000 / record.cycle_ns;
 }
 
-// What the drift brings in a cycle, in thousandths of a nanosecond.
+// The drift in one cycle, in thousandths of a nanosecond.
 std::int64_t drift_of_cycle(const ClockRecord& record) {
     constexpr std::int64_t kMillion = 1'000'000;
     constexpr std::int64_t kMost = INT64_MAX / kMillion / 2;

@@ -5,8 +5,8 @@
 namespace margay {
 namespace {
 
-// Whether the frame passes the processing unit on its way from port `from` to port `to`. From a port to itself the
-// frame passes all of the slave.
+// Whether the frame passes the processing unit on its way from port `from` to port `to`. A frame from a port to the
+// same port passes the whole slave.
 bool passes_processing_unit(std::uint8_t from, std::uint8_t to) {
     std::uint8_t port = from;
     do {
@@ -33,7 +33,8 @@ std::int64_t inner_ps(const DelayNode& node, std::uint8_t from, std::uint8_t to)
     return passes_processing_unit(from, to) ? std::int64_t{node.processing_ns} * 1000 : 0;
 }
 
-// From the arrival of the frame until it has left towards the master, without the forwarding that every slave has.
+// The time from the arrival of the frame until it has left towards the master, without the forwarding delay that every
+// slave has.
 std::int64_t stay_ps(const DelayNode& node) {
     const std::uint8_t last = last_port(node);
     const std::int64_t behind = last == node.entry_port ? 0 : node.times->port_ps(last);
@@ -44,7 +45,8 @@ void find_above(std::span<DelayNode> nodes, DelayNode& node) {
     std::uint16_t at = node.parent;
     node.above_port = node.parent_port;
     node.root = static_cast<std::uint16_t>(&node - nodes.data() + 1);
-    // A frame passes a parent before its children, except at entry ports other than 0: limit the walk.
+    // With entry ports other than 0, a parent may come after its children in the ring. So the number of steps is
+    // limited.
     for (std::size_t steps = 0; at != 0 && at <= nodes.size() && steps <= nodes.size(); ++steps) {
         if (nodes[at - 1U].timed()) {
             node.above = at;
@@ -62,7 +64,7 @@ bool same_branch(const DelayNode& a, const DelayNode& b) {
 }
 
 // The way of the frame through a branch: all slaves behind one port of a slave with receive times, down to the next
-// ones with receive times. Each of them has one cable towards the master, which the frame passes there and back.
+// slaves with receive times. Each of them has one cable towards the master, which the frame passes there and back.
 class Branch {
   public:
     Branch(std::span<const DelayNode> nodes, std::size_t first) : nodes_(nodes), first_(first) {
@@ -73,7 +75,7 @@ class Branch {
             if (nodes[n].timed()) stays_ps_ += stay_ps(nodes[n]);
         }
     }
-    // Of the slaves that answer.
+    // Whether place `n` + 1 belongs to the branch. Slaves that do not answer are left out.
     [[nodiscard]] bool contains(std::size_t n) const {
         const DelayNode& node = nodes_[n];
         if (!same_branch(nodes_[first_], node)) return false;
@@ -82,15 +84,15 @@ class Branch {
     }
     [[nodiscard]] std::int64_t stays() const { return stays_ps_; }
     [[nodiscard]] std::int64_t passes() const { return 2 * std::int64_t{slaves_}; }
-    // How often the frame has passed a cable when it arrives at place `n` + 1: it has passed the cable of each slave
-    // before, and on its way back again all of them except the cables towards this slave.
+    // How often the frame has passed a cable when it arrives at place `n` + 1: it has passed the cable of each earlier
+    // slave twice, except the cables between the master and this slave, which it has passed once.
     [[nodiscard]] std::int64_t passes_until(std::size_t n) const {
         std::int64_t cables = 0;
         for (std::size_t k = 0; k <= n; ++k)
             if (contains(k)) ++cables;
         return 2 * cables - depth(n);
     }
-    // There is one way through it: the frame passes each cable there and back with nothing but the slave between.
+    // Whether the branch is a line with one slave with receive times at its end.
     [[nodiscard]] bool is_line() const { return timed_ == 1 && depth(first_) == slaves_; }
 
   private:
@@ -109,14 +111,14 @@ class Branch {
     std::int64_t stays_ps_ = 0;
 };
 
-// All slaves with receive times behind one port of `above`, beginning with `first`: mostly one, several behind a
-// junction without receive times. The frame passes one after the other.
+// Places all slaves with receive times behind one port of `above`, beginning with `first`. Usually there is one such
+// slave; behind a junction without receive times there are several, which the frame passes one after the other.
 void place_branch(std::span<DelayNode> nodes, std::size_t first) {
     const DelayNode& head = nodes[first];
     const Branch branch(nodes, first);
     const bool is_line = branch.is_line();
     std::int64_t begin = 0;
-    std::int64_t rest = 0;  // in the cables
+    std::int64_t rest = 0;  // the time in the cables
     if (head.above != 0) {
         const DelayNode& above = nodes[head.above - 1U];
         const std::uint8_t before = port_before(above, head.above_port);
@@ -149,7 +151,7 @@ void compute_delays(std::span<DelayNode> nodes) {
         node.placed = false;
         find_above(nodes, node);
     }
-    // Mostly one pass is enough. Where the way is turned, parents come after their children.
+    // Usually one pass is enough. In a reversed way, parents come after their children, and further passes are needed.
     for (bool goes_on = true; goes_on;) {
         goes_on = false;
         for (std::size_t n = 0; n < nodes.size(); ++n) {

@@ -29,17 +29,18 @@ struct DelayNode {
     // arrives for the last time; negative: not known.
     std::int64_t arrival_ps = 0;
     std::int64_t passed_ps = 0;
-    // The last place on its way, or this place itself, to which the delay is not measured but assumed, because a slave
-    // without receive times and with branches is directly or some slaves before that place; 0: none. The delay between
-    // two places with the same value is measured.
+    // The last place on the way to this node, or this place itself, to which the delay is assumed and not measured,
+    // because a slave with branches and without receive times is before that place; 0: none. The delay between two
+    // places with the same value is measured.
     std::uint16_t assumed = 0;
 
-    // For the computation: the next place with receive times towards the master, and the port by which it reaches this;
-    // and whether the results are filled.
+    // Used by the computation: the next place with receive times towards the master, the port of that place which leads
+    // to this node, and whether the results are filled.
     std::uint16_t above = 0;
     std::uint8_t above_port = 0;
     bool placed = false;
-    std::uint16_t root = 0;  // without such a place: the place that is connected to the master, or that was last seen
+    // If there is no such place: the place that is connected to the master, or the last place that was found.
+    std::uint16_t root = 0;
 };
 
 // The order in which a frame passes the ports; the processing unit is behind port 0.
@@ -48,10 +49,10 @@ struct DelayNode {
     return kNext[port & 3];
 }
 
-// Fills the results of all nodes with receive times. Slaves without receive times count as cable: the time that is left
-// is divided equally between the cables, which is exact where such a slave has no branches. `nodes` are in the order of
-// the ring; parents may follow their children. Several places may be connected to the master: the frames arrive at all
-// of them at the same time.
+// Fills the results of all nodes with receive times. A slave without receive times is computed as a part of the cable:
+// the remaining time is divided equally between the cables. This is exact if such a slave has no branches. `nodes` are
+// in the order of the ring; parents may follow their children. Several places may be connected to the master: the
+// frames arrive at all of them at the same time.
 void compute_delays(std::span<DelayNode> nodes);
 
 // The port at which the frame arrives last before the processing unit of the node.

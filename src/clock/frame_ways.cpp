@@ -19,16 +19,17 @@ std::uint8_t ports_of(const DelayNode& node, Part part, std::uint8_t wanted = UI
     return count;
 }
 
-// See DelayNode.
+// For find_ways(), arrival_ps is this time: see DelayNode.
 std::int64_t away_ps(const DelayNode& node) { return node.arrival_ps; }
 
-// The branches that the frame has passed so far, the last one on top. A branch waits while slaves behind the processing
-// unit of its first slave are missing.
+// The branches that the frame has passed so far, the last one on top. A branch waits until all slaves behind the
+// processing unit of its first slave were found.
 class Branches {
   public:
     explicit Branches(std::span<DelayNode> nodes) : nodes_(nodes) {}
 
-    // The frame passes the processing unit of `place`: the branches at the ports before it are on top.
+    // The frame passes the processing unit of `place`. The branches at the ports before the processing unit are on top
+    // of the stack.
     bool pass(std::uint16_t place) {
         DelayNode& node = of(place);
         const std::uint8_t before = ports_of(node, Part::before_unit);
@@ -53,7 +54,7 @@ class Branches {
 
   private:
     DelayNode& of(std::uint16_t place) { return nodes_[place - 1U]; }
-    // These are filled again by compute_delays().
+    // Both members are used as memory here; compute_delays() fills them again.
     std::uint16_t& below(std::uint16_t place) { return of(place).above; }
     std::uint8_t& waits_for(std::uint16_t place) { return of(place).above_port; }
 
@@ -61,21 +62,22 @@ class Branches {
         of(child).parent = parent;
         of(child).parent_port = port;
     }
-    // A branch from which the frame is away for less than from `node` does not contain it: its slaves are there.
-    // nullptr: no more slaves come.
+    // Completes the branches that cannot contain `node`, because the frame is away from their first slave for a shorter
+    // time than from `node`. nullptr: there are no more slaves.
     bool complete_shorter(const DelayNode* node) {
         for (;;) {
             std::uint16_t behind = 0;
             std::uint16_t place = top_;
             for (; place != 0 && waits_for(place) == 0; place = below(place)) ++behind;
             if (place == 0) return true;
-            if (node != nullptr && (away_ps(*node) < 0 || away_ps(of(place)) < 0)) return false;  // this is not known
+            // One of the times is not known.
+            if (node != nullptr && (away_ps(*node) < 0 || away_ps(of(place)) < 0)) return false;
             if (node != nullptr && away_ps(of(place)) >= away_ps(*node)) return true;
             if (behind < waits_for(place)) return false;
             complete(place, behind);
         }
     }
-    // The first of the `behind` branches on top of `place` are connected to it.
+    // Connects the first of the `behind` branches on top of `place` to `place`.
     void complete(std::uint16_t place, std::uint16_t behind) {
         std::uint16_t last_other = 0;
         std::uint16_t at = top_;

@@ -9,7 +9,7 @@ constexpr std::uint64_t magnitude(std::int64_t value) {
     return value < 0 ? 0U - static_cast<std::uint64_t>(value) : static_cast<std::uint64_t>(value);
 }
 
-// Errors beyond these limits correct no more than the limit: then no product below leaves 64 bits.
+// An error beyond a limit is treated as the limit, so that all products below fit 64 bits.
 constexpr std::int64_t kMostError_ns = 4'000'000'000;
 constexpr std::int64_t kMostObserved_ns = 1'000'000'000'000;
 constexpr std::int64_t kMostDrift_fs = 4'000'000'000'000'000;  // in a cycle
@@ -28,8 +28,8 @@ struct Gains {
     std::int64_t drift_ppb;
 };
 
-// The gains of the best line through the `n` errors so far (least squares): the first error corrects the whole phase,
-// the second one the drift. They fall with every error, down to the gains of the settings.
+// The gains of the line that fits the `n` errors so far best (least squares): the first error corrects the whole phase,
+// the second error corrects the drift. The gains decrease with each error, down to the gains of the settings.
 Gains gains_after(std::uint32_t n, std::uint16_t gain_ppt, std::uint16_t drift_gain) {
     constexpr std::int64_t kMillion = 1'000'000;
     const std::int64_t all = std::int64_t{n} * (n + 1);
@@ -81,11 +81,11 @@ std::int32_t PhaseController::drift_ppb() const {
 std::uint32_t PhaseController::jitter_ns() const { return root(jitter_ / kManyPairs); }
 
 // The difference of two errors in succession shows the jitter of both: phase and drift change little between them. The
-// mean of the squares is a plain mean first, then one that forgets. The controller itself lets the
-// jitter J (root of the mean of the squares) move the phase by J times the root of 7/8 of the gain: a second-order
-// controller with a phase gain a and a drift gain b passes a/2 + b/2a of the mean of the squares, and b is 3/4 a².
+// mean of the squares is an arithmetic mean first, and an exponential mean later. The controller itself lets the jitter
+// J (root of the mean of the squares) move the phase by J times the root of 7/8 of the gain: a second-order controller
+// with a phase gain a and a drift gain b passes a/2 + b/2a of the mean of the squares, and b is 3/4 a².
 void PhaseController::measure_jitter(std::int64_t error_ns) {
-    constexpr std::uint64_t kMostDifference = 1'000'000;  // its square and its sums have room in 64 bits
+    constexpr std::uint64_t kMostDifference = 1'000'000;  // its square and the sums fit 64 bits
     const std::uint64_t difference = std::min(magnitude(error_ns - last_ns_), kMostDifference);
     const bool pair = has_last_;
     has_last_ = true;
@@ -110,8 +110,8 @@ bool PhaseController::is_outlier(std::int64_t error_ns) {
     }
     if (++outliers_ < kMostOutliers) return true;
     outliers_ = 0;
-    seen_ = 0;  // learns the phase again; the drift that was learned is the best guess
-    if (state_ == PhaseState::busy) state_ = PhaseState::error_too_large;  // perhaps the gate is below the jitter
+    seen_ = 0;  // learns the phase again, and keeps the learned drift as the best estimate
+    if (state_ == PhaseState::busy) state_ = PhaseState::error_too_large;  // the gate may be smaller than the jitter
     moved_fs_ = {};
     return false;
 }
@@ -179,7 +179,7 @@ std::int64_t PhaseController::update(std::int64_t error_ns, Time now, std::uint8
     error_ps = limited(error_ps, kMostError_ns * 1000);
     const std::int64_t phase_fs = error_ps * gains.phase_ppm / 1000;
     if (settings_.most_step_ns != 0 && magnitude(phase_fs) > std::uint64_t{settings_.most_step_ns} * 1'000'000) {
-        seen_ = 0;  // on the way to the phase; the error does not show the drift
+        seen_ = 0;  // the phase is being moved, so the error does not show the drift
         return whole(phase_fs + drift_fs_);
     }
     learn_drift(error_ps / 1000 * gains.drift_ppb / 1000);
@@ -193,7 +193,7 @@ void PhaseController::observe(std::int64_t error_ns, Time now) {
     error_ns = limited(error_ns, kMostObserved_ns);
     const std::int64_t cycle_ns = std::max<std::int64_t>(settings_.cycle.count(), 0);
     if (has_last_) {
-        // The error goes from half a cycle late to half a cycle early.
+        // The error may wrap from half a cycle late to half a cycle early.
         std::int64_t change_ns = error_ns - last_ns_;
         if (change_ns > cycle_ns / 2) change_ns -= cycle_ns;
         if (change_ns < -cycle_ns / 2) change_ns += cycle_ns;

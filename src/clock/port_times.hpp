@@ -6,7 +6,8 @@
 
 namespace margay {
 
-// What one measurement has latched, in the slave's own time. A port without a neighbour keeps an old value.
+// The times that one measurement has latched, in the local time of the slave. A port without a neighbour keeps an old
+// value.
 struct ReceiveTimes {
     std::array<std::uint32_t, 4> port_ns{};
     // The low half of register 0x0918: when the frame passed the processing unit.
@@ -26,7 +27,7 @@ class PortTimes {
         add_one(kProcessing, times.processing_ns - entry);
         ++count_;
     }
-    // The frame has arrived at this port first.
+    // Sets the port at which the frame has arrived first.
     void begin_at(std::uint8_t entry_port) {
         const auto first = static_cast<std::uint32_t>(first_[entry_port & 3]);
         const std::int64_t sum = sum_[entry_port & 3];
@@ -34,8 +35,8 @@ class PortTimes {
         for (std::int64_t& changes : sum_) changes -= sum;
     }
     [[nodiscard]] std::uint8_t count() const { return count_; }
-    // The measurements differ by more than the jitter of a frame: some of them have an old time, because no frame
-    // arrived at the port.
+    // Whether the measurements differ by more than the jitter of a frame. Then some of them have an old time, because
+    // no frame arrived at the port.
     [[nodiscard]] bool differ(std::uint8_t port) const { return (differ_ >> (port & 3) & 1) != 0; }
     [[nodiscard]] bool full() const { return count_ == kMost; }
     // The means, in picoseconds: sums of many rounded nanoseconds would deviate.
@@ -61,7 +62,7 @@ class PortTimes {
     }
 
     std::array<std::int32_t, 5> first_{};
-    std::array<std::int64_t, 5> sum_{};  // of the differences to `first_`
+    std::array<std::int64_t, 5> sum_{};  // sums of the differences to `first_`
     std::uint8_t count_ = 0;
     bool has_processing_ = false;
     std::uint8_t differ_ = 0;  // bit p: see differ()

@@ -28,7 +28,7 @@ class SyncWatch {
 
     [[nodiscard]] bool in_sync() const { return in_sync_; }
     void reset() { *this = SyncWatch{}; }
-    // The clock is known to be in sync, or not to be.
+    // Sets whether the clock is in sync, from other knowledge.
     void set(bool in_sync) {
         reset();
         in_sync_ = in_sync;
@@ -50,7 +50,7 @@ class SyncWatch {
     }
 
   private:
-    Time since_ = kNever;  // within the limit since then
+    Time since_ = kNever;  // since this time the difference has been within the limit
     bool in_sync_ = false;
 };
 

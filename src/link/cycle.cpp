@@ -9,7 +9,7 @@ namespace {
 
 using wire::Command;
 
-// ARMW and FRMW bring the time of the reference clock to the other clocks; APRD and FPRD read it only.
+// ARMW and FRMW bring the time of the reference clock to the other clocks; APRD and FPRD only read it.
 constexpr std::byte kFirstWithTime{static_cast<std::uint8_t>(Command::ARMW)};
 constexpr std::byte without_time(std::byte command) {
     return static_cast<std::byte>(command == kFirstWithTime ? Command::APRD : Command::FPRD);
@@ -18,7 +18,7 @@ constexpr std::byte with_time(std::byte command) {
     return static_cast<std::byte>(command == static_cast<std::byte>(Command::APRD) ? Command::ARMW : Command::FRMW);
 }
 
-// The next frames only read the reference clock, until two answers in succession show the next time.
+// The next frames only read the reference clock, until the next time can be predicted from two consecutive replies.
 void read_only(PreparedFrame& frame, PreparedReading& reading) {
     std::byte& command = frame.bytes[reading.offset];
     if (command == static_cast<std::byte>(Command::BRD)) return;
@@ -33,18 +33,20 @@ void read_only(PreparedFrame& frame, PreparedReading& reading) {
 
 }  // namespace
 
-// The clock is only read, until two answers tell the next time: slaves before the reference take what is sent.
+// The clock is only read until the next time can be predicted from two consecutive replies, because slaves before the
+// reference take the time that is sent.
 void change_time(PreparedFrame& frame, PreparedReading& reading) {
     const Command read = reading.by_position ? Command::APRD : Command::FPRD;
     const std::uint16_t address = std::exchange(reading.standby, std::uint16_t{0});
     frame.bytes[reading.offset] = static_cast<std::byte>(address == 0 && !reading.by_position ? Command::NOP : read);
     store_le<std::uint16_t>(frame.bytes, reading.offset + 2U, address);
-    reading.into->value = 0;  // the next time does not follow the last one
+    reading.into->value = 0;  // the next time must not be predicted from the last time
     reading.into->slaves = 0;
     reading.changes = false;
 }
 
-// Returns until when the queue waits for the next cycle. A group counts while its cycles keep their interval.
+// Returns the time until which the queue waits for the next cycle. Only groups whose cycles keep their interval are
+// considered.
 Time Link::cycles_until() {
     constexpr Duration kLongestWait = std::chrono::milliseconds(10);
     Time until = Time::min();
@@ -159,18 +161,20 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
     if (silence_ % kMostUnread == 0) drain(now);
 }
 
-// A reply that stays in the NIC until its index is used again would be taken for the reply to a new frame.
+// Empties the NIC: a reply that stayed in the NIC until its index is used again would be mistaken for the reply to a
+// new frame.
 void Link::drain(Time now) {
     while (receive_one(now, early_)) {
     }
 }
 
-// commit() for a datagram in which some slave does not take part. Its inputs are copied when no other slave is missing.
+// commit() for a datagram in which some slave does not take part. Its inputs are copied if exactly the other slaves
+// have answered.
 void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data) {
     frame.end = CycleEnd::odd;
     DatagramStatus& status = *datagram.status;
     const auto got = load_le<std::uint16_t>(Bytes(data + datagram.bytes, 2));
-    const bool changed = !frame.degraded || !status.came || status.got != got;  // else overwritten by commit()
+    const bool changed = !frame.degraded || !status.came || status.got != got;  // commit() overwrites these values
     status.got = got;
     status.came = true;
     status.fresh = got == status.full || (frame.owner == nullptr ? got == status.accepted
@@ -178,7 +182,7 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
     if (!status.fresh) return;
     const std::byte* inputs = data + datagram.input_at;
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
-    // With the working counter of all slaves, a device answers in the place of a slave that does not take part.
+    // With the working counter of all slaves, a device has answered at the place of a slave that does not take part.
     if (frame.apart || frame.regrouped || frame.doubted || status.got != status.accepted)
         frame.owner->copy_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
     else
@@ -242,26 +246,27 @@ namespace {
     reading.into->value = load_le<std::uint64_t>(value);
 }
 
-// How many slaves have answered to a frame with the time.
+// The number of slaves that have answered a frame with the time.
 std::uint8_t answers(const PreparedReading& reading) { return static_cast<std::uint8_t>(reading.into->slaves); }
 
-// Whether not as many slaves have answered as to the last frame with the time; perhaps, if this is not known.
+// Whether another number of slaves has answered than for the last frame with the time. True also if that number is not
+// known.
 bool are_others(const PreparedReading& reading) { return reading.full == 0 || reading.full != answers(reading); }
 
 // The datagram that carries the time of the reference clock (FRMW or ARMW). When the reference clock is lost, all other
-// slaves take what was sent, and zeros would make their control loops useless. So the datagram is sent with the time
-// that the reference will probably have. A reply that still has this value, and comes from other slaves than before,
-// was not read from the reference: then the next cycles carry the time of the standby, which has another position in
-// the ring now, so FRMW addresses it. Without a standby no time is sent any more, until the owner chooses another
-// reference. After that, and after a lost frame, the clock is only read, until two answers in succession tell the next
-// time (perhaps the reference is there again, and takes what is sent).
+// slaves take the time that was sent, and zeros would disturb their control loops. So the datagram is sent with the
+// time that the reference will probably have. A reply that still has this value, and comes from other slaves than
+// before, was not read from the reference: then the next cycles carry the time of the standby. The position of the
+// standby in the ring has changed, so FRMW addresses it. Without a standby, no time is sent until the owner chooses
+// another reference. After that, and after a lost frame, the clock is only read until the next time can be predicted
+// from two consecutive replies: the reference may be back, and would take the time that is sent.
 void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterReading& before, const std::byte* data) {
     RegisterReading& into = *reading.into;
     std::byte* const head = &sent.bytes[reading.offset];
     if (*head == static_cast<std::byte>(Command::BRD)) return;
     std::byte* const time = head + wire::kDatagramHeaderBytes;
-    // The reference shows this time by chance only: where cycles are exact, it would often show the expected time
-    // itself.
+    // Added to the expected time, so that the reference shows the sent time only by chance. With exact cycles, the
+    // reference would often show the expected time itself.
     constexpr std::uint64_t kBeside_ns = 64;
     const bool as_sent = sent.parked ? sent.no_time : std::memcmp(time, data, reading.bytes) == 0;
     std::array<std::byte, sizeof(std::uint64_t)> next{};
@@ -273,7 +278,7 @@ void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterRead
         const bool standby = reading.standby != 0 && load_le<std::uint16_t>(address) != reading.standby;
         *head = static_cast<std::byte>(standby ? Command::FPRD : Command::NOP);
         if (standby) store_le<std::uint16_t>(address, 0, reading.standby);
-        reading.full = answers(reading);  // to a frame of the standby
+        reading.full = answers(reading);  // the answers to a frame with the time of the standby
         into.slaves = 0;
         into.value = before.value;
     } else {
@@ -284,9 +289,9 @@ void take_time(PreparedFrame& sent, PreparedReading& reading, const RegisterRead
 }
 
 // The same where cycles overlap. The sending thread continues the time, see link/overlap.cpp, and the owner chooses the
-// command before it returns the frame to that thread. A frame that has brought no time of the reference only reads the
-// next time: a time that was sent is never continued. When the reference answers, the frame carries its time again,
-// unless PreparedReading::held.
+// command before it returns the frame to that thread. A frame that has not brought the time of the reference only reads
+// the time at the next cycle: a time that the master has sent is never continued. When the reference answers, the frame
+// carries its time again, unless PreparedReading::held.
 void take_overlapped_time(PreparedFrame& sent, PreparedReading& reading, const RegisterReading& before) {
     RegisterReading& into = *reading.into;
     std::byte& command = sent.bytes[reading.offset];
@@ -331,7 +336,7 @@ void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
         const RegisterReading before = *r.into;
         copy_reading(r, data);
         if (r.into->slaves == 0)
-            read_only(sent, r);  // the time in the frame is too early for the next one
+            read_only(sent, r);  // the time in the frame is too early for the next cycle
         else if (sent.overlapped)
             take_overlapped_time(sent, r, before);
         else
@@ -391,7 +396,7 @@ void Link::commit_held(PreparedFrame& frame) {
     drop_held(frame);
 }
 
-// The frame is again as frames are that never contained a reply.
+// Removes the parked reply from the frame.
 void Link::drop_held(PreparedFrame& frame) {
     const auto clear = [&frame](std::size_t at, std::size_t bytes) {
         std::ranges::fill(MutableBytes(frame.bytes).subspan(at, bytes), std::byte{0});
@@ -400,7 +405,8 @@ void Link::drop_held(PreparedFrame& frame) {
         clear(d.offset + wire::kDatagramHeaderBytes, d.bytes + wire::kWorkingCounterBytes);
     for (const PreparedReading& r : frame.readings) {
         const std::size_t data = r.offset + wire::kDatagramHeaderBytes;
-        // BRD combines by OR what is sent and what the slaves have. The time that is sent next is already in the frame.
+        // BRD combines the sent octets and the registers of the slaves by OR, so the data must be 0. The data of a time
+        // is already the next time.
         if (frame.bytes[r.offset] == static_cast<std::byte>(Command::BRD)) clear(data, r.bytes);
         clear(data + r.bytes, wire::kWorkingCounterBytes);
     }

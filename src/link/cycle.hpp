@@ -1,6 +1,6 @@
 // The fast path of a cycle: frames of one datagram in which every slave takes part, without queued datagrams behind it,
-// whose reply has the form that was sent. The functions are inline, so that the code that sends and receives cycles
-// contains them; the only call that they make is to the NIC. cycle.cpp handles all other cases.
+// whose reply has the form that was sent. The functions are inline in the code that sends and receives cycles, and call
+// only the NIC. cycle.cpp handles all other cases.
 #pragma once
 
 #include "link/link.hpp"

@@ -29,7 +29,7 @@ struct Waiter : ListNode {
     bool settles = false;  // a DatagramWait that chooses the coroutine that continues
 
     Waiter() = default;
-    ~Waiter();  // out of line, as all that each sequence has for each datagram
+    ~Waiter();  // out of line, because each sequence would contain it for each datagram
 };
 
 // The result of a datagram. errc is none (only then wkc is valid), no_frame, nic, nic_busy, datagram_size, or canceled.
@@ -48,7 +48,8 @@ enum class Repeat : std::uint8_t { yes, no };
 
 class Datagram;
 
-// Base of all awaitables of datagrams: submits the datagrams; the coroutine continues when the last of them has ended.
+// Base of all awaitables of datagrams: submits the datagrams, and continues the coroutine when the last of them has
+// ended.
 class DatagramWait : protected Waiter {
   public:
     // The wait is over. Returns the coroutine that continues.
@@ -61,7 +62,7 @@ class DatagramWait : protected Waiter {
     // For await_suspend(). False: the link has refused all datagrams, and the coroutine continues at once.
     [[nodiscard]] bool submit(std::coroutine_handle<> waiting, std::span<Datagram* const> datagrams) noexcept;
     [[nodiscard]] bool submit(std::coroutine_handle<> waiting, Datagram& datagram) noexcept;
-    // In place of the waiting coroutine, the one that `settle` returns continues.
+    // `settle` chooses the coroutine that continues in place of the waiting one.
     void settle_by(std::coroutine_handle<> (*settle)(Waiter& waiter) noexcept) {
         settles = true;
         settle_ = settle;
@@ -114,7 +115,7 @@ class Datagram : public ListNode {
     bool unmarked_ = false;
     bool alone_ = false;
     std::uint16_t wkc_ = 0;
-    std::uint16_t offset_ = 0;  // of the header, in its frame
+    std::uint16_t offset_ = 0;  // offset of the header in its frame
 };
 
 // Awaits several datagrams, which are sent in this order, in one frame if they fit. Afterwards reply() of each datagram

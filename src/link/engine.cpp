@@ -7,7 +7,7 @@
 namespace margay {
 
 void Engine::add_timer(Sleep::Timer& timer) {
-    // Search from the end: a new timer is mostly the latest.
+    // Search from the end, because a new timer is usually the latest one.
     Sleep::Timer* later = nullptr;
     for (Sleep::Timer* t = timers_.back(); t != nullptr && t->until > timer.until; t = timers_.before(*t)) later = t;
     if (later == nullptr)

@@ -22,7 +22,7 @@ class Engine {
     // For the cycle: receives one frame. Coroutines that become ready are resumed by the next poll(). False when the
     // NIC has no frame.
     bool receive_one(Time now) { return link_.receive_one(now, ready_); }
-    // The same until all of these frames are back, or the NIC has no frame.
+    // The same, repeatedly, until all of these frames are back or the NIC has no frame.
     [[nodiscard, gnu::always_inline]] CycleEnd receive_cycle(std::span<PreparedFrame> frames, Time now) {
         return link_.receive_cycle(frames, now, ready_);
     }

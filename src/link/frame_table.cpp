@@ -27,8 +27,8 @@ bool FrameTable::too_many_rest(unsigned first, unsigned count) const {
     return static_cast<unsigned>(rest) > count / 2;
 }
 
-// Indices are used in turn, and resting indices are left out. When most of them rest, none is left out: then an index
-// is used again after all others, and otherwise after at least half of them.
+// Indices are used in turn, and resting indices are skipped. If most indices rest, resting indices are used too. So at
+// least half of the indices are used before an index is used again.
 bool FrameTable::claim_free(FrameSlot& slot, Time now) {
     refresh(now);
     for (const bool any : {too_many_rest(0, mask_ + 1U), true}) {
@@ -49,7 +49,7 @@ std::optional<std::uint8_t> FrameTable::free_index() {
         for (int tries = 0; tries < 256 - kSplit; ++tries) {
             const std::uint8_t index = next_overlapped_;
             next_overlapped_ = static_cast<std::uint8_t>((index + 1) | kSplit);
-            // The owner has closed it and does not read its frame any more.
+            // A null pointer: the owner has closed the slot, and does not read its frame any more.
             if (slot_of_[index].load(std::memory_order_acquire) == nullptr && (any || !resting(index))) return index;
         }
     return std::nullopt;

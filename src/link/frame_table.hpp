@@ -16,8 +16,8 @@ struct PreparedFrame;
 
 struct FrameSlot {
     List<Datagram> datagrams;
-    // The prepared frame (of the cycle) that is sent with this index. `datagrams` are then sent behind its own
-    // datagrams.
+    // The prepared frame (of the cycle) that is sent with this index. `datagrams` are then sent after the datagrams of
+    // this frame.
     PreparedFrame* prepared = nullptr;
     Time deadline = kNever;
     std::uint16_t length = 0;  // octets of all datagrams with their headers
@@ -38,10 +38,10 @@ class FrameTable {
     // Returns a free slot with an index that no frame in flight uses and that no recently lost frame used. Returns
     // nullptr when there is none.
     [[nodiscard]] FrameSlot* open(Time now);
-    // The same for a slot outside the table: only its owner closes it, it has no deadline here. False: all indices are
-    // in use.
+    // The same for a slot outside the table, which has no deadline here and which only its owner closes. False: all
+    // indices are in use.
     [[nodiscard]] bool claim(FrameSlot& slot, Time now) {
-        // The fast path: nearly always the next index is free.
+        // The fast path: the next index is nearly always free.
         const std::uint8_t index = next_index_;
         if (any_resting_.load(std::memory_order_relaxed) || at(index) != nullptr) [[unlikely]]
             return claim_free(slot, now);
@@ -91,7 +91,8 @@ class FrameTable {
     [[nodiscard]] bool resting(std::uint8_t index) const {
         return ((resting_[index / 32].load(std::memory_order_relaxed) >> (index % 32)) & 1U) != 0;
     }
-    // Whether too many of the indices `first` to `first + count - 1` rest: the others would be used again too soon.
+    // Whether too many of the indices `first` to `first + count - 1` rest, so that the other indices would be used
+    // again too soon.
     [[nodiscard]] bool too_many_rest(unsigned first, unsigned count) const;
     void end_rest();
     [[nodiscard]] bool claim_free(FrameSlot& slot, Time now);

@@ -29,7 +29,7 @@ bool Datagram::submit(Waiter& waiter) {
     sendings_ = 0;
     unmarked_ = false;
     wkc_ = 0;
-    // No frame can carry it.
+    // No frame can carry this datagram.
     if (sent_data_.size() > wire::kMaxDatagramData) {
         errc_ = Errc::datagram_size;
         return false;
@@ -37,7 +37,7 @@ bool Datagram::submit(Waiter& waiter) {
     errc_ = Errc::canceled;
     waiter_ = &waiter;
     ++waiter.pending;
-    if (link_.queue_.empty()) link_.stuck_since_ = kNever;  // the datagrams that the NIC did not accept are gone
+    if (link_.queue_.empty()) link_.stuck_since_ = kNever;  // the datagrams that the NIC did not accept were destroyed
     link_.queue_.push_back(*this);
     return true;
 }
@@ -104,8 +104,8 @@ void Link::accept_datagrams(Bytes frame, Time now, List<Waiter>& ready) {
     deliver(*slot, frame, now, ready);
 }
 
-// The first ESC marks the source address. Some slaves do not set the mark: where the NIC hides own frames, an unmarked
-// frame with the own source address has also passed the segment. Frames of another master have another source address.
+// The first ESC marks the source address, but some slaves do not set the mark. If the NIC hides own frames, an unmarked
+// frame with the own source address has passed the segment, too. Frames of another master have another source address.
 bool Link::is_genuine(Bytes frame) const {
     if ((frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}) return true;
     return nic_.hides_own_frames() &&
@@ -159,7 +159,8 @@ void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
             complete(*d, slot.refused ? Errc::nic : Errc::no_frame, ready);
         }
     }
-    // Before the datagrams that were queued since: keeps the order of submission on the wire as far as possible.
+    // The old datagrams are placed before the datagrams that were queued since, so that the order of submission is kept
+    // as far as possible.
     again.take_back(queue_);
     queue_.take_back(again);
     close_lost(slot, now);

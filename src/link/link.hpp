@@ -24,15 +24,16 @@ struct CyclePace : ListNode {
     std::size_t budget_bytes = 0;
 };
 
-// The merging of two cables (link/redundancy.hpp), as far as the link knows it.
+// The interface of the merging of two cables (link/redundancy.hpp) for the link.
 class Cables {
   public:
     // The link does not wait for the frame with this index any more.
     virtual void give_up(std::uint8_t index) noexcept = 0;
     // The indices are divided between two threads from now on, see FrameTable::split().
     virtual void split() noexcept = 0;
-    // The reply of one NIC to this frame, whose copy by the other NIC has not come: if every slave took part in all
-    // datagrams of the frame. Before give_up(). Returns its octets; 0: there is none.
+    // Copies the reply of one NIC to this frame, if the copy of the other NIC has not come back and every slave took
+    // part in all datagrams of the frame. Call it before give_up(). Returns the octets of the reply; 0: there is no
+    // such reply.
     [[nodiscard]] virtual std::size_t half(const PreparedFrame& frame, std::uint8_t index,
                                            MutableBytes into) noexcept = 0;
 
@@ -62,9 +63,8 @@ class Link {
     // Sends the frames of a cycle. Does not wait or allocate. Queued datagrams are sent with the cycle: up to
     // `rider_budget_bytes` octets with their headers, or one datagram if it is longer. They use the free room in the
     // frames of the cycle, then frames of their own. While the cycles of any group keep their interval, send() leaves
-    // the queue to the cycles; groups with a budget of zero do not count. When a frame is still in flight from the
-    // cycle before, its reply is not waited for any more. A result other than `sent` is the status of the last frame
-    // that could not be sent.
+    // the queue to the cycles; groups with a budget of zero do not count. If a frame of the previous cycle is still in
+    // flight, its reply is given up. A result other than `sent` is the status of the last frame that could not be sent.
     [[nodiscard]] SendStatus send_cycle(std::span<PreparedFrame> frames, CyclePace& pace, Time now,
                                         std::size_t rider_budget_bytes);
     // Receives frames from the NIC until all of these frames are back, or the NIC has none.
@@ -77,8 +77,8 @@ class Link {
     [[nodiscard]] bool cycling(Time now) { return now < cycles_until(); }
     // Stops waiting for a prepared frame. If its reply arrives later, it is dropped.
     void give_up_prepared(PreparedFrame& frame, Time now);
-    // Before give_up_prepared(): commits what one of two NICs has received, when this is a complete reply. Then the
-    // frame is not waited for any more. False: there is none.
+    // Call it before give_up_prepared(): commits the reply of one of two NICs, if this reply is complete, and ends the
+    // waiting for the frame. False: there is no complete reply.
     [[nodiscard]] bool take_half(PreparedFrame& frame, Time now);
     // Marks all datagrams and readings of the frame as not received in this cycle.
     static void mark_not_received(PreparedFrame& frame);
@@ -89,17 +89,17 @@ class Link {
         frames_.split();
         if (cables_ != nullptr) cables_->split();
     }
-    // The NIC consists of two NICs. Before the first frame.
+    // The NIC consists of two NICs. Call it before the first frame is sent.
     void use(Cables& cables) { cables_ = &cables; }
     // Sends frames that the owner has finished with; called by the sending thread. A result other than `sent` is the
     // status of the last frame that could not be sent.
     [[nodiscard]] SendStatus send_overlapped(std::span<PreparedFrame> frames, Duration since_last);
-    // Both are called by the owner's thread. receive_overlapped() receives frames from the NIC until all of these
+    // The owner's thread calls both functions. receive_overlapped() receives frames from the NIC until all of these
     // frames are back; false when some are missing. end_overlapped() ends their cycle: copies inputs and working
     // counters, and closes the frames that are not back.
     [[nodiscard]] bool receive_overlapped(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     void end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time now);
-    // Only while no thread sends.
+    // Call it only while no thread sends.
     void forget_overlapped(PreparedFrame& frame, Time now);
 
     // The latest time at which receive() or send() must be called again.
@@ -121,7 +121,8 @@ class Link {
     void keep_pause() { paused_ = true; }
     static constexpr Duration kPause = std::chrono::seconds(1);
     [[nodiscard]] Nic& nic() { return nic_; }
-    // Asks the NIC for its link when its last answer is older than `age`. An operating system may take long to answer.
+    // Asks the NIC for its link state if the last answer is older than `age`. The call to the operating system may take
+    // long.
     void look_at_cable(Time now, std::chrono::milliseconds age) {
         const auto at = in_steps(now.time_since_epoch());  // wraps: the difference of two times is right
         if (at - cable_seen_ < in_steps(age)) return;
@@ -134,7 +135,8 @@ class Link {
   private:
     friend class Datagram;
 
-    // In steps of 65 536 ns: a division of 64 bits is 0.9 KiB on a processor that has none.
+    // Converts a time to steps of 65 536 ns, without a division of 64 bits: the code of such a division has 0.9 KiB on
+    // a processor without this instruction.
     static constexpr std::uint32_t in_steps(Duration time) { return static_cast<std::uint32_t>(time.count() >> 16); }
 
     // The settings, with the default in place of a value that is out of range.
@@ -154,9 +156,9 @@ class Link {
     [[nodiscard]] static bool matches(FrameSlot& slot, Bytes frame);
     void complete(Datagram& datagram, Errc errc, List<Waiter>& ready);
     void give_up(FrameSlot& slot, Time now, List<Waiter>& ready);
-    // One more frame did not come back.
+    // Counts one more frame that did not come back.
     void note_silence();
-    // Receives all frames that the NIC has. The next receive() returns the coroutines that become ready.
+    // Receives all frames that the NIC has. The coroutines that become ready are returned by the next receive().
     void drain(Time now);
     // Closes the slot of a frame that is lost.
     void close_lost(FrameSlot& slot, Time now);
@@ -182,7 +184,7 @@ class Link {
     [[nodiscard]] SendStatus send_prepared(PreparedFrame& frame, Time now);
     void send_riders(Time now);
     void commit_plain(PreparedFrame& frame);
-    // Receives the remaining frames of a cycle, whose first one has come and is not `right`.
+    // Receives the remaining frames of a cycle whose first frame has come back and is not `right`.
     [[nodiscard]] CycleEnd receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     [[nodiscard]] bool is_reply(FrameSlot& slot, Bytes frame) const;
     static void commit_frame(PreparedFrame& sent, Bytes frame);
@@ -191,7 +193,7 @@ class Link {
     static void drop_held(PreparedFrame& frame);
     void accept_frame(Bytes frame, Time now, List<Waiter>& ready);
     [[gnu::cold]] void accept_in_cycle(const PreparedFrame& awaited, std::size_t length, Time now, List<Waiter>& ready);
-    // Until this time the queue is left to the cycles.
+    // Until this time, queued datagrams are sent only with cycles.
     [[nodiscard]] Time cycles_until();
     static void remove_riders(PreparedFrame& frame);
     [[nodiscard]] Bytes add_riders(PreparedFrame& frame, FrameSlot& slot);
@@ -199,7 +201,7 @@ class Link {
     void note_riders(std::size_t bytes);
     void note_sent(FrameSlot& slot);
     void note_cycle(Time before, Time now) {
-        // Without a sign: from Time::min() on, before the first cycle, it is a pause too.
+        // Unsigned, so that the time from Time::min() (before the first cycle) is a pause, too.
         const auto nanoseconds = [](Time time) { return static_cast<std::uint64_t>(time.time_since_epoch().count()); };
         if (nanoseconds(now) - nanoseconds(before) > static_cast<std::uint64_t>(kPause.count())) [[unlikely]]
             paused_ = true;
@@ -211,7 +213,7 @@ class Link {
     List<Datagram> queue_;
     LinkStatistics statistics_;
     std::uint64_t received_before_ = 0;  // frames received before the last one that did not come back
-    std::uint32_t silence_ = 0;          // frames that did not come back since
+    std::uint32_t silence_ = 0;          // frames that did not come back since a frame was received
     std::uint32_t longest_silence_ = 0;
     // While the application sends cycles and receives none, the NIC is drained each time this number of frames did not
     // come back: well before the index of one of these frames is used again.
@@ -219,7 +221,7 @@ class Link {
     bool paused_ = false;  // more than kPause between two cycles, since take_pause()
     MacAddress source_;
     bool nic_busy_ = false;
-    Time stuck_since_ = kNever;  // since then the NIC accepts no queued datagram
+    Time stuck_since_ = kNever;  // since this time the NIC has accepted no queued datagram
     List<CyclePace> paces_;
     Time last_cycle_ = Time::min();
     std::size_t rider_budget_ = 0;  // octets of queued datagrams that may still be sent with this cycle

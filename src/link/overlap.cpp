@@ -1,10 +1,11 @@
 // Overlapped cycles: a cycle is sent before the previous one is received. One thread may send the cycles while another
 // thread, the owner, receives and does everything else.
 //
-// What the two threads share: a frame belongs to the sending thread until the group's count of sent cycles says that
-// its cycle is in flight, and again after the count of received cycles says that its cycle has ended. Between these two
-// points the owner may find the frame by its index (from the moment it is published in the frame table) and copies the
-// reply into it. Everything else in the link belongs to the owner, also the statistics. Both threads use the NIC.
+// The threads share frames by this rule: a frame belongs to the sending thread until the group's count of sent cycles
+// says that its cycle is in flight, and again after the count of received cycles says that its cycle has ended. Between
+// these two points the owner may find the frame by its index (from the moment it is published in the frame table) and
+// copies the reply into it. Everything else in the link belongs to the owner, also the statistics. Both threads use the
+// NIC.
 #include "link/cycle.hpp"
 
 #include <algorithm>
@@ -15,11 +16,11 @@ namespace {
 
 std::byte as_byte(wire::Command command) { return static_cast<std::byte>(command); }
 
-// The time that the reference clock will probably have: that of the last reply, which the frame contains, continued for
-// `since_last`. Slaves before the reference take what is sent, and all slaves when the reference is lost. A frame that
-// only reads carries no time, see take_overlapped_time() in link/cycle.cpp.
+// Writes the time that the reference clock will probably have: the time of the last reply, which is still in the frame,
+// plus `since_last`. The slaves before the reference take this time, and so do all slaves when the reference is lost. A
+// frame that only reads carries no time, see take_overlapped_time() in link/cycle.cpp.
 void continue_time(MutableBytes head, std::uint16_t bytes, Duration since_last) {
-    // The reference shows this time by chance only, see Link::keep().
+    // Added to the expected time, so that the reference shows the sent time only by chance, see Link::keep().
     constexpr std::uint64_t kBeside_ns = 64;
     const MutableBytes data = head.subspan(wire::kDatagramHeaderBytes, bytes);
     std::array<std::byte, 8> value{};
@@ -30,8 +31,8 @@ void continue_time(MutableBytes head, std::uint16_t bytes, Duration since_last) 
     std::ranges::copy(Bytes(value).first(bytes), data.begin());
 }
 
-// Like fill(), for a frame that may contain an old reply. The owner wrote the reply and the command of the time before
-// it counted the cycle as received: the frame belongs to the sending thread since then.
+// Like fill(), for a frame that may contain an old reply. The owner has written the reply and the command of the time
+// before it counted the cycle as received. Since then the frame belongs to the sending thread.
 void fill_overlapped(PreparedFrame& frame, std::uint8_t index, Duration since_last) {
     const auto clear = [&frame](std::size_t at, std::size_t bytes) {
         std::ranges::fill(MutableBytes(frame.bytes).subspan(at, bytes), std::byte{0});
@@ -73,8 +74,8 @@ SendStatus Link::send_overlapped(std::span<PreparedFrame> frames, Duration since
     return all;
 }
 
-// Collects the reply: copies it into the frame, and the end of the cycle commits it. The headers stay as they were
-// sent. Of an overlapped cycle, or of a held frame.
+// Parks the reply to a frame of an overlapped cycle, or to a held frame: copies the reply into the frame, and the end
+// of the cycle commits it. The headers stay as they were sent.
 void Link::keep(PreparedFrame& sent, Bytes reply) {
     const auto copy = [&](std::size_t offset, std::size_t bytes) {
         const std::size_t data = offset + wire::kDatagramHeaderBytes;
@@ -121,7 +122,7 @@ void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time no
     }
 }
 
-// Like take_half().
+// The same as take_half(), for a frame of an overlapped cycle.
 void Link::keep_half(PreparedFrame& frame, Time now) {
     const std::size_t length = cables_->half(frame, frame.own.index, buffer_);
     if (length == 0) return;

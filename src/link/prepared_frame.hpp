@@ -27,14 +27,14 @@ struct PreparedDatagram {
 struct PreparedReading {
     std::uint16_t offset = 0;
     std::uint8_t bytes : 4 = 0;  // of the data, at most 8
-    // Of the reference clock's time, for a frame that cannot be changed now: the next one is sent with the standby, or
-    // without a time, and the address of the standby is a position.
+    // For the time of the reference clock, in a frame that cannot be changed now. `changes`: the next frame is sent
+    // with the time of the standby, or without a time. `by_position`: the address of the standby is a position.
     bool changes : 1 = false;
     bool by_position : 1 = false;
     bool held : 1 = false;  // overlapped frames only: the reference clock is read, and its time reaches no other clock
     std::uint8_t full = 0;  // how many slaves the last frame with its time has passed, modulo 256; 0: not known
-    // Of the reference clock's time: the station address of the slave whose time is sent when the reference clock is
-    // lost; 0: none.
+    // For the time of the reference clock: the station address of the slave whose time is sent when the reference clock
+    // is lost; 0: none.
     std::uint16_t standby = 0;
     std::uint16_t times = 0;  // frames that brought the time of the reference clock to the others; wraps
     RegisterReading* into = nullptr;
@@ -44,7 +44,7 @@ struct PreparedReading {
 enum class CycleEnd : std::uint8_t {
     missing,   // not back
     odd,       // back, but some slave did not take part in one of its datagrams
-    unjudged,  // back, a plain frame: not every slave took part, and commit_short() has not seen it yet
+    unjudged,  // back, a plain frame: not every slave took part, and commit_short() was not called yet
     right,     // back, and every slave took part
 };
 
@@ -56,8 +56,8 @@ struct FrameOwner {
     // for a degraded frame that is `apart`, or that was regrouped in flight.
     void (*copy_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs);
     // Called when a working counter is not that of all slaves: whether exactly the slaves that take part have answered.
-    // It is the accepted one by coincidence where one slave has left and another one has come. `changed`: the cycle
-    // before had another one, or it is not known.
+    // A working counter is the accepted one by coincidence if one slave has left and another one has come. `changed`:
+    // the previous cycle had another working counter, or its working counter is not known.
     bool (*is_sure)(void* group, const DatagramStatus& status, bool changed);
 };
 
@@ -76,9 +76,10 @@ struct PreparedFrame {
     bool apart = false;  // inputs are never sent: they overlap outputs in the image, or another thread sends the frame
     bool overlapped = false;  // of a cycle that one thread may send and another receive, see link/overlap.cpp
     bool refused = false;     // overlapped frames only: the NIC has not accepted it
-    bool parked = false;      // its reply is in `bytes`,
-    bool no_time = false;     // and has the time that was sent, so that the reference clock has not answered
-    // Whether its reply is parked. Any other value: unless a frame with this value is being received.
+    bool parked = false;      // the reply is in `bytes`
+    bool no_time = false;     // the parked reply has the time that was sent, so the reference clock has not answered
+    // Whether the reply is parked: never, always, or (any other value) unless the group with this value is being
+    // received.
     static constexpr std::uint16_t kNever = 0;
     static constexpr std::uint16_t kAlways = 1;
     std::uint16_t park = kNever;
@@ -89,7 +90,7 @@ struct PreparedFrame {
     const FrameOwner* owner = nullptr;
     void* group = nullptr;
     FrameSlot own;
-    std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as sent last
+    std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // the frame as it was sent last
 
     // Call it when `overlapped` is known; `hold`: replies are parked while the group with this number is not received.
     void set_park(bool hold, std::uint8_t number) {

@@ -37,7 +37,7 @@ void move_positions(MutableBytes frame, std::uint16_t by) {
 
 bool is_marked(Bytes frame) { return (frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}; }
 
-// Whether a slave has counted in some datagram.
+// Whether a slave has incremented the working counter of any datagram.
 bool is_counted(Bytes frame) {
     wire::DatagramReader reader(frame);
     while (const auto d = reader.next())
@@ -83,7 +83,7 @@ void add(std::atomic<std::uint32_t>& counter) { counter.fetch_add(1, kRelaxed); 
 
 }  // namespace
 
-// The source addresses of both NICs differ in more than the mark of the first ESC.
+// The source addresses of both NICs differ in more bits than the mark of the first ESC.
 Redundancy::Redundancy(Nic& first, Nic& second, std::span<FramePair> own, std::span<FramePair> overlapped) noexcept
     : nics_{&first, &second}, source_{first.source_mac(), second.source_mac()}, own_(own), overlapped_(overlapped) {
     constexpr auto kMark = std::to_integer<std::uint8_t>(wire::kPassedEscBit);
@@ -102,7 +102,7 @@ bool Redundancy::hold(FramePair& pair, FramePair::State from) noexcept {
     return pair.state.compare_exchange_strong(expected, FramePair::held, std::memory_order_acquire, kRelaxed);
 }
 
-// The next pair in turn that is not in use; send() opens it. A pair that is still open after all others was lost.
+// The next pair in turn that is not in use; send() opens it. The frame of a pair that is still open then was lost.
 FramePair* Redundancy::free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept {
     for (std::size_t tries = 0; tries < pairs.size(); ++tries) {
         FramePair& pair = pairs[next];
@@ -318,7 +318,7 @@ void Redundancy::note_copy(FramePair& pair, unsigned from, Bytes frame) noexcept
     if (wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes)).circulating) pair.circulated |= bit(from);
     if ((pair.idle & bit(from)) != 0)
         idle_[from] = true;
-    else if ((pair.crossed & bit(from)) != 0)  // a slave of a branch that only this copy reaches is back
+    else if ((pair.crossed & bit(from)) != 0)  // a slave that only this copy reaches has come back
         idle_[from] = false;
     const std::uint16_t shift = from == pair.front ? std::uint16_t{0} : pair.shift;
     const auto count = count_slaves(Bytes(pair.out).first(pair.size), frame, shift);
@@ -338,7 +338,7 @@ void Redundancy::note_late(const FramePair& pair, unsigned at, unsigned from, bo
         }
         return;
     }
-    // Behind the ring slaves there are branches that only this copy reaches.
+    // This copy was processed, so it reaches branches that the other copy does not reach.
     if (crossed && marked && !idle) idle_[from] = false;
 }
 
@@ -401,7 +401,7 @@ void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
         if ((pair.counted & bit(nic)) == 0 && !gone && !idle) continue;
         store_count(nic, (pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0});
     }
-    // In the whole ring, no slave processes an idle copy. But the next copy may be behind a new break.
+    // In the whole ring, no slave processes an idle copy. But a new break may change this for the next copy.
     by_head_.store(ring_ == RingState::whole && idle_[1 - head()], kRelaxed);
     front_known_.store(ring_ == RingState::whole ? !idle_[1 - head()] : counts_are_new(), kRelaxed);
 }

@@ -26,7 +26,7 @@ namespace margay {
 struct TimeDatagram {
     std::uint16_t offset = 0;  // in the frame; 0: none
     std::uint16_t bytes = 0;   // of the data
-    // Command, index and ADP: as the link has sent them, of the copy of the head, and of the other copy.
+    // Command, index and ADP in three forms: as the link has sent them, in the copy of the head, and in the other copy.
     enum Form : std::uint8_t { original, of_head, of_other, kForms };
     std::array<std::array<std::byte, 4>, kForms> forms{};
 };
@@ -48,7 +48,8 @@ struct FramePair {
         held,  // one thread uses the pair: the receiving thread, or the thread that opens it
     };
     std::atomic<std::uint8_t> state{unused};
-    std::atomic<std::uint8_t> sent{0};  // this and the next four: one bit for each NIC that the copy was sent by
+    // `sent` to `counted`: one bit for each NIC, for the copy that this NIC has sent.
+    std::atomic<std::uint8_t> sent{0};
     std::uint8_t came = 0;
     std::uint8_t crossed = 0;
     std::uint8_t idle = 0;
@@ -61,9 +62,9 @@ struct FramePair {
     std::uint16_t shift = 0;               // added to the positions of the other copy
     std::uint16_t size = 0;                // octets of the frame
     std::array<std::uint16_t, 2> count{};  // slaves that have processed the copy
-    bool times_held = false;               // the frame reads the reference, and gives no clock a time
+    bool times_held = false;               // the frame only reads the reference, and brings no clock a time
     bool second_is_first = false;     // all slaves with a clock are behind the break: the other copy has the only time
-    std::uint16_t second_slaves = 0;  // what the other copy has last read from the second reference
+    std::uint16_t second_slaves = 0;  // answers and time that the other copy has last read from the second reference
     std::uint32_t second_ns = 0;
     std::array<TimeDatagram, 2> times{};
     std::array<std::byte, wire::kMaxFrameBytes> out;   // as sent, with the source address of the second NIC
@@ -72,7 +73,7 @@ struct FramePair {
 
 class Redundancy final : public Nic, public Cables {
   public:
-    // Everything outlives this object. `overlapped`: for the thread that sends overlapped cycles.
+    // All parameters outlive this object. `overlapped`: for the thread that sends overlapped cycles.
     Redundancy(Nic& first, Nic& second, std::span<FramePair> own, std::span<FramePair> overlapped) noexcept;
     Redundancy(const Redundancy&) = delete;
     Redundancy& operator=(const Redundancy&) = delete;
@@ -95,13 +96,13 @@ class Redundancy final : public Nic, public Cables {
     void split() noexcept override { split_ = true; }
 
     // Sets the slave whose time is in the copies that the head does not send; 0: these copies carry no time.
-    // `reference`: the reference of the whole segment, where only these copies reach it. They have the only time, while
-    // the frames of the link are meant for this reference.
+    // `reference`: the reference of the whole segment, where only these copies reach it. These copies carry the only
+    // time, as long as the frames of the link address this reference.
     void set_second_reference(StationAddress slave, StationAddress reference = {}) noexcept {
         second_.store(packed(slave, reference), std::memory_order_relaxed);
         difference_ = {};
     }
-    // False after the second reference has not answered: its slave is lost.
+    // False if the second reference has not answered, because its slave is lost.
     [[nodiscard]] bool has_second_reference(StationAddress slave, StationAddress reference) const noexcept {
         return second_.load(std::memory_order_relaxed) == packed(slave, reference);
     }
@@ -124,16 +125,16 @@ class Redundancy final : public Nic, public Cables {
         without_times_.store(!times, std::memory_order_relaxed);
         opening_.store(Opening::awaited, std::memory_order_relaxed);
     }
-    // Behind the next frame that writes the loop control, both NICs send again.
+    // After the next frame that writes the loop control, both NICs send again.
     void begin_closing() noexcept { opening_.store(Opening::ends, std::memory_order_relaxed); }
     void end_opening() noexcept { opening_.store(Opening::none, std::memory_order_relaxed); }
 
     [[nodiscard]] RedundancyStatus status() const noexcept;
     // The NIC at the beginning of the ring.
     [[nodiscard]] unsigned head() const noexcept { return head_.load(std::memory_order_relaxed); }
-    // The other NIC is at the beginning of the ring, as the ports of the slaves show. Where both copies reach slaves,
-    // the frames of a whole ring do not show it. For the receiving thread; positions are valid again after the next
-    // frame that counts slaves.
+    // Call it when the ports of the slaves show that the other NIC is at the beginning of the ring. If both copies
+    // reach slaves, the frames of a whole ring do not show this. For the receiving thread; positions are valid again
+    // after the next frame that counts slaves.
     void turn_round() noexcept {
         front_known_.store(false, std::memory_order_relaxed);
         head_.store(static_cast<std::uint8_t>(1 - head()), std::memory_order_relaxed);
@@ -206,7 +207,7 @@ class Redundancy final : public Nic, public Cables {
     Numbers number_of_;  // by index
     std::array<Counters, 2> counters_;
 
-    // Written by the receiving thread, some of it by the sending threads.
+    // The receiving thread writes these members, and the sending threads write some of them.
     std::array<std::atomic<bool>, 2> refused_{};  // the NIC has not accepted the last frame
     std::array<std::atomic<bool>, 2> busy_{};     // the NIC was busy for the last frame
     std::array<std::atomic<bool>, 2> silent_{};   // copies do not come back, although the NIC accepts them
@@ -220,16 +221,17 @@ class Redundancy final : public Nic, public Cables {
     enum class Opening : std::uint8_t { none, awaited, open, ends, closed };
     std::atomic<Opening> opening_{Opening::none};
     std::atomic<bool> without_times_{false};
-    // Another segment is behind the NIC that is not the head. Its slaves must process nothing: that NIC only sends a
-    // frame of NOPs now and then, whose return shows when it is connected to the ring again.
+    // Another segment is behind the NIC that is not the head. The slaves of that segment must not process any frame. So
+    // that NIC only sends a frame of NOPs from time to time, whose return shows that the NIC is connected to the ring
+    // again.
     std::atomic<bool> foreign_{false};
     std::atomic<std::uint8_t> probe_turn_{0};
     std::atomic<bool> front_known_{false};  // see place()
     std::atomic<bool> by_head_{false};      // in the whole ring, slaves process only the copies of the head
     static constexpr std::uint8_t kFramesPerProbe = 64;
 
-    // Of the receiving thread.
-    std::array<unsigned, 2> missed_{};  // copies that did not come back since the last one came
+    // Members of the receiving thread.
+    std::array<unsigned, 2> missed_{};  // copies that did not come back since the last copy came back
     std::array<bool, 2> idle_{};        // in the whole ring, no slave processes the copy
     std::array<bool, 2> count_is_new_{};
     unsigned turn_ = 0;  // the NIC that is asked first

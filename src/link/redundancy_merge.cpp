@@ -7,7 +7,7 @@
 namespace margay {
 namespace {
 
-// A bit that was sent as 0 is 1 when one of both replies has 1; a bit that was sent as 1 is 0 when one of both has 0.
+// A bit that was sent as 0 is 1 if either reply has 1; a bit that was sent as 1 is 0 if either reply has 0.
 template <class Word>
 Word merged(Word a, Word b, Word sent) {
     return static_cast<Word>(sent ^ ((a ^ sent) | (b ^ sent)));
@@ -43,17 +43,18 @@ void merge_replies(MutableBytes into, Bytes other, Bytes sent) noexcept {
     }
 }
 
-// The positions of one copy were moved by another number of slaves than the other copy has passed: the ring has changed
-// meanwhile.
+// Whether the positions of one copy were moved by another number of slaves than the other copy has passed: then the
+// ring has changed meanwhile.
 bool Redundancy::is_misplaced(const FramePair& pair, unsigned processed) noexcept {
     if (!pair.positions || ((processed >> (1U - pair.front)) & 1U) == 0) return false;
     const bool passed = ((processed >> pair.front) & 1U) != 0;
     return pair.shift != (passed ? pair.count[pair.front] : 0);
 }
 
-// The cable of a NIC that has not seen it yet is broken: its copies are lost, and those of the other NIC have passed
-// all slaves. Elsewhere a copy that comes back alone has passed some of them only. Where slaves are missing in a ring
-// that is not whole, the slaves of both parts may have the same working counter.
+// For a cable of a NIC that is broken, and whose NIC still reports a link: the copies of this NIC are lost, and the
+// copies of the other NIC have passed all slaves. In other cases, a copy that comes back alone has passed only some
+// slaves. In a broken ring with missing slaves this cannot be distinguished, because the slaves of both parts may have
+// the same working counter.
 std::size_t Redundancy::half(const PreparedFrame& frame, std::uint8_t index, MutableBytes into) noexcept {
     FramePair* const pair = pair_of(index);
     if (pair == nullptr || !hold(*pair)) return 0;
@@ -63,7 +64,7 @@ std::size_t Redundancy::half(const PreparedFrame& frame, std::uint8_t index, Mut
         const std::uint16_t accepted = d.status->accepted;
         return load_le<std::uint16_t>(reply, d.offset + wire::kDatagramHeaderBytes + d.bytes) == accepted;
     };
-    // As many slaves as before have been read.
+    // Whether the reading has the same number of slaves as before.
     const auto has_all = [&frame, reply](const PreparedReading& r) {
         return frame.bytes[r.offset] != static_cast<std::byte>(wire::Command::BRD) ||
                load_le<std::uint16_t>(reply, r.offset + wire::kDatagramHeaderBytes + r.bytes) == r.into->slaves;

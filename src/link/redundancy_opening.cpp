@@ -15,8 +15,8 @@ bool writes_loops(Bytes frame) {
 
 }  // namespace
 
-// Whether only the head sends the frame. The frame that closes or opens the port finds the port as it was before: the
-// copy of the other NIC could meet it closed.
+// Whether only the head sends the frame. Only the head sends the frame that closes or opens the port, because the copy
+// of the other NIC could find the port already closed.
 bool Redundancy::is_opened_by(Bytes frame) noexcept {
     const Opening before = opening_.load(std::memory_order_relaxed);
     const bool turns = (before == Opening::awaited || before == Opening::ends) && writes_loops(frame);

@@ -17,7 +17,7 @@ bool carries_time(const wire::DatagramView& d) {
     return is_multiple && d.header.address.ado() == wire::reg::kSystemTime.address && d.data.size() >= 4;
 }
 
-// The command that reads the same register of the same slave, and writes it to no other one.
+// The command that reads the same register of the same slave, and writes to no other slave.
 constexpr wire::Command reading(wire::Command command) {
     return command == wire::Command::ARMW ? wire::Command::APRD : wire::Command::FPRD;
 }
@@ -52,11 +52,11 @@ void Redundancy::divide_times(FramePair& pair) const noexcept {
         auto& [original, head, other] = time.forms;
         std::ranges::copy(out.subspan(d->offset, original.size()), original.begin());
         head = other = original;
-        // For another reference, the second one was not chosen yet: the copies carry no time until then.
+        // If the reference has changed and the second reference was not chosen again yet, the copies carry no time.
         const bool other_reference = reference != 0 && d->header.command == wire::Command::FRMW &&
                                      load_le<std::uint16_t>(original, kAdp) != reference;
         const bool none = static_cast<std::uint16_t>(second) == 0 || other_reference;
-        // The reference is behind the break: the slaves before it would take what was sent.
+        // The reference is behind the break, and the slaves before the break would take the time that was sent.
         if (pair.second_is_first) head[0] = static_cast<std::byte>(wire::Command::NOP);
         other[0] = static_cast<std::byte>(none ? wire::Command::NOP : wire::Command::FRMW);
         store_le<std::uint16_t>(other, kAdp, static_cast<std::uint16_t>(second));
@@ -100,7 +100,8 @@ void Redundancy::take_second_time(FramePair& pair, MutableBytes frame, unsigned 
         pair.second_ns = time_in(frame, time);
         std::uint32_t unanswered = load_le<std::uint16_t>(time.forms[TimeDatagram::of_other], kAdp);
         if (pair.second_slaves != 0 && pair.second_ns == time_in(pair.out, time)) {
-            // All slaves behind the break have taken what was sent: the second reference is lost. Not a second time.
+            // The second reference is lost: all slaves behind the break have taken the time that was sent. The next
+            // copies do not use it any more.
             pair.second_slaves = 0;
             (void)second_.compare_exchange_strong(unanswered, 0, std::memory_order_relaxed);
         }
@@ -115,7 +116,7 @@ void Redundancy::take_second_time(FramePair& pair, MutableBytes frame, unsigned 
 void Redundancy::compare_times(const FramePair& pair, Bytes frame) noexcept {
     const TimeDatagram& time = pair.times[0];
     if (time.offset == 0 || pair.second_slaves == 0 || slaves_in(frame, time) == 0) return;
-    // The reference has not answered: what was sent came back.
+    // The reference has not answered: the time that was sent came back.
     if (time_in(frame, time) == time_in(pair.out, time)) return;
     const auto ns = static_cast<std::int32_t>(pair.second_ns - time_in(frame, time));
     const bool first = difference_.count++ == 0;

@@ -10,7 +10,8 @@ namespace reg = wire::reg;
 constexpr Duration kFirstPause = std::chrono::microseconds(200);
 constexpr Duration kOldErrorStands = std::chrono::milliseconds(200);
 constexpr Duration kLongestPause = std::chrono::milliseconds(5);
-constexpr Duration kControlStaysFull = std::chrono::milliseconds(200);  // a slow processor has read it by then
+// Until then, a slow processor has read the register.
+constexpr Duration kControlStaysFull = std::chrono::milliseconds(200);
 
 constexpr std::uint16_t code_offset = reg::kAlStatusCode.address - reg::kAlStatus.address;
 
@@ -76,7 +77,7 @@ Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, Al
         if (!now) co_return now;
         if (now->state == state && !now->error) co_return now;
         const bool over = station.engine.now() >= give_up;
-        // The old error indication remains until the slave has processed the acknowledge: it is not yet a refusal.
+        // The old error indication stays until the slave has processed the acknowledge. So it is no refusal yet.
         const bool old = *now == before && station.engine.now() < give_up_old;
         if ((now->error && !old) || over) {
             Error error = station.error(now->error ? Errc::al_status : Errc::timeout, Step::request_state);

@@ -24,10 +24,10 @@ inline void update_al_status(AlStatus& known, const Result<AlStatus>& seen) {
 }
 
 // Writes AL control again after a write that no slave accepted (working counter 0). An ESC accepts no request as long
-// as the slave's processor has not read the request before (ETG.1000.4 "AL control"); a processor that is slow, or a
-// frame that was lost behind the slave and sent again, makes a slave that is there refuse a request. Errors:
-// working_counter when the slave does not answer at all; timeout when its processor does not read the request before
-// within `patience` (expected: the requested state, actual: the present one).
+// as the slave's processor has not read the request before (ETG.1000.4 "AL control"); so a present slave refuses a
+// request if its processor is slow, or if a frame was lost behind the slave and sent again. Errors: working_counter
+// when the slave does not answer at all; timeout when its processor does not read the previous request within
+// `patience` (expected: the requested state, actual: the present state).
 [[nodiscard]] Task<Result<>> request_again(Station station, std::uint16_t request, Step step, Duration patience);
 
 // Requests `state` and waits until the slave has reached it, the slave refuses, or `timeout` is over. An error

@@ -40,7 +40,7 @@ struct Station {
     return bytes > 0 && bytes <= wire::kMaxDatagramData && address + bytes <= 0x10000;
 }
 
-// What the awaitables of registers have in common: the values of the registers, of 1 to 8 octets, are in `bytes_`.
+// The base of the awaitables of registers: the values of the registers, of 1 to 8 octets, are in `bytes_`.
 class RegisterWait : public DatagramWait {
   public:
     ~RegisterWait();

@@ -11,8 +11,8 @@ namespace reg = wire::reg;
 constexpr Duration kReadTimeout = std::chrono::milliseconds(100);  // for one block: while busy or not acknowledged
 constexpr Duration kNackPause = std::chrono::microseconds(500);    // after a command that was not acknowledged
 constexpr int kNackTries = 3;                                      // at least, whatever time passes between two polls
-constexpr int kBusyTries = 10;  // at least: frames may take longer than an EEPROM, and frames that are sent twice order
-                                // a block twice
+constexpr int kBusyTries =
+    10;  // at least: frames may take longer than the EEPROM, and a repeated frame orders its block a second time
 
 constexpr std::array<std::byte, 6> command(std::uint16_t what, std::uint32_t word) {
     std::array<std::byte, 6> bytes{};
@@ -80,16 +80,16 @@ std::uint32_t SiiReader::block_after(std::uint32_t word, std::uint32_t end, std:
     return then >= word && then - word < block_words_ ? next : then;
 }
 
-// A visit was too early. The next visit orders no block: the ESC ignores a command while the interface is busy. While
-// the reading time of the EEPROM is unknown, the wait grows.
+// Notes that a visit was too early. The next visit orders no block, because the ESC ignores a command while the
+// interface is busy. While the reading time of the EEPROM is unknown, the wait grows.
 void SiiReader::note_busy(Time sent) {
     known_busy_ = std::max(known_busy_, sent - ordered_at_);
     sure_ = false;
     wait_ = known_ready_ == Duration::max() ? known_busy_ * 7 / 4 : between();
 }
 
-// A visit was late enough. The value of known_busy_ decays slowly, so that one slow answer does not slow down all
-// others.
+// Notes that a visit was late enough. known_busy_ decreases slowly, so that one slow answer does not delay all other
+// visits.
 void SiiReader::note_ready(Time sent) {
     constexpr int kFading = 512;
     known_ready_ = std::min(known_ready_, sent - ordered_at_);
@@ -107,7 +107,8 @@ Duration SiiReader::between() const {
 }
 
 // Copies the data of a visit that found the interface ready. False when it is not the block that was ordered: a frame
-// that is sent again, because its reply was late, looks behind the order that it carries. Then the next look is alone.
+// that is sent again, because its reply was late, reads the interface after the order that it carries. Then the next
+// visit only looks.
 bool SiiReader::accept(const Visit& visit, std::uint32_t ordered_ahead, Time sent) {
     const bool right = visit.word == ordered_;
     if (right) {
@@ -129,8 +130,8 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
     const std::uint32_t end = word + static_cast<std::uint32_t>(into.size() / 2);
     Time give_up = engine.now() + kReadTimeout;
     nacks_ = 0;
-    int busy = 0;  // looks that have found the EEPROM busy, or the block of another reader; while frames are lost there
-                   // may be few until the timeout
+    int busy = 0;  // looks that have found the EEPROM busy, or the block of another reader. If frames are lost, few
+                   // looks are possible before the timeout
     for (std::uint32_t at = word; at < end;) {
         if (cached(at)) {
             const auto count = std::min(end - at, block_words_ - (at - block_word_));
@@ -144,7 +145,7 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
         if (waiting) co_await engine.sleep_until(ordered_at_ + wait_);
         const std::uint32_t order = !waiting ? at : sure_ ? block_after(at, end, then) : kNone;
         const Time sent =
-            engine.now();  // a look that was sent before the end decides nothing: the program may have paused
+            engine.now();  // a look sent before the timeout does not end the reading: the program may have paused
         const bool look = waiting || !idle_;
         idle_ = false;
         auto visit = co_await VisitAwaiter(station_, look, order, at);
@@ -157,7 +158,7 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
         block_words_ = (visit->status & control::kReads8Bytes) != 0 ? 4 : 2;
         if ((visit->status & control::kBusy) != 0) {
             if (waiting) note_busy(sent);
-            if (!waiting) {  // the order is ignored, or its frame was sent twice: a look alone shows it
+            if (!waiting) {  // the order was ignored, or its frame was sent twice: the next visit only looks
                 ordered_ = at;
                 ordered_at_ = sent;
                 sure_ = false;
@@ -182,7 +183,7 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
 }
 
 Task<Result<>> sii_assign(Station station, bool to_pdi) {
-    if (!to_pdi) {  // forced first: takes the interface from a PDI that does not release it
+    if (!to_pdi) {  // the first write takes the interface from a PDI that does not release it
         co_await required(write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kForceEcat, Step::read_sii));
     }
     co_await required(write<std::uint8_t>(station, reg::kSiiConfig,

@@ -67,8 +67,9 @@ class SiiReader {
     Duration known_busy_{0};                  // a visit this long after the order was too early
     Duration known_ready_ = Duration::max();  // a visit this long after the order was not too early
     Duration wait_{0};                        // from an order to the next visit
-    bool idle_ = false;                       // certainly no command is being executed
-    bool sure_ = false;                       // the next visit is expected to find the block: it may order another one
+    bool idle_ = false;                       // it is certain that no command is being executed
+    // The next visit will probably find the block, so it may order the next block.
+    bool sure_ = false;
     std::uint8_t nacks_ = 0;
 };
 

@@ -109,7 +109,8 @@ Error Contents::mailbox_error(sii::Fault fault, const MailboxInfo& mailbox, std:
 // Mailboxes with invalid values are not copied: the slave then has no mailbox.
 Result<> Contents::read_fixed_part(Bytes head, Bytes mailboxes) {
     const Bytes identity = head.subspan(sii::kConfigurationBytes);
-    slave_.identity = sii::is_blank(identity) ? Identity{} : sii::load_identity(identity);  // as read_identity()
+    // The same as in read_identity().
+    slave_.identity = sii::is_blank(identity) ? Identity{} : sii::load_identity(identity);
     const auto boxes = sii::load_mailboxes(mailboxes);
     const auto fault = sii::mailbox_fault(boxes.standard);
     auto boot = boxes.boot;
@@ -210,8 +211,8 @@ Task<Result<>> Contents::categories() {
     for (unsigned n = 0; chain.more() && !found_all(); ++n) {
         if (n == kMostCategories) co_return error(sii::Fault::no_end, chain.header_word());
         std::array<std::byte, sii::kCategoryHeaderBytes> header{};
-        // The first category is mostly the strings category, which is not read yet. The content of the other categories
-        // is mostly wanted.
+        // The first category is usually the strings category, which is read later. The content of the other categories
+        // is usually read at once.
         const auto behind = n == 0 ? SiiReader::kNone : chain.header_word() + 2;
         co_await required(reader_.read(chain.header_word(), header, behind));
         const auto place = chain.step(header);

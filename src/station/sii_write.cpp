@@ -20,7 +20,7 @@ using Word = std::array<std::byte, sii::kWordBytes>;
 // Waits until the interface is ready and returns its status.
 Task<Result<std::uint16_t>> wait_ready(Station station, Time give_up) {
     for (;;) {
-        const Time sent = station.engine.now();  // see SiiReader::read()
+        const Time sent = station.engine.now();  // for the reason, see SiiReader::read()
         const auto status =
             co_await required(::margay::read<std::uint16_t>(station, reg::kSiiControl, Step::write_sii));
         if ((status & control::kBusy) == 0) co_return status;

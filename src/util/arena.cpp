@@ -13,7 +13,7 @@ constexpr std::uint8_t kOrder = 0x0F;
 // needs, because memory is scarcer than time. In a larger arena, an allocation uses a power of two, from a list.
 constexpr std::size_t kFewBlocks = 256;
 
-// The lowest place with `blocks` free blocks, of one run or of several adjacent runs; `all`: there is none.
+// The lowest index with `blocks` free blocks, in one run or in several adjacent runs; `all`: there is none.
 std::size_t lowest_fit(const std::uint8_t* state, std::size_t all, std::size_t blocks) {
     std::size_t first = 0;
     for (std::size_t at = 0; at < all;) {
@@ -67,7 +67,7 @@ void* Arena::allocate(std::size_t bytes) noexcept {
     void* const memory = block(index);
     std::uint8_t more = 0;
     for (std::size_t left = blocks; left != 0;) {
-        // `index` begins a free run: all of it is taken, or its second half stays free.
+        // A free run begins at `index`: the allocation uses all of it, or its second half stays free.
         unsigned order = state_[index] & kOrder;
         reinterpret_cast<FreeBlock*>(block(index))->unlink();
         while (std::size_t{1} << order > left) {

@@ -21,7 +21,7 @@ class Arena {
     static constexpr std::size_t kBlockBytes = 64;
     static constexpr unsigned kOrders = 12;  // largest block: 128 KiB
 
-    // The caller owns `memory`, which must outlive the arena. One of 65 octets is used for administration. Octets
+    // The caller owns `memory`, which must outlive the arena. Of each 65 octets, one is used for administration. Octets
     // before the first one with the maximum alignment are not used.
     explicit Arena(std::span<std::byte> memory);
     Arena(const Arena&) = delete;
@@ -51,7 +51,7 @@ class Arena {
     void put_free(std::size_t index, unsigned order);
 
     std::byte* base_ = nullptr;
-    std::uint8_t* state_ = nullptr;  // for the first block of each run: its order, and marks
+    std::uint8_t* state_ = nullptr;  // the order and the marks of each run, in the element of its first block
     std::size_t blocks_ = 0;
     std::size_t used_ = 0;
     std::size_t peak_ = 0;

@@ -30,7 +30,7 @@ template <class T>
 [[nodiscard]] constexpr T load_le(Bytes from, std::size_t offset = 0) {
     using U = typename FieldValue<T>::Unsigned;
     U value = 0;
-    // Compilers do not replace the loop below by a single load.
+    // A separate case, because compilers do not replace the loop below by a single load.
     if (std::endian::native == std::endian::little && !std::is_constant_evaluated()) {
         std::memcpy(&value, from.subspan(offset, sizeof(T)).data(), sizeof(T));
         return static_cast<T>(value);

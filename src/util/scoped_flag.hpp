@@ -1,4 +1,4 @@
-// A flag that is set while a function executes, or while a coroutine does, also when it is suspended.
+// Sets a flag while a function or a coroutine executes, also while the coroutine is suspended.
 #pragma once
 
 namespace margay {

@@ -28,7 +28,7 @@ void PromiseBase::return_value(const Error& returned) noexcept { error = returne
 
 namespace {
 
-// All destructions of tasks.
+// All tasks are destroyed here.
 void destroy(PromiseBase& task) noexcept {
     task.unlink();
     Crew* const crew = task.parent == PromiseBase::Parent::crew ? task.crew : nullptr;
@@ -90,7 +90,7 @@ std::coroutine_handle<> end_of_task(PromiseBase& task) noexcept {
         if (ended->parent == Parent::none) return std::noop_coroutine();
         if (ended->parent == Parent::crew) {
             Crew& crew = *ended->crew;
-            const Error error = ended->error;  // it is in the frame, so copy it before the frame is destroyed
+            const Error error = ended->error;  // a copy, because the frame with the error is destroyed
             destroy_task(ended);
             return crew.member_ended(error);
         }
