@@ -12,7 +12,8 @@ void forget_losses(Analysis& analysis) {
 
 namespace {
 
-// A tap between slaves shows each frame twice, with the working counters of a part and of all slaves.
+// Deletes the values that a tap between slaves falsifies: such a tap shows each frame twice, first with the working
+// counters of some slaves and then with the working counters of all slaves.
 void forget_counters(Analysis& analysis) {
     analysis.passes_twice = true;
     analysis.shortfalls = {};

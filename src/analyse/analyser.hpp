@@ -1,4 +1,4 @@
-// Collects what the packets of one master show. Nothing is sent.
+// Collects the facts that the packets of one master show. Nothing is sent.
 //
 // The memory is bounded by the number of slaves and conversations, see the limits in analysis.hpp, and does not depend
 // on the length of the recording. recording.hpp reads files.
@@ -15,7 +15,7 @@
 
 namespace margay::analyse {
 
-// Where a request without a reply says nothing of the wire.
+// Deletes the numbers of lost frames, for a recording in which a missing reply does not mean a lost frame.
 void forget_losses(Analysis& analysis);
 
 class Analyser {
@@ -24,12 +24,13 @@ class Analyser {
     Analyser(const Analyser&) = delete;
     Analyser& operator=(const Analyser&) = delete;
 
-    // A packet of the recording, in their order. `length_on_wire` is larger than the packet where the recorder has cut
-    // it. Octets of any kind are accepted.
+    // Call it for each packet of the recording, in their order. `length_on_wire` is larger than the packet if the
+    // recorder has cut the packet. Octets of any kind are accepted.
     void packet(Moment when, Bytes packet, std::size_t length_on_wire);
     // Call once, after all packets.
     [[nodiscard]] Analysis finish();
-    // How many packets with EtherCAT frames were earlier than the one before, and the number of the first of them.
+    // How many packets with EtherCAT frames were earlier than the previous one, and the number of the first of these
+    // packets.
     [[nodiscard]] std::uint64_t steps_back() const { return steps_back_; }
     [[nodiscard]] std::uint64_t first_step_back() const { return first_step_back_; }
 

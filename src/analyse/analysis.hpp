@@ -1,5 +1,5 @@
-// What a recording of EtherCAT traffic shows: plain data, filled in by Analyser. Slaves are named by their place in
-// Analysis::slaves. Lists have a limit; `left_out` counts what did not fit.
+// The facts that a recording of EtherCAT traffic shows: plain data, filled in by Analyser. Slaves are identified by
+// their place in Analysis::slaves. Lists have a limit; `left_out` counts the elements that did not fit.
 #pragma once
 
 #include "wire/datagram.hpp"
@@ -22,7 +22,7 @@ namespace margay::analyse {
 struct Moment {
     std::uint64_t frame = 0;  // number of the packet, from 1, as in Wireshark
     Duration at{};            // since the first packet of the file; negative: the packet is earlier
-    // By time; at the same time, by the order of the file. Packets that were sorted are not in the order of the file.
+    // Compares the times; at equal times, the order of the file. Sorted packets are not in the order of the file.
     [[nodiscard]] bool is_before(const Moment& other) const {
         return at != other.at ? at < other.at : frame < other.frame;
     }
@@ -41,11 +41,12 @@ struct Bounded {
     }
 };
 
-// How the recording tells requests from replies.
+// How requests and replies are distinguished in the recording.
 enum class Directions : std::uint8_t {
-    none,           // there is no EtherCAT frame
-    marked,         // the first slave has set bit 1 of the source address of the replies
-    same_address,   // the master's address has this bit itself; a second frame with the same datagrams is the reply
+    none,    // there is no EtherCAT frame
+    marked,  // the first slave has set bit 1 of the source address of the replies
+    // The address of the master has this bit already; the second frame with the same datagrams is the reply.
+    same_address,
     replies_only,   // every frame has passed a slave
     requests_only,  // no frame has passed a slave
 };
@@ -61,18 +62,20 @@ struct FrameCounts {
     std::uint64_t damaged = 0;      // EtherCAT frames whose lengths contradict each other
     std::uint64_t requests = 0;
     std::uint64_t replies = 0;
-    std::uint64_t answered = 0;  // of the replies: a slave has worked, for a working counter is not 0
-    std::uint64_t lost = 0;      // requests without a reply; 0 where Analysis::losses_known is false
-    std::uint64_t open = 0;      // requests whose reply may come behind the end of the recording; 0 as `lost`
-    std::uint64_t late = 0;     // replies behind the next request with the same process data, without overlapping kinds
+    std::uint64_t answered = 0;  // replies with a working counter that is not 0, so a slave has processed them
+    std::uint64_t lost = 0;      // requests without a reply; 0 if Analysis::losses_known is false
+    // Requests whose reply may come after the end of the recording; 0 if Analysis::losses_known is false.
+    std::uint64_t open = 0;
+    // Replies after the next request with the same process data; CyclicFrames with `overlapping` are not counted.
+    std::uint64_t late = 0;
     std::uint64_t unasked = 0;  // replies without a request
-    Duration shortest_trip{};   // between request and reply; all 0: not known
+    Duration shortest_trip{};   // the time between request and reply; all 0: not known
     Duration longest_trip{};
     Moment longest_trip_at{};
 };
 
 struct PdoEntry {
-    std::uint16_t index = 0;  // 0: a gap
+    std::uint16_t index = 0;  // index of the object; 0: a gap
     std::uint8_t subindex = 0;
     std::uint16_t bits = 0;
     std::string name{};
@@ -85,13 +88,13 @@ struct Pdo {
     std::vector<PdoEntry> entries{};
 };
 
-struct Deviation {  // of a clock from the reference clock: register 0x092C
+struct Deviation {  // the difference of a clock to the reference clock: register 0x092C
     std::uint64_t count = 0;
     std::int64_t first_ns = 0;
     std::int64_t last_ns = 0;
     std::int64_t least_ns = 0;
     std::int64_t most_ns = 0;
-    Moment largest_at{};  // of the value that is farthest from 0
+    Moment largest_at{};  // the place of the value that is farthest from 0
 };
 struct Clock {
     std::optional<std::int64_t> offset_ns{};        // 0x0920
@@ -131,11 +134,11 @@ struct Slave {
     std::optional<std::uint32_t> vendor{}, product{}, revision{}, serial{};
     std::string name{};
     std::string order{};
-    std::size_t sii_octets = 0;  // that the recording shows
+    std::size_t sii_octets = 0;  // octets of the SII that the recording shows
     std::vector<Pdo> pdos{};
-    bool pdos_by_coe = false;         // otherwise of the SII
+    bool pdos_by_coe = false;         // false: the PDOs are from the SII
     std::optional<AlStatus> state{};  // the last one
-    std::uint64_t unanswered = 0;     // datagrams to its address with working counter 0, without looks for mail
+    std::uint64_t unanswered = 0;     // datagrams to its address with working counter 0; looks for mail are not counted
     Moment first_unanswered{};
     std::map<wire::MailboxType, MailCounts> mail{};
     Clock clock{};
@@ -144,7 +147,7 @@ struct Slave {
 struct StateEvent {
     Moment when{};
     std::optional<std::size_t> slave{};  // nothing: all slaves
-    bool requested = false;              // AL control; otherwise AL status
+    bool requested = false;              // true: AL control; false: AL status
     AlStatus status{};
     bool acknowledge = false;  // of a request: bit 4
 };
@@ -163,8 +166,8 @@ enum class Action : std::uint8_t {
 enum class Outcome : std::uint8_t {
     done,
     refused,     // `code` and `reason`
-    unanswered,  // the next conversation begins before the answer
-    unfinished,  // at the end of the recording
+    unanswered,  // the next conversation has begun before an answer came
+    unfinished,  // the recording has ended before the answer
 };
 struct Conversation {
     Moment begin{}, end{};
@@ -199,11 +202,12 @@ struct Intervals {
     Moment most_at{};
     double mean_ns = 0, deviation_ns = 0;   // standard deviation
     Duration median{}, low_1{}, high_99{};  // within 1 per cent
-    std::uint64_t late = 0;                 // longer than one and a half medians, from 1 per cent above on
-    std::uint64_t pauses = 0;               // of more than a second, which are not counted above
+    // Intervals of more than one and a half medians (counted from 1 per cent above this length on).
+    std::uint64_t late = 0;
+    std::uint64_t pauses = 0;  // intervals of more than a second, which the other members do not include
 };
 
-// Working counters that were below the largest one that this datagram had before.
+// Replies whose working counter was below the largest working counter that this datagram had before.
 struct Shortfall {
     Moment begin{};
     std::optional<Moment> end{};  // the first frame that is complete again; nothing: until the end
@@ -225,8 +229,9 @@ struct CyclicFrame {
     Moment first{}, last{};
     std::uint64_t count = 0;
     std::uint64_t lost = 0;
-    std::uint64_t late = 0;    // 0 if `overlapping`
-    bool overlapping = false;  // most replies came behind the next request: several frames are on the wire at a time
+    std::uint64_t late = 0;  // 0 if `overlapping`
+    // Most replies came after the next request, because several frames are on the wire at the same time.
+    bool overlapping = false;
     Intervals intervals{};
 };
 
@@ -235,23 +240,27 @@ struct RingSize {
     std::uint16_t slaves = 0;
 };
 
-// Which master has made the recording. A name is here only if the recording proves it.
+// The master that has sent the requests. `name` is only set if the recording proves it.
 struct MasterGuess {
     std::string name{};                    // empty: unknown
-    std::vector<std::string> reasons{};    // what was seen
+    std::vector<std::string> reasons{};    // the observations that prove it
     std::vector<std::string> addresses{};  // source addresses of the requests
 };
 
 struct Analysis {
-    std::string problem{};  // not empty: the file cannot be read, and the rest is what was read before
-    std::string remark{};   // for example about a file that is cut off
-    Duration duration{};    // from the first to the last EtherCAT frame
-    Duration begin{};       // of the first EtherCAT frame, since the first packet
+    // Not empty: the file cannot be read completely, and the other members describe the part before the fault.
+    std::string problem{};
+    std::string remark{};  // for example about a file that is cut off
+    Duration duration{};   // from the first to the last EtherCAT frame
+    Duration begin{};      // of the first EtherCAT frame, since the first packet
     Directions directions = Directions::none;
-    bool losses_known = true;   // false: the recording has only requests, only replies, or a part of a ring
-    bool passes_twice = false;  // of a tap between slaves: cycles and working counters are not told
-    bool ring = false;          // of both NICs of a ring: the copies of a frame are counted as one frame
-    std::optional<std::uint32_t> interface {};  // of the file, where two masters of the file have the same address
+    bool losses_known = true;  // false: the recording has only requests, only replies, or a part of a ring
+    // The recording is of a tap between slaves: cycles and working counters are not reported.
+    bool passes_twice = false;
+    // The recording is of both NICs of a ring: the copies of a frame are counted as one frame.
+    bool ring = false;
+    // The interface of the file, if two masters of the file have the same address.
+    std::optional<std::uint32_t> interface {};
     FrameCounts frames{};
     MasterGuess master{};
     std::vector<Slave> slaves{};
@@ -265,7 +274,7 @@ struct Analysis {
     Bounded<Shortfall> shortfalls{};
     ReferenceClock reference{};
     Deviation worst_deviation{};     // broadcast reads of 0x092C: the values of all slaves, combined by OR
-    std::vector<Analysis> others{};  // of the other masters of the file
+    std::vector<Analysis> others{};  // the analyses of the other masters of the file
 };
 
 // Limits of the lists.

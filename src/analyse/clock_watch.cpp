@@ -13,7 +13,7 @@ namespace reg = wire::reg;
 
 namespace {
 
-// Register 0x092C: bit 31 is set where the local copy of the system time is less than the time received.
+// Converts register 0x092C: bit 31 is set if the local copy of the system time is less than the received time.
 std::int64_t deviation_of(std::uint32_t word) {
     const auto magnitude = static_cast<std::int64_t>(word & 0x7FFF'FFFF);
     return (word & 0x8000'0000) != 0 ? -magnitude : magnitude;
@@ -35,7 +35,7 @@ void set(Clock& clock, const Exchanged& e) {
     note(clock.sync1_cycle_ns, e, e.sent, reg::kSync1CycleTime);
 }
 
-// The same, without settings that were not seen before.
+// The same as set(), but only for settings that were seen before.
 void set_again(Clock& clock, const Exchanged& e) {
     Clock next = clock;
     set(next, e);
@@ -76,7 +76,7 @@ void ClockWatch::look(const Exchanged& e, SlaveTrack* slave) {
         if (reads)
             if (const auto at = octets_at(e, e.received, reg::kSystemTimeDifference.address, 4))
                 add(analysis_.worst_deviation, load_le<std::uint32_t>(*at), e.at);
-        // A broadcast reaches slaves without a clock too: it changes the settings that were seen.
+        // A broadcast also reaches slaves without a clock. So it changes only settings that were seen before.
         if (e.header.command == Command::BWR)
             for (auto& track : slaves_.all()) set_again(slaves_.facts(track).clock, e);
         return;
@@ -85,7 +85,7 @@ void ClockWatch::look(const Exchanged& e, SlaveTrack* slave) {
     if (reads)
         if (const auto at = octets_at(e, e.received, reg::kSystemTimeDifference.address, 4))
             add(clock.deviation, load_le<std::uint32_t>(*at), e.at);
-    // A read may cover many registers, for example 0x0910 to 0x092F; only what was written is a setting.
+    // A read may include many registers, for example 0x0910 to 0x092F. Only written values are settings.
     if (writes_registers(e.header.command)) set(clock, e);
 }
 
@@ -96,7 +96,8 @@ void ClockWatch::look_at_reference(const Exchanged& e, const SlaveTrack* slave) 
     if (slave != nullptr) reference.slave = slave->number;
     std::uint64_t time =
         e.received.size() >= 8 ? load_le<std::uint64_t>(e.received) : load_le<std::uint32_t>(e.received);
-    // 32 bits are extended to the time that is nearest to the one that is due: a late reply is older than the last one.
+    // A time of 32 bits is extended to the time that is nearest to the expected time, because a late reply may be older
+    // than the previous one.
     if (e.received.size() < 8 && reference.readings != 0) {
         const auto due = reference.last_ns + static_cast<std::uint64_t>((e.sent_at.at - reference.last.at).count());
         time = due + static_cast<std::uint64_t>(std::int64_t{static_cast<std::int32_t>(
@@ -114,8 +115,8 @@ void ClockWatch::finish() {
     auto& reference = analysis_.reference;
     const auto recorded = static_cast<double>((reference.last.at - reference.first.at).count());
     const auto passed = static_cast<double>(static_cast<std::int64_t>(reference.last_ns - reference.first_ns));
-    constexpr double kLeast = 1e9;  // a shorter time shows the jitter of the recorder only
-    constexpr double kMost = 0.01;  // beyond: the clock was set
+    constexpr double kLeast = 1e9;  // a shorter time only shows the jitter of the recorder
+    constexpr double kMost = 0.01;  // a larger difference: the clock was set
     if (recorded < kLeast) return;
     const double drift = passed / recorded - 1;
     reference.drift_within_ppm = static_cast<double>(analysis_.frames.longest_trip.count()) / recorded * 1e6;

@@ -9,20 +9,20 @@ namespace margay::analyse {
 class CycleWatch {
   public:
     explicit CycleWatch(Analysis& analysis) : analysis_(analysis) {}
-    // A frame was sent; with replies only, it came back.
+    // Call it when a frame was sent; in a recording with only replies, when it came back.
     void sent(const KeptFrame& request);
-    // A frame has come back, or was given up.
+    // Call it when a frame has come back, or was given up.
     void frame(const KeptFrame& request, bool answered, bool late);
-    // A datagram of the frame of the last call of frame().
+    // Call it for each datagram of the frame of the last call of frame().
     void datagram(const Exchanged& e);
-    // The recording is over.
+    // Call it at the end of the recording.
     void finish();
 
   private:
     struct Track {
         std::size_t number = 0;  // in Analysis::cyclic
         IntervalStatistics intervals{};
-        std::vector<std::optional<std::size_t>> shortfalls{};  // that are not over, by datagram
+        std::vector<std::optional<std::size_t>> shortfalls{};  // shortfalls that have not ended, by datagram
     };
     [[nodiscard]] Track* track_of(const KeptFrame& request);
     void short_of(Track& track, std::size_t datagram, const Exchanged& e);

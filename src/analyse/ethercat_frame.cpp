@@ -22,7 +22,7 @@ std::uint16_t load_be(Bytes from, std::size_t at) {
                                       std::to_integer<unsigned>(from[at + 1]));
 }
 
-// What UDP carries to port 0x88A4; empty: it is something else.
+// The payload of a UDP packet to port 0x88A4; empty: it is another packet.
 Bytes udp_payload(Bytes ip) {
     if (ip.size() < kIpBytes || std::to_integer<unsigned>(ip[0]) >> 4 != 4) return {};
     const std::size_t header = (std::to_integer<std::size_t>(ip[0]) & 15) * 4;

@@ -17,17 +17,17 @@ struct EthercatFrame {
 
 class FrameFinder {
   public:
-    // nullopt: the packet is no EtherCAT. The result is valid until the next call, and as long as `packet`.
+    // nullopt: the packet contains no EtherCAT frame. The result is valid until the next call, and as long as `packet`.
     [[nodiscard]] std::optional<EthercatFrame> find(Bytes packet);
 
   private:
-    std::vector<std::byte> buffer_{};  // a frame without what was around it
+    std::vector<std::byte> buffer_{};  // the frame without tags and other headers
 };
 
 // Whether the frame has the type of datagrams.
 [[nodiscard]] bool is_of_datagrams(Bytes frame);
-// Whether it has this type, and its datagrams can be read. Masters may announce more octets than their datagrams have;
-// slaves and we accept that.
+// Whether the frame has this type, and its datagrams can be read. Some masters announce more octets than their
+// datagrams have; slaves accept this, and so does this function.
 [[nodiscard]] bool has_datagrams(Bytes frame);
 // Whether the first slave has marked the source address.
 [[nodiscard]] bool is_marked(Bytes frame);

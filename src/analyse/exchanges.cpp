@@ -14,8 +14,8 @@ namespace {
 using wire::Command;
 using namespace std::chrono_literals;
 
-constexpr Duration kEarly = 5us;         // a reply that is so much in front of its request belongs to it
-constexpr auto kPatience = 20ms;         // a reply that takes longer is lost, at the end of a recording
+constexpr Duration kEarly = 5us;         // a reply may be this much before its request
+constexpr auto kPatience = 20ms;         // at the end of a recording, a reply is lost after this time
 constexpr std::size_t kMostTurns = 256;  // numbers of process data that are remembered
 
 constexpr std::uint64_t kNothing = 0xCBF29CE484222325;  // FNV-1a
@@ -23,7 +23,8 @@ constexpr std::uint64_t kPrime = 0x100000001B3;
 
 bool writes(Command c) { return c == Command::APWR || c == Command::FPWR || c == Command::BWR || c == Command::LWR; }
 
-// Whether the frames have the same datagrams: command, index, length and address, where slaves do not change it.
+// Whether the frames have the same datagrams: the same commands, indices, lengths, and addresses that slaves do not
+// change.
 bool alike(Bytes request, Bytes reply) {
     wire::DatagramReader asked(request);
     wire::DatagramReader got(reply);
@@ -100,7 +101,7 @@ bool Exchanges::come_again() const {
     std::size_t pairs = 0;
     std::size_t larger = 0;
     std::size_t smaller = 0;
-    std::size_t near = 0;  // the next frame with these datagrams comes much later than the second time
+    std::size_t near = 0;  // pairs after which the next frame with these datagrams comes much later
     for (std::size_t first = 0; first < early_.size(); ++first) {
         if (taken[first]) continue;
         for (auto second = first + 1; second < early_.size() && second <= first + kNext; ++second) {
@@ -172,8 +173,7 @@ void Exchanges::place(Moment when, Bytes frame) {
     }
 }
 
-// Where the clock of the recorder is coarse, or two recordings were put together, a reply can be shortly in front of
-// its request.
+// If the clock of the recorder is coarse, or two recordings were merged, a reply may be shortly before its request.
 void Exchanges::keep_early_reply(Moment when, Bytes frame) {
     if (early_replies_.size() >= kMostEarly) give_up_early_replies(Duration::max());
     early_replies_.push_back({when, {frame.begin(), frame.end()}});
@@ -213,8 +213,8 @@ void Exchanges::request(Moment when, Bytes frame) {
     answer(pending_.size() - 1, answered.when, answered.bytes);
 }
 
-// The youngest request with these datagrams, because a master repeats a lost request with the same index. An older one
-// where the youngest was sent so shortly before that no frame can have come back.
+// Finds the youngest request with these datagrams, because a master repeats a lost request with the same index. If the
+// youngest request was sent too shortly before for a reply, finds the next older one.
 std::optional<std::size_t> Exchanges::find(Moment when, Bytes frame) const {
     std::optional<std::size_t> found;
     for (std::size_t i = pending_.size(); i-- > 0;) {
@@ -312,7 +312,7 @@ void Exchanges::spread(const KeptFrame* request, Moment when, Bytes reply) {
                 e.passed = static_cast<std::uint16_t>(arrived - a->header.address.adp());
                 ring_ = e.passed;
             } else {
-                // A broadcast begins with address 0, so it brings the number of slaves that it has passed.
+                // A broadcast is sent with address 0, so its address is the number of slaves that it has passed.
                 const bool broadcast = e.header.command >= Command::BRD && e.header.command <= Command::BRW;
                 if (broadcast) ring_ = e.passed = arrived;
                 e.address_known = ring_.has_value();

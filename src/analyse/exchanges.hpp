@@ -12,13 +12,14 @@ namespace margay::analyse {
 // A datagram as the master has sent it, and as it came back.
 struct Exchanged {
     wire::DatagramHeader header{};  // of the request; with replies only, the address that the request must have had
-    Bytes sent{};                   // of a reply without a request: what came back
+    Bytes sent{};                   // for a reply without a request: the received octets
     Bytes received{};
     std::uint16_t wkc = 0;
     bool answered = false;
-    bool address_known = true;              // false: replies only, and the size of the ring is not known yet
-    std::optional<std::uint16_t> passed{};  // the slaves that it has passed, where its command counts them
-    Moment sent_at{}, at{};                 // `at`: of the reply, or of the request where there is none
+    // False: the recording has only replies, and the size of the ring is not known yet.
+    bool address_known = true;
+    std::optional<std::uint16_t> passed{};  // the number of slaves that it has passed, if its command counts them
+    Moment sent_at{}, at{};                 // `at`: the time of the reply; without a reply, of the request
 };
 
 // A frame of the recording, kept until its reply comes.
@@ -37,25 +38,26 @@ class Exchanges {
 
     using SentListener = std::function<void(const KeptFrame& request)>;
 
-    // `sent` is told of each frame when it is sent (with replies only: when it comes back), `frame` and `datagram` when
-    // it has come back or is given up.
+    // `sent` is called for each frame when it is sent (in a recording with only replies: when it comes back), `frame`
+    // and `datagram` when it has come back or is given up.
     Exchanges(FrameCounts& counts, SentListener sent, Listener datagram, FrameListener frame)
         : counts_(counts), sent_(std::move(sent)), datagram_(std::move(datagram)), frame_(std::move(frame)) {}
 
-    // The first frames of a recording decide about its directions: see kLook.
+    // Adds a frame. The first frames of a recording determine its directions: see kLook.
     void take(Moment when, Bytes frame);
-    // Requests of the last `patience` before `end` are open, others without a reply are lost.
+    // Requests of the last kPatience before `end` are open; other requests without a reply are lost.
     void finish(Duration end);
     [[nodiscard]] Directions directions() const { return directions_; }
-    // Replies only, and nearly each frame comes again, with working counters that are as large or larger: behind some
-    // slaves, and behind all.
+    // Whether the recording has only replies and nearly each frame comes twice, the second time with equal or larger
+    // working counters: the tap sees the frame after some slaves, and again after all slaves.
     [[nodiscard]] bool passes_twice() const { return passes_twice_; }
-    // The datagrams of a request, as of one without a reply.
+    // Calls `datagram` for the datagrams of a request, as if it had no reply.
     static void datagrams_of(const KeptFrame& request, const Listener& listener);
 
-    static constexpr std::size_t kLook = 512;       // frames
-    static constexpr std::size_t kPending = 256;    // a reply that comes behind this number of requests is not found
-    static constexpr std::size_t kMostEarly = 256;  // replies in front of their requests
+    static constexpr std::size_t kLook = 512;  // frames
+    // A reply that comes after this number of later requests is not found.
+    static constexpr std::size_t kPending = 256;
+    static constexpr std::size_t kMostEarly = 256;  // replies before their requests
 
   private:
     struct Early {
@@ -66,7 +68,7 @@ class Exchanges {
     [[nodiscard]] bool come_again() const;
     void place(Moment when, Bytes frame);
     void request(Moment when, Bytes frame);
-    // False: it has no request.
+    // False: no request belongs to the reply.
     bool reply(Moment when, Bytes frame);
     void answer(std::size_t pending, Moment when, Bytes frame);
     void unasked(Moment when, Bytes frame);
@@ -86,16 +88,17 @@ class Exchanges {
     bool decided_ = false;
     bool passes_twice_ = false;
     std::deque<KeptFrame> pending_{};
-    std::deque<Early> early_replies_{};  // their requests may come shortly behind them
+    std::deque<Early> early_replies_{};  // replies whose requests may follow shortly
     std::map<std::uint64_t, std::uint64_t> turns_{};
     std::uint64_t trips_ = 0;
     std::optional<std::uint16_t> ring_{};
 };
 
 // The number for the datagrams of process data of a frame, 0 without: the same commands, logical addresses and lengths
-// give the same number. Frames that only distribute a clock count too.
+// give the same number. Frames that only distribute the time of a clock have a number, too.
 [[nodiscard]] std::uint64_t process_data_of(Bytes frame);
-// A number for what a request and its reply have in common: commands, indices, lengths, addresses and written data.
+// A hash of the content that a request and its reply have in common: commands, indices, lengths, addresses and written
+// data.
 [[nodiscard]] std::uint64_t content_of(Bytes frame);
 [[nodiscard]] bool is_process_data(const wire::DatagramHeader& header);
 

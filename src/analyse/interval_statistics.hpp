@@ -1,5 +1,6 @@
 // Statistics of intervals without keeping them: extremes, mean, standard deviation, and percentiles within 1 per cent:
-// each is the mean of the intervals of about this length, so that the one of a steady cycle is exact.
+// each percentile is the mean of the intervals of about this length, so that the percentiles of a steady cycle are
+// exact.
 #pragma once
 
 #include "analyse/analysis.hpp"

@@ -19,7 +19,7 @@ Bytes segment_of(Bytes data, std::uint8_t command) {
     return part;
 }
 
-// The octets of an upload response or a download request, and how many there will be.
+// The octets of an upload response or a download request, and the announced number of octets.
 struct FirstOctets {
     Bytes data{};
     std::uint64_t announced = 0;
@@ -40,7 +40,7 @@ bool is_sdo(const OpenConversation& conversation) {
     return conversation.facts.action == Action::sdo_upload || conversation.facts.action == Action::sdo_download;
 }
 
-// Whether the answer names the object of the conversation. Some slaves leave the index of an abort 0.
+// Whether the answer contains the object of the conversation. Some slaves send an abort with index 0.
 bool is_of(Bytes answer, const OpenConversation& conversation, bool abort) {
     const auto index = coe::SdoLayout::index::load(answer);
     const auto subindex = coe::SdoLayout::subindex::load(answer);
@@ -58,7 +58,7 @@ std::optional<Action> action_of(coe::InfoOpcode opcode) {
     }
 }
 
-// Whether the first fragment of an information response names what the conversation has asked for.
+// Whether the first fragment of an information response belongs to the request of the conversation.
 bool describes(Bytes payload, const OpenConversation& conversation) {
     const auto& facts = conversation.facts;
     if (payload.size() < 2 || load_le<std::uint16_t>(payload) != facts.index) return false;
@@ -81,7 +81,7 @@ void MailWatch::take_coe(const Mail& mail) {
     if (mail.data.size() < coe::kHeaderBytes + 1) return;
     switch (coe::load_header(mail.data).service) {
         case coe::Service::emergency: return take_emergency(mail);
-        // Some slaves send an abort as a request, so the direction counts.
+        // Some slaves send an abort as a request, so the direction of the mail is used.
         case coe::Service::sdo_request:
         case coe::Service::sdo_response: return mail.sent ? take_sdo_request(mail) : take_sdo_response(mail);
         case coe::Service::sdo_information: return take_sdo_information(mail);
@@ -160,7 +160,7 @@ void MailWatch::take_sdo_information(const Mail& mail) {
     const auto ask = [&](Action action) {
         if (payload.size() < 2) return;
         auto& conversation = begin(mail, action);
-        conversation.facts.index = load_le<std::uint16_t>(payload);  // of a list: its type
+        conversation.facts.index = load_le<std::uint16_t>(payload);  // for a list: the type of the list
         if (action == Action::entry_description) conversation.facts.subindex = load_le<std::uint8_t>(payload, 2);
     };
     switch (opcode) {
@@ -190,7 +190,7 @@ void MailWatch::take_sdo_information(const Mail& mail) {
     end(mail, *conversation, Outcome::done);
 }
 
-// The name in the whole response, of which the first fragment begins with the index.
+// Reads the name in the complete response, whose first fragment begins with the index.
 void MailWatch::take_description(const Mail& mail, OpenConversation& conversation) {
     constexpr std::size_t kObjectName = coe::kObjectResponseBytes - coe::kInfoHeaderBytes;
     constexpr std::size_t kEntryHead = coe::kEntryResponseBytes - coe::kInfoHeaderBytes;

@@ -23,7 +23,7 @@ void MailWatch::take_foe(const Mail& mail) {
     switch (opcode) {
         case foe::Opcode::data:
             if (reads == mail.sent) return;
-            // After "busy" and after a loss a packet comes again.
+            // After "busy" and after a loss, the same packet is sent again.
             if (const auto packet = foe::Layout::packet_number::load(mail.data); packet != conversation->packet) {
                 conversation->packet = packet;
                 append(*conversation, rest);
@@ -63,12 +63,12 @@ void MailWatch::take_soe(const Mail& mail) {
             append(*conversation, rest);
             conversation->last_sent = !header.incomplete;
         }
-        // In an incomplete message the number of fragments that follow stands in the place of the IDN.
+        // An incomplete message contains the number of the following fragments in place of the IDN.
         conversation->facts.index_known = !header.incomplete;
         if (!header.incomplete) conversation->facts.index = header.number;
         return;
     }
-    // The IDN of a write stands in its last fragment.
+    // The last fragment of a write contains the IDN.
     const bool idn_known =
         conversation != nullptr && (conversation->facts.action == Action::soe_read || conversation->last_sent);
     if (conversation == nullptr ||

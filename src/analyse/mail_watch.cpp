@@ -14,7 +14,7 @@ using wire::MailboxType;
 
 namespace {
 
-constexpr std::size_t kMostOpen = 4096;  // conversations at a time
+constexpr std::size_t kMostOpen = 4096;  // conversations at the same time
 
 bool known_type(MailboxType type) {
     switch (type) {
@@ -42,7 +42,7 @@ bool looks_like_sdo(Bytes data) {
 }
 
 // The octets of the mailbox to the slave (`sent`) or from the slave whose first octet the datagram addresses; 0: the
-// datagram addresses none. Where the recording does not show the mailbox, its octets are those of the datagram.
+// datagram addresses none. If the recording does not show the mailbox, the number of octets of the datagram is used.
 std::size_t mailbox_at(const SlaveTrack& slave, std::uint16_t address, bool sent, Bytes data) {
     bool known = false;
     for (const auto& [n, sm] : slave.sync_managers) {
@@ -80,8 +80,8 @@ void keep_object(SlaveTrack& slave, const Conversation& facts, Bytes data) {
     };
     if (!facts.complete) return keep(facts.subindex, data);
     const bool list = facts.index >= 0x1C10 && facts.index < 0x1C30;
-    const std::size_t octets = list ? 2 : 4;  // of each value but subindex 0
-    if (facts.subindex == 0) {                // which takes 16 bits
+    const std::size_t octets = list ? 2 : 4;  // octets of each value, except subindex 0
+    if (facts.subindex == 0) {                // subindex 0 has 16 bits
         if (data.size() < 2) return;
         objects.erase(objects.lower_bound(object), objects.upper_bound(object | 0xFF));
         keep(0, data.first(1));
@@ -116,7 +116,7 @@ void MailWatch::look(const Exchanged& e, SlaveTrack* slave) {
     const auto octets = mailbox_at(*slave, address, sent, data);
     if (octets == 0) return;
     for (const auto& lost : sent_.take(e.header, e.sent_at)) {
-        if (sent && std::ranges::equal(lost.data, data)) continue;  // the master repeats it
+        if (sent && std::ranges::equal(lost.data, data)) continue;  // the master has repeated the message
         if (const auto all = mailbox_at(*slave, lost.address, true, lost.data); all != 0)
             pass(lost.when, *slave, true, lost.data, all);
     }
@@ -126,7 +126,7 @@ void MailWatch::look(const Exchanged& e, SlaveTrack* slave) {
 void MailWatch::pass(Moment when, SlaveTrack& slave, bool sent, Bytes data, std::size_t mailbox) {
     const auto mail = wire::load_mailbox_message(data);
     if (!mail || !known_type(mail->header.type)) return;
-    // The message before once more, with its counter, is a repetition.
+    // A message that is equal to the previous message, counter included, is a repetition.
     if (auto& last = slave.last_mail[sent ? 0 : 1]; mail->header.counter != 0) {
         const auto whole = data.first(wire::kMailboxHeaderBytes + mail->data.size());
         if (std::ranges::equal(last, whole)) return;
@@ -155,8 +155,8 @@ OpenConversation* MailWatch::open(const Mail& mail) {
     return found == open_.end() ? nullptr : &found->second.back();
 }
 
-// A slave may answer a request of CoE after the master has given it up, and says which object it answers. Other
-// protocols do not say it in each answer.
+// A slave may answer a CoE request after the master has given it up, and the answer contains the object. The answers of
+// other protocols do not always identify the request.
 OpenConversation& MailWatch::begin(const Mail& mail, Action action) {
     constexpr std::size_t kMostSuperseded = 4;
     const Key key{mail.slave.number, mail.header.type};
@@ -224,7 +224,7 @@ void MailWatch::take_aoe(const Mail& mail) {
     if (wire::aoe::load_header(mail.data).error_code != 0) ++slaves_.facts(mail.slave).mail[MailboxType::aoe].errors;
 }
 
-// A mailbox error is the answer to the youngest conversation.
+// A mailbox error is treated as the answer to the youngest conversation.
 void MailWatch::take_error(const Mail& mail) {
     ++slaves_.facts(mail.slave).mail[MailboxType::error].errors;
     if (mail.data.size() < wire::kMailboxErrorBytes) return;

@@ -1,4 +1,4 @@
-// Mailbox messages, put together to conversations.
+// Combines mailbox messages to conversations.
 #pragma once
 
 #include "analyse/sent_mail.hpp"
@@ -7,25 +7,25 @@
 
 namespace margay::analyse {
 
-// A conversation that is not over.
+// A conversation that has not ended.
 struct OpenConversation {
     Conversation facts{};
-    std::vector<std::byte> data{};          // as far as kMostObject
+    std::vector<std::byte> data{};          // at most kMostObject octets
     std::uint64_t announced = 0;            // octets of an SDO
-    std::optional<std::uint32_t> packet{};  // of FoE, the last one
+    std::optional<std::uint32_t> packet{};  // FoE: the number of the last packet
     bool begun = false;                     // the first answer has come
-    bool last_sent = false;                 // the last octets are on their way
+    bool last_sent = false;                 // the last octets were sent
     bool superseded = false;                // the next request was sent before the answer came
 };
 
 class MailWatch {
   public:
     MailWatch(Analysis& analysis, SlaveTracks& slaves) : analysis_(analysis), slaves_(slaves) {}
-    // A datagram whose frame was sent now.
+    // Call it for each datagram when its frame is sent.
     void note_sent(const Exchanged& request) { sent_.note(request); }
-    // A datagram whose frame has come back, or was given up. `slave`: nullptr where it is not known.
+    // Call it for each datagram when its frame has come back, or was given up. `slave`: nullptr if it is not known.
     void look(const Exchanged& e, SlaveTrack* slave);
-    // Whether the datagram looks for mail; its working counter is 0 where there is none.
+    // Whether the datagram looks for mail. Its working counter is 0 if there is no mail.
     [[nodiscard]] static bool is_look(const Exchanged& e, const SlaveTrack* slave);
     void finish(Moment end);
 
@@ -41,7 +41,8 @@ class MailWatch {
         std::size_t room = 0;  // octets of data that fit into the mailbox
     };
     using Key = std::pair<std::size_t, wire::MailboxType>;
-    // The youngest comes last. The others are superseded; a late answer still belongs to one of them.
+    // The youngest conversation is the last one. The others are superseded, but a late answer may belong to one of
+    // them.
     using Conversations = std::vector<OpenConversation>;
 
     // The youngest conversation of the slave in this protocol.
@@ -56,7 +57,7 @@ class MailWatch {
     void close_all(std::map<Key, Conversations>::iterator of, Moment when);
     void append(OpenConversation& conversation, Bytes data);
 
-    // A message that a slave has taken, or has sent. `mailbox`: the octets of the mailbox.
+    // Processes a message that a slave has accepted, or has sent. `mailbox`: the octets of the mailbox.
     void pass(Moment when, SlaveTrack& slave, bool sent, Bytes data, std::size_t mailbox);
     void take(const Mail& mail);
     void take_coe(const Mail& mail);
@@ -76,7 +77,7 @@ class MailWatch {
     std::map<Key, Conversations> open_{};
 };
 
-// Objects whose values tell the identity and the PDOs of a slave.
+// Whether the values of the object contain the identity or the PDOs of a slave.
 [[nodiscard]] bool is_kept_object(std::uint16_t index);
 // Keeps the values that the conversation has transferred. Complete access transfers each value of the object.
 void keep_object(SlaveTrack& slave, const Conversation& facts, Bytes data);

@@ -19,7 +19,7 @@ constexpr Address kSoem{0x01, 0x01, 0x01, 0x01, 0x01, 0x01};
 constexpr Address kEthercrab{0x10, 0x10, 0x10, 0x10, 0x10, 0x10};
 constexpr Address kKickCat{0xCA, 0xDE, 0xCA, 0xDE, 0xDE, 0xFF};
 constexpr Address kLibethercat{0x00, 0x30, 0x64, 0x0F, 0x83, 0x35};
-// "\0MARGY": of an interface without an address of its own, for example a simulated segment.
+// "\0MARGY": the source address on an interface without an address of its own, for example a simulated segment.
 constexpr Address kMargay{0x00, 0x4D, 0x41, 0x52, 0x47, 0x59};
 constexpr std::uint8_t kSoemIndices = 16;
 
@@ -28,8 +28,8 @@ Address without_mark(Address address) {
     return address;
 }
 
-// The scan of Margay resets the slaves by broadcast writes that follow each other in one frame: all FMMUs at once, all
-// SyncManagers at once, SYNC, the EEPROM twice, the alias.
+// Whether the frame contains the broadcast writes by which the scan of Margay resets the slaves: all FMMUs, all
+// SyncManagers, SYNC, the EEPROM twice, the alias.
 bool has_margay_reset(Bytes frame) {
     struct Write {
         std::uint16_t ado, length;

@@ -29,8 +29,8 @@ void Masters::look(Bytes frame, std::uint32_t interface) {
     ++(is_untouched(frame) ? seen.untouched : seen.touched);
 }
 
-// An interface with requests and replies of an address is a segment of its own. Interfaces with only one of them belong
-// together: a tap has one interface for each direction.
+// If an interface has both requests and replies of an address, it belongs to a separate master. Interfaces with only
+// requests and interfaces with only replies belong together, because a tap has one interface for each direction.
 std::vector<Masters::Master> Masters::pairs_of_requests_and_replies() {
     std::map<Address, bool> has_unmarked;
     for (const auto& [place, seen] : seen_) has_unmarked[place.first] |= seen.unmarked != 0;
@@ -38,8 +38,8 @@ std::vector<Masters::Master> Masters::pairs_of_requests_and_replies() {
     std::map<Address, std::size_t> half;  // the master whose requests and replies have different interfaces
     for (const auto& place : order_) {
         auto& seen = seen_[place];
-        // Where the master's own address has the mark, working counters show which frames are replies, although the
-        // working counter of some replies is 0.
+        // If the address of the master itself has the mark, the working counters show which frames are replies,
+        // although some replies have the working counter 0.
         const bool whole = has_unmarked[place.first] ? seen.marked != 0 && seen.unmarked != 0
                                                      : 4 * std::min(seen.touched, seen.untouched) > seen.touched;
         const auto other = half.find(place.first);
@@ -54,8 +54,8 @@ std::vector<Masters::Master> Masters::pairs_of_requests_and_replies() {
     return masters;
 }
 
-// A few frames of an address without requests and replies are no second master: TwinCAT, for example, sends single
-// frames with the address of the NIC. They belong to the busiest master of their interface.
+// A few frames of an address that does not have both requests and replies are no second master: TwinCAT, for example,
+// sends single frames with the address of the NIC. They belong to the busiest master of their interface.
 void Masters::join_strays(const std::vector<Master>& masters) {
     constexpr std::uint64_t kFew = 16;
     std::vector<std::size_t> into(masters.size());

@@ -1,4 +1,4 @@
-// Which master of a recording has sent a frame, or receives it.
+// Finds the master of a recording that has sent or will receive a frame.
 #pragma once
 
 #include "oshw/pcap/pcapng.hpp"
@@ -11,9 +11,9 @@
 
 namespace margay::analyse {
 
-inline constexpr std::size_t kMostPlaces = 4096;  // pairs of address and interface that are told apart
+inline constexpr std::size_t kMostPlaces = 4096;  // pairs of address and interface that are distinguished
 
-// Show all frames by look(), in the order of the file, then call decide(), then ask.
+// Call look() for all frames in the order of the file, then decide(), then the other functions.
 class Masters {
   public:
     // `frame`: with an Ethernet header, as FrameFinder returns it.
@@ -24,14 +24,14 @@ class Masters {
     // frame has no datagrams that can be read.
     [[nodiscard]] std::optional<std::size_t> of(Bytes frame, std::uint32_t interface) const;
     [[nodiscard]] std::size_t count() const { return count_; }
-    // The interface of the file, where another master of the file has the same address.
+    // The interface of the file, if another master of the file has the same address.
     [[nodiscard]] std::optional<std::uint32_t> interface_of(std::size_t master) const;
 
   private:
-    using Address = std::array<std::byte, 6>;  // without the mark of the first slave
+    using Address = std::array<std::byte, 6>;  // the source address without the mark of the first slave
     struct Seen {
-        std::uint64_t marked = 0, unmarked = 0;    // by the first slave
-        std::uint64_t touched = 0, untouched = 0;  // working counters are 0, or not
+        std::uint64_t marked = 0, unmarked = 0;    // frames with and without the mark of the first slave
+        std::uint64_t touched = 0, untouched = 0;  // frames with a working counter that is not 0, and frames without
         std::size_t master = 0;
         [[nodiscard]] std::uint64_t frames() const { return marked + unmarked; }
     };

@@ -65,7 +65,7 @@ void add_sii_pdos(Slave& facts, Bytes strings, Bytes content, bool input) {
     }
 }
 
-// The entries of an object of PDOs, each of `octets`. nullopt: not all were seen.
+// The entries of an object of PDOs, each of `octets`. nullopt: some entries were not seen.
 std::optional<std::vector<std::uint32_t>> list_of(const SlaveTrack& track, std::uint16_t index, std::size_t octets) {
     std::vector<std::uint32_t> all;
     const std::uint32_t key = std::uint32_t{index} << 8;
@@ -84,7 +84,7 @@ std::string name_of(const SlaveTrack& track, std::uint16_t index, std::uint32_t 
     return found == track.names.end() ? std::string() : found->second;
 }
 
-// What an entry is called in the PDOs of the SII.
+// The name of an entry in the PDOs of the SII.
 std::string name_in(const std::vector<Pdo>& pdos, std::uint16_t index, std::uint8_t subindex) {
     for (const auto& pdo : pdos)
         for (const auto& entry : pdo.entries)
@@ -92,7 +92,7 @@ std::string name_in(const std::vector<Pdo>& pdos, std::uint16_t index, std::uint
     return {};
 }
 
-// The PDOs that the slave has assigned, 0x1C10 and following; empty: none was seen.
+// The PDOs that are assigned in the slave (objects from 0x1C10 on); empty: no assignment was seen.
 std::vector<Pdo> coe_pdos(const SlaveTrack& track, const std::vector<Pdo>& of_sii) {
     constexpr int kSyncManagers = 32;
     std::vector<Pdo> all;

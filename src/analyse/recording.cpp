@@ -32,11 +32,11 @@ struct Taken {
     std::size_t length_on_wire = 0;
 };
 
-// The octets of a pipe in a file without a name, because a recording is read more than once.
+// Copies the octets of a pipe to a file without a name, because a recording is read more than once.
 class PipeCopy {
   public:
-    // Empty where the path is a regular file, and where it cannot be opened: the reader says why. "-" is the standard
-    // input.
+    // There is no copy if the path is a regular file, or if it cannot be opened; then the reader reports the reason.
+    // "-" is the standard input.
     explicit PipeCopy(const std::string& path) {
         std::error_code ignored;
         const bool standard = path == "-";
@@ -49,7 +49,7 @@ class PipeCopy {
         while (file_) {
             const auto got = std::fread(block.data(), 1, block.size(), from.get());
             whole_ = whole_ && std::fwrite(block.data(), 1, got, file_.get()) == got;
-            // What is no recording may have no end.
+            // A source that is no recording may have no end.
             const bool odd = is_first && !begins_a_recording(std::as_bytes(std::span(block.data(), got)));
             is_first = false;
             if (got != block.size() || odd || !whole_) break;
@@ -71,7 +71,7 @@ class PipeCopy {
     bool whole_ = true;
 };
 
-// Counts the packets that are earlier than the one before.
+// Counts the packets that are earlier than the previous one.
 struct Order {
     std::optional<Duration> last{};
     std::uint64_t steps_back = 0, first = 0;
@@ -138,7 +138,7 @@ class Recording {
         return true;
     }
 
-    // What the file says beside its packets.
+    // Notes the information of the file beside its packets.
     void note(const PacketReader& reader) {
         packets_ = reader.packets();
         dropped_ = reader.dropped();
@@ -201,7 +201,7 @@ class Recording {
         return analysis;
     }
 
-    // Both NICs of a ring, without directions. nullopt: the packets are too many to be put in order.
+    // Analyses a recording of both NICs of a ring without directions. nullopt: there are too many packets to sort.
     std::optional<Analysis> analyse_ring_of_taps() {
         Analyser analyser;
         RingCopies ring([&](Moment when, Bytes packet, std::size_t length) { analyser.packet(when, packet, length); },
@@ -280,7 +280,7 @@ class Recording {
         return all;
     }
 
-    // The packets of one master in order of time. nullopt: they are too many.
+    // Analyses the packets of one master in order of time. nullopt: there are too many packets to sort.
     std::optional<Analysis> analyse_sorted(std::size_t master) {
         Analyser analyser;
         const bool fits =
@@ -290,10 +290,11 @@ class Recording {
         return analyser.finish();
     }
 
-    // nullopt: there is no sign that the replies of this master have a clock that is behind.
+    // Analyses the packets of a master whose replies have a clock that is behind. nullopt: there is no sign of such a
+    // clock.
     std::optional<Analysis> with_later_replies(std::size_t master, const Analysis& as_recorded, bool in_order) {
         constexpr std::uint64_t kFew = 8;
-        constexpr std::uint64_t kFewer = 4;  // so many times fewer is far better
+        constexpr std::uint64_t kFewer = 4;  // the faults must decrease by this factor
         if (as_recorded.directions != Directions::marked || unmatched(as_recorded.frames) < kFew) return std::nullopt;
         ReplyClock clock;
         read([&](const Taken& t, std::optional<std::size_t> of) {
@@ -329,7 +330,7 @@ class Recording {
         return analysis;
     }
 
-    // The EtherCAT packets that `is_one` chooses, in order of time. False: they are too many.
+    // Reads the EtherCAT packets that `is_one` chooses, in order of time. False: there are too many packets to sort.
     template <class IsOne, class Take>
     bool read_sorted(IsOne is_one, Take take) {
         struct Kept {
@@ -353,7 +354,7 @@ class Recording {
         return true;
     }
 
-    // Adds what is said of the file as a whole.
+    // Adds the remarks about the whole file.
     Analysis said(Analysis analysis) {
         const auto add = [&](const std::string& text) {
             if (!text.empty()) analysis.remark = text + (analysis.remark.empty() ? "" : "; ") + analysis.remark;
@@ -423,18 +424,18 @@ class Recording {
     }
 
     std::string path_;
-    std::vector<std::uint32_t> interfaces_{};  // numbers in the file, by PacketOrigin::interface
+    std::vector<std::uint32_t> interfaces_{};  // the numbers of the interfaces in the file, by PacketOrigin::interface
     FrameFinder finder_{};
     Masters masters_{};
     bool is_ring_ = false;
     Order order_{};  // of the EtherCAT packets
     RingSigns signs_{};
     RingSigns::Sight sight_ = RingSigns::Sight::none;
-    bool too_many_ = false;  // packets of a ring without directions
+    bool too_many_ = false;  // a ring without directions has too many packets to sort
     Twins twins_{};
     std::uint64_t packets_ = 0;
     std::uint64_t left_out_ = 0;
-    std::uint64_t dropped_ = 0;  // by the recorder
+    std::uint64_t dropped_ = 0;  // packets that the recorder has dropped
     std::uint64_t untimed_ = 0;
     std::string left_out_interfaces_{};
     std::string problem_{}, cut_off_{};

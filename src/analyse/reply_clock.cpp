@@ -14,7 +14,8 @@ void ReplyClock::look(Duration at, Bytes frame) {
     frames_.push_back({at, content_of(frame), process_data_of(frame), is_marked(frame)});
 }
 
-// How long replies are before the next request with their content, where the request before is much farther away.
+// The times from replies to the next request with the same content, if the previous request with this content is much
+// farther away.
 std::vector<Duration> ReplyClock::leads() const {
     constexpr Duration::rep kFarther = 8;
     Requests requests;
@@ -33,7 +34,8 @@ std::vector<Duration> ReplyClock::leads() const {
     return all;
 }
 
-// Requests without a reply, replies without a request and late replies, if the replies were `moved` later.
+// Counts requests without a reply, replies without a request and late replies, if the times of all replies are
+// increased by `moved`.
 std::uint64_t ReplyClock::faults(Duration moved) const {
     std::vector<const Frame*> order;
     order.reserve(frames_.size());
@@ -67,7 +69,8 @@ std::optional<Duration> ReplyClock::behind() {
     auto all = leads();
     if (all.size() < kFew) return std::nullopt;
     std::ranges::sort(all);
-    // A lost reply is long before the next request with its content: the longest times need not be those of the clock.
+    // If the reply to the next request is lost, the reply is long before a request with its content. So the longest
+    // times may not come from the clock.
     constexpr std::array<std::size_t, 6> kPerThousand{500, 750, 900, 990, 999, 1000};
     std::optional<Duration> best;
     std::uint64_t fewest = 0;

@@ -14,15 +14,15 @@
 
 namespace margay::analyse {
 
-// Show the frames of one master by look(), in the order of the file, then ask.
+// Call look() for the frames of one master in the order of the file, then behind().
 class ReplyClock {
   public:
     void look(Duration at, Bytes frame);
-    // The time by which most replies have to be moved so that they are behind their requests. nullopt: few replies are
-    // shortly before a request with their content and long behind the request with this content before.
+    // The time that must be added to the replies so that most of them come after their requests. nullopt: only few
+    // replies are shortly before a request with their content and long after the previous such request.
     [[nodiscard]] std::optional<Duration> behind();
 
-    static constexpr std::size_t kMost = 1'000'000;  // frames that are looked at
+    static constexpr std::size_t kMost = 1'000'000;  // frames that are examined
 
   private:
     struct Frame {
@@ -37,15 +37,15 @@ class ReplyClock {
     std::vector<Frame> frames_{};
 };
 
-// Replies that are late, or that have no request while there are requests without a reply: pairs that packets in
-// another order may have.
+// The number of late replies, and of replies without a request while there are requests without a reply. These could be
+// pairs if the packets were in another order.
 [[nodiscard]] std::uint64_t unmatched(const FrameCounts& frames);
 
-// Passes the packets of one master on, its replies so much later as their clock is behind.
+// Passes on the packets of one master, and corrects the times of its replies by the error of their clock.
 class LaterReplies {
   public:
     LaterReplies(Analyser& analyser, Duration behind) : analyser_(analyser), behind_(behind) {}
-    // Packets in order of time.
+    // Call it for the packets in order of time.
     void packet(Moment when, Bytes packet, std::size_t length_on_wire, bool reply);
     void finish();
 

@@ -15,8 +15,9 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kBeforeRepetition = 10ms;  // a master waits longer before it repeats a frame
-constexpr Duration kLongAfter = 500us;        // after its reply, a copy that comes by again does not come so late
-constexpr Duration kOtherThread = 20ms;       // a frame of another thread can be between the copies so long
+constexpr Duration kLongAfter = 500us;        // a copy that passes a tap again comes earlier than this after its reply
+// The longest time between both copies, if another thread sends a frame between them.
+constexpr Duration kOtherThread = 20ms;
 
 bool is_plain_ethercat(Bytes packet) {
     return packet.size() >= wire::kFramePrefixBytes + wire::kDatagramOverheadBytes && packet[12] == std::byte{0x88} &&
@@ -33,8 +34,8 @@ std::array<std::byte, 6> source_of(Bytes packet) {
     return mac;
 }
 
-// Whether the packets can be copies of one frame, or replies to them. The time of a reference clock travels in one copy
-// only: its datagram has another command in the other one. Copies have other positions.
+// Whether the packets can be copies of one frame, or replies to them. Only one copy carries the time of a reference
+// clock; in the other copy the datagram has another command. The positions in both copies differ.
 bool are_of_one_frame(Bytes a, Bytes b) {
     wire::DatagramReader one(a);
     wire::DatagramReader other(b);
@@ -52,8 +53,9 @@ bool same_access(const wire::DatagramHeader& a, const wire::DatagramHeader& b) {
     return a.command == b.command && (wire::counts_position(a.command) || a.address == b.address);
 }
 
-// Adds what slaves have changed in a copy to the reply, datagram by datagram: the data, the sum of the working counters
-// and the sum of the slaves that were passed. Of the times of two reference clocks, the reply has that of the request.
+// Merges a copy into the reply, datagram by datagram: the changed data, the sum of the working counters and the sum of
+// the passed slaves. If the copies carry the times of two reference clocks, the reply keeps the time of the reference
+// clock of the request.
 void add_part(MutableBytes reply, Bytes request, Bytes came, Bytes sent) {
     constexpr std::size_t kAdp = 2;
     constexpr std::size_t kIrq = 8;
@@ -69,7 +71,7 @@ void add_part(MutableBytes reply, Bytes request, Bytes came, Bytes sent) {
         const std::size_t counter = data + r->data.size();
         const auto wkc = load_le<std::uint16_t>(Bytes(reply), counter);
         const bool same = same_access(r->header, s->header);
-        // Slaves behind a break that take the time of another reference are counted with the others.
+        // Slaves behind a break that take the time of the second reference are counted, too.
         if (same || (wkc != 0 && r->header.command == s->header.command))
             store_le(reply, counter, static_cast<std::uint16_t>(wkc + c->wkc));
         if (!same) continue;
@@ -106,7 +108,7 @@ void RingCopies::packet(const PacketOrigin& origin, Moment when, Bytes packet, s
         is_marked(packet) ? received(copy, false, when, packet)
                           : sent_or_seen_again(copy, origin.interface, when, packet);
     } else if (is_of_ring && has_directions_ && origin.direction == Direction::refused) {
-        ++merged_;  // it was not on the wire
+        ++merged_;  // this packet was not on the wire
     } else if (is_of_ring && has_directions_ && origin.direction == Direction::sent) {
         macs_[origin.interface] = source;
         sent(origin.interface, when, packet);
@@ -132,9 +134,9 @@ void RingCopies::sent(std::size_t copy, Moment when, Bytes packet) {
     open(flights, when).sent[copy].keep(when, packet);
 }
 
-// The copy that no slave processes in the whole ring comes by again behind it. Both copies can be seen more than once,
-// where more than two places were recorded. Each interface sees a copy once: what it sees again is another frame with
-// the same index. Where the file has one interface, the time decides.
+// In the whole ring, a tap sees the copy that no slave processes again at the other end. With more than two recorded
+// places, both copies are seen more than once. Each interface sees a copy once, so a second sight is another frame with
+// the same index. If the file has one interface, the time decides.
 void RingCopies::sent_or_seen_again(std::size_t copy, std::uint32_t interface, Moment when, Bytes packet) {
     const std::uint64_t place = std::uint64_t{1} << std::min<std::uint32_t>(interface, 63);
     interfaces_ |= place;
@@ -156,10 +158,10 @@ void RingCopies::sent_or_seen_again(std::size_t copy, std::uint32_t interface, M
         return;
     }
     sent(copy, when, packet);
-    flights.back().seen_at[copy] |= place;  // sent() has opened it, or added this copy to it
+    flights.back().seen_at[copy] |= place;  // sent() has opened this flight, or has added the copy to it
 }
 
-// The NIC sends another frame: if the other NIC has not sent the one before, it will not send it.
+// The NIC sends its next frame: if the other NIC has not sent the previous frame, it will not send it any more.
 void RingCopies::note_next(std::size_t copy) {
     if (!has_directions_ || !last_[copy] || flights_[*last_[copy]].empty()) return;
     Flight& before = flights_[*last_[copy]].back();
@@ -218,7 +220,7 @@ void RingCopies::received(std::size_t copy, bool crossed, Moment when, Bytes pac
     Flight& flight = *youngest;
     flight.came[copy].keep(when, packet);
     flight.crossed[copy] = crossed;
-    // The reply is complete with its last part.
+    // The reply is complete when its last part has come.
     if (flight.reply != 0) {
         place(flight.reply).waits = false;
         ++merged_;
@@ -227,7 +229,8 @@ void RingCopies::received(std::size_t copy, bool crossed, Moment when, Bytes pac
     settle_if_complete(flight);
 }
 
-// A tap between the slaves sees a copy before all slaves of its way have processed it.
+// Replaces a copy by the same copy that more slaves have processed, because a tap between the slaves sees a copy before
+// all slaves have processed it.
 bool RingCopies::take_farther(Flights& flights, std::size_t copy, Moment when, Bytes packet) {
     const auto before = std::find_if(flights.rbegin(), flights.rend(), [&](const Flight& flight) {
         return !flight.over && flight.came[copy].there() && are_of_one_frame(flight.came[copy].bytes, packet) &&
@@ -247,8 +250,8 @@ void RingCopies::settle_if_complete(Flight& flight) {
     settle(flight);
 }
 
-// A copy that has passed the whole ring was sent by the NIC at its beginning. The slave behind a break marks what comes
-// from the end of the ring as circulating.
+// Finds the NIC at the beginning of the ring: it has sent the processed copy that has passed the whole ring. In a
+// broken ring, the slave behind the break marks the copy from the end of the ring as circulating.
 void RingCopies::note_head(const Flight& flight) {
     std::array<bool, 2> circulating{};
     for (std::size_t copy = 0; copy < 2; ++copy) {
@@ -261,8 +264,8 @@ void RingCopies::note_head(const Flight& flight) {
         head_ = circulating[0] ? 1 : 0;
 }
 
-// The request as the master means it, with the positions of the copy that is sent at the beginning of the ring. The
-// time of the reference clock can be in either copy.
+// The request of the master: it has the positions of the copy that is sent at the beginning of the ring, and the time
+// of the reference clock, which may be in either copy.
 std::vector<std::byte> RingCopies::request_of(const Flight& flight) const {
     const std::size_t copy = flight.sent[head_].there() ? head_ : 1 - head_;
     auto request = flight.sent[copy].bytes;
@@ -281,7 +284,8 @@ std::vector<std::byte> RingCopies::request_of(const Flight& flight) const {
     }
 }
 
-// One copy has found the ring whole, and the other one broken: the one that has passed all slaves is the reply.
+// If one copy has found the ring whole and the other copy has found it broken, the copy that has passed all slaves is
+// the reply.
 std::size_t RingCopies::whole_of(const Flight& flight) const {
     const auto& came = flight.came;
     if (!came[0].there() || !came[1].there()) return 2;
@@ -292,7 +296,7 @@ std::size_t RingCopies::whole_of(const Flight& flight) const {
     return 2;
 }
 
-// Passes on the request and what is there of the reply.
+// Passes on the request and the received part of the reply.
 void RingCopies::settle(Flight& flight) {
     if (flight.over) return;
     flight.over = true;
@@ -333,7 +337,7 @@ void RingCopies::flush() {
     }
 }
 
-// Much other traffic behind a request without a reply.
+// Limits the queue when much other traffic follows a request without a reply.
 void RingCopies::make_room() {
     while (queue_.size() > kMostWaiting) {
         for (Flights& flights : flights_)

@@ -10,9 +10,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kTogether = 100us;       // between the copies that both NICs send
-constexpr Duration kNear = 1ms;             // the same, where the interfaces have clocks of their own
-constexpr std::uint64_t kLeastCopies = 16;  // fewer are chance
+constexpr Duration kTogether = 100us;       // the longest time between the copies that both NICs send
+constexpr Duration kNear = 1ms;             // the same, if the interfaces have different clocks
+constexpr std::uint64_t kLeastCopies = 16;  // fewer copies may be chance
 constexpr std::size_t kMostSeen = 1 << 20;
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Tells the two NICs of a ring from two masters, in a recording with directions of packets.
+// Distinguishes the two NICs of a ring from two masters, in a recording with directions of packets.
 #pragma once
 
 #include "analyse/ring_signs.hpp"
@@ -10,8 +10,8 @@ namespace margay::analyse {
 
 class RingEvidence {
   public:
-    // Call it for each packet with an EtherCAT frame, in any order of time. Of a long recording, the first packets are
-    // used.
+    // Call it for each packet with an EtherCAT frame, in any order of time. Only the first packets of a long recording
+    // are used.
     void look(const PacketOrigin& origin, Duration at, Bytes packet);
     // whole: both NICs of a ring: a frame that was sent at one NIC was received at the other NIC, or most frames were
     // sent at both NICs. like: two NICs send the same frames, but the time between both copies is too long for a ring

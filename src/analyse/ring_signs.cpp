@@ -11,13 +11,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kOneFlight = 20ms;  // between the first and the last sight of a frame
+constexpr Duration kOneFlight = 20ms;  // the longest time between the first and the last sight of a frame
 constexpr std::size_t kMostKinds = 1024;
-constexpr Duration kCopiesNear = 1ms;      // between the first sights of both copies, mostly
-constexpr std::uint64_t kLeastSigns = 16;  // flights; fewer are chance
+constexpr Duration kCopiesNear = 1ms;      // the usual limit of the time between the first sights of both copies
+constexpr std::uint64_t kLeastSigns = 16;  // flights; fewer signs may be chance
 
-// Of what the two copies of a frame and their replies have in common: not the commands, because the time of a reference
-// clock travels in one of them, and not the positions.
+// A hash of the content that the two copies of a frame and their replies have in common. Commands are left out, because
+// only one copy carries the time of a reference clock; positions are left out, too.
 std::uint64_t shape_of_copies(Bytes packet) {
     std::uint64_t shape = 0xCBF29CE484222325;
     wire::DatagramReader reader(packet);
@@ -47,7 +47,7 @@ std::uint32_t counters_of(Bytes frame) {
     return sum;
 }
 
-// Of the datagrams, without what differs in the copies of a frame and from frame to frame.
+// A hash of the datagrams without the octets that differ between the copies of a frame, or from frame to frame.
 std::uint64_t kind_of_copies(Bytes frame) {
     std::uint64_t kind = 0xCBF29CE484222325;
     wire::DatagramReader reader(frame);
@@ -100,7 +100,7 @@ void RingSigns::count(const Flight& flight) {
     for (std::size_t of = 0; of < there.size(); ++of) {
         there[of] = unmarked[of] + marked[of] != 0;
         if (there[of]) ++seen_[of];
-        // Slaves have processed this copy, and the other one came by again as it was sent.
+        // Slaves have processed this copy, and the other copy was seen again unchanged.
         if (marked[of] == 0 || marked[1 - of] != 0 || unmarked[1 - of] < 2) continue;
         ++crossed_[of];
         if (whole_.size() >= kMostKinds && whole_.count(flight.kind) == 0) continue;
@@ -130,7 +130,7 @@ RingSigns::Sight RingSigns::decide() {
     if (is_whole) return Sight::whole;
     const auto is_complete = [&](std::size_t of) { return marked_[of] != 0 && unmarked_[of] != 0; };
     if (!crosses && is_complete(0) && is_complete(1)) return Sight::like;
-    // Where no request of one NIC was seen, the requests of the other NIC may be copies that have crossed the ring.
+    // If no request of one NIC was seen, the requests of the other NIC may be copies that have crossed the ring.
     const bool are_sent = unmarked_[0] != 0 && unmarked_[1] != 0 && nearly_all(first_[0], all_);
     return are_sent ? Sight::sent : Sight::part;
 }

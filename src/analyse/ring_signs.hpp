@@ -1,5 +1,5 @@
-// Signs of a ring in a recording that has no directions of packets, as of taps: two source addresses send the same
-// frames at the same time, and in the whole ring one of the two copies comes by again and no slave has processed it.
+// Signs of a ring in a recording that has no directions of packets, for example from taps: two source addresses send
+// the same frames at the same time, and in the whole ring one of the two copies is seen again without being processed.
 #pragma once
 
 #include "oshw/pcap/pcapng.hpp"
@@ -15,7 +15,7 @@ namespace margay::analyse {
 
 // The sum of all working counters.
 [[nodiscard]] std::uint32_t counters_of(Bytes frame);
-// Of the datagrams, without what differs in the copies of a frame and from frame to frame.
+// A hash of the datagrams without the octets that differ between the copies of a frame, or from frame to frame.
 [[nodiscard]] std::uint64_t kind_of_copies(Bytes frame);
 
 class RingSigns {
@@ -27,13 +27,13 @@ class RingSigns {
         whole,  // a ring, and both NICs were recorded
         sent,   // a part of a ring, with the frames that one of the NICs has sent
         part,   // a part of a ring
-        like,   // two masters that do the same, or a ring that was broken all the time
+        like,   // two masters with the same frames, or a ring that was broken all the time
     };
-    // Each packet with an EtherCAT frame. `packet` as it was recorded.
+    // Call it for each packet with an EtherCAT frame. `packet`: the packet as it was recorded.
     void look(const PacketOrigin& origin, Duration at, Bytes packet);
     [[nodiscard]] Sight decide();
-    // Of a ring, as far as it is known: the address whose frames the slaves process in the whole ring, and the other
-    // one.
+    // The addresses of a ring, if they are known: the address whose frames the slaves process in the whole ring, and
+    // the other address.
     [[nodiscard]] const std::array<Address, 2>& addresses() const { return addresses_; }
     // The largest working counters of frames that have passed the whole ring.
     [[nodiscard]] const Counters& whole() const { return whole_; }
@@ -44,15 +44,15 @@ class RingSigns {
         std::uint64_t shape = 0;  // 0: none
         Duration at{};
         std::array<std::uint32_t, 2> unmarked{}, marked{};
-        std::array<std::uint64_t, 2> data{};  // of what was sent
+        std::array<std::uint64_t, 2> data{};  // hashes of the sent data
         std::uint64_t kind = 0;
-        std::uint32_t counters = 0;  // of a reply
-        std::size_t first = 2;       // the address whose request came first; 2: a reply did
+        std::uint32_t counters = 0;  // counters_of() of a reply
+        std::size_t first = 2;       // the address whose request came first; 2: a reply came first
     };
     void count(const Flight& flight);
 
     std::array<Address, 2> addresses_{};
-    std::size_t known_ = 0;  // of the addresses
+    std::size_t known_ = 0;  // the number of known addresses
     std::array<Flight, 256> flights_{};
     Counters whole_{};
     bool other_kinds_ = false;  // directions, VLAN tags, UDP

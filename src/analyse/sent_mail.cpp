@@ -11,7 +11,7 @@ namespace {
 using wire::Command;
 
 constexpr std::size_t kMostReceivers = 4096;
-constexpr std::size_t kMostForOne = 8;  // of a slave
+constexpr std::size_t kMostForOne = 8;  // messages of one slave
 
 bool writes_memory(const wire::DatagramHeader& header) {
     return (header.command == Command::FPWR || header.command == Command::APWR) &&

@@ -1,6 +1,6 @@
 // Messages to slaves whose frames have not come back. The reply of a frame can be lost although the slave has taken its
 // message: then the answer of the slave, or the next message, shows that the message was sent. A frame that another
-// one overtakes is taken for lost until it comes.
+// frame overtakes is regarded as lost until it comes.
 #pragma once
 
 #include "analyse/exchanges.hpp"
@@ -19,14 +19,15 @@ struct SentMessage {
 
 class SentMail {
   public:
-    // A datagram of a frame that was sent now. It is kept if it writes into the process memory of one slave.
+    // Call it for each datagram of a sent frame. The datagram is kept if it writes into the process data memory of one
+    // slave.
     void note(const Exchanged& request);
     void came_back(const Exchanged& reply);
     // The messages to the slave of this datagram that were sent earlier, the oldest first. They are removed.
     [[nodiscard]] std::deque<SentMessage> take(const wire::DatagramHeader& header, Moment before);
 
   private:
-    // By station address, or by position.
+    // The key of a slave: whether it is addressed by station address, and the station address or the position.
     using Key = std::pair<bool, std::uint16_t>;
     [[nodiscard]] static Key key_of(const wire::DatagramHeader& header);
 

@@ -74,7 +74,7 @@ SlaveTrack* SlaveTracks::find(const Exchanged& e) {
         case Command::FPWR:
         case Command::FPRW:
         case Command::FRMW: return by_station(adp, add);
-        // The answers of all slaves are combined, so they describe a slave only where there is no other.
+        // A broadcast combines the answers of all slaves, so it describes a slave only if there is no other one.
         case Command::BRD: return ring_ == 1 && add ? by_position(0, true) : nullptr;
         default: return nullptr;
     }
@@ -86,7 +86,8 @@ void SlaveTracks::look_at_ring(const Exchanged& e) {
     analysis_.ring_sizes.add({e.at, *e.passed}, kMostEvents);
 }
 
-// A slave that was seen by this station address and whose position is not known: the recording begins behind the scan.
+// A slave that was seen by this station address and whose position is not known, because the recording begins after the
+// scan.
 SlaveTrack* SlaveTracks::without_position(std::uint16_t station) {
     for (const auto* known : {&stations_, &cleared_})
         if (const auto at = known->find(station); at != known->end())
@@ -94,7 +95,7 @@ SlaveTrack* SlaveTracks::without_position(std::uint16_t station) {
     return nullptr;
 }
 
-// The slave that was seen by its position until now is the one that was seen by its station address before.
+// Joins two tracks of one slave: it was seen by its station address before, and by its position until now.
 SlaveTrack& SlaveTracks::join(SlaveTrack& slave, SlaveTrack& to) {
     auto& from = facts(slave);
     auto& into = facts(to);
@@ -190,7 +191,7 @@ void SlaveTracks::finish() {
 
 namespace {
 
-// A datagram may carry the low half of the address alone: few EEPROMs need the high half.
+// A datagram may contain only the low half of the address, because few EEPROMs need the high half.
 void take_sii_address(SlaveTrack& slave, const Exchanged& e, Bytes data) {
     const auto low = octets_at(e, data, reg::kSiiAddress.address, 2);
     const auto high = octets_at(e, data, reg::kSiiAddress.address + 2U, 2);
@@ -246,8 +247,8 @@ void SlaveTracks::look_at_sync_managers(const Exchanged& e, SlaveTrack& slave) {
     if (ado + e.sent.size() <= reg::kSyncManagerBase || ado >= reg::sync_manager(kMost).address) return;
     if (writes_registers(e.header.command)) {
         take(e.sent);
-        // The counters may begin again where a SyncManager is set up or switched off. A write of the activate octet
-        // alone asks the slave to repeat its message.
+        // When a SyncManager is configured or switched off, the mailbox counters may begin again. A write of only the
+        // activate octet requests the repetition of a message, and does not reset the counters.
         for (unsigned n = 0; n < kMost; ++n) {
             const auto address = reg::sync_manager(n).address;
             const auto activate = octets_at(e, e.sent, address + wire::SyncManagerLayout::activate::offset, 1);

@@ -14,7 +14,7 @@ AlStatus status_of(std::uint16_t word) {
     return {.state = static_cast<AlState>(word & al::kStateMask), .error = (word & al::kErrorIndication) != 0};
 }
 
-// The value of a register of two octets, of which a master may read or write the first only.
+// The value of a register of two octets. A master may read or write only the first octet.
 std::optional<std::uint16_t> word_at(const Exchanged& e, Bytes data, std::uint16_t address) {
     if (const auto both = octets_at(e, data, address, 2)) return load_le<std::uint16_t>(*both);
     if (const auto first = octets_at(e, data, address, 1)) return load_le<std::uint8_t>(*first);
@@ -88,11 +88,11 @@ void StateWatch::code_reported(std::size_t slave, std::uint16_t code) {
     if (event && *event < analysis_.states.items.size()) analysis_.states.items[*event].status.code = code;
 }
 
-// The states of all slaves, combined by OR: one bit means that all of them are in this state.
+// The states of all slaves, combined by OR. If exactly one bit is set, all slaves are in this state.
 void StateWatch::all_reported(const Exchanged& e, std::uint16_t word) {
     const auto state = word & al::kStateMask;
     if (state != 1 && state != 2 && state != 4 && state != 8) return;
-    if ((word & al::kErrorIndication) != 0) return;  // of any of them
+    if ((word & al::kErrorIndication) != 0) return;  // the error indication of any slave
     for (const auto& track : slaves_.all())
         if (!track.joined_to) reported(e, track.number, word, std::nullopt);
 }

@@ -1,4 +1,4 @@
-// AL states: what masters request and what slaves report, as a list of changes.
+// AL states: the requests of masters and the reports of slaves, as a list of changes.
 #pragma once
 
 #include "analyse/slave_tracks.hpp"
@@ -13,7 +13,7 @@ class StateWatch {
   private:
     struct Known {
         std::optional<std::uint16_t> control{};
-        std::optional<std::size_t> event{};  // of the present state, in Analysis::states
+        std::optional<std::size_t> event{};  // index of the present state in Analysis::states
     };
     void requested(const Exchanged& e, std::optional<std::size_t> slave, std::uint16_t control);
     void reported(const Exchanged& e, std::size_t slave, std::uint16_t status, std::optional<std::uint16_t> code);

@@ -15,11 +15,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kTogether = 20us;   // copies, wherever they are
-constexpr Duration kUsual = 100us;     // most copies of two taps are not farther apart
-constexpr Duration kApart = 1ms;       // copies, where it is known that there are some
-constexpr Duration kOutOfPlace = 1s;   // in a file that is looked at in parts
-constexpr std::uint64_t kFew = 4;      // equal frames are chance
+constexpr Duration kTogether = 20us;   // the longest time between copies on any interfaces
+constexpr Duration kUsual = 100us;     // the usual limit of the time between the copies of two taps
+constexpr Duration kApart = 1ms;       // the longest time between copies on interfaces that are known to have copies
+constexpr Duration kOutOfPlace = 1s;   // the limit of disorder in a file that is examined in parts
+constexpr std::uint64_t kFew = 4;      // so many equal frames may be chance
 constexpr std::size_t kLookBack = 64;  // clusters of equal frames
 
 class Hash {
@@ -41,7 +41,7 @@ Bytes without_padding(Bytes frame) {
     return frame.first(std::min<std::size_t>(frame.size(), wire::kFramePrefixBytes + length));
 }
 
-// Of what a frame and its reply have in common.
+// A hash of the content that a frame and its reply have in common.
 std::uint64_t shape_of(Bytes frame) {
     Hash hash;
     for (std::size_t n = 0; n < 6; ++n) {
@@ -104,7 +104,7 @@ std::uint32_t Twins::common(std::uint32_t interface) const {
     return related_ && interface < kMostInterfaces ? common_[interface] : interface;
 }
 
-// Which interfaces are taps of one segment, and which are doubled.
+// Finds the interfaces that are taps of one segment, and the interfaces that are doubled.
 void Twins::relate() {
     related_ = true;
     pairs_.assign(std::size_t{kMostInterfaces} * kMostInterfaces, {});
@@ -146,18 +146,19 @@ void Twins::relate() {
     }
 }
 
-// Nearly every frame of one interface is at the other one, too.
+// Whether nearly every frame of interface `one` was also recorded at interface `other`.
 bool Twins::is_inside(std::size_t one, std::size_t other) const {
     const auto& p = pair(one, other);
     const auto& [all, touched] = p.both;
     const auto& whole = interfaces_[other].frames;
     if (all <= kFew || 10 * all < 9 * p.during.all || 10 * touched < 9 * p.during.touched || 2 * p.near < all)
         return false;
-    // A tap of requests alone is inside a tap that has replies of slaves. The second NIC of a ring has none.
+    // A tap with only requests may be inside a tap with replies. The second NIC of a ring has no replies of slaves.
     return touched > kFew || (p.during.touched == 0 && 4 * whole.touched >= whole.all);
 }
 
-// Two like segments have equal frames, but not all: what is not equal has a counterpart with other data.
+// Whether the interfaces are two similar segments: some frames are equal, and the others have a counterpart with other
+// data.
 bool Twins::differ(std::size_t one, std::size_t other) const {
     const auto& p = pair(one, other);
     const auto alone = [&](const Pair& of) { return of.during.touched - std::min(of.both.touched, of.during.touched); };
@@ -232,8 +233,8 @@ void Twins::count_differences() {
     }
 }
 
-// Puts equal frames that are in order of time together. A cluster has one frame of each interface, and more frames of
-// an interface in the set `doubled`.
+// Combines equal frames, which are in order of time, to clusters. A cluster has one frame of each interface, and more
+// frames of an interface in the set `doubled`.
 void Twins::cluster(std::span<const Seen> equal, std::uint32_t doubled) {
     clusters_.clear();
     of_.clear();
@@ -253,7 +254,7 @@ void Twins::cluster(std::span<const Seen> equal, std::uint32_t doubled) {
     if (clusters_.size() > 1) join_leftovers(doubled);
 }
 
-// A copy can be late where the recorder was interrupted.
+// Joins late copies to their clusters: a copy is late if the recorder was interrupted.
 void Twins::join_leftovers(std::uint32_t doubled) {
     std::size_t begin = 0;
     for (std::size_t n = 1; n < clusters_.size(); ++n) {
@@ -298,8 +299,7 @@ void Twins::leave_out(std::span<const Seen> equal) {
     }
 }
 
-// Finds the copies among the packets so far. What is shortly before the last packet waits for the next part of the
-// file.
+// Finds the copies among the packets so far. Packets shortly before the last packet wait for the next part of the file.
 void Twins::settle(bool end) {
     if (!related_) relate();
     std::ranges::sort(seen_, {},
@@ -316,7 +316,7 @@ void Twins::settle(bool end) {
     }
     settled_ = std::ranges::max(seen_, {}, &Seen::at).at - kOutOfPlace;
     std::erase_if(seen_, [&](const Seen& s) { return s.at < settled_ || is_left_out(s.number); });
-    // Packets without a useful time are not kept for ever.
+    // If the times are not useful, the packets are deleted in order to limit the memory.
     if (2 * seen_.size() > most_seen_) seen_.clear();
 }
 

@@ -13,35 +13,35 @@
 
 namespace margay::analyse {
 
-// Show all packets with a whole EtherCAT frame by look(), in the order of the file, call decide(), then ask.
-//
-// Copies are looked for in the order of time, whatever the order of the file is. Two interfaces are taps of one segment
-// where nearly every frame of one of them is there at the other one, too, and its slaves have not answered otherwise
-// there. An interface is doubled where nearly every frame is there again within 20 µs. A frame that
-// no slave has processed is not enough to show this: such a frame comes back unchanged. Each frame of such an interface
-// has one copy at the other one, within 20 µs, or else within 1 ms. The frame of the interface with the most frames
-// stays, so that all times are of one clock; where it is 20 µs late or more, the first frame stays.
+// Call look() for all packets with a whole EtherCAT frame in the order of the file, then decide(), then the other
+// functions. Copies are searched in the order of time, independent of the order of the file. Two interfaces are taps of
+// one segment if nearly every frame of one interface was also recorded at the other interface, with the same answers of
+// the slaves. An interface is doubled if nearly every frame was recorded again within 20 µs. A frame that no slave has
+// processed is not enough to show this: such a frame comes back unchanged. Each frame of such an interface has one copy
+// at the other one, within 20 µs, or else within 1 ms. The frame of the interface with the most frames stays, so that
+// all times come from one clock. If this frame is 20 µs late or more, the first frame stays.
 class Twins {
   public:
-    // The frame as FrameFinder returns it: tags and what is behind the datagrams make no difference.
+    // The frame as FrameFinder returns it: tags and octets after the datagrams are not compared.
     void look(std::uint64_t number, Duration at, Bytes frame, std::uint32_t interface);
     void decide();
-    // Whether the packet is a copy of another one that stays.
+    // Whether the packet is a copy of another packet that stays.
     [[nodiscard]] bool is_left_out(std::uint64_t number) const { return number < left_.size() && left_[number]; }
-    // The interface that stands for this one: the lowest one of the taps of a segment.
+    // The interface that represents this interface: the tap of the segment with the lowest number.
     [[nodiscard]] std::uint32_t common(std::uint32_t interface) const;
     [[nodiscard]] std::uint64_t copies() const { return copies_; }
-    // Nearly every frame was there twice.
+    // Whether nearly every frame was recorded twice.
     [[nodiscard]] bool each() const { return copies_ != 0 && 20 * copies_ >= 9 * frames_; }
-    // The frames that have copies, and how many times one of them was there at most.
+    // The number of frames with copies, and the greatest number of copies of one frame.
     [[nodiscard]] std::uint64_t repeated() const { return repeated_; }
     [[nodiscard]] std::uint64_t most_times() const { return most_times_; }
-    // Packets of which copies were not looked for: the file is longer than kMostSeen, and they are out of their place
+    // Packets without a search for copies: the file is longer than kMostSeen, and their order differs from their times
     // by more than a second.
     [[nodiscard]] std::uint64_t missed() const { return missed_; }
 
-    static constexpr std::uint32_t kMostInterfaces = 32;            // higher numbers: no search for copies
-    static constexpr std::size_t kMostSeen = std::size_t{8} << 20;  // packets at a time, 32 octets each
+    static constexpr std::uint32_t kMostInterfaces = 32;  // higher numbers: no search for copies
+    // Packets that are examined together, 32 octets each.
+    static constexpr std::size_t kMostSeen = std::size_t{8} << 20;
     // For tests of long files: another number of packets at a time.
     explicit Twins(std::size_t most_seen = kMostSeen) : most_seen_(most_seen) {}
 
@@ -49,7 +49,7 @@ class Twins {
     struct Seen {
         Duration at{};
         std::uint64_t octets = 0;  // a hash
-        std::uint32_t shape = 0;   // a hash of what slaves do not change
+        std::uint32_t shape = 0;   // a hash of the octets that slaves do not change
         std::uint32_t number = 0;
         std::uint32_t places = 0;  // interfaces with a copy, one bit each
         std::uint8_t interface = 0;
@@ -60,7 +60,7 @@ class Twins {
     struct Cluster {
         Duration at{};
         std::uint32_t places = 0;
-        std::uint32_t into = 0;  // the cluster that it was joined to, or itself
+        std::uint32_t into = 0;  // the cluster to which this one was joined, or its own number
         std::uint32_t frames = 0;
         bool ambiguous = false;
     };
@@ -106,7 +106,7 @@ class Twins {
     std::uint32_t doubled_ = 0;                          // interfaces, one bit each
     bool related_ = false;
     std::vector<bool> left_{};            // by number
-    Duration settled_ = Duration::min();  // packets before were looked at
+    Duration settled_ = Duration::min();  // earlier packets were examined
     std::uint64_t frames_ = 0, copies_ = 0, missed_ = 0, repeated_ = 0, most_times_ = 0;
 };
 
