@@ -1,4 +1,4 @@
-// A client as the router sees it: its messages that wait, and the way of the replies.
+// The router's view of a client: its waiting messages, and the function that sends its replies.
 #pragma once
 
 #include "gateway/frame.hpp"
@@ -23,7 +23,7 @@ class Client {
 
     // False: the reply is lost.
     virtual bool send(Octets frame, Moment now) = 0;
-    // False: so many replies wait for the client that it must read them first.
+    // False: too many replies wait for the client, which must read them first.
     [[nodiscard]] virtual bool takes_replies() const = 0;
 
     std::deque<Waiting> waiting{};

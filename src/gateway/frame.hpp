@@ -26,7 +26,7 @@ struct Mail {
 // a mailbox gateway.
 [[nodiscard]] std::optional<std::size_t> frame_bytes(Bytes from);
 
-// The messages of one complete frame. Less than a mailbox header at the end is padding.
+// The messages of one complete frame. Octets at the end that are shorter than a mailbox header are padding.
 [[nodiscard]] std::vector<Mail> messages_of(Bytes frame);
 
 // A frame with one message. `data` has at most kMostDataBytes octets; the length in `header` is not used.

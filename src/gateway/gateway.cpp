@@ -1,4 +1,4 @@
-// The thread of a MailboxGateway: takes octets in, gives their messages to the router, and sends the replies.
+// The thread of a MailboxGateway: receives octets, passes their messages to the router, and sends the replies.
 #include "api/master.hpp"
 #include "attach/service_thread.hpp"
 #include "gateway/router.hpp"
@@ -22,7 +22,7 @@ using gateway::messages_of;
 using gateway::TcpClient;
 using gateway::UdpClient;
 
-constexpr auto kIdleTcp = 5s;  // a client without a message that long may lose its place to a new one
+constexpr auto kIdleTcp = 5s;  // after this time without a message, a client may lose its place to a new client
 constexpr auto kIdleUdp = 1s;
 constexpr auto kForgetUdp = 60s;
 constexpr int kDatagramsOnce = 32;
@@ -89,7 +89,7 @@ class MailboxGateway::Loop {
 void MailboxGateway::Loop::wait() {
     polled_.clear();
     polled_.push_back({thread_.wake_fd(), POLLIN, 0});
-    polled_.push_back({sockets_.tcp(), POLLIN, 0});  // poll() ignores a negative one
+    polled_.push_back({sockets_.tcp(), POLLIN, 0});  // poll() ignores a negative descriptor
     polled_.push_back({sockets_.udp(), POLLIN, 0});
     for (const auto& client : tcp_) {
         const int events = (router_.has_room(*client) ? POLLIN : 0) | (client->has_output() ? POLLOUT : 0);
@@ -138,7 +138,7 @@ void MailboxGateway::Loop::serve_tcp(TcpClient& client, short revents) {
     }
 }
 
-// Octets that are no frame end the connection, because the beginning of the next frame is not known.
+// Invalid octets end the connection, because the beginning of the next frame is not known.
 void MailboxGateway::Loop::take_frames(TcpClient& client) {
     while (router_.has_room(client)) {
         const auto bytes = frame_bytes(client.received());
@@ -156,7 +156,7 @@ void MailboxGateway::Loop::take_frames(TcpClient& client) {
 void MailboxGateway::Loop::accept() {
     const int fd = ::accept4(sockets_.tcp(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (fd < 0) {
-        // Without descriptors the connection stays in the queue: do not try again at once.
+        // Without free descriptors the connection stays in the queue, so wait before the next attempt.
         if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS)
             std::this_thread::sleep_for(10ms);
         return;
@@ -199,7 +199,7 @@ void MailboxGateway::Loop::receive_datagrams() {
     }
 }
 
-// One frame, or several. What is behind them is padding.
+// A datagram contains one frame or several frames, and then padding.
 void MailboxGateway::Loop::take_datagram(UdpClient& client, Bytes datagram) {
     for (bool first = true;; first = false) {
         const auto bytes = frame_bytes(datagram).value_or(0);
@@ -225,8 +225,8 @@ UdpClient* MailboxGateway::Loop::udp_client(const gateway::SocketAddress& addres
 
 // ------------------------------------------------------------------ places
 
-// A place for another client: a free one, or that of a client that has been idle. A sender of UDP takes no connection
-// away.
+// Finds a place for another client: a free place, or the place of an idle client. A new sender of UDP does not end a
+// TCP connection.
 bool MailboxGateway::Loop::make_room(gateway::Moment idle_since) {
     if (tcp_.size() + udp_.size() < settings_.clients) return true;
     const auto sender = std::ranges::min_element(udp_, {}, [](const auto& client) { return client->moved; });

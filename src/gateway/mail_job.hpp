@@ -21,22 +21,22 @@ class MailJob final : public RawMail {
   public:
     // Sends the message of a client.
     MailJob(const SlaveFacts& slave, Mail mail, const Transaction& transaction, Client& client);
-    // Sends nothing, and accepts the mail of this protocol that no exchange and no listener accepts.
+    // Sends no message. Accepts the mail of this protocol that no exchange and no listener accepts.
     MailJob(const SlaveFacts& slave, MailboxType protocol);
 
-    // Mail that came before the last one, in the order of coming. While the request is busy, too.
+    // The mail before the last mail, in the order of arrival. Callable also while the request is busy.
     [[nodiscard]] std::optional<Octets> earlier();
     // After success: the last mail; empty: the message is not answered.
     [[nodiscard]] Bytes last() const { return Bytes(answer_).first(std::min(bytes, answer_.size())); }
-    // Earlier mail was lost, because the thread of the gateway has not taken it out in time.
+    // Whether earlier mail was lost, because the thread of the gateway has not removed it in time.
     [[nodiscard]] bool lost() const { return lost_.load(std::memory_order_acquire); }
 
     Mail mail{};
     Transaction transaction{};
     Rooms rooms{};
-    Client* client = nullptr;  // nullptr: it is gone
+    Client* client = nullptr;  // nullptr: the client has closed its connection
     Moment begun{};
-    bool again = false;  // submitted for the second time, by newer facts
+    bool again = false;  // submitted for the second time, with newer facts of the slaves
 
   private:
     void take(const SlaveFacts& slave, std::size_t ring_bytes);

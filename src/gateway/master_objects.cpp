@@ -18,7 +18,7 @@ using subdevice::ObjectCode;
 constexpr std::uint32_t kDeviceType = 5001;
 constexpr std::size_t kListEntries = 255;
 constexpr std::size_t kLists = 16;
-constexpr std::size_t kMostSlaves = kLists * kListEntries;  // what 0xF020 to 0xF02F have place for
+constexpr std::size_t kMostSlaves = kLists * kListEntries;  // the number of slaves that fit 0xF020 to 0xF02F
 
 // Octets of the answers, kept until they are sent.
 class Answers final : public subdevice::Outbox {
@@ -116,7 +116,7 @@ void MasterObjects::build() {
     add_record(0xF000, "Modular device profile",
                {subdevice::entry_count(2), constant<std::uint16_t>(1, "Module index distance", 1),
                 constant(2, "Maximum number of modules", static_cast<std::uint16_t>(kMostSlaves))});
-    // No command has been executed, and none can be.
+    // The state of the command object: no command was executed, and none is possible.
     using namespace std::string_view_literals;
     add_record(
         0xF002, "Detect modules command",
@@ -137,7 +137,7 @@ MasterObjects::Answer MasterObjects::answer(Bytes data) {
     const wire::MailboxMessage message{
         .header = {.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::coe}, .data = data};
     answer.refusal = server_->receive(message, out, Time{});
-    // The fragments of a list.
+    // Sends the remaining fragments of a list.
     for (std::size_t n = 0; n < kMostSlaves && server_->busy(); ++n) (void)server_->step(out, Time{});
     return answer;
 }

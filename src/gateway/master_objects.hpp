@@ -1,4 +1,5 @@
-// The object dictionary of the master (ETG.1510), read only, and its CoE server: that of the slave stack.
+// The object dictionary of the master (ETG.1510), which is read only, and its CoE server, which is the CoE server of
+// the slave stack.
 #pragma once
 
 #include "gateway/frame.hpp"

@@ -31,7 +31,8 @@ MailboxErrorCode code_of(const Error& error) {
         case Errc::capacity:
         case Errc::canceled:
         case Errc::not_polled: return MailboxErrorCode::no_more_memory;
-        default: return MailboxErrorCode::service_not_supported;  // the slave is not there, or not in a state for it
+        // The slave is missing, or is in a state without this service.
+        default: return MailboxErrorCode::service_not_supported;
     }
 }
 
@@ -63,7 +64,7 @@ void Router::reply_error(Client* client, wire::MailboxHeader header, MailboxErro
     reply(client, header, data, now);
 }
 
-// An SDO download is refused in the words of CoE, so that a tool shows them.
+// An SDO download is refused by an SDO abort, so that a tool shows the reason.
 void Router::refuse_change(Client& client, const Mail& mail, const Transaction& t, Moment now) {
     namespace coe = wire::coe;
     if (!t.download) return reply_error(&client, mail.header, MailboxErrorCode::service_not_supported, now);
@@ -135,7 +136,7 @@ void Router::step(Moment now) {
     start_waiting(now);
 }
 
-// A request that runs is looked at often in its first milliseconds, in which most requests end.
+// The state of a request is checked often in its first milliseconds, because most requests end in this time.
 std::chrono::nanoseconds Router::patience(Moment now) const {
     std::chrono::nanoseconds time = 250ms;
     for (const auto& job : running_)
@@ -158,13 +159,13 @@ void Router::deliver_earlier(MailJob& job, Moment now) {
 }
 
 void Router::look_after(std::unique_ptr<MailJob>& job, Moment now) {
-    const bool over = !job->busy();  // before the ring is emptied: nothing comes afterwards
+    const bool over = !job->busy();  // read before the ring is emptied, so that no mail can follow
     if (job->client != nullptr) deliver_earlier(*job, now);
     if (over) return finish(std::move(job), now);
     const bool taken = RequestAccess::taken(*job);
     const auto limit = taken ? kOwnerSilent + timeout_of(job->transaction) : Duration(kOwnerSilent);
     if (now - job->begun <= limit) return;
-    // The owner does not poll (any more).
+    // The owner does not poll, or has stopped to poll.
     fail(*job, taken ? MailboxErrorCode::service_in_work : MailboxErrorCode::no_more_memory, now);
     put_away(std::move(job));
 }
@@ -180,7 +181,7 @@ void Router::finish(std::unique_ptr<MailJob> job, Moment now) {
     if (job->client == nullptr) return;
     const Error error = job->error();
     if (job->state() != RequestState::success) {
-        // The slaves were found anew since the facts were read: once more, by new facts.
+        // A scan has found the slaves again since the facts were read: the message is sent once more, with new facts.
         if (error.code == Errc::unknown_slave && !job->again) {
             --job->client->running;
             table_.forget();

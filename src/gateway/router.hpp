@@ -29,7 +29,7 @@ class Router {
     Router& operator=(const Router&) = delete;
 
     void add(Client& client) { clients_.push_back(&client); }
-    // The client is gone: its requests are cancelled, and their replies are dropped.
+    // Call it when the client has closed its connection: its requests are cancelled, and their replies are dropped.
     void remove(Client& client);
     // Whether a message of the client waits or is executed, or one of its conversations has not ended.
     [[nodiscard]] bool uses(const Client& client) const;
@@ -39,10 +39,10 @@ class Router {
     }
 
     void receive(Client& client, Mail mail, Moment now);
-    // Answers a message of a client for which there is no place; it need not be one that was added.
+    // Refuses a message because there is no place for it. The client need not be one that was added.
     void refuse(Client& client, const Mail& mail, Moment now);
     void step(Moment now);
-    // How long step() need not be called when nothing comes from a client.
+    // The time after which step() must be called, if no message comes from a client before.
     [[nodiscard]] std::chrono::nanoseconds patience(Moment now) const;
 
     [[nodiscard]] const Counts& counts() const { return counts_; }
@@ -54,7 +54,7 @@ class Router {
         Client* client = nullptr;
         Moment until{};
         bool over = false;             // the slave has sent the last packet of a file
-        bool answered = false;         // of `listening`: mail has come
+        bool answered = false;         // `listening` has received mail
         wire::MailboxHeader header{};  // of the last message
         std::unique_ptr<MailJob> listening{};
     };
@@ -93,7 +93,7 @@ class Router {
     std::vector<Client*> clients_{};
     std::size_t next_ = 0;  // the client whose turn is first
     std::vector<std::unique_ptr<MailJob>> running_{};
-    std::vector<std::unique_ptr<MailJob>> ending_{};  // cancelled, and not over yet
+    std::vector<std::unique_ptr<MailJob>> ending_{};  // cancelled requests that are not over yet
     Conversations conversations_{};
     Counts counts_{};
 };

@@ -12,7 +12,7 @@ using namespace std::chrono_literals;
 using wire::MailboxErrorCode;
 using Kind = Transaction::Kind;
 
-// Requests of the gateway at the same time: one for each client, and a few more.
+// The limit of requests at the same time is one for each client, plus this number.
 constexpr std::size_t kSlotsBeside = 8;
 constexpr std::size_t kMostOfClient = 4;
 constexpr auto kListen = 1s;
@@ -30,7 +30,8 @@ void Router::start_waiting(Moment now) {
     if (!clients_.empty()) next_ = (next_ + 1) % clients_.size();
 }
 
-// True: a message does not wait any more. Messages to one protocol of one slave keep their order.
+// Begins one waiting message of the client. Returns whether one has begun. Messages to one protocol of one slave keep
+// their order.
 bool Router::start_one(Client& client, Moment now) {
     if (!client.takes_replies()) return false;
     for (auto each = client.waiting.begin(); each != client.waiting.end(); ++each) {
@@ -49,7 +50,7 @@ bool Router::start_one(Client& client, Moment now) {
 bool Router::start(Client& client, Client::Waiting& message, Moment now) {
     const Mail& mail = message.mail;
     const SlaveFacts* slave = table_.find(mail.header.address);
-    // Facts that are a little old do for a slave that is known: the request checks its address.
+    // For a known slave, slightly older facts are sufficient, because the request checks the address.
     const bool fresh = table_.is_fresh(now);
     if (!fresh) table_.refresh(now);
     if (!fresh && (slave == nullptr || !table_.is_usable(now))) return false;
@@ -73,7 +74,8 @@ bool Router::start(Client& client, Client::Waiting& message, Moment now) {
     return true;
 }
 
-// One message of a protocol of a slave at a time, and none in a conversation of another client.
+// Whether a message may begin: only one message of each protocol of a slave at the same time, and none during a
+// conversation of another client.
 bool Router::may_converse(Client& client, const Key& key, Moment now) {
     const auto same = [&](const std::unique_ptr<MailJob>& job) {
         return job->station.value == key.first && job->type == key.second;
@@ -83,7 +85,7 @@ bool Router::may_converse(Client& client, const Key& key, Moment now) {
     return found == conversations_.end() || found->second.client == &client || now >= found->second.until;
 }
 
-// The first slot of each client is always free for it.
+// Whether a slot is free. One slot is reserved for each client without a request.
 bool Router::has_slot(const Client& client) const {
     const std::size_t slots = settings_.clients + kSlotsBeside;
     const std::size_t used = running_.size() + ending_.size();
@@ -93,7 +95,7 @@ bool Router::has_slot(const Client& client) const {
     return used + static_cast<std::size_t>(kept) < slots;
 }
 
-// Waits for the mail of the slave before the message is sent. A client listens to one slave at a time.
+// Begins to wait for the mail of the slave before the message is sent. A client listens to one slave at the same time.
 bool Router::listen(Client& client, const SlaveFacts& slave, const Mail& mail, Moment now) {
     const Key key{mail.header.address, mail.header.type};
     for (auto& [other, conversation] : conversations_) {
@@ -119,7 +121,7 @@ void Router::submit_mail(std::unique_ptr<MailJob> job, Moment now) {
     job->begun = now;
     job->timeout = timeout_of(job->transaction);
     ++job->client->running;
-    (void)submit(ctx_, *job);  // a refusal is seen in the state of the request
+    (void)submit(ctx_, *job);  // the state of the request shows a refusal
     running_.push_back(std::move(job));
 }
 

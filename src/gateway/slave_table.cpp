@@ -63,7 +63,7 @@ void SlaveTable::refresh(Moment now) {
     first_ = 0;
     asked_ = now;
     reading_ = true;
-    (void)submit(ctx_, request_);  // a refusal is seen in the state of the request
+    (void)submit(ctx_, request_);  // the state of the request shows a refusal
 }
 
 void SlaveTable::end(bool polled) {

@@ -1,5 +1,5 @@
-// What the gateway knows of the slaves: copies that poll() makes, a few slaves at a time, and that are made again when
-// they are old.
+// The facts of the slaves for the gateway. poll() copies them, a few slaves at a time. They are copied again when they
+// are old.
 #pragma once
 
 #include <margay/address.hpp>
@@ -16,16 +16,17 @@ namespace margay::gateway {
 
 using Moment = std::chrono::steady_clock::time_point;
 
-// An owner that has not accepted a request for so long does not poll (as for wait()).
+// If the owner has not accepted a request for this time, it does not poll (the same time as in wait()).
 inline constexpr std::chrono::seconds kOwnerSilent{3};
 
 struct SlaveFacts {
     std::uint16_t number = 0;
     StationAddress station{};
     std::uint16_t ring_position = 0;
-    bool configured = false;  // of the list of expect(), or there was no list
+    bool configured = false;  // in the list of expect(), or there was no list
     bool detected = false;    // present, as far as is known
-    Identity wanted{};        // by the list; what it leaves open is what was found
+    // The identity in the list; for members that the list leaves open, the identity that was found.
+    Identity wanted{};
     Identity identity{};
     std::uint16_t out_bytes = 0;  // of the mailboxes that the slave uses now
     std::uint16_t in_bytes = 0;
@@ -35,19 +36,19 @@ struct SlaveFacts {
 class SlaveTable {
   public:
     explicit SlaveTable(Context& ctx);
-    // With a busy request: in the thread of the owner, or while the owner polls.
+    // While the request is busy, destroy this object only in the thread of the owner, or while the owner polls.
     ~SlaveTable() = default;
 
-    // Begins to read the facts, unless that is going on.
+    // Begins to read the facts, unless a reading is under way.
     void refresh(Moment now);
     // Continues to read. True: the facts are new, or could not be read: see slaves() and polled().
     bool step(Moment now);
     [[nodiscard]] bool busy() const { return reading_; }
     [[nodiscard]] bool is_fresh(Moment now) const;
-    [[nodiscard]] bool is_usable(Moment now) const;  // or a little older
-    // After an answer that contradicts the facts.
+    [[nodiscard]] bool is_usable(Moment now) const;  // accepts slightly older facts
+    // Call it after an answer that contradicts the facts.
     void forget() { known_ = false; }
-    // False: the owner of the context has not polled when the facts were wanted.
+    // False: the owner of the context did not poll during the last reading.
     [[nodiscard]] bool polled() const { return polled_; }
 
     [[nodiscard]] const std::vector<SlaveFacts>& slaves() const { return slaves_; }
@@ -66,7 +67,7 @@ class SlaveTable {
     bool polled_ = true;
     Moment at_{};
     Moment asked_{};
-    // Of the request: the first slave wanted, and what the owner has copied.
+    // The data of the request: the first wanted slave, and the facts that the owner has copied.
     std::array<SlaveFacts, kOnce> some_{};
     std::size_t first_ = 0;
     std::size_t copied_ = 0;

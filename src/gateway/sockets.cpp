@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::chrono::seconds kStall{10};
 constexpr std::size_t kAtOnce = 16 * 1024;
-constexpr int kTries = 16;  // to find a port that is free for both
+constexpr int kTries = 16;  // attempts to find a port that is free for TCP and UDP
 
 std::string failed(const std::string& place, const char* what) {
     return place + ": " + what + ": " + std::strerror(errno);
@@ -25,7 +25,7 @@ std::string place_of(const MailboxGatewaySettings& s, std::uint16_t port) {
     return (six ? "[" + s.address + "]" : s.address) + ":" + std::to_string(port);
 }
 
-// An address in digits.
+// Parses a numeric address.
 bool parse(const std::string& address, std::uint16_t port, SocketAddress& into) {
     addrinfo hints{};
     hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV | AI_PASSIVE;
@@ -90,7 +90,7 @@ std::string Sockets::open(const MailboxGatewaySettings& settings) {
     return error;
 }
 
-// With port 0, UDP takes the port that TCP has got.
+// With port 0, UDP uses the port that TCP has got from the system.
 std::string Sockets::bind_all(const MailboxGatewaySettings& settings) {
     port_ = settings.port;
     for (const int kind : {SOCK_STREAM, SOCK_DGRAM}) {
@@ -145,7 +145,7 @@ bool TcpClient::is_stalled(Moment now, bool complete_ones) const {
 
 bool TcpClient::send(Octets frame, Moment now) {
     if (closed()) return false;
-    if (!has_output()) {  // the client has its time from now on
+    if (!has_output()) {  // the time of the client begins now
         moved_ = due_since_ = now;
         due_ = frame.size();
     }

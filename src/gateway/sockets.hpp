@@ -29,7 +29,7 @@ class Sockets {
     Sockets(const Sockets&) = delete;
     Sockets& operator=(const Sockets&) = delete;
 
-    // A sentence when they cannot be opened; empty: they are.
+    // Returns a sentence if the sockets cannot be opened; empty: they are open.
     [[nodiscard]] std::string open(const MailboxGatewaySettings& settings);
     [[nodiscard]] int udp() const { return udp_; }  // -1: not wanted
     [[nodiscard]] int tcp() const { return tcp_; }
@@ -44,12 +44,12 @@ class Sockets {
     std::uint16_t port_ = 0;
 };
 
-// A sender of UDP. The socket is that of all of them.
+// A sender of UDP. All senders of UDP share one socket.
 class UdpClient final : public Client {
   public:
     UdpClient(int fd, const SocketAddress& address) : address_(address), fd_(fd) {}
     [[nodiscard]] const SocketAddress& address() const { return address_; }
-    // A reply that the system does not take at once is lost, as a datagram may be anyway.
+    // If the system does not accept a reply at once, the reply is lost, as any datagram may be lost.
     bool send(Octets frame, Moment now) override;
     [[nodiscard]] bool takes_replies() const override { return true; }
 
@@ -70,22 +70,22 @@ class TcpClient final : public Client {
     [[nodiscard]] int fd() const { return fd_; }
     [[nodiscard]] bool closed() const { return fd_ < 0; }
     void close();
-    // Reads what is there, up to a limit.
+    // Reads the available octets, up to a limit.
     [[nodiscard]] Came receive(Moment now);
-    // What has come and is not taken yet; drop() removes its beginning.
+    // The received octets that were not processed yet; drop() removes the first octets.
     [[nodiscard]] Bytes received() const { return in_; }
     void drop(std::size_t octets) {
         in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(octets));
         begun_ = moved_;
     }
-    // For 10 s a frame is not whole, if `complete_ones` were taken out; or the replies that waited 10 s ago are not all
-    // read: a client that reads octet by octet does not keep its place.
+    // Whether a frame has been incomplete for 10 s (`complete_ones`: all complete frames were removed), or some of the
+    // replies that waited 10 s ago are still unread. So a client that reads octet by octet does not keep its place.
     [[nodiscard]] bool is_stalled(Moment now, bool complete_ones) const;
 
     bool send(Octets frame, Moment now) override;
     [[nodiscard]] bool takes_replies() const override { return out_.size() - sent_ < kMostOutput; }
     [[nodiscard]] bool has_output() const { return sent_ < out_.size(); }
-    // False: the client is gone.
+    // False: the client has closed the connection.
     [[nodiscard]] bool flush(Moment now);
     [[nodiscard]] Moment moved() const { return moved_; }
 

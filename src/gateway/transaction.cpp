@@ -112,7 +112,8 @@ bool answers_coe(const Transaction& t, Bytes mail) {
     }
 }
 
-// Whether segments follow the first message of a transfer, in either direction: it announces more than it contains.
+// Whether segments follow the first message of a transfer, in either direction: the message announces more octets than
+// it contains.
 bool is_first_part(Bytes sdo) {
     if (sdo.size() < coe::SdoLayout::complete_size::end) return false;
     if ((coe::SdoLayout::command::load(sdo) & coe::sdo::kExpedited) != 0) return false;

@@ -1,5 +1,5 @@
-// What the gateway knows of the mailbox protocols: which messages of a client are answered, which mail is the answer,
-// and whether the conversation goes on after it. Without bus and time.
+// The rules of the mailbox protocols for the gateway: which messages of a client are answered, which mail is the
+// answer, and whether the conversation continues after it. Independent of bus and time.
 #pragma once
 
 #include "wire/mailbox.hpp"
@@ -14,7 +14,7 @@ struct Rooms {
     std::size_t from_slave = 0;
 };
 
-// One message of a client, and what follows from it.
+// One message of a client, and the kind of answer that it has.
 struct Transaction {
     enum class Kind : std::uint8_t {
         refused,     // the gateway answers with `refusal`
@@ -28,12 +28,12 @@ struct Transaction {
     bool changes = false;  // it may change the slave
     // An SDO download, which may be refused by an abort.
     bool download = false;
-    // Of the message: service, opcode, command or type; below it: specifier or opcode, and index, IDN or number.
+    // Parts of the message: its service, opcode, command or type; its specifier or opcode; its index, IDN or number.
     std::uint16_t service = 0;
     std::uint8_t specifier = 0;
     std::uint32_t object = 0;
     std::uint32_t invoke_id = 0;
-    // After an unanswered message.
+    // For an unanswered message: whether the conversation continues.
     bool goes_on = false;
 };
 
@@ -43,7 +43,7 @@ struct Transaction {
 
 // Whether mail of the slave is the answer.
 [[nodiscard]] bool answers(const Transaction& message, Bytes mail);
-// Whether another mail of the answer follows this one, without a message of the client.
+// Whether the answer continues with another mail, without a message of the client.
 [[nodiscard]] bool more_follows(const Transaction& message, Bytes mail);
 
 // Whether the client will send another message that belongs to this one, for example the next segment. `data` is the

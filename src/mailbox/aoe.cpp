@@ -37,7 +37,7 @@ MailClient::Taken AoeClient::accept(const wire::MailboxMessage& mail) {
     return Taken::all;
 }
 
-// Commands with an index name it in the error.
+// The error of a command with index group and index offset contains both.
 Error AoeClient::refusal(Errc code, std::uint32_t detail) const {
     Error error{.code = code, .detail = detail};
     if (call_.head_bytes >= aoe::kIndexBytes) {

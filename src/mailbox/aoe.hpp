@@ -20,7 +20,7 @@ struct AoeCall {
     MutableBytes into{};
 };
 
-// The part of a command in its exchange, without bus and time.
+// The client of a command in its exchange, independent of bus and time.
 class AoeClient final : public MailClient {
   public:
     // `call` outlives the client.
@@ -42,9 +42,9 @@ class AoeClient final : public MailClient {
     Error error_;
 };
 
-// The invoke id of a command that is no request of the queue: a start-up command, or a command of a hook. The answer to
-// a command that was given up must not be taken for the answer to the next one. Requests of the queue have their
-// tickets as invoke ids; these count from 1.
+// The invoke id of a command that is no request of the queue: a start-up command, or a command of a hook. The number
+// depends on the time, so that the answer to a command that was given up is not mistaken for the answer to the next
+// command. Requests of the queue use their tickets as invoke ids, which count from 1.
 [[nodiscard]] std::uint32_t aoe_invoke_id(Time now);
 
 // Executes the command and returns the number of octets in `call.into`. `call` outlives the task. Errors: aoe_error

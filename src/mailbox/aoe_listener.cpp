@@ -7,8 +7,8 @@ namespace margay {
 
 namespace aoe = wire::aoe;
 
-// A notification whose lengths are inconsistent is dropped from the first value on that does not fit; it is taken all
-// the same, because no other listener can use it.
+// If the lengths in a notification are inconsistent, the first value that does not fit and all later values are
+// dropped. The listener accepts the mail nevertheless, because no other listener can use it.
 bool AoeListener::tell(const UnaskedMail& mail) {
     if (mail.data.size() < aoe::kHeaderBytes + 2 * sizeof(std::uint32_t)) return false;
     const auto header = aoe::load_header(mail.data);

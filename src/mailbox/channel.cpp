@@ -20,7 +20,8 @@ constexpr std::size_t kLookBytes = 3;  // status, activate, PDI control
 
 constexpr Duration kCycleIsAlive = std::chrono::milliseconds(10);
 constexpr Duration kRealLook =
-    std::chrono::milliseconds(20);  // looks at the ESC although a bit of the image, or Mailboxes, reports no mail
+    // Interval of looks at the ESC while a bit of the image, or Mailboxes, reports no mail.
+    std::chrono::milliseconds(20);
 constexpr unsigned kLooksBeforeParking = 4;
 
 // Rounds the time up to a multiple of `grid`: channels with the same pause then look at the same time, and their
@@ -38,7 +39,7 @@ Time on_grid(Time time, Duration grid) {
     return rest == Duration{0} ? time : time + (grid - rest);
 }
 
-// The error of a reading that has not succeeded. A working counter above 1: two slaves answer at the address of one.
+// The error of a failed reading. A working counter above 1 means that two slaves answer at the same address.
 Errc failure_of(Reply reply) {
     if (!reply.ok()) return reply.errc;
     return reply.wkc == 0 ? Errc::working_counter : Errc::unstable;
@@ -56,7 +57,7 @@ class MailboxChannel::PumpGuard {
     ~PumpGuard() {
         channel_.pump_.release();
         channel_.dozing_ = false;
-        channel_.watched_by_mailboxes_ = false;  // the watch goes on as long as a channel is parked
+        channel_.watched_by_mailboxes_ = false;  // the watch continues as long as any channel is parked
         channel_.doze_.unlink();
     }
 
@@ -64,7 +65,7 @@ class MailboxChannel::PumpGuard {
     MailboxChannel& channel_;
 };
 
-// Awaitable: resumes at the given time or by kick().
+// Awaitable: resumes at the given time, or when kick() is called.
 class MailboxChannel::Doze {
   public:
     Doze(MailboxChannel& channel, Time until) : channel_(channel), until_(until) {}
@@ -80,8 +81,8 @@ class MailboxChannel::Doze {
     Time until_;
 };
 
-// Awaitable: the datagram of one action, and a look in the same frame as a message. There is one for all actions: each
-// datagram in the pump would cost code, and memory of its frame.
+// Awaitable: the datagram of one action, and a look in the same frame as a message. All actions share this awaitable,
+// because each datagram in the pump would cost code, and memory of its coroutine frame.
 class MailboxChannel::OneOrTwo : public DatagramWait {
   public:
     OneOrTwo(MailboxChannel& channel, Action action, MutableBytes memory)
@@ -183,7 +184,7 @@ Task<Result<>> MailboxChannel::pump() {
 
 MailboxChannel::Action MailboxChannel::next_action() {
     const Time t = now();
-    // When no exchange waits, a slave that does not answer is not looked at without end. A pending look is kept for
+    // If no exchange waits, the looks at a slave that does not answer end after some time. A pending look is kept for
     // later.
     const bool nobody_waits = queue_.empty() && awaiting_.empty();
     if (nobody_waits && silent_looks_ >= kMostSilentLooks) return Action::stop;
@@ -214,8 +215,8 @@ bool MailboxChannel::expecting() const {
     return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || late;
 }
 
-// Beside a message, the channel looks for mail that no exchange waits for: otherwise messages that follow each other
-// would keep it from looking, or every second datagram would be a look.
+// Whether the channel looks for mail in the frame of a message, for mail that no exchange waits for. Otherwise
+// consecutive messages would prevent looks, or every second datagram would be a look.
 bool MailboxChannel::looks_beside() const {
     return glance_ && awaiting_.empty() && repeat_ == Repeated::no && now() >= look_at_;
 }
@@ -229,7 +230,7 @@ bool MailboxChannel::bit_is_trusted() const {
 MailboxChannel::Action MailboxChannel::next_look() {
     if (now() < look_at_) return Action::doze;
     if (!bit_is_trusted()) return Action::look;
-    // The bit shows the state of the last cycle: it still reports mail that was fetched after that cycle.
+    // The bit shows the state in the last cycle. So it may still report mail that was fetched after that cycle.
     if (engine_->link().last_cycle() <= fetched_at_ || !bit_is_set()) {
         look_at_ = now() + mail_timing::kFirstPause;
         return Action::doze;
@@ -281,7 +282,7 @@ bool MailboxChannel::compose(MutableBytes buffer) {
     return true;
 }
 
-// The slave has received the message.
+// Call it when the slave has received the message.
 void MailboxChannel::left(MailExchange& exchange) {
     const bool first = exchange.state_ == MailExchange::State::queued;
     if (!exchange.options_.reply) {
@@ -292,7 +293,7 @@ void MailboxChannel::left(MailExchange& exchange) {
     if (first) {
         take_turn(queue_, exchange, [](const MailTurn&) { return true; });
         awaiting_.push_back(exchange);
-        prolong(exchange);  // it may have waited for a late reply
+        prolong(exchange);  // the exchange may have waited for a late reply before
     }
     exchange.state_ = MailExchange::State::sent;
     look_soon();
@@ -316,7 +317,7 @@ void MailboxChannel::sent(Reply reply) {
         unsure_ = nullptr;
         if (exchange != nullptr) left(*exchange);
     } else if (reply.errc == Errc::no_frame) {
-        // The message may have arrived or not: the slave's mailbox or its reply will show it.
+        // It is not known whether the message has arrived. The mailbox of the slave or its reply will show this.
         out_counter_ = trial_counter_;
         last_failure_ = Errc::no_frame;
         if (exchange == nullptr) return;
@@ -340,7 +341,7 @@ void MailboxChannel::looked_out(Reply reply, std::byte status) {
         last_failure_ = failure_of(reply);
         resend_at_ = now() + mail_timing::kLongestPause;
     } else if (has(status, wire::sm_status::kMailboxFull)) {
-        // It may be the message before this one that the slave has not read yet.
+        // The mailbox may still contain the previous message, which the slave has not read yet.
         unsure_until_ = now() + mail_timing::kResendAfter;
         resend_at_ = now() + mail_timing::kLongestPause;
     } else if (now() >= unsure_until_) {
@@ -364,7 +365,7 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
     if (last_failure_ != Errc::mailbox_full) last_failure_ = Errc::none;
     const bool full = has(octets[0], wire::sm_status::kMailboxFull);
     if (repeat_ == Repeated::wanted) {
-        // A repeated reply of a slave that does not count its mail could not be distinguished from the one before. The
+        // If a slave does not count its mail, a repeated reply cannot be distinguished from the previous reply. The
         // repeat is requested only if the mailbox is empty.
         const bool ask = counts_ || !full;
         repeat_ = ask ? Repeated::ready : Repeated::no;
@@ -379,7 +380,7 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
         repeat_ = Repeated::no;
         repeated_ = acknowledged;
         lost_at_ = full ? kNever : now() + mail_timing::kResendAfter;
-        // What the slave wanted to send meanwhile comes first.
+        // Mail that the slave has prepared meanwhile comes first.
         if (is_owed()) {
             glance_ = true;
             stale_ = kMostStale;
@@ -391,7 +392,7 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
     nothing_there();
 }
 
-// The lost mail may have been something other than these replies, which may then still arrive. So new exchanges of the
+// The lost mail may have been other mail than these replies, and the replies may still arrive. So new exchanges of the
 // same key wait for a while.
 void MailboxChannel::reply_is_lost() {
     lost_at_ = kNever;
@@ -399,7 +400,7 @@ void MailboxChannel::reply_is_lost() {
     for (MailTurn* turn = awaiting_.front(); turn != nullptr;) {
         auto& exchange = static_cast<MailExchange&>(*turn);
         turn = awaiting_.after(*turn);
-        if (&exchange == unsure_) continue;  // this message may not have arrived, and is sent again
+        if (&exchange == unsure_) continue;  // the message may not have arrived, and will be sent again
         late_until_ = now() + mail_timing::kOwedPatience;
         Owed& owed = owe(exchange.type_, exchange.options_.key, exchange.options_.mails, late_until_);
         make_last(owed, exchange);

@@ -39,8 +39,8 @@ inline constexpr Duration kLongestPause = std::chrono::milliseconds(1);
 // For a message that may not have arrived.
 inline constexpr Duration kResendAfter = std::chrono::milliseconds(20);
 inline constexpr Duration kRepeatPatience = std::chrono::milliseconds(100);
-// For the reply to an exchange that was given up: at least so long, and from the time at which the slave has taken the
-// message that ends the operation.
+// The least waiting time for the reply to an exchange that was given up, from the time at which the slave has accepted
+// the message that ends the operation.
 inline constexpr Duration kOwedPatience = std::chrono::milliseconds(100);
 // For the message that ends an operation early.
 inline constexpr Duration kFinalPatience = std::chrono::seconds(1);
@@ -50,12 +50,12 @@ inline constexpr Duration kFencePatience = std::chrono::seconds(9);
 
 class MailboxChannel;
 
-// What a channel that is interrupted does about its exchanges. The first exchange gives it to Mailboxes, so that a
-// program without exchanges has no pump either.
+// The functions for the exchanges of an interrupted channel. The first exchange passes them to Mailboxes, so that a
+// program without exchanges does not contain them.
 struct ExchangePart {
-    // The channel is interrupted: the slave still answers what it has received.
+    // Called when the channel is interrupted: the slave still answers the messages that it has received.
     void (*interrupt)(MailboxChannel& channel);
-    // The channel is there again: tells the slave which transfers have ended.
+    // Called when the channel is resumed: sends the slave the messages that end its transfers.
     void (*resume)(MailboxChannel& channel);
 };
 
@@ -70,86 +70,93 @@ class MailboxChannel {
     void open(Mailboxes& mailboxes, const Station& station, Slave& slave, const MailboxInfo& info);
     // Ends all exchanges and waiting sessions with Errc::mailbox_closed. Emergencies received so far remain readable.
     void close();
-    // Also deletes everything known about the slave: another slave may be there from now on.
+    // The same as close(), and deletes all knowledge about the slave, because another slave may be present from now on.
     void forget();
     [[nodiscard]] bool is_open() const { return open_; }
-    // Since forget(): the slave has a mailbox that works, though it may be closed now.
+    // Whether the mailbox of the slave has worked since forget(). It may be closed now.
     [[nodiscard]] bool was_open() const { return was_open_; }
     // The slave does not answer any more (missing_slave), or another device may have its address (identity_unread):
     // ends all exchanges and waiting sessions with this error. The channel stays open, but refuses messages and looks
     // for no mail until resume().
     void interrupt(Errc reason);
-    // The slave is there again, and it is the same one. Mail from before is fetched before the first message is sent.
+    // Call it when the slave is present again and its identity was compared. Mail from before is fetched before the
+    // first message is sent.
     void resume();
-    // Open, and not interrupted.
+    // Whether the channel is open and not interrupted.
     [[nodiscard]] bool is_reachable() const { return open_ && !away_; }
-    // An operation is executing, or waits for its turn.
+    // Whether an operation is executing, or waits for its turn.
     [[nodiscard]] bool is_used() const {
         return busy_types_ != 0 || sending_ != nullptr || !queue_.empty() || !awaiting_.empty() || !tickets_.empty();
     }
-    // Changes with each close() and interrupt().
+    // A number that changes with each close() and interrupt().
     [[nodiscard]] std::uint32_t epoch() const { return epoch_; }
-    // Why epoch() has changed last: the error of a sequence that began before.
+    // The cause of the last change of epoch(), which is the error of a sequence that began before.
     [[nodiscard]] Errc cut_by() const { return cut_by_; }
 
-    // Sends the message before all others, and repeats it for a second where frames are lost: it ends an operation in
-    // the slave that was given up. The channel keeps a copy of at most kFinalBytes octets. Without memory for the
-    // sequence the message is lost.
+    // Sends a message that ends an operation in the slave that was given up. The message is sent before all others, and
+    // is repeated for a second if frames are lost. The channel keeps a copy of at most kFinalBytes octets. Without
+    // memory for the sequence the message is lost.
     static constexpr std::size_t kFinalBytes = 16;
-    // `ends`: what of end_operations() it ends.
+    // `ends`: the operations of end_operations() that the message ends.
     void send_final_message(wire::MailboxType type, Bytes data, std::uint8_t ends = 0);
-    // Ends operations of one protocol, a bit for each, that were given up in the slave: by `how`, which sends final
-    // messages. A slave that is away, or that does not take these messages, gets them when it is there again.
+    // Ends operations of one protocol in the slave that were given up; `which` has a bit for each operation. `how`
+    // sends the final messages. If the slave is away, or does not accept these messages, they are sent when the slave
+    // is present again.
     using EndOperations = void (*)(MailboxChannel& channel, std::uint8_t which);
     void end_operations(std::uint8_t which, EndOperations how);
 
-    // A reply of this protocol and key may still arrive, until then. Exchanges of the same key wait.
+    // Notes that a reply of this protocol and key may still arrive until the given time. Exchanges of the same key
+    // wait.
     void owe_reply(wire::MailboxType type, std::uint64_t key, Time until);
-    // A request of this key was sent more than once from `begun` on, and is answered now: a slave that got both
-    // messages answers a second time, and needs as long for that as for the first answer.
+    // Notes that a request of this key, first sent at `begun`, was sent more than once and is answered now. If the
+    // slave has received both messages, it answers a second time, and needs the same time as for the first answer.
     void owe_second_reply(wire::MailboxType type, std::uint64_t key, Time begun) {
         owe_reply(type, key, now() + (now() - begun) + mail_timing::kOwedPatience);
     }
-    // A reply to an earlier CoE request may still arrive, and would pass for the reply to a request of this key. The
-    // doubt lasts until the slave has answered a later request, because a slave answers requests in their order.
+    // Whether a reply to an earlier CoE request may still arrive, and would be mistaken for the reply to a request of
+    // this key. The doubt lasts until the slave has answered a later request, because a slave answers requests in their
+    // order.
     [[nodiscard]] bool is_doubtful(std::uint64_t key) const;
     // The same for files: how many earlier requests may still be answered.
     [[nodiscard]] std::uint8_t late_files() const { return owed_[1].mails != 0 ? owed_[1].files : std::uint8_t{0}; }
-    // The first packets of `files` files may still arrive, at any time; the next file waits for them until `until`.
+    // Notes that the first packets of `files` files may still arrive at any time. The next file waits for them until
+    // `until`.
     void owe_files(unsigned files, Time until);
     // EoE parameters and SoE: the answers that may still arrive, at any time.
     [[nodiscard]] LateAnswers& late_answers() { return late_; }
-    // The slave has answered a question of EoE or SoE: the channel waits for no earlier answer any more.
+    // Call it when the slave has answered a question of EoE or SoE: the channel does not wait for earlier answers any
+    // more.
     void end_wait(wire::MailboxType type, std::uint64_t key) {
         Owed& owed = owed_of(type);
         const bool alike = owed.key == key || type == wire::MailboxType::eoe;
         if (owed.type == type && alike && late_.count(type, owed.key) == 0) owed.mails = 0;
     }
-    // The slave has not yet taken the message that ends an earlier CoE operation.
+    // Whether the slave has not accepted the message yet that ends an earlier CoE operation.
     [[nodiscard]] bool is_fenced() const { return owed_[0].fences != 0; }
-    // Whether one reply of this key is owed, and no other one of CoE. Mail of any kind may be something else.
+    // Whether exactly one CoE reply is owed, and it has this key.
     [[nodiscard]] bool owes_only(std::uint64_t key) const {
         return owed_[0].mails == 1 && owed_[0].key == key && key != mail_key::kAny;
     }
-    // The key of the next question of settle_owed(): an object that no request that was given up, and no unanswered
-    // question, has asked for. Otherwise a late answer would pass for the answer to this question.
+    // The key of the next question of settle_owed(): an object that was in no request that was given up, and in no
+    // unanswered question. Otherwise a late answer would be mistaken for the answer to this question.
     [[nodiscard]] std::uint64_t next_question();
-    // The question will be sent.
+    // Call it before the question is sent.
     void note_question(std::uint64_t key);
-    // The replies that were owed have come.
+    // Call it when the owed replies have come.
     void forget_owed() { owed_[0].mails = 0; }
-    // The slave has answered a later request.
+    // Call it when the slave has answered a later request.
     void end_doubt() { owed_[0].mails = owed_[0].questions = 0; }
     // Whether the mail can be a reply to an exchange of this key.
     [[nodiscard]] static bool can_answer(std::uint64_t key, const wire::MailboxMessage& mail);
 
     // Looks for mail until the mailbox is empty. A slave that does not answer gets 100 looks.
     void glance();
-    // The same for a look that is repeated regularly: none while the channel looks by itself, or while a mapped bit
-    // reports no mail; a slave that does not answer gets one look.
+    // The same for regular looks. The channel does not look if it looks by itself already, or if a mapped bit reports
+    // no mail. A slave that does not answer gets one look.
     void look_once();
 
-    // For listeners, within take(): the slave sends more mail at once. It is fetched without a look before.
+    // For listeners, within take(): announces that the slave sends more mail at once. The channel fetches it without a
+    // look.
     void expect_more() { full_ = true; }
 
     // Ends the use of a bit that lies in this memory.
@@ -213,9 +220,9 @@ class MailboxChannel {
         std::uint8_t mails = 0;      // how many mails may still arrive; 0: none is owed
         std::uint8_t fences = 0;     // final messages that the slave has not taken; until then, time does not count
         bool lasts = false;          // see is_doubtful()
-        bool guessed = false;        // the exchange has ended by an error reply that may be that of another one
-        std::uint8_t questions = 0;  // CoE: a bit for each object of kQuestions that an answer may still come for
-        // CoE, of the last question: the subindex of 0x1000, if it is none of kQuestions.
+        bool guessed = false;        // the exchange has ended by an error reply that may belong to another exchange
+        std::uint8_t questions = 0;  // CoE: a bit for each object of kQuestions whose answer may still come
+        // CoE: the subindex of 0x1000 in the last question, if the question is none of kQuestions.
         std::uint8_t spare = 1;
         std::uint8_t files = 0;  // FoE: how many of them may be first packets of files: see late_files()
     };
@@ -231,7 +238,7 @@ class MailboxChannel {
     [[nodiscard]] static bool is_current(const Owed& owed, Time now) {
         return owed.mails != 0 && (now < owed.until || owed.fences != 0);
     }
-    // Whether the order of the slave's answers tells a late reply to the exchange from later ones: see is_doubtful().
+    // Whether a late reply to the exchange is excluded when the slave has answered a later request: see is_doubtful().
     [[nodiscard]] static bool is_in_order(const MailExchange& exchange) {
         const bool foe = exchange.type_ == wire::MailboxType::foe && !exchange.options_.distinct;
         return exchange.options_.key != 0 && (foe || exchange.type_ == wire::MailboxType::coe);
@@ -239,7 +246,7 @@ class MailboxChannel {
     void make_last(Owed& owed, const MailExchange& exchange);
     void note_late(const wire::MailboxMessage& mail);
     void note_answered(const MailExchange& exchange);
-    // What the channel owes when the exchange, which was sent, ends without its reply.
+    // Notes the owed replies when a sent exchange ends without its reply.
     void owe_answer_to(const MailExchange& exchange);
     void owe_in_doubt(const MailExchange& exchange);
     [[nodiscard]] static std::uint8_t question_bit(std::uint64_t key);
@@ -361,7 +368,7 @@ class MailboxChannel {
     // A reply that was asked for by a repeat request is lost when it has not arrived until then.
     Time lost_at_ = kNever;
     std::array<Owed, kOwedPlaces> owed_;
-    Time late_until_ = Time::min();  // until then, the channel looks for mail of exchanges that were given up
+    Time late_until_ = Time::min();  // until this time, the channel looks for replies to exchanges that were given up
     // A message without reply was sent: until then an error reply most likely belongs to it, and later it may.
     Time unanswered_until_ = Time::min();
     Time fetched_at_ = Time::min();

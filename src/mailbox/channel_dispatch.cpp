@@ -1,4 +1,4 @@
-// Received mail: finds the exchange or the listener that it is for.
+// Received mail: finds its exchange or its listener.
 #include "mailbox/channel.hpp"
 #include "mailbox/mailboxes.hpp"
 
@@ -10,14 +10,16 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     ++statistics_.received;
     const auto header = wire::load_mailbox_header(mailbox);
     counts_ = header.counter != 0;
-    // The mail in between is lost: the slave had new mail before the repeat request came. Only two counters show it.
+    // Detects lost mail: the slave had new mail before it received the repeat request. Only the counters of two mails
+    // show this.
     const bool missed = missed_;
     missed_ = false;
     const bool known = counts_ && in_counter_ != 0;
     const bool follows = header.counter == in_counter_ || header.counter == wire::next_mailbox_counter(in_counter_);
     const bool skips = missed && known && !follows;
     const bool may_skip = missed && !(known && follows);
-    // Some slaves never change their counter: only a slave that has counted repeats by it.
+    // Some slaves never change their counter. So an equal counter shows a repetition only if the slave has counted
+    // before.
     const bool alike = has_counted_ && header.type == in_type_ && header.length == in_length_;
     const bool again = (repeated_ || alike) && counts_ && header.counter == in_counter_;
     repeated_ = false;
@@ -33,11 +35,12 @@ void MailboxChannel::receive_mail(Bytes mailbox) {
     if (!mail || mail->data.empty()) return malformed(header);
     if (may_skip) lose_parts();
     dispatch(*mail);
-    // What is lost may have been the reply that is still waited for.
+    // The lost mail may have been the reply that an exchange still waits for.
     if (skips && !awaiting_.empty() && lost_at_ == kNever) lost_at_ = now() + mail_timing::kResendAfter;
 }
 
-// Mail is lost, and may have been a part of an answer of several mails: they are asked for again.
+// Lost mail may have been a part of an answer of several mails. The exchanges of such answers end with reply_lost, so
+// that the protocol sends its request again.
 void MailboxChannel::lose_parts() {
     for (MailTurn* turn = awaiting_.front(); turn != nullptr;) {
         auto& exchange = static_cast<MailExchange&>(*turn);
@@ -49,9 +52,9 @@ void MailboxChannel::lose_parts() {
 }
 
 void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
-    // Some slaves write their own address where the standard requires the master's, which is 0. Any other address is
-    // that of a slave. Mail to a slave that does not exist is counted as unexpected; it is not matched with a waiting
-    // exchange.
+    // Some slaves write their own address where the standard requires the address of the master, which is 0. Any other
+    // address is the address of a slave. Mail to a slave that does not exist is counted as unexpected; it is not
+    // matched with a waiting exchange.
     const std::uint16_t to = mail.header.address;
     if (to != 0 && to != address_.value) {
         if (answers(mail, to) || answers_by_error(mail, to)) return;
@@ -70,7 +73,7 @@ void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
 bool MailboxChannel::answers(const wire::MailboxMessage& mail, std::uint16_t to) {
     for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
         auto& exchange = static_cast<MailExchange&>(*turn);
-        if (!exchange.options_.reply) continue;  // it waits until its message has surely arrived
+        if (!exchange.options_.reply) continue;  // this exchange waits until it is certain that its message has arrived
         if (exchange.type_ != mail.header.type || (to != 0 && exchange.options_.address != to)) continue;
         const MailClient::Taken taken = exchange.client_.accept(mail);
         if (taken == MailClient::Taken::no) continue;
@@ -88,7 +91,7 @@ bool MailboxChannel::answers(const wire::MailboxMessage& mail, std::uint16_t to)
     return false;
 }
 
-// Mail longer than the mailbox, or empty: ends the oldest exchange of this type with an error.
+// Mail that is longer than the mailbox, or empty, ends the oldest exchange of this type with an error.
 void MailboxChannel::malformed(const wire::MailboxHeader& header) {
     ++statistics_.malformed;
     for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
@@ -97,7 +100,7 @@ void MailboxChannel::malformed(const wire::MailboxHeader& header) {
         Error error{.code = Errc::protocol, .step = Step::mailbox_receive, .slave = number_};
         error.expected = static_cast<std::uint32_t>(receive_room());
         error.actual = header.length;
-        owe_in_doubt(exchange);  // the slave may answer it besides
+        owe_in_doubt(exchange);  // the slave may still send a valid answer
         return finish(exchange, error);
     }
 }
@@ -113,7 +116,7 @@ Error error_of(std::uint16_t slave, Bytes data) {
 
 }  // namespace
 
-// An error reply to the address that an exchange has named.
+// Whether the mail is an error reply to the address in the message of an exchange.
 bool MailboxChannel::answers_by_error(const wire::MailboxMessage& mail, std::uint16_t to) {
     if (mail.header.type != wire::MailboxType::error) return false;
     for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
@@ -126,15 +129,15 @@ bool MailboxChannel::answers_by_error(const wire::MailboxMessage& mail, std::uin
     return false;
 }
 
-// An error reply does not contain the message that it answers. When a message without reply was sent a moment ago, the
-// error most likely belongs to it, since nothing else answers such a message. It may also be the late reply to an
-// exchange that was given up. When no other answer comes, it was that of the oldest exchange that waits.
+// An error reply does not contain the message that it answers. If a message without reply was sent shortly before, the
+// error most likely belongs to that message, because such a message has no other answer. The error may also be the late
+// reply to an exchange that was given up. If no other answer comes, the error belongs to the oldest waiting exchange.
 void MailboxChannel::error_reply(Bytes data) {
     ++statistics_.errors;
     const auto given_up = [&](const Owed& owed) { return is_current(owed, now()) && !owed.guessed; };
     const bool of_another =
         now() < std::exchange(unanswered_until_, Time::min()) || std::ranges::any_of(owed_, given_up);
-    // Listeners get the error of a message without reply.
+    // Listeners receive the error of a message without reply.
     if (of_another || awaiting_.empty())
         (void)mailboxes_->offer({.slave = number_, .type = MailboxType::error, .data = data, .at = now()});
     if (awaiting_.empty()) return;
@@ -143,7 +146,8 @@ void MailboxChannel::error_reply(Bytes data) {
         oldest.error_ = error_of(number_, data);
         return;
     }
-    // A slave that works on several protocols at a time may mean another exchange, or one that was given up.
+    // If a slave processes several protocols at the same time, the error may belong to another exchange, or to an
+    // exchange that was given up.
     if (left_open_ || awaiting_.after(oldest) != nullptr) owe_in_doubt(oldest);
     finish(oldest, error_of(number_, data));
 }

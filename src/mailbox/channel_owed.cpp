@@ -1,5 +1,5 @@
-// Late replies: which replies to abandoned exchanges may still arrive, and which exchanges wait for these replies. The
-// messages that end operations early are here too.
+// Late replies: which replies to abandoned exchanges may still arrive, and which exchanges wait for these replies. This
+// file also has the messages that end operations early.
 //
 // A slave answers the messages of a protocol in their order. So a reply cannot arrive any more when the slave has
 // answered a later request (CoE: settle_owed() sends such a request), or when a slave that works on one message at a
@@ -114,7 +114,7 @@ bool MailboxChannel::is_doubtful(std::uint64_t key) const {
 
 namespace {
 
-// Objects that a device answers at once, if only by an abort.
+// Objects that a device answers at once, perhaps by an abort.
 constexpr std::array kQuestions{
     mail_key::of(mail_key::Kind::sdo, 0x1000, 0), mail_key::of(mail_key::Kind::sdo, 0x1018, 1),
     mail_key::of(mail_key::Kind::sdo, 0x1018, 2), mail_key::of(mail_key::Kind::sdo, 0x1018, 3),
@@ -168,7 +168,7 @@ bool MailboxChannel::can_answer(std::uint64_t key, const wire::MailboxMessage& m
         case wire::MailboxType::soe: {
             if (data.size() < wire::soe::kHeaderBytes) return false;
             const auto header = wire::soe::load_header(data);
-            if (header.incomplete) return false;  // the answer has several mails, and this is not the last one
+            if (header.incomplete) return false;  // the answer has several mails, and this mail is not the last one
             const auto opcode = header.opcode;
             return opcode == wire::soe::Opcode::read_response || opcode == wire::soe::Opcode::write_response;
         }
@@ -279,7 +279,7 @@ class MailboxChannel::Fence {
         --owed().fences;
         channel_.kick();
     }
-    // Something is owed, and the mailbox was not closed since.
+    // Whether the fence still holds exchanges: the mailbox was not closed since.
     [[nodiscard]] bool stands() const { return channel_.epoch_ == epoch_ && owed().mails != 0; }
     [[nodiscard]] Owed& owed() const { return channel_.owed_[place_]; }
 
@@ -289,8 +289,8 @@ class MailboxChannel::Fence {
     std::uint32_t epoch_;
 };
 
-// A slave that works on one message at a time takes this message when it has answered the earlier message. Until then
-// the reply to the exchange that was given up may still come, however long that takes.
+// A slave that processes one message at a time accepts this message only after it has answered the earlier message.
+// Until then, the reply to the exchange that was given up may come, after any time.
 Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
     constexpr std::uint16_t kStatusOfSm0 =
         wire::reg::sync_manager(0).address + static_cast<std::uint16_t>(wire::SyncManagerLayout::status::offset);

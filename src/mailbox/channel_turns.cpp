@@ -51,8 +51,8 @@ Error MailExchange::await_resume() noexcept {
 }
 
 void MailboxChannel::enqueue(MailExchange& exchange) {
-    // The reply to an exchange that was given up may have come after the last look, and lie in the mailbox since. The
-    // packets of a file are distinguished by their numbers.
+    // The reply to an exchange that was given up may have come after the last look, and may still be in the mailbox.
+    // Packets of a file do not need this look, because their numbers distinguish them.
     const auto& options = exchange.options_;
     if (options.key != 0 && !options.distinct && owed_of(exchange.type_).mails != 0) {
         glance_ = true;
@@ -83,7 +83,7 @@ void MailboxChannel::finish(MailExchange& exchange, const Error& error) {
     engine_->wake(exchange.timer_);
 }
 
-// The exchange is given up. The slave still processes a message that was sent.
+// Gives up the exchange. If its message was sent, the slave still processes it.
 void MailboxChannel::forget(MailExchange& exchange) {
     exchange.unlink();
     const bool out = exchange.state_ == MailExchange::State::sent || sending_ == &exchange;
@@ -199,7 +199,7 @@ void MailboxChannel::close() {
 
 void MailboxChannel::interrupt(Errc reason) {
     if (!is_reachable()) return;
-    // The slave may have the message on the wire: the next one needs another counter.
+    // The slave may have received the message on the wire, so the next message needs another counter.
     if (sending_ != nullptr) out_counter_ = trial_counter_;
     if (mailboxes_->exchanges != nullptr) mailboxes_->exchanges->interrupt(*this);
     auto still = owed_;
@@ -225,15 +225,15 @@ void MailboxChannel::resume() {
     if (unfinished_ != 0) end_unfinished_(*this, unfinished_);
 }
 
-// It still answers what it has received, also long after it is back.
+// The slave still answers the messages that it has received, perhaps long after it is back.
 void MailboxChannel::owe_all_answers() {
     for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn))
         owe_answer_to(static_cast<MailExchange&>(*turn));
     if (sending_ != nullptr && sending_->state_ == MailExchange::State::queued) owe_answer_to(*sending_);
 }
 
-// The slave does not know yet that its file transfer has ended. A slave that works on one message at a time accepts
-// this message when it has answered.
+// Ends the file transfer in the slave. A slave that processes one message at a time accepts this message only after it
+// has answered the earlier message.
 void MailboxChannel::end_transfers() {
     if (owed_[1].mails != 0) send_final_message(wire::MailboxType::foe, kEndOfTransfer);
 }

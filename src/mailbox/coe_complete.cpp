@@ -30,26 +30,26 @@ Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc c
     return error;
 }
 
-// Lists of the standard that may be empty: of errors, of PDOs, of SyncManagers and of modules.
+// Whether the object is a list of the standard that may be empty: lists of errors, PDOs, SyncManagers and modules.
 bool may_be_empty(std::uint16_t index) {
     return index == 0x1003 || (index >= 0x1600 && index < 0x1C30) || (index >= 0xF030 && index < 0xF060);
 }
 
-// The accesses that together are one transfer: the mailbox was opened again since the first one.
+// Whether the mailbox was closed or interrupted since the first of the accesses that form one transfer.
 bool is_cut(const MailboxChannel& channel, std::uint32_t epoch) { return channel.epoch() != epoch; }
 Error cut_error(MailboxChannel& channel, const SdoObject& object, Step step) {
     return misfit(channel, object, step, channel.cut_by(), 0, 0);
 }
 
 Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t index, const MailPatience& patience) {
-    std::array<std::byte, 4> count{};  // some slaves send more octets than the standard's one
+    std::array<std::byte, 4> count{};  // the standard has one octet, and some slaves send more
     auto read = co_await sdo_upload_once(channel, {.index = index}, count, patience);
     const bool is_longer = !read && read.error().code == Errc::capacity && read.error().expected != 0;
     if (!read && !is_longer) co_return read.error();
     const auto value = load_le<std::uint32_t>(count);
     // An object without entries has its value at subindex 0, and an empty string has no octets. A 0 of more than one
-    // octet is such a value. In a list that may be empty it is not: there a slave that does not announce the size of
-    // the count returns 4 octets.
+    // octet is such a value, except in a list that may be empty: a slave that does not announce the size of the count
+    // returns 4 octets.
     if (is_longer || value > 255 || (value == 0 && *read != 1 && !may_be_empty(index)))
         co_return misfit(channel, {.index = index}, Step::sdo_upload, Errc::unsupported, 0, 0);
     co_return std::to_integer<std::uint8_t>(count[0]);
@@ -62,7 +62,7 @@ Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object,
     std::array<std::byte, 8> now{};
     auto read = co_await sdo_upload_once(channel, object, now, patience);
     if (read) co_return *read;
-    if (read.error().code == Errc::capacity && read.error().expected != 0)  // else the arena had no memory
+    if (read.error().code == Errc::capacity && read.error().expected != 0)  // otherwise the arena had no memory
         co_return std::size_t{read.error().expected};
     if (is(read.error(), coe::Abort::no_subindex)) co_return std::size_t{0};
     co_return read.error();
@@ -114,7 +114,8 @@ Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject o
         if (read.error().code != Errc::capacity || read.error().expected == 0) co_return read;
         co_return misfit(channel, object, Step::sdo_upload, Errc::capacity, at + read.error().expected, into.size());
     }
-    // Subindex 0 counts entries that the object does not have: it is the value of an object without entries.
+    // The object does not have the entries that subindex 0 counts. So subindex 0 is the value of an object without
+    // entries.
     if (count != 0 && at == (object.subindex == 0 ? kCountBytes : 0))
         co_return misfit(channel, object, Step::sdo_upload, Errc::unsupported, 0, 0);
     co_return at;

@@ -16,7 +16,8 @@ constexpr std::size_t kPayload = coe::kInfoHeaderBytes;
 constexpr std::size_t kObjectHead = coe::kObjectResponseBytes - kPayload;
 constexpr std::size_t kEntryHead = coe::kEntryResponseBytes - kPayload;
 constexpr std::uint32_t kMostObjects = 0x10000;  // all indices
-constexpr std::size_t kMostDescription = 4096;   // octets of one description; more of them end the query with an error
+// Octets of one description; a longer description ends the query with an error.
+constexpr std::size_t kMostDescription = 4096;
 
 template <std::size_t N>
 std::uint8_t copy_name(Bytes from, std::array<char, N>& name) {
@@ -202,7 +203,7 @@ Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObj
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused);
     if (channel.send_room() < coe::kEntryRequestBytes) co_return complete({.code = Errc::unsupported});
-    // An error does not name its object.
+    // An error of SDO information does not contain the object.
     constexpr auto key = mail_key::of(mail_key::Kind::sdo_information);
     Error failed{.code = Errc::reply_lost};
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {

@@ -14,7 +14,7 @@ class InfoQuery : public MailClient {
     std::size_t compose(MutableBytes data) final;
     Taken accept(const wire::MailboxMessage& mail) final;
 
-    // Starts again: all fragments will be sent again.
+    // Starts again with the first fragment.
     void restart() {
         begun_ = false;
         forget_fragments();

@@ -4,7 +4,8 @@ namespace margay {
 
 bool is_refusal(const Error& error) { return error.code == Errc::sdo_abort || error.code == Errc::mailbox_error; }
 
-// An answer with fewer octets is no value: zeros in their place would be an empty list, or another element.
+// The error of an answer with too few octets. Zeros in place of the missing octets would mean an empty list, or another
+// element.
 Error SdoList::too_short(unsigned n, std::size_t expected, std::size_t actual) const {
     Error error = channel_.station().error(Errc::wrong_size, Step::sdo_upload, index_);
     error.subindex = static_cast<std::uint8_t>(n);

@@ -58,7 +58,7 @@ Error pdo_error(Error error, MailboxChannel& channel, std::uint16_t number) {
 
 }  // namespace
 
-// The message of this size is longer than the mailbox, which may be shorter than a CoE header.
+// The error of a message that is longer than the mailbox. The mailbox may even be shorter than a CoE header.
 static Error too_long(MailboxChannel& channel, std::uint16_t number, std::size_t bytes) {
     Error error = channel.station().error(Errc::capacity, Step::mailbox_send, number);
     error.expected = static_cast<std::uint32_t>(bytes);

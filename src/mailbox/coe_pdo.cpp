@@ -8,7 +8,7 @@ namespace {
 constexpr std::uint16_t kSmTypes = 0x1C00;
 constexpr std::uint16_t kAssignment = 0x1C10;
 
-// Returns the bits of the PDO at.pdo. Gaps are entries with index 0, and count.
+// Returns the bits of the PDO at.pdo. Gaps are entries with index 0, and are included.
 Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, const MailPatience& patience,
                                      EntrySink* sink) {
     SdoList entries(channel, at.pdo, 4, patience);
@@ -70,9 +70,10 @@ Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, 
         auto bits = co_await assigned_bits(channel, {.direction = direction, .sync_manager = n}, patience, entries);
         if (!bits && !is_refusal(bits.error())) co_return bits.error();
         any = any || bits;
-        // The slave refuses a PDO, not the assignment: this does not mean that there are no PDOs.
+        // The slave has refused a PDO and not the assignment, so it may have PDOs.
         if (!bits && bits.error().index != kAssignment + n) undescribed[n] = bits.error().index;
-        // The dictionary has no assignment for this direction: the length in the SII is used, which may be fixed.
+        // The dictionary has no assignment for this direction: the length of the SII is used, because the process data
+        // may be fixed.
         const std::uint32_t length = bits ? *bits : slave.sync_managers[n].length_bytes * 8U;
         if (bits || length != 0) found[n] = {.any = true, .direction = direction, .bits = length};
     }

@@ -111,7 +111,7 @@ Task<Result<>> write_mapping(MailboxChannel& channel, const Pdo& pdo, const Mail
     co_return difference ? with_difference(written.error(), *difference) : written.error();
 }
 
-// Which of the mappings differ, one bit each. Mappings without listed entries do not.
+// The mappings that differ, one bit for each. Mappings without listed entries do not differ.
 struct Differing {
     std::array<std::uint32_t, 8> bits{};
     [[nodiscard]] bool any() const {

@@ -11,8 +11,8 @@ namespace coe = wire::coe;
 namespace {
 
 // Sends an abort to the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled
-// request. Also when the slave has not answered the first message: it need not go on, and a slave that works on one
-// message at a time takes the abort when it has answered.
+// request. The abort is also sent if the slave has not answered the first message. Then the slave need not continue,
+// and a slave that processes one message at a time accepts the abort after its answer.
 class AbortGuard {
   public:
     AbortGuard(MailboxChannel& channel, const MailSession& session, const SdoTransfer& transfer)
@@ -31,8 +31,8 @@ class AbortGuard {
     const SdoTransfer& transfer_;
 };
 
-// A question whose answer shows that the slave has answered all requests before. The late reply itself shows it, too,
-// if no other one is owed.
+// A question whose answer shows that the slave has answered all requests before. If exactly one reply is owed, the late
+// reply itself shows this, too.
 class OrderQuestion final : public MailClient {
   public:
     OrderQuestion(const SdoObject& object, std::uint64_t key, bool only)
@@ -46,7 +46,7 @@ class OrderQuestion final : public MailClient {
         return only_ ? Taken::all : Taken::more;
     }
     unsigned late = 0;     // late replies of the key
-    bool settled = false;  // one of them has ended the exchange
+    bool settled = false;  // a late reply has ended the exchange
 
   private:
     std::array<std::byte, 8> value_{};
@@ -78,7 +78,7 @@ bool ask_again(MailboxChannel& channel, SdoTransfer& transfer) {
 }
 
 constexpr Duration kUntilReady = std::chrono::milliseconds(1);
-// Most replies that are late come so soon. They are waited for before the slave is asked.
+// Most late replies come within this time, so the sequence waits for it before it sends a question.
 constexpr Duration kSoonLate = std::chrono::milliseconds(5);
 
 }  // namespace
@@ -95,7 +95,7 @@ Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::u
         if (channel.is_fenced()) soon = later(engine.now(), kSoonLate);
     }
     Error failed{.code = Errc::reply_lost};
-    // An error reply may be that of another message, so no number of them is an answer to the questions.
+    // An error reply may belong to another message, so it never counts as the answer to a question.
     const auto go_on = [&] {
         const bool refused = failed.code == Errc::mailbox_error && engine.now() < patience.give_up;
         return failed.code == Errc::reply_lost || refused;

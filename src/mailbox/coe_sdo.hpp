@@ -28,16 +28,16 @@ namespace margay {
 [[nodiscard]] Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, const MailPatience& patience,
                                           Step step);
 
-// Waits until no reply to an earlier request can arrive that would be taken for the reply to a request of this key
+// Waits until no reply to an earlier request can arrive that would be mistaken for the reply to a request of this key
 // (MailboxChannel::is_doubtful()): a slave that is slow, or that keeps messages in a queue, still answers a request
-// that was given up. The slave answers in order, so the sequence asks for another object. `session` is of CoE. Errors:
-// the errors of an exchange, complete with `step` and the index and subindex of the key.
+// that was given up. The slave answers in order, so the sequence reads another object. `session` is of CoE. Errors: the
+// errors of an exchange, complete with `step` and the index and subindex of the key.
 [[nodiscard]] Task<Result<>> settle_owed(MailboxChannel& channel, MailSession& session, std::uint64_t key,
                                          MailPatience patience, Step step);
 
 // Whether the abort may mean that complete access is not possible.
 [[nodiscard]] bool may_be_complete_access(const Error& error);
-// Whether the abort certainly means that. Complete access is then not tried again with this slave.
+// Whether the abort certainly means this. Then complete access is not tried again with this slave.
 [[nodiscard]] bool is_complete_access_refused(const Error& error);
 
 }  // namespace margay

@@ -22,7 +22,7 @@ class UploadToSink final : public SdoUploading {
         : SdoUploading(object, UINT32_MAX), request_(request), part_(part) {}
 
     bool prepare() override {
-        show();  // the size is known before the sink takes anything
+        show();  // the size is known before the sink receives octets
         while (pushed_ < filled_) {
             const Bytes rest = Bytes(part_).subspan(pushed_, filled_ - pushed_);
             const ByteSink::Taken taken = request_.sink->push(rest);
@@ -43,7 +43,7 @@ class UploadToSink final : public SdoUploading {
 
   private:
     void show() {
-        // An expedited value has no size before it.
+        // For an expedited value, the size was not shown before.
         SdoStreamAccess::set(request_, done_ - (filled_ - pushed_), over() ? done_ : size_);
     }
     void store(Bytes octets) override {
@@ -54,7 +54,7 @@ class UploadToSink final : public SdoUploading {
     SdoUploadStream& request_;
     MutableBytes part_;
     std::size_t filled_ = 0;  // octets of the part
-    std::size_t pushed_ = 0;  // of them, accepted by the sink
+    std::size_t pushed_ = 0;  // octets of the part that the sink has accepted
     bool begun_ = false;
 };
 
@@ -88,7 +88,7 @@ class DownloadFromSource final : public SdoDownloading {
         }
         return true;
     }
-    // The octets of the first message are still there.
+    // The octets of the first message are still in `part_`.
     bool restart() override { return done_ == 0 && SdoTransfer::restart(); }
 
   private:
@@ -99,7 +99,7 @@ class DownloadFromSource final : public SdoDownloading {
     SdoDownloadStream& request_;
     MutableBytes part_;
     std::size_t filled_ = 0;  // octets of the part
-    std::size_t from_ = 0;    // where the part begins in the value
+    std::size_t from_ = 0;    // offset of the part in the value
 };
 
 SdoObject object_of(const SdoStream& request) { return {request.index, request.subindex, request.complete_access}; }

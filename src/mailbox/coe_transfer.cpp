@@ -43,7 +43,7 @@ std::array<std::byte, SdoTransfer::kAbortBytes> SdoTransfer::abort_message() con
     return data;
 }
 
-// Some slaves leave the index out when they abort a segment.
+// Some slaves abort a segment with index 0.
 bool SdoTransfer::read_abort(Bytes data) {
     if (data.size() < coe::kSdoBytes) {
         fail(Errc::protocol, coe::kSdoBytes, data.size());
@@ -124,7 +124,7 @@ void SdoUploading::read_initiated(std::uint8_t command, Bytes data) {
     if ((command & sdo::kExpedited) != 0) {
         const std::size_t unused = (command >> sdo::kExpeditedUnusedShift) & 3U;
         const bool indicated = (command & sdo::kSizeIndicated) != 0;
-        // Without a size the value is as long as the buffer of the caller: the caller knows the object.
+        // If the size is not indicated, the value has the size of the buffer, because the caller knows the object.
         const std::size_t size = indicated ? coe::kExpeditedBytes - unused : std::min(coe::kExpeditedBytes, room_);
         if (size > room_) return fail(Errc::capacity, size, room_);
         keep(data.subspan(SdoLayout::expedited_data, size));
@@ -148,7 +148,7 @@ void SdoUploading::read_segment(std::uint8_t command, Bytes data) {
     const bool last = (command & sdo::kLastSegment) != 0;
     const std::size_t left = size_ - done_;
     if (part.size() > left) return fail(Errc::protocol, size_, done_ + part.size(), Abort::length_too_high);
-    if (part.empty() && !last) return fail(Errc::protocol, size_, done_);  // it would never end
+    if (part.empty() && !last) return fail(Errc::protocol, size_, done_);  // the transfer would never end
     keep(part);
     toggle_ = !toggle_;
     if (!last) return;

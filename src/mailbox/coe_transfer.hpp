@@ -1,4 +1,4 @@
-// SDO transfers of the client, independent of the bus: which message is next, and what a reply means (ETG.1000.6 "SDO
+// SDO transfers of the client, independent of the bus: the next message, and the meaning of a reply (ETG.1000.6 "SDO
 // services": expedited, normal and segmented; one subindex or a whole object).
 //
 // Mail that does not belong to the transfer is ignored (an emergency, a late reply to another request). Mail that
@@ -26,7 +26,7 @@ class SdoTransfer : public MailClient {
 
     Taken accept(const wire::MailboxMessage& mail) final;
 
-    // Prepares the next message, or passes on what the last one has brought. False: the application is not ready, try
+    // Prepares the next message, or passes on the octets of the last reply. False: the application is not ready, try
     // again later. May end the transfer.
     [[nodiscard]] virtual bool prepare() { return true; }
     // Starts again with the first message. False: octets have gone to the application, or come from it.
@@ -44,8 +44,8 @@ class SdoTransfer : public MailClient {
     [[nodiscard]] const SdoObject& object() const { return object_; }
     // The next message is the first one of the transfer.
     [[nodiscard]] bool begins() const { return phase_ == Phase::initiate; }
-    // Distinguishes exchanges of different objects; see MailExchange::Options. Also of segments: the reply to a segment
-    // may be an abort, which names the object.
+    // Distinguishes exchanges of different objects; see MailExchange::Options. Segments have the same key, because the
+    // reply to a segment may be an abort, which contains the object.
     [[nodiscard]] std::uint64_t key() const {
         return mail_key::of(mail_key::Kind::sdo, object_.index, object_.subindex);
     }
@@ -89,8 +89,8 @@ class SdoTransfer : public MailClient {
     Error error_;
 };
 
-// The messages of an upload, wherever the value goes. A value larger than `room` ends the transfer with Errc::capacity;
-// its rest is not requested.
+// The messages of an upload, for any destination of the value. A value larger than `room` ends the transfer with
+// Errc::capacity; the rest of the value is not requested.
 class SdoUploading : public SdoTransfer {
   public:
     std::size_t compose(MutableBytes data) final;
@@ -111,7 +111,7 @@ class SdoUploading : public SdoTransfer {
     std::size_t room_;
 };
 
-// The messages of a download of `size` octets, wherever the value comes from.
+// The messages of a download of `size` octets, for any source of the value.
 class SdoDownloading : public SdoTransfer {
   public:
     std::size_t compose(MutableBytes data) final;
@@ -137,7 +137,7 @@ class SdoDownloading : public SdoTransfer {
     std::size_t under_way_ = 0;  // octets in the message that is not acknowledged yet
 };
 
-// To memory and from memory, which outlives the transfer.
+// Transfers to memory and from memory. The memory outlives the transfer.
 class SdoUploadTransfer final : public SdoUploading {
   public:
     SdoUploadTransfer(const SdoObject& object, MutableBytes into) : SdoUploading(object, into.size()), into_(into) {}

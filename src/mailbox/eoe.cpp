@@ -54,7 +54,7 @@ std::uint64_t key_of_call(eoe::Type request) {
     return mail_key::of(mail_key::Kind::eoe, static_cast<std::uint32_t>(request));
 }
 
-// The question is another read.
+// Settles late answers. The question is one of the reads of parameters.
 Task<Result<>> settle_parameters(MailboxChannel& channel, MailSession& session, eoe::Type request,
                                  MailPatience patience) {
     const std::uint64_t key = key_of_call(request);
@@ -66,7 +66,7 @@ Task<Result<>> settle_parameters(MailboxChannel& channel, MailSession& session, 
 
 }  // namespace
 
-// The answers name no request, only its type.
+// An answer contains only the type of its request.
 Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, MailPatience patience) {
     constexpr auto kType = wire::MailboxType::eoe;
     MailSession session(channel, kType, patience.priority, patience.give_up);

@@ -38,7 +38,7 @@ class EoeClient final : public MailClient {
     Error error_;
 };
 
-// Executes the request. What `call` points to outlives the task.
+// Executes the request. The objects to which `call` points outlive the task.
 [[nodiscard]] Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, MailPatience patience);
 
 // Exchanges the frames of `port` with its slave, without end. The port outlives the task.

@@ -63,7 +63,7 @@ class RelayLooks final : public EoeRelayWatch {
 
 namespace {
 
-// Not in BOOT, and not when a scan has found another slave.
+// Whether the slave can exchange frames: not in BOOT, and not if a scan has found another slave without EoE.
 bool carries_frames(const MailboxChannel& channel) {
     const Slave& slave = channel.slave();
     return channel.is_reachable() && slave.al.state != AlState::boot &&

@@ -167,8 +167,8 @@ bool EoeRelay::take_fragment(const eoe::Header& header, Bytes data) {
     return false;
 }
 
-// The frame that the fragment continues. For the first fragment of a frame: the frame with the same number, which gets
-// no more fragments; else a free place; else that of the oldest frame.
+// The place of the frame that the fragment continues. For the first fragment of a frame: the place of the frame with
+// the same number, which gets no more fragments; otherwise a free place; otherwise the place of the oldest frame.
 EoeRelay::Assembly* EoeRelay::place_for(const eoe::Header& header) {
     if (header.fragment == 0) drop_old(header);
     const auto all = std::span(assemblies_).first(slots_);
@@ -185,8 +185,8 @@ EoeRelay::Assembly* EoeRelay::place_for(const eoe::Header& header) {
     return &*place;
 }
 
-// A frame begins. Frame numbers have 4 bits, and slaves count up: a frame whose number lies 8 or more behind will not
-// be completed, and the next frame with its number must not be taken for it.
+// A frame begins. Frame numbers have 4 bits, and slaves count up: a frame whose number is 8 or more behind will not be
+// completed, and must not be mistaken for the next frame with this number.
 void EoeRelay::drop_old(const eoe::Header& header) {
     constexpr unsigned kNumbers = 16;
     const auto behind = [&](unsigned number) { return (header.frame_number - number) % kNumbers; };

@@ -10,7 +10,7 @@
 
 namespace margay {
 
-// What the relay tells the sequence around it.
+// The functions by which the relay informs its sequence.
 class EoeRelayWatch {
   public:
     // A fragment is sent now.
@@ -27,19 +27,20 @@ class EoeRelay final : public MailListener, public MailClient {
     // `port` and `watch` outlive the relay.
     EoeRelay(std::uint16_t slave, EoePort& port, EoeRelayWatch& watch);
 
-    // To the slave. True: a fragment waits to be sent, and compose() writes it.
+    // Frames to the slave. True: a fragment waits to be sent, and compose() writes it.
     [[nodiscard]] bool has_fragment();
     std::size_t compose(MutableBytes data) override;
     Taken accept(const wire::MailboxMessage&) override { return Taken::no; }
-    // The fragment was sent. False: the slave has not taken it, and the rest of its frame is not sent.
+    // Call it when the fragment was sent. `taken` false: the slave has not accepted it, and the rest of its frame is
+    // not sent.
     void sent(bool taken);
-    // The mailbox was opened again: drops the frames from the slave that are not complete, and sends the frame that is
-    // being sent from its beginning. Where a fragment waited, sent() has dropped this frame.
+    // Call it when the mailbox was opened again: drops the frames from the slave that are not complete, and sends the
+    // frame that is being sent from its beginning. If a fragment waited, sent() has dropped this frame before.
     void begin_again();
-    // Also drops the frames that wait for the slave.
+    // The same, and drops the frames that wait for the slave.
     void drop_all();
 
-    // From the slave.
+    // Frames from the slave.
     bool take(const UnaskedMail& mail) override;
 
   private:
@@ -65,7 +66,7 @@ class EoeRelay final : public MailListener, public MailClient {
     bool wants_time_ = false;
     // The frames that are being received.
     std::array<Assembly, EoePort::kMostAtOnce> assemblies_;
-    std::array<std::uint32_t, EoePort::kMostAtOnce> begun_{};  // in which order
+    std::array<std::uint32_t, EoePort::kMostAtOnce> begun_{};  // the order in which the frames have begun
     std::uint32_t begun_last_ = 0;
     std::size_t slots_ = 0;
     std::uint16_t dropped_ = 0;  // bits of the frame numbers whose further fragments are ignored

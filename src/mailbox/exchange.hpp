@@ -22,8 +22,8 @@ namespace margay {
 
 class MailboxChannel;
 
-// The keys of exchanges, see MailExchange::Options: the kind in the upper half, and what distinguishes exchanges of
-// this kind in the lower half.
+// The keys of exchanges, see MailExchange::Options: the upper half is the kind, and the lower half distinguishes
+// exchanges of this kind.
 namespace mail_key {
 enum class Kind : std::uint8_t { none, sdo, sdo_information, tx_pdo, foe, soe, eoe };
 [[nodiscard]] constexpr std::uint64_t of(Kind kind, std::uint32_t which = 0) {
@@ -33,12 +33,12 @@ enum class Kind : std::uint8_t { none, sdo, sdo_information, tx_pdo, foe, soe, e
     return of(kind, std::uint32_t{index} << 8 | subindex);
 }
 [[nodiscard]] constexpr Kind kind_of(std::uint64_t key) { return static_cast<Kind>(key >> 32); }
-// A reply to the exchange can be taken for a reply to any other exchange of its protocol.
+// A reply to the exchange can be mistaken for a reply to any other exchange of its protocol.
 inline constexpr std::uint64_t kAny = UINT64_MAX;
 }  // namespace mail_key
 
-// The protocol's part in an exchange: composes the message and reads the replies. Without bus and time, so that it is
-// easy to test and to fuzz.
+// The part of the protocol in an exchange: composes the message and reads the replies. Independent of bus and time, so
+// that it is easy to test and to fuzz.
 class MailClient {
   public:
     enum class Taken : std::uint8_t {
@@ -79,7 +79,7 @@ class MailSession;
 
 class MailExchange : public MailTurn {
   public:
-    // How many mails end a reply to the exchange, if this is not known.
+    // The value of `mails` if it is not known how many mails a reply has.
     static constexpr std::uint8_t kManyMails = 255;
 
     struct Options {
@@ -89,7 +89,7 @@ class MailExchange : public MailTurn {
         std::uint64_t key = 0;
         std::uint16_t address = 0;  // station address in the mailbox header; 0: from the master
         bool reply = true;          // false: the exchange ends when the message has arrived
-        std::uint8_t mails = 1;     // that end a reply
+        std::uint8_t mails = 1;     // the number of mails in a reply
         bool in_parts = false;      // the reply may consist of several mails: if one of them is lost, Errc::reply_lost
         // A late reply does not look like the reply to the first message of the next sequence, so that sequence need
         // not wait as long as this exchange would have waited.
@@ -100,8 +100,8 @@ class MailExchange : public MailTurn {
         : channel_(channel), client_(client), options_(options), type_(type) {
         priority = options.patience.priority;
     }
-    // Of the protocol of a session. It ends with MailboxChannel::cut_by() when the channel was closed or interrupted
-    // since the session was granted: the slave may know nothing of the sequence any more.
+    // An exchange of the protocol of a session. It ends with MailboxChannel::cut_by() if the channel was closed or
+    // interrupted since the session was granted, because the slave may have forgotten the sequence.
     MailExchange(MailSession& session, MailClient& client, const Options& options);
     ~MailExchange();
 
@@ -138,7 +138,7 @@ class MailSession : public MailTurn {
     void await_suspend(std::coroutine_handle<> h) noexcept;
     Error await_resume() noexcept;
     [[nodiscard]] wire::MailboxType type() const { return type_; }
-    // False: it was not granted, or the channel was closed or interrupted since.
+    // False: the session was not granted, or the channel was closed or interrupted since.
     [[nodiscard]] bool holds() const;
 
   private:

@@ -26,7 +26,7 @@ Error of_file(Error error, const MailboxChannel& channel, Step step) {
     return error;
 }
 
-// Offers a transfer the mail that no exchange takes.
+// Passes a transfer the mail that no exchange accepts.
 class Overheard final : public MailListener {
   public:
     Overheard(MailboxChannel& channel, FoeTransfer& transfer)
@@ -44,8 +44,8 @@ class Overheard final : public MailListener {
     FoeTransfer& transfer_;
 };
 
-// Tells the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled request. Where
-// the slave may answer twice, the next transfer waits for the second answer.
+// Sends the slave an error message when a transfer ends early for any reason: an error, a timeout, or a cancelled
+// request. If the slave may answer twice, the next transfer waits for the second answer.
 class TransferEnd {
   public:
     TransferEnd(MailboxChannel& channel, const MailSession& session, const FoeTransfer& transfer)
@@ -65,7 +65,8 @@ class TransferEnd {
             channel_.owe_files(transfer_.late(), channel_.engine().now() + mail_timing::kOwedPatience);
         if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
     }
-    Duration slowest{0};  // what the slave needs at most for all answers to the last message, if it was repeated
+    // The longest time that the slave needs for all answers to the last message, if the message was repeated.
+    Duration slowest{0};
 
   private:
     MailboxChannel& channel_;
@@ -73,7 +74,7 @@ class TransferEnd {
     const FoeTransfer& transfer_;
 };
 
-// How long a slave has been busy with one packet, and the pause before it is asked again.
+// Measures how long a slave has been busy with one packet, and determines the pause before the message is sent again.
 class BusySlave {
   public:
     BusySlave(const FoeRequest& request, Time give_up) : most_(request.busy_timeout), give_up_(give_up) {}
@@ -81,7 +82,7 @@ class BusySlave {
         since_ = kNever;
         pause_ = kFirstBusyPause;
     }
-    // When to send the message again; kNever: the slave has been busy for too long.
+    // The time at which the message is sent again; kNever: the slave has been busy for too long.
     [[nodiscard]] Time again_at(Time now) {
         since_ = std::min(since_, now);
         if (now >= give_up_ || now - since_ >= most_) return kNever;
@@ -104,7 +105,7 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
     Engine& engine = channel.engine();
     BusySlave busy(transfer.request(), patience.give_up);
     unsigned again = 0;
-    Time asked{};  // the message for the first time
+    Time asked{};  // when the message was sent for the first time
     while (!transfer.over()) {
         if (!session.holds()) co_return of_file({.code = channel.cut_by()}, channel, step);
         const bool ready = transfer.prepare();
@@ -126,7 +127,7 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
             continue;
         }
         if (failed.code != Errc::none) co_return of_file(failed, channel, step);
-        // The slave has answered the messages before, with their repetitions: it answers in order.
+        // The slave answers in order, so it has answered all earlier messages and their repetitions.
         if (reply) end.slowest = again == 0 ? Duration{0} : (again + 1) * (engine.now() - asked);
         if (const unsigned late = channel.late_files(); late > again) transfer.doubt(late - again);
         again = 0;
@@ -143,7 +144,7 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
     co_return Nothing{};
 }
 
-// Why a transfer cannot begin; code none: it can.
+// The error if a transfer cannot begin; code none: it can.
 Error check_room(const MailboxChannel& channel, const FoeRequest& request, Step step) {
     const std::size_t needed = foe::kHeaderBytes + std::max<std::size_t>(request.name.size(), 1);
     if (channel.send_room() <= foe::kHeaderBytes || channel.receive_room() <= foe::kHeaderBytes)

@@ -11,7 +11,7 @@ using foe::Opcode;
 namespace {
 
 constexpr std::uint32_t kNarrow = 0xFFFF;  // the numbers of a slave that counts with 16 bits
-constexpr std::uint32_t kRemembered = 8;   // replies to so many earlier messages are ignored
+constexpr std::uint32_t kRemembered = 8;   // replies to this number of earlier messages are ignored
 constexpr std::string_view kEnded = "canceled";
 
 // The distance from a number in a reply to the expected number.
@@ -70,23 +70,25 @@ std::size_t FoeTransfer::compose(MutableBytes data) {
     return foe::kHeaderBytes + name.size();
 }
 
-// A farewell has no answer.
+// Whether the reply belongs to the last message. The message that ends the transfer has no reply.
 bool FoeTransfer::is_answered(std::uint32_t number) const {
     return phase_ != Phase::farewell && distance(number, number_) == 0;
 }
 
-// A reply to the request of this transfer is the first one: another number belongs to an earlier transfer.
+// Whether the reply is old. During the request, a reply with another number than the expected one belongs to an earlier
+// transfer.
 bool FoeTransfer::is_old(std::uint32_t number) const {
     return phase_ == Phase::request || begins_again_ || distance(number, number_) <= kRemembered;
 }
 
-// The first packet comes twice although it was asked for once: the one before was of an earlier file.
+// Whether the first packet has come twice although it was requested once: then the previous one belonged to an earlier
+// file.
 bool FoeTransfer::is_first_again(std::uint32_t number) const {
     const bool begun = phase_ == Phase::packets || phase_ == Phase::farewell;
     return doubtful_ && !repeated_ && !asked_again_ && answer_ == Opcode::data && begun && number == 1;
 }
 
-// A first packet may come while no message of the transfer is unanswered.
+// Mail outside an exchange: a first packet may come while the transfer waits for no reply.
 void FoeTransfer::overhear(Bytes data) {
     const bool packet = data.size() >= foe::kHeaderBytes && Layout::opcode::load(data) == Opcode::data;
     const auto number = packet ? Layout::packet_number::load(data) : 0;
@@ -153,9 +155,10 @@ void FoeReadTransfer::read_answer(Bytes body) {
     fresh_ = true;
 }
 
-// The only packet of a file may be that of an earlier one. The slave answers in order: behind as many replies as may be
-// late, each reply belongs to this file. If that one is not its only packet, the reply before belonged to another file,
-// and the slave has taken its acknowledgement for this one.
+// If a file has only one packet, the packet may belong to an earlier file. So the file is requested again, once for
+// each reply that may be late: the slave answers in order, so the last reply belongs to this file. If this reply is not
+// the only packet of the file, the previous reply belonged to another file, and the slave has mistaken its
+// acknowledgement for an acknowledgement of this file.
 bool FoeReadTransfer::asks_again() {
     const bool only = filled_ < packet_.size();
     if (!only && asked_again_)
@@ -175,7 +178,8 @@ bool FoeReadTransfer::prepare() {
         const auto rest = Bytes(packet_).subspan(pushed_, filled_ - pushed_);
         const ByteSink::Taken taken = sink_.push(rest);
         if (taken.failure != 0) {
-            // A sink of the application may fail with any code; only the sink in memory is known to be full.
+            // A sink of the application may fail with any code. Only for the sink in memory, the failure means that it
+            // is full.
             const bool full = to_memory_;
             fail({.code = full ? Errc::capacity : Errc::stream_failed, .detail = full ? 0 : taken.failure},
                  foe::ErrorCode::disk_full);
@@ -217,9 +221,9 @@ void FoeWriteTransfer::read_answer(Bytes) {
     if (!first) report_progress({});
 }
 
-// The first acknowledgement may be that of an earlier request, and the next one that of the first packet behind it. So
-// the request is sent again, as often as acknowledgements may be late: the slave answers in order, and the last of
-// these acknowledgements belongs to this file, as all behind it do.
+// The first acknowledgement may belong to an earlier request, and the next acknowledgement to the first packet after
+// that request. So the request is sent again, once for each acknowledgement that may be late: the slave answers in
+// order, so the last of these acknowledgements and all later ones belong to this file.
 bool FoeWriteTransfer::asks_again() {
     if (phase_ != Phase::packets || pulled_ || late_ == 0) return false;
     --late_;

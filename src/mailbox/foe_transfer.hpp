@@ -1,20 +1,20 @@
-// Reading and writing of a file by the client, independent of the bus: which message is next, and what a reply means
+// Reading and writing of a file by the client, independent of the bus: the next message, and the meaning of a reply
 // (ETG.1000.6 "File access over EtherCAT").
 //
 // Packets. The first packet has the number 1; a packet that is not full, also one of 0 octets, is the last one. The
 // number has 32 bits. Some slaves count with 16 bits, so a number that fits 16 bits is compared with the lower half of
 // the expected number.
 //
-// Repetitions. A slave that is busy answers so, and the client sends its last message again. Some slaves then answer
-// twice, once when they are no longer busy and once to the repeated message. So a reply to one of the last messages is
-// ignored; only a reply that cannot be one ends the transfer. A second answer may also come behind the transfer: the
-// next one waits for it (foe.cpp).
+// Repetitions. A busy slave answers "busy", and the client sends its last message again. Some slaves then answer twice,
+// once when they are no longer busy and once to the repeated message. So a reply to one of the last messages is
+// ignored; only a reply that cannot be such a reply ends the transfer. A second answer may also come after the
+// transfer: the next transfer waits for it (foe.cpp).
 //
 // Late replies. While a reply to an earlier transfer may come, a file of one packet is read again, and the request of a
 // write is sent again: see asks_again().
 //
-// Hostile slaves. Nothing that a slave sends is stored beyond one packet of the size of its mailbox. Ignored mail does
-// not prolong the wait for an answer, and foe.cpp limits how long a slave may be busy.
+// Hostile slaves. At most one packet of the size of the mailbox is stored of the octets that a slave sends. Ignored
+// mail does not prolong the wait for an answer, and foe.cpp limits how long a slave may be busy.
 #pragma once
 
 #include "mailbox/exchange.hpp"
@@ -53,7 +53,8 @@ class FoeTransfer : public MailClient {
     [[nodiscard]] bool over() const { return phase_ == Phase::over; }
     // The error without slave and step; code none on success.
     [[nodiscard]] const Error& error() const { return error_; }
-    // A message was sent again: the slave may answer it twice, and the second answer may come behind the transfer.
+    // Call it when a message is sent again: the slave may answer it twice, and the second answer may come after the
+    // transfer.
     void repeats() { repeated_ = true; }
     [[nodiscard]] bool has_repeated() const { return repeated_; }
     // `late`: how many earlier requests there are whose late replies may be the first replies to this transfer.
@@ -63,15 +64,15 @@ class FoeTransfer : public MailClient {
     // After a transfer that has not ended well: how many first replies may still come, to earlier requests or to the
     // request of this transfer.
     [[nodiscard]] unsigned late() const { return late_ - (overtaken_ ? 1U : 0U); }
-    // Mail of the slave that no exchange has taken.
+    // Call it for mail of the slave that no exchange has accepted.
     void overhear(Bytes data);
-    // The reply to the next message looks like the first reply to another transfer. The acknowledgement of packet 1
-    // does not: a write whose request was sent as often as acknowledgements may be late has no earlier one left.
+    // Whether the reply to the next message looks like the first reply to another transfer. The acknowledgement of
+    // packet 1 does not: before packet 1, a write sends its request once for each acknowledgement that may be late.
     [[nodiscard]] bool is_like_first() const {
         const std::uint32_t first = answer_ == wire::foe::Opcode::data ? 1 : 0;
         return phase_ == Phase::request || (number_ & 0xFFFF) <= first;
     }
-    // The slave must get an error message, because the transfer has ended early.
+    // Whether an error message must be sent to the slave, because the transfer has ended early.
     [[nodiscard]] bool must_abort() const { return slave_open_; }
     [[nodiscard]] std::array<std::byte, kAbortBytes> abort_message() const;
     [[nodiscard]] FoeRequest& request() const { return request_; }
@@ -100,7 +101,7 @@ class FoeTransfer : public MailClient {
     Phase phase_ = Phase::request;
     bool slave_open_ = false;
     unsigned late_ = 0;          // how many of the next first replies may be late ones
-    bool begins_again_ = false;  // behind the farewell
+    bool begins_again_ = false;  // the transfer begins again after the farewell
     bool asked_again_ = false;   // more than one reply to the request may come
 
   private:
@@ -113,11 +114,12 @@ class FoeTransfer : public MailClient {
 
     wire::foe::Opcode asks_;
     wire::foe::Opcode answer_;
-    wire::foe::ErrorCode said_ = wire::foe::ErrorCode::undefined;  // why this end has ended the transfer
+    // The error code with which the client has ended the transfer.
+    wire::foe::ErrorCode said_ = wire::foe::ErrorCode::undefined;
     bool busy_ = false;
     bool repeated_ = false;
     bool doubtful_ = false;
-    bool overtaken_ = false;  // two first replies have come: one was late, and the other one is this transfer's or late
+    bool overtaken_ = false;  // two first replies have come: one was late, and the other one may be late, too
     Error error_;
 };
 

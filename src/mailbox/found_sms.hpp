@@ -26,7 +26,7 @@ struct FoundEntry {
     std::uint16_t pdo = 0;         // index of the PDO
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
-    std::uint8_t data_type = 0;     // of CoE, where known
+    std::uint8_t data_type = 0;     // CoE data type, if known
     std::uint32_t offset_bits = 0;  // from the start of the SyncManager's data
     std::uint32_t bits = 0;
 };

@@ -9,8 +9,8 @@ constexpr unsigned drive_of(std::uint64_t key) { return static_cast<unsigned>(ke
 
 }  // namespace
 
-// The counters that an exchange of this key concerns. The lower half of a key is the type of an EoE request; its lowest
-// octet is the drive of an SoE request (SoeTransfer::key()).
+// The counters for an exchange of this key. The lower half of a key is the type of an EoE request; its lowest octet is
+// the drive of an SoE request (SoeTransfer::key()).
 LateAnswers::Places LateAnswers::places(wire::MailboxType type, std::uint64_t key) {
     constexpr std::uint8_t kDrives = wire::soe::kDrives;
     const bool any = key == mail_key::kAny;
@@ -43,7 +43,8 @@ void LateAnswers::add(wire::MailboxType type, std::uint64_t key) {
     Open& open = open_of(type);
     const bool all = key == mail_key::kAny;
     const bool eoe = type == wire::MailboxType::eoe;
-    // EoE: a late answer of the kind of the question may pass for its answer, but only one more answer is needed then.
+    // EoE: a late answer of the type of the question may be mistaken for the answer to the question. Then only one more
+    // answer is needed.
     const bool behind = eoe ? all || of.first - wire::soe::kDrives != open.which : all || of.first == open.which;
     if (behind) open.after = static_cast<std::uint8_t>(std::min(open.after + 1U, kMost)) & 0xFU;
 }
@@ -109,7 +110,7 @@ bool LateAnswers::is_open(wire::MailboxType type, std::uint64_t key) const {
     return open.waits != 0 && (type == wire::MailboxType::eoe || drive_of(key) == open.which);
 }
 
-// The drive has answered all that came before the question, also the questions before it.
+// The drive has answered all earlier requests, earlier questions included.
 void LateAnswers::hear_drive(unsigned drive, unsigned number) {
     Numbers& numbers = numbers_[drive];
     const unsigned behind = (numbers.last + kNumbers - number) % kNumbers;
@@ -123,14 +124,14 @@ void LateAnswers::hear_drive(unsigned drive, unsigned number) {
     limit(drive, open.after);
 }
 
-// Counts one answer of the kind of the question: it answers the question or an earlier request.
+// Counts one answer of the type of the question: the answer to the question, or to an earlier request.
 void LateAnswers::hear_call(unsigned call) {
     const unsigned place = wire::soe::kDrives + call;
     limit(place, std::max(at(place), 1U) - 1U);
     Open& open = open_[1];
     if (open.needs == 0 || open.which != call) return;
     open.needs = static_cast<std::uint8_t>(open.needs - 1U) & 0xFU;
-    open.waits = 0;  // for one more answer the question must be asked once more
+    open.waits = 0;  // one more answer is needed, so the question must be sent once more
     if (open.needs != 0) return;
     open.answered = 1;
     for (unsigned other = 0; other < kEoeCalls; ++other)

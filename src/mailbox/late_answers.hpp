@@ -1,7 +1,7 @@
 // Counts the answers that may still arrive to requests for EoE parameters and SoE requests that were given up. Such an
 // answer does not say which request it answers, and no pause is long enough to exclude it. The answer to a question
 // excludes it: a slave answers EoE requests in order, and each drive answers SoE requests in order (mail_order.hpp). A
-// question is remembered when its own answer comes late, too.
+// question is also remembered, because its own answer may come late.
 #pragma once
 
 #include "mailbox/exchange.hpp"
@@ -27,26 +27,27 @@ class LateAnswers {
 
     // The question to ask before an exchange of this key. Nothing: too many answers to each question may still arrive.
     [[nodiscard]] std::optional<Question> next_question(wire::MailboxType type, std::uint64_t key) const;
-    // The question is sent. If the last question was the same, it counts as a repetition; any other one is replaced.
+    // Call it when the question is sent. The same question as before counts as a repetition. Otherwise the last
+    // question is replaced.
     void ask(wire::MailboxType type, std::uint64_t key, Question question);
-    // The question is sent once more.
+    // Call it when the question is sent once more.
     void add_question(wire::MailboxType type, Question question);
-    // An answer to the question has come to the exchange that waits for it.
+    // Call it when the exchange of the question has received an answer.
     void hear(wire::MailboxType type, std::uint64_t key, Question question);
-    // A question that concerns exchanges of this key waits for its answer.
+    // Whether a question for exchanges of this key waits for its answer.
     [[nodiscard]] bool is_open(wire::MailboxType type, std::uint64_t key) const;
     // How many answers of the kind of the question must still come; 0: no late answer can follow.
     [[nodiscard]] unsigned needs(wire::MailboxType type) const { return open_of(type).needs; }
-    // The answer to the question seems lost. It still counts if it comes later.
+    // Call it when the answer to the question seems to be lost. If the answer comes later, it still counts.
     void drop(wire::MailboxType type) { open_of(type).waits = open_of(type).answered = 0; }
-    // The slave has answered a question before, in time or late.
+    // Whether the slave has answered a question before, in time or late.
     [[nodiscard]] bool trusts(wire::MailboxType type) const { return open_of(type).answered != 0; }
 
-    // EoE: the slave has answered a request whose answer looks like no late answer, so no late answer can come any
-    // more.
+    // EoE: call it when the slave has answered a request whose answer cannot be mistaken for a late answer. So no late
+    // answer can come any more.
     void end();
 
-    // Mail that no exchange and no listener has accepted, and that may be the answer to a request.
+    // Call it for mail that no exchange and no listener has accepted, and that may be the answer to a request.
     void note(const wire::MailboxMessage& mail);
 
     // The four requests for EoE parameters have the even types of messages from 2 on.
@@ -66,8 +67,9 @@ class LateAnswers {
     struct Open {
         std::uint8_t which : 3 = 0;  // SoE: the drive; EoE: the question
         std::uint8_t waits : 1 = 0;
-        std::uint8_t after : 4 = 0;     // how many requests that were sent after the question were given up
-        std::uint8_t needs : 4 = 0;     // how many answers of its kind must come: the last one is surely not late
+        std::uint8_t after : 4 = 0;  // how many requests that were sent after the question were given up
+        // How many answers of its type must come, so that the last one is certainly not late.
+        std::uint8_t needs : 4 = 0;
         std::uint8_t answered : 1 = 0;  // see trusts()
     };
     struct Numbers {

@@ -7,7 +7,7 @@ namespace margay {
 
 bool Mailboxes::watch_for_listeners() {
     const TaskReference task = look_for_listeners();
-    if (!task) return false;  // the task of other listeners goes on
+    if (!task) return false;  // the task for the other listeners continues
     listening_.end();
     listening_.take(task);
     return tasks_.start(task);

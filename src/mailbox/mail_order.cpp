@@ -5,11 +5,11 @@
 namespace margay {
 namespace {
 
-// Most late answers come so soon. They are waited for before the slave is asked.
+// Most late answers come within this time, so the sequence waits for it before it sends a question.
 constexpr Duration kMostComeWithin = std::chrono::milliseconds(5);
 constexpr Duration kLookAgain = std::chrono::milliseconds(1);
 
-// Sends the question until its answer has come.
+// Sends the question repeatedly until its answer has come.
 Task<Result<>> ask_question(MailboxChannel& channel, MailSession& session, std::uint64_t key, MailClient& question,
                             LateAnswers::Question number, MailPatience patience) {
     LateAnswers& late = channel.late_answers();
@@ -64,7 +64,7 @@ Task<Result<>> settle_late_answers(MailboxChannel& channel, MailSession& session
     }
     const Time now = engine.now();
     const bool settled = late.count(type, key) == 0;
-    // The slave is slow: the next request will find it idle.
+    // The slave is slow. The request ends here, so that the next request finds the slave idle.
     if (settled ? doubtful && now > half && patience.for_one(now) - now < (most - begun) / 2
                 : late.count(type, key) == LateAnswers::kMost)
         co_return kTooLate;

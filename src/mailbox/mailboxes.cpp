@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint16_t kInStatus = wire::reg::sync_manager(1).address + wire::SyncManagerLayout::status::offset;
 constexpr std::size_t kWorthSharing = 3;   // number of waiting channels from which on one datagram looks for all
-constexpr std::size_t kSurveyAtOnce = 16;  // channels looked at together for mail that no exchange waits for
+constexpr std::size_t kSurveyAtOnce = 16;  // channels that look for unasked mail at the same time
 constexpr Duration kTick = std::chrono::milliseconds(1);
 constexpr std::uint8_t kMostRouted = 32;  // messages between slaves that are being forwarded
 constexpr Duration kRoutePatience = std::chrono::seconds(1);
@@ -88,8 +88,8 @@ bool Mailboxes::is_heard(std::uint16_t slave, MailboxType type) {
     return false;
 }
 
-// A listener may remove any listener while it is asked. One that it adds gets later mail only: otherwise listeners that
-// move to the end of the list would be asked without end.
+// While a listener is called, it may remove any listener. A listener that is added meanwhile gets only later mail:
+// otherwise listeners that move themselves to the end of the list would be called without end.
 bool Mailboxes::offer(const UnaskedMail& mail) {
     listeners_.take_back(new_listeners_);
     return offer_to(listeners_, mail) || offer_to(last_listeners_, mail);
@@ -163,7 +163,7 @@ Task<Result<>> Mailboxes::watch_all() {
     co_return Nothing{};
 }
 
-// Parked channels look themselves now; of the other channels a few look, in turn.
+// Parked channels now look themselves. A few of the other channels look, in turn.
 void Mailboxes::wake_channels(bool surely) {
     for (MailboxChannel& channel : channels_)
         if (channel.watched_by_mailboxes_) {

@@ -35,13 +35,14 @@ class Mailboxes {
 
     // Mail that no exchange takes is offered to the listeners of its slave and type, in the order of listen().
     void listen(MailListener& listener);
-    // As listen(), but the library asks it after all listeners of the application, also after later ones.
+    // The same as listen(), but the library calls this listener after all listeners of the application, also after
+    // listeners that are added later.
     void listen_last(MailListener& listener);
     void unlisten(MailListener& listener);
-    // Whether a listener for this slave alone takes mail of the type.
+    // Whether a listener for only this slave accepts mail of the type.
     [[nodiscard]] bool is_heard(std::uint16_t slave, MailboxType type);
     [[nodiscard]] bool hears(const MailListener& listener) const { return listener.mailboxes_ == this; }
-    // False: no listener takes the mail.
+    // False: no listener accepts the mail.
     [[nodiscard]] bool offer(const UnaskedMail& mail);
     // Looks regularly for the listeners that want it, from now on (listener_watch.cpp). False: no memory for the task.
     [[nodiscard]] bool watch_for_listeners();
@@ -87,10 +88,10 @@ class Mailboxes {
     TaskHandle watch_;
     Engine::Sleep::Timer nap_;
     List<MailListener> listeners_;
-    List<MailListener> new_listeners_;  // since the last mail
+    List<MailListener> new_listeners_;  // listeners that were added since the last mail
     List<MailListener> last_listeners_;
     MailListener* next_listener_ = nullptr;  // the listener that offer() asks next
-    List<MailListener>* asked_ = nullptr;    // the list in which it is
+    List<MailListener>* asked_ = nullptr;    // the list of next_listener_
     TaskHandle listening_;                   // look_for_listeners()
     std::uint8_t routing_ = 0;
     Crew tasks_;  // pumps, the watch, mail being forwarded

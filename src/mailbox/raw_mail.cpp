@@ -17,7 +17,7 @@ void keep(RawMail& request, Bytes mail) {
     std::ranges::copy(mail.first(std::min(mail.size(), request.answer.size())), request.answer.begin());
 }
 
-// Keeps mail of the answer. False: it was not the last one.
+// Keeps a mail of the answer. False: it is not the last mail of the answer.
 bool keep_last(RawMail& request, Bytes mail) {
     keep(request, mail);
     return request.more_follows == nullptr || !request.more_follows(request, mail);
@@ -47,7 +47,7 @@ class RawMessage final : public MailClient {
     RawMail& request_;
 };
 
-// Ends the sleep of its sequence when mail has arrived.
+// Ends the sleep of the sequence when mail has arrived.
 class RawListener final : public MailListener {
   public:
     RawListener(MailboxChannel& channel, RawMail& request)
@@ -85,7 +85,7 @@ Task<Result<>> transfer_raw(MailboxChannel& channel, RawMail& request, const Mai
         const Error refused = co_await session;
         if (refused.code != Errc::none) co_return channel.station().error(refused.code, Step::mailbox_send);
     }
-    // Replies of CoE do not say which message they answer, and the message may continue a transfer of the caller.
+    // Replies of CoE do not identify their message, and the message may continue a transfer of the caller.
     if (reply && request.type == wire::MailboxType::coe && channel.is_doubtful(mail_key::kAny))
         co_await required(settle_owed(channel, session, mail_key::kAny, patience, Step::mailbox_send));
     RawMessage message(request);

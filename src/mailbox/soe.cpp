@@ -20,8 +20,9 @@ Error complete(Error error, const MailboxChannel& channel, const SoeTarget& targ
 }
 
 // ETG.1000.6 has no service that ends a write early. Only the last mail of a write contains the IDN, so this message
-// completes the write, without an octet of the value, for an IDN that is never written: S-0-0000. A slave that has no
-// unfinished write refuses it as any other write to this IDN. Later writes of the drive wait for the answer.
+// completes the write, without an octet of the value, for an IDN that is never written: S-0-0000. A slave without an
+// unfinished write refuses this message like any other write to this IDN. Later writes of the drive wait for the
+// answer.
 void end_writes(MailboxChannel& channel, std::uint8_t drives) {
     for (std::uint8_t drive = 0; drive < soe::kDrives; ++drive) {
         const auto bit = static_cast<std::uint8_t>(1U << drive);
@@ -44,7 +45,7 @@ class WriteEnd {
     ~WriteEnd() {
         if (unfinished) channel_.end_operations(static_cast<std::uint8_t>(1U << drive_), end_writes);
     }
-    bool unfinished = false;  // the slave may have a mail of the write, and has not answered it
+    bool unfinished = false;  // the slave may have received a mail of the write, and has not answered the write
 
   private:
     MailboxChannel& channel_;
@@ -71,7 +72,7 @@ Task<Result<>> ask([[maybe_unused]] MailboxChannel& channel, MailSession& sessio
     co_return failed;
 }
 
-// A read that names its IDN in the answer, and which no request of an application reads: S-0-0000, S-1-0000 …
+// A read whose answer contains the IDN, of an IDN that no request of an application reads: S-0-0000, S-1-0000 …
 class DriveQuestion final : public MailClient {
   public:
     DriveQuestion(std::uint8_t drive, unsigned number) : idn_(Idn::standard(0, number)), drive_(drive) {}

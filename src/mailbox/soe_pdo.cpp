@@ -41,7 +41,8 @@ Task<Result<>> read_list(MailboxChannel& channel, SoeTarget target, IdnList& lis
     co_return Nothing{};
 }
 
-// Returns the bits of the listed parameters, and of the control or status word that is first without being listed.
+// Returns the bits of the listed parameters, and of the control word or status word, which comes first and is not
+// listed.
 Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t drive, const IdnList& list, Idn word,
                                         CheckValue& content) {
     std::uint32_t bits = kWordBits;

@@ -8,7 +8,7 @@
 
 namespace margay {
 
-// What a context does with SoE on its own.
+// The functions of SoE that a context itself uses.
 struct SoeFeature {
     Task<Result<bool>> (*find_sms)(MailboxChannel& channel, const Slave& slave, FoundSms& found, CheckValue& content);
 };

@@ -1,4 +1,4 @@
-// Reads and writes of parameters by the client, independent of the bus: which message is next, and what a reply means
+// Reads and writes of parameters by the client, independent of the bus: the next message, and the meaning of a reply
 // (ETG.1000.6 "Servo drive profile over EtherCAT": read, write, their fragments).
 //
 // Mail that does not belong to the transfer is ignored (a notification, a late reply to another request). Mail that
@@ -38,7 +38,8 @@ class SoeTransfer : public MailClient {
     ~SoeTransfer() = default;
 
     virtual Taken read_answer(const wire::soe::Header& header, Bytes data) = 0;
-    // Whether an error reply may have another number than the IDN: it answers a fragment, which has no IDN.
+    // Whether an error reply may contain another number in place of the IDN, because it answers a fragment, which has
+    // no IDN.
     [[nodiscard]] virtual bool in_fragments() const = 0;
     void begin_again() {
         over_ = false;

@@ -27,7 +27,8 @@ std::pair<std::string, std::string> split(const std::string& path) {
     return {path.substr(0, at + 4), path.substr(at + 5)};
 }
 
-// The device of an order code or a name, or of TYPE/REVISION. Of several revisions the greatest, which is remarked.
+// The device of an order code or a name, or of TYPE/REVISION. If there are several revisions, the greatest one, with a
+// remark.
 const files::EsiDevice* choose(const files::EsiFile& esi, const std::string& wanted,
                                std::vector<std::string>& remarks) {
     const auto is = [](const files::EsiDevice& device, std::string_view type) {

@@ -21,7 +21,7 @@ void HotplugNic::look() {
     if (index != 0 && index != switched_on_) {
         switched_on_ = index;
         Interface interface;
-        // Without permission it stays off, and open() says so.
+        // Without permission the interface stays off, and open() reports this.
         if (interface.open(wanted_.name)) (void)interface.switch_on();
     }
     index_ = index;

@@ -1,5 +1,6 @@
-// The NIC of an interface that may be missing, for a program that runs longer than its interfaces are there: an adapter
-// at USB, a driver that is loaded later, an interface that was moved to another network namespace.
+// The NIC of an interface that may be missing, for a program that starts before its interfaces are present, or
+// continues without them: an adapter at USB, a driver that is loaded later, an interface that was moved to another
+// network namespace.
 #pragma once
 
 #include "oshw/nic.hpp"
@@ -16,11 +17,12 @@ class HotplugNic final : public Nic {
     HotplugNic(InterfaceText wanted, unsigned end);
 
     // Opens the interface if it is there, and closes it if it was removed. An interface that is switched off is
-    // switched on when it appears, not again later. In the thread that uses the NIC. A few system calls.
+    // switched on when it appears, and not again later. For the thread that uses the NIC. The function makes a few
+    // system calls.
     void look();
     // Why the interface is not open; empty: it is open.
     [[nodiscard]] const std::string& problem() const { return problem_; }
-    // Waiting can end the problem: the interface is not there or switched off.
+    // Whether waiting can end the problem: the interface is missing or switched off.
     [[nodiscard]] bool may_come() const { return may_come_; }
     // See OpenedInterface::remark.
     [[nodiscard]] const std::string& remark() const { return remark_; }
@@ -31,7 +33,7 @@ class HotplugNic final : public Nic {
     [[nodiscard]] bool hides_own_frames() const noexcept override {
         return nic_ == nullptr || nic_->hides_own_frames();
     }
-    // Of the life of the object: the context asks once.
+    // The address is constant for the life of the object, because the context reads it once.
     [[nodiscard]] MacAddress source_mac() const noexcept override { return mac_; }
     [[nodiscard]] int wait_handle() const noexcept override { return nic_ == nullptr ? -1 : nic_->wait_handle(); }
     [[nodiscard]] int last_error() const noexcept override;

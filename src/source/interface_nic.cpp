@@ -55,7 +55,7 @@ OpenedInterface open_xdp(const std::string& name, const WantedTimes& times) {
 #endif
 }
 
-// The number of the clock of its hardware (/dev/ptpN); negative: it has none.
+// The number of the clock of its hardware (/dev/ptpN); negative: the hardware has no clock.
 int clock_of(const std::string& name) {
     Interface interface;
     ethtool_ts_info info{};

@@ -1,4 +1,5 @@
-// Opens the NIC of one interface by the text of the user: eth0, xdp:eth0, try-xdp:eth0. What they mean: source.hpp.
+// Opens the NIC of one interface by the text of the user: eth0, xdp:eth0, try-xdp:eth0. See source.hpp for their
+// meaning.
 #pragma once
 
 #include "oshw/nic.hpp"
@@ -21,26 +22,27 @@ struct InterfaceText {
 // The names of the interfaces in a SOURCE: one, or two for a ring. A simulated segment and a recording have none.
 [[nodiscard]] std::vector<std::string> interfaces_of(std::string_view source);
 
-// Which times of frames a NIC must have (Nic::timing()).
+// The times of frames that a NIC must support (Nic::timing()).
 struct WantedTimes {
     enum class Stamps { off, software, hardware };
     Stamps stamps = Stamps::off;  // when frames were sent and received
-    bool send_at = false;         // frames leave at a time
+    bool send_at = false;         // frames can be sent at a given time
     [[nodiscard]] bool any() const { return stamps != Stamps::off || send_at; }
 };
 
 struct OpenedInterface {
     std::shared_ptr<Nic> nic{};  // shared_ptr, because the destructor of Nic is not virtual
-    std::string error{};         // why there is no NIC; empty: there is one
+    std::string error{};         // the reason why there is no NIC; empty: there is a NIC
     int error_number = 0;        // errno of that error; ENODEV: there is no such interface
-    std::string remark{};        // why the NIC is not the first choice of the user; empty: it is
+    // The reason why the NIC is not the first choice of the user; empty: it is the first choice.
+    std::string remark{};
 };
 
-// An error where the interface does not have the times that are asked for. AF_XDP has none, so that "try-xdp" then
-// continues with AF_PACKET.
+// Error if the interface does not support the wanted times. AF_XDP does not support them, so "try-xdp" then continues
+// with AF_PACKET.
 [[nodiscard]] OpenedInterface open_interface_nic(const InterfaceText& wanted, const WantedTimes& times = {});
 
-// Whether the hardware time stamps of both interfaces come from the same clock, as those of two ports of a chip may do.
+// Whether the hardware time stamps of both interfaces come from the same clock, for example of two ports of one chip.
 [[nodiscard]] bool share_a_clock(const std::string& one, const std::string& other);
 
 }  // namespace margay::hosted

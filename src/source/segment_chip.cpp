@@ -38,8 +38,8 @@ Fault ports(const DescriptionReader& reader, const toml::table& table, sim::EscD
     return {};
 }
 
-// 'dc' sets the clock, 'features' sets the register 0x0008. When one of them is missing, it follows from the other.
-// When both are given they can contradict each other, as on a chip whose clock is switched off.
+// 'dc' sets the clock, 'features' sets the register 0x0008. When one of them is missing, it follows from the other. If
+// both are given, they may differ, as on a chip whose clock is switched off.
 Fault dc(const DescriptionReader& reader, const toml::table& table, sim::EscDescription& chip) {
     namespace f = wire::features;
     using sim::DcUnit;

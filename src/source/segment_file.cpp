@@ -26,7 +26,7 @@ namespace {
 
 using sim::kMaxPorts;
 
-// Built into the program, so that it needs no file.
+// This segment is built into the program, so that "demo" needs no file.
 constexpr const char* kDemo = R"(
 title = "A coupler with digital and analogue terminals"
 

@@ -14,9 +14,9 @@ namespace margay::hosted {
 struct SimulatedSegment {
     sim::Segment segment;
     std::vector<std::string> names;                        // by slave number; unique
-    Duration round_trip = std::chrono::microseconds(100);  // on the side of the master, as the file says
+    Duration round_trip = std::chrono::microseconds(100);  // the delay on the side of the master, from the file
 
-    // Slaves that are off until a time.
+    // Slaves that are switched on later.
     struct Late {
         std::uint32_t slave = 0;
         Time at{};

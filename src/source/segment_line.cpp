@@ -23,7 +23,7 @@ bool is_device(const std::string& name) {
     return std::ranges::find(sim::device_names(), name) != sim::device_names().end();
 }
 
-// A decimal number and what follows it.
+// Reads a decimal number, and removes it from the text.
 std::optional<std::uint32_t> number_before(std::string_view& text) {
     std::uint32_t value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -38,7 +38,7 @@ std::optional<std::uint16_t> alias_from(std::string_view text) {
     return static_cast<std::uint16_t>(*alias);
 }
 
-// In milliseconds.
+// Reads a delay, and returns it in milliseconds.
 std::optional<std::uint32_t> delay_from(std::string_view text) {
     const auto number = number_before(text);
     if (!number || *number > 1'000'000) return std::nullopt;

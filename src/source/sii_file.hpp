@@ -8,8 +8,8 @@
 
 namespace margay::hosted {
 
-// Says in words that `path` is there and is neither a file nor a folder; empty: it may be read. To open a pipe without
-// a writer would wait for ever, and a device may have no end.
+// Returns a sentence if `path` exists and is neither a file nor a folder; empty: it may be read. Opening a pipe without
+// a writer would wait without end, and a device may have no end.
 [[nodiscard]] std::string odd_file(const std::filesystem::path& path);
 
 // Reads an SII image, or makes it of an ESI (see esi_image.hpp). Refuses content that cannot come from an EEPROM: an

@@ -15,7 +15,7 @@ void Source::StandardError::line(std::string_view text) noexcept {
     std::fprintf(stderr, "%.*s\n", static_cast<int>(text.size()), text.data());
 }
 
-// Switches slaves on that come late, when the first frame after their time is sent.
+// Switches on the late slaves when the first frame after their time is sent.
 class Source::SwitchingNic final : public FilterNic {
   public:
     SwitchingNic(SimulatedNic& nic, SimulatedSegment& simulated, Osal& osal)
@@ -25,7 +25,7 @@ class Source::SwitchingNic final : public FilterNic {
         if (!simulated_.late.empty()) simulated_.switch_on_late(osal_.now());
         return inner().send(frame);
     }
-    // A program may wait for the link and send nothing meanwhile.
+    // Also called here, because a program may wait for the link without sending.
     LinkState link_state() noexcept override {
         if (!simulated_.late.empty()) simulated_.switch_on_late(osal_.now());
         return inner().link_state();
@@ -232,8 +232,8 @@ class SourceOpener {
         outermost = around.get();
     }
 
-    // Recordings of hardware have the wall-clock time. Recordings in virtual time do not, so that the same run writes
-    // the same file.
+    // Recordings of hardware use the wall-clock time. Recordings in virtual time do not, so that equal runs write equal
+    // files.
     [[nodiscard]] Duration epoch() const {
         if (source_->virtual_time()) return {};
         return std::chrono::system_clock::now().time_since_epoch() - source_->osal_->now().time_since_epoch();

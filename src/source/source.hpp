@@ -49,10 +49,10 @@ struct SourceOptions {
     std::string record{};
     bool real_time = false;  // a simulated segment runs in the time of the system, for programs with several threads
     bool trace = false;      // prints a line for every datagram to standard error
-    // An interface that is not there, or is switched off, is no error: see Source::look_for_interfaces().
+    // A missing or switched-off interface is no error: see Source::look_for_interfaces().
     bool wait_for_interfaces = false;
     // The times of frames that the NICs must have; without effect with wait_for_interfaces. A simulated segment has
-    // them exactly, hardware and software alike; a recording has none.
+    // exact times, for hardware and software; a recording has none.
     WantedTimes times{};
 };
 
@@ -62,7 +62,8 @@ class ReceivedByEither final : public ReceiveClock {
   public:
     ReceivedByEither(ReceiveClock& first, ReceiveClock& second) noexcept : first_(first), second_(second) {}
     [[nodiscard]] std::optional<std::uint64_t> receive_time_ns(std::span<const std::byte> head) noexcept override {
-        return std::max(first_.receive_time_ns(head), second_.receive_time_ns(head));  // nothing is less than a time
+        // An empty optional is less than any time.
+        return std::max(first_.receive_time_ns(head), second_.receive_time_ns(head));
     }
 
   private:
@@ -79,7 +80,7 @@ class Source {
     [[nodiscard]] Osal& osal() noexcept { return *osal_; }
     // The NIC at the other end of the ring; nullptr: there is one NIC.
     [[nodiscard]] Nic* second() noexcept { return second_outermost_; }
-    // What Osal::wait() takes.
+    // The argument of Osal::wait().
     [[nodiscard]] WaitHandles wait_handles() const noexcept {
         return {outermost_->wait_handle(), second_outermost_ == nullptr ? -1 : second_outermost_->wait_handle()};
     }
