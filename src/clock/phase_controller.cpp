@@ -180,6 +180,8 @@ std::int64_t PhaseController::update(std::int64_t error_ns, Time now, std::uint8
     const std::int64_t phase_fs = error_ps * gains.phase_ppm / 1000;
     if (settings_.most_step_ns != 0 && magnitude(phase_fs) > std::uint64_t{settings_.most_step_ns} * 1'000'000) {
         seen_ = 0;  // the phase is being moved, so the error does not show the drift
+        // A drift that holds the phase back may be that of a clock that was steered before this one: it is forgotten.
+        if ((phase_fs < 0) != (drift_fs_ < 0)) drift_fs_ -= drift_fs_ / 64;
         return whole(phase_fs + drift_fs_);
     }
     learn_drift(error_ps / 1000 * gains.drift_ppb / 1000);

@@ -176,6 +176,22 @@ TEST(PhaseControl, OfACorrectionThatComesOneCycleLate) {
     EXPECT_NEAR(plant.controller.drift_ppb(), 80'000, 2'000);
 }
 
+// The drift that was learned is that of a clock before, and holds the phase back by more than the greatest step.
+TEST(PhaseControl, ADriftOfAnotherClockIsForgotten) {
+    for (const int sign : {-1, 1}) {
+        SteeredCycle plant;
+        plant.settings = for_bus_shift({.cycle = 5ms});
+        plant.drift_ns = sign * 2970;  // 594 ppm
+        plant.start();
+        plant.run(2000);
+        EXPECT_NEAR(plant.controller.drift_ppb(), sign * 594'000, 1'000);
+        plant.drift_ns = sign * -100;  // 20 ppm
+        plant.run(2000);
+        EXPECT_EQ(plant.controller.state(), PhaseState::in_sync) << plant.phase_ns;
+        EXPECT_NEAR(plant.controller.drift_ppb(), sign * -20'000, 1'000);
+    }
+}
+
 TEST(PhaseControl, OneWrongReadingCorrectsNothing) {
     SteeredCycle plant;
     plant.drift_ns = 20;
