@@ -38,7 +38,7 @@ std::optional<Duration> LinkLayerClock::take(Context& ctx, const Reading& readin
         phase_error_ns(reading.bus_time_ns % cycle + (cycle - *sent_ns % cycle), cycle, set_value);
     const bool waits = waits_for_cycle(network, reading.at, settings_.phase.cycle);
     const std::int64_t correction = reference_.update(error, reading.at, std::uint8_t{waits});
-    shift_reference(network, correction, waits);
+    shift_reference(network, correction, settings_.phase.cycle, waits);
     record_.at = reading.at;
     record_.bus_time_ns = reading.bus_time_ns;
     record_.bus_time_off_ns = reading.bus_time_ns % cycle;
@@ -85,7 +85,7 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
     was_in_sync_ = in_sync;
     if (earlier) return *earlier;
     const bool waits = waits_for_cycle(network, received_at(group, network.engine.link()), settings_.phase.cycle);
-    shift_reference(network, reference_.coast(), waits);
+    shift_reference(network, reference_.coast(), settings_.phase.cycle, waits);
     return Duration(cycle_.coast());
 }
 

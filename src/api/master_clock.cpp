@@ -78,7 +78,8 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
         record_.adjust_ns = corrects() ? controller_.coast() : 0;
         record_.adjusted_ns += record_.adjust_ns;
         if (settings_.mode == Mode::bus_shift)
-            shift_reference(network, record_.adjust_ns, waits_for_cycle(network, record_.at, settings_.phase.cycle));
+            shift_reference(network, record_.adjust_ns, settings_.phase.cycle,
+                            waits_for_cycle(network, record_.at, settings_.phase.cycle));
         // After this time without a correction, the phase is not known any more.
         constexpr Duration kLongestWithout = std::chrono::seconds(1);
         if (was_in_sync_ && network.engine.now() - read_at_ > kLongestWithout) fault_ = PhaseState::busy;
@@ -123,7 +124,7 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     if (network.clocks.reference != 0)
         record_.start_time_ns = network.clocks.entries[network.clocks.reference - 1U].sync_start_ns;
     if (settings_.mode == Mode::master_shift) return Duration(correction);
-    if (bus_shift) shift_reference(network, correction, waits);
+    if (bus_shift) shift_reference(network, correction, settings_.phase.cycle, waits);
     if (settings_.mode == Mode::master_reference) {
         // The time at which the next cycle is due, or the present time if the write does not wait for the cycle. The
         // phase of the cycles in the time of the master is arbitrary.

@@ -3,6 +3,8 @@
 #include "network/network.hpp"
 #include "network/wanted.hpp"
 
+#include <algorithm>
+
 namespace margay {
 namespace {
 
@@ -34,8 +36,9 @@ bool has_clock(Network& network) {
 
 // The other clocks follow a change of the rate of the reference only after some milliseconds. So they are not in sync
 // until the supervision has compared them again.
-void note_shift(Network& network, std::int64_t correction_ns) {
+void note_shift(Network& network, std::int64_t correction_ns, Duration cycle) {
     constexpr std::int32_t kCycles = 16;
+    constexpr std::int64_t kFarParts = 5000;  // 200 ppm
     Clocks& clocks = network.clocks;
     const auto change = static_cast<std::int32_t>(correction_ns) - clocks.shift_mean / kCycles;
     clocks.shift_mean += change;
@@ -43,6 +46,8 @@ void note_shift(Network& network, std::int64_t correction_ns) {
     const std::int64_t limit_ns = clocks.settings.limit_ns;
     // Directly after a step, the difference is the whole step, independent of the rate.
     const bool jumps = correction_ns > 4 * limit_ns || correction_ns < -4 * limit_ns;
+    const std::int64_t far_ns = std::min(4 * limit_ns, cycle.count() / kFarParts);
+    clocks.shifted_far |= std::abs(std::int64_t{clocks.shift_mean}) > kCycles * far_ns;
     const bool is_faster = std::abs(std::int64_t{clocks.shifted_ns}) > 2 * limit_ns;
     if (!network.supervised || (!jumps && !is_faster)) return;
     clocks.shifted_ns = 0;
@@ -63,9 +68,9 @@ bool waits_for_cycle(Network& network, Time sent, Duration cycle) {
     return network.engine.link().cycling(later(sent, cycle));
 }
 
-void shift_reference(Network& network, std::int64_t correction_ns, bool waits) {
+void shift_reference(Network& network, std::int64_t correction_ns, Duration cycle, bool waits) {
     if (!has_clock(network)) return;
-    note_shift(network, correction_ns);
+    note_shift(network, correction_ns, cycle);
     if (correction_ns == 0) return;
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
     reference.offset_ns -= static_cast<std::uint64_t>(correction_ns);

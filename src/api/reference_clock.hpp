@@ -14,9 +14,9 @@ void send_to_reference(Network& network, wire::Register r, std::uint64_t value, 
 // for the cycle. `sent`: when the last cycle was sent.
 [[nodiscard]] bool waits_for_cycle(Network& network, Time sent, Duration cycle);
 
-// Moves the system time of the reference clock back by `correction_ns` (register 0x0920). Without `waits`, the next
-// reading shows it.
-void shift_reference(Network& network, std::int64_t correction_ns, bool waits);
+// Moves the system time of the reference clock back by `correction_ns` (register 0x0920) in this cycle. Without
+// `waits`, the next reading shows it.
+void shift_reference(Network& network, std::int64_t correction_ns, Duration cycle, bool waits);
 
 // Whether there is a cycle, and the set value is less than a cycle.
 [[nodiscard]] constexpr bool is_in_cycle(Duration set_value, Duration cycle) {

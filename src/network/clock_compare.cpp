@@ -55,6 +55,7 @@ void Clocks::forget() {
     paced_ns = 0;
     cycle = {};
     shifted_ns = shift_mean = 0;
+    shifted_far = false;
     delays_at = Time::min();
     prepare = nullptr;
     watch = nullptr;

@@ -322,6 +322,10 @@ bool note_time_of_cycle(Network& network) {
 
 Task<Result<>> compare_clocks(Network& network) {
     Clocks& clocks = network.clocks;
+    // Bus shift moves the reference at the rate of an earlier shift perhaps, which the reference has learned as a
+    // follower: it gets its own rate again. A reference that has its own rate does not change.
+    if (std::exchange(clocks.shifted_far, false))
+        co_await required(reset_control_loop(network.station(network.slave(clocks.reference))));
     auto greatest = co_await required(read_greatest_difference(network));
     greatest = std::max(greatest, second_ahead_ns(network));
     clocks.greatest_ns = greatest;

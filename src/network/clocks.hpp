@@ -137,6 +137,7 @@ struct Clocks {
     std::int32_t shifted_ns = 0;
     std::int32_t shift_mean = 0;
     std::uint32_t greatest_ns = 0;  // upper estimate of the differences, as read last
+    bool shifted_far = false;       // moved since the last round, at a rate by which no two oscillators differ
     Time watch_at = Time::min();
     Time delays_at = Time::min();  // when the delays are measured again
     // Called before a slave is requested to enter SAFEOP; once in each round of the supervision.

@@ -376,6 +376,57 @@ TEST(BusShiftOfLongCycles, ComesIntoSync) {
     }
 }
 
+// The order of the calls in a cycle.
+enum class Calls { send_receive_poll, receive_send_poll, receive_poll_send };
+
+struct BusShiftOf : testing::TestWithParam<std::tuple<Calls, Duration>> {
+    ClockBus bus;
+    Duration cycle = std::get<Duration>(GetParam());
+    Time due{};
+
+    void one(MasterClock& master) {
+        const Calls calls = std::get<Calls>(GetParam());
+        bus.osal.wait(due, -1);
+        if (calls == Calls::send_receive_poll) (void)send_processdata(*bus.ctx);
+        (void)receive_processdata(*bus.ctx, cycle / 2);
+        (void)master.update(*bus.ctx, 0ms);
+        if (calls == Calls::receive_send_poll) (void)send_processdata(*bus.ctx);
+        (void)poll(*bus.ctx, bus.osal.now());
+        if (calls == Calls::receive_poll_send) (void)send_processdata(*bus.ctx);
+        due += cycle;
+    }
+};
+
+// Slave 2 has learned the rate at which slave 1 was shifted to its phase, 600 ppm, when it becomes the reference.
+TEST_P(BusShiftOf, ARateThatWasAShiftIsNotKept) {
+    bus.add_line(4);
+    bus.start();
+    ASSERT_TRUE(configdc(*bus.ctx, kFewFrames).ok());
+    bus.run();
+    const std::uint64_t from = clock_status(*bus.ctx, bus.osal.now()).system_time_ns;
+    const auto cycle_ns = static_cast<std::uint64_t>(cycle.count());
+    const Duration farthest(static_cast<std::int64_t>((from + cycle_ns / 2) % cycle_ns));
+    MasterClock master({.mode = MasterClock::Mode::bus_shift, .set_value = farthest, .phase = {.cycle = cycle}});
+    due = bus.osal.now() + cycle;
+    const Time earliest = due + cycle * 200;
+    for (int n = 0; n < 400 && (due < earliest || std::abs(bus.clock(2).difference_ns) >= 1000); ++n) one(master);
+    EXPECT_GT(std::abs(master.error_ns()), cycle.count() / 20) << "it is still being shifted";
+    bus.segment.disconnect({0, 0});
+    bus.segment.disconnect({0, 1});
+    EXPECT_TRUE(bus.segment.connect_master({1, 0}));
+    bus.segment.reconsider();
+    for (const Time end = due + 12s; due < end;) one(master);
+    EXPECT_EQ(reference_clock(*bus.ctx), 2);
+    EXPECT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+    EXPECT_LE(std::abs(master.drift_ppb()), 120'000);
+    for (std::uint16_t s = 3; s <= 4; ++s) EXPECT_TRUE(bus.clock(s).in_sync) << s;
+}
+
+INSTANTIATE_TEST_SUITE_P(AllOrders, BusShiftOf,
+                         testing::Combine(testing::Values(Calls::send_receive_poll, Calls::receive_send_poll,
+                                                          Calls::receive_poll_send),
+                                          testing::Values(1ms, 2ms, 5ms)));
+
 TEST(PortTimesThatDiffer, AreOld) {
     PortTimes times;
     times.add({.port_ns = {1000, 1500, 7, 0}}, 0);
