@@ -107,11 +107,11 @@ struct AoeAddNotification : AoeRequest {
     AoeAddNotification();
     std::uint32_t index_group = 0;
     std::uint32_t index_offset = 0;
-    std::uint32_t length = 0;  // octets of the value
+    std::uint32_t length = 0;  // size of the value in octets
     AoeTransmission transmission = AoeTransmission::on_change;
     Duration longest_delay{0};  // how long the device may wait to send several values at once
-    Duration cycle_time{0};     // how often the device looks at the value
-    std::uint32_t handle = 0;   // result: names the notification
+    Duration cycle_time{0};     // how often the device checks the value
+    std::uint32_t handle = 0;   // result: identifies the notification
 };
 
 struct AoeDeleteNotification : AoeRequest {
@@ -133,10 +133,11 @@ struct AoeSetNetId : AoeRequest {
 // ------------------------------------------------------------------ notifications
 
 struct AoeNotification {
-    AoeAddress source;             // the device
-    std::uint32_t handle = 0;      // of AoeAddNotification
-    std::uint64_t time_stamp = 0;  // of the device: 100 ns since the year 1601, if the device has a clock
-    Borrowed<std::byte> data;      // valid until notified() returns
+    AoeAddress source;         // the device
+    std::uint32_t handle = 0;  // the handle of AoeAddNotification
+    // Time of the device in units of 100 ns since the year 1601, if the device has a clock.
+    std::uint64_t time_stamp = 0;
+    Borrowed<std::byte> data;  // valid until notified() returns
 };
 
 // Receives the notifications of devices; see mail_listener.hpp.

@@ -6,7 +6,8 @@
 
 namespace margay {
 
-// A device that speaks AoE: the NetID names a computer, a slave or a device behind a gateway, the port a part of it.
+// The address of a device with AoE: the NetID identifies a computer, a slave or a device behind a gateway; the port
+// identifies a part of the device.
 struct AoeNetId {
     std::array<std::uint8_t, 6> octets{};
     friend constexpr bool operator==(const AoeNetId&, const AoeNetId&) = default;
@@ -18,7 +19,7 @@ struct AoeAddress {
     friend constexpr bool operator==(const AoeAddress&, const AoeAddress&) = default;
 };
 
-// The states of an AoE device; the meaning of other numbers, and of the device state, is the device's.
+// The states of an AoE device. The device defines the meaning of other numbers and of the device state.
 enum class AdsState : std::uint16_t {
     invalid = 0,
     idle = 1,

@@ -38,9 +38,8 @@ struct ClockDatagramRequest : Request {
     };
     ClockDatagramRequest();
     Action action = Action::distribute;
-    // write_reference: the time to write, which was right at `at`; the library adds the time between `at` and the
-    // queueing of the datagram. distribute: result, the time of the reference clock when the frame passed it, all 64
-    // bits.
+    // write_reference: the time to write, valid at `at`; the library adds the time between `at` and the queueing of the
+    // datagram. distribute: result, the time of the reference clock when the frame passed it, all 64 bits.
     std::uint64_t time_ns = 0;
     Time at = kNever;                 // in the time of the osal; kNever: nothing is added
     std::uint16_t slaves = 0;         // result of distribute: the reference clock, and the slaves that took its time

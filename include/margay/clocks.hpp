@@ -21,7 +21,7 @@ namespace margay {
 // The clock of a slave, as its registers show it. The features register of some chips shows a clock that is switched
 // off, so the library does not use that register.
 enum class ClockKind : std::uint8_t {
-    unknown,        // configdc() has not looked
+    unknown,        // configdc() has not examined the clock
     none,           // no clock, no receive times: delays at its branches assume that its cables are equally long
     receive_times,  // no clock that runs, but receive times: the delay behind the slave can be measured
     bits32,         // a clock of 32 bits: it wraps every 4.29 s

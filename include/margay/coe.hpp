@@ -70,8 +70,8 @@ struct SdoDownload : MailRequest {
     Duration answer_timeout{0};  // see SdoUpload
 };
 
-// The object lists of a dictionary (ETG.1000.6 "Get OD list"). `lengths` returns five numbers: how many objects each of
-// the other lists has.
+// The object lists of a dictionary (ETG.1000.6 "Get OD list"). `lengths` returns five numbers: the number of objects in
+// each of the other lists.
 enum class ObjectList : std::uint16_t { lengths, all, rx_mappable, tx_mappable, backup, settings };
 
 // Reads a list of objects. The indices are passed to `found` as they arrive, a few at a time: a dictionary may be of

@@ -73,8 +73,8 @@ using StartupCommands = ListWithPart<StartupCommand, detail::StartupPart, &detai
 struct SyncSettings {
     enum class Source : std::uint8_t {
         none,         // no SYNC signals
-        application,  // as the members below say
-        sii,          // as operation mode `sii_mode` of the DC category of the slave's SII says
+        application,  // by the members below
+        sii,          // by operation mode `sii_mode` of the DC category in the SII of the slave
     };
     Source source = Source::none;
     std::uint8_t sii_mode = 0;  // the first is 0
@@ -90,9 +90,9 @@ struct SyncSettings {
     std::int16_t processing_ns = -1;
 };
 
-// The place of a slave's data in the image of its group, set from outside, for example by an ENI file. Logical
-// addresses follow the image: the first output is at GroupConfiguration::start; so is the first input if the group is
-// overlapped, otherwise the inputs follow the outputs of all slaves.
+// The place of the data of a slave in the image of its group, if the application or a file (ENI) sets it. Logical
+// addresses follow the image: the first output is at GroupConfiguration::start. If the group is overlapped, the first
+// input has the same address; otherwise the inputs follow the outputs of all slaves.
 struct ImagePlace {
     static constexpr std::uint32_t kNext = 0xFFFF'FFFF;  // behind the data of the slaves before it
     std::uint32_t outputs_bit = kNext;                   // first bit of its outputs in the outputs of the image
@@ -137,7 +137,7 @@ struct SlaveConfiguration {
     // were mapped, and does not compare the PDOs of the slave. If the slave has other PDOs, outputs reach the wrong
     // objects. For an application whose preop_to_safeop writes the PDOs at each start-up.
     bool unchecked_pdos : 1 = false;
-    // The highest state that the slave is brought to: PREOP (no process data), SAFEOP or OP.
+    // The highest state to which the library brings the slave: PREOP (no process data), SAFEOP or OP.
     AlState highest = AlState::op;
     // The SyncManagers in the order of their data in the image. Numbers, directions and sizes that are changed here,
     // and lists of PDOs that are changed in `setup`, take effect with the next config_map() of the group. Until then

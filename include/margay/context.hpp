@@ -27,7 +27,8 @@ struct Master;
 // first aligned octet. On processors with pointers of 32 bits that align integers of 64 bits to 4 octets (i386), less
 // may suffice.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
-    // Sizes of the parts of the library, for both sizes of pointers; context.cpp compares them with the real sizes.
+    // Sizes of the parts of the library for both sizes of pointers. context.cpp compares these constants with the real
+    // sizes.
     constexpr bool kWide = sizeof(void*) == 8;
     constexpr std::size_t kFixedBytes = kWide ? 6656 : 4720;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
@@ -38,7 +39,7 @@ struct Master;
     constexpr std::size_t kProcessFrameBytes = kWide ? 1982 : 1882;  // a prepared frame with its datagrams
     constexpr std::size_t kMailboxBytes = kWide ? 448 : 376;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
-    constexpr std::size_t kMarksBytes = 24;                          // what the library notes about a slave
+    constexpr std::size_t kMarksBytes = 24;                          // the marks of a slave
     constexpr std::size_t kClockBytes = 176;
     constexpr std::size_t kDelayBytes = 40;                    // a place in the topology
     constexpr std::size_t kCablesBytes = kWide ? 1216 : 1168;  // the merging of two cables

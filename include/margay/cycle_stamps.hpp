@@ -1,4 +1,4 @@
-// When the NIC has sent a frame of the last cycle, and when it has received the reply: the round trip on the wire,
+// The times at which the NIC has sent a frame of the last cycle and has received the reply: the round trip on the wire,
 // without the time that the program and the kernel need.
 //
 //     nic.stamp_frames(PacketNic::Stamps::hardware, PacketNic::Stamped::both);

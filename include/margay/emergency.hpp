@@ -14,7 +14,7 @@ struct Emergency {
     std::uint16_t code = 0;           // error code; 0x00xx: the error was reset
     std::uint8_t error_register = 0;  // as in object 0x1001
     std::array<std::byte, 5> data{};  // manufacturer-specific
-    Time at{};                        // when the master fetched it
+    Time at{};                        // when the master has fetched the message
 };
 
 // The unread emergencies of one slave, oldest first. The thread that polls writes; one other thread may read. A scan

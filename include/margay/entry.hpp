@@ -120,7 +120,7 @@ inline void store_raw(std::byte* to, Raw raw) {
 
 }  // namespace detail
 
-// The kind of type that an entry is read or written as.
+// The kind of the type by which an entry is read or written.
 enum class EntryKind : std::uint8_t { any, boolean, unsigned_integer, signed_integer, real, octets };
 
 // The base of Input and Output: the address of the entry, its type, and where config_map() found it. The handle must
@@ -164,7 +164,7 @@ class EntryHandle {
 
   private:
     friend struct EntryAccess;
-    // What the search in the slave's PDOs has found.
+    // The entry that was found in the PDOs of the slave.
     struct Found {
         bool any = false;
         bool other_direction = false;

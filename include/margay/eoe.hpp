@@ -128,8 +128,8 @@ class EoePort final : public MailRequest {
     explicit EoePort(EoePortMemory<ToSlave, FromSlave, AtOnce>& memory)
         : EoePort(memory.to_slave, memory.from_slave, memory.parts) {}
 
-    // How often poll() looks for frames of the slave, and for frames that another thread has queued, when nothing
-    // happens. While frames come and go, it looks as often as it is called, at most every 100 µs.
+    // How often poll() looks for frames of the slave, and for frames that another thread has queued, while there are no
+    // frames. While frames are exchanged, each call of poll() looks, at most every 100 µs.
     Duration look_every = std::chrono::milliseconds(1);
     // How long the slave may refuse a fragment before the frame is dropped.
     Duration send_patience = std::chrono::milliseconds(500);

@@ -18,7 +18,7 @@ enum class Errc : std::uint8_t {
     link_down,         // the NIC reports no carrier
     nic,               // the NIC refused to send (actual: the system's error number)
     capacity,          // a buffer or table of the caller is too small (expected: needed, actual: available)
-    no_slaves,         // no slave answered a broadcast
+    no_slaves,         // no slave has answered a broadcast
     unstable,          // the number of slaves changed while it was being counted (expected, actual)
     unknown_slave,     // no slave has this number
     invalid_argument,  // a parameter is out of range (detail: the Argument, if it is known; of a start-up command

@@ -6,8 +6,8 @@
 
 namespace margay {
 
-// The unread errors, oldest first; a full ring drops new errors. The thread that polls writes; one other thread may
-// read.
+// The unread errors, oldest first; a full ring drops new errors. The thread that polls writes the ring; one other
+// thread may read it.
 using ErrorLog = SpscRing<Error>;
 
 }  // namespace margay

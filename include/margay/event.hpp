@@ -53,13 +53,13 @@ enum class EventKind : std::uint8_t {
     overrun,      // the work of run_cycle() takes longer than a period (actual: periods left out since the last report,
                   // expected: since run_cycle() began)
     ring_broken,  // with two NICs: the ring is open between `slave` at `port` (0: the first NIC) and `other` (0: the
-                  // second NIC). All slaves that answered go on answering. Slaves between both are lost
+                  // second NIC). All other slaves still answer. Slaves between `slave` and `other` are lost
     ring_closed,  // the ring is whole again
     second_reference,  // with two NICs: clocks that the reference clock (of `other`) does not reach (behind a break,
                        // or at branches that only the second NIC reaches) follow the clock of `slave`, which the
                        // master keeps in step with the reference clock
     second_cable_missing,  // the second NIC reaches no slave since init_redundant(): the ring was never closed
-    nics_on_same_port,     // both NICs hear the same frames: they are connected to the same end of the segment
+    nics_on_same_port,     // both NICs receive the same frames: they are connected to the same end of the segment
     second_segment,        // the second NIC is connected to the first slave of another segment
     cables_swapped,        // the first NIC is connected to the end of the ring and the second one to its beginning
     delays_assumed,  // `slave` has branches and no receive times. The delays of the clocks at its branches are computed

@@ -19,9 +19,9 @@ namespace margay {
 // 1. The entry with the number n is slave(n). These numbers count the line with all its slaves present, without the
 //    slaves that may be anywhere and without hot connect groups. If the next slave found does not match an optional
 //    slave but matches an entry behind it, the optional slave is regarded as missing.
-//    Slaves that the list describes alike are distinguished by their order only: when one of them is missing at the
-//    start, the slaves that are present are regarded as the first ones. If the application continues although a slave
-//    is missing, the list must give such slaves an alias, a device id or a serial number.
+//    Slaves with equal entries in the list are distinguished only by their order: if one of them is missing at the
+//    start, the present slaves are regarded as the first of these entries. If the application continues although a
+//    slave is missing, the list must give such slaves an alias, a device id or a serial number.
 // 2. The following numbers belong to the entries with number 0, members of groups included, in the order of the list.
 // 3. If the list skips a number, the unexpected slave found at this place of the line gets that number. All other
 //    unexpected slaves get the last numbers, in the order of the ring. slave(n) of a number that the list leaves out
@@ -60,8 +60,8 @@ struct ExpectedSlave {
     // that no entry of the list has. Two entries must not have the same address. config_init() needs 0x0C00 to 0x0FFF
     // for unknown slaves: expect() refuses these addresses.
     std::uint16_t station_address = 0;
-    // Is copied to slave(n).config before the slave leaves INIT. nullptr: the library asks the slave. The caller's
-    // memory, which must live as long as the list.
+    // Is copied to slave(n).config before the slave leaves INIT. nullptr: the library reads the configuration from the
+    // slave. The caller's memory, which must live as long as the list.
     const SlaveConfiguration* config = nullptr;
 };
 

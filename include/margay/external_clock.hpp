@@ -4,8 +4,8 @@
 // other segment does nothing for this; it may be another library.
 //
 // The bridge is the reference clock of this segment, so it must be the first slave with a clock: a bridge whose clock
-// follows another slave shows each correction late and in part. In the other segment it may be any slave with a clock
-// that is synchronised.
+// follows another slave shows each correction late, and only a part of it. In the other segment it may be any slave
+// with a clock that is synchronised.
 //
 //     ExternalClock clock(2, {.cycle = {.set_value = -500us, .phase = {.cycle = 1ms}}});   // slave 2 is the bridge
 //     const auto entries = clock.entries();
@@ -48,8 +48,8 @@ class ExternalClock : public CycleClock {
     // that also has the entries of the application.
     [[nodiscard]] std::array<EntryHandle*, 3> entries() { return {&internal_, &external_, &not_connected_}; }
 
-    // As MasterClock::update(). While the bridge shows no new time stamps (the other half is not connected, the slave
-    // does not take part), the reference clock keeps the rate that it has learned.
+    // The same as MasterClock::update(). While the bridge provides no new time stamps (the other half is not connected,
+    // or the slave does not take part), the reference clock keeps the rate that it has learned.
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
     void restart();
 
@@ -58,7 +58,7 @@ class ExternalClock : public CycleClock {
     [[nodiscard]] PhaseState state() const { return fault_ == PhaseState::idle ? reference_.state() : fault_; }
     // The error of the reference clock against the other segment in ns; positive when this segment is ahead.
     [[nodiscard]] std::int64_t error_ns() const { return reference_.error_ns(); }
-    // Whether the bridge has shown a new time stamp within the last 16 cycles.
+    // Whether the bridge has provided a new time stamp within the last 16 cycles.
     [[nodiscard]] bool connected() const { return silent_ < kSilent; }
     // The system time of this segment minus the system time of the other segment, by the bridge's last time stamps.
     [[nodiscard]] std::int64_t difference_ns() const { return difference_ns_; }

@@ -13,8 +13,8 @@
 //
 // After a timeout, cancel() or a silence of the slave, the slave may still answer, and the answers of FoE do not name
 // their file. So the next transfer of this slave begins when the late answer has come, or when no late answer is
-// expected any more: the slave has accepted the error message that ends the transfer, 100 ms have passed since, and
-// after cancel() or a silence before the first answer also the `answer_timeout` of that request.
+// expected any more. This is the case 100 ms after the slave has accepted the error message that ends the transfer;
+// after cancel() or a silence before the first answer, the `answer_timeout` of that request must also be over.
 //
 // An answer may come even later from these slaves:
 // - a slave that keeps messages in a queue, and answers a read more than 100 ms after its timeout;
@@ -52,8 +52,8 @@ struct FoeProgress {
     std::size_t bytes = 0;  // octets of the file that have been transferred and acknowledged
     std::size_t total = 0;  // octets of the file; 0: not known (a slave does not announce the size of a file)
     // The slave has answered that it is busy; the library repeats its message later. `busy_done` of `busy_entire` is
-    // the progress of what the slave does; 0 of 0: not reported. `busy_text`: the words of the slave, valid until the
-    // callback returns.
+    // the progress of the work in the slave; both 0: not reported. `busy_text`: the text that the slave has sent, valid
+    // until the callback returns.
     bool busy = false;
     std::uint16_t busy_done = 0;
     std::uint16_t busy_entire = 0;
@@ -68,7 +68,7 @@ class FoeRequest : public MailRequest {
     // The name of the file, in the caller's memory. It may have as many octets as the mailbox of the slave, less 12.
     std::string_view name;
     std::uint32_t password = 0;
-    // For each answer of the slave: a slave may erase its flash memory before it answers.
+    // The time limit for each answer of the slave. A slave may erase its flash memory before it answers.
     Duration answer_timeout = std::chrono::seconds(15);
     // How long the slave may be busy with one packet; then the request ends with Errc::timeout.
     Duration busy_timeout = std::chrono::seconds(60);
@@ -79,8 +79,9 @@ class FoeRequest : public MailRequest {
 
     // Octets that have been transferred and acknowledged. From any thread, also while the request is busy.
     [[nodiscard]] std::size_t bytes() const { return bytes_.load(std::memory_order_relaxed); }
-    // The words of the slave's error, after the request has ended with Errc::foe_error; empty if it sent none. Octets
-    // that are no printable ASCII characters are replaced by '?'; a longer text is cut.
+    // The text that the slave has sent with its error, after the request has ended with Errc::foe_error; empty: the
+    // slave has sent no text. Octets that are no printable ASCII characters are replaced by '?', and a long text is
+    // cut.
     [[nodiscard]] std::string_view slave_text() const { return {text_.data(), text_bytes_}; }
 
   protected:
@@ -107,7 +108,7 @@ struct FoeRead : FoeRequest {
 struct FoeWrite : FoeRequest {
     FoeWrite();
     Borrowed<std::byte> data;      // content of the file, in the caller's memory; not used if there is a source
-    ByteSource* source = nullptr;  // gives a file of any size; asked when the slave has accepted the request
+    ByteSource* source = nullptr;  // provides a file of any size; called when the slave has accepted the request
     std::size_t total = 0;         // octets that the source will give, for the progress only; 0: not known
 };
 

@@ -10,8 +10,8 @@ class SendClock;     // send_clock.hpp: when a frame has left
 class ReceiveClock;  // receive_clock.hpp: when a frame has arrived
 class TimedSend;     // timed_send.hpp: a frame leaves at a given time
 
-// nullptr: the NIC does not have it, or it was not asked for (PacketNic::stamp_frames(), PacketNic::allow_send_at()).
-// The objects belong to the NIC.
+// nullptr: the NIC does not have the ability, or the program has not switched it on (PacketNic::stamp_frames(),
+// PacketNic::allow_send_at()). The objects belong to the NIC.
 struct FrameTiming {
     SendClock* sent = nullptr;
     ReceiveClock* received = nullptr;  // the times come from the same clock as the times of `sent`

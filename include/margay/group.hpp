@@ -20,8 +20,9 @@ struct DatagramStatus {
     // Its inputs were copied into the image: all slaves that are not known to be lost took part. Nothing is copied of a
     // slave that was away and was not compared yet: inputs_fresh() distinguishes the slaves.
     bool fresh = false;
-    // All slaves that can take part did so: their inputs are in the image, except as said for `fresh`. The inputs of
-    // the others are unchanged, also where a device answers in their place.
+    // All slaves that can take part have taken part: their inputs are in the image, except the inputs that the comment
+    // of `fresh` names. The inputs of all other slaves are unchanged, also if another device answers at the place of
+    // such a slave.
     [[nodiscard]] constexpr bool usable() const { return fresh && (got == accepted || got == full); }
     // The same, and no slave is missing.
     [[nodiscard]] constexpr bool right() const { return usable() && accepted == expected; }

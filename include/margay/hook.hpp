@@ -41,7 +41,8 @@ namespace margay {
 class HookedSlave;
 
 namespace detail {
-// How the library calls a hook. Only hooks refer to it: a program that sets no hook does not have this code.
+// The code by which the library calls a hook. Only hooks refer to it, so a program without hooks does not contain this
+// code.
 struct HookKind;
 extern const HookKind kPlainHook;
 extern const HookKind kSequenceHook;

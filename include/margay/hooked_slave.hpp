@@ -1,5 +1,5 @@
-// The slave as a hook sees it, and the functions that the hook may call for it: see hook.hpp. The hook must await every
-// function that returns a Task; memory passed to the function must live until then.
+// The slave for a hook, and the functions that the hook may call for this slave: see hook.hpp. The hook must await
+// every function that returns a Task. Memory that is passed to the function must live until then.
 #pragma once
 
 #include <margay/aoe_address.hpp>

@@ -19,8 +19,8 @@ namespace margay {
 
 // One kind of edge at one input.
 struct LatchEdge {
-    // The system time of the edge in ns, as all synchronised clocks have it. All 64 bits, also where the clock of the
-    // slave has 32, if configdc() was called.
+    // The system time of the edge in ns. It has 64 bits, also if the clock of the slave has 32 bits, provided that
+    // configdc() was called.
     std::uint64_t time_ns = 0;
     std::uint32_t count = 0;  // edges since the request has begun
 };
@@ -30,7 +30,7 @@ struct LatchEdge {
 // occurred. Each edge is reported as EventKind::latch_edge. When edges of one kind follow each other faster than they
 // are read, only the first of them is seen.
 //
-// The request goes on when the slave does not answer, and writes the latch control again when the slave has lost it.
+// The request continues when the slave does not answer, and writes the latch control again when the slave has lost it.
 // The slave needs a clock. Call configdc() before, so that the times can be compared with other slaves. For the thread
 // that owns the context. Errors: no_clock (the slave has no latch registers), unsupported (the slave's processor
 // controls a latch input, ESC register 0x0980), unknown_slave, invalid_argument (interval).

@@ -22,9 +22,10 @@ namespace margay {
 
 struct LinkLayerClockSettings {
     std::uint8_t group = 0;  // whose cycle carries the time of the reference clock
-    // The phase of the frame, when it passes the reference clock, against the whole multiples of the cycle in system
-    // time (SYNC0 without a shift); negative: before. Less than a cycle. The frames leave at whole multiples of the
-    // cycle in the time of the NIC, so that the system time is the time of the NIC plus set_value, modulo the cycle.
+    // The phase at which the frame passes the reference clock, from a whole multiple of the cycle in system time (SYNC0
+    // without a shift) on; negative: before it. The magnitude is less than a cycle. The frames leave at whole multiples
+    // of the cycle in the time of the NIC, so that the system time is the time of the NIC plus set_value, modulo the
+    // cycle.
     Duration set_value{0};
     // The settings of both controllers. The controller of the cycle treats no error as an outlier, because its errors
     // contain the jitter of the driver.

@@ -17,7 +17,8 @@ struct LinkSettings {
     // How long datagrams wait while the NIC accepts none of them because it is busy or has no link; then all waiting
     // datagrams end with Errc::nic_busy. The time starts again whenever the NIC accepts a datagram. Must be above zero.
     Duration queue_timeout = std::chrono::seconds(1);
-    // How often a repeatable datagram is sent while its frames are lost, the first time included. At least 1.
+    // How often a repeatable datagram is sent at most while its frames are lost, the first sending included. At least
+    // 1.
     std::uint8_t sendings = 6;
 };
 

@@ -62,8 +62,8 @@ class MailListener : private ListNode {
     // Ends the listening. For the thread that owns the context, or after the end of the context.
     ~MailListener();
 
-    // Called by poll() for each mail of this slave and type. Returns whether the listener takes the mail; if not, the
-    // next listener is asked, in the order of listen(). The function must not wait; an exception that leaves it ends
+    // Called by poll() for each mail of this slave and type. Returns whether the listener accepts the mail; if not, the
+    // next listener is called, in the order of listen(). The function must not wait; an exception that leaves it ends
     // the program. It may submit requests, and listeners may be added (they get later mail), removed and destroyed.
     virtual bool take(const UnaskedMail& mail) = 0;
 

@@ -11,7 +11,7 @@
 // After a timeout or cancel() the slave may still answer, and the library does not know which message an answer belongs
 // to. The next request of this protocol waits for the late answer for 100 ms; after cancel(), until the `timeout` of
 // the cancelled request is over (3 s if it is zero). It also fetches the mail that has come since. CoE: the library
-// asks the slave for an object of its own choice, as SDO requests do (coe.hpp). An answer of another protocol that
+// reads an object of its own choice from the slave, as SDO requests do (coe.hpp). An answer of another protocol that
 // comes later cannot be distinguished from the answer to the next message: the next request can then succeed with the
 // answer to the message before it. So set a `timeout` longer than the slave needs, or let `is_answer` compare the
 // octets that a message and its answer have in common.
@@ -45,14 +45,14 @@ struct RawMail : MailRequest {
     // Destination of the answer; empty: the request ends when the slave has accepted the message. Without a message,
     // the request waits for mail of this type that no other request and no listener accepts.
     std::span<std::byte> answer;
-    // Which mail of this type is the answer; nullptr: any. poll() calls the function: it must neither wait nor call the
-    // library. A derived class can keep what the function needs. Mail that is not the answer goes to the other requests
-    // and to the listeners.
+    // Decides whether a mail of this type is the answer; nullptr: any mail is. poll() calls the function: it must
+    // neither wait nor call the library. A derived class can keep what the function needs. Mail that is not the answer
+    // goes to the other requests and to the listeners.
     bool (*is_answer)(const RawMail& request, std::span<const std::byte> mail) = nullptr;
     // Whether more mail of the answer follows this mail without a message (fragments); nullptr: the answer is one mail.
-    // Called as is_answer, for mail that is the answer. The function keeps what it needs of the mail; only the last
-    // mail stays in `answer`. The whole answer must arrive within `timeout`; zero: each mail within 3 s after the one
-    // before.
+    // Called as is_answer, for mail that is the answer. The function must copy the octets of the mail that it needs,
+    // because only the last mail stays in `answer`. The whole answer must arrive within `timeout`; zero: each mail
+    // within 3 s after the one before.
     bool (*more_follows)(const RawMail& request, std::span<const std::byte> mail) = nullptr;
     std::size_t bytes = 0;  // result: size of the last mail of the answer in octets
 };

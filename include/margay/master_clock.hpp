@@ -49,13 +49,14 @@ struct MasterClockSettings {
     };
     Mode mode = Mode::master_shift;
     std::uint8_t group = 0;  // whose cycle carries the time of the reference clock
-    // The phase that the cycle has when it is in sync: when the frame passes the reference clock, against the whole
-    // multiples of the cycle in system time (SYNC0 without a shift); negative: before. Less than a cycle.
+    // The phase of a cycle that is in sync: the time at which the frame passes the reference clock, from a whole
+    // multiple of the cycle in system time (SYNC0 without a shift) on; negative: before it. The magnitude is less than
+    // a cycle.
     Duration set_value{0};
     PhaseSettings phase{};
 };
 
-// What one update() has measured and done. All times in ns unless the name says another unit.
+// The measurements and the correction of one update(). All times in ns unless the name says another unit.
 struct ClockRecord {
     Time at{};  // when the cycle was sent
     std::int64_t set_value_ns = 0;
@@ -91,10 +92,10 @@ class MasterClock : public CycleClock {
     explicit MasterClock(const Settings& settings);
 
     // Call it after each receive_processdata(); run_cycle() and reach() do it for CycleSettings::clock. `lateness`: how
-    // much later than due the cycle was sent; the library subtracts it from the reading, so that the jitter of
-    // the wake-up does not disturb. Returns by how much the next cycle must come earlier (negative: later); 0 unless
-    // the mode is master_shift. An application with its own timer applies the result. When the phase comes into sync,
-    // or leaves the limit, the library reports an event. Callable from the cycle, by the owner; never waits.
+    // much later than due the cycle was sent. The library subtracts it from the reading, so that the jitter of the
+    // wake-up has no effect. Returns by how much the next cycle must come earlier (negative: later); 0 unless the mode
+    // is master_shift. An application with its own timer applies the result. When the phase comes into sync, or leaves
+    // the limit, the library reports an event. Callable from the cycle, by the owner; never waits.
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
 
     // Forgets phase, drift, errors and statistics, and starts again.
@@ -109,7 +110,7 @@ class MasterClock : public CycleClock {
     void reset_statistics() { controller_.reset_statistics(); }
     // The drift of the master's clock against the reference clock, in parts per thousand million.
     [[nodiscard]] std::int32_t drift_ppb() const { return controller_.drift_ppb(); }
-    // What the last update() has done.
+    // The record of the last update().
     [[nodiscard]] const ClockRecord& record() const { return record_; }
     [[nodiscard]] const Settings& settings() const { return settings_; }
 

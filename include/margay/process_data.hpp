@@ -8,8 +8,8 @@
 namespace margay {
 
 // The octets of a slave in the image. An access beyond the end is safe: a read returns zero, and a write has no effect.
-// So the application can use slaves without data in this direction, slaves that are not mapped and slave(0) like other
-// slaves. A span made from this object has no such check.
+// So the application can access slaves without data in this direction, slaves that are not mapped, and slave(0) in the
+// same way as other slaves. A span of this object does not have this check.
 class ImageBytes {
   public:
     constexpr ImageBytes() = default;

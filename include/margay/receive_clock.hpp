@@ -3,8 +3,8 @@
 // the times by cycle_stamps() (cycle_stamps.hpp).
 //
 // To port: keep the time and the first kHeadBytes octets of the last frames that receive() has returned, at least 16 of
-// them; an ArrivalTimes does that. Note a frame without a time too: otherwise the time of an older frame is returned
-// for it.
+// them; an ArrivalTimes does that. Also note a frame without a time: otherwise the time of an older frame is returned
+// for this frame.
 #pragma once
 
 #include <margay/send_clock.hpp>

@@ -95,7 +95,7 @@ enum class LinkState : std::uint8_t;
 // capacity (Limits::redundancy is false).
 Result<> init_redundant(Context& ctx, Nic& nic, Nic& second, Osal& osal, const Features& features = kAllFeatures);
 
-// What is known of one NIC and its cable. The counters only grow.
+// The state of one NIC and its cable. The counters only grow.
 struct CableStatus {
     LinkState link{};          // of the NIC, at the time of the call
     std::uint16_t slaves = 0;  // slaves that have processed the last frame with an address by position or broadcast
@@ -103,7 +103,7 @@ struct CableStatus {
     std::uint32_t refused = 0;   // frames that the NIC did not accept
     std::uint32_t received = 0;  // frames of both NICs that came back at this NIC
     std::uint32_t lost = 0;      // frames of this NIC that did not come back in time
-    std::uint32_t late = 0;      // frames that came back at this NIC after the wait for them was over
+    std::uint32_t late = 0;      // frames that came back at this NIC too late
 };
 
 enum class RingState : std::uint8_t { unknown, whole, broken };
@@ -145,8 +145,8 @@ void set_automatic_restoring(Context& ctx, bool on);
 // from the cycle.
 void restore_ring(Context& ctx);
 
-// The state of the ring. For the thread that owns the context. Not in every cycle: both NICs are asked for their link,
-// which is a system call each on Linux.
+// The state of the ring. For the thread that owns the context. Do not call it in every cycle: it reads the link state
+// of both NICs, which needs two system calls on Linux.
 [[nodiscard]] RedundancyStatus redundancy(Context& ctx);
 
 }  // namespace margay

@@ -16,9 +16,9 @@
 // Order. Of the requests that have not begun, the request with the highest priority begins first. Some operations
 // exclude each other: a scan, a mapping and a search for lost slaves need the whole segment; a change of state, an
 // access to the SII and a reconfiguration need their slave. Such a request waits until the other operation is over. A
-// request that waits for the whole segment keeps back younger requests that need a part of it, whatever their priority:
-// otherwise it might never begin. A scan is refused while a supervision is busy (Errc::busy; detail: the Operation that
-// prevents the scan).
+// request that waits for the whole segment holds back younger requests for a part of the segment, independent of their
+// priority. Otherwise it might never begin. A scan is refused while a supervision is busy (Errc::busy; detail: the
+// Operation that prevents the scan).
 #pragma once
 
 #include <margay/al_state.hpp>

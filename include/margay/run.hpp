@@ -16,9 +16,9 @@
 
 namespace margay {
 
-// Sets which differences from the list of expect() are accepted; before the first call none is accepted. The setting
-// applies at once and to all later calls. After config_init() has ended with an error, the application calls tolerate()
-// and config_map() to continue with the slaves that are present. A slave that was held until then gets its start-up
+// Sets the accepted differences from the list of expect(). Before the first call, none is accepted. The setting applies
+// at once and to all later calls. After config_init() has ended with an error, the application calls tolerate() and
+// config_map() to continue with the slaves that are present. A slave that was held until then gets its start-up
 // commands from config_map(). A slave that is not tolerated any more is brought down by the supervision, or by the next
 // config_map(); until then it keeps its state and its outputs. Never waits. Errors: wrong_state before init(),
 // not_owner.
@@ -77,9 +77,9 @@ struct CycleSettings {
     Duration reply_timeout{0};  // the timeout of receive_processdata(); zero: half a period
     // False: another thread sends the groups (GroupConfiguration::cycles_in_flight), and the owner only receives them.
     bool send = true;
-    // reach() and run_cycle() ask this clock after each cycle when the next cycle is due. nullptr: the next cycle is
-    // due one period later, by the osal's clock. Without effect where another thread sends. With a clock, the first
-    // cycle keeps the phase of the last cycle of an earlier call, if the last cycle was at most a second ago: the
+    // After each cycle, reach() and run_cycle() call this clock for the due time of the next cycle. nullptr: the next
+    // cycle is due one period later, by the osal's clock. Without effect where another thread sends. With a clock, the
+    // first cycle keeps the phase of the last cycle of an earlier call, if the last cycle was at most a second ago: the
     // function waits until the first cycle is due.
     CycleClock* clock = nullptr;
     // The frames of a cycle leave `send_lead` after the cycle was due, by a NIC that can hold them until then
@@ -132,7 +132,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 
 // ------------------------------------------------------------------ the cycle
 
-// What the work function of run_cycle() receives about its cycle.
+// The facts about a cycle that the work function of run_cycle() receives.
 struct CycleInfo {
     std::uint64_t number = 0;    // the first cycle is 1
     Time due{};                  // when the cycle was due to begin

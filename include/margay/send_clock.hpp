@@ -19,9 +19,9 @@ class SendClock {
   public:
     static constexpr std::size_t kHeadBytes = detail::kFrameHeadBytes;
 
-    // When the first octet of the newest frame with these first octets has left, in ns of the NIC's clock, from an
-    // origin of the NIC's choice; nothing when that is not known, or not known yet. `head` has kHeadBytes octets. Never
-    // waits. For the thread that owns the context.
+    // The time at which the first octet of the newest frame with these first octets has left, in ns of the clock of the
+    // NIC, which may have any origin. Nothing if the time is not known, or not known yet. `head` has kHeadBytes octets.
+    // Never waits. For the thread that owns the context.
     [[nodiscard]] virtual std::optional<std::uint64_t> send_time_ns(std::span<const std::byte> head) noexcept = 0;
 
   protected:

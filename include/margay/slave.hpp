@@ -1,6 +1,6 @@
-// A slave as the application sees it. The library fills in the facts about the slave, which are plain values; a context
-// returns a const Slave, so that the application reads the facts and does not write them. `config` and `hooks` belong
-// to the application, which may write them at the times that their comments name. For the thread that owns the context.
+// A slave for the application. The library fills in the facts about the slave, which are plain values. A context
+// returns a const Slave, so that the application can read the facts and cannot write them. `config` and `hooks` belong
+// to the application, which may write them at the times in their comments. For the thread that owns the context.
 #pragma once
 
 #include <margay/address.hpp>
@@ -30,7 +30,7 @@ struct Identity {
     friend constexpr bool operator==(const Identity&, const Identity&) = default;
 };
 
-// What the ESC can do: ESC registers 0x0000–0x0009.
+// The features of the ESC: ESC registers 0x0000–0x0009.
 struct DlInformation {
     std::uint8_t type = 0;
     std::uint8_t revision = 0;
@@ -39,7 +39,7 @@ struct DlInformation {
     std::uint8_t sync_managers = 0;
     std::uint8_t ram_kib = 0;
     std::uint16_t features = 0;
-    // The clock: as the features register says, and after configdc() as the clock's own registers say.
+    // The clock, by the features register; after configdc(), by the registers of the clock itself.
     bool dc = false;
     bool dc_64bit = false;
 };
@@ -149,7 +149,7 @@ struct Slave {
     bool pdos_failed : 1 = false;  // the PDOs of the configuration could not be written: the slave stays in PREOP
     bool takes_part : 1 = false;   // its process data is configured and, as far as the library knows, exchanged
     bool other : 1 = false;        // config_init() has found another slave here than ExpectedSlave describes
-    bool unexpected : 1 = false;   // config_init() has found it, and the list of expect() does not have it
+    bool unexpected : 1 = false;   // config_init() has found the slave, and the list of expect() does not contain it
     // `other` or `unexpected`, and not tolerated: the slave is held in PREOP, or in INIT if it has no mailbox, and gets
     // no outputs.
     bool held : 1 = false;

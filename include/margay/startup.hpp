@@ -1,6 +1,6 @@
-// Start-up commands: what the library writes to a slave at its state transitions. Each command in the list names its
-// transitions. Commands are executed in the order of the list, at the first start-up and at every later one, also of a
-// slave that comes back.
+// Start-up commands: values that the library writes to a slave at its state transitions. Each command in the list names
+// its transitions. Commands are executed in the order of the list, at the first start-up and at every later one, also
+// of a slave that comes back.
 //
 //     static constexpr std::array kGains{std::byte{1}, std::byte{2}, std::byte{3}};
 //     static constexpr margay::StartupCommand kStartup[] = {
@@ -96,7 +96,7 @@ struct StartupCommand {
     std::array<std::byte, 8> value{};  // in the order of the wire, little-endian
     std::array<std::byte, 8> mask{};   // of check_register: the bits of the value that are compared
     Borrowed<std::byte> data{};        // for longer values, instead of `value`. The caller's memory
-    Duration timeout{0};               // zero: SlaveTimes::mailbox for mail, one reading for a register
+    Duration timeout{0};               // zero: SlaveTimes::mailbox for mail; a register is read once
     // Of write_parameter, execute_parameter, send_aoe and send_eoe, set by the functions of the same names: a program
     // links only the protocols that it uses.
     const detail::StartupMail* mail = nullptr;

@@ -23,8 +23,8 @@ extern const StartupMail kAoeStartup;
 extern const StartupMail kEoeStartup;
 }  // namespace detail
 
-// An AoE command whose answer is a result alone: write or write control. `command` is the message from the AoE header
-// on; the library chooses the invoke ID.
+// An AoE command whose answer contains only a result: write or write control. `command` is the message from the AoE
+// header on; the library chooses the invoke ID.
 [[nodiscard]] constexpr StartupCommand send_aoe(Transition when, Borrowed<std::byte> command) {
     return {.kind = StartupCommand::Kind::send_aoe, .transitions = when, .data = command, .mail = &detail::kAoeStartup};
 }

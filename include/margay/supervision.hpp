@@ -32,7 +32,7 @@ struct LineErrors {
         std::uint8_t reported = 0;  // interruptions that the other end counted first: they were reported already
     };
     std::array<std::uint8_t, 20> last_{};   // the registers as read last
-    std::array<CableEnd, 4> other_ends_{};  // the other ends of the cables at that time
+    std::array<CableEnd, 4> other_ends_{};  // the other ends of the cables when the registers were read
     bool primed_ = false;                   // `last_` contains values that were read
 };
 

@@ -43,7 +43,7 @@ void release_frame(void* frame) noexcept;
 
 // The functions of this class that each sequence calls are out of line: they are compiled once, not for each sequence.
 struct PromiseBase : ListLink {
-    // What continues when the task ends.
+    // The coroutine or crew that continues when the task ends.
     enum class Parent : std::uint8_t {
         none,
         crew,            // the task is a member of `crew`
@@ -75,7 +75,8 @@ struct PromiseBase : ListLink {
         return std::coroutine_handle<PromiseBase>::from_promise(*this);
     }
 
-    // Both are inlined: GCC does not know that they belong together, and would warn in the sources of users.
+    // Both operators are inlined: otherwise GCC does not recognise that they belong together, and warns in the sources
+    // of users.
     template <class First, class... Rest>
     [[gnu::always_inline]] static void* operator new(std::size_t bytes, First& first, Rest&... rest) noexcept {
         if constexpr (requires { first.arena(); })
@@ -89,15 +90,15 @@ struct PromiseBase : ListLink {
     void unhandled_exception() noexcept { exception_left_sequence(); }
 };
 
-// Begins `task` for the sequence that awaits it. Returns the coroutine that continues. nullptr: the arena was full;
-// then the waiting sequence continues, or ends, in the next poll(), because it may try again and again.
+// Begins `task` for the sequence that awaits it. Returns the coroutine that continues. nullptr: the arena was full.
+// Then the waiting sequence continues, or ends, only in the next poll(), because it may repeat the attempt without end.
 [[nodiscard]] std::coroutine_handle<> await_task(PromiseBase* task, PromiseBase& waiting) noexcept;
 [[nodiscard]] std::coroutine_handle<> require_task(PromiseBase* task, PromiseBase& waiting) noexcept;
 [[nodiscard]] std::coroutine_handle<> require_value(PromiseBase* task, PromiseBase& waiting) noexcept;
 [[nodiscard]] std::coroutine_handle<> await_completion(PromiseBase* task, PromiseBase& waiting) noexcept;
 // For poll(): returns the coroutine that continues for a sequence of Arena::starving.
 [[nodiscard]] std::coroutine_handle<> end_of_starving(PromiseBase& task) noexcept;
-// The task has ended; its result is in its promise. Returns the coroutine that continues.
+// Called when the task has ended; its result is in its promise. Returns the coroutine that continues.
 [[nodiscard]] std::coroutine_handle<> end_of_task(PromiseBase& task) noexcept;
 // Destroys a task, after the task that it awaits. nullptr: no effect.
 void destroy_task(PromiseBase* task) noexcept;
@@ -184,7 +185,7 @@ class [[nodiscard]] Task : public TaskReference {
     }
     T await_resume() const noexcept { return take_result(promise_); }
 
-    // What required() returns.
+    // The awaitable that required() returns.
     class Required {
       public:
         explicit Required(const Task& task) : task_(task.promise_) {}
@@ -208,7 +209,7 @@ class [[nodiscard]] Task : public TaskReference {
     };
 
   protected:
-    // For the owner of a task that no coroutine awaits: begins the task. done() says when the task has ended.
+    // For the owner of a task that no coroutine awaits: begins the task. done() is true when the task has ended.
     void start() {
         if (promise_ != nullptr) promise_->self().resume();
     }

@@ -4,11 +4,11 @@
 //
 //     PacketNic nic;
 //     nic.open("eth1");
-//     if (!nic.allow_send_at()) …;                    // nic.problem() says what the kernel or the qdisc lacks
+//     if (!nic.allow_send_at()) …;                    // nic.problem(): what the kernel or the qdisc lacks
 //     run_cycle(ctx, {.period = 1ms, .send_at = &nic, .send_lead = 200us}, work);
 //
-// A program with its own loop calls send_processdata_at(). A NIC that can do it derives from Nic and from TimedSend,
-// and says so by Nic::timing().
+// A program with its own loop calls send_processdata_at(). A NIC with this ability derives from Nic and from TimedSend,
+// and returns its TimedSend by Nic::timing().
 #pragma once
 
 #include <margay/context.hpp>

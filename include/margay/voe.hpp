@@ -2,7 +2,7 @@
 // and a type that the vendor chooses. VoE has no answers: master and slave send messages independently of each other.
 //
 //     std::array<std::byte, 2048> memory;
-//     margay::VoeInbox inbox(memory);                  // collects what the slave sends
+//     margay::VoeInbox inbox(memory);                  // collects the messages of the slave
 //     inbox.only_slave = 3;
 //     inbox.vendor_id = 0x1234;
 //     inbox.look_every = std::chrono::milliseconds(5);
@@ -33,7 +33,7 @@ struct VoeMessage {
     std::uint16_t slave = 0;
     VoeHeader header;
     std::size_t bytes = 0;  // size of the data; a buffer that is smaller contains the first octets
-    Time at{};              // when the master fetched it
+    Time at{};              // when the master has fetched the message
 };
 
 // Sends a message. Success: the mailbox of the slave has accepted it. Errors: invalid_argument (the data is longer than
@@ -54,7 +54,7 @@ class VoeInbox final : public MailListener {
     // A message needs 20 octets of the memory beside its data.
     explicit VoeInbox(std::span<std::byte> memory) : MailListener(MailboxType::voe), ring_(memory) {}
 
-    // What the inbox accepts; empty: any.
+    // The messages that the inbox accepts; empty: any.
     std::optional<std::uint32_t> vendor_id;
     std::optional<std::uint16_t> vendor_type;
 
@@ -75,12 +75,12 @@ class VoeInbox final : public MailListener {
     std::atomic<std::uint32_t> count_{0};
 };
 
-// Waits for the next message in an inbox, and takes it. A message that is already there ends the request at once. While
-// the request waits, it looks for mail of the slave of the inbox once a millisecond; for an inbox of all slaves, of one
-// slave with VoE after the other. The inbox must not be destroyed meanwhile, and no thread may take messages from it.
-// `timeout` zero: no limit. Errors: invalid_argument (no inbox, or it does not listen in this context), timeout,
-// capacity (the message is longer than `data`, and `message.bytes` is its size; the octets that do not fit are gone),
-// mailbox_closed (unlisten() was called).
+// Waits for the next message in an inbox, and takes it. A message that is in the inbox already ends the request at
+// once. While the request waits, it looks for mail of the slave of the inbox once a millisecond. For an inbox of all
+// slaves, it looks for mail of one slave with VoE after the other. The inbox must not be destroyed meanwhile, and no
+// thread may take messages from it. `timeout` zero: no limit. Errors: invalid_argument (no inbox, or it does not listen
+// in this context), timeout, capacity (the message is longer than `data`, and `message.bytes` is its size; the octets
+// that do not fit are lost), mailbox_closed (unlisten() was called).
 struct VoeReceive : Request {
     VoeReceive();
     VoeInbox* inbox = nullptr;

@@ -36,7 +36,7 @@ namespace margay {
 
 // The effect of the `rescan` of a client. With each value, the process data of a mapped group goes on.
 enum class AttachScan : std::uint8_t {
-    refused,  // no effect: the client gets a sentence that says so
+    refused,  // no effect: the client gets a sentence that reports this
     // The same as recover_slave(ctx, 0): reads the states of all slaves and the ring, and finds lost slaves. The facts
     // of the slaves that answer, their states and the process data stay. Slaves that are not in the table are counted
     // and not used.
@@ -49,7 +49,7 @@ enum class AttachScan : std::uint8_t {
 
 struct AttachSettings {
     std::string name{};      // what clients show as the source, for example the name of the interface
-    unsigned mode = 0600;    // permissions of the socket: 0660 lets the group in
+    unsigned mode = 0600;    // permissions of the socket: with 0660 the group may connect
     std::string owner{};     // name of the user that owns the socket; empty: the user of the process
     std::string group{};     // name of its group; empty: the group of the process
     bool read_only = false;  // refuse everything that changes a slave or the application
@@ -63,12 +63,12 @@ struct AttachSettings {
                                                          // each client
 };
 
-// What the server has counted, for tests and for diagnosis: `malformed` increases when a client is faulty.
+// The counters of the server, for tests and for diagnosis: `malformed` increases when a client is faulty.
 struct AttachCounts {
     std::uint64_t accepted = 0;   // connections
     std::uint64_t refused = 0;    // connections beyond AttachSettings::clients
     std::uint64_t requests = 0;   // messages that were executed
-    std::uint64_t malformed = 0;  // connections that were closed because of what they sent
+    std::uint64_t malformed = 0;  // connections that were closed because of malformed messages
     std::uint64_t stalled = 0;    // connections that were closed in the middle of a message, after 10 s
 };
 
@@ -87,7 +87,7 @@ class AttachServer {
     AttachServer(const AttachServer&) = delete;
     AttachServer& operator=(const AttachServer&) = delete;
 
-    // Why the socket is not served, as a sentence; empty: it is served.
+    // The reason why the socket is not served, as a sentence; empty: it is served.
     [[nodiscard]] const std::string& error() const;
     [[nodiscard]] const std::string& path() const;
     // Callable from any thread.

@@ -10,8 +10,8 @@
 
 namespace margay::detail {
 
-// These octets of a frame are enough to recognise it: the Ethernet header, the EtherCAT header, and of the first
-// datagram command, index and address.
+// The first octets, by which a frame is recognised: the Ethernet header, the EtherCAT header, and command, index and
+// address of the first datagram.
 inline constexpr std::size_t kFrameHeadBytes = 22;
 
 // Compares the Ethernet header, and the first datagram up to octet `Compared` of the frame. The length in the EtherCAT
@@ -30,7 +30,7 @@ class FrameTimes {
         entry.time_ns = time_ns;
         entry.used = true;
     }
-    // Of the newest frame with this head.
+    // The time of the newest frame with this head.
     [[nodiscard]] std::optional<std::uint64_t> find(std::span<const std::byte> head) const noexcept {
         if (head.size() < kFrameHeadBytes) return std::nullopt;
         for (std::size_t n = 0; n < kMost; ++n) {

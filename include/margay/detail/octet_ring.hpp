@@ -24,8 +24,8 @@ class OctetRing {
 
     // --- The thread that removes ---
 
-    // Copies octets into `into`. The first one is `skip` octets behind the oldest octet. The caller knows that the ring
-    // has all of them.
+    // Copies octets into `into`. The first one is `skip` octets behind the oldest octet. The ring must contain all of
+    // these octets.
     void peek(std::size_t skip, std::span<std::byte> into) const;
     // Removes the oldest octets.
     void drop(std::size_t octets);

@@ -4,7 +4,7 @@
 //     const auto content = margay::files::read_file("machine.xml");
 //     if (!content.error.empty()) …;                   // the file cannot be read
 //     const auto eni = margay::files::read_eni(content.octets);
-//     if (!eni) …;                                    // to_text(eni.problem) says where and why
+//     if (!eni) …;                                    // to_text(eni.problem): the place and the reason
 //     for (const auto& remark : eni.remarks) …;       // parts of the file that the library does not use, by line
 //     margay::HostContext ctx(eni->limits());
 //     … init() …
@@ -90,7 +90,7 @@ struct EniVariable {
 // A group: the slaves of one Cyclic element.
 struct EniGroup {
     GroupConfiguration config{};
-    Duration cycle{0};  // 0: the file does not say it
+    Duration cycle{0};  // 0: the file does not contain it
 };
 
 // The sizes in the file for the EoE switch of the master. The library has no such switch: an EoePort has the memory
@@ -140,12 +140,12 @@ Result<> check_modules(Context& ctx, const EniConfiguration& eni);
 // Call it after config_init(). Never waits.
 [[nodiscard]] std::vector<Remark> remarks_after_scan(Context& ctx, const EniConfiguration& eni);
 
-// Brings the segment to SAFEOP as the file says: apply(), config_init(), check_modules(), configdc() if the file uses
-// clocks, and config_map() of each group; `image` has at least eni.image_bytes octets and is divided between the
-// groups. Returns the first error, after which the segment can be used as after an error of the same function. Waits.
-// After the call, remarks_after_scan() names the parts of the file that the library does not apply. Where eni.clocks is
-// set, the cycle that brings the slaves to OP must follow the reference clock, with the cycle time of the group:
-// MasterClock (master_clock.hpp).
+// Brings the segment to SAFEOP by the configuration of the file: apply(), config_init(), check_modules(), configdc() if
+// the file uses clocks, and config_map() of each group; `image` has at least eni.image_bytes octets and is divided
+// between the groups. Returns the first error, after which the segment can be used as after an error of the same
+// function. Waits. After the call, remarks_after_scan() names the parts of the file that the library does not apply.
+// Where eni.clocks is set, the cycle that brings the slaves to OP must follow the reference clock, with the cycle time
+// of the group: MasterClock (master_clock.hpp).
 Result<> bring_up(Context& ctx, const EniConfiguration& eni, std::span<std::byte> image);
 
 // Parts of the ENI that write_eni() does not read from the slaves.
@@ -159,8 +159,8 @@ struct EniSettings {
 // process data, with the configuration in use. The slaves must be in SAFEOP or OP, because the function reads their
 // SyncManagers, FMMUs and SYNC registers. The members of the list of expect() are written too: alias or device id,
 // serial number, newer revisions, and the hot connect groups that are present. Waits. read_eni() of the text and
-// bring_up() write the same registers and station addresses again. Remarks say what an ENI cannot express; a slave that
-// is missing is left out.
+// bring_up() write the same registers and station addresses again. Remarks report the facts that an ENI cannot express.
+// A missing slave is left out.
 [[nodiscard]] Written write_eni(Context& ctx, const EniSettings& settings = {});
 
 }  // namespace margay::files

@@ -1,10 +1,10 @@
-// ESI files (ETG.2000): the descriptions of devices by their vendors, and what a master does with them: names of
-// process data, the configuration of a slave, operation modes, modules in slots, and the SII image of a device.
+// ESI files (ETG.2000): the descriptions of devices by their vendors, and their use in a master: names of process data,
+// the configuration of a slave, operation modes, modules in slots, and the SII image of a device.
 //
 //     const auto content = margay::files::read_file("device.xml");
 //     if (!content.error.empty()) …;                   // the file cannot be read
 //     const auto esi = margay::files::read_esi(content.octets);
-//     if (!esi) …;                                           // to_text(esi.problem) says where and why
+//     if (!esi) …;                                           // to_text(esi.problem): the place and the reason
 //     const auto* device = margay::files::find_device(*esi, ctx.slave(1).identity);
 //
 // For systems with a heap. No function here accesses a bus, except check_modules().
@@ -55,7 +55,7 @@ struct EsiPdo {
 };
 
 struct EsiSyncManager {
-    SmType type = SmType::unused;  // unused: the file says "Unused", or uses a name of its own
+    SmType type = SmType::unused;  // unused: the file has "Unused", or a name outside the standard
     std::string use{};             // as in the file
     std::uint16_t start = 0;
     std::uint8_t control = 0;
@@ -173,7 +173,7 @@ struct EsiSlots {
     std::uint32_t index_increment = 0;
     bool download_ident_list = false;  // the master writes 0xF030
     std::vector<EsiSlot> slots{};
-    // How many slots there are, instances of slots included.
+    // The number of slots, instances of slots included.
     [[nodiscard]] std::uint32_t count() const;
     // The description of slot `number`, the first is 0; nullptr: there is none.
     [[nodiscard]] const EsiSlot* slot(std::uint32_t number) const;

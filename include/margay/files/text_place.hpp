@@ -20,8 +20,9 @@ struct Remark {
 // "line 12, column 5: text"
 [[nodiscard]] std::string to_text(const Remark& remark);
 
-// The result of reading a file: the value, or the problem that made it impossible. `remarks` names everything in the
-// file that is odd, or that the reader does not use although it would change what the master does.
+// The result of reading a file: the value, or the problem that prevented the reading. `remarks` lists all unusual
+// contents of the file, and all contents that the reader does not use although they would change the work of the
+// master.
 template <class T>
 struct Read {
     std::optional<T> value{};
@@ -43,7 +44,7 @@ struct FileContent {
 inline constexpr std::size_t kMostFileBytes = std::size_t{64} * 1024 * 1024;
 [[nodiscard]] FileContent read_file(const std::string& path, std::size_t most_bytes = kMostFileBytes);
 
-// A text that was written, or a sentence that says why it could not be written.
+// The written text, or a sentence with the reason why it could not be written.
 struct Written {
     std::string text{};
     std::string error{};

@@ -50,21 +50,22 @@ struct MailboxGatewaySettings {
     // How long the next message of a transfer (segments, packets of a file) may take, so that no message of another
     // client to this protocol of the slave comes before it. 1 ms to 1 min.
     std::chrono::milliseconds pause_in_transfer{500};
-    // Of the object dictionary of the master.
+    // Values of the object dictionary of the master.
     std::string name = "Margay EtherCAT master";  // 0x1008
     Identity identity{};                          // 0x1018
 };
 
-// What the gateway has counted, for tests and for diagnosis: `malformed` increases when a client is faulty.
+// The counters of the gateway, for tests and for diagnosis: `malformed` increases when a client is faulty.
 struct MailboxGatewayCounts {
-    std::uint64_t clients = 0;    // TCP connections, and senders of UDP that were new
-    std::uint64_t refused = 0;    // clients beyond MailboxGatewaySettings::clients
-    std::uint64_t messages = 0;   // mailbox messages from clients
-    std::uint64_t replies = 0;    // to clients, error replies included
-    std::uint64_t errors = 0;     // error replies, also from slaves
-    std::uint64_t malformed = 0;  // datagrams that were dropped and connections that were closed for what they sent
+    std::uint64_t clients = 0;   // TCP connections, and senders of UDP that were new
+    std::uint64_t refused = 0;   // clients beyond MailboxGatewaySettings::clients
+    std::uint64_t messages = 0;  // mailbox messages from clients
+    std::uint64_t replies = 0;   // to clients, error replies included
+    std::uint64_t errors = 0;    // error replies, also from slaves
+    // Datagrams that were dropped, and connections that were closed, because of malformed messages.
+    std::uint64_t malformed = 0;
     std::uint64_t stalled = 0;  // connections that were closed: a frame was not whole, or the replies not read, in 10 s
-    std::uint64_t lost = 0;     // replies that the system did not accept, or whose client was gone
+    std::uint64_t lost = 0;     // replies that the system did not accept, or whose client had closed its connection
 };
 
 class MailboxGateway {
@@ -78,7 +79,7 @@ class MailboxGateway {
     MailboxGateway(const MailboxGateway&) = delete;
     MailboxGateway& operator=(const MailboxGateway&) = delete;
 
-    // Why the gateway does not serve, as a sentence; empty: it serves.
+    // The reason why the gateway is not served, as a sentence; empty: it is served.
     [[nodiscard]] const std::string& error() const;
     // The port of UDP and TCP.
     [[nodiscard]] std::uint16_t port() const;
