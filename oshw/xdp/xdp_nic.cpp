@@ -1,6 +1,7 @@
 #include "oshw/xdp/xdp_nic.hpp"
 
 #include "oshw/xdp/filter_program.hpp"
+#include "oshw/xdp/once_free.hpp"
 #include "util/text_writer.hpp"
 #include "wire/ethernet.hpp"
 
@@ -210,22 +211,10 @@ Result<> XdpNic::fail(int error, std::string_view what, std::string_view advice)
 
 namespace {
 
-// The kernel frees the queue of a closed XDP socket, and the interface of a closed program, some time after the close:
-// a program that starts when another one has just ended finds them busy for some milliseconds. `step` is tried again
-// for this time.
-constexpr int kReleaseMs = 1000;
-constexpr int kTryAgainMs = 5;
-
-template <class Step>
-int once_free(Step step) {
-    const auto give_up = std::chrono::steady_clock::now() + std::chrono::milliseconds(kReleaseMs);
-    int error = step();
-    while (error == -EBUSY && std::chrono::steady_clock::now() < give_up) {
-        ::poll(nullptr, 0, kTryAgainMs);
-        error = step();
-    }
-    return error;
-}
+struct SystemClock {
+    [[nodiscard]] static std::chrono::steady_clock::time_point now() { return std::chrono::steady_clock::now(); }
+    static void wait(std::chrono::milliseconds time) { ::poll(nullptr, 0, static_cast<int>(time.count())); }
+};
 
 bool is_refused_mode(int error) {
     return error == -EOPNOTSUPP || error == -EINVAL || error == -EPROTONOSUPPORT || error == -ENOTSUP;
@@ -257,10 +246,10 @@ Result<> XdpNic::set_up(const Settings& settings) noexcept {
         rings.take_down();
         rings.mode = mode;
         step = mode == Mode::generic ? "the kernel refused XDP in generic mode" : "its driver refused XDP";
-        error = once_free([&] { return rings.attach(interface_.index(), mode); });
+        error = once_free(SystemClock{}, [&] { return rings.attach(interface_.index(), mode); });
         if (error == 0) {
             step = mode == Mode::zero_copy ? "its driver refused XDP without copies" : "its XDP socket was refused";
-            error = once_free([&] { return rings.open_socket(interface_.name(), mode); });
+            error = once_free(SystemClock{}, [&] { return rings.open_socket(interface_.name(), mode); });
         }
         if (error == 0) break;
         if (!is_refused_mode(error)) break;
