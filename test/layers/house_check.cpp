@@ -58,4 +58,14 @@ Faults top_level_faults(const std::set<std::string>& names) {
     return faults;
 }
 
+Faults wait_faults(const SourceTree& tree) {
+    Faults faults;
+    for (const auto& file : tree) {
+        const bool first = file.text.find("nic().wait_handle()") != std::string::npos;
+        if (layer_of(file.path) != "test" && first && file.text.find("second->wait_handle()") == std::string::npos)
+            faults.push_back(file.path + ": waits for the first NIC alone, see Source::wait_handles()");
+    }
+    return faults;
+}
+
 }  // namespace margay::layers

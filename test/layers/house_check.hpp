@@ -24,4 +24,7 @@ Faults readme_faults(const SourceTree& tree, const std::set<std::string>& notes)
 // Names at the top level that do not belong there. `names` are the existing names.
 Faults top_level_faults(const std::set<std::string>& names);
 
+// Programs that wait for the first NIC of their source alone: in a ring, frames also arrive at the second NIC.
+Faults wait_faults(const SourceTree& tree);
+
 }  // namespace margay::layers

@@ -36,6 +36,11 @@ TEST(House, NothingElseAtTheTopLevel) {
     EXPECT_TRUE(faults.empty()) << joined(faults);
 }
 
+TEST(House, ProgramsWaitForBothNicsOfARing) {
+    EXPECT_EQ(joined(wait_faults(load_tree(kTop))), "");
+    EXPECT_EQ(wait_faults({{"samples/a.cpp", "osal.wait(next, source_.nic().wait_handle());"}}).size(), 1U);
+}
+
 TEST(House, CatchesLongFilesAndMissingNotes) {
     std::string text;
     for (std::size_t i = 0; i < kMaxFileLines; ++i) text += "\n";
