@@ -8,11 +8,13 @@
 // from the slaves at its end; the two replies are merged datagram by datagram, and their working counters are added. So
 // no cycle lacks fresh inputs, except cycles whose frames were on the broken cable. While a slave is missing, a break
 // or a repair may cost up to five cycles, more with overlapping cycles: working counters that are equal by coincidence
-// are not believed (margay.hpp). Frames pass the ports of a slave in the order 0, 3, 1, 2. A branch at a port that
-// frames pass before the port of the next ring slave is numbered as without redundancy. Other branches are numbered
-// after all ring slaves. While the ring is broken, config_init() numbers such branches of the first NIC's part after
-// the slaves of this part, and such branches behind the break before the slaves there. Hot connect groups may appear at
-// any port of either part.
+// are not believed (margay.hpp). A whole ring needs the frame of the NIC at the beginning: if this NIC does not accept
+// it for once (busy), no slave processes the frame of the other NIC, and the cycle is lost as with one NIC.
+//
+// Frames pass the ports of a slave in the order 0, 3, 1, 2. A branch at a port that frames pass before the port of the
+// next ring slave is numbered as without redundancy. Other branches are numbered after all ring slaves. While the ring
+// is broken, config_init() numbers such branches of the first NIC's part after the slaves of this part, and such
+// branches behind the break before the slaves there. Hot connect groups may appear at any port of either part.
 //
 // Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
 // of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the way they
