@@ -5,12 +5,18 @@ set -eu
 cd "$(dirname "$0")/.."
 . samples/packages.sh
 
-need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev \
+need_packages g++ make ninja-build cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev \
     libncurses-dev libpugixml-dev || exit 1
 
 # A configured build folder keeps its settings. A folder with only a cache comes from a failed attempt: it is configured
 # again.
-[ -e build/Makefile ] || [ -e build/build.ninja ] || cmake -S . -B build -DMARGAY_TESTS=OFF -DMARGAY_UNITY=ON -DMARGAY_BUILD_ONCE=ON
+if [ ! -e build/Makefile ] && [ ! -e build/build.ninja ]; then
+    generator=
+    # With Ninja the sources of one target do not wait for another target.
+    if [ ! -e build/CMakeCache.txt ] && command -v ninja >/dev/null 2>&1; then generator='-G Ninja'; fi
+    # shellcheck disable=SC2086  # a list of words
+    cmake -S . -B build $generator -DMARGAY_TESTS=OFF -DMARGAY_UNITY=ON -DMARGAY_BUILD_ONCE=ON
+fi
 begin=$(date +%s)
 cmake --build build --parallel "$(compilers)" --target slaveinfo simple_io segment_monitor eepromtool
 echo "The build took $(($(date +%s) - begin)) s."
