@@ -89,15 +89,15 @@ void name_alias(Reader& r, const std::vector<EniInit>& inits) {
 
 // ------------------------------------------------------------------ mailboxes
 
-struct Range {
+struct Area {
     std::uint16_t start = 0;
     std::uint16_t bytes = 0;
-    friend bool operator==(const Range&, const Range&) = default;
+    friend bool operator==(const Area&, const Area&) = default;
 };
-std::string words(Range range) { return hex(range.start) + ", " + std::to_string(range.bytes) + " octets"; }
-std::string words(Range out, Range in) { return words(out) + ", and " + words(in); }
+std::string words(Area range) { return hex(range.start) + ", " + std::to_string(range.bytes) + " octets"; }
+std::string words(Area out, Area in) { return words(out) + ", and " + words(in); }
 
-Range range_of(Reader& r, Node node) {
+Area area_of(Reader& r, Node node) {
     return {r.number<std::uint16_t>(child(node, "Start")), r.number<std::uint16_t>(child(node, "Length"))};
 }
 
@@ -108,8 +108,8 @@ class MailboxReader {
         : r_(r), s_(s), boot_(boot), mailbox_(boot ? bootstrap(s) : s.node.child("Mailbox")) {
         place_ = mailbox_;
         const Node recv = mailbox_.child("Recv");
-        boxes_[0] = range_of(r, mailbox_.child("Send"));
-        boxes_[1] = range_of(r, recv ? recv : mailbox_.child("Receive"));
+        boxes_[0] = area_of(r, mailbox_.child("Send"));
+        boxes_[1] = area_of(r, recv ? recv : mailbox_.child("Receive"));
     }
 
     void read() {
@@ -158,8 +158,8 @@ class MailboxReader {
     }
 
     void see(const EniInit& init, std::size_t at, std::size_t number) {
-        const Range range{static_cast<std::uint16_t>(init.value(at, 2)),
-                          static_cast<std::uint16_t>(init.value(at + 2, 2))};
+        const Area range{static_cast<std::uint16_t>(init.value(at, 2)),
+                         static_cast<std::uint16_t>(init.value(at + 2, 2))};
         if (range.bytes == 0) return;
         const std::string sm = "SyncManager " + std::to_string(number);
         if (!mailbox_ && !boot_)
@@ -183,7 +183,7 @@ class MailboxReader {
     bool boot_;
     Node mailbox_;
     Node place_;
-    std::array<Range, 2> boxes_{};
+    std::array<Area, 2> boxes_{};
     bool named_ = false;
 };
 
@@ -217,10 +217,10 @@ void compare_mailboxes(const EniSlave& one, const Slave& slave, bool boot, std::
     const MailboxInfo& given = boot ? one.boot_mailbox : one.mailbox;
     const MailboxInfo& own = boot ? slave.boot_mailbox : slave.mailbox;
     if (!given.present()) return;
-    const Range out{given.out_start, given.out_bytes};
-    const Range in{given.in_start, given.in_bytes};
-    const Range own_out{own.out_start, own.out_bytes};
-    const Range own_in{own.in_start, own.in_bytes};
+    const Area out{given.out_start, given.out_bytes};
+    const Area in{given.in_start, given.in_bytes};
+    const Area own_out{own.out_start, own.out_bytes};
+    const Area own_in{own.in_start, own.in_bytes};
     if (out == own_out && in == own_in) return;
     into.push_back(at(boot ? one.boot_mailbox_place : one.mailbox_place,
                       std::string(boot ? "the mailboxes of BOOT" : "the mailboxes") + " that the file gives slave " +

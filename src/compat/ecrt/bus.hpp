@@ -273,6 +273,11 @@ class Bus {
     }
 }
 
+// The slave is in the ring and its state is known.
+[[nodiscard]] inline bool is_there(const Slave& slave) {
+    return slave.ring_position != 0 && slave.al.state != AlState::none;
+}
+
 // The slave is there, and its SII is being read: after the scan only its identity was.
 [[nodiscard]] inline bool is_unread(const Slave& slave) {
     return !is_own_error(slave.error.code) && (!slave.seen || (!slave.sii_read && slave.al.state == AlState::init));

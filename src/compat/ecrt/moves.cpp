@@ -18,8 +18,6 @@ constexpr Duration kLookEvery = std::chrono::milliseconds(50);
 constexpr Duration kWatched = std::chrono::seconds(2);         // the supervision has read the ring after some cycles
 constexpr Duration kSettled = std::chrono::milliseconds(300);  // a ring that is being changed is read wrongly
 
-bool is_there(const Slave& slave) { return slave.ring_position != 0 && slave.al.state != AlState::none; }
-
 bool is_device_of(const ec_slave_config& config, const Identity& identity) {
     return identity.vendor == config.vendor && identity.product == config.product;
 }

@@ -12,7 +12,6 @@ namespace {
 constexpr std::uint16_t kReceiveTimes = 0x0900;                     // ESC registers, 4 octets for each port
 constexpr std::array<std::uint8_t, EC_MAX_PORTS> kWay{0, 3, 1, 2};  // a frame passes the ports in this order
 
-bool is_there(const Slave& slave) { return slave.ring_position != 0 && slave.al.state != AlState::none; }
 bool is_timed(const Slave& slave) { return is_there(slave) && slave.dl.dc; }
 
 // Calls visit(port, time since the frame has passed the open port before it) for the ports behind the entry port.
