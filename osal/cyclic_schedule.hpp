@@ -22,15 +22,15 @@ struct CyclicTick {
     Time deadline{};            // the deadline that has passed
     Duration lateness{};        // time from the deadline until the task continued
     std::uint64_t skipped = 0;  // deadlines skipped since the previous tick because the task took too long
-    bool caught_up = false;     // OverrunPolicy::catch_up: this deadline was missed, and its cycle is made up for now
+    bool caught_up = false;     // OverrunPolicy::catch_up: this deadline was missed, and its cycle is executed now
     bool stopped = false;       // OverrunPolicy::stop: do not execute the cycle
 };
 
-// How often each policy had to act. The counters only grow until start().
+// Counters of the overruns. The counters only grow until start().
 struct OverrunCounters {
     std::uint64_t overruns = 0;   // times that the task continued a whole period late or later
     std::uint64_t skipped = 0;    // deadlines left out
-    std::uint64_t caught_up = 0;  // cycles that were made up for
+    std::uint64_t caught_up = 0;  // missed cycles that were executed later
 };
 
 class CyclicSchedule {
@@ -41,7 +41,7 @@ class CyclicSchedule {
     // The default limit of OverrunPolicy::catch_up. After a stop of the whole program (a debugger, a suspended machine)
     // thousands of cycles without a pause between them are of no use.
     static constexpr std::uint64_t kCatchUpLimit = 10;
-    // `limit`: of OverrunPolicy::catch_up, how many missed deadlines are made up for.
+    // `limit`: how many missed cycles OverrunPolicy::catch_up executes later.
     constexpr void set_policy(OverrunPolicy policy, std::uint64_t limit = kCatchUpLimit) {
         policy_ = policy;
         limit_ = limit;
@@ -98,7 +98,7 @@ class CyclicSchedule {
     OverrunPolicy policy_ = OverrunPolicy::skip;
     std::uint64_t limit_ = kCatchUpLimit;
     OverrunCounters counters_;
-    bool behind_ = false;   // the last cycle was made up for
+    bool behind_ = false;   // the last cycle was a missed one that was executed later
     bool stopped_ = false;  // by OverrunPolicy::stop, or by stop()
 };
 

@@ -27,9 +27,10 @@ class Osal {
     // Ends a wait() of another thread. Leave it empty when there is only one thread.
     virtual void wake() noexcept {}
 
-    // A number of the calling thread: the same number for the same thread, never 0 where there are several threads.
-    // Compared in each cycle, thus inline: where the compiler can read the thread pointer of the processor, a port says
-    // so by `thread_pointer` in its constructor; every other port answers by calling_thread().
+    // A number of the calling thread: the same number for the same thread, never 0 where there are several threads. The
+    // number is compared in each cycle, so the function is inline. If the compiler can read the thread pointer of the
+    // processor, a port selects it by `thread_pointer` in its constructor; every other port implements
+    // calling_thread().
     [[nodiscard]] std::uintptr_t thread_number() noexcept {
 #if defined(__linux__) && (defined(__x86_64__) || defined(__aarch64__))
         if (identity_ == ThreadIdentity::thread_pointer)

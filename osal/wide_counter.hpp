@@ -23,7 +23,7 @@ class WideCounter {
         last_ = count;
         rest_ += std::uint64_t{ticks} * fraction_;
         std::uint64_t whole = std::uint64_t{ticks} * nanoseconds_;
-        // A division of 64 bits would be 0.7 KiB on a processor that has none.
+        // No division of 64 bits: its code has 0.7 KiB on a processor without this instruction.
         while (rest_ >> 32 != 0) {
             const auto shift = static_cast<unsigned>(std::bit_width(rest_) - std::bit_width(hertz_) - 1);
             rest_ -= std::uint64_t{hertz_} << shift;
@@ -39,7 +39,7 @@ class WideCounter {
     static constexpr std::uint32_t kSecond = 1'000'000'000;
     std::uint32_t hertz_;
     std::uint32_t nanoseconds_;  // of one tick, rounded down
-    std::uint32_t fraction_;     // the rest of it, in 1/hertz ns
+    std::uint32_t fraction_;     // the rest of nanoseconds_, in 1/hertz ns
     std::uint32_t last_ = 0;
     std::uint64_t rest_ = 0;  // in 1/hertz ns
     Time time_{};

@@ -55,7 +55,7 @@ class Nic {
 
     // The handle that Osal::wait() of the same system needs to wait for a frame (a file descriptor on Linux), or -1.
     [[nodiscard]] virtual int wait_handle() const noexcept { return -1; }
-    // What Osal::wait() takes. Only a NIC that consists of two NICs has two handles.
+    // The argument of Osal::wait(). Only a NIC that consists of two NICs has two handles.
     [[nodiscard]] virtual WaitHandles wait_handles() const noexcept { return wait_handle(); }
 
     // For a NIC in virtual time: the arrival time of the next frame. Hardware returns kNever.
@@ -64,8 +64,8 @@ class Nic {
     // The error number of the system for the last failure (errno on Linux); 0 when there was none.
     [[nodiscard]] virtual int last_error() const noexcept { return 0; }
 
-    // What this NIC can do with the times of frames, as it is set now: "sent at", "received at", "send at". Nothing of
-    // it is required.
+    // The abilities of this NIC for the times of frames, by its present settings: "sent at", "received at", "send at".
+    // None of them is required.
     [[nodiscard]] virtual FrameTiming timing() noexcept { return {}; }
 
   protected:

@@ -8,7 +8,7 @@
 
 namespace margay {
 
-// What the board provides.
+// The functions that the board provides.
 struct BareBoard {
     // A counter of 32 bits that counts up without a pause, 1 MHz or faster for distributed clocks. See WideCounter for
     // how often now() must be called.
@@ -18,8 +18,8 @@ struct BareBoard {
     // the instruction that sleeps must not be missed: block interrupts, compare, sleep (WFI of an Arm processor returns
     // for a blocked interrupt too), and allow interrupts. nullptr: wait() returns at once.
     void (*idle)(const std::atomic<bool>& woken) = nullptr;
-    // At least this often an interrupt occurs, for example of a periodic timer. wait() never sleeps when less than this
-    // time is left, so it is never late; the processor then polls.
+    // The longest time between two interrupts, for example of a periodic timer. If less than this time is left, wait()
+    // does not sleep and the processor polls, so that wait() is never late.
     Duration tick = std::chrono::milliseconds(1);
 };
 

@@ -1,11 +1,11 @@
 // Atomic read-modify-write operations where the processor has none. The library exchanges, compares and counts values
-// that several threads or interrupts share; loads and stores of up to a word are atomic on every processor. For the
-// rest the compiler calls the functions `__atomic_…` below, which an operating system has in libatomic.
+// that several threads or interrupts share; loads and stores of up to a word are atomic on every processor. For all
+// other operations the compiler calls the functions `__atomic_…` below, which an operating system has in libatomic.
 //
-// - Cortex-M0, M0+ and M1 (ARMv6-M), RISC-V without the extension A: each operation blocks interrupts. This is right
+// - Cortex-M0, M0+ and M1 (ARMv6-M), RISC-V without the extension A: each operation blocks interrupts. This is correct
 //   for one processor whose code may block interrupts.
 // - RISC-V with the extension A has these operations for words only. An octet or half a word is changed by an operation
-//   on its word; interrupts stay allowed, and several processors are right too.
+//   on its word; interrupts stay allowed, and this is also correct with several processors.
 // - On all other processors this file is empty.
 //
 // All of them are weak: a board with several processors of the first kind (RP2040) defines its own, with a lock
@@ -78,8 +78,8 @@ constexpr auto kAlways = [](auto) { return true; };
 
 }  // namespace
 
-// What the compiler calls: `__atomic_NAME_SIZE` of GCC's internals manual. Programs cannot define functions of such
-// names, so these functions have other names in C++.
+// The functions that the compiler calls: `__atomic_NAME_SIZE` of GCC's internals manual. Programs cannot define
+// functions of such names, so these functions have other names in C++.
 #define MARGAY_FETCH(NAME, OPERATOR, T, BYTES)                                                     \
     T NAME##_##BYTES(volatile T*, T, int) asm("__atomic_fetch_" #NAME "_" #BYTES);                 \
     [[gnu::weak, gnu::used]] T NAME##_##BYTES(volatile T* at, T value, int) {                      \

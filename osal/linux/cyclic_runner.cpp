@@ -83,12 +83,12 @@ bool is_no_interface(const char* name, const IrqThreads::Places& places) noexcep
     return ::access(all.data(), F_OK) == 0 && (*name == 0 || ::access(path.data(), F_OK) != 0);
 }
 
-// Each page of the stack that the cycle may use is written once, at most a quarter of what is free.
+// Writes each page of the stack that the cycle may use once, at most a quarter of the free stack.
 constexpr std::size_t kTouchedStack = 256 * 1024;
 constexpr std::size_t kTouchedAtOnce = 4096;
 [[gnu::noinline]] void touch_stack(std::size_t octets) noexcept {
     std::array<std::byte, kTouchedAtOnce> page;
-    // The compiler must not leave out the writing, nor turn the calls into a loop.
+    // The compiler must neither remove the write nor convert the calls into a loop.
     __asm__ volatile("" : : "r"(page.data()) : "memory");
     page.fill(std::byte{0});
     if (octets > page.size()) touch_stack(octets - page.size());

@@ -28,7 +28,7 @@ struct CyclicOptions {
     // this share of a processor and hides the wake-up latency of the kernel; 50 to 100 µs cover most of it.
     Duration spin{};
     int priority = 0;  // priority of SCHED_FIFO, 1 to 99; 0: the thread keeps its policy
-    // Processor time that SCHED_DEADLINE reserves for the thread in each period; 0: not this policy. It must cover the
+    // Processor time that SCHED_DEADLINE reserves for the thread in each period; 0: another policy. It must cover the
     // spin, the exchange and the work: a thread that has used it is stopped until the next period. The kernel refuses
     // it to a thread that is bound to a processor (`cpu`), unless a cpuset has made that processor a domain of its own.
     // Where the kernel refuses it, `priority` is used if it is given.
@@ -36,13 +36,13 @@ struct CyclicOptions {
     int cpu = -1;              // the processor for the thread; -1: any
     bool lock_memory = true;   // mlockall(), and touches the stack of the thread: prevents later page faults
     bool hold_latency = true;  // sets /dev/cpu_dma_latency to 0, so that processors do not enter deep sleep states
-    // The network interface of the cycle: prepare() finds the threads of its interrupts (irq_threads()), and changes
-    // nothing of them. nullptr: they are not looked for. The text must outlive the runner.
+    // The network interface of the cycle: prepare() finds the threads of its interrupts (irq_threads()), and does not
+    // change them. nullptr: they are not searched. The text must outlive the runner.
     const char* interface = nullptr;
     // Priority of SCHED_FIFO for these threads, 1 to 99, until finish() or the end of the runner; 0: not changed. It
     // should be above `priority`, so that replies do not wait while the cycle uses the processor.
     int irq_priority = 0;
-    IrqThreads::Places places{};  // where these threads are looked for; tests give others
+    IrqThreads::Places places{};  // the folders in which these threads are searched; tests set other ones
     OverrunPolicy overrun = OverrunPolicy::skip;
     std::uint64_t catch_up_limit = CyclicSchedule::kCatchUpLimit;  // of OverrunPolicy::catch_up
 };
@@ -60,9 +60,9 @@ class CyclicRunner {
     CyclicRunner(const CyclicRunner&) = delete;
     CyclicRunner& operator=(const CyclicRunner&) = delete;
 
-    // The option with which there is no cycle, in words; nullptr: none. A period that is not more than 0, a negative
-    // spin or runtime, a `cpu` below -1. Then prepare() applies nothing and returns this text alone (EINVAL), and
-    // wait() returns at once with CyclicTick::stopped.
+    // The text of the option that makes a cycle impossible; nullptr: there is none. A period that is not more than 0, a
+    // negative spin or runtime, a `cpu` below -1. Then prepare() applies nothing and returns this text alone (EINVAL),
+    // and wait() returns at once with CyclicTick::stopped.
     [[nodiscard]] const char* wrong_option() const noexcept { return wrong_option_; }
 
     // Applies the settings to the calling thread, which must also call wait(). The returned span is valid as long as
@@ -70,10 +70,10 @@ class CyclicRunner {
     std::span<const CyclicRefusal> prepare() noexcept;
 
     // The threads of the interrupts of CyclicOptions::interface, as they were before prepare() has changed them; empty
-    // where the kernel has none. describe() says what their priority means for the cycle.
+    // where the kernel has none. describe() reports the effect of their priority on the cycle.
     [[nodiscard]] std::span<const IrqThread> irq_threads() const noexcept { return irq_threads_.all(); }
-    // Gives these threads back the priority that they had, as the destructor does. Returns what the system has refused,
-    // as prepare(). Not callable from the cycle.
+    // Restores the earlier priority of these threads, as the destructor does. Returns the refused settings, as
+    // prepare(). Not callable from the cycle.
     std::span<const CyclicRefusal> finish() noexcept;
 
     // Sets the first deadline, half a period to one and a half periods from now.
@@ -91,13 +91,13 @@ class CyclicRunner {
     [[nodiscard]] static Time now() noexcept;  // CLOCK_MONOTONIC, as LinuxOsal
     // The spin that is used. It may be shorter than requested: the kernel stops a SCHED_FIFO thread that has used its
     // share of a second (sched_rt_runtime_us) until the second is over, and a SCHED_DEADLINE thread that has used its
-    // runtime until the next period, so that the spin is at most half of that.
+    // runtime until the next period, so the spin is at most half of the runtime.
     [[nodiscard]] Duration spin() const { return options_.spin; }
     [[nodiscard]] const OverrunCounters& overruns() const { return schedule_.counters(); }
 
   private:
     void refuse(const char* what, int error) noexcept;
-    // False: refused.
+    // False: the kernel has refused it.
     [[nodiscard]] bool take_runtime() noexcept;
     void take_priority() noexcept;
     void stay_on_cpu() noexcept;

@@ -17,7 +17,7 @@ namespace {
 
 using Path = std::array<char, 256>;
 
-// A path of several parts; too long a path is empty.
+// Builds a path of several parts; a path that is too long is empty.
 template <class... Parts>
 Path path_of(const Parts&... parts) noexcept {
     Path path{};
@@ -28,7 +28,7 @@ Path path_of(const Parts&... parts) noexcept {
     return path;
 }
 
-// A number that is the whole text; 0: it is none.
+// The number in the text; 0: the text is no number.
 unsigned number_of(std::string_view text) noexcept {
     unsigned number = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
@@ -51,7 +51,7 @@ bool has_entry(const char* folder, std::string_view name) noexcept {
     return found;
 }
 
-// "irq/24-eth0" and "irq/24-s-eth0"; 0: another thread.
+// The interrupt number in names such as "irq/24-eth0" and "irq/24-s-eth0"; 0: another thread.
 unsigned irq_of(std::string_view name, std::string_view& action) noexcept {
     if (!name.starts_with("irq/")) return 0;
     const auto dash = name.find('-');
@@ -66,7 +66,8 @@ bool is_action_of(std::string_view action, std::string_view interface) noexcept 
     return action == interface || (action.starts_with(interface) && action[interface.size()] == '-');
 }
 
-// Whether the interrupt is one of the device of the interface. Those of a virtio device belong to the device above it.
+// Whether the interrupt belongs to the device of the interface. The interrupts of a virtio device belong to the device
+// above it.
 bool is_of_device(unsigned irq, std::string_view interface, const IrqThreads::Places& places) noexcept {
     std::array<char, 12> text{};
     TextWriter number(text);
@@ -90,7 +91,7 @@ std::string_view name_of(const char* proc, std::string_view id, std::span<char> 
     return text.substr(0, text.find('\n'));
 }
 
-// Policy and priority as they are now. False: there is no such thread any more.
+// Reads the present policy and priority. False: the thread does not exist any more.
 bool read_priority(IrqThread& thread) noexcept {
     sched_param now{};
     const int policy = ::sched_getscheduler(thread.id);

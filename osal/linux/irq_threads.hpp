@@ -18,16 +18,17 @@ struct IrqThread {
     std::array<char, 16> name{};
 };
 
-// One sentence: the priority of the thread against that of the cycle (SCHED_FIFO; 0: the cycle has no real-time
-// policy), and the command that mends it. `memory`: 256 octets are enough; the result is in it.
+// One sentence that compares the priority of the thread with the priority of the cycle (SCHED_FIFO; 0: the cycle has no
+// real-time policy), and contains the command that changes it. `memory`: 256 octets are enough; the result is in this
+// memory.
 [[nodiscard]] std::string_view describe(const IrqThread& thread, int cycle_priority, std::span<char> memory) noexcept;
-// Whether the priority of the thread is above that of the cycle.
+// Whether the priority of the thread is above the priority of the cycle.
 [[nodiscard]] bool is_above(const IrqThread& thread, int cycle_priority) noexcept;
 
 // Not callable from the cycle.
 class IrqThreads {
   public:
-    // Folders of the system; tests give others.
+    // Folders of the system; tests set other ones.
     struct Places {
         const char* proc = "/proc";
         const char* sys = "/sys";
@@ -39,11 +40,11 @@ class IrqThreads {
     bool find(std::string_view interface) noexcept { return find(interface, Places{}); }
     [[nodiscard]] std::span<const IrqThread> all() const noexcept { return std::span(threads_).first(count_); }
 
-    // Gives all of them SCHED_FIFO with this priority, 1 to 99. Returns 0, or errno of the first refusal (EPERM: it
-    // needs CAP_SYS_NICE); the others are set all the same.
+    // Sets SCHED_FIFO with this priority, 1 to 99, for all of these threads. Returns 0, or errno of the first refusal
+    // (EPERM: CAP_SYS_NICE is needed); the other threads are set nevertheless.
     [[nodiscard]] int set_priority(int priority) noexcept;
-    // Gives them back the policy and priority that they had. A thread that another program has changed since stays as
-    // it is. Returns 0, or errno of the first refusal.
+    // Restores the earlier policy and priority of these threads. A thread that another program has changed since is not
+    // changed. Returns 0, or errno of the first refusal.
     int restore() noexcept;
 
   private:

@@ -15,7 +15,7 @@ class LinuxOsal final : public Osal {
     LinuxOsal& operator=(const LinuxOsal&) = delete;
 
     [[nodiscard]] Time now() noexcept override;
-    // One ppoll() call, none when `until` has passed. Returns within the timer slack of the thread after `until`: 50
+    // One ppoll() call, none when `until` has passed. Returns at most the timer slack of the thread after `until`: 50
     // µs, unless the thread has a real-time policy or a smaller slack by prctl(PR_SET_TIMERSLACK).
     void wait(Time until, WaitHandles nics) noexcept override;
     // Callable from any thread and from a signal handler. When no thread is waiting, wake() ends the next wait().

@@ -1,5 +1,5 @@
-// Osal for systems with POSIX clocks, poll(), pselect() and threads: NuttX, Zephyr, QNX, the BSDs, Linux. It uses
-// nothing of one system alone, so it is where a port to such a system begins. On Linux, LinuxOsal needs fewer calls.
+// Osal for systems with POSIX clocks, poll(), pselect() and threads: NuttX, Zephyr, QNX, the BSDs, Linux. It uses no
+// function of a single system, so a port to such a system can begin with it. On Linux, LinuxOsal needs fewer calls.
 #pragma once
 
 #include "osal/osal.hpp"

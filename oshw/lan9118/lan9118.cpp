@@ -72,7 +72,7 @@ constexpr std::uint32_t kPhyControl = 0;
 constexpr std::uint32_t kPhyStatus = 1;
 constexpr std::uint32_t kPhyAdvertisement = 4;
 constexpr std::uint32_t kNegotiateAgain = 1U << 12 | 1U << 9;
-constexpr std::uint32_t kOnly100FullDuplex = 1U << 8 | 1U << 0;  // EtherCAT knows no other mode
+constexpr std::uint32_t kOnly100FullDuplex = 1U << 8 | 1U << 0;  // EtherCAT has no other mode
 constexpr std::uint32_t kPhyLinkUp = 1U << 2;
 
 // The MAC answers within a few accesses of the bus, the PHY within 64 clocks of 2.5 MHz.
@@ -223,13 +223,13 @@ std::size_t Lan9118::receive(std::span<std::byte> into) noexcept {
 std::size_t Lan9118::read_frame(std::span<std::byte> into) noexcept {
     const auto status = read(kRxStatusFifo);
     std::size_t length = status >> 16 & 0x3FFF;  // with FCS
-    if (length > kMostStored) length = 0;        // no frame: the bus does not answer
+    if (length > kMostStored) length = 0;        // this is no frame: the bus does not answer
     const bool good = (status & kStatusError) == 0 && length >= kLeastBytes + kFcsBytes;
     const auto wanted = good ? std::min(length - kFcsBytes, into.size()) : 0;
     auto* at = into.data();
     for (std::size_t octet = 0; octet < length; octet += 4) {
         const auto word = read(kRxDataFifo);
-        if (octet >= wanted) continue;  // the FCS, or what does not fit
+        if (octet >= wanted) continue;  // the FCS, or octets that do not fit
         const auto some = std::min<std::size_t>(4, wanted - octet);
         std::memcpy(at, &word, some);
         at += some;

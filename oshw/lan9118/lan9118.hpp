@@ -21,7 +21,7 @@ class Lan9118 final : public Nic {
     Lan9118(volatile std::uint32_t* registers, const MacAddress& mac) noexcept;
 
     // Resets the controller and its PHY, and starts both. `osal` gives the time for this only. Waits up to 300 ms, not
-    // for a link. On failure, problem() says why. Error: nic.
+    // for a link. On failure, problem() has the reason. Error: nic.
     [[nodiscard]] Result<> open(Osal& osal) noexcept;
     // One sentence about the last failed open(); empty after success.
     [[nodiscard]] std::string_view problem() const noexcept { return problem_; }

@@ -1,5 +1,5 @@
-// A network interface of Linux by its name: checks before a NIC uses it, its address, its carrier, and the sentence
-// that says what is wrong with it.
+// A network interface of Linux by its name: checks before a NIC uses it, its address, its carrier, and a sentence about
+// its faults.
 #pragma once
 
 #include <margay/mac_address.hpp>
@@ -43,8 +43,8 @@ class Interface {
     // One sentence about the last failure; empty when there was none.
     [[nodiscard]] std::string_view problem() const noexcept { return {problem_.data(), problem_size_}; }
     void forget_problem() noexcept { problem_size_ = 0; }
-    // Keeps the sentence "interface NAME: WHAT; ADVICE" and returns the error. Without advice, the text of the error
-    // number stands in its place.
+    // Keeps the sentence "interface NAME: WHAT; ADVICE" and returns the error. Without advice, the sentence contains
+    // the text of the error number instead.
     Result<> fail(int error, std::string_view what, std::string_view advice = {}) noexcept;
     // The same: the program needs these capabilities, in the syntax of setcap.
     Result<> fail_no_permission(std::string_view what, std::string_view capabilities) noexcept;

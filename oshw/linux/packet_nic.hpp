@@ -58,8 +58,8 @@ class PacketNic final : public Nic, public SendClock, public ReceiveClock, publi
     // then costs one more system call. Call it after open(); open() switches it off, and a failure leaves it off. On
     // failure, problem() has the cause: most often the driver of the interface has no time stamps of this kind
     // (`ethtool -T` and `nic_check` list them). The kernel switches the software times of received frames on a few ms
-    // later; frames until then have none. While time stamps are on, one thread calls receive(), send_time_ns()
-    // and receive_time_ns(). Not callable from the cycle.
+    // later; earlier frames have no time. While time stamps are on, one thread calls receive(), send_time_ns() and
+    // receive_time_ns(). Not callable from the cycle.
     [[nodiscard]] Result<> stamp_frames(Stamps stamps, Stamped which = Stamped::sent) noexcept;
     // Send times of the last frames; see SendClock. Reads the times that the kernel has ready.
     [[nodiscard]] std::optional<std::uint64_t> send_time_ns(std::span<const std::byte> head) noexcept override;
@@ -68,11 +68,11 @@ class PacketNic final : public Nic, public SendClock, public ReceiveClock, publi
     // Lets frames leave at a time (SO_TXTIME, see TimedSend). The queueing discipline of the interface must hold them:
     // etf, which hands them to a NIC that knows the time (offload) or sends them by a timer of the kernel; fq, by a
     // timer; or mqprio or taprio with etf for the queue of the frames. Frames without a time bypass it as before. The
-    // clock of a NIC with offload must follow CLOCK_TAI (phc2sys). `priority`: of the frames with a time (SO_PRIORITY),
-    // from which mqprio and taprio select the queue; 1 to 6, more needs CAP_NET_ADMIN. Call it after open(), in its
-    // network namespace; open() and close() end it. etf needs CAP_NET_ADMIN. On failure, problem() says what the
-    // queueing discipline or the kernel has refused, and the command that mends it. Frames with a time cost two system
-    // calls; one thread sends then. Not callable from the cycle.
+    // clock of a NIC with offload must follow CLOCK_TAI (phc2sys). `priority`: the priority (SO_PRIORITY) of the frames
+    // with a time, by which mqprio and taprio select the queue; 1 to 6, more needs CAP_NET_ADMIN. Call it after open(),
+    // in its network namespace; open() and close() end it. etf needs CAP_NET_ADMIN. On failure, problem() contains the
+    // refusal of the queueing discipline or of the kernel, and the command that helps. Frames with a time cost two
+    // system calls; one thread sends then. Not callable from the cycle.
     [[nodiscard]] Result<> allow_send_at(unsigned priority = 3) noexcept;
     void set_send_time(Time at) noexcept override { send_time_ = at; }
     // One system call while send times are allowed.

@@ -20,7 +20,7 @@ namespace {
 // Room for all control messages of a frame.
 struct alignas(cmsghdr) Control : std::array<char, 256> {};
 
-// The time in a control message; nothing if it is another one, or without a time of this kind.
+// The time in a control message; nothing if it is another message, or has no time of this kind.
 std::optional<std::uint64_t> time_in(const cmsghdr& control, PacketNic::Stamps stamps) noexcept {
     if (control.cmsg_level != SOL_SOCKET || control.cmsg_type != SCM_TIMESTAMPING) return std::nullopt;
     scm_timestamping times{};
@@ -62,7 +62,7 @@ bool PacketNic::has_stamps(unsigned wanted) noexcept {
     return interface_.request(SIOCETHTOOL, request) && (info.so_timestamping & wanted) == wanted;
 }
 
-// Another program may use the time stamps of the hardware too (PTP), so what is on stays on.
+// Another program may also use the time stamps of the hardware (PTP), so time stamps that are on are not switched off.
 Result<> PacketNic::switch_hardware_on(bool sent, bool received) noexcept {
     hwtstamp_config config{};
     ifreq request{};
@@ -131,8 +131,8 @@ std::ptrdiff_t PacketNic::receive_stamped(std::span<std::byte> into) noexcept {
     return length;
 }
 
-// Reads one message of the error queue: a sent frame with its time, or one that was dropped because its send time had
-// passed. False: there is none.
+// Reads one message of the error queue: a sent frame with its time, or a frame that was dropped because its send time
+// had passed. False: there is none.
 bool PacketNic::read_report(int socket) noexcept {
     std::array<std::byte, SendClock::kHeadBytes> head{};
     Control control;
@@ -145,7 +145,7 @@ bool PacketNic::read_report(int socket) noexcept {
     const auto length = ::recvmsg(socket, &message, MSG_ERRQUEUE | MSG_DONTWAIT);
     if (length < 0) return false;
     std::optional<std::uint64_t> time_ns;
-    bool was_dropped = false;  // then the time is that at which it should have left
+    bool was_dropped = false;  // for a dropped frame, the time is the intended send time
     for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
         was_dropped |= timed_.take_report(c);
         if (!time_ns) time_ns = time_in(*c, stamps_);
@@ -156,7 +156,7 @@ bool PacketNic::read_report(int socket) noexcept {
 }
 
 void PacketNic::read_reports(int socket) noexcept {
-    constexpr int kMost = 64;  // then the next call goes on
+    constexpr int kMost = 64;  // the next call continues
     for (int n = 0; n < kMost && read_report(socket); ++n) {
     }
 }

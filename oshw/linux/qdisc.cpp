@@ -74,7 +74,7 @@ bool ask(int socket, int interface_index) noexcept {
 
 TimedWay refused(const Qdisc& by, std::string_view why) noexcept { return {.kind = by.name(), .why = why}; }
 
-// The way by a queueing discipline without others below it.
+// The way through a queueing discipline without other ones below it.
 TimedWay way_of(const Qdisc& qdisc) noexcept {
     if (qdisc.name() == "fq")
         return {.holder = TimedWay::Holder::qdisc, .clock = CLOCK_MONOTONIC, .kind = qdisc.name()};
@@ -86,7 +86,7 @@ TimedWay way_of(const Qdisc& qdisc) noexcept {
         .holder = TimedWay::Holder::qdisc, .clock = CLOCK_TAI, .early = Duration(qdisc.delta_ns), .kind = qdisc.name()};
 }
 
-// The way by the queues first … first + count - 1 of `root`; kAll: by any queue.
+// The way through the queues first … first + count - 1 of `root`; kAll: through any queue.
 constexpr std::uint32_t kAll = 0xFFFF'FFFF;
 TimedWay way_below(std::span<const Qdisc> all, const Qdisc& root, std::uint32_t first, std::uint32_t count) noexcept {
     TimedWay way = refused(root, "no queueing discipline below it holds them: it needs etf for their queue");

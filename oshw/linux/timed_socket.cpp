@@ -18,7 +18,7 @@
 namespace margay {
 namespace {
 
-// From the comparison with the clock until the frame is in the queue.
+// The time between the comparison with the clock and the moment when the frame is in the queue.
 constexpr Duration kHandover = std::chrono::microseconds(10);
 
 std::int64_t clock_ns(clockid_t clock) noexcept {

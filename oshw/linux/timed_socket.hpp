@@ -17,14 +17,14 @@ class TimedSocket {
     TimedSocket(const TimedSocket&) = delete;
     TimedSocket& operator=(const TimedSocket&) = delete;
 
-    // Opens it in the network namespace of the calling thread. Returns what was refused; empty: nothing, else errno
-    // says why. Not callable from the cycle.
+    // Opens it in the network namespace of the calling thread. Returns the refused step, and errno has the reason;
+    // empty: success. Not callable from the cycle.
     [[nodiscard]] std::string_view open(int interface_index, const TimedWay& way, unsigned priority) noexcept;
     void close() noexcept;
     [[nodiscard]] bool is_open() const noexcept { return socket_ >= 0; }
     [[nodiscard]] int handle() const noexcept { return socket_; }
 
-    // The time has passed, or is so near that the frame would come too late for the queueing discipline.
+    // Whether the time has passed, or is so near that the frame would be too late for the queueing discipline.
     [[nodiscard]] bool is_late(Time at) const noexcept;
     // One system call. False: errno says why.
     [[nodiscard]] bool send(std::span<const std::byte> frame, Time at) noexcept;

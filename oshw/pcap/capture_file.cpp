@@ -47,7 +47,7 @@ Result<> CaptureFile::load(const std::string& path, CutOff cut_off) {
     return {};
 }
 
-// The first frame of a NIC is one that it has sent.
+// The first frame of each NIC must be a frame that this NIC has sent.
 bool CaptureFile::is_of_ring(std::array<MacAddress, 2>& macs) const noexcept {
     std::array<bool, 2> known{};
     for (const auto& frame : frames_) {

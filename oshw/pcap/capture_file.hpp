@@ -23,7 +23,7 @@ struct CapturedFrame {
     std::uint64_t number = 0;  // number of the packet in the file, from 1, as in Wireshark
     std::size_t offset = 0;
     std::size_t length = 0;
-    PacketOrigin origin{};  // of pcapng files
+    PacketOrigin origin{};  // only in pcapng files
 };
 
 class CaptureFile {
@@ -50,9 +50,9 @@ class CaptureFile {
     [[nodiscard]] Bytes bytes(const CapturedFrame& frame) const noexcept {
         return Bytes(bytes_).subspan(frame.offset, frame.length);
     }
-    // The file has the frames of both NICs of a ring, for example by PcapRingRecorder: EtherCAT frames of exactly two
-    // interfaces, which send by different source addresses. `macs`: these addresses, of interface 0 first, without the
-    // mark of the first slave.
+    // Whether the file has the frames of both NICs of a ring, for example from PcapRingRecorder: EtherCAT frames of
+    // exactly two interfaces, which send with different source addresses. `macs`: these addresses, of interface 0
+    // first, without the mark of the first slave.
     [[nodiscard]] bool is_of_ring(std::array<MacAddress, 2>& macs) const noexcept;
     // Number of skipped packets.
     [[nodiscard]] std::uint64_t skipped() const noexcept { return skipped_; }

@@ -18,7 +18,7 @@ namespace {
 constexpr std::int64_t kLongestSeconds = 10LL * 366 * 86'400;  // far below the maximum of a Duration
 constexpr std::string_view kRecordElsewhere = "record on the interface itself, not on \"any\"";
 
-// Translates an error text of libpcap for a file that cannot be opened, where this text is not clear.
+// Replaces an error text of libpcap for a file that cannot be opened, if this text is not clear.
 std::string open_problem(std::string_view said) {
     if (said.find("unknown file format") != said.npos || said.find("bad dump file format") != said.npos)
         return "it is neither pcap nor pcapng";
@@ -31,7 +31,7 @@ std::string name_of_link_type(int type) {
     return name != nullptr ? std::string(name) : std::to_string(type);
 }
 
-// The number of the link type is that of libpcap for all but a few types, which have no name then.
+// Except for a few types, the number of the link type is the number of libpcap. The other types have no name here.
 std::string words_of(const LeftOutInterface& interface) {
     std::string name;
     constexpr std::size_t kMostName = 64;
@@ -84,7 +84,7 @@ Result<> PacketReader::open_pcap(PcapngReader::File from) {
     std::array<char, PCAP_ERRBUF_SIZE> said{};
     file_.reset(pcap_fopen_offline_with_tstamp_precision(from.get(), PCAP_TSTAMP_PRECISION_NANO, said.data()));
     if (!file_) return fail(open_problem(said.data()));
-    (void)from.release();  // it is closed with file_
+    (void)from.release();  // file_ closes it
     if (const int type = pcap_datalink(file_.get()); type != DLT_EN10MB)
         return fail("its link type is " + name_of_link_type(type) + ", not Ethernet; " + std::string(kRecordElsewhere));
     return {};
@@ -97,7 +97,7 @@ std::optional<CapturedPacket> PacketReader::next() {
 
 std::optional<Duration> PacketReader::time_of(std::uint64_t seconds, std::int64_t nanoseconds, bool is_ethernet) {
     constexpr std::uint64_t kLongest = kLongestSeconds;
-    // An interface that is left out may have another clock: then the first Ethernet packet begins.
+    // An interface that is left out may have another clock. So the times begin with the first Ethernet packet.
     if (first_ && first_is_left_out_ && is_ethernet && seconds - first_->seconds + kLongest > 2 * kLongest)
         first_.reset();
     if (!first_) first_ = Time{seconds, nanoseconds};

@@ -34,23 +34,24 @@ class PacketReader {
     PacketReader(const PacketReader&) = delete;
     PacketReader& operator=(const PacketReader&) = delete;
 
-    // Refuses files that are not recordings; problem() says why. `path` "-" is the standard input. Allocates memory.
+    // Refuses files that are not recordings; problem() has the reason. `path` "-" is the standard input. Allocates
+    // memory.
     [[nodiscard]] Result<> open(const std::string& path);
-    // The next packet; nullopt at the end, and where problem() or cut_off() say why there are no more packets. Packets
-    // of interfaces that are not Ethernet are left out, and a file without an Ethernet interface has a problem.
+    // The next packet; nullopt at the end, or if problem() or cut_off() has a reason why there are no more packets.
+    // Packets of interfaces that are not Ethernet are left out, and a file without an Ethernet interface has a problem.
     [[nodiscard]] std::optional<CapturedPacket> next();
 
-    // What is wrong with the file, without its name; empty: nothing.
+    // The fault of the file, without its name; empty: there is none.
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
-    // Why the file ends in the middle of a packet, for example after a full disk; empty: it does not.
+    // The reason if the file ends in the middle of a packet, for example after a full disk; empty: it does not.
     [[nodiscard]] const std::string& cut_off() const noexcept { return cut_off_; }
     // Number of packets so far, including the packets that are left out.
     [[nodiscard]] std::uint64_t packets() const noexcept { return number_; }
-    // Of them: packets without a time in the file, which have the time of the packet before.
+    // The number of these packets without a time in the file. They have the time of the previous packet.
     [[nodiscard]] std::uint64_t untimed() const noexcept { return untimed_; }
 
-    // Of a pcapng file, as far as it was read.
-    // One sentence part about the interfaces that are left out so far, because they are not Ethernet; empty: none.
+    // For a pcapng file, as far as it was read: a part of a sentence about the interfaces that are left out, because
+    // they are not Ethernet; empty: none.
     [[nodiscard]] std::string left_out() const;
     // Packets that the recorder has dropped.
     [[nodiscard]] std::uint64_t dropped() const { return blocks_ ? blocks_->dropped() : 0; }
@@ -67,7 +68,7 @@ class PacketReader {
     [[nodiscard]] Result<> open_pcap(PcapngReader::File from);
     [[nodiscard]] std::optional<CapturedPacket> next_of_pcap();
     [[nodiscard]] std::optional<CapturedPacket> next_of_pcapng();
-    // The time since the first packet; nullopt: it is years away, and problem() says so.
+    // The time since the first packet; nullopt: it is years away, which problem() reports.
     [[nodiscard]] std::optional<Duration> time_of(std::uint64_t seconds, std::int64_t nanoseconds, bool is_ethernet);
     void end(const std::string& why, bool is_cut_off);
 

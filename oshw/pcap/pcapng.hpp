@@ -1,5 +1,5 @@
-// Packets of several interfaces in one file, and for each packet its interface and its direction, which libpcap neither
-// writes nor shows.
+// Packets of several interfaces in one file, with the interface and the direction of each packet, which libpcap neither
+// writes nor reads.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -16,7 +16,7 @@
 
 namespace margay {
 
-// What a pcapng file says about a packet beside its octets.
+// The facts of a pcapng file about a packet, beside its octets.
 struct PacketOrigin {
     enum class Direction : std::uint8_t {
         unknown,

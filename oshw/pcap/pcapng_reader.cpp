@@ -52,7 +52,7 @@ bool PcapngReader::end_with(std::string problem) {
     return false;
 }
 
-// Reads more octets into the block. False: the file ends before.
+// Reads more octets into the block. False: the file ends before they are complete.
 bool PcapngReader::fill(std::size_t octets) {
     const std::size_t before = block_.size();
     block_.resize(before + octets);
@@ -63,7 +63,7 @@ bool PcapngReader::fill(std::size_t octets) {
     return false;
 }
 
-// False at the end, and where the file is damaged.
+// Reads the next block. False at the end, or if the file is damaged.
 bool PcapngReader::next_block() {
     block_.clear();
     if (!fill(kSmallestBlock)) return false;
@@ -76,7 +76,7 @@ bool PcapngReader::next_block() {
     return true;
 }
 
-// The first octets of a section header are there.
+// Begins a section. The first octets of its header were read.
 bool PcapngReader::begin_section() {
     constexpr std::uint32_t kSwapped = 0x4D3C2B1A;
     const auto magic = load_le<std::uint32_t>(block_, 8);
@@ -140,7 +140,7 @@ std::uint32_t PcapngReader::leave_out(std::uint32_t number, std::uint16_t link_t
     return static_cast<std::uint32_t>(place);
 }
 
-// Where the packet comes from.
+// Finds the interface of the packet.
 bool PcapngReader::find_interface(std::uint32_t number, PcapngPacket& packet) {
     if (number >= interfaces_.size())
         return end_with("a packet of interface " + std::to_string(number) + ", which the file does not describe");
@@ -173,7 +173,7 @@ void PcapngReader::take_time(const Interface& interface, std::uint64_t units, Pc
     packet.seconds += interface.offset;
 }
 
-// The direction, of the options that begin at `at`.
+// Reads the direction from the options that begin at `at`.
 void PcapngReader::take_flags(std::size_t at, PacketOrigin& origin) const {
     using Direction = PacketOrigin::Direction;
     options(at, [&](std::uint16_t code, std::size_t value, std::size_t length) {
@@ -188,7 +188,7 @@ void PcapngReader::take_flags(std::size_t at, PacketOrigin& origin) const {
     });
 }
 
-// An enhanced packet, or an obsolete one: they differ in the number of the interface.
+// Reads an enhanced packet or an obsolete packet. They differ in the number of the interface.
 std::optional<PcapngPacket> PcapngReader::packet() {
     PcapngPacket packet;
     if (block_.size() < kPacketHead + kTrailer) {
@@ -209,7 +209,7 @@ std::optional<PcapngPacket> PcapngReader::packet() {
     return packet;
 }
 
-// Its interface is the first one, which says how many octets were recorded.
+// Reads a simple packet. It belongs to the first interface, which contains the limit of recorded octets.
 std::optional<PcapngPacket> PcapngReader::simple_packet() {
     PcapngPacket packet;
     if (block_.size() < kSimplePacketHead + kTrailer) {
@@ -228,7 +228,7 @@ std::optional<PcapngPacket> PcapngReader::simple_packet() {
     return packet;
 }
 
-// The last block of an interface counts, because each one counts from the beginning.
+// Only the last block of an interface is used, because each block counts from the beginning of the recording.
 void PcapngReader::note_dropped() {
     std::uint64_t all = 0;
     const std::uint32_t number = word(8);

@@ -19,7 +19,7 @@ namespace margay {
 // An interface of a file that is no Ethernet interface.
 struct LeftOutInterface {
     std::uint32_t number = 0;  // in its section of the file, from 0, as in Wireshark
-    std::string name{};        // empty: the file does not say it
+    std::string name{};        // empty: the file does not contain it
     std::uint16_t link_type = 0;
     std::uint64_t packets = 0;
 };
@@ -39,16 +39,17 @@ class PcapngReader {
     using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
     explicit PcapngReader(File file) : file_(std::move(file)) {}
 
-    // The next packet of any interface; nullopt at the end, and where problem() or cut_off() say why there are no more
-    // packets. Allocates memory.
+    // The next packet of any interface; nullopt at the end, or if problem() or cut_off() has a reason why there are no
+    // more packets. Allocates memory.
     [[nodiscard]] std::optional<PcapngPacket> next();
-    // What contradicts the format, and where the file ends in the middle of a block. Empty: nothing.
+    // problem(): the violation of the format. cut_off(): the place at which the file ends in the middle of a block.
+    // Empty: none.
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
     [[nodiscard]] const std::string& cut_off() const noexcept { return cut_off_; }
 
-    // Packets that the recorder has dropped, as the file says.
+    // Packets that the recorder has dropped, by the numbers in the file.
     [[nodiscard]] std::uint64_t dropped() const;
-    // The same interface of several sections once.
+    // An interface that occurs in several sections is listed once.
     [[nodiscard]] const std::vector<LeftOutInterface>& left_out() const noexcept { return left_out_; }
     // The numbers in the file of the Ethernet interfaces, by PacketOrigin::interface.
     [[nodiscard]] const std::vector<std::uint32_t>& numbers() const noexcept { return numbers_; }

@@ -76,8 +76,8 @@ unsigned ReplayNic::sender_of(const CapturedFrame& frame) const noexcept {
     return kNobody;
 }
 
-// A copy that no slave has processed has no mark: where the file does not have the direction, the source address of the
-// other NIC shows it.
+// A copy that no slave has processed has no mark. If the file does not have the direction, the source address of the
+// other NIC shows that the copy was received.
 bool ReplayNic::was_received(const CapturedFrame& frame) const noexcept {
     using Direction = PacketOrigin::Direction;
     if (!in_ring_) return frame.reply;

@@ -40,12 +40,13 @@ class ReplayNic : public Nic {
     [[nodiscard]] const CaptureFile& capture() const noexcept { return capture_; }
 
   protected:
-    // `macs`: of both NICs of a ring; nullptr: there is one NIC. `end`: the NIC of the ring that this one replays.
+    // `macs`: the addresses of both NICs of a ring; nullptr: there is one NIC. `end`: the NIC of the ring that this one
+    // replays.
     [[nodiscard]] Result<> load_end(const std::string& path, const std::array<MacAddress, 2>* macs, unsigned end);
     static constexpr unsigned kNobody = 2;
     // The NIC of the ring that has sent this copy of a frame; 0 without a ring; kNobody: neither of them.
     [[nodiscard]] unsigned sender_of(const CapturedFrame& frame) const noexcept;
-    // False: a frame that was sent, accepted or not.
+    // False: the frame was sent, whether the NIC has accepted it or not.
     [[nodiscard]] bool was_received(const CapturedFrame& frame) const noexcept;
     [[nodiscard]] unsigned end() const noexcept { return end_; }
     [[nodiscard]] bool in_ring() const noexcept { return in_ring_; }
@@ -55,7 +56,7 @@ class ReplayNic : public Nic {
 
     // Called by load() after the frames are read.
     virtual void prepare() = 0;
-    // Keeps the first error, because later errors are mostly its consequence.
+    // Keeps the first error, because later errors are usually its consequence.
     void complain(const std::string& what);
     [[nodiscard]] Osal& clock() noexcept { return clock_; }
     [[nodiscard]] FrameQueue& queue() noexcept { return queue_; }
@@ -74,7 +75,7 @@ class ReplayNic : public Nic {
 
 class PcapReplayNic final : public ReplayNic {
   public:
-    // What the NIC does with a request that is sent more often than it was recorded.
+    // The answer of the NIC to a request that is sent more often than it was recorded.
     enum class UsedUp : std::uint8_t {
         repeat_last,  // repeats the last answer, for a master that polls slightly more often
         unanswered
@@ -148,7 +149,7 @@ class PcapReplayNic final : public ReplayNic {
     UsedUp used_up_;
     Counters counters_;
     PcapReplayNic* other_ = nullptr;  // the other NIC of the ring
-    bool refused_ = false;            // the last frame
+    bool refused_ = false;            // the last frame was refused in the recording
     std::unordered_map<std::uint64_t, Series> series_;
     std::deque<Outstanding> outstanding_;
 };

@@ -14,7 +14,7 @@ void PcapRingRecorder::write(const PacketOrigin& origin, std::span<const std::by
     file_.write(origin, clock_.now().time_since_epoch() + epoch_, frame);
 }
 
-// A NIC that is busy gets the same frame again later.
+// A busy NIC gets the same frame again later, so a frame with the status "busy" is not recorded.
 SendStatus PcapRingRecorder::End::send(std::span<const std::byte> frame) noexcept {
     using Direction = PacketOrigin::Direction;
     const auto status = inner().send(frame);

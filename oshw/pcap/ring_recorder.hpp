@@ -1,5 +1,5 @@
 // Records both NICs of a ring in one file for Wireshark and PcapReplayNic: pcapng with two interfaces, each packet with
-// its direction and nanoseconds. A frame that a NIC has not accepted is in the file with a comment that says so.
+// its direction and nanoseconds. A frame that a NIC has not accepted is in the file with a comment about this.
 //
 //     PcapRingRecorder recorder(nic, second, osal);
 //     if (!recorder.open("ring.pcapng")) …;
@@ -25,7 +25,7 @@ class PcapRingRecorder {
     PcapRingRecorder& operator=(const PcapRingRecorder&) = delete;
     ~PcapRingRecorder() { [[maybe_unused]] const auto closed = close(); }
 
-    // As PcapRecorder::open() and close().
+    // The same as PcapRecorder::open() and close().
     [[nodiscard]] Result<> open(const std::string& path, Duration epoch = {});
     [[nodiscard]] Result<> close() { return file_.close(); }
     [[nodiscard]] const std::string& problem() const noexcept { return file_.problem(); }

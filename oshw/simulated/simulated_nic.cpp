@@ -53,7 +53,7 @@ void SimulatedNic::transmit(std::size_t length, Time at) noexcept {
     if (to != nullptr) to->put(passage.at, on_wire + options_.round_trip, bytes);
 }
 
-// Sends the frames whose time has come, of both ends in the order of their times.
+// Sends the due frames of both ends in the order of their times.
 void SimulatedNic::transmit_due(Time now) noexcept {
     for (;;) {
         const bool by_other = other_ != nullptr && other_->timed_.next_due() < timed_.next_due();

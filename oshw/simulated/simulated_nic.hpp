@@ -28,7 +28,7 @@ class SimulatedNic final : public Nic, public SendClock, public ReceiveClock, pu
         // exactly when its first octet leaves and reaches the NIC, without the delay of the host.
         bool time_stamps = false;
         std::int32_t clock_drift_ppb = 0;
-        std::uint64_t clock_start_ns = 0;  // what it shows at time 0 of the osal
+        std::uint64_t clock_start_ns = 0;  // the time of the clock at time 0 of the osal
         // The NIC holds frames until their time (TimedSend), at most this many; 0: it cannot. next_arrival() is never
         // later than the time of such a frame, so that a program that waits until then sends it exactly in time.
         std::size_t timed_frames = 0;
@@ -56,7 +56,7 @@ class SimulatedNic final : public Nic, public SendClock, public ReceiveClock, pu
     void set_send_time(Time at) noexcept override { send_time_ = at; }
     [[nodiscard]] std::uint64_t missed() noexcept override { return missed_; }
     [[nodiscard]] FrameTiming timing() noexcept override;
-    // What the clock of the NIC shows.
+    // The time of the clock of the NIC.
     [[nodiscard]] std::uint64_t clock_ns(Time at) const noexcept;
 
     [[nodiscard]] std::uint64_t frames_sent() const noexcept { return sent_; }

@@ -1,4 +1,4 @@
-// The XDP program that gives EtherCAT frames, with or without a VLAN tag, to the AF_XDP socket of their receive queue.
+// The XDP program that passes EtherCAT frames, with or without a VLAN tag, to the AF_XDP socket of their receive queue.
 #pragma once
 
 #include <linux/bpf.h>
@@ -28,7 +28,7 @@ namespace margay::xdp {
     constexpr std::uint8_t r3 = BPF_REG_3;
     constexpr std::uint8_t r4 = BPF_REG_4;
     constexpr std::uint8_t r5 = BPF_REG_5;
-    // As the processor reads the octets 88 A4 and 81 00.
+    // The values that the processor reads from the octets 88 A4 and 81 00.
     constexpr bool kLittle = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__;
     constexpr int kEtherCat = kLittle ? 0xA488 : 0x88A4;
     constexpr int kVlan = kLittle ? 0x0081 : 0x8100;
@@ -49,7 +49,7 @@ namespace margay::xdp {
         op(kLoad | BPF_W, r2, r1, offsetof(xdp_md, rx_queue_index), 0),
         op(BPF_LD | BPF_IMM | BPF_DW, r1, BPF_PSEUDO_MAP_FD, 0, sockets),
         op(0, 0, 0, 0, 0),                     // the upper half of the constant
-        op(kMov | BPF_K, r3, 0, 0, XDP_PASS),  // where the queue has no socket
+        op(kMov | BPF_K, r3, 0, 0, XDP_PASS),  // used if the queue has no socket
         op(BPF_JMP | BPF_CALL, 0, 0, 0, BPF_FUNC_redirect_map),
         op(BPF_JMP | BPF_EXIT, 0, 0, 0, 0),
         op(kMov | BPF_K, r0, 0, 0, XDP_PASS),  // pass:

@@ -33,10 +33,10 @@ constexpr std::size_t kMemoryBytes = std::size_t{kChunkBytes} * (kReceiveChunks 
 constexpr std::size_t kLeastFrameBytes = 60;   // without the FCS; some drivers do not pad
 constexpr std::size_t kMostFrameBytes = 1518;  // with a VLAN tag
 constexpr std::uint32_t kQueues = 1024;        // entries of the map: a queue with a higher number cannot be chosen
-constexpr std::size_t kTypeAt = 12;            // the EtherType, or that of a VLAN tag
+constexpr std::size_t kTypeAt = 12;            // the EtherType of the frame, or of a VLAN tag
 constexpr std::size_t kTagBytes = 4;
 
-// A file descriptor that closes itself.
+// A file descriptor that the destructor closes.
 class Handle {
   public:
     Handle() = default;
@@ -68,8 +68,8 @@ class Quiet {
     libbpf_print_fn_t before_;
 };
 
-// The lock is held for some instructions, never during a system call. A thread that does not get the lock soon gives
-// up, because the thread that holds it may wait for the processor.
+// A thread holds the lock for some instructions, never during a system call. A thread that does not get the lock soon
+// gives up, because the thread with the lock may wait for the processor.
 class SendLock {
   public:
     explicit SendLock(std::atomic_flag& flag) : flag_(flag) {
@@ -90,7 +90,7 @@ class SendLock {
 
 }  // namespace
 
-// What an open NIC has. The members are destroyed from the last to the first.
+// The objects of an open NIC. The members are destroyed from the last to the first.
 struct XdpNic::Rings {
     static constexpr std::uint64_t kNoChunk = ~std::uint64_t{0};
     Handle map;
@@ -320,7 +320,7 @@ SendStatus XdpNic::send(std::span<const std::byte> frame) noexcept {
         }
     }
     if (chunk != Rings::kNoChunk) return xsk_ring_prod__needs_wakeup(&rings.sent) != 0 ? kick(chunk) : SendStatus::sent;
-    // What the driver has not fetched yet needs another wake-up.
+    // Frames that the driver has not fetched yet need another wake-up.
     (void)::sendto(rings.fd(), nullptr, 0, MSG_DONTWAIT, nullptr, 0);
     return SendStatus::busy;
 }
@@ -364,7 +364,7 @@ std::size_t XdpNic::receive(std::span<std::byte> into) noexcept {
     }
     const std::uint64_t chunk = frame.addr - frame.addr % kChunkBytes;
     xsk_ring_cons__release(&rings.received, 1);
-    // As many chunks as the ring has places: there is always one.
+    // There are as many chunks as places in the ring, so a place is always free.
     if (xsk_ring_prod__reserve(&rings.fill, 1, &at) == 1) {
         *xsk_ring_prod__fill_addr(&rings.fill, at) = chunk;
         xsk_ring_prod__submit(&rings.fill, 1);

@@ -1,7 +1,6 @@
 // A network interface of Linux, accessed by an AF_XDP socket: one system call per sent frame, none to receive. A filter
-// program in the driver takes the EtherCAT frames of one receive queue; all other frames go on to the system.
-//
-// It has no times of frames (Nic::timing()), neither sent nor received nor to send at: PacketNic has them.
+// program in the driver takes the EtherCAT frames of one receive queue; all other frames continue to the system. This
+// NIC has none of the abilities for the times of frames (Nic::timing()); PacketNic has them.
 //
 // One thread at a time calls receive(). Several threads may call send(), link_state() and last_error() at the same
 // time.
@@ -21,7 +20,7 @@ namespace margay {
 
 class XdpNic final : public Nic {
   public:
-    // How the frames get from the driver to the program.
+    // The way of the frames from the driver to the program.
     enum class Mode : std::uint8_t {
         automatic,  // the first of the following that driver and kernel accept
         zero_copy,  // the hardware writes into the memory of the program
@@ -38,7 +37,7 @@ class XdpNic final : public Nic {
     XdpNic(const XdpNic&) = delete;
     XdpNic& operator=(const XdpNic&) = delete;
 
-    // Opens the interface. On failure, problem() describes what the driver or the kernel has refused, and the remedy;
+    // Opens the interface. On failure, problem() describes the refusal of the driver or the kernel, and the remedy;
     // `actual` of the error is errno. An unplugged cable is not an error, see link_state(). Needs CAP_NET_RAW,
     // CAP_NET_ADMIN and CAP_BPF. The kernel removes the filter program when the NIC is closed, and also when the
     // program ends in another way. The kernel frees an interface some milliseconds after its program has ended: open()
@@ -62,7 +61,7 @@ class XdpNic final : public Nic {
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
     // One system call; do not call it in every cycle.
     [[nodiscard]] LinkState link_state() noexcept override { return interface_.link_state(); }
-    // The filter program sees received frames only.
+    // The filter program processes only received frames.
     [[nodiscard]] bool hides_own_frames() const noexcept override { return true; }
     // The address of the interface with bits 0 (group) and 1 (mark of the first ESC) of the first octet cleared.
     [[nodiscard]] MacAddress source_mac() const noexcept override { return source_mac_; }

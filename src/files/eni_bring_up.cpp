@@ -21,7 +21,7 @@ Result<> bring_up(Context& ctx, const EniConfiguration& eni, std::span<std::byte
     if (const auto told = check_modules(ctx, eni); !told) return told;
     if (eni.clocks)
         if (const auto reference = configdc(ctx, *eni.clocks); !reference) return reference.error();
-    // Without a Cyclic element the slaves say themselves what they exchange.
+    // Without a Cyclic element, the library reads the process data from the slaves.
     const std::size_t groups = std::max<std::size_t>(eni.groups.size(), 1);
     for (std::size_t n = 0; n < groups; ++n) {
         const auto used = config_map(ctx, image, static_cast<std::uint8_t>(n));

@@ -23,8 +23,8 @@ bool is_of_library(std::uint16_t ado) {
     return std::ranges::any_of(kOfLibrary, [&](const Range& r) { return r.first <= ado && ado < r.end; });
 }
 
-// Octets that begin at another register and end behind the first octet of one of these. Files write DL control (0x0100)
-// as a whole, of which 0x0103 is a part.
+// Whether a range of octets begins at another register and reaches one of these. Files write DL control (0x0100) as a
+// whole, which contains 0x0103.
 bool reaches_library(std::uint32_t ado, std::size_t octets) {
     const std::uint32_t end = ado + static_cast<std::uint32_t>(octets);
     if (ado >= 0x0100 && end == 0x0104) return false;
@@ -48,7 +48,7 @@ void read_validation(Reader& r, Node node, EniInit& init) {
     if (init.mask.empty()) init.mask.assign(init.wanted.size(), std::byte{0xFF});
     if (init.mask.size() == init.wanted.size()) return;
     r.fail(validate, "DataMask of Validate has another size than Data");
-    init.mask.assign(init.wanted.size(), std::byte{0xFF});  // the reader continues, to name further faults
+    init.mask.assign(init.wanted.size(), std::byte{0xFF});  // the reader continues, in order to report further faults
 }
 
 EniInit read_init(Reader& r, Node node) {
@@ -83,7 +83,7 @@ std::string named(const EniInit& init) {
     return "the init command for register " + hex(init.ado) + " is not supported: ";
 }
 
-// Sets the value of a command; longer ones stay in the slave's data.
+// Sets the value of a command. A longer value stays in the data of the slave.
 void set_value(StartupCommand& command, const std::vector<std::byte>& octets, EniSlaveData& slave) {
     if (octets.size() <= command.value.size()) {
         std::ranges::copy(octets, command.value.begin());
@@ -123,7 +123,7 @@ std::vector<EniInit> read_eni_inits(Reader& r, Node parent) {
 
 void name_library_register(Reader& r, const EniInit& init) {
     if (init.transitions == Transition::none) return;
-    // Every file checks the AL status, and the SII for the identity.
+    // Every file checks the AL status, and reads the SII for the identity.
     const bool usual = init.ado == 0x0130 || init.ado == 0x0131 || (init.ado >= 0x0500 && init.ado < 0x0510);
     if (is_of_library(init.ado) && init.reads() && init.validates && !usual)
         r.remark(init.node, named(init) + "it checks a register that the library sets or reads by itself");
@@ -155,7 +155,7 @@ void add_register_command(Reader& r, const EniInit& init, EniSlaveData& slave) {
         command.kind = StartupCommand::Kind::write_register;
         set_value(command, init.data, slave);
     } else {
-        // Reading alone has no effect, but the slave must answer where the command has a counter.
+        // A command that only reads has no effect. But if it has a working counter, the slave must answer.
         if (!init.validates && (!init.counter || init.data.empty())) return;
         if (init.wanted.size() > command.value.size() || init.at_least) {
             r.remark(init.node, named(init) + "it compares more than 8 octets, or with EQ_OR_G");

@@ -49,7 +49,7 @@ std::optional<AoeNetId> net_id_of(std::string_view text) {
     return at == end ? std::optional(id) : std::nullopt;
 }
 
-// The NetID of the slave is given at IP, before the commands that use it, unless one of them gives a NetID.
+// The slave gets its NetID at IP, before the commands that use the NetID, unless one of the commands sets a NetID.
 void read_net_id(Reader& r, Node protocol, bool given, EniSlaveData& s) {
     const Value text = child(protocol, "NetId");
     if (!text.there || text.text.empty()) return;
@@ -85,7 +85,7 @@ void read_aoe(Reader& r, Node protocol, EniSlaveData& s) {
     for (Command& one : commands) add_command(s, one.command, std::move(one.message));
 }
 
-// The detected modules, where the slave has a list of them.
+// Compares the detected modules, if the slave has a list of them.
 Result<> check_detected(Context& ctx, const EniSlave& slave) {
     constexpr std::uint32_t kNoObject = 0x0602'0000;
     const auto other = find_other_module(ctx, slave.number, slave.modules);

@@ -1,5 +1,5 @@
-// What an ENI file says and the library does not use, where it means nothing or contradicts what is used: the file is
-// not what its author thinks.
+// Contents of an ENI file that the library does not use, and that are invalid or contradict used contents. They show
+// that the file is not as its author intended.
 #include "files/eni_read.hpp"
 #include "files/transitions.hpp"
 
@@ -10,7 +10,7 @@ namespace {
 
 // ------------------------------------------------------------------ values without a meaning
 
-// The numbers that are used are checked where they are read.
+// Numbers that the library does not use. Numbers that it uses are checked where they are read.
 struct UnusedNumber {
     std::string_view element;
     std::uint64_t most;
@@ -40,7 +40,7 @@ bool has_hex_digits(std::string_view text, std::size_t count) {
     return text.size() == count && text.find_first_not_of("0123456789abcdefABCDEF") == std::string_view::npos;
 }
 
-// What a value should be, if it is something else; empty if it is right.
+// The expected value in words if the value is wrong; empty: the value is right.
 std::string wanted_number(std::string_view element, std::string_view text) {
     const auto* const known = std::ranges::find(kUnusedNumbers, element, &UnusedNumber::element);
     if (known == std::end(kUnusedNumbers)) return {};
@@ -102,7 +102,7 @@ void name_nonsense_below(Reader& r, Node top) {
 
 // ------------------------------------------------------------------ process data described twice
 
-// The elements Sm<n> against the init commands.
+// Compares the elements Sm<n> with the init commands.
 void compare_sync_managers(Reader& r, const EniSlaveData& s) {
     for (const auto& [number, sm] : s.sms) {
         const Value start =
@@ -115,7 +115,7 @@ void compare_sync_managers(Reader& r, const EniSlaveData& s) {
     }
 }
 
-// Some tools count octets where the data have bits.
+// Some tools write the number of octets for data whose size is in bits.
 void compare_lengths(Reader& r, const EniSlaveData& s, Direction direction) {
     const auto& parts = direction == Direction::outputs ? s.outputs : s.inputs;
     if (!s.has_inits || parts.empty()) return;
@@ -150,7 +150,7 @@ std::uint32_t bits_of_type(std::string_view type) {
     return known == std::end(kKnown) ? 0 : known->bits;
 }
 
-// A BOOL may fill an octet.
+// A BOOL may have 8 bits.
 void compare_type(Reader& r, const EniVariable& variable, Node node) {
     const std::uint32_t bits = bits_of_type(variable.data_type);
     if (bits == 0 || bits == variable.bits || (bits == 1 && variable.bits == 8)) return;
@@ -165,7 +165,8 @@ struct Placed {
     Node node{};
 };
 
-// A variable may lie in another one, as the members of a struct do. One that lies in it by half is at a wrong place.
+// Reports overlapping variables. A variable may be inside another one, like a member of a struct. If it is only partly
+// inside, its place is wrong.
 void name_straddling(Reader& r, std::vector<Placed> all) {
     std::ranges::sort(
         all, [](const Placed& a, const Placed& b) { return a.begin != b.begin ? a.begin < b.begin : a.end > b.end; });

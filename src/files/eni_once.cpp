@@ -1,4 +1,5 @@
-// What an ENI file has once in its place: a second one contradicts the first, or says that something is missing.
+// Elements that may occur only once at their place in an ENI file: a second one contradicts the first, or shows that a
+// part of the file is missing.
 #include "files/eni_read.hpp"
 
 #include <algorithm>
@@ -6,7 +7,7 @@
 namespace margay::files {
 namespace {
 
-// Elements in which the names below are looked for. Elements of vendors may contain what they want.
+// The elements in which the names below are checked. Elements of vendors may contain anything.
 constexpr std::string_view kParents[] = {"EtherCATConfig",
                                          "Config",
                                          "Master",

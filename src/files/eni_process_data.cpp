@@ -67,7 +67,7 @@ std::uint32_t listed_bits(const EniSlaveData& s, std::uint8_t number) {
     return bits;
 }
 
-// A list that contradicts the SyncManager describes something else than what is exchanged.
+// Removes the lists that contradict their SyncManager, because they do not describe the exchanged data.
 void drop_wrong_lists(Reader& r, EniSlaveData& s) {
     std::erase_if(s.lists, [&](const SmPdos& list) {
         const auto used = s.config.used_sms();
@@ -157,7 +157,7 @@ class CycleReader {
         } else if (cmd == EniCmd::brd && ado == 0x0130) {
             group.config.al_status = true;
         } else if (cmd != EniCmd::nop && !(cmd == EniCmd::brd && ado == 0x092C)) {
-            // A NOP has no effect; the differences of the clocks are watched by the supervision.
+            // A NOP has no effect, and the supervision watches the differences of the clocks.
             r_.remark(node,
                       "the cyclic command " + std::to_string(number) + " of register " + hex(ado) + " is not sent");
         }
@@ -180,7 +180,7 @@ class CycleReader {
         return bits;
     }
 
-    // The library exchanges all data of a slave in one group.
+    // Checks that one group exchanges all data of a slave, as the library does.
     bool check_exchanged(std::uint8_t number) {
         for (const EniSlaveData& slave : slaves_)
             for (const auto& [index, fmmu] : slave.fmmus)
@@ -246,7 +246,8 @@ class CycleReader {
         see_bit_starts(number);
     }
 
-    // How far BitStart is from the place that the cyclic command and the FMMU give the data of each slave.
+    // Collects the distances of BitStart from the place of the data of each slave that follows from the cyclic command
+    // and the FMMU.
     void see_bit_starts(std::uint8_t number) {
         for (const EniSlaveData& slave : slaves_)
             for (const bool out : {false, true}) {
@@ -298,12 +299,13 @@ class CycleReader {
     std::vector<CyclicCmd> commands_;
     struct BitStart {
         Node node{};
-        std::int64_t place = 0;     // by the cyclic command and the FMMU
-        std::int64_t distance = 0;  // of BitStart from there
+        std::int64_t place = 0;     // the place that follows from the cyclic command and the FMMU
+        std::int64_t distance = 0;  // the distance of BitStart from `place`
     };
     using BitStarts = std::vector<BitStart>;
-    BitStarts placed_{};                                             // by InputOffs or OutputOffs
-    std::map<std::pair<std::ptrdiff_t, bool>, BitStarts> beside_{};  // of a command and direction without them
+    BitStarts placed_{};  // by InputOffs or OutputOffs
+    // For each command and direction without these offsets.
+    std::map<std::pair<std::ptrdiff_t, bool>, BitStarts> beside_{};
 
     // The most frequent one of the allowed distances.
     static std::int64_t usual_distance(const BitStarts& all, std::initializer_list<std::int64_t> allowed) {
@@ -324,7 +326,7 @@ class CycleReader {
 
   public:
     // Variables are found by BitStart. Offsets of a file count from the data, or from its datagram, whose header has 80
-    // bits. Where commands have no offsets, the slaves of one command have the same distance.
+    // bits. If commands have no offsets, the slaves of one command have the same distance.
     void check_bit_starts() {
         if (!placed_.empty()) name_others(placed_, usual_distance(placed_, {0, 80}), "the cyclic command and the FMMU");
         for (const auto& [command, all] : beside_)
@@ -333,7 +335,7 @@ class CycleReader {
     bool carries_time = false;
     bool by_position = false;
     std::uint8_t time_group = 0;
-    std::optional<std::uint16_t> time_adp{};  // of the first command for the time
+    std::optional<std::uint16_t> time_adp{};  // ADP of the first command for the time
     Node time_node{};
     std::uint64_t bytes = 0;
 };
@@ -344,7 +346,7 @@ class Places {
     Places(const std::deque<EniSlaveData>& slaves, Direction direction) {
         for (const EniSlaveData& s : slaves) {
             std::uint32_t before = 0;
-            // No variable is placed behind the data that the slave exchanges.
+            // No variable may be behind the exchanged data of the slave.
             std::uint64_t most = s.has_inits ? 0 : std::numeric_limits<std::uint32_t>::max();
             for (const ProcessSm& sm : s.config.used_sms())
                 if (sm.direction == direction) most = up_to_octet(most) + sm.bits;
@@ -395,7 +397,7 @@ void make_process_data(Reader& r, EniSlaveData& s) {
         if (one.sm->number >= Slave::kSyncManagers || one.sm->activate != 1)
             r.fail(one.sm->node, "SyncManager " + std::to_string(one.sm->number) +
                                      " is not supported: its number is above 7, or its activate octet is not 1");
-        // The FMMU of a slave without bit operation maps whole octets; the PDOs say how many bits there are.
+        // The FMMU of a slave without bit operation maps whole octets. The PDOs contain the number of bits.
         const std::uint32_t listed = listed_bits(s, one.sm->number);
         const bool fits = listed != 0 && (listed + 7) / 8 == one.sm->bytes && bits % 8 == 0;
         if (!s.config.add({one.sm->number, one.direction, one.sm->control, one.sm->start, fits ? listed : bits}))
@@ -406,13 +408,13 @@ void make_process_data(Reader& r, EniSlaveData& s) {
         if (sm.bytes != 0 && sm.activate != 0 && std::ranges::find(all, &sm, &Mapped::sm) == all.end() && number > 1)
             r.remark(sm.node, "no FMMU maps SyncManager " + std::to_string(number) + ": it is not configured");
     drop_wrong_lists(r, s);
-    s.config.fixed_pdos = true;  // the start-up commands of the file write them
+    s.config.fixed_pdos = true;  // the start-up commands of the file write the PDOs
 }
 
 namespace {
 
-// The slave whose clock is the reference: the one that the command for the time addresses, or else the one with
-// ReferenceClock. 0: neither.
+// The slave with the reference clock: the slave that the command for the time addresses, otherwise the slave with
+// ReferenceClock. 0: there is none.
 std::uint16_t reference_of(Reader& r, const CycleReader& cycles, const std::deque<EniSlaveData>& slaves) {
     const auto by_dc = std::ranges::find_if(slaves, &EniSlaveData::reference_clock);
     const std::uint16_t said = by_dc == slaves.end() ? std::uint16_t{0} : by_dc->slave.number;
@@ -447,19 +449,20 @@ void read_eni_cycles(Reader& r, Node config, std::deque<EniSlaveData>& slaves, E
         if (r.failed()) return;
     }
     cycles.check_bit_starts();
-    for (const EniSlaveData& s : slaves) cycles.bytes += s.config.mailbox_status ? 2 : 0;  // bits, maybe in both halves
+    // For the mailbox status bits, perhaps in both halves.
+    for (const EniSlaveData& s : slaves) cycles.bytes += s.config.mailbox_status ? 2 : 0;
     into.image_bytes = static_cast<std::uint32_t>(std::min<std::uint64_t>(cycles.bytes, 0xFFFF'FFFF));
     bool wanted = cycles.carries_time;
     for (const EniSlaveData& s : slaves) wanted |= s.uses_clock;
     if (!wanted) return;
-    // A Cyclic element that carries the time alone is no group.
+    // A Cyclic element that only carries the time is no group.
     if (cycles.time_group >= into.groups.size()) cycles.time_group = 0;
     ClockSettings clocks{.group = cycles.time_group, .by_position = cycles.by_position};
     if (!into.groups.empty() && into.groups[clocks.group].cycle > Duration{0})
         clocks.cycle = into.groups[clocks.group].cycle;
     clocks.reference = reference_of(r, cycles, slaves);
     for (const EniSlaveData& s : slaves) {
-        // Files without CycleTime: the cycle is that of the slaves' SYNC0.
+        // If the file has no CycleTime, the cycle is the SYNC0 cycle of the slaves.
         const bool said = !into.groups.empty() && into.groups[clocks.group].cycle > Duration{0};
         if (!said && s.uses_clock && s.setup.dc.sync0_cycle > Duration{0}) clocks.cycle = s.setup.dc.sync0_cycle;
     }

@@ -6,8 +6,8 @@
 namespace margay::files {
 namespace {
 
-// Numbers as config_init() gives them: the slaves with a fixed place in the order of the ring, then the members of hot
-// connect groups in the order of the file.
+// Assigns the numbers in the way of config_init(): the slaves with a fixed place in the order of the ring, then the
+// members of hot connect groups in the order of the file.
 void give_numbers(Reader& r, Node config, std::deque<EniSlaveData>& slaves) {
     std::vector<EniSlaveData*> line;
     std::uint8_t group = 0;
@@ -61,7 +61,7 @@ void read_slaves(Reader& r, Node config, const std::vector<EniInit>& master, std
     if (slaves.empty()) r.fail(config, "the file describes no slave");
 }
 
-// Everything that the configurations point to is copied into the owner.
+// Makes the configuration of a slave. All data to which it points is copied into the owner.
 void make_configuration(EniSlaveData& s, EniConfiguration& into) {
     std::vector<StartupCommand> commands = s.mail;
     commands.insert(commands.end(), s.registers.begin(), s.registers.end());

@@ -39,7 +39,7 @@ struct EniInit {
 };
 [[nodiscard]] std::vector<EniInit> read_eni_inits(Reader& reader, Node parent);
 
-// A range of logical address space in bits, and what it is mapped to.
+// A range of logical address space in bits, and the memory to which it is mapped.
 struct EniFmmu {
     Node node{};
     std::uint64_t begin_bit = 0;
@@ -65,14 +65,14 @@ struct EniBits {
     Node node{};
 };
 
-// What the reader keeps of a slave until the configuration is made.
+// The data of a slave that the reader keeps until the configuration is made.
 struct EniSlaveData {
     Node node{};
     EniSlave slave{};
     ExpectedSlave expected{};
     SlaveConfiguration config{};
     SlaveSetup setup{};
-    std::vector<EniInit> inits{};         // those that address this slave
+    std::vector<EniInit> inits{};         // the init commands that address this slave
     bool has_inits = false;               // without init commands the file describes only mailbox commands
     std::map<unsigned, EniFmmu> fmmus{};  // of process data, by number
     std::vector<EniFmmu> status_fmmus{};  // of the status of its mailbox
@@ -90,29 +90,31 @@ struct EniSlaveData {
     int group = -1;
 };
 
-// False: an element that an ENI has once is there twice; the reader has failed then.
+// False: an element occurs twice that an ENI has only once. Then the reader has failed.
 [[nodiscard]] bool check_eni_once(Reader& reader);
 [[nodiscard]] EniSlaveData read_eni_slave(Reader& reader, Node node, std::uint16_t position);
-// Milliseconds. A time that is longer than any real one is obeyed, and named.
+// Reads a time in milliseconds. An unusually long time is used, with a remark.
 [[nodiscard]] Duration read_eni_time(Reader& reader, const Value& value);
-// SYNC signals, from the init commands that the slave's data has.
+// Reads the SYNC signals from the init commands of the slave.
 void read_eni_sync(Reader& reader, EniSlaveData& slave);
 // The commands of EoE and AoE.
 void read_eni_mail(Reader& reader, Node mailbox, EniSlaveData& slave);
 // An init command of the master becomes a command of the slaves that it addresses.
 void add_master_command(Reader& reader, const EniInit& init, std::deque<EniSlaveData>& slaves);
 void add_register_command(Reader& reader, const EniInit& init, EniSlaveData& slave);
-// Names a command that the two above leave out because of the registers that belong to the library.
+// Adds a remark about a command that both functions above leave out, because its registers belong to the library.
 void name_library_register(Reader& reader, const EniInit& init);
 // The SyncManagers of process data with their FMMUs, and the PDOs: fills config.sms and the lists.
 void make_process_data(Reader& reader, EniSlaveData& slave);
 // The Cyclic elements: groups, places in the images, clocks.
 void read_eni_cycles(Reader& reader, Node config, std::deque<EniSlaveData>& slaves, EniConfiguration& into);
-// Names what the library does otherwise or not at all, and reads the mailboxes. `clocks`: the file uses clocks.
+// Adds remarks about contents that the library applies in another way or not at all, and reads the mailboxes. `clocks`:
+// the file uses clocks.
 void name_unused(Reader& reader, const std::vector<EniInit>& master, std::deque<EniSlaveData>& slaves, bool clocks);
-// Names what means nothing in elements that are not used, and process data that the file describes in two ways.
+// Adds remarks about invalid values in unused elements, and about process data that the file describes in two different
+// ways.
 void name_nonsense(Reader& reader, const std::deque<EniSlaveData>& slaves);
-// Names variables of one direction whose sizes or places are wrong. `nodes`: their elements.
+// Adds remarks about variables of one direction with wrong sizes or places. `nodes`: the elements of the variables.
 void name_odd_variables(Reader& reader, std::span<const EniVariable> variables, std::span<const Node> nodes);
 void read_eni_variables(Reader& reader, Node config, const std::deque<EniSlaveData>& slaves, EniConfiguration& into);
 

@@ -15,7 +15,7 @@ namespace reg = wire::reg;
 
 constexpr std::uint16_t kMailboxStatus = 0x080D;  // status of SyncManager 1
 
-// `origin`: the name of what gives the address, for the remark.
+// `origin`: the name of the source of the address, for the remark.
 void set_station_address(Reader& r, Node at, const char* origin, std::uint16_t address, EniSlaveData& s) {
     constexpr std::uint16_t kUnknown = 0x0C00;  // to 0x0FFF: see ExpectedSlave::station_address
     s.slave.station_address = address;
@@ -26,7 +26,7 @@ void set_station_address(Reader& r, Node at, const char* origin, std::uint16_t a
         s.expected.station_address = address;
 }
 
-// PhysAddr is optional: without it, the init command that writes the station address gives it.
+// PhysAddr is optional. Without it, the station address comes from the init command that writes it.
 void read_station_address(Reader& r, Node info, const std::vector<EniInit>& inits, EniSlaveData& s) {
     const Value given = child(info, "PhysAddr");
     if (given.there) set_station_address(r, info, "PhysAddr", r.number<std::uint16_t>(given), s);
@@ -75,7 +75,8 @@ bool is_nothing(std::span<const std::byte> mask) {
     return std::ranges::all_of(mask, [](std::byte one) { return one == std::byte{0}; });
 }
 
-// The identity that the init commands check: a command that gives the SII a word address, then one that reads the data.
+// Finds the identity that the init commands check: one command writes the word address to the SII interface, and the
+// next one compares the data.
 class IdentityChecks {
   public:
     void see(Reader& r, const EniInit& init, EniSlaveData& s) {
@@ -93,7 +94,7 @@ class IdentityChecks {
     bool any = false;
 
   private:
-    // The four octets that the command compares from `at` on are those of this word and the next one.
+    // The four octets that the command compares from `at` on belong to this word and the next word.
     void see(Reader& r, const EniInit& init, std::size_t at, std::uint32_t word, EniSlaveData& s) {
         const auto mask = std::span(init.mask).subspan(at);
         if (is_nothing(mask.first(std::min<std::size_t>(mask.size(), 4)))) return;  // it compares other octets
@@ -126,7 +127,8 @@ class IdentityChecks {
     std::uint32_t word_ = 0;
 };
 
-// The init commands decide which slave is accepted, as in the master that the file is made for.
+// Adds a remark if Info has another identity than the init commands. The init commands decide which slave is accepted,
+// as in the master for which the file was made.
 void name_other_identity(Reader& r, const EniSlaveData& s) {
     const auto compare = [&](const char* name, std::uint32_t said, const std::optional<std::uint32_t>& checked) {
         if (said != 0 && checked && *checked != said)
@@ -138,13 +140,13 @@ void name_other_identity(Reader& r, const EniSlaveData& s) {
     compare("ProductCode", s.slave.identity.product, s.expected.product);
 }
 
-// How long the file waits for states.
+// Reads the timeouts of the states.
 void read_times(const EniInit& init, SlaveTimes& times) {
     if (init.ado != reg::kAlStatus.address || !init.validates) return;
     const auto set = [&](Transition one, Duration& into) {
         if (contains(init.transitions, one)) into = std::max(into, init.timeout);
     };
-    // The command of IP that checks INIT has the same time as the one that checks PREOP.
+    // At IP, the command that checks INIT has the same timeout as the command that checks PREOP.
     set(Transition::init_to_preop, times.to_preop);
     set(Transition::preop_to_safeop, times.to_safeop);
     set(Transition::safeop_to_op, times.to_op);
@@ -249,7 +251,7 @@ void read_inits(Reader& r, Node node, EniSlaveData& s) {
     }
     read_eni_sync(r, s);
     if (checks.any) return name_other_identity(r, s);
-    // A file without checks still says which slave it is made for.
+    // A file without checks still contains the identity of its slave.
     if (s.slave.identity.vendor == 0 && s.slave.identity.product == 0 && !s.node.child("HotConnect"))
         r.remark(s.node,
                  "the slave has neither VendorId nor ProductCode, and no init command checks them: any slave is "
@@ -289,8 +291,8 @@ bool selects_pdos(const StartupCommand& command) {
     return within(0x1600, 0x1C00) || within(0x1C10, 0x1C30);
 }
 
-// A file without init commands says nothing about SyncManagers: the library asks the slave for its PDOs, in PREOP. The
-// commands that select the PDOs, and those before them, have to be executed before that.
+// A file without init commands contains no SyncManagers, so the library reads the PDOs from the slave in PREOP. The
+// commands that select the PDOs, and the commands before them, must be executed before this reading.
 void advance_pdo_commands(Reader& r, Node protocol, EniSlaveData& s) {
     const auto last = std::find_if(s.mail.rbegin(), s.mail.rend(), [](const StartupCommand& command) {
         return selects_pdos(command) && contains(command.transitions, Transition::preop_to_safeop);
@@ -304,7 +306,7 @@ void advance_pdo_commands(Reader& r, Node protocol, EniSlaveData& s) {
              "selects PDOs are executed at IP, too, because the library reads the PDOs before PS");
 }
 
-// Why a command of SoE is not sent; empty: it writes the value of a parameter.
+// The reason why a command of SoE is not sent; empty: it writes the value of a parameter, and is sent.
 std::string not_a_value(Reader& r, Node node, const StartupCommand& command, bool no_data) {
     constexpr unsigned kWriteRequest = 3;
     constexpr unsigned kValue = 0x40;  // the element of the IDN, a bit of the SoE header
@@ -343,7 +345,7 @@ void read_mailbox(Reader& r, Node mailbox, EniSlaveData& s) {
     s.slave.modules = configured_modules(s.mail);
 }
 
-// The PDOs that SyncManager `number` has by Sm<n>/Pdo; without such a list the PDOs with the attribute Sm.
+// The PDOs of SyncManager `number` in Sm<n>/Pdo; without such a list, the PDOs with the attribute Sm.
 void read_pdos(Reader& r, Node data, EniSlaveData& s) {
     std::map<std::uint16_t, EsiPdo> known;
     std::map<unsigned, std::vector<std::uint16_t>> assigned;

@@ -4,14 +4,14 @@
 namespace margay::files {
 namespace {
 
-// Settings of SYNC signals, and which of them the init commands have given.
+// Settings of SYNC signals that the init commands contain.
 struct SyncSeen {
     std::optional<std::uint16_t> activation{};
     std::optional<std::uint32_t> cycle0{};
     std::optional<std::uint32_t> cycle1{};
 };
 
-// What the command gives, beside what is known.
+// The settings of the command, added to the known settings.
 SyncSeen sync_of(const EniInit& init, const SyncSeen& known) {
     const auto covers = [&](std::uint16_t address) {
         return init.ado <= address && address < init.ado + init.data.size();
@@ -20,7 +20,7 @@ SyncSeen sync_of(const EniInit& init, const SyncSeen& known) {
         return static_cast<std::uint32_t>(init.value(address - init.ado, octets));
     };
     SyncSeen given;
-    const std::uint32_t before = known.activation.value_or(0);  // any of the two registers, or both, may be written
+    const std::uint32_t before = known.activation.value_or(0);  // the command may write either register or both
     const std::uint32_t low = covers(0x0980) ? at(0x0980, 1) : before & 0xFF;
     const std::uint32_t high = covers(0x0981) ? at(0x0981, 1) : before >> 8;
     if (covers(0x0980) || covers(0x0981)) given.activation = static_cast<std::uint16_t>(high << 8 | low);
@@ -38,8 +38,8 @@ bool both_give(const SyncSeen& a, const SyncSeen& b) {
     return (a.activation && b.activation) || (a.cycle0 && b.cycle0) || (a.cycle1 && b.cycle1);
 }
 
-// The library sets the signals at PS. What the file gives at another step on the way to OP is used where the file gives
-// nothing at PS.
+// The library sets the signals at PS. Settings of the file at another step on the way to OP are only used if the file
+// has no settings at PS.
 bool is_used(Reader& r, const EniInit& init, const SyncSeen& given, const SyncSeen& seen, const SyncSeen& at_ps) {
     if (contains(init.transitions, Transition::preop_to_safeop)) return true;
     const bool other = is_other(given.activation, seen.activation) || is_other(given.cycle0, seen.cycle0) ||

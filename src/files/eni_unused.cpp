@@ -1,4 +1,4 @@
-// What an ENI file asks for and the library does in its own way, or not at all.
+// Remarks about contents of an ENI file that the library applies in its own way, or not at all.
 #include <margay/margay.hpp>
 
 #include "files/eni_read.hpp"
@@ -31,7 +31,7 @@ bool other_at(const EniInit& init, unsigned address, std::uint8_t usual) {
 bool asks_latches(const EniInit& init) {
     return other_at(init, reg::kLatch0Control.address, 0) || other_at(init, reg::kLatch0Control.address + 1, 0);
 }
-// 0x1000 is what the library writes.
+// The library writes 0x1000.
 bool asks_speed(const EniInit& init) {
     return other_at(init, reg::kSpeedCounterStart.address, 0x00) ||
            other_at(init, reg::kSpeedCounterStart.address + 1, 0x10);
@@ -60,7 +60,7 @@ void name_clock_registers(Reader& r, const std::vector<EniInit>& inits, bool clo
                "that they have, after power-up usually 4 and 12");
 }
 
-// A start time that is the shift of the file has the effect of the start time that the library calculates.
+// If the start time in the file is only the shift, the start time that the library calculates has the same effect.
 void name_start_times(Reader& r, const std::vector<EniInit>& inits, Duration shift) {
     const unsigned address = reg::kSyncStartTime.address;
     const auto asks = [&](const EniInit& init) {
@@ -77,7 +77,7 @@ void name_start_times(Reader& r, const std::vector<EniInit>& inits, Duration shi
             "system time and the ShiftTime of DC");
 }
 
-// As a part of DL control (0x0100) it is sent.
+// If the octet is a part of DL control (0x0100), it is sent.
 bool asks_alias(const EniInit& init) {
     return init.ado == reg::kAliasEnable.address && other_at(init, reg::kAliasEnable.address, 0);
 }
@@ -101,7 +101,7 @@ Area area_of(Reader& r, Node node) {
     return {r.number<std::uint16_t>(child(node, "Start")), r.number<std::uint16_t>(child(node, "Length"))};
 }
 
-// The mailboxes of a slave, also for BOOT, for which tools write the init commands without an element, too.
+// The mailboxes of a slave, also for BOOT. Tools also write the init commands for BOOT without an element.
 class MailboxReader {
   public:
     MailboxReader(Reader& r, EniSlaveData& s, bool boot)
@@ -147,7 +147,7 @@ class MailboxReader {
         const bool here = init.ado < kEnd && init.ado + init.data.size() > reg::kSyncManagerBase;
         const auto step = boot_ ? Transition::init_to_boot : Transition::init_to_preop;
         if (!here || !init.writes() || !contains(init.transitions, step) || init.is_zero()) return;
-        // Set at PS too: a SyncManager of process data.
+        // A SyncManager that is also set at PS belongs to process data.
         if (contains(init.transitions, Transition::preop_to_safeop)) return;
         const std::size_t stride = reg::kSyncManagerStride;
         if (init.ado % stride != 0 || init.data.size() % stride != 0)
@@ -187,7 +187,7 @@ class MailboxReader {
     bool named_ = false;
 };
 
-// Tools write 20 ms where the user has not chosen a time.
+// Tools write 20 ms if the user has not chosen a time.
 void name_poll_times(Reader& r, const std::deque<EniSlaveData>& slaves) {
     Node first{};
     unsigned count = 0;
@@ -263,13 +263,14 @@ std::string port_words(std::uint16_t slave, unsigned port) {
     return std::string("port ") + "ABCD"[port & 3] + " of slave " + std::to_string(slave);
 }
 
-// Several ports are alternatives.
+// If several ports are listed, each of them is allowed.
 void compare_ports(const EniConfiguration& eni, const EniSlave& one, const Slave& slave, std::vector<Remark>& into) {
     if (one.previous_ports.empty() || slave.ring_position == 0) return;
     std::string named;
     for (const EniPort& port : one.previous_ports) {
         const auto before = std::ranges::find(eni.slaves, port.station_address, &EniSlave::station_address);
-        if (before == eni.slaves.end() || port.station_address == 0) return;  // of no slave of the file
+        // The address belongs to no slave of the file.
+        if (before == eni.slaves.end() || port.station_address == 0) return;
         if (before->number == slave.parent && port.port == slave.parent_port) return;
         if (named.empty()) named = port_words(before->number, port.port);
     }

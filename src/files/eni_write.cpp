@@ -105,7 +105,7 @@ class EniWriter {
 
     void keep(const std::vector<std::string>& lost) { remarks_.insert(remarks_.end(), lost.begin(), lost.end()); }
 
-    // The PDOs of the SII give names; without them the ENI has none.
+    // The names come from the PDOs of the SII; without these PDOs the ENI has no names.
     EsiDevice describe_of(const Slave& slave) {
         if (!slave.sii_read) return {};
         std::vector<std::byte> image;
@@ -150,7 +150,7 @@ class EniWriter {
         std::uint64_t before = 0;  // octets of the groups before it
     };
     // Both halves of the image of the file have the logical addresses of the groups, one group behind the other: so one
-    // offset of a cyclic command says where the data of all slaves of this command is.
+    // offset of a cyclic command is valid for the data of all slaves of this command.
     [[nodiscard]] const Range& range_of(std::size_t number) {
         for (std::size_t group = ranges_.size(); group <= number; ++group) {
             const Range last = ranges_.empty() ? Range() : ranges_.back();
@@ -214,7 +214,7 @@ class EniWriter {
         }
     }
 
-    // The PDOs of the configuration, otherwise of the SII; only where they have the size of the SyncManager.
+    // The PDOs of the configuration, otherwise of the SII, if they have the size of the SyncManager.
     static std::vector<EsiPdo> assigned_pdos(const Slave& slave, const EsiDevice& described) {
         std::vector<EsiPdo> all;
         for (const ProcessSm& sm : slave.config.used_sms()) {
@@ -233,7 +233,8 @@ class EniWriter {
         return all;
     }
 
-    // A configuration has no types. Empty: the SII has no entry of this size at the index.
+    // The type of an entry from the SII, because a configuration has no types. Empty: the SII has no entry of this size
+    // at the index.
     static std::string entry_type(const EsiDevice& described, Direction direction, const PdoEntry& wanted) {
         for (const EsiPdo& pdo : described.pdos)
             for (const EsiEntry& entry : pdo.entries)
@@ -319,8 +320,7 @@ class EniWriter {
         }
     }
 
-    // The group whose cycle carries the time: the last cycle has shown it, or its configuration says so. Otherwise the
-    // first one.
+    // The group whose cycle carries the time, by its last cycle or by its configuration; otherwise the first group.
     [[nodiscard]] std::size_t time_group() const {
         const auto find = [this](auto carries) {
             std::size_t n = 0;
@@ -332,8 +332,8 @@ class EniWriter {
         return found == ctx_.limits().groups ? find([](const Group&) { return true; }) : found;
     }
 
-    // The working counter of the slaves that are in the file (ETG.1000.4): the group may have others, which are
-    // missing.
+    // The working counter of the slaves in the file (ETG.1000.4). The group may also have missing slaves, which are not
+    // in the file.
     [[nodiscard]] unsigned counter_of(const PlannedDatagram& datagram) const {
         const std::uint64_t begin = std::uint64_t{datagram.address.value};
         unsigned sum = 0;
@@ -373,7 +373,8 @@ class EniWriter {
         }
     }
 
-    // One variable for each entry; for a SyncManager without known entries one for all of it.
+    // Writes one variable for each entry; for a SyncManager without known entries, one variable for the whole
+    // SyncManager.
     void write_variables(Node half, const Slave& slave, Direction direction, const EsiDevice& described) {
         if (slave.image.group == SlaveImage::kNoGroup) return;
         const std::vector<EsiPdo> pdos = assigned_pdos(slave, described);
@@ -399,7 +400,7 @@ class EniWriter {
         }
     }
 
-    // Several entries of a PDO may have one name: the second one gets a 2, so that each name leads to one variable.
+    // Makes a name unique: if several entries of a PDO have the same name, the second one gets a 2, and so on.
     std::string name_once(const std::string& name) {
         if (variable_names_.insert(name).second) return name;
         for (std::size_t& n = variable_counts_.try_emplace(name, 1).first->second;;) {
@@ -417,12 +418,12 @@ class EniWriter {
     }
 
     Context& ctx_;
-    std::vector<Range> ranges_{};  // of the groups, as far as they were asked for
+    std::vector<Range> ranges_{};  // the ranges of the groups that were read so far
     const EniSettings& settings_;
     pugi::xml_document document_;
     std::vector<std::pair<std::uint16_t, EsiDevice>> names_;
     std::set<std::string> variable_names_{};
-    std::map<std::string, std::size_t> variable_counts_{};  // of names that came again
+    std::map<std::string, std::size_t> variable_counts_{};  // the counts of repeated names
     std::vector<std::vector<std::byte>> fmmus_{};           // of the slaves of the file
     std::vector<std::string> remarks_;
     std::string error_;

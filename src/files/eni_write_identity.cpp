@@ -1,4 +1,4 @@
-// What an ENI says about which slave it is: alias and device id, hot connect groups.
+// The identification of a slave in an ENI: alias and device id, hot connect groups.
 #include "files/eni_write.hpp"
 #include "wire/esc.hpp"
 
@@ -11,7 +11,7 @@ namespace {
 
 namespace reg = wire::reg;
 
-// The ENI has this element for one register only: the alias goes first, as it does in the library.
+// The ENI has this element for only one register: the alias has precedence, as in the library.
 void identification(Node info, std::uint16_t value, std::uint16_t ado) {
     Node node = add(info, "Identification");
     set(node, "Value", std::to_string(value));
@@ -33,7 +33,8 @@ void identify(Node group, const Slave& slave, std::uint16_t ado, std::uint16_t v
     add(validate, "Timeout", std::uint64_t{100});
 }
 
-// Recognised by its alias or device id alone, at any place: the library has no group for it, and an ENI needs one.
+// Whether the slave is recognised only by its alias or device id, at any place. The library has no group for such a
+// slave, and an ENI needs a group.
 bool is_anywhere(const ExpectedSlave& wanted) { return wanted.number == 0 && wanted.hot_connect == 0; }
 
 bool is_head(Context& ctx, const Slave& slave) {

@@ -1,4 +1,4 @@
-// The init commands that an ENI has for a slave.
+// The init commands of an ENI for a slave.
 #include "files/eni_write.hpp"
 #include "files/modules.hpp"
 #include "files/transitions.hpp"
@@ -210,8 +210,8 @@ void pdo_commands(Node inits, const Slave& slave) {
     }
 }
 
-// The list of configured modules, where the slave has one and no start-up command writes it: before the PDOs, which
-// depend on the modules.
+// Writes the list of configured modules, if the slave has such a list and no start-up command writes it. It is written
+// before the PDOs, which depend on the modules.
 void module_commands(Node inits, Context& ctx, const Slave& slave) {
     if ((slave.mailbox.protocols & mailbox_protocol::kCoE) == 0) return;
     if (!configured_modules(slave.config.startup()).empty()) return;

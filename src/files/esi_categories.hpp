@@ -8,7 +8,7 @@
 
 namespace margay::files {
 
-// The category is made from the description of the device; an ESI carries the others as they are.
+// Whether the category is made from the description of the device. An ESI contains all other categories unchanged.
 [[nodiscard]] inline bool is_described_category(std::uint16_t type) {
     namespace category = wire::sii::category;
     static constexpr std::array kDescribed{category::kStrings,     category::kGeneral, category::kFmmu,

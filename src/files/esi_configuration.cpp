@@ -99,14 +99,14 @@ class Configurator {
         const SmType wanted = direction == Direction::outputs ? SmType::outputs : SmType::inputs;
         for (std::size_t n = 0; n < device_.sync_managers.size(); ++n)
             if (device_.sync_managers[n].type == wanted) return static_cast<std::uint8_t>(n);
-        // Its name is one of the device: the control octet says what it is.
+        // The SyncManager has a name of the vendor, so its control octet shows its use.
         for (std::size_t n = 0; n < device_.sync_managers.size(); ++n)
             if (direction_by_control(device_.sync_managers[n]) == direction) return static_cast<std::uint8_t>(n);
         return std::nullopt;
     }
 
-    // The ident of the module in a slot; 0: none. Without a default module, the only module that fits is in as many
-    // instances of the slot as the file demands.
+    // The ident of the module in a slot; 0: none. Without a default module, if only one module fits, it is used in the
+    // number of instances of the slot that the file requires.
     std::uint32_t ident_in(std::uint32_t slot) {
         if (choice_.modules) return slot < choice_.modules->size() ? (*choice_.modules)[slot] : 0;
         const EsiSlot* described = device_.slots->slot(slot);
@@ -182,7 +182,7 @@ class Configurator {
     }
 
     void write_ident_list(const std::vector<std::uint32_t>& idents) {
-        // In PREOP, and before the PDOs are written: so it belongs to IP.
+        // The command must be executed in PREOP before the PDOs are written, so it belongs to IP.
         constexpr Transition kWhen = Transition::init_to_preop;
         commands_.push_back(write_object(kWhen, kConfiguredModules, 0, std::uint8_t{0}));
         for (std::size_t n = 0; n < idents.size(); ++n)

@@ -34,7 +34,7 @@ class Types {
         return found == types_.end() ? Node{} : found->second;
     }
 
-    // At most this many subindices come of the type.
+    // An upper limit of the number of subindices of the type.
     [[nodiscard]] std::size_t count(Node type) const {
         std::size_t sum = 0;
         for (const Node sub : type.children("SubItem")) {
@@ -107,7 +107,7 @@ void read_object(Reader& r, const Types& types, Node node, std::vector<EsiObject
     const Node type = types.find(object.data_type);
     if (!r.expand(node, types.count(type))) return;
     object.items = types.items(type);
-    // The object has names of its own for its subindices, in their order.
+    // The object has its own names for its subindices, in their order.
     std::size_t n = 0;
     for (const Node sub : node.child("Info").children("SubItem")) {
         if (n >= object.items.size()) break;

@@ -1,4 +1,4 @@
-// The description of a device that its SII gives: the reverse of esi_sii.cpp.
+// Makes the description of a device from its SII: the reverse of esi_sii.cpp.
 #include <margay/files/esi.hpp>
 
 #include "files/esi_categories.hpp"
@@ -83,7 +83,7 @@ class Describer {
                                         .is_virtual = (sm->enable & sii::sm_enable::kVirtual) != 0});
     }
 
-    // All categories of the type: some generators write one for each PDO.
+    // Reads all categories of the type, because some generators write one category for each PDO.
     void pdos(std::uint16_t type, Direction direction) {
         sii::CategoryWalker walker(image_);
         while (const auto category = walker.next()) {

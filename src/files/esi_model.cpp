@@ -1,4 +1,4 @@
-// What follows from the description of a device alone.
+// Functions that only need the description of a device.
 #include <margay/context.hpp>
 #include <margay/files/esi.hpp>
 
@@ -86,7 +86,7 @@ std::uint8_t data_type_number(std::string_view name) {
 std::string_view data_type_name(std::uint16_t number, std::uint32_t bits) {
     static constexpr std::string_view kBits[] = {"BIT1", "BIT2", "BIT3", "BIT4", "BIT5", "BIT6", "BIT7", "BIT8"};
     if (number >= 0x30 && number <= 0x37) return kBits[number - 0x30];
-    for (const BasicType& type : kBasicTypes)  // the first name of each number is that of ESI files
+    for (const BasicType& type : kBasicTypes)  // the first name of each number is the name in ESI files
         if (type.number == number) return type.name;
     if (bits >= 1 && bits <= 8) return bits == 1 ? "BOOL" : kBits[bits - 1];
     return bits == 16 ? "UINT" : bits == 32 ? "UDINT" : bits == 64 ? "ULINT" : "";

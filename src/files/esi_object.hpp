@@ -1,4 +1,4 @@
-// An object of a dictionary as an ESI has it, by what a slave says of it.
+// Makes the object of a dictionary for an ESI from the description that a slave has reported.
 #pragma once
 
 #include <margay/files/esi.hpp>
@@ -11,7 +11,7 @@ namespace margay::files {
 
 struct SaidEntry {
     std::uint8_t subindex = 0;
-    std::uint16_t access = 0;  // as EntryDescription::access
+    std::uint16_t access = 0;  // the same bits as EntryDescription::access
     std::uint16_t data_type = 0;
     std::uint16_t bits = 0;
     std::string name{};

@@ -34,7 +34,7 @@ constexpr Flag kCoeFlags[] = {{"SdoInfo", coe_detail::kSdoInformation},
                               {"PdoUpload", coe_detail::kUploadAtStartup},
                               {"CompleteAccess", coe_detail::kCompleteAccess}};
 
-// What the command writes to.
+// Reads the object or parameter that the command writes.
 void read_place(Reader& r, Node node, EsiCommand& command) {
     switch (command.protocol) {
         case mailbox_protocol::kCoE:

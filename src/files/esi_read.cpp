@@ -34,7 +34,7 @@ EsiSyncManager read_sm(Reader& r, Node node) {
     sm.default_bytes = r.number<std::uint16_t>(attribute(node, "DefaultSize"));
     sm.least_bytes = r.number<std::uint16_t>(attribute(node, "MinSize"));
     sm.most_bytes = r.number<std::uint16_t>(attribute(node, "MaxSize"));
-    // A number by the schema (#x1); some files have a boolean.
+    // The schema requires a number (#x1); some files have a boolean.
     const Value enable = attribute(node, "Enable");
     const bool word = enable.there && (same_word(enable.text, "true") || same_word(enable.text, "false"));
     sm.enabled = word ? r.boolean(enable) : r.number<std::uint8_t>(enable) != 0;
@@ -57,7 +57,7 @@ RevisionCheck revision_check(Reader& r, Node type) {
     return RevisionCheck::none;
 }
 
-// An attribute of one tool: a value that does not fit leaves the device usable.
+// This attribute belongs to one tool, so the device stays usable if the value does not fit.
 std::uint8_t sysman_class(Reader& r, Node type) {
     const Value value = attribute(type, "TcSmClass");
     const Number number = parse_number(value.text);
@@ -69,7 +69,7 @@ std::uint8_t sysman_class(Reader& r, Node type) {
 
 std::array<PortType, 4> ports_of(Reader& r, Node device) {
     std::array<PortType, 4> ports{};
-    const std::string_view physics = device.attribute("Physics").value();  // a blank is a port that is absent
+    const std::string_view physics = device.attribute("Physics").value();  // a blank means an absent port
     for (std::size_t n = 0; n < physics.size() && n < ports.size(); ++n) {
         const char c = physics[n];
         if (c == 'Y' || c == 'y' || c == 'H' || c == 'h') ports[n] = PortType::mii;
@@ -89,7 +89,7 @@ void read_info(Reader& r, EsiDevice& device, Node info) {
     const Node machine = info.child("StateMachine");
     const Node times = machine.child("Timeout");
     device.times.to_preop = milliseconds(r, child(times, "PreopTimeout"));
-    // One time for both transitions.
+    // The file has one time for both transitions.
     device.times.to_safeop = device.times.to_op = milliseconds(r, child(times, "SafeopOpTimeout"));
     device.times.down = milliseconds(r, child(times, "BackToInitTimeout"));
     device.safeop_configuration = r.boolean(attribute(machine.child("Behavior"), "StartToSafeop"));
@@ -102,7 +102,7 @@ void read_info(Reader& r, EsiDevice& device, Node info) {
     }
 }
 
-// Elements of Info that are not used: a value without a meaning in them shows that something is wrong with the file.
+// Adds remarks about invalid values in unused elements of Info, because they show that the file is faulty.
 void name_odd_info(Reader& r, Node info) {
     const Node controller = info.child("EtherCATController");
     const Node times = info.child("StateMachine").child("Timeout");
@@ -141,7 +141,7 @@ void read_esc(Reader& r, EsiDevice& device, Node esc) {
     if (child(esc, "Reg0108").there) r.remark(esc.child("Reg0108"), "Reg0108 is not used");
 }
 
-// A device cannot have more of them: there are no more registers for them.
+// The limit of registers: a device cannot have more of these elements.
 void limit(Reader& r, Node device, const char* name, unsigned most) {
     unsigned count = 0;
     for (const Node one : device.children(name))
@@ -155,7 +155,7 @@ Names group_names(Node descriptions) {
     return names;
 }
 
-// Reads one element; a fault leaves it out.
+// Reads one element. An element with a fault is left out.
 template <class T>
 void collect(Reader& r, Node node, std::vector<T>& into, T (*read)(Reader&, Node), std::optional<Remark>& first) {
     T one = read(r, node);
@@ -195,7 +195,7 @@ std::string english(Node parent, const char* name) {
     return Reader::text(content(first));
 }
 
-// A PDO of a SyncManager that the device does not have.
+// Adds remarks about PDOs whose SyncManager the device does not have.
 void name_pdos_without_sm(Reader& r, const EsiDevice& device, Node node) {
     const std::size_t count = device.sync_managers.size();
     for (const char* const kind : {"RxPdo", "TxPdo"})

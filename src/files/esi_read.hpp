@@ -7,7 +7,7 @@
 
 namespace margay::files {
 
-// PDOs, and the commands of a mailbox: of a device or of a module.
+// PDOs, and the commands of a mailbox, of a device or of a module.
 [[nodiscard]] EsiPdo read_esi_pdo(Reader& reader, Node node, Direction direction);
 [[nodiscard]] std::vector<EsiPdo> read_esi_pdos(Reader& reader, Node parent);
 [[nodiscard]] EsiMailbox read_esi_mailbox(Reader& reader, Node node);
@@ -21,8 +21,8 @@ namespace margay::files {
 
 // Of several elements with this name: the English one, otherwise the first.
 [[nodiscard]] std::string english(Node parent, const char* name);
-// The transitions of a command, by its elements Transition. Transitions that this library does not know (for example
-// PP) are named in a remark; none is left then.
+// The transitions of a command, by its elements Transition. A remark reports transitions that this library does not
+// know (for example PP), and the result does not contain them.
 [[nodiscard]] Transition read_transitions(Reader& reader, Node command);
 
 }  // namespace margay::files

@@ -17,7 +17,7 @@ namespace sii = wire::sii;
 
 constexpr std::size_t kConfigurationBytes = 14;
 
-// How many of the names go into the image: its strings have numbers of one octet.
+// Which names the image contains. The number of strings is limited, because a string number has one octet.
 enum class SiiNames : std::uint8_t { all, without_entries, of_the_device };
 
 std::uint32_t code_point(std::string_view text, std::size_t& at) {
@@ -103,7 +103,7 @@ class Builder {
 
     void general() {
         d_.group = text(device_.group);
-        // A file needs a name for each group: that of a group without one is its type.
+        // A file needs a name for each group. If a group has no name, the file uses its type.
         if (device_.group_name != device_.group) d_.group_name = text(device_.group_name);
         d_.order = text(device_.type);
         d_.name = text(device_.name);
@@ -133,7 +133,8 @@ class Builder {
     void sync_managers() {
         for (const EsiSyncManager& sm : device_.sync_managers) {
             SmType type = sm.type;
-            // A name of its own: the direction of the control octet says more to a master than "unused".
+            // The SyncManager has a name of the vendor. For a master, the direction in the control octet is more useful
+            // than "unused".
             if (const auto direction = direction_by_control(sm))
                 type = direction == Direction::outputs ? SmType::outputs : SmType::inputs;
             std::uint8_t enable = sm.enabled ? sii::sm_enable::kEnable : std::uint8_t{0};
@@ -259,7 +260,7 @@ SiiImage make_sii(const EsiDevice& device) {
         if (!builder.error().empty()) return failed(builder.error());
         SiiImage image{.octets = std::vector<std::byte>(bytes), .remarks = builder.remarks()};
         auto written = sii::write_image(description, image.octets);
-        // Without ByteSize the EEPROM is as large as it must be.
+        // Without ByteSize, the EEPROM gets the least sufficient size.
         for (std::uint32_t larger = bytes; written.fault == sii::Fault::no_room && wanted == 0 && larger < 65536;) {
             larger *= 2;
             image.octets.assign(larger, std::byte{0});

@@ -1,4 +1,4 @@
-// What a slave says about itself: its modules, and a description for an ESI.
+// Data that a slave reports: its modules, and a description for an ESI.
 #include <margay/files/esi.hpp>
 #include <margay/margay.hpp>
 

@@ -9,11 +9,11 @@
 
 namespace margay::files {
 
-// The use of a SyncManager that the SII calls unused. The schema has no word for it.
+// The text for an unused SyncManager. The schema has no word for it.
 inline constexpr const char* kUnusedSm = "Unused";
 
-// The direction of a SyncManager of process data that has a name of its own, from its control octet. nullopt: it has no
-// such name, or the octet is that of a mailbox.
+// The direction of a SyncManager of process data with a name of the vendor, from its control octet. nullopt: it has no
+// such name, or the octet is the octet of a mailbox.
 [[nodiscard]] std::optional<Direction> direction_by_control(const EsiSyncManager& sm);
 
 // For an unknown number: a type that has this number of bits, or "" if there is none.

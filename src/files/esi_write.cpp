@@ -24,7 +24,8 @@ std::string physics(const EsiDevice& device) {
     return letters;
 }
 
-// Strings of ESI files have their length in the name. A type that has no name is one of octets or of bits.
+// The type in an ESI file. The name of a string type contains its length. A type without a name is written as octets or
+// as bits.
 std::string written_type(const std::string& name, std::uint32_t bits) {
     const bool is_whole = bits != 0 && bits % 8 == 0;
     if (is_whole && name == "VISIBLE_STRING") return "STRING(" + std::to_string(bits / 8) + ")";
@@ -313,7 +314,7 @@ void write_device(Node devices, const EsiDevice& d) {
     if (d.eeprom) write_eeprom(device, *d.eeprom);
 }
 
-// What of the data an ESI has no place for, and what the writer has none for.
+// Returns the data that an ESI or this writer cannot express.
 std::vector<std::string> left_out(const EsiFile& esi) {
     std::vector<std::string> lost;
     for (const EsiDevice& d : esi.devices)

@@ -36,7 +36,7 @@ std::vector<std::uint32_t> configured_modules(std::span<const StartupCommand> co
             if (one.subindex != 0) set(one.subindex - 1U, ident_at(octets, 0));
             continue;
         }
-        // From subindex 0 on the number comes first, in two octets.
+        // A write from subindex 0 on begins with the number of modules in two octets.
         std::size_t slot = 0;
         for (std::size_t at = one.subindex == 0 ? 2 : 0; at + 4 <= octets.size(); at += 4)
             set(slot++, ident_at(octets, at));

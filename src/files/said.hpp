@@ -1,4 +1,4 @@
-// An error in words, for messages of the readers and writers of files.
+// The sentence of an error, for messages of the readers and writers of files.
 #pragma once
 
 #include <margay/error.hpp>

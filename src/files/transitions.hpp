@@ -13,7 +13,7 @@ inline constexpr std::array kTransitions{
     Transition::op_to_preop,   Transition::op_to_init,      Transition::safeop_to_preop, Transition::safeop_to_init,
     Transition::preop_to_init, Transition::init_to_boot,    Transition::boot_to_init};
 
-// none: unknown.
+// Transition::none: the abbreviation is unknown.
 [[nodiscard]] inline Transition transition_by_initials(std::string_view text) {
     for (const Transition one : kTransitions)
         if (initials(one) == text) return one;

@@ -72,8 +72,8 @@ void merge_text(Node first) {
     first.set_value(all.c_str());
 }
 
-// Whether opening it waits for a program that writes. Not of a pipe that is open already: the names of the system for
-// descriptors (standard input, a pipe of the shell) are links.
+// Whether opening the file would wait for a program that writes. False for a pipe that is open already: the system
+// names of descriptors (standard input, a pipe of the shell) are links.
 bool is_fifo(const std::string& path) {
     struct stat found {};
     if (::lstat(path.c_str(), &found) != 0) return false;
@@ -115,7 +115,8 @@ std::string quoted(std::string_view text) {
     while (end != 0 && (octet(end) & 0xC0) == 0x80) --end;  // whole characters of UTF-8
     std::string q = "'";
     for (std::size_t n = 0; n < end; ++n) {
-        const bool c1 = octet(n) == 0xC2 && octet(n + 1) < 0xA0;  // U+0080 to U+009F: a terminal may obey them
+        // U+0080 to U+009F: a terminal may execute these control characters.
+        const bool c1 = octet(n) == 0xC2 && octet(n + 1) < 0xA0;
         const bool control = octet(n) < 0x20 || octet(n) == 0x7F || c1;
         q += control ? ' ' : text[n];
         n += c1 ? 1 : 0;
@@ -176,7 +177,7 @@ Remark Reader::remark_at(Node at, std::string text) const {
 }
 
 void Reader::remark(Node at, std::string text) {
-    if (failed_) return;  // the value behind a problem is none of the file
+    if (failed_) return;  // after a problem, the value does not come from the file
     if (remarks_.size() == kMostRemarks) remarks_.push_back({.text = "there are more remarks than are listed"});
     if (remarks_.size() > kMostRemarks) return;
     remarks_.push_back(remark_at(at, std::move(text)));
@@ -234,7 +235,7 @@ bool Reader::open(std::string_view octets) {
     for (std::size_t n = 0; n < text_.size(); ++n)
         if (text_[n] == '\n') lines_.push_back(n + 1);
     if (const auto fault = form_fault(text_)) return refuse(fault->offset, "no well-formed XML: " + fault->text);
-    // As a fragment: otherwise text outside of the root element is not seen.
+    // The document is parsed as a fragment. Otherwise text outside of the root element would not be found.
     constexpr unsigned kWanted = pugi::parse_default | pugi::parse_doctype | pugi::parse_fragment;
     const auto parsed = document_.load_buffer(text_.data(), text_.size(), kWanted, pugi::encoding_utf8);
     if (!parsed)
@@ -245,7 +246,7 @@ bool Reader::open(std::string_view octets) {
     return true;
 }
 
-// A document has one root element. Behind it may be another file, or the rest of a longer one.
+// Checks that the document has one root element. After it there may be another file, or the rest of a longer file.
 bool Reader::check_top() {
     bool any = false;
     for (const Node at : document_.children()) {

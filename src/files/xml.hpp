@@ -1,5 +1,6 @@
-// Reads XML with bounds: the document, the values in it, and remarks with line and column. Hides what the XML library
-// accepts and a configuration must not have: document types, entities of their own, any depth and any size.
+// Reads XML with bounds: the document, the values in it, and remarks with line and column. Refuses contents that the
+// XML library accepts and a configuration must not have: document types, entities that a file defines, unlimited depth
+// and size.
 #pragma once
 
 #include <margay/files/text_place.hpp>
@@ -45,26 +46,28 @@ class Reader {
     static constexpr unsigned kMostDepth = 64;
     static constexpr std::size_t kMostRemarks = 200;
 
-    // Parses the octets. Returns false when they are no XML document that this reader accepts; problem() says why.
+    // Parses the octets. Returns false if they are no XML document that this reader accepts; problem() has the reason.
     bool open(std::string_view octets);
     [[nodiscard]] Node root() const { return document_.document_element(); }
 
     [[nodiscard]] std::uint32_t line_of(Node at) const { return remark_at(at, {}).line; }
     [[nodiscard]] Remark remark_at(Node at, std::string text) const;
-    // Nothing while a problem is stored: what is left of the element would be remarks about values that it has not.
+    // Adds a remark. No effect while a problem is stored, because the remaining remarks would concern values that the
+    // file does not contain.
     void remark(Node at, std::string text);
     // Stores the first problem; later ones are ignored until take_problem().
     void fail(Node at, std::string text);
     [[nodiscard]] bool failed() const { return failed_; }
-    // Some elements stand for many: an object for the subindices of its type, a broadcast for a command of each slave.
-    // Counts what is made of such elements, and fails when a file makes more than any real file: returns false then.
+    // Some elements are expanded to many: an object to the subindices of its type, a broadcast to one command for each
+    // slave. Counts the results. If a file exceeds the number of any real file, the reader fails, and the function
+    // returns false.
     bool expand(Node at, std::size_t count);
     // Returns the problem and forgets it.
     Remark take_problem();
     [[nodiscard]] std::vector<Remark> take_remarks() { return std::move(remarks_); }
 
-    // The values fail when the text is no value of the type; then they return the fallback. An absent value is the
-    // fallback.
+    // Reads a value. If the text is no value of the type, the reader fails, and the function returns the fallback. For
+    // an absent value it returns the fallback, too.
     template <class T>
     [[nodiscard]] T number(const Value& value, T fallback = T{}) {
         using Limits = std::numeric_limits<T>;

@@ -11,7 +11,7 @@ namespace {
 
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
-// Of names: characters beyond ASCII are not looked at.
+// Whether the character may be in a name. Characters beyond ASCII are not checked.
 bool is_name(char c) {
     const bool ascii = static_cast<unsigned char>(c) < 0x80;
     return !ascii || is_letter(c) || is_digit(c) || c == '_' || c == ':' || c == '-' || c == '.';
@@ -30,7 +30,7 @@ class Checker {
         if (has("\xEF\xBB\xBF")) fail(0, "a second byte order mark");
         if (has("<?xml") && !is_name(at(5))) declaration();
         while (!fault_ && at_ < text_.size() && !is_doctype()) step();
-        // Characters are a matter of the whole text; the fault that comes first is named.
+        // Characters are checked in the whole text. The first fault is reported.
         const std::size_t end = fault_ ? fault_->offset : at_;
         if (auto other = character_fault(end)) return other;
         return fault_;
@@ -114,7 +114,7 @@ class Checker {
             } else if (quote != 0 && c == '&') {
                 reference();
             } else if (quote == 0 && c == '<') {
-                return;  // the tag has no end: the library says so
+                return;  // the tag has no end: the XML library reports this
             }
         }
     }
@@ -138,7 +138,7 @@ class Checker {
         skip_behind("?>");
     }
 
-    // The version, and then, if they are there, encoding and standalone.
+    // Checks the version, and then encoding and standalone if they are present.
     void declaration() {
         at_ += 5;
         const auto version = value_of("version");
@@ -164,7 +164,7 @@ class Checker {
         at_ = before;
         return is;
     }
-    // ' name="value"'; empty: something else is there.
+    // Reads ' name="value"' and returns the value; empty: the text is different.
     std::string_view value_of(std::string_view name) {
         if (!next_is(name)) return {};
         skip_blanks();
@@ -184,7 +184,7 @@ class Checker {
     void skip_blanks() {
         while (is_blank(at(0))) ++at_;
     }
-    // Where the end is missing, the library says so.
+    // If the end is missing, the XML library reports this.
     void skip_behind(std::string_view end) {
         const std::size_t found = text_.find(end, at_);
         at_ = found == std::string_view::npos ? text_.size() : found + end.size();

@@ -13,7 +13,7 @@ struct FormFault {
     std::string text{};
 };
 
-// The first fault of a text in UTF-8: characters that XML 1.0 does not have, references that stand for nothing, "<" in
+// The first fault of a text in UTF-8: characters that XML 1.0 does not have, references to undefined entities, "<" in
 // the value of an attribute, "]]>" in a text, "--" in a comment, and an XML declaration at a wrong place or with wrong
 // content. Elements, attributes and their nesting are left to the XML library. The check ends at a document type, which
 // the reader refuses.

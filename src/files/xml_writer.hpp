@@ -8,7 +8,8 @@
 
 namespace margay::files {
 
-// XML 1.0 has no control characters: they become blanks. It has neither U+FFFE nor U+FFFF: they become U+FFFD.
+// Replaces characters that XML 1.0 does not have: control characters become blanks, and U+FFFE and U+FFFF become
+// U+FFFD.
 [[nodiscard]] inline std::string printable(std::string_view text) {
     std::string result(text);
     for (char& c : result)

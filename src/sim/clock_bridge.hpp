@@ -1,5 +1,5 @@
-// Connects the two halves of a bridge device, which are slaves of two segments. Each half sees the clocks of both at
-// the same moment, and the outputs of the other half.
+// Connects the two halves of a bridge device, which are slaves of two segments. Each half reads the clocks of both
+// slaves at the same moment, and the outputs of the other half.
 #pragma once
 
 #include "sim/segment.hpp"
@@ -8,7 +8,7 @@
 
 namespace margay::sim {
 
-// The clock of one slave, as the hardware of a bridge sees it.
+// The clock of one slave, for the hardware of a bridge.
 class ClockView {
   public:
     ClockView(Segment& segment, std::uint32_t slave) : segment_(segment), slave_(slave) {}

@@ -9,9 +9,9 @@ namespace {
 
 namespace reg = wire::reg;
 
-// The data sheets say what the control loop does (it adjusts the rate by the mean of the differences, whose filter
-// depth is register 0x0934), but not its gains. The loop of this model corrects this part of the mean in a second. The
-// filter delays the correction, so the part is less where comparisons are rare: then the loop is stable.
+// The data sheets describe the control loop (it adjusts the rate by the mean of the differences, whose filter depth is
+// register 0x0934), but not its gains. The loop of this model corrects this part of the mean in one second. The filter
+// delays the correction, so the part is smaller if comparisons are rare, in order to keep the loop stable.
 constexpr double kFastest = 50.0;
 
 // The clock rate for a speed counter difference, by the formula of the data sheets for 0x0932.
@@ -19,7 +19,7 @@ double rate_of(double difference, double start) {
     return difference / (5.0 * (start + difference + 2) * (start - difference + 2));
 }
 
-// The inverse.
+// The inverse function of rate_of().
 double difference_of(double rate, double start) {
     const double tenth = 10.0 * rate;
     if (std::abs(rate) < 1e-12) return 0.0;

@@ -260,7 +260,7 @@ void Esc::change_ecat_events(std::uint16_t set, std::uint16_t clear) {
 }
 
 void Esc::carry_out(const SyncManagers::Events& events, Time at) {
-    if (events.watchdog) {  // an event that is due too early does no harm: it finds nothing to do
+    if (events.watchdog) {  // an event that is due too early has no effect
         watchdogs_.feed_process_data(at);
         others_due_ = std::min(others_due_, watchdogs_.next());
         *next_event_ = std::min(*next_event_, others_due_);

@@ -12,8 +12,8 @@ constexpr PortDescription kEbus{PortKind::ebus, 10ns};
 constexpr PortDescription kUnused{PortKind::not_configured, 0ns};
 constexpr PortDescription kNone{};
 
-// How much longer a frame needs with the processing unit than without. ET1100 and ET1200: 20 ns, as recorded
-// (test/clock/delays_test.cpp). For the other chips no recording exists: 40 ns.
+// The difference between the delays of a frame with and without the processing unit. ET1100 and ET1200: 20 ns, as
+// recorded (test/clock/delays_test.cpp). For the other chips no recording exists: 40 ns.
 constexpr Duration kProcessingOfEt = EscDescription{}.forwarding_delay + 20ns;
 constexpr Duration kProcessing = EscDescription{}.forwarding_delay + 40ns;
 

@@ -24,7 +24,7 @@ class EthernetPort {
     // A frame of the peer arrives at the device. Call Segment::interrupt() after it, so that the device notices it.
     // False: the queue of the device is full, and the frame is dropped.
     virtual bool put(Bytes frame) = 0;
-    // put() would take a frame.
+    // Whether put() would accept a frame.
     [[nodiscard]] virtual bool has_room() const = 0;
 
   protected:

@@ -1,5 +1,5 @@
-// Prefetches memory into the processor's cache. A thousand slaves do not fit into it: a segment fetches the memory of
-// the next slaves while it works on one.
+// Prefetches memory into the cache of the processor. A thousand slaves do not fit into the cache, so a segment
+// prefetches the memory of the next slaves while it processes one slave.
 #pragma once
 
 #include <cstddef>

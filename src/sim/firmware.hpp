@@ -29,14 +29,14 @@ class Firmware {
     // Prefetches the memory that the next step needs into the processor's cache. Without other effects.
     virtual void fetch() const {}
 
-    // True for a program that reads the ESC in a loop all the time. It is called as soon as such a loop would notice
-    // something: a new bit in the AL event request, whatever the mask says, or a buffer that the master has handed over
-    // without an event.
+    // True for a program that reads the ESC in a loop all the time. step() is called as soon as such a loop would
+    // detect a change: a new bit in the AL event request, independent of the mask, or a buffer that the master has
+    // handed over without an event.
     [[nodiscard]] virtual bool polls() const { return false; }
 
-    // True: the program triggers the PDI watchdog in time, whatever step() returns. Its loop, which is not simulated,
-    // reads the ESC. False: only the accesses to the ESC that the program makes trigger it, so that the watchdog
-    // expires while the program sleeps (registers 0x0410, 0x0443, bit 1 of 0x0110).
+    // True: the program triggers the PDI watchdog in time, independent of the result of step(), because its loop (which
+    // is not simulated) reads the ESC. False: only the accesses to the ESC that the program makes trigger it, so that
+    // the watchdog expires while the program sleeps (registers 0x0410, 0x0443, bit 1 of 0x0110).
     [[nodiscard]] virtual bool feeds_pdi_watchdog() const { return polls(); }
 
     // Activates a quirk from the next start on. `sii` is the image of the device. Returns false when this firmware does

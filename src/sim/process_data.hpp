@@ -21,7 +21,7 @@ class ProcessDataFirmware : public Firmware {
   protected:
     void begin(subdevice::EscAccess& esc);
     // The inputs of this SyncManager are one octet of plain memory at `start` (see SyncManagers::any_single()): the
-    // device writes them all the time, as digital inputs do, also while the SyncManager is off.
+    // device writes them continuously, like digital inputs, also while the SyncManager is off.
     void show_always(std::uint8_t sync_manager, std::uint16_t start);
     // Reads the configuration of the SyncManagers. Call it when a SyncManager was activated or deactivated.
     void configure();

@@ -16,7 +16,7 @@ inline constexpr std::uint8_t kEcatWrite = 0x02;
 inline constexpr std::uint8_t kPdiWrite = 0x04;
 inline constexpr std::uint8_t kDynamic = 0x08;      // must be updated before it is read
 inline constexpr std::uint8_t kReadEffect = 0x10;   // a read has side effects
-inline constexpr std::uint8_t kWriteEffect = 0x20;  // a write does something else than to store the octet
+inline constexpr std::uint8_t kWriteEffect = 0x20;  // a write has another effect than storing the octet
 }  // namespace access
 
 // The digital outputs of an ESC: process data that is not in RAM.

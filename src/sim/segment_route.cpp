@@ -18,7 +18,7 @@ Loop loop_of(std::uint32_t dl_control, unsigned port) { return static_cast<Loop>
 
 void Segment::topology_changed() { ++topology_; }
 
-// Values that datagrams are compared with have changed in a slave, or its ports have changed.
+// Notes that values which are compared with datagrams have changed in a slave, or that its ports have changed.
 void Segment::note_change(std::uint32_t number) {
     auto& node = nodes_[number];
     node.configuration = node.esc->configuration();
@@ -103,8 +103,8 @@ void Segment::build(Route& route, unsigned master_port) {
         visit_of[route.visits[v].slave] = v;
         note(route, v);
     }
-    // An ESC takes the receive time where it takes the system time: behind the physical layer of the port. So the delay
-    // of the port belongs to the cable.
+    // An ESC latches the receive time at the same point as the system time: behind the physical layer of the port. So
+    // the delay of the port is a part of the cable.
     for (const auto& hop : route.hops) {
         if (visit_of[hop.at.slave] == kNobody) continue;
         const auto& chip = nodes_[hop.at.slave].esc->description();

@@ -123,7 +123,8 @@ void SiiDictionary::add_assignments(const SiiModel& model) {
 
 void SiiDictionary::add_pdos(bool configurable) {
     for (const auto& [pdo, outputs] : pdos_) {
-        // Devices exist that have inputs at 0x1700 and 0x1800: the category of a PDO says its direction, not its index.
+        // Devices exist that have inputs at 0x1700 and 0x1800: the category of a PDO determines its direction, not its
+        // index.
         if (pdo.index < 0x1600 || pdo.index >= 0x1C00) continue;
         std::vector<std::uint32_t> mapping;
         sii::PdoEntries entries(pdo.entries);

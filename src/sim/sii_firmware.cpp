@@ -68,7 +68,7 @@ Time SiiFirmware::step(Time now) {
     return next;
 }
 
-// A device with device emulation and without a mailbox has no program that could follow: it always works.
+// A device with device emulation and without a mailbox has no program that could follow: it is always active.
 AlState SiiFirmware::state() const { return esm_ ? esm_->state() : mail_ ? followed_ : AlState::op; }
 
 // The chip shows the requested state before the program has seen the request, and the program cannot change it. A
@@ -156,7 +156,7 @@ bool SiiFirmware::outputs_missing() {
     if (sm.length_bytes == 0) return false;
     const bool watched = (sm.control & wire::sm_control::kWatchdogTrigger) != 0;
     const auto running = subdevice::read_register<std::uint16_t>(*esc_, reg::kProcessDataWatchdogStatus.address) & 1;
-    // Outputs from before the watchdog expired do not count.
+    // Outputs that were received before the watchdog expired are not used.
     if (watched && running == 0) return true;
     if (sm.length_bytes == 1) return false;  // a watchdog trigger without a buffer: only the watchdog shows outputs
     return (status & wire::sm_status::kLastBufferMask) == wire::sm_status::kLastBufferMask;

@@ -34,8 +34,8 @@ class SyncManagers {
     void settle() const;
 
     // Call it after the registers of channel n were written: reads the new configuration. A channel that begins below
-    // the digital outputs (0x0F00) would lie over the registers of the ESC: it has no effect, and its status is that of
-    // a channel that is off. (Buffers are in the process RAM; the digital outputs are the only registers that terminals
+    // the digital outputs (0x0F00) would overlap the registers of the ESC: it has no effect, and shows the status of a
+    // channel that is off. (Buffers are in the process RAM; the digital outputs are the only registers that terminals
     // give to a SyncManager. No recording shows one over other registers.)
     // True: the channel was switched on or off, so that it begins anew. Its interrupt bits are clear then, and with
     // them its bits in 0x0210 and 0x0220, which show the interrupt bits (DS II, register 0x0220).
@@ -63,7 +63,7 @@ class SyncManagers {
     // ESC data sheets, register 0x0802: "shall be greater 1, otherwise the SyncManager is not activated. If set to 1,
     // only the watchdog trigger is generated if configured." So the memory of such a channel is plain memory without
     // handshake, events and status. (Terminals of one octet at 0x0F00 or 0x1000 use it, recorded on an EL2828, EL2889
-    // and EL1004. No recording shows the status of such a channel: the data sheet is followed.)
+    // and EL1004. No recording shows the status of such a channel, so the model follows the data sheet.)
     [[nodiscard]] bool any_single() const { return singles_ != 0; }
     // The master has written [address, end): call it for memory that no channel owns.
     void wrote_singles(std::uint32_t address, std::uint32_t end);

@@ -111,8 +111,8 @@ void SyncUnit::activate(Time at) {
 void SyncUnit::clock_changed(Time now) {
     if (!active_) return;
     const bool waiting = (registers_->get<std::uint8_t>(reg::kActivationStatus.address) & 1) != 0;
-    // The start time may come while a frame is on its way to the slave: then the pulse is due, and no change of the
-    // clock by that frame takes it back.
+    // The start time may come while a frame is on its way to the slave: then the pulse is due, and a change of the
+    // clock by that frame does not cancel it.
     if (waiting && next_[0] > now)
         next_[0] = clock_->start_moment(due_[0], now);
     else if (!waiting)

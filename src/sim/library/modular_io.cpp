@@ -98,7 +98,7 @@ class ModularIo final : public Model {
     [[nodiscard]] MutableBytes measured() override { return terminals_; }
 
   private:
-    // What is plugged in.
+    // Detects the plugged modules.
     void look() {
         for (unsigned slot = 1; slot <= kModularSlots; ++slot) {
             const auto number = std::to_integer<unsigned>(terminals_[slot - 1]);

@@ -36,7 +36,7 @@ void OddPdi::hide_mail(MutableBytes status) {
     if (now() < full_since_ + kLeavesMail) status[0] &= ~std::byte{wire::sm_status::kMailboxFull};
 }
 
-// Not a moment that has passed: nobody may read the status again.
+// A time that has passed is not returned, because the status may not be read again.
 Time OddPdi::next() const {
     return full_since_ == kNever || esc_->now() >= full_since_ + kLeavesMail ? kNever : full_since_ + kLeavesMail;
 }

@@ -54,8 +54,8 @@ bool no_mailbox_sizes(Device& device) {
     std::fill_n(device.sii.begin() + 0x14 * 2, 16, std::byte{0});  // boot and standard mailboxes; the protocols stay
     return true;
 }
-// Sizes of the mailboxes, in the words of the SII; 0: unchanged. From then on the device does what its SII says: its
-// own program would refuse such mailboxes.
+// Sizes of the mailboxes, in the words of the SII; 0: unchanged. From then on the device uses the generic program for
+// its SII, because its own program would refuse such mailboxes.
 bool set_mailbox_sizes(Device& device, std::uint16_t out_bytes, std::uint16_t in_bytes) {
     if (device.sii.size() < kFirstCategory) return false;
     auto at = MutableBytes(device.sii).subspan(sii::word::kBootMailbox * sii::kWordBytes, sii::kMailboxesBytes);
@@ -63,7 +63,7 @@ bool set_mailbox_sizes(Device& device, std::uint16_t out_bytes, std::uint16_t in
     if (boxes.standard.out_bytes == 0 || boxes.standard.in_bytes == 0) return false;
     if (out_bytes != 0) boxes.standard.out_bytes = out_bytes;
     if (in_bytes != 0) boxes.standard.in_bytes = in_bytes;
-    // One behind the other: a master refuses mailboxes that overlap for that reason alone.
+    // The mailboxes follow each other, because a master would refuse overlapping mailboxes for this reason.
     boxes.standard.in_start = static_cast<std::uint16_t>(boxes.standard.out_start + boxes.standard.out_bytes);
     sii::store_mailboxes(at, boxes);
     device.firmware = device_from_sii(device.sii).firmware;

@@ -9,7 +9,7 @@ namespace margay::sim {
 
 struct QuirkInfo {
     std::string_view name;
-    std::string_view what;  // what the device does
+    std::string_view what;  // the behaviour of the device
 };
 
 // All quirks, in the order of the table.

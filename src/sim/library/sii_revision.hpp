@@ -1,5 +1,5 @@
-// Keeps the revision in the SII the same as that of the executing firmware: the firmware writes it through the PDI side
-// of the SII interface, as real devices do after an update.
+// Keeps the revision in the SII equal to the revision of the executing firmware: the firmware writes it through the PDI
+// side of the SII interface, as real devices do after an update.
 #pragma once
 
 #include "subdevice/esc_access.hpp"
@@ -10,7 +10,7 @@ class SiiRevision {
   public:
     // The firmware starts. `esc` is valid until the next start. `known`: the revision in the SII.
     void start(subdevice::EscAccess& esc, std::uint32_t known, std::uint32_t wanted);
-    // Does the next access if it is due. Returns when to call it again; kNever: the SII has the revision.
+    // Executes the next access if it is due. Returns the time of the next call; kNever: the SII has the revision.
     Time advance(Time now);
     // The revision in the SII.
     [[nodiscard]] std::uint32_t stored() const { return stored_; }

@@ -326,7 +326,7 @@ void SoeAxis::fault(std::uint16_t diagnosis, std::string_view text) {
     set_diagnostic_message(text);
     std::array<std::byte, 2> code{};
     store_le(code, 0, diagnosis);
-    (void)server_.report(number_, code);  // a lost report does no harm: the class 1 diagnostic contains the same error
+    (void)server_.report(number_, code);  // a lost report has no effect: the class 1 diagnostic contains the same error
 }
 
 void SoeAxis::set_diagnostic_message(std::string_view text) {
