@@ -17,6 +17,8 @@
 namespace margay::ethercat {
 namespace {
 
+using Json = nlohmann::ordered_json;
+
 Problem wrong(std::string text) { return {std::move(text), samples::exit_code::kUsage}; }
 
 // An address of four decimal numbers, or a host name that this system resolves. The resolver also takes 1.2.3 for
@@ -118,7 +120,6 @@ int run_eoe(Call& call) {
                                        port.position ? fmt::to_string(*port.position) : "-", port.open ? "up" : "down",
                                        port.received_octets, port.received_rate, port.sent_octets, port.sent_rate,
                                        port.dropped_frames);
-            using Json = nlohmann::ordered_json;
             output.json["interfaces"].push_back(
                 {{"name", port.interface.empty() ? Json(nullptr) : Json(port.interface)},
                  {"position", port.position ? Json(*port.position) : Json(nullptr)},
