@@ -42,7 +42,7 @@ std::size_t least_bytes(Command command) {
     return UINT16_MAX;
 }
 
-// Whether the octets that the data announces are there.
+// Whether the message contains the octets that the data announces.
 bool is_complete(Command command, Bytes data) {
     switch (command) {
         case Command::write: return IndexLayout::bytes::load(data) == data.size() - aoe::kIndexBytes;
@@ -99,7 +99,7 @@ std::optional<wire::MailboxErrorCode> AoeServer::receive(const wire::MailboxMess
     return std::nullopt;
 }
 
-// The slave takes its NetID from a write whose target is no device behind it.
+// The slave gets its NetID from a write whose target is not a device behind the gateway.
 bool AoeServer::sets_net_id(const Request& request) const {
     const auto behind = [&](const AoeRoute& route) {
         return route.behind && route.net_id == request.header.target.net_id;

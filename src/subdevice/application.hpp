@@ -17,7 +17,7 @@ class StoredValues;
 // The modules of a modular device as the state machine sees them; modules.hpp has the implementation.
 class ModuleLayout {
   public:
-    // INIT→PREOP, and start: makes the objects of the modules that are there now.
+    // INIT→PREOP, and start: makes the objects of the present modules.
     virtual void lay_out(ObjectDictionary& dictionary) = 0;
     // PREOP→SAFEOP: AlStatusCode::none, or why the modules cannot exchange process data.
     [[nodiscard]] virtual AlStatusCode check() const = 0;

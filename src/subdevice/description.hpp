@@ -122,7 +122,8 @@ struct DeviceDescription {
     DcDescription dc{};
     Duration outputs_wait = std::chrono::milliseconds(200);  // SAFEOP→OP: longest wait for the first outputs and SYNC0
     // Watchdog of the stack on the outputs, in addition to the ESC's watchdog; zero: none. It has no effect on an area
-    // of one octet: nothing shows that one octet has arrived (see process_data.hpp). Then the ESC's watchdog is needed.
+    // of one octet, because the arrival of one octet cannot be detected (see process_data.hpp). Then the ESC's watchdog
+    // is needed.
     Duration output_timeout{};
     // Without DC, Application::cycle() is called at least this often; zero: only when process data arrive. (Before the
     // first outputs, and without outputs, it is called when the master has read the inputs, or each millisecond when
@@ -131,7 +132,7 @@ struct DeviceDescription {
     // DC: the device leaves OP after this many consecutive frame periods without new outputs; 0: no limit. Object
     // 0x10F1 has priority. ProcessData::syncs_per_frame() returns how many SYNC0 signals are one frame period.
     unsigned sync_error_limit = 4;
-    // Object 0x10F1:01, for the master to read: what the device does then, as its documentation defines it. The stack
+    // Object 0x10F1:01, which the master reads: the reaction of the device, as its documentation defines it. The stack
     // goes to SAFEOP.
     std::uint32_t local_error_reaction = 1;
     SyncTimes output_times{};

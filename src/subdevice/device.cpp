@@ -42,7 +42,7 @@ Time Device::step(Time now) {
         }
     }
     if (eeprom_ != nullptr) eeprom_->step(events);
-    // Events from before the start of process data are old: they belong to outputs and SYNC signals of an earlier use.
+    // Events from before the start of process data belong to outputs and SYNC signals of an earlier use.
     const bool old = !running || (op && esm_.state() != AlState::op);
     if (const auto fault = serve_process_data(now, old ? 0 : events); fault != AlStatusCode::none)
         esm_.fall_back(AlState::safeop, fault, now);

@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kConfigurationOffset = 1;  // ESC configuration, 0x0141
 constexpr std::size_t kAliasOffset = 8;
 
-// What the ESC takes over at a reload (ESC register tables, 0x0508, emulation): the alias, bit 16 enhanced link
+// The values that the ESC loads at a reload (ESC register tables, 0x0508, emulation): the alias, bit 16 enhanced link
 // detection of all ports (0x0141 bit 1), bits 17 to 20 that of each port (0x0141 bits 4 to 7).
 std::array<std::byte, 4> reload_data(Bytes contents) {
     const auto links = std::to_integer<unsigned>(contents[kConfigurationOffset]);

@@ -38,7 +38,7 @@ class EoeApplication {
         (void)server, (void)now;
         return kNever;
     }
-    // The mailbox has stopped: the frames that waited are gone.
+    // The mailbox has stopped, and the waiting frames were discarded.
     virtual void stopped() {}
     // The time stamp for frames: the lower 32 bits of the system time in nanoseconds.
     [[nodiscard]] virtual std::uint32_t time_stamp(Time now) {
@@ -59,7 +59,7 @@ class EoeServer final : public MailboxServer {
     };
 
     // `receive` keeps a frame until it is complete: the longest frame is as long. `send` keeps frames until the master
-    // has fetched them; each needs 3 octets beside its own.
+    // has fetched them; each needs 3 more octets.
     EoeServer(EoeApplication& application, MutableBytes receive, MutableBytes send)
         : application_(application), memory_(send) {
         assembly_.use(receive);

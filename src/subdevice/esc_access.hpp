@@ -43,7 +43,7 @@ class EscAccess {
     ~EscAccess() = default;
 };
 
-// Holds the lock while it exists. nullptr: there is no lock.
+// Locks in the constructor and unlocks in the destructor. nullptr: there is no lock.
 class Guard {
   public:
     explicit Guard(EscAccess& esc) : esc_(&esc), before_(esc.lock()) {}

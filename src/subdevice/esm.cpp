@@ -65,7 +65,7 @@ void Esm::control(std::uint16_t al_control, Time now) {
     const auto to = static_cast<AlState>(al_control & al::kStateMask);
     const bool acknowledge = (al_control & al::kErrorAcknowledge) != 0;
     const bool asked = (al_control & al::kDeviceIdentification) != 0;
-    // The error that the master has seen, and none that the client reports meanwhile.
+    // Clears only the error that the master has acknowledged, not an error that the client reports during this step.
     const bool acknowledged = acknowledge && status_.error && !(pending_ && to == transition_.to);
     if (acknowledged) {
         status_.error = false;
@@ -94,7 +94,7 @@ void Esm::request(AlState to, Time now) {
     advance(now);
 }
 
-// What the master has configured for the transition.
+// Checks the configuration of the master for the transition.
 AlStatusCode Esm::check(Transition transition) {
     if (transition.to == AlState::boot || transition == Transition{AlState::init, AlState::preop})
         return check_mailbox(transition.to);
@@ -177,7 +177,7 @@ void Esm::fall_back(AlState to, AlStatusCode why, Time now) {
     } else {
         refuse(why);
     }
-    // The master waits for a state that is lower still, and does not ask again.
+    // The master waits for an even lower state, and does not repeat its request.
     if (rank(wanted) < rank(to) && rank(wanted) < rank(status_.state)) request(wanted, now);
 }
 

@@ -50,7 +50,7 @@ std::uint32_t ram_end(EscAccess& esc) {
 class Places {
   public:
     explicit Places(EscAccess& esc) : places_(ram_end(esc)) {}
-    // Whether the memory of the SyncManager is in the RAM and is that of no other one.
+    // Whether the memory of the SyncManager is in the RAM and does not overlap another SyncManager.
     [[nodiscard]] bool add(const SyncManager& sm) { return places_.add(sm) == wire::SyncManagerPlace::free; }
 
   private:

@@ -87,7 +87,7 @@ using FoeTexts = std::string_view (*)(FoeError code);
 
 class FoeServer final : public MailboxServer {
   public:
-    // `store` must outlive the server. `texts`: for errors without a text of their own; nullptr: they have no text.
+    // `store` must outlive the server. `texts`: for errors without their own text; nullptr: such errors have no text.
     explicit FoeServer(FoeStore& store, FoeTexts texts = nullptr) : store_(store), texts_(texts) {}
 
     void start(AlState state, const MailboxRoom& room) override;
@@ -122,7 +122,7 @@ class FoeServer final : public MailboxServer {
     bool sent_ = false;              // packet_ has been sent and is not acknowledged (false: the store was busy)
     bool last_ = false;              // packet_ is the last packet of the file
     bool finishing_ = false;         // all data are written, but the store is still busy
-    bool written_ = false;           // the last transfer has written its file: its last packet may come again
+    bool written_ = false;           // the last transfer has written its file; its last packet may be repeated
     std::uint16_t address_ = 0;
     // The request that has begun the transfer.
     std::uint32_t password_ = 0;

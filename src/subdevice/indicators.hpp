@@ -23,18 +23,19 @@ namespace margay::subdevice {
 // before a pause.
 enum class Flashing : std::uint8_t { off = 0, single = 1, twice = 2, blinking = 13, flickering = 14, on = 15 };
 
-// Whether a lamp is lit, `since` after the flashing has begun, and how long it stays so (kNever: no change).
+// Whether a lamp is lit at the time `since` after the start of the flashing, and the time until the next change
+// (kNever: no change).
 struct Lamp {
     bool lit = false;
     Duration lasts = Duration::max();
 };
 [[nodiscard]] Lamp lamp(Flashing flashing, Duration since);
 
-// What the RUN indicator shows in a state.
+// The signal of the RUN indicator in a state.
 [[nodiscard]] Flashing run_flashing(AlState state);
 
-// What the ERR indicator shows after the AL status has changed from `before` to `now`: off without an error; twice for
-// an expired process data watchdog; single if the device has left its state by itself; blinking if it has refused a
+// The signal of the ERR indicator after the AL status has changed from `before` to `now`: off without an error; twice
+// for an expired process data watchdog; single if the device has left its state by itself; blinking if it has refused a
 // state; flickering for an error while the device starts.
 [[nodiscard]] Flashing error_flashing(const AlStatus& before, const AlStatus& now);
 
@@ -80,7 +81,7 @@ class Indicators {
 
     EscAccess& esc_;
     IndicatorPins* pins_;
-    bool has_shown_ = false;  // what `pins_` shows is known
+    bool has_shown_ = false;  // the present signal of `pins_` is known
     bool run_shown_ = false;
     bool error_shown_ = false;
     AlStatus status_{};

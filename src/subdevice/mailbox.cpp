@@ -57,7 +57,7 @@ void Mailbox::state_changed(AlState state) {
 void Mailbox::forget() {
     first_ = kept_ = boxed_ = queued_ = received_bytes_ = parked_bytes_ = 0;
     last_received_ = last_sent_ = 0;
-    lost_ = repeated_ = looks_ = false;  // a step that is under way takes no further message
+    lost_ = repeated_ = looks_ = false;  // the present step reads no further message
 }
 
 Time Mailbox::step(Time now, std::uint32_t events) {
@@ -70,12 +70,12 @@ Time Mailbox::step(Time now, std::uint32_t events) {
     if (came(1) || changed || std::exchange(repeated_, false)) watch_fetched();
     looks_ = came(0);
     if (changed) watch_repeat();
-    if (lost_) return kNever;  // Device takes the state machine to INIT
+    if (lost_) return kNever;  // Device brings the state machine to INIT
     Time next = kNever;
     std::size_t passes = 0;
     do {
-        // The last free slot is for the reply to a request: servers that send on their own would take it again and
-        // again.
+        // The last free slot is for the reply to a request: servers that send without a request would use it all the
+        // time.
         if (used() + 1 == slots_) (void)fetch();
         deliver(now);
         next = kNever;

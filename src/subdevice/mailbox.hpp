@@ -107,9 +107,10 @@ class Mailbox final : public Outbox {
     std::uint8_t last_received_ = 0;  // mailbox counters of the last messages
     std::uint8_t last_sent_ = 0;
     bool running_ = false;
-    bool silent_ = false;    // the master disabled the PDI interrupts of the sync managers, so the stack polls them
-    bool looks_ = false;     // this step reads the status of SM0: a message has come, or its event is switched off
-    bool repeated_ = false;  // SM1 was emptied and written again: the next step looks whether the reply is in it
+    bool silent_ = false;  // the master disabled the PDI interrupts of the sync managers, so the stack polls them
+    // This step reads the status of SM0, because a message has arrived or its event is switched off.
+    bool looks_ = false;
+    bool repeated_ = false;  // SM1 was emptied and written again; the next step checks that it contains the reply
     bool lost_ = false;
     Counters counters_;
 };

@@ -49,7 +49,7 @@ inline constexpr std::uint16_t kConfiguredAddresses = 0xF020;
 inline constexpr std::uint16_t kConfiguredModules = 0xF030;
 inline constexpr std::uint16_t kDetectedModules = 0xF050;
 
-// What modules of one kind have in common.
+// The common data of all modules of one kind.
 struct ModuleKind {
     std::uint32_t ident = 0;  // not 0, which is an empty slot
     std::string_view name{};  // for display
@@ -146,7 +146,7 @@ struct Mapped {
     }
     return true;
 }
-// Checks also the table of the device itself: it has no index that a module has in its slot.
+// Also checks that the table of the device itself contains no index of a module.
 [[nodiscard]] constexpr bool well_formed(std::span<const Object> table, std::size_t image_bytes,
                                          const ModularDevice& device) {
     for (const auto& object : table)
@@ -168,8 +168,8 @@ struct ModuleList {
     }
 };
 
-// What follows from the table: the objects that describe modules and PDO assignment, and the places of all values in
-// the image, from `Offset` on.
+// Data that is derived from the table: the objects that describe modules and PDO assignment, and the places of all
+// values in the image, from `Offset` on.
 template <const ModularDevice& Device, std::size_t Offset>
 struct ModuleTables {
     static constexpr const ModularDevice& kDevice = Device;
@@ -270,7 +270,7 @@ class Modules final : public ModuleLayout {
     void detect(unsigned slot, std::uint32_t ident);
     [[nodiscard]] std::uint32_t detected(unsigned slot) const;  // 0: an empty slot
 
-    // The kind of the module whose objects are there now; nullptr: the slot has no objects.
+    // The kind of the module whose objects exist now; nullptr: the slot has no objects.
     [[nodiscard]] const ModuleKind* in_use(unsigned slot) const;
     // The octets of the values of that module, for values_in() and store_values(); empty before lay_out().
     [[nodiscard]] MutableBytes values(unsigned slot) const;

@@ -278,7 +278,7 @@ void ProcessData::update(unsigned parts, std::uint32_t areas, Time now) {
 }
 
 // Whether the cyclic data of the master do not drive the application: there are no outputs, or none have arrived yet,
-// or SYNC0 has not started. Then the inputs must stay up to date all the same.
+// or SYNC0 has not started. The inputs must stay up to date in this case too.
 bool ProcessData::undriven() const {
     return mode_ == SyncMode::dc_sync0 ? !sync_seen_ : !has_outputs() || !outputs_seen();
 }

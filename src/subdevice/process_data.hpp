@@ -37,8 +37,8 @@ inline constexpr unsigned kInputs = 4;
 inline constexpr unsigned kAll = 7;
 }  // namespace part
 
-// Device calls these functions. A function that changes or reads what step() and the interrupt handlers share says so:
-// "locked" means that the caller holds the lock of the EscAccess.
+// Device calls these functions. A function that changes or reads what step() and the interrupt handlers share has the
+// word "locked" in its comment: the caller must hold the lock of the EscAccess.
 class ProcessData {
   public:
     struct Counters {
@@ -178,14 +178,14 @@ class ProcessData {
     std::uint32_t last_output_ = 0;  // the one that drives
     std::uint32_t last_input_ = 0;
     std::uint32_t silent_ = 0;    // outputs that do not raise events
-    std::uint32_t unseen_ = 0;    // outputs of one octet: nothing shows that they have arrived
+    std::uint32_t unseen_ = 0;    // outputs of one octet, whose arrival cannot be detected
     std::uint32_t arrived_ = 0;   // outputs that have arrived since PREOP, or since they were too old
     bool output_mapped_ = false;  // mapped by objects; false: the application copies the outputs itself
     bool input_mapped_ = false;
     bool running_ = false;
     bool outputs_valid_ = false;    // true in OP
     bool outputs_expired_ = false;  // outputs were seen, but they are too old
-    bool sync_seen_ = false;        // SYNC0 occurs: it has arrived in SAFEOP or OP, and it has not stopped since then
+    bool sync_seen_ = false;        // SYNC0 has occurred in SAFEOP or OP, and has not stopped since then
     bool sync_began_ = false;       // SYNC0 has arrived since PREOP: last_sync_ is its time
     bool inputs_silent_ = false;    // the last input SyncManager does not raise events
     bool watched_ = false;          // the watchdog of the ESC monitors the outputs
@@ -203,7 +203,7 @@ class ProcessData {
     unsigned locked_ = 0;
     unsigned frames_ = 0;
     std::uint32_t syncs_of_period_ = 0;
-    bool collided_ = false;  // a frame of this period came together with SYNC0
+    bool collided_ = false;  // a frame of this period arrived together with SYNC0
     unsigned sync_error_limit_ = 0;
     Time last_outputs_{};
     Time last_sync_{};

@@ -1,5 +1,5 @@
-// Synchronization of the process data: the settings of the master, the SYNC signals, and the objects that show what was
-// missed and measured (ETG.1020 "Synchronization").
+// Synchronization of the process data: the settings of the master, the SYNC signals, and the objects with the counters
+// of missed events and the measured times (ETG.1020 "Synchronization").
 #include "subdevice/esc_registers.hpp"
 #include "subdevice/process_data.hpp"
 #include "subdevice/sync_objects.hpp"
@@ -42,7 +42,7 @@ void for_each_sync_type(const DeviceDescription& device, ObjectDictionary& dicti
         });
 }
 
-// The object whose type chooses the mode: that of the outputs; of a device without outputs, that of the inputs.
+// The object whose type selects the mode: the object of the outputs, or of the inputs for a device without outputs.
 std::uint16_t chosen_type(const DeviceDescription& device, ObjectDictionary& dictionary) {
     const auto memory = type_memory(dictionary, device.outputs.present() ? device.outputs : device.inputs);
     return memory.empty() ? sync_type::kSmEvent : load_le<std::uint16_t>(memory);
@@ -80,7 +80,7 @@ AlStatusCode ProcessData::check_sync_types() {
     return fault;
 }
 
-// What the objects show in SAFEOP and OP.
+// The values of the objects in SAFEOP and OP.
 void ProcessData::show_sync_types() {
     const auto shown = [this](bool outputs) {
         switch (mode_) {
@@ -160,7 +160,7 @@ void ProcessData::begin_measurement() {
         });
 }
 
-// Keeps the longest time.
+// Stores the longest time.
 void ProcessData::measured(bool outputs, Duration time) {
     if (!measuring_) return;
     const auto most = std::numeric_limits<std::uint32_t>::max();
@@ -171,7 +171,7 @@ void ProcessData::measured(bool outputs, Duration time) {
     });
 }
 
-// A frame that comes with SYNC0 is before it in one cycle and behind it in the next one.
+// A frame that arrives together with SYNC0 may be before SYNC0 in one cycle and behind it in the next cycle.
 void ProcessData::note_phase(Time now) {
     const Duration cycle{sync_cycle_ns_};
     const Duration near = cycle / 32;
@@ -226,15 +226,15 @@ void ProcessData::count_sync(Time now) {
     sync_seen_ = sync_began_ = true;
     last_sync_ = now;
     watch_lock();
-    // Nothing shows when outputs of one octet arrive: the watchdog monitors them.
+    // The arrival of outputs of one octet cannot be detected. The watchdog monitors these outputs.
     if (!outputs_valid_ || !has_outputs() || (last_output_ & unseen_) != 0 || ++syncs_ < syncs_per_frame_) return;
     syncs_ = 0;
     ++missed_;
     count_missed_frames();
 }
 
-// A SYNC0 is served late, never early. So its time follows from the earliest ones: a late one moves the grid by only a
-// part of its delay, so that the grid follows the drift between this clock and that of the ESC.
+// A SYNC0 event is served late, never early. Therefore the earliest events define the time grid. A late event moves the
+// grid by only a part of its delay, so that the grid follows the drift between this clock and the clock of the ESC.
 void ProcessData::count_missed_syncs(Time now) {
     const Duration cycle{sync_cycle_ns_};
     const auto early = sync_cycle_ns_ / 8;

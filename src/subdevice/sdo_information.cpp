@@ -158,7 +158,7 @@ void SdoInformation::fill(MutableBytes to) {
         for (; n < to.size(); n += 2, sent_ += 2) {
             const auto* object = dictionary_.from(next_index_);
             while (object != nullptr && !belongs(*object, list_)) object = dictionary_.from(object->index + 1U);
-            // An object may disappear while its list is sent: then the list ends with zeros.
+            // If an object disappears while its list is sent, the list ends with zeros.
             const auto index = object != nullptr ? object->index : std::uint16_t{0};
             store_le(to, n, index);
             next_index_ = object != nullptr ? index + 1U : 0x10000U;

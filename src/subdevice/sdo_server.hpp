@@ -63,7 +63,7 @@ class SdoServer {
     bool by_segments_ = false;  // the download is confirmed as a segmented download
     bool waiting_ = false;
     bool retrying_ = false;
-    bool any_time_ = false;  // the hook has no time of its own: each step asks it
+    bool any_time_ = false;  // the hook has returned no time; each step calls it
     Time again_ = kNever;
     Time patience_ends_{};
     std::uint16_t address_ = 0;

@@ -159,7 +159,7 @@ class SyncManagerTable {
     std::size_t count_ = 0;
 };
 
-// Mailboxes and process data must have memory of their own in the process RAM. The size of the RAM is not known here.
+// Mailboxes and process data must not overlap in the process RAM. The size of the RAM is not known here.
 Fault place_fault(const sii::Description& d) {
     const auto least = (d.mailbox.protocols & mailbox_protocol::kCoE) != 0 ? kLeastCoeMailbox : kLeastMailbox;
     for (const MailboxInfo& mailboxes : {d.mailbox, d.boot_mailbox}) {

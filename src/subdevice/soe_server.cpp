@@ -218,8 +218,9 @@ bool SoeServer::add_number(std::uint64_t value) {
 
 // Stores the fragments. Only the last fragment contains the IDN, and only the last fragment gets a response.
 //
-// No fragment says that it is the first one. A master that gives a write up and begins another one may go on with the
-// numbers of the first: a fragment that comes after a silence may be the first one of a new write.
+// No fragment says that it is the first one. A master that gives up a write and begins another write may continue with
+// the numbers of the first write. Therefore a fragment that arrives after a pause may be the first fragment of a new
+// write.
 void SoeServer::write(const soe::Header& header, Bytes data, Outbox& out, Time now) {
     const bool goes_on = to_come_ != 0 && header.drive == header_.drive && header.elements == header_.elements &&
                          (header.incomplete ? header.number + 1 == to_come_ : to_come_ == 1);

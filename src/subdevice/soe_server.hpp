@@ -73,7 +73,7 @@ class SoeServer final : public MailboxServer {
         : drives_(drives), staging_(staging), lock_(lock) {}
 
     void start(AlState state, const MailboxRoom& room) override;
-    // A procedure command goes on: the drive executes it, not the mailbox.
+    // A procedure command continues, because the drive executes it, not the mailbox.
     void stop() override;
     void state_changed(AlState state) override { state_ = state; }
     std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out, Time now) override;
@@ -127,7 +127,7 @@ class SoeServer final : public MailboxServer {
     std::uint16_t to_come_ = 0;  // fragments of a write that are still expected
     bool too_long_ = false;      // the fragments do not fit into staging_
     std::size_t begins_ = 0;     // where in staging_ another write may have begun; 0: nowhere
-    Time heard_{};               // when the last fragment came
+    Time heard_{};               // time of the last fragment
 
     std::array<Note, 4> notes_{};
     std::uint8_t first_note_ = 0;

@@ -48,7 +48,7 @@ struct Mapped {
     std::size_t bits = 0;     // without the gap
     std::size_t widest = 0;   // bits of the widest entry
 
-    // What a mapping object can hold: the subindices 1 to 254 with 8 bits for the length of an entry (ETG.1000.6 "PDO
+    // The limits of a mapping object: the subindices 1 to 254, and 8 bits for the length of an entry (ETG.1000.6 "PDO
     // Mapping").
     [[nodiscard]] constexpr bool fits_mapping() const { return entries <= 254 && widest <= 255; }
 };
@@ -130,8 +130,8 @@ constexpr bool no_area_of_one_octet(const DeviceDescription& device) {
     return none;
 }
 
-// Where the SyncManagers of the description are. Process data have their largest size, mailboxes that of the SII: the
-// state machine refuses a size of the master that does not fit. BOOT has no process data.
+// The memory of the SyncManagers of the description. Process data have their largest size, mailboxes have the size in
+// the SII. The state machine refuses a size of the master that does not fit. BOOT has no process data.
 enum class Places : std::uint8_t { apart, mailboxes_outside, mailboxes_overlap, data_outside, data_overlap };
 constexpr Places places_of(const DeviceDescription& device) {
     namespace control = wire::sm_control;
@@ -184,7 +184,7 @@ class StandardObjects {
     static constexpr bool replaced(std::uint16_t index) {
         return std::ranges::any_of(kOwn, [index](const Object& object) { return object.index == index; });
     }
-    // A PDO of the author has limits that this list does not know.
+    // The limits of a PDO of the author are unknown to this list.
     static_assert(replaced(0x1600) || kRx.bits <= std::size_t{8} * Description.outputs.max_bytes,
                   "the values with od::kRxMappable do not fit into DeviceDescription::outputs");
     static_assert(replaced(0x1A00) || kTx.bits <= std::size_t{8} * Description.inputs.max_bytes,
@@ -234,10 +234,10 @@ class StandardObjects {
         // The author writes the PDOs of a device with more SyncManagers.
         if ((of_outputs && !Description.more_outputs.empty()) || (of_inputs && !Description.more_inputs.empty()))
             return false;
-        // A device with an assignment of its own has PDOs of other indices: this list adds no PDO without a value.
+        // If the device has its own assignment, its PDOs have other indices, and this list adds no PDO without a value.
         if (object.index == 0x1600 && kRx.entries == 0 && replaced(Description.outputs.assignment())) return false;
         if (object.index == 0x1A00 && kTx.entries == 0 && replaced(Description.inputs.assignment())) return false;
-        // A modular device with PDOs of its own has no other ones: a module may have that index.
+        // If a modular device has its own PDOs, this list adds no PDOs, because a module may have their index.
         const auto own_pdo = [](std::uint16_t first) {
             return std::ranges::any_of(
                 kOwn, [first](const Object& own) { return own.index >= first && own.index < first + 0x200; });

@@ -46,7 +46,7 @@ class Crc {
     std::uint32_t value_ = 0xFFFFFFFF;
 };
 
-// Visits the lines of the table that have stored values: visit(object, entry). Those of the module in a slot, or of the
+// Calls visit(object, entry) for the lines of the table that have stored values, of the module in a slot or of the
 // device itself (slot 0).
 template <class Visit>
 void for_each_line(const ObjectDictionary& dictionary, unsigned slot, Visit visit) {
@@ -97,7 +97,8 @@ std::uint32_t checksum_of(Bytes values) {
 
 }  // namespace
 
-// The values of a block for this table: of the device itself, and of the parts of modules. Empty: there are none.
+// The values of a block for this table: the values of the device itself, and of the parts of modules. Empty: the block
+// has no values for it.
 Bytes StoredValues::block(std::size_t own_bytes, std::uint32_t layout) {
     if (buffer_.size() < Head::bytes) return {};
     outdated_ = std::exchange(collected_, false) || outdated_;
@@ -118,7 +119,7 @@ void StoredValues::load_part(unsigned slot, Bytes values) {
                    });
 }
 
-// The parts of modules, or that of one slot. False: the slot has none, or one of another kind of module.
+// The parts of all modules, or the part of one slot. False: the slot has no part, or a part of another kind of module.
 bool StoredValues::load_parts(Bytes parts, unsigned only) {
     bool any = false;
     while (parts.size() >= PartHead::bytes) {
@@ -196,7 +197,7 @@ void StoredValues::collect() {
 HookAnswer StoredValues::save(Time now, bool again) {
     const std::size_t size = block_bytes(dictionary_);
     if (buffer_.size() < size) return Abort::out_of_memory;
-    // The block that is being stored may be that of an earlier command, whose answer the master did not wait for.
+    // The block that is being stored may belong to an earlier command that the master has given up.
     if (!again) outdated_ = unfinished_;
     if (!std::exchange(collected_, true)) collect();
     HookAnswer answer = store_.save(Bytes(buffer_).first(size), now);
@@ -241,7 +242,7 @@ std::uint32_t command_in(const ObjectAccess& access, Bytes data) {
 
 bool exists(const ObjectAccess& access) { return of(access) != nullptr; }
 
-// The application may take its stored values away while a command waits, or between two segments of a transfer.
+// The application may remove its stored values while a command waits, or between two segments of a transfer.
 HookAnswer before_save(const ObjectAccess& access, Bytes data) {
     auto* const stored = of(access);
     if (stored == nullptr) return Abort::no_object;
@@ -259,7 +260,7 @@ MutableBytes command(const ObjectAccess& access) {
     return stored == nullptr ? MutableBytes() : stored->show(1);
 }
 
-// Before the value is copied under the lock: the CRC of all values takes long.
+// The CRC is computed before the value is copied under the lock, because the CRC of all values takes long.
 HookAnswer before_checksum(const ObjectAccess& access) {
     auto* const stored = of(access);
     if (stored == nullptr) return Abort::no_object;

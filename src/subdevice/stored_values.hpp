@@ -80,8 +80,8 @@ class StoredValues {
 
     // For the hooks of the objects: called until the answer is not later(), with `again` from the second call of a
     // command on. After a success the memory has values of the time of this command, each as a whole; restore() also
-    // sets the initial values in the dictionary. A block has the modules that are there when it is stored: the values
-    // of a module that was pulled out before are not in it.
+    // sets the initial values in the dictionary. A block contains the values of the modules that are present when it is
+    // stored, and not those of modules that were removed before.
     [[nodiscard]] HookAnswer save(Time now, bool again = false);
     [[nodiscard]] HookAnswer restore(Time now);
     // Four octets with a number, which the master reads or overwrites.
@@ -99,7 +99,7 @@ class StoredValues {
     MutableBytes buffer_;
     bool collected_ = false;   // buffer_ has a block that is being stored
     bool unfinished_ = false;  // the memory has not finished a command
-    bool outdated_ = false;    // the memory may finish another block than that of this command
+    bool outdated_ = false;    // the memory may finish the block of another command
     std::array<std::byte, 4> shown_{};
 };
 

@@ -72,7 +72,8 @@ inline constexpr std::uint16_t kDcSync0 = 2;      // with SYNC0
 inline constexpr std::uint16_t kSm2Event = 0x22;  // inputs: with the event of the outputs
 }  // namespace sync_type
 
-// The object with the values of the whole device: that of the outputs; of a device without outputs, that of the inputs.
+// The object with the values of the whole device: the object of the outputs, or of the inputs for a device without
+// outputs.
 [[nodiscard]] constexpr std::uint16_t first_sync_object(const DeviceDescription& device) {
     if (device.outputs.present()) return device.outputs.sync_parameters();
     return device.inputs.present() ? device.inputs.sync_parameters() : kOutputSyncParameters;
@@ -191,7 +192,8 @@ template <std::size_t Offset>
     return sync_entry::of_inputs<V, typename V::input_type, typename V::input_cycle>(d);
 }
 
-// The object of a further SyncManager. `Device`: the offset of the SyncValues. `Offset`: that of its MoreSyncValues.
+// The object of a further SyncManager. `Device`: the offset of the SyncValues. `Offset`: the offset of its
+// MoreSyncValues.
 template <std::size_t Device, std::size_t Offset>
 [[nodiscard]] constexpr std::array<Entry, 15> more_sync_output_entries(const DeviceDescription& d) {
     using V = MoreSyncValues<Offset>;

@@ -90,7 +90,7 @@ Member member_of(Member Struct::*);
 template <class Struct, class Member>
 Struct struct_of(Member Struct::*);
 
-// What the steps of a path lead to in a T: its type, and its offset in the T.
+// The result of the steps of a path in a T: the type of the member, and its offset in the T.
 template <class T, auto... Path>
 struct Inside {
     using Type = T;

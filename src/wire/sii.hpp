@@ -47,7 +47,7 @@ enum class Fault : std::uint8_t {
     none,
     blank,                 // erased: every octet is 0xFF
     odd_length,            // not a whole number of words
-    truncated,             // ends earlier than its own description says
+    truncated,             // shorter than its own length field
     no_end,                // the chain of categories reaches the end of the EEPROM without an end mark
     category_past_end,     // a category is longer than the rest of the EEPROM
     category_overlap,      // the content of a category exceeds its end and reaches into the next category

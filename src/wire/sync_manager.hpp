@@ -94,7 +94,7 @@ constexpr void store_sync_manager(MutableBytes at, const SyncManager& s) {
     L::pdi_control::store(at, 0);
 }
 
-// What the memory of a SyncManager is: its own, not in the process RAM, or that of another one, too.
+// Whether the memory of a SyncManager is valid, outside of the process RAM, or overlaps another SyncManager.
 enum class SyncManagerPlace : std::uint8_t { free, outside, taken };
 
 // The memory of at most `N` SyncManagers, for the check that each has its own, in the process RAM.

@@ -57,8 +57,8 @@ int reserve(const std::string& name) {
     return -1;
 }
 
-// Each configuration has a ring of the size that the program wants. Only while the master is active: before that, the
-// program may be adding configurations, and none has the number of its slave.
+// Each configuration has a ring of the size that the program has set. For use only while the master is active: before
+// activation the program may be adding configurations, and no configuration has the number of its slave.
 void keep_emergencies(Bus& bus, std::uint16_t slave) {
     EmergencyRing& ring = emergencies(*bus.ctx, slave);
     for (const auto& config : bus.configs) {
@@ -67,8 +67,8 @@ void keep_emergencies(Bus& bus, std::uint16_t slave) {
     }
 }
 
-// The supervision keeps the last state of slaves that it cannot ask. It says that they answer before it has read the
-// states again.
+// The supervision keeps the last known state of slaves that do not respond. It reports that they respond again before
+// it has read their states again.
 void note_silence(Bus& bus, const Event& event) {
     const bool of_segment = event.slave == 0;
     if (event.kind == EventKind::unsupervised || (event.kind == EventKind::lost && of_segment)) {
@@ -81,13 +81,13 @@ void note_silence(Bus& bus, const Event& event) {
     if (!bus.active) bus.silent = false;
 }
 
-// Slaves have changed: the copies of them are old.
+// Slaves have changed, so their copies are out of date.
 void changed(const Event& event, void* user) {
     Bus& bus = *static_cast<Bus*>(user);
     bus.dirty.store(true, std::memory_order_relaxed);
     bus.facts_at = bus.refresh_at = Time{};
     note_silence(bus, event);
-    // Until the cyclic thread has looked at all slaves, each domain is judged by its own.
+    // Until the cyclic thread has checked all slaves, the state of each domain is computed from its own slaves.
     if (event.kind == EventKind::lost && bus.active)
         for (const auto& exchange : bus.exchanges) exchange->best = Answer::incomplete;
     if (event.kind == EventKind::slave_count) bus.answering = event.actual;
@@ -185,7 +185,7 @@ bool Bus::open() {
     return true;
 }
 
-// The cycle says nothing: this thread does.
+// The cycle prints no messages. This thread prints them.
 void Bus::report_loop() {
     std::unique_lock lock(closing_mutex);
     for (bool last = false;;) {
@@ -201,7 +201,7 @@ void Bus::report() {
     while (const auto error = ctx->errors().take()) {
         // Slaves without a configuration stay in PREOP, and configurations wait for their slaves: no errors here.
         if (error->code == Errc::unexpected_slave) continue;
-        // Process data that the program does not exchange: see start_up.cpp.
+        // The program does not exchange this process data, see start_up.cpp.
         if (error->code == Errc::sizes_differ && error->expected == 0) continue;
         say_error(*this, error->code == Errc::missing_slave ? "waiting" : "error", *error);
     }
@@ -214,7 +214,7 @@ void Bus::report() {
         failures.count = 0;
     }
     for (const Failure& one : ended)
-        if (one.error.code == Errc::capacity && one.error.step == Step{})  // no request of the library
+        if (one.error.code == Errc::capacity && one.error.step == Step{})  // the library has executed no request
             say("master %u: %s: its memory has less octets than are wanted, or none are", index, one.what.data());
         else
             say_error(*this, one.what.data(), one.error);

@@ -43,28 +43,29 @@ struct Search {
     ScanRequest scan;
     SuperviseRequest watch;
     bool scanning = false;
-    bool again = false;  // the watch has seen slaves come or go
+    bool again = false;  // the supervision has found new or missing slaves
     Time retry{};
-    Time spare_until{};  // the next scan waits until then for the end of transfers; Time{}: none is to come
+    Time spare_until{};  // the next scan waits for the end of transfers until this time; Time{}: no scan is due
 };
 
-// What the program has told about time.
+// The application time as set by the program.
 struct AppTime {
     std::atomic<std::uint64_t> now_ns{0};
     std::uint64_t first_ns = 0;
-    std::uint64_t at_ns = 0;  // as told at `at`, in the time of the osal; not while the segment is running
+    // The application time at the time `at` of the OSAL; not used while the segment is running.
+    std::uint64_t at_ns = 0;
     Time at{};
     std::atomic<bool> known{false};
 };
 
-// Of a slave, as of the last scan before activation.
+// Data about the ports of a slave, read by the last scan before activation.
 struct PortFacts {
     Identity identity;
-    std::array<std::uint32_t, EC_MAX_PORTS> received{};  // ns, in the time of its own clock
+    std::array<std::uint32_t, EC_MAX_PORTS> received{};  // ns, local time of the slave
     std::array<std::uint32_t, EC_MAX_PORTS> delay{};     // ns, to the next slave with a clock
 };
 
-// What tells threads apart at the cost of one instruction.
+// A value that identifies the calling thread, read by one instruction.
 [[nodiscard]] inline std::uintptr_t this_thread() {
 #if defined(__x86_64__) || defined(__aarch64__)
     return reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
@@ -73,9 +74,10 @@ struct PortFacts {
 #endif
 }
 
-// What a cycle needs when the start-up is over and all process data is in one domain: most programs are so.
+// The data that a cycle needs when the start-up is complete and all process data is in one domain. This is the usual
+// case.
 struct Steady {
-    std::uintptr_t thread = 0;  // the owner of the context; 0: the cycle goes the long way
+    std::uintptr_t thread = 0;  // the owner of the context; 0: the cycle executes the general code
     Context* ctx = nullptr;
     Osal* osal = nullptr;
     Exchange* exchange = nullptr;
@@ -134,13 +136,14 @@ class Bus {
     void refresh_facts(Time now);
     // The number of the slave at this place of the ring, the first is 0; 0: there is none. Any thread.
     [[nodiscard]] std::uint16_t number_at(std::uint16_t position);
-    // What a program calls the slave of an error: "position 5". Empty: it is missing at no place of its own, or the
-    // error is that of no slave. Any thread.
+    // The name of the slave of an error in messages for the program: "position 5". Empty: the slave has no position, or
+    // the error belongs to no slave. Any thread.
     [[nodiscard]] std::string place_of(const Error& error);
     [[nodiscard]] bool slave_at(std::uint16_t position, Slave& copy);
     // The place in the ring, from 1 on, of the first slave with the alias; 0: there is none.
     [[nodiscard]] std::uint16_t first_with(std::uint16_t alias);
-    // The slave of a configuration, as far as it is there. Any thread; before activation by address and identity.
+    // The slave of a configuration, if it is present. Before activation it is found by address and identity. Any
+    // thread.
     [[nodiscard]] bool slave_of(const ec_slave_config& config, Slave& copy);
 
     Steady steady;  // set and used by the owner
@@ -163,12 +166,12 @@ class Bus {
     std::mutex closing_mutex;
     std::condition_variable closes;
     bool closing = false;  // guarded by closing_mutex
-    // The failures that wait until that thread prints them. A thread that adds one does not wait for the others.
+    // The failures that the reporter thread will print. A thread that adds a failure does not wait for other threads.
     struct Failures {
         std::mutex mutex;
         std::array<Failure, 256> list;
         std::size_t count = 0;
-        unsigned more = 0;  // there was no room for them
+        unsigned more = 0;  // failures that did not fit into the list
     };
     Failures failures;
     Search search;
@@ -178,20 +181,21 @@ class Bus {
     std::mutex facts_mutex;
     std::vector<Slave> facts;
     std::vector<PortFacts> ports;   // by the number of the slave
-    std::atomic<bool> dirty{true};  // the copies are old; for all threads
-    Time facts_at{};                // for the owner: when they are copied again; in the past while they are old
-    Time refresh_at{};              // for the owner: when a cycle does more than to exchange data
-    bool silent = false;            // for the owner: no frame comes back, so no slave responds
+    std::atomic<bool> dirty{true};  // the copies are out of date; for all threads
+    // For the owner: time of the next copy; in the past while the copies are out of date.
+    Time facts_at{};
+    Time refresh_at{};    // for the owner: the time at which a cycle does more than exchange process data
+    bool silent = false;  // for the owner: no frame returns, so no slave responds
     // The states are read again after a silence of the segment. For the owner.
     struct Return {
         ReadStateRequest states;
-        bool waited_for = false;  // the states that are known are from before the silence
-        bool reading = false;     // `states` has begun after it
+        bool waited_for = false;  // the known states were read before the silence
+        bool reading = false;     // `states` was submitted after the silence
     };
     Return returning;
     std::atomic<std::uint32_t> responding{0};
     std::atomic<std::uint32_t> al_states{0};
-    // Of the two ends of a ring; one NIC: the first.
+    // The links of the two ends of a ring; with one NIC only the first is used.
     struct Link {
         std::atomic<bool> up{false};
         std::atomic<std::uint32_t> slaves{0};
@@ -202,18 +206,19 @@ class Bus {
         return links[0].up.load(std::memory_order_relaxed) || links[1].up.load(std::memory_order_relaxed);
     }
     std::atomic<bool> scan_busy{true};
-    std::atomic<std::uint32_t> scan_slaves{0};  // that the present scan has counted
-    std::atomic<std::uint32_t> scan_index{0};   // that it has read
+    std::atomic<std::uint32_t> scan_slaves{0};  // slaves counted by the present scan
+    std::atomic<std::uint32_t> scan_index{0};   // slaves read by the present scan
 
     std::shared_mutex configuring;  // shared by each Change; exclusive in activation and deactivation; locked first
     std::mutex config_mutex;
     std::vector<std::unique_ptr<ec_domain>> domains;
     std::vector<std::unique_ptr<ec_slave_config>> configs;
-    std::atomic<bool> requests_wait{false};  // some requests of the configurations begin later
+    std::atomic<bool> requests_wait{false};  // some requests of the configurations are deferred
     ec_slave_config* reference = nullptr;
     std::mutex known_mutex;
-    std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;             // by place in the ring, from 1 on
-    std::map<std::uint16_t, std::pair<Identity, std::uint16_t>> known_objects;  // the number of them, likewise
+    std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;  // by place in the ring, from 1 on
+    // The number of objects, by place in the ring.
+    std::map<std::uint16_t, std::pair<Identity, std::uint16_t>> known_objects;
     std::atomic<bool> pdos_written{false};  // a request has written a PDO: until the next scan they are read each time
 
     std::atomic<bool> active{false};
@@ -226,7 +231,8 @@ class Bus {
     }
     std::vector<std::unique_ptr<Exchange>> exchanges;
     std::unique_ptr<Operation> operation;
-    // Of the operation before: the slaves of the context point to them until a scan with another list has ended.
+    // Objects of the previous operation. The slaves of the context point to them until a scan with another list has
+    // ended.
     std::vector<std::unique_ptr<ec_slave_config>> old_configs;
     std::vector<std::unique_ptr<Operation>> old_operations;
     // Devices that came after the scan and are not in the list of expected slaves. For the owner.
@@ -234,11 +240,12 @@ class Bus {
     std::uint32_t answering = 0;  // slaves, known or not; 0: not counted since the scan
     AppTime app_time;
     std::unique_ptr<ApplicationTime> clocks;
-    // What the next send has to do for the clocks.
-    static constexpr std::uint8_t kDatagramsWait = 1;  // datagrams for the clocks wait for it
-    static constexpr std::uint8_t kTimeWanted = 2;     // it carries the time of the reference clock to the others
+    // The tasks of the next send for the clocks.
+    static constexpr std::uint8_t kDatagramsWait = 1;  // it sends the queued datagrams for the clocks
+    static constexpr std::uint8_t kTimeWanted = 2;     // it distributes the time of the reference clock
     std::uint8_t clocks_due = 0;
-    // When ecrt_master_send() was called last on the long way, and the time since the call before.
+    // The time of the last call of ecrt_master_send() that executed the general code, and the time since the previous
+    // call.
     Time sent_at{};
     Duration interval{0};
     bool time_rides = true;  // the last send carried the time in the frames of the first domain
@@ -260,7 +267,7 @@ class Bus {
 // Whether the master is active and configures this slave: below SAFEOP its PDOs may change.
 [[nodiscard]] bool is_configured(Bus& bus, const Slave& slave);
 
-// Whether an error is that of the slave itself. Otherwise its frames were lost, and it is read again.
+// Whether the slave itself has caused the error. Otherwise its frames were lost, and it is read again.
 [[nodiscard]] inline bool is_own_error(Errc code) {
     switch (code) {
         case Errc::none:
@@ -278,26 +285,26 @@ class Bus {
     return slave.ring_position != 0 && slave.al.state != AlState::none;
 }
 
-// The slave is there, and its SII is being read: after the scan only its identity was.
+// The slave is present, and its SII is still being read. The scan has read only its identity.
 [[nodiscard]] inline bool is_unread(const Slave& slave) {
     return !is_own_error(slave.error.code) && (!slave.seen || (!slave.sii_read && slave.al.state == AlState::init));
 }
 
-// Before activation: the slave is in INIT, and nothing keeps it there. It takes no messages yet.
+// Before activation: the slave is in INIT, and will reach PREOP. It does not accept mailbox messages yet.
 [[nodiscard]] inline bool is_on_its_way_to_preop(const Slave& slave) {
     return !is_own_error(slave.error.code) && (slave.al.state == AlState::init || is_unread(slave));
 }
 
-// How far a slave is: its SII was read; it has passed INIT, so that it takes messages; its PDOs stay as they are,
-// or it cannot be configured.
+// The progress of a slave: its SII was read; it has left INIT, so that it accepts mailbox messages; its PDOs do not
+// change any more, or it cannot be configured.
 enum class Ready : std::uint8_t { read, for_mail, for_pdos };
 
 // While the segment is scanned, while a slave is brought to PREOP, and while the segment starts up after activation,
-// slaves have no numbers or no mailboxes yet. Waits until the one at this position is ready, 10 s at most. Returns at
+// slaves have no numbers or no mailboxes yet. Waits until the slave at this position is ready, 10 s at most. Returns at
 // once in the cyclic thread. False: the slave is not ready.
 bool await_start(Bus& bus, std::uint16_t position, Ready wanted);
 
-// Activation or deactivation, while it is at work.
+// Exists while activation or deactivation is in progress.
 class Turn {
   public:
     explicit Turn(Bus& bus) : bus_(bus) { ++bus_.turns; }
@@ -309,9 +316,9 @@ class Turn {
     Bus& bus_;
 };
 
-// A transfer of a call that waits. It begins when its slave is ready, as await_start() says, and nothing is at work
-// that would end it. Activation and the next scan wait for its end, 1 s. Deactivation does not end it: the scan that
-// follows does, after this second.
+// A transfer of a call that waits. It begins when await_start() returns that its slave is ready, and when no scan,
+// activation or deactivation is in progress. Activation and the next scan wait for its end, 1 s. Deactivation does not
+// end the transfer. The scan after deactivation ends it after 1 s.
 class Passage {
   public:
     Passage(Bus& bus, std::uint16_t position, Ready wanted);

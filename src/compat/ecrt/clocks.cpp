@@ -1,5 +1,5 @@
-// Distributed clocks. The cycle of the first group carries the time of the reference clock to all other clocks; where
-// no domain is exchanged, datagrams of their own do.
+// Distributed clocks. The cycle of the first group distributes the time of the reference clock to all other clocks. If
+// no domain is exchanged, separate datagrams distribute it.
 #include "compat/ecrt/bus.hpp"
 
 #include <cerrno>

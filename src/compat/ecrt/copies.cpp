@@ -7,7 +7,7 @@
 
 namespace margay::compat::ecrt {
 
-// What makes the copies of a run.
+// The function that makes the copies of a run.
 struct Copies::Makers {
     using Make = int (*)(const Run* run);
     static constexpr std::size_t kMostWithoutCall = 32;
@@ -16,7 +16,7 @@ struct Copies::Makers {
     static int nothing(const Run*) { return 0; }
     static int next(const Run* run) {
         ++run;
-        asm("" : "+r"(run));  // one addition, and not an address for the call and another one for the argument
+        asm("" : "+r"(run));  // the compiler makes one addition instead of two, for the call and for the argument
         return run->make(run);
     }
     static int whole(const Run* run) {
@@ -82,7 +82,7 @@ struct Copies::Makers {
                 from += copies * Bytes;
         };
         std::uint32_t left = run->count;
-        // Likely: then the copies follow without a jump.
+        // [[likely]] makes the compiler place the copies behind this test without a jump.
         if ((left & 1U) != 0) [[likely]] {
             copy(0);
             advance_image(1);

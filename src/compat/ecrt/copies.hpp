@@ -21,13 +21,13 @@ class Copies {
     Copies() { set({}); }
     Copies(const Copies&) = delete;
     Copies& operator=(const Copies&) = delete;
-    // Octets that follow each other on both sides become one copy.
+    // Octets that are contiguous on both sides become one copy.
     void set(std::vector<Copy> copies);
-    // Returns 0, which a function of the interface returns in turn.
+    // Returns 0, so that a function of the interface can return this result.
     int execute() const { return first_->make(first_); }
 
   private:
-    // Each run calls the next one at its end; the last run makes nothing.
+    // Each run calls the next run at its end. The last run copies nothing.
     struct Run {
         int (*make)(const Run* run) = nullptr;
         std::uint8_t* to = nullptr;

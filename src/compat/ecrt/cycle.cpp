@@ -11,7 +11,7 @@ using namespace margay::compat::ecrt;
 
 namespace {
 
-// A negative timeout: what is not back stays on the wire.
+// A negative timeout: frames that have not returned stay on the wire.
 constexpr Duration kDoNotWait{-1};
 
 // Another thread has begun to exchange frames; the program has synchronised both.
@@ -45,12 +45,12 @@ inline void receive_group(Context& ctx, Exchange& exchange, Duration timeout) {
     ++exchange.answers;
 }
 
-// The answer comes too late: it is given up.
+// Gives up the frames of the last cycle, which are late.
 [[gnu::noinline]] void give_up(Context& ctx, Exchange& exchange) { receive_group(ctx, exchange, Duration{0}); }
 
 inline void send_frames(Context& ctx, Exchange& exchange, Time now) {
     if (!send_processdata(ctx, now, exchange.group)) [[unlikely]]
-        return note_incomplete(exchange, Errc::nic);  // nothing comes back
+        return note_incomplete(exchange, Errc::nic);  // no frame was sent
     exchange.answer = Answer::on_wire;
 }
 
@@ -98,7 +98,7 @@ void rest(Context& ctx, Exchange& exchange) {
     ++exchange.answers;
 }
 
-// The calls of this thread may take the short way.
+// The calls of this thread may execute the fast path.
 void be_steady(Bus& bus) {
     bus.steady.thread = 0;
     if (!bus.operation->running() || bus.operation->starting() || bus.exchanges.size() != 1) return;
@@ -112,8 +112,8 @@ void be_steady(Bus& bus) {
                   .domain = exchange.domains.front()};
 }
 
-// Slaves respond again when the states of all have been read since the end of the silence. A reading that has begun
-// before it, or that fails, for example because a frame was lost, does not count.
+// Slaves respond again when the states of all have been read since the end of the silence. A reading that began before
+// the end of the silence does not count. Neither does a reading that fails, for example because a frame was lost.
 void read_after_silence(Bus& bus) {
     Bus::Return& back = bus.returning;
     if (back.states.busy()) return;
@@ -163,8 +163,8 @@ void read_after_silence(Bus& bus) {
     poll(*bus.ctx, now);
 }
 
-// How many octets of other datagrams a cycle has room for. While slaves start, which is many messages, they may take
-// half of the time that the domains leave between two cycles.
+// The number of octets that other datagrams may have in a cycle. While slaves start, with many mailbox messages, these
+// datagrams may use half of the time that the domains leave between two cycles.
 std::uint16_t room_beside(Bus& bus, Time now) {
     constexpr std::uint16_t kUsual = GroupConfiguration{}.acyclic_bytes;
     constexpr Duration kOctet{80};  // at 100 Mbit/s
@@ -186,7 +186,8 @@ std::uint16_t room_beside(Bus& bus, Time now) {
     const Time now = bus.source->osal().now();
     if (!bus.operation->running()) bus.clocks_due |= Bus::kDatagramsWait;  // the requests of the start-up
     send_for_clocks(bus, now);
-    // All groups together have this room for other datagrams: a cycle must be back before the next one.
+    // This limit is for the other datagrams of all groups together, because the frames of a cycle must return before
+    // the next cycle.
     std::uint16_t room = room_beside(bus, now);
     for (const auto& exchange : bus.exchanges) {
         if (!is_sent(*exchange)) continue;

@@ -106,7 +106,7 @@ void judge(ec_domain& domain) {
         const std::uint16_t number = part.config->number.load(std::memory_order_relaxed);
         if (bus.ctx->slave(number).takes_part && inputs_fresh(*bus.ctx, number)) counter += part.share;
     }
-    // Some slaves have answered, and which ones is not known yet.
+    // Some slaves have responded. It is not known yet which slaves.
     if (counter == 0 && came && domain.complete.working_counter > 1)
         counter = std::min(on_wire, domain.complete.working_counter - 1);
     if (counter != 0) domain.inputs.execute();

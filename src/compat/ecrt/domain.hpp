@@ -28,17 +28,17 @@ struct DomainPart {
     bool output = false;
     std::uint32_t offset = 0;
     std::uint32_t bytes = 0;
-    unsigned share = 0;   // of the working counter, see plan_counters()
-    bool placed = false;  // its slave has a place for it in the image of the group
+    unsigned share = 0;   // share of the working counter, see plan_counters()
+    bool placed = false;  // the image of the group contains its data
 };
 
-// Of an answer.
+// The state of a domain after a cycle, as the program reads it.
 struct Judgement {
     unsigned working_counter = 0;
     ec_wc_state_t wc_state = EC_WC_ZERO;
 };
 
-// What has become of the last cycle of a group.
+// The result of the last cycle of a group.
 enum class Answer : std::uint8_t {
     complete,
     incomplete,  // or not sent
@@ -52,7 +52,8 @@ struct Exchange {
     bool held = false;    // a device has moved to another position, so nothing is sent: see moves.cpp
     bool wanted = false;  // a domain was queued since the last send
     Answer answer = Answer::complete;
-    Answer best = Answer::incomplete;  // of a right cycle: complete while all configurations of its domains take part
+    // Result of a cycle without errors: complete while all configurations of its domains take part.
+    Answer best = Answer::incomplete;
     std::uint32_t answers = 0;
     std::vector<ec_domain*> domains;
     std::vector<std::byte> image;
@@ -82,12 +83,12 @@ struct ec_domain {
 
 namespace margay::compat::ecrt {
 
-// Where the copies of a domain go, after the group was mapped. For the owner of the context.
+// Plans the copies of a domain, after the group was mapped. For the owner of the context.
 void plan_copies(Bus& bus, ec_domain& domain);
 // Counts `complete` as the interface does: a domain is cut into datagrams between SyncManagers; in
 // a datagram with both directions a slave counts 2 for outputs and 1 for inputs, otherwise 1.
 void plan_counters(ec_domain& domain);
-// The state of a domain whose answer is not complete. For the owner of the context.
+// The state of a domain whose cycle is not complete. For the owner of the context.
 void judge(ec_domain& domain);
 // Sets Exchange::best. The library leaves slaves that may be away out of the working counters that it expects, and a
 // domain is complete only with all its configurations. For the owner of the context.

@@ -101,8 +101,8 @@ class EoeInterfaces {
         const std::lock_guard lock(mutex_);
         all_.push_back(std::move(interface));
     }
-    // False: there is none. The memory of its port lives until the owner of the context has ended the port. Waits some
-    // milliseconds, because the system keeps the interface while the thread waits for its frames.
+    // False: there is no such interface. The memory of its port stays valid until the owner of the context has ended
+    // the port. Waits some milliseconds, because the system keeps the interface while the thread waits for its frames.
     bool remove(std::uint16_t alias, std::uint16_t position) {
         std::unique_ptr<EoeInterface> ending;
         std::uint32_t round = 0;
@@ -145,7 +145,7 @@ class EoeInterfaces {
                 for (const auto& interface : all_) any |= interface->pass(buffer);
                 for (const auto& interface : all_) files.push_back(interface->waiting());
             }
-            // A port wakes no thread when a frame has arrived: therefore 1 ms at most.
+            // The arrival of a frame at a port wakes no thread, so the thread waits 1 ms at most.
             if (!any) ::poll(files.data(), files.size(), 1);
             ++rounds_;
             rounds_.notify_all();
@@ -160,7 +160,7 @@ class EoeInterfaces {
     std::thread passer_;
 };
 
-// Of the masters that have interfaces: few programs have any.
+// The masters that have such interfaces.
 std::mutex all_mutex;
 std::map<const Bus*, std::unique_ptr<EoeInterfaces>>& all_interfaces() {
     static auto* const all = new std::map<const Bus*, std::unique_ptr<EoeInterfaces>>;
@@ -256,7 +256,7 @@ int ecrt_master_eoe_is_open(ec_master_t* master) {
     return interfaces != nullptr && !interfaces->empty() ? 1 : 0;
 }
 
-// The thread of the interfaces and the polls of the master do it.
+// The thread of the interfaces and the polls of the master process the frames.
 int ecrt_master_eoe_process(ec_master_t*) { return 0; }
 
 }  // extern "C"

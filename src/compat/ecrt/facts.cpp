@@ -32,7 +32,7 @@ void Bus::refresh_facts(Time now) {
     std::unique_lock lock(facts_mutex, std::try_to_lock);
     if (!lock.owns_lock()) return;  // the next call does it
     dirty = false;
-    // Later only for the link: all other changes have events.
+    // The next regular copy is only for the link state, because all other changes are reported by events.
     facts_at = refresh_at = now + (active && operation != nullptr && operation->running() ? 500ms : 10ms);
     const auto slaves = ctx->slaves();
     if (scan_busy.load(std::memory_order_relaxed)) {

@@ -16,7 +16,8 @@ bool Bus::await_scan() const {
     return !scan_busy;
 }
 
-// Asks the thread that polls: a thread that became the owner here could take the context from activation.
+// Requests the context from the thread that polls. A thread that became the owner here could take the context away from
+// activation.
 void Bus::ask_for_scan() {
     wanted.fetch_add(1);
     const std::lock_guard lock(turn);
@@ -90,7 +91,7 @@ void Bus::step_search(Time now) {
             pdos_written = false;
             known_objects.clear();
         }
-        // A program that sees the end of the scan sees its result.
+        // A program that reads that the scan has ended reads its result too.
         dirty = true;
         while (dirty) refresh_facts(now);
         scan_busy = search.again;  // the next one follows

@@ -1,4 +1,4 @@
-// What a program may ask about the segment, from any thread.
+// The functions that return information about the segment. Any thread may call them.
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 
@@ -39,8 +39,8 @@ void fill_ports(Bus& bus, const Slave& slave, ec_slave_info_t& info) {
     }
 }
 
-// How many objects the dictionary of the slave has. Asks the slave once, before activation, because no cycle is needed
-// then.
+// The number of objects in the dictionary of the slave. It is read from the slave once, before activation, because no
+// cycle is needed then.
 std::uint16_t objects_of(Bus& bus, const Slave& slave) {
     constexpr Duration kPatience = std::chrono::milliseconds(500);
     {

@@ -12,7 +12,7 @@
 
 namespace margay::compat::ecrt {
 
-// A refusal keeps no slave from its process data.
+// If the slave refuses the parameters, its process data is exchanged nevertheless.
 Task<> set_ip(HookedSlave slave, const ec_slave_config& config) {
     const auto set = co_await slave.eoe_set_ip(config.ip);
     if (!set) say_error(config.bus, "the IP parameters of a slave were not set", set.error());

@@ -12,7 +12,8 @@
 namespace margay::compat::ecrt {
 namespace {
 
-// For errors whose words in the library name functions that a program for ecrt.h does not have. Empty: there are none.
+// The text of an error whose text in the library names functions that a program for ecrt.h does not have. Empty: the
+// text of the library is used.
 std::string_view words_without_functions(Errc code) {
     switch (code) {
         case Errc::identity_unread: return "the slave was away, and its identity was not compared since";
@@ -54,7 +55,7 @@ std::string words_of(const Error& error, std::string_view place) {
     const auto theirs = to_text(error.code);
     const auto at = ours.empty() ? std::string::npos : words.find(theirs);
     if (at != std::string::npos) words.replace(at, theirs.size(), ours);
-    // Of an error that the library describes by its step too.
+    // The error text also contains the step.
     const auto call = words.find(": call ");
     const auto end = call == std::string::npos ? call : words.find("()", call);
     return end == std::string::npos ? words : words.erase(call, end + 2 - call);

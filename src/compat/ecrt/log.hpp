@@ -12,17 +12,17 @@ namespace margay::compat::ecrt {
 
 class Bus;
 
-// One line, in the manner of printf. Of a line with more than 4095 characters the end is missing, and ... stands there.
+// Prints one line; the format is that of printf(). A line of more than 4095 characters is cut and ends with "...".
 [[gnu::format(printf, 1, 2)]] void say(const char* format, ...);
 
-// The error in words of a program for ecrt.h, which has no functions of the library and no numbers of slaves. `place`
-// is what the program calls the slave of the error; empty: it has no name for it.
+// The text of the error for a program for ecrt.h, which does not know the functions of the library and the numbers of
+// slaves. `place` names the slave of the error for the program; empty: it has no name.
 [[nodiscard]] std::string words_of(const Error& error, std::string_view place);
 
-// The words with each "slave N" as the program calls the slave with number N.
+// Replaces each "slave N" in the text by the name that the program has for the slave with number N.
 [[nodiscard]] std::string with_positions(std::string words, const std::function<std::string(std::uint16_t)>& place_of);
 
-// "MASTER: WHAT: the error in words".
+// Prints "MASTER: WHAT: text of the error".
 void say_error(Bus& bus, const char* what, const Error& error);
 
 }  // namespace margay::compat::ecrt

@@ -19,7 +19,7 @@ namespace {
 
 constexpr unsigned kMostMasters = 32;
 
-// A handle that was only opened reads; the program that has requested the master configures it.
+// A handle that was only opened can only read. Only the program that has requested the master can configure it.
 bool may_configure(const ec_master_t& master, const char* function) {
     if (!master.reserved)
         say("master %u: %s() needs a requested master, not an opened one", master.bus->index, function);
@@ -109,7 +109,8 @@ void end_operation(Bus& bus) {
     (void)expect(*bus.ctx, {});
 }
 
-// The start-up would end transfers: they have 1 s to end by themselves. They look at the configurations meanwhile.
+// The start-up would end transfers: they have 1 s to end by themselves. The transfers use the configurations during
+// this time.
 std::unique_lock<std::mutex> lock_after_transfers(Bus& bus) {
     std::unique_lock lock(bus.config_mutex);
     for (int n = 0; n < 1000 && are_under_way(bus); ++n) {
@@ -120,7 +121,7 @@ std::unique_lock<std::mutex> lock_after_transfers(Bus& bus) {
     return lock;
 }
 
-// What the program has written into the memory before activation stays there.
+// The data that the program has written into the memory before activation is kept.
 void give_memory(Bus& bus) {
     for (const auto& domain : bus.domains) {
         domain->memory.resize(std::max<std::size_t>(domain->size, 1), 0);
@@ -242,7 +243,8 @@ int ecrt_master_activate(ec_master_t* master) {
     if (!may_configure(*master, "ecrt_master_activate")) return -EPERM;
     Bus& bus = *master->bus;
     const std::lock_guard no_change(bus.configuring);
-    // Directly behind ecrt_master_deactivate(): a scan that is cut short has no aliases, and places would be guessed.
+    // The call may follow directly after ecrt_master_deactivate(). A scan that is interrupted has read no aliases, so
+    // the positions would be wrong.
     bus.await_scan();
     const Turn turn(bus);
     if (bus.active) {

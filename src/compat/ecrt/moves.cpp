@@ -15,8 +15,9 @@ namespace margay::compat::ecrt {
 namespace {
 
 constexpr Duration kLookEvery = std::chrono::milliseconds(50);
-constexpr Duration kWatched = std::chrono::seconds(2);         // the supervision has read the ring after some cycles
-constexpr Duration kSettled = std::chrono::milliseconds(300);  // a ring that is being changed is read wrongly
+constexpr Duration kWatched = std::chrono::seconds(2);  // the supervision reads the ring within some cycles
+// The order of slaves is read wrongly while cables are changed.
+constexpr Duration kSettled = std::chrono::milliseconds(300);
 
 bool is_device_of(const ec_slave_config& config, const Identity& identity) {
     return identity.vendor == config.vendor && identity.product == config.product;
@@ -41,7 +42,8 @@ bool Operation::may_attach(const ec_slave_config& config) const {
     if (config.alias != 0 || is_online(bus_, config)) return false;
     const std::uint16_t number = config.number.load(std::memory_order_relaxed);
     const Slave& own = bus_.ctx->slave(number);
-    if (number != 0 && own.seen && is_device_of(config, own.identity)) return false;  // it comes back by itself
+    // The supervision brings the slave back.
+    if (number != 0 && own.seen && is_device_of(config, own.identity)) return false;
     for (const Slave& slave : bus_.ctx->slaves()) {
         if (!is_there(slave) || slave.ring_position != config.position + 1) continue;
         const auto has = [&](const auto& other) { return other->number == slave.number && is_online(bus_, *other); };

@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr unsigned kMostWaited = 500;  // cycles for the first application time
-constexpr Duration kStarting = 5s;     // a slave that needs longer waits for something else than frames
+constexpr Duration kStarting = 5s;     // a slave that needs longer does not wait for frames
 
 // SYNC0 starts where the time since the first application time is a multiple of both cycles together, plus the shift.
 // All sums are modulo 2^64: the application time may have any origin.
@@ -144,7 +144,8 @@ void Operation::end_scan(Time now) {
             config->number = slave.number;
             config->late = place_by_lists(slave, *config);
             config->start_up = config->late ? StartUp::before_init : StartUp::over;
-            if (!config->late && slave.seen) give_downloads(*config);  // they may change what the mapping reads
+            // The downloads may change the objects that the mapping reads.
+            if (!config->late && slave.seen) give_downloads(*config);
             prepare_start_up(slave, *config);
         }
     }
@@ -154,7 +155,7 @@ void Operation::end_scan(Time now) {
     stage_ = Stage::clock;
 }
 
-// All configured slaves that are there.
+// All configured slaves that are present.
 bool Operation::are_started() const {
     return std::ranges::all_of(bus_.configs, [this](const auto& config) {
         const Slave& slave = bus_.ctx->slave(config->number.load(std::memory_order_relaxed));
@@ -202,7 +203,7 @@ void Operation::end_map(Time now) {
     }
     for (ec_domain* domain : exchange.domains) {
         plan_copies(bus_, *domain);
-        if (again_) domain->outputs.execute();  // also of domains that are not queued now
+        if (again_) domain->outputs.execute();  // also for domains that are not queued now
     }
     for (const auto& config : bus_.configs) {
         const Slave& slave = bus_.ctx->slave(config->number.load(std::memory_order_relaxed));

@@ -28,18 +28,18 @@ class Operation {
     // Called in each cycle after poll(), until running().
     void step(Time now);
     [[nodiscard]] bool running() const { return stage_ == Stage::running; }
-    // Called now and then while running.
+    // Called from time to time while running.
     void check(Time now);
-    // Slaves have come or gone, or others than before are there.
+    // Slaves were added, removed or replaced.
     void note_change() {
         restarts_left_ = kMostRestarts;
         changed_ = true;
     }
-    // When check() wants to be called next; kNever: now and then.
+    // The time at which check() must be called next; kNever: at any time.
     [[nodiscard]] Time look_at() const {
         return running() && (changed_ || watched_until_ != Time{} || starting()) ? Time{} : kNever;
     }
-    // Slaves are on their way to OP, in the first seconds after the frames were laid out.
+    // Whether slaves are still starting, in the first seconds after the frames were laid out.
     [[nodiscard]] bool starting() const { return starting_until_ != Time{}; }
     // The target of the slaves is PREOP from now on.
     void lower() { target_ = AlState::preop; }
@@ -93,13 +93,14 @@ class Operation {
     static constexpr unsigned kMostRestarts = 2;
     unsigned restarts_left_ = kMostRestarts;
     static constexpr unsigned kMostClockTries = 10;
-    unsigned clock_tries_ = kMostClockTries;  // left, when frames are lost while the clocks are synchronised
-    bool again_ = false;                      // the start-up is not the first one
-    bool changed_ = false;                    // slaves have come or gone since the last check()
+    // Remaining attempts when frames are lost while the clocks are synchronised.
+    unsigned clock_tries_ = kMostClockTries;
+    bool again_ = false;    // the start-up is not the first one
+    bool changed_ = false;  // slaves have come or gone since the last check()
     Time starting_until_{};
-    Time watched_until_{};  // until then each cycle compares the positions; Time{}: no longer
+    Time watched_until_{};  // each cycle compares the positions until this time; Time{}: no comparison
     Time misplaced_since_{};
-    Time look_at_{};  // when it is decided again whether the segment starts again
+    Time look_at_{};  // time of the next decision whether the segment starts again
     AlState target_ = AlState::op;
     std::vector<ExpectedSlave> old_expected_;  // the slaves point to it until the scan of a new start has ended
     std::vector<ExpectedSlave> expected_;

@@ -12,7 +12,7 @@ using namespace margay::compat::ecrt;
 
 namespace {
 
-// How often a slave is asked that changes its place meanwhile, or that may come by a scan.
+// The number of attempts to read from a slave whose position changes during the reading, or that a scan may find.
 constexpr unsigned kTries = 5;
 constexpr const char* kUnanswered = "the slave has not answered when it was asked for them";
 
@@ -22,8 +22,8 @@ bool is_known(const ec_slave_config& config, std::uint8_t sync_index) {
     return known;
 }
 
-// The PDOs of the slave of a configuration, and the slave with the place that it has afterwards: slaves that come while
-// it is asked give it another one. Waits for the slave, and for the end of a scan. Null: config.not_known says why.
+// The PDOs of the slave of a configuration, and the slave with its position after the reading. New slaves may change
+// the position during the reading. Waits for the slave, and for the end of a scan. Null: config.not_known says why.
 std::shared_ptr<KnownPdos> pdos_of(ec_slave_config& config, Slave& slave) {
     Bus& bus = config.bus;
     for (unsigned n = 0; n < kTries; ++n) {
@@ -74,7 +74,7 @@ void complete(ec_slave_config& config, PdoWish& pdo) {
     config.not_known = "the segment is being scanned";
 }
 
-// The end of the message of a call that does not find a PDO or an entry.
+// The last part of the message if a PDO or an entry was not found.
 std::string reason(const ec_slave_config& config) {
     const char* const why = config.not_known != nullptr ? config.not_known : config.answered ? nullptr : kUnanswered;
     return why == nullptr ? std::string() : std::string(" as far as its PDOs are known: ") + why;
@@ -86,7 +86,7 @@ std::uint32_t bits_of(const PdoWish& pdo) {
     return bits;
 }
 
-// Where an entry is in its SyncManager.
+// The place of an entry in its SyncManager.
 struct Place {
     std::uint8_t sync_manager = 0;
     std::uint32_t bit = 0;
@@ -120,7 +120,8 @@ std::uint32_t offset_of(ec_domain& domain, ec_slave_config& config, std::uint8_t
     return domain.parts.back().offset;
 }
 
-// Whether the size of the SyncManager is known: of each of its PDOs the entries, or that the slave does not have it.
+// Whether the size of the SyncManager is known. Then, for each of its PDOs, either the entries are known, or it is
+// known that the slave does not have the PDO.
 bool is_complete(ec_slave_config& config, std::uint8_t sm) {
     bool all = true;
     for (PdoWish& pdo : config.syncs[sm].pdos) {
@@ -163,7 +164,7 @@ PdoWish* changed(ec_slave_config& config, std::uint16_t index) {
     return nullptr;
 }
 
-// As assigned by the program, or by the slave.
+// The PDO in the assignment of the program, otherwise in the assignment of the slave.
 PdoWish* assigned(ec_slave_config& config, std::uint16_t index) {
     PdoWish* pdo = changed(config, index);
     config.not_known = nullptr;
@@ -191,7 +192,7 @@ void set(SyncWish& sync, ec_direction_t direction, ec_watchdog_mode_t watchdog) 
     sync.watchdog = watchdog;
 }
 
-// 0, or why the list cannot be taken. A list that is refused changes nothing.
+// Checks the list. Returns 0, or the error code of the refusal. A refused list changes nothing.
 int check(const ec_slave_config& config, std::span<const ec_sync_info_t> syncs) {
     for (const ec_sync_info_t& sync : syncs) {
         if (!is_known(config, sync.index)) return -ENOENT;
@@ -203,7 +204,7 @@ int check(const ec_slave_config& config, std::span<const ec_sync_info_t> syncs) 
 void take(ec_slave_config& config, const ec_sync_info_t& from) {
     SyncWish& sync = config.syncs[from.index];
     set(sync, from.dir, from.watchdog_mode);
-    sync.pdos.clear();  // nothing of the slave is needed for it
+    sync.pdos.clear();  // no data of the slave is needed
     for (unsigned n = 0; from.pdos != nullptr && n < from.n_pdos; ++n) {
         const ec_pdo_info_t& pdo = from.pdos[n];
         PdoWish wish{.index = pdo.index, .listed = false, .entries = {}};
@@ -225,7 +226,8 @@ int ecrt_slave_config_sync_manager(ec_slave_config_t* sc, uint8_t sync_index, ec
     if (!is_valid(*sc, sync_index, direction)) return -EINVAL;
     const Change change(*sc);
     if (change.refused()) return -EBUSY;
-    if (!sc->syncs[sync_index].set) ask_slave(*sc);  // its PDOs stay until the program clears them
+    // The PDOs of the slave stay assigned until the program clears them.
+    if (!sc->syncs[sync_index].set) ask_slave(*sc);
     set(sc->syncs[sync_index], direction, watchdog_mode);
     return 0;
 }
@@ -252,7 +254,7 @@ int ecrt_slave_config_pdo_assign_add(ec_slave_config_t* sc, uint8_t sync_index, 
     const Change change(*sc);
     if (change.refused()) return -EBUSY;
     SyncWish& sync = sc->syncs[sync_index];
-    if (!sync.set) ask_slave(*sc);  // the PDO is one more
+    if (!sync.set) ask_slave(*sc);  // the PDO is added to the PDOs of the slave
     if (sync.direction == EC_DIR_INVALID) sync.direction = index >= 0x1A00 ? EC_DIR_INPUT : EC_DIR_OUTPUT;
     sync.set = true;
     sync.from_slave = false;

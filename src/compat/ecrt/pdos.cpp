@@ -120,13 +120,14 @@ KnownPdos read_pdos(Bus& bus, const Slave& slave) {
     known.unread = dictionary.error();
     if (!assigned)
         for (SyncWish& sync : known.syncs) sync.pdos.clear();
-    if (known.unread.code == Errc::not_polled) return known;  // there is no cycle, and the SII needs it too
+    // The program runs no cycle, and reading the SII needs a cycle too.
+    if (known.unread.code == Errc::not_polled) return known;
     const auto sii = read_sii_pdos(bus, slave, known, !assigned);
     if (!assigned && known.unread.code == Errc::none) known.unread = sii.error();
     return known;
 }
 
-// Why the PDOs of the slave may be others soon. Code none: they stay as they are.
+// The reason why the PDOs of the slave may change soon. Code none: they do not change.
 Error check_settled(Bus& bus, const Slave& slave) {
     constexpr std::uint16_t kAlStatus = 0x0130;
     constexpr unsigned kState = 0x0F;
@@ -143,7 +144,7 @@ Error check_settled(Bus& bus, const Slave& slave) {
             .actual = state};
 }
 
-// What is read while the slave is configured may be a part of it.
+// PDOs that are read while the slave is being configured may be incomplete.
 KnownPdos read_settled(Bus& bus, const Slave& slave) {
     KnownPdos known;
     known.identity = slave.identity;
@@ -233,7 +234,7 @@ std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again) {
         if (!bus.slave_at(position, present)) present = slave;
         known = std::make_shared<KnownPdos>(read_settled(bus, present));
         if (known->unread.code != Errc::none)
-            known->unread.slave = present.number;  // also where the library names none
+            known->unread.slave = present.number;  // also if the error of the library has no slave
     }
     const bool is_settling = known->unread.code == Errc::wrong_state && known->unread.step == Step::discover_pdos;
     if (is_settling)

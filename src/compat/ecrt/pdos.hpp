@@ -1,4 +1,4 @@
-// PDOs of a slave: as a program configures them, and as a slave offers them.
+// PDOs of a slave: as the program configures them, and as read from the slave.
 #pragma once
 
 #include <margay/error.hpp>
@@ -20,32 +20,33 @@ class Bus;
 // A PDO of a SyncManager.
 struct PdoWish {
     std::uint16_t index = 0;
-    bool listed = false;  // the entries are known; otherwise those of the slave
+    bool listed = false;  // the entries are known; otherwise the entries of the slave are used
     std::vector<PdoEntry> entries;
 };
 
 // A SyncManager with its PDOs.
 struct SyncWish {
     bool set = false;         // by the program
-    bool from_slave = false;  // what the slave offers, because the program has set nothing
+    bool from_slave = false;  // the PDOs of the slave, because the program has set none
     ec_direction_t direction = EC_DIR_INVALID;
     ec_watchdog_mode_t watchdog = EC_WD_DEFAULT;
     std::vector<PdoWish> pdos;
 };
 using SyncWishes = std::array<SyncWish, EC_MAX_SYNC_MANAGERS>;
 
-// What a slave offers: the PDOs that are assigned now, and the entries of all of its PDOs that are known.
+// The PDOs that were read from a slave: the PDOs that are assigned now, and all known entries of its PDOs.
 struct KnownPdos {
     Identity identity;
     SyncWishes syncs;
     std::map<std::uint16_t, std::vector<PdoEntry>> offered;
-    Error unread;  // why the slave could not be asked: then `syncs` is not what it has; Errc::none: it is
+    Error unread;  // why the slave could not be read; Errc::none: `syncs` is the assignment of the slave
 };
 
 // The direction of a SyncManager by its SII.
 [[nodiscard]] ec_direction_t direction_of(const SmInfo& sm);
 
-// The slave has answered, and does not have what it was asked for. Other errors say nothing about that.
+// Whether the slave has responded that it does not have the requested object. After other errors it is unknown whether
+// the object exists.
 [[nodiscard]] bool is_answer(const Error& error);
 
 // The entries of one PDO, from `known` or from the object dictionary; empty: the slave has no such PDO. An error, which
@@ -53,15 +54,16 @@ struct KnownPdos {
 [[nodiscard]] Result<std::vector<PdoEntry>> read_pdo(Bus& bus, const Slave& slave, KnownPdos& known,
                                                      std::uint16_t index);
 
-// What the slave at this position offers, by its object dictionary, otherwise by its SII. The slave is asked once; when
-// that has failed, again only with `again`. Waits; not for the cyclic thread.
+// The PDOs of the slave at this position from its object dictionary, otherwise from its SII. The slave is read once.
+// After a failure it is read again only with `again`. Waits; not for the cyclic thread.
 [[nodiscard]] std::shared_ptr<KnownPdos> pdos_of(Bus& bus, const Slave& slave, bool again = false);
-// What was read before; nullptr: nothing, or the slave could not be asked.
+// The result of an earlier pdos_of(); nullptr: there is none, or the slave could not be read.
 [[nodiscard]] std::shared_ptr<KnownPdos> kept_pdos(Bus& bus, const Slave& slave);
-// The PDOs of the slave at this position of the ring, the first is 0, are or may be others now.
+// To be called when the PDOs of the slave at this position of the ring (the first is 0) have changed or may have
+// changed.
 void forget_pdos(Bus& bus, std::uint16_t position);
-// The same at activation, if the lists that the program sets for the slave are not those that are known, or if it
-// writes them as objects.
+// Calls forget_pdos() at activation if the lists that the program sets for the slave differ from the known lists, or if
+// the program writes the lists as objects.
 void forget_changed_pdos(Bus& bus, const Slave& slave, const ec_slave_config& config);
 
 // The object is a PDO, or a list of the PDOs of a SyncManager.

@@ -83,7 +83,7 @@ void Operation::plan_groups() {
         exchange->domains.push_back(domain.get());
         domain->exchange = exchange;
     }
-    // Slaves without an entry in a domain come to OP too, with the first group.
+    // Slaves without an entry in a domain are brought to OP with the first group.
     if (bus_.exchanges.empty()) bus_.exchanges.push_back(std::make_unique<Exchange>());
     for (const auto& exchange : bus_.exchanges) exchange->image.assign(kImageBytes, std::byte{0});
     for (const auto& config : bus_.configs) {

@@ -69,7 +69,7 @@ void Bus::measure_ports() {
         if (!latched || !is_timed(slave)) continue;
         const auto read =
             exchange_datagram(*ctx, DatagramCommand::fprd, slave.station_address.value, kReceiveTimes, octets);
-        if (!read) break;  // no frame comes back
+        if (!read) break;  // no frame returns
         if (*read != 1) continue;
         for (std::size_t port = 0; port < EC_MAX_PORTS; ++port)
             found[slave.number].received[port] =

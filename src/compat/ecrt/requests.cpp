@@ -57,7 +57,7 @@ void exchange_or_later(ec_reg_request& request) {
     request.last = Transfer::exchange;
 }
 
-// Requests in words.
+// Texts for requests.
 std::array<char, 80> words(const char* format, unsigned first, unsigned second) {
     std::array<char, 80> text{};
     (void)std::snprintf(text.data(), text.size(), format, first, second);
@@ -121,7 +121,7 @@ void note_failure(ec_slave_config& config, RequestLog& log, const Error& error, 
     if (log.said == reason) return;
     Bus::Failures& failures = config.bus.failures;
     std::unique_lock lock(failures.mutex, std::try_to_lock);
-    constexpr unsigned kTries = 1000;  // it is held while a reason is written, or the list is copied
+    constexpr unsigned kTries = 1000;  // another thread has the lock only while it writes a reason or copies the list
     for (unsigned n = 0; n < kTries && !lock.owns_lock(); ++n) (void)lock.try_lock();
     if (!lock.owns_lock()) return;
     log.said = reason;
@@ -164,7 +164,7 @@ Time time_to_give_up(const ec_slave_config& config, std::uint32_t timeout_ms) {
 std::uint16_t slave_number(ec_slave_config& config) {
     Bus& bus = config.bus;
     if (bus.active) {
-        // Another device may be in its place.
+        // If the slave is offline, another device may have its number.
         const bool online = (config.state.load(std::memory_order_relaxed) & 1U) != 0;
         return online ? config.number.load(std::memory_order_relaxed) : std::uint16_t{0};
     }
@@ -404,7 +404,7 @@ void ecrt_reg_request_readwrite(ec_reg_request_t* req, uint16_t address, size_t 
     req->exchange.command = DatagramCommand::fprw;
     req->exchange.ado = address;
     req->exchange.data = std::span(req->memory).first(size);
-    req->exchange.repeat = false;  // what came back of a lost frame is not known
+    req->exchange.repeat = false;  // the data of a lost frame is unknown
     exchange_or_later(*req);
 }
 

@@ -29,9 +29,9 @@ class Bus;
     }
 }
 
-// What the last transfer of a request was, and whether it could not even begin. …_later: it begins when the scan of the
-// start-up is over, or when the slave is in PREOP. begin_waiting() and the state function of the request begin it;
-// `beginning`: one of these two functions is beginning it.
+// The kind of the last transfer of a request, and whether it was refused before it began. …_later: it begins when the
+// scan of the start-up is over, or when the slave is in PREOP. begin_waiting() and the state function of the request
+// begin it; `beginning`: one of these two functions is beginning it.
 enum class Transfer : std::uint8_t {
     none,
     read,
@@ -53,15 +53,15 @@ enum class Transfer : std::uint8_t {
 [[nodiscard]] bool may_have(const ec_slave_config& config, std::size_t octets);
 [[nodiscard]] bool may_have(const ec_master& master, std::uint16_t position, std::size_t octets);
 
-// What the log needs to know of a request that has ended in ERROR. A program may ask for the state in each cycle, and
-// may repeat the request: a reason is printed once, and again after a success.
+// Data for the log about a request that has ended in ERROR. A program may ask for the state in each cycle, and may
+// repeat the request: a reason is printed once, and again after a success.
 struct RequestLog {
     Error refusal;                       // why the request could not begin; set before Transfer::refused
     std::atomic<std::uint64_t> said{0};  // the last reason; 0: none
 };
 
-// Gives the reason to the thread that reports (Bus::report_loop()). Does not wait: where other threads give reasons all
-// the time, the next call does it. `what`: the request in words.
+// Gives the reason to the reporter thread (Bus::report_loop()). Does not wait: if other threads hold the lock, the next
+// call gives the reason. `what`: text for the request.
 void note_failure(ec_slave_config& config, RequestLog& log, const Error& error, const char* what);
 
 // The state of a request that has one object of the library for reading and one for writing.
@@ -94,14 +94,14 @@ class Beginning {
 // Whether the slave is present and in INIT: it has no mailbox yet.
 [[nodiscard]] bool before_preop(const ec_slave_config& config);
 
-// When a request that has not begun yet gives up; 0 ms: never.
+// The time after which a request that has not begun ends with an error; 0 ms: never.
 [[nodiscard]] Time time_to_give_up(const ec_slave_config& config, std::uint32_t timeout_ms);
 [[nodiscard]] Time time_now(const ec_slave_config& config);
 
-// The number of the slave of a configuration; 0: it is not there.
+// The number of the slave of a configuration; 0: the slave is not present.
 [[nodiscard]] std::uint16_t slave_number(ec_slave_config& config);
-// Submits a request to the slave of a configuration. False: the slave is not there, or the request was refused, and the
-// log has the reason.
+// Submits a request to the slave of a configuration. False: the slave is not present, or the request was refused. The
+// log then contains the reason.
 [[nodiscard]] bool begin(ec_slave_config& config, SlaveRequest& request, RequestLog& log);
 
 // The program sets the timeout of the request.
@@ -121,7 +121,7 @@ void refuse(Wish& wish, Errc code) {
 void begin_waiting(Bus& bus);
 // Whether some request of the configurations, or a transfer of a call that waits, is under way.
 [[nodiscard]] bool are_under_way(const Bus& bus);
-// A request waits: begin_waiting() looks for it.
+// Notes that a request waits, so that begin_waiting() searches for it.
 void note_waiting(ec_slave_config& config);
 
 template <class Wish>
@@ -129,7 +129,7 @@ template <class Wish>
     return too_early(wish.config) || (Timed<Wish> && before_preop(wish.config));
 }
 
-// `what` is read or write.
+// `what` is Transfer::read or Transfer::write.
 template <class Wish>
 void begin_or_later(Wish& wish, SlaveRequest& request, Transfer what) {
     const Beginning beginning(wish.config);
@@ -142,7 +142,7 @@ void begin_or_later(Wish& wish, SlaveRequest& request, Transfer what) {
     note_waiting(wish.config);
 }
 
-// The timeout counts from the start of the request on. Of two threads one begins it.
+// The timeout counts from the start of the request. If two threads try to begin the request, one of them succeeds.
 template <class Wish, class Read, class Write>
 void begin_if_due(Wish& wish, Read& read, Write& write) {
     Transfer later = wish.last;
@@ -167,7 +167,7 @@ void begin_if_due(Wish& wish, Read& read, Write& write) {
     wish.last = !begin(wish.config, request, wish) ? Transfer::refused : reads ? Transfer::read : Transfer::write;
 }
 
-// The state of a request for the program. `describe` writes the request in words, for the log.
+// The state of a request for the program. `describe` writes a text for the request, for the log.
 template <class Wish, class Read, class Write, class Describe>
 [[nodiscard]] ec_request_state_t shown_state(Wish& wish, const Read& read, const Write& write, Describe describe) {
     const Transfer last = wish.last;

@@ -35,7 +35,7 @@ struct StartupWrite {
 };
 
 // The slave is in PREOP after the scan, and goes through INIT once more before it is started: until then no transfer
-// begins, which INIT would end.
+// begins, because the transition to INIT would end it.
 enum class StartUp : std::uint8_t { before_init, in_init, over };
 
 struct DcWish {
@@ -46,7 +46,7 @@ struct DcWish {
     std::uint32_t sync1_cycle = 0;
 };
 
-// What the library gets of a configuration. The lists stay as long as the master is active.
+// The parts of a configuration that are passed to the library. The lists stay valid as long as the master is active.
 struct SlavePlan {
     std::vector<std::vector<Pdo>> pdos;
     std::vector<SmPdos> sms;
@@ -78,7 +78,7 @@ struct ec_slave_config {
 
     std::mutex changing;  // of a Change
     margay::compat::ecrt::SyncWishes syncs;
-    bool asked = false;  // the slave was asked for what the program has not set
+    bool asked = false;  // the slave was read for the settings that the program has not made
     // Why not all PDOs of the slave are known, for the message of the call that has asked; nullptr: they are known.
     const char* not_known = nullptr;
     bool answered = true;  // with `asked`
@@ -88,7 +88,7 @@ struct ec_slave_config {
     std::uint16_t watchdog_intervals = 0;
     margay::EoeIp ip;
     margay::Duration wait_before_safeop{0};
-    bool overlapping = false;  // its inputs may have the logical addresses of outputs
+    bool overlapping = false;  // its inputs may overlap outputs in the logical addresses
     std::vector<margay::Emergency> emergency_memory;
     margay::WritableRing<margay::Emergency> emergencies;  // without memory: they are not kept
     std::uint32_t emergencies_cleared = 0;                // dropped before the last clear
@@ -100,7 +100,7 @@ struct ec_slave_config {
     const margay::ExpectedSlave* expected = nullptr;
     std::uint8_t group = 0;
     std::atomic<margay::compat::ecrt::StartUp> start_up{margay::compat::ecrt::StartUp::over};
-    bool late = false;  // the frames were laid out by its lists, before its slave was started
+    bool late = false;  // the frames were laid out from its lists, before its slave was started
 
     std::vector<std::unique_ptr<ec_sdo_request>> sdo_requests;
     std::vector<std::unique_ptr<ec_soe_request>> soe_requests;

@@ -1,5 +1,5 @@
-// Flags of a configuration, and what they and the IP parameters do at the start-up of a slave; the SyncManagers of a
-// late slave.
+// Flags of a configuration, and their use and that of the IP parameters at the start-up of a slave; the SyncManagers of
+// a late slave.
 #include "compat/ecrt/start_up.hpp"
 
 #include "compat/ecrt/log.hpp"
@@ -49,7 +49,7 @@ Task<> switch_on(HookedSlave slave, std::uint8_t sm) {
     const MailboxInfo& mailbox = slave.slave().mailbox;
     if (mailbox.present() && (mailbox.protocols & mailbox_protocol::kCoE) != 0) {
         const auto bits = co_await assigned_bits(slave, sm);
-        // A refusal says nothing about the length: then it is that of the SII.
+        // If the slave refuses the upload, the length is taken from the SII.
         if (!bits && bits.error().code != Errc::sdo_abort) co_return bits.error();
         if (bits) bytes = (*bits + 7) / 8;
     }
@@ -84,8 +84,8 @@ void take_lists(const Slave& slave, const ec_slave_config& config) {
     }
 }
 
-// The process data of a slave that is started after the frames were laid out is that of the program. The slave may have
-// inputs in other SyncManagers: they are switched on, and not exchanged.
+// A slave that is started after the frames were laid out has the process data that the program has set. Inputs in other
+// SyncManagers of the slave are enabled, but not exchanged.
 Task<> keep_to_the_lists(HookedSlave hooked, const ec_slave_config& config) {
     const Slave& slave = hooked.slave();
     take_lists(slave, config);
@@ -101,8 +101,8 @@ bool is_whole(const SmPdos& list) {
     return std::ranges::none_of(list.pdos, [](const Pdo& pdo) { return pdo.entries.empty(); });
 }
 
-// Whether the data of the lists fits into the memory of the slave: the library lays out no frames for a slave where it
-// does not, and other slaves must not suffer from it.
+// Whether the data of the lists fits into the memory of the slave. If it does not fit, the library lays out no frames
+// for the slave, and the other slaves must not be affected.
 bool is_apart(const Slave& slave) {
     struct Area {
         std::uint32_t begin = 0;

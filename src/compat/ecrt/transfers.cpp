@@ -49,7 +49,7 @@ bool is_ready(Bus& bus, std::uint16_t position, Ready wanted) {
            });
 }
 
-// Submits, waits, and prints what failed. The request is gone afterwards.
+// Submits the request, waits for its end, and prints the error. The request does not exist afterwards.
 template <class Request>
 int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
     const Passage passage(bus, position, Ready::for_mail);
@@ -62,12 +62,12 @@ int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
     if (done) done = wait(*bus.ctx, request);
     if (done) return 0;
     error = done.error();
-    error.slave = request.slave;  // also where the library names none, because no cycle asks it
+    error.slave = request.slave;  // also if the error of the library has no slave, because no cycle has sent a datagram
     say_error(bus, "transfer", error);
     return errno_of(error);
 }
 
-// The PDOs of the slave may be others now.
+// The PDOs of the slave may have changed.
 void note_download(Bus& bus, std::uint16_t position, std::uint16_t index) {
     if (is_of_pdos(index)) forget_pdos(bus, position);
 }
@@ -116,7 +116,7 @@ bool is_configured(Bus& bus, const Slave& slave) {
 
 bool await_start(Bus& bus, std::uint16_t position, Ready wanted) {
     for (int n = 0; n < (bus.active && !bus.cycling ? 3000 : 10000); ++n) {
-        if (bus.active && bus.cycling && bus.is_owner()) return false;  // waiting would be for ever
+        if (bus.active && bus.cycling && bus.is_owner()) return false;  // the call would wait for ever
         if (is_ready(bus, position, wanted)) return true;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }

@@ -14,7 +14,7 @@ namespace {
 constexpr Duration kLook = std::chrono::milliseconds(2);
 constexpr Duration kPatience = std::chrono::milliseconds(1000);  // for a message of the slave
 
-// Gives the inbox of a configuration the number of its slave. For the owner.
+// Sets the number of the slave in the inbox of a configuration. For the owner.
 void attach(Context& ctx, VoeInbox& inbox, std::uint16_t number) {
     if (inbox.listening()) (void)unlisten(ctx, inbox);
     if (number == 0) return;
@@ -96,13 +96,13 @@ int ecrt_voe_handler_read(ec_voe_handler_t* voe) {
     return 0;
 }
 
-// The library always looks at the mailbox first.
+// The library always checks the mailbox first.
 int ecrt_voe_handler_read_nosync(ec_voe_handler_t* voe) { return ecrt_voe_handler_read(voe); }
 
 ec_request_state_t ecrt_voe_handler_execute(ec_voe_handler_t* voe) {
     switch (voe->last) {
         case Transfer::none:
-        case Transfer::exchange:  // these three only of other requests
+        case Transfer::exchange:  // only other requests use these three values
         case Transfer::exchange_later:
         case Transfer::beginning: return EC_REQUEST_UNUSED;
         case Transfer::refused: return failed(*voe, voe->refusal);

@@ -12,7 +12,7 @@ namespace {
 constexpr std::int64_t kEpoch2000 = 946684800;  // seconds from 1970 to 2000
 constexpr std::int64_t kSyncDelay = 100000000;  // SYNC begins at least that much later, ns
 
-// What the clocks are to show when the clock of the session shows 0.
+// The system time of the clocks at time 0 of the session.
 Duration system_time_at_zero(Session& session) {
     timespec now{};
     clock_gettime(CLOCK_REALTIME, &now);
@@ -95,21 +95,22 @@ extern "C" {
 boolean ecx_configdc(ecx_contextt* context) {
     const Pinned session = session_of(context);
     if (session == nullptr || HookCaller::is_refused(*session, "ecx_configdc")) return FALSE;
-    // Its request waits until no slave is being configured, and a hook that is executed meanwhile needs the second
-    // lock.
+    // The request of this function waits until no slave is being configured. A hook that is executed during this time
+    // needs the second lock.
     const auto configuring = session->lock_configuring();
     const auto eeproms = session->lock_eeproms();
     link_clocks(*context);
     if (slaves_of(*context)[0].hasdc == 0 || !session->is_answered(us(EC_TIMEOUTSAFE))) return FALSE;
     margay::ClockRequest request;
     request.settings.system_time_at_zero = system_time_at_zero(*session);
-    // The interface writes delays and offsets, and does not wait until the clocks have found their rates: the frames of
-    // the cycle do that.
+    // The interface writes delays and offsets, and does not wait until the clocks have adjusted their rates. The frames
+    // of the cycle adjust the rates.
     request.settings.burst_frames = 0;
     request.settings.measurements = 1;
     request.settings.settle = margay::Duration{0};
     request.settings.timeout = margay::Duration{0};
-    // Frames may be lost, or a slave: when this is known, the other slaves get their delays and offsets without it.
+    // Frames or a slave may be lost. When the slave is known to be lost, the other slaves get their delays and offsets
+    // without it.
     constexpr int kMostTries = 5;
     const auto failed = [](const auto& done) { return !done && done.error().code != margay::Errc::not_in_sync; };
     auto done = session->run(request);

@@ -5,7 +5,7 @@ using namespace margay::soem;
 
 namespace {
 
-// The slave has a mailbox that can be used.
+// Whether the slave has a mailbox that can be used.
 bool usable(const Pinned& session, ecx_contextt* context, uint16 slave) {
     return session != nullptr && is_slave(*context, *session, slave);
 }

@@ -1,22 +1,23 @@
-// The cycle. Everything that the usual cycle does is here, and the functions of the interface contain it: a function
-// between them would cost a cycle more than some of its steps.
+// The cycle. This header contains the code of the usual cycle as inline functions, because a call of another function
+// would take longer than some steps of the cycle.
 #pragma once
 
 #include "compat/soem/facade.hpp"
 
 namespace margay::soem {
 
-// The sum, with the working counters of all writing datagrams that came once more: the interface counts them twice.
+// Returns `sum` plus the working counters of all writing datagrams that have returned, because the interface counts
+// them twice.
 int with_writing(const Session::GroupFacts& facts, int sum);
 // Another thread has begun to exchange frames.
 int other_sending(const Session::GroupFacts& facts, Errc error);
-// The thread is not the owner, or the cycle is not right.
+// For a cycle with an error, or a thread that is not the owner.
 int other_cycle(const Session::GroupFacts& facts, Error error);
 // The program has written blockLRW since the frames were planned. False: there is no process data to send.
 bool plan_again(Session::GroupFacts& facts);
 
-// Of a cycle whose frames have all come: no other look at the reading is needed. Before the first mapping there is no
-// time.
+// For a cycle whose frames have all returned, so that no other check of the reading is needed. Before the first mapping
+// there is no time.
 [[gnu::always_inline]] inline void show_time(const Session::GroupFacts& facts) {
     if (facts.time->slaves != 0) [[likely]]
         *facts.shown_time = static_cast<int64>(facts.time->value);
@@ -49,7 +50,7 @@ struct Receive {
     }
 };
 
-// Of a group, 0 to 255.
+// `group`: 0 to 255.
 [[gnu::always_inline]] inline int send_group(ecx_contextt& context, std::uint8_t group) {
     ecx_portt& port = port_of(context);
     return Sessions::with_lock<Send>(place_of(port).load(std::memory_order_relaxed), &port, group);

@@ -7,8 +7,8 @@ namespace {
 
 constexpr int kDrives = 8;
 
-// The octets that the telegram of a drive has in the process data: the data of an IDN list, with what always belongs to
-// it.
+// The number of bits of the telegram of a drive in the process data: the data of an IDN list, and the control word or
+// the status word.
 unsigned telegram_bits(ecx_contextt* context, uint16 slave, uint8 drive, uint16 list) {
     ec_SoEmappingt mapping{};
     int size = sizeof(mapping);

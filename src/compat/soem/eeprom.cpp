@@ -6,8 +6,8 @@ namespace {
 constexpr Duration kFrame = std::chrono::microseconds(EC_TIMEOUTRET3);
 constexpr Duration kLook = std::chrono::microseconds(200);
 constexpr Duration kRefused = std::chrono::milliseconds(1);  // after a command without acknowledgement
-constexpr int kAttempts = EC_DEFAULTRETRIES;                 // at least, whatever the timeout is
-// No acknowledgement, or not allowed to write. The other errors are of the contents, and no command clears them.
+constexpr int kAttempts = EC_DEFAULTRETRIES;                 // the minimum, for each timeout
+// No acknowledgement, or not allowed to write. The other errors concern the contents, and no command clears them.
 constexpr unsigned kErrors = EC_ESTAT_NACK | 0x4000U;
 // The address that clears an error, so that the interface shows the address of a reading only behind its command.
 constexpr std::uint16_t kNoWord = 0xFFFF;
@@ -44,7 +44,8 @@ bool Eeprom::wait_ready(std::uint16_t& status, Duration timeout) {
     return ready;
 }
 
-// Sent once: a command that comes a second time while the EEPROM is busy is an error. False: it may have come or not.
+// Sent once, because a second command while the EEPROM is busy is an error. False: it is unknown whether the slave has
+// received the command.
 bool Eeprom::command(std::uint16_t command, std::uint16_t word, std::uint16_t data) {
     std::array<std::byte, 8> octets{};
     put_word(octets.data(), command);
@@ -55,7 +56,7 @@ bool Eeprom::command(std::uint16_t command, std::uint16_t word, std::uint16_t da
     return session_.exchange(write, address_of(address_, ECT_REG_EEPCTL), sent, kFrame, false) > 0;
 }
 
-// Clears the errors of an earlier command. False: there are errors, and the command that clears them may be lost.
+// Clears the errors of an earlier command. False: the errors remain; the command that clears them may be lost.
 bool Eeprom::clear_errors(const Look& shown) { return (shown.status & kErrors) == 0 || command(EC_ECMD_NOP, kNoWord); }
 
 bool Eeprom::begin(std::uint16_t word, Duration timeout) {
@@ -68,8 +69,8 @@ bool Eeprom::begin(std::uint16_t word, Duration timeout) {
     return false;
 }
 
-// An EEPROM acknowledges no command while it stores the word before, for some milliseconds, and the ESC is not busy
-// meanwhile. The data of another address is that of a reading of the library, or the command is lost.
+// An EEPROM acknowledges no command during the milliseconds in which it stores the previous word, although the ESC is
+// not busy. If the address differs, the data was read by the library, or the command was lost.
 std::optional<std::uint64_t> Eeprom::end(std::uint16_t word, Duration timeout) {
     const Time until = later(session_.now(), timeout);
     for (int attempt = 0; attempt < kAttempts || session_.now() < until; ++attempt) {
@@ -115,7 +116,7 @@ bool Eeprom::write(std::uint16_t word, std::uint16_t value, Duration timeout) {
         if (!wait_ready(shown, timeout)) return false;
         if (!clear_errors(shown) || !command(EC_ECMD_WRITE, word, octets)) continue;  // a frame may be lost
         if (!wait_ready(shown, timeout)) return false;
-        if ((shown.status & kErrors) != 0) {  // no acknowledgement: once more
+        if ((shown.status & kErrors) != 0) {  // no acknowledgement: try again
             session_.pause(kRefused);
             continue;
         }
@@ -141,7 +142,7 @@ int assign(ecx_contextt& context, std::uint16_t number, bool to_pdi) {
     if ((slave.eep_pdi != 0) == to_pdi) return 1;
     int wkc = 0;
     std::array<std::byte, 1> value{};
-    if (!to_pdi) {  // takes it away from a processor that does not give it back
+    if (!to_pdi) {  // takes it away from a processor that does not release it
         value[0] = std::byte{2};
         write_registers(*session, slave.configadr, ECT_REG_EEPCFG, value, us(EC_TIMEOUTRET3));
     }

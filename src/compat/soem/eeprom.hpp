@@ -7,7 +7,8 @@
 
 namespace margay::soem {
 
-// Calls of several threads use the EEPROMs of a session one after the other. The library reads EEPROMs meanwhile.
+// Calls of several threads use the EEPROMs of a session one after the other. The library may read EEPROMs at the same
+// time.
 class Eeprom {
   public:
     // `address`: a station address, or 1 minus the number of the slave for a position.
@@ -18,17 +19,17 @@ class Eeprom {
     bool wait_ready(std::uint16_t& status, Duration timeout);
     // The words at a word address. The upper half has a meaning only if the chip reads eight octets at once.
     std::optional<std::uint64_t> read(std::uint16_t word, Duration timeout);
-    // The same in two calls.
+    // A reading in two calls: the first starts it, the second returns the words.
     void begin_half(std::uint16_t word, Duration timeout);
     std::optional<std::uint64_t> end_half(Duration timeout);
     bool write(std::uint16_t word, std::uint16_t value, Duration timeout);
 
   private:
-    // What the interface shows in one datagram: the data is that of the address.
+    // The registers of the interface, read by one datagram, so that the data belongs to the address.
     struct Look {
         std::uint16_t status = 0;
         std::uint16_t word = 0;
-        std::uint64_t data = 0;  // in the order of the wire
+        std::uint64_t data = 0;  // in the octet order of the wire
     };
     bool look(Look& shown);
     bool wait_ready(Look& shown, Duration timeout);

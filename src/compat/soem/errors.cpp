@@ -36,7 +36,7 @@ void add(ecx_contextt& context, const ec_errort& entry) {
     error_flag(context) = TRUE;
 }
 
-// A text of a table: it stays for ever. The interface returns pointers that may be written.
+// A text of a table, which is never freed. The interface returns pointers to non-const characters.
 char* kept(std::string_view text) {
     static std::mutex mutex;
     static auto* const texts = new std::set<std::string, std::less<>>;  // threads may use it while the process ends
@@ -68,7 +68,7 @@ Places& places_of_thread() {
     return *places;
 }
 
-// A text with numbers: it stays until the same thread has asked for 15 more.
+// A text with numbers. It is valid until the same thread has requested 15 more texts.
 char* kept_for_now(std::string_view text) {
     Places& places = places_of_thread();
     std::array<char, 256>& place = places.texts[places.next++ % places.texts.size()];
@@ -147,7 +147,8 @@ int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, 
             entry.Etype = EC_ERR_TYPE_MBX_ERROR;
             entry.ErrorCode = static_cast<uint16>(error.detail);
             break;
-        case Errc::unsupported:  // the library does not send it: the answer of such a slave
+        // The library does not send the request: the error is the reply of a slave without the service.
+        case Errc::unsupported:
             if (!has_mailbox(context, slave)) return 0;
             entry.Etype = EC_ERR_TYPE_MBX_ERROR;
             entry.ErrorCode = static_cast<uint16>(wire::MailboxErrorCode::unsupported_protocol);
@@ -163,9 +164,9 @@ int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, 
             break;
         case Errc::protocol:
             entry.Etype = EC_ERR_TYPE_PACKET_ERROR;
-            entry.ErrorCode = 1;  // unexpected answer
+            entry.ErrorCode = 1;  // unexpected reply
             break;
-        default: return 0;  // no answer in time
+        default: return 0;  // no reply in time
     }
     push(context, entry);
     return 0;
@@ -175,11 +176,11 @@ namespace {
 
 // The code of a mailbox error.
 std::uint16_t code_of(const Letter& letter) {
-    constexpr std::size_t kCode = 2;  // behind the kind of the answer
+    constexpr std::size_t kCode = 2;  // behind the type of the reply
     return letter.data.size() < kCode + 2 ? std::uint16_t{0} : word_at(&letter.data[kCode]);
 }
 
-// What the slave has sent by itself, or as an answer to a message of the program.
+// A message that the slave has sent by itself, or as a reply to a message of the program.
 struct Unasked {
     std::optional<Letter> error;
     std::optional<Emergency> emergency;

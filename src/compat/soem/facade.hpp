@@ -1,4 +1,4 @@
-// What the functions of both versions of the interface share. The sources of this folder that include this header are
+// The common declarations of both versions of the interface. The sources of this folder that include this header are
 // compiled once for each version, with the header soem_version.hpp of that version.
 #pragma once
 
@@ -29,18 +29,19 @@ using Pinned = Sessions::Pinned;
 [[nodiscard]] inline Pinned session_of(ecx_contextt* context) { return session_of(port_of(*context)); }
 
 [[nodiscard]] inline Duration us(int timeout) { return std::chrono::microseconds(std::max(timeout, 0)); }
-// For all of a mailbox service: the time of one answer, and the time to send the request.
+// The time for a whole mailbox service: the timeout of one reply plus the time to send the request.
 [[nodiscard]] inline Duration mail_time(int timeout) { return us(timeout) + std::chrono::microseconds(EC_TIMEOUTTXM); }
 
-// A hook of the program that one thread sets while another one calls it.
+// A hook of the program. One thread may set it while another thread calls it.
 template <class Hook>
 [[nodiscard]] std::atomic_ref<Hook> hook_at(Hook& hook) {
     return std::atomic_ref<Hook>(hook);
 }
 
 // A scan writes the number of slaves and what it has found of them with the lock of the EEPROMs. A thread that has this
-// lock can read all of it. Most of it is written with the lock of the session too, and a thread that has only this one
-// can read it: not Itype, eep_8byte and eep_pdi. These functions are for a thread that has none.
+// lock can read all of it. Most of these data are written with the lock of the session too, so a thread that has only
+// this lock can read them, except Itype, eep_8byte and eep_pdi. These functions are for a thread without any of these
+// locks.
 [[nodiscard]] inline int slaves_found(ecx_contextt& context, Session& session) {
     const Session::Guard guard(session);
     return slave_count(context);
@@ -62,7 +63,7 @@ template <class Value>
     return {static_cast<const std::byte*>(data), size};
 }
 
-// Host order of what the wire says, and back.
+// Converts between the octet order of the wire and that of the host.
 inline std::uint16_t word_at(const std::byte* from) {
     return static_cast<std::uint16_t>(std::to_integer<unsigned>(from[0]) | std::to_integer<unsigned>(from[1]) << 8);
 }
@@ -71,7 +72,7 @@ inline void put_word(std::byte* to, unsigned value) {
     to[1] = static_cast<std::byte>(value >> 8);
 }
 
-// Raw AL status as the interface has it: state, and 0x10 for an error.
+// The AL status in the format of the interface: the state, plus 0x10 for an error.
 [[nodiscard]] inline std::uint16_t raw_state(const AlStatus& status) {
     return static_cast<std::uint16_t>(static_cast<unsigned>(status.state) | (status.error ? 0x10U : 0U));
 }
@@ -86,7 +87,7 @@ int write_registers(Session& session, std::uint16_t station, std::uint16_t addre
 // service returns.
 int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, std::uint16_t index,
                 std::uint8_t subindex);
-// The emergencies that the slave has sent, and its mailbox errors that answer no request of the library.
+// Adds the emergencies of the slave, and its mailbox errors that belong to no request of the library.
 void push_unasked(ecx_contextt& context, std::uint16_t slave);
 // Adds an entry whose time is now.
 void push(ecx_contextt& context, ec_errort& entry);
@@ -96,19 +97,19 @@ int config_init(ecx_contextt& context);
 // Maps a group: the result of config_map_group(). `bytes`: each slave begins on an octet.
 int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes);
 
-// The datagrams of a group that only write, which are the first ones: their working counter counts twice.
+// The datagrams of a group that only write. They are the first datagrams, and their working counters count twice.
 struct Writing {
     std::span<const DatagramStatus> datagrams{};
     unsigned wkc = 0;  // if all slaves take part
 };
 Writing writing_datagrams(Session& session, std::uint8_t group);
 
-// Copies what the library knows about the state of a slave.
+// Copies the state of a slave from the library.
 void copy_state(ecx_contextt& context, Session& session, std::uint16_t number);
 
-// Takes the mailboxes that the program has written as those of this state, PREOP or BOOT.
+// Uses the mailboxes that the program has written as the mailboxes of this state, PREOP or BOOT.
 void take_mailboxes(ecx_contextt& context, Session& session, std::uint16_t number, AlState state);
-// Takes the SyncManagers that the program has changed as its configuration of the slave.
+// Uses the SyncManagers that the program has changed as the configuration of the slave.
 void take_sync_managers(ecx_contextt& context, Session& session, std::uint16_t number);
 // Fills the slave from its process data: sizes, pointers, SyncManagers, FMMUs.
 void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t number, std::uint8_t group,
@@ -124,12 +125,12 @@ class HookCaller final : public Session::Between {
           session_(session),
           with_context_(with_context) {}
     ~HookCaller();
-    // Such a call waits until no slave is being configured: in a hook of this thread it would wait for itself. Returns
-    // true in such a hook, after it has printed a message.
+    // For a function that waits until no slave is being configured. In a hook of this thread the function would wait
+    // for itself: is_refused() then prints a message and returns true.
     static bool is_refused(const Session& session, const char* function);
     // Makes the library wait in PREOP until the hooks of the slave have been called.
     void attach(std::uint16_t number);
-    // From now on the library does not wait: the hooks have been called.
+    // The hooks have been called: from now on the library does not wait in PREOP.
     void rest();
     void run() override;
 
@@ -142,7 +143,7 @@ class HookCaller final : public Session::Between {
     };
     static Task<> wait_for_call(HookedSlave slave, void* user);
 
-    Session::LongLock configuring_;  // a slave has the hook of one caller
+    Session::LongLock configuring_;  // the hook of a slave belongs to one caller
     Session::LongLock eeproms_;
     ecx_contextt& context_;
     Session& session_;

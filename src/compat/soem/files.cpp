@@ -9,8 +9,8 @@ namespace {
 constexpr unsigned kFileNotFound = 0x8001;
 constexpr unsigned kPacketNumber = 0x8005;
 
-// Calls the hook of the program between two polls, because the hook may use other functions. What is reported under the
-// lock of the session waits in a list until then.
+// Calls the hook of the program between two polls, because the hook may use other functions. Reports that are made
+// under the lock of the session are stored in a list until then.
 class Progress final : public Session::Between {
   public:
     // `total`: octets to send; 0: the slave sends.

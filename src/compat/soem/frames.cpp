@@ -64,7 +64,7 @@ void load(Session::Flight& flight, std::span<const std::uint8_t> frame) {
     }
 }
 
-// The frame as it has come back. Returns the working counter of the last datagram.
+// Builds the frame from the datagrams that have returned. Returns the working counter of the last datagram.
 int unload(ecx_portt& port, int index, Session::Flight& flight) {
     for (const DatagramRequest& one : flight.datagrams) {
         if (one.state() != RequestState::success) return EC_NOFRAME;
@@ -75,8 +75,8 @@ int unload(ecx_portt& port, int index, Session::Flight& flight) {
     return flight.datagrams.back().wkc;
 }
 
-// For a thread that uses the flight alone. `timeout` zero: looks once. A frame that has not come back yet may be waited
-// for again.
+// For a thread that uses the flight alone. `timeout` zero: checks once. If the frame has not returned yet, the function
+// may be called again.
 int await_frame(ecx_portt& port, Session& session, int index, Duration timeout) {
     if (status_of(port, index) != EC_BUF_TX) return EC_NOFRAME;
     Session::Flight& flight = session.flight_of(static_cast<std::size_t>(index));
@@ -123,7 +123,7 @@ bool reserve_in(ecx_portt& port, int index, int state) {
     return true;
 }
 
-// The frame has come back or is lost, and the calling thread has not given its index back.
+// Whether the frame has returned or is lost, and the calling thread has not released its index.
 bool is_left_behind(ecx_portt& port, int index) {
     if (owner_of(port, index) != static_cast<int>(PriorityLock::thread())) return false;
     const int state = status_of(port, index);
@@ -134,7 +134,7 @@ bool is_left_behind(ecx_portt& port, int index) {
     return use.alone() && session->flight_of(static_cast<std::size_t>(index)).over();
 }
 
-// A free index, else one that this thread has left behind. -1: none.
+// A free index, otherwise an index that this thread has not released. -1: none.
 int look_for_index(ecx_portt& port) {
     const IndexesLock lock(indexes_lock);
     const int begin = std::atomic_ref(port.lastidx).load() + 1;
@@ -147,7 +147,7 @@ int look_for_index(ecx_portt& port) {
     return -1;
 }
 
-// The oldest index of this thread, whose frame is given up. -1: it has none.
+// The oldest index of this thread. Its frame is given up. -1: the thread has none.
 int take_own(ecx_portt& port) {
     const IndexesLock lock(indexes_lock);
     const int begin = std::atomic_ref(port.lastidx).load() + 1;
@@ -160,7 +160,7 @@ int take_own(ecx_portt& port) {
     return -1;
 }
 
-// One whose frame has been back all the time. -1: there is none.
+// An index whose frame had returned at every check. -1: there is none.
 int take_idle(ecx_portt& port, const std::bitset<EC_MAXBUF>& idle) {
     const IndexesLock lock(indexes_lock);
     for (int n = 0; n < EC_MAXBUF; ++n)
@@ -174,8 +174,8 @@ bool all_are_own(ecx_portt& port) {
     return true;
 }
 
-// Waits for an index that another thread gives back. Then it takes one whose frame other threads have received long
-// ago, or one of its own. -1: other threads use all.
+// Waits for an index that another thread releases. After the wait it reserves an index whose frame another thread has
+// received long ago, or an index of its own thread. -1: other threads use all indexes.
 int reserve(ecx_portt& port) {
     const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(1);
     std::bitset<EC_MAXBUF> idle;
@@ -226,7 +226,7 @@ DatagramOffset ecx_adddatagram(ecx_portt* port, void* frame, uint8 com, uint8 id
     auto* const octets = static_cast<std::uint8_t*>(frame);
     auto* const bytes = reinterpret_cast<std::byte*>(frame);
     const int end = port->txbuflength[idx];
-    // The datagrams before this one say that another one follows.
+    // Marks in each earlier datagram that another datagram follows.
     for (int at = kHeaderOctets; at + kDatagramHeader <= end;) {
         const unsigned size = word_at(bytes + at + 6) & 0x7FFU;
         put_word(bytes + at + 6, word_at(bytes + at + 6) | EC_DATAGRAMFOLLOWS);

@@ -1,5 +1,5 @@
-// Hooks of the program in PREOP. A hook waits, and the library calls no function that waits: so the sequence of the
-// slave sleeps until the thread that waits for the request has called the hook.
+// Hooks of the program in PREOP. A hook may wait, but the library must not call a function that waits. Therefore the
+// sequence of the slave is suspended until the thread that waits for the request has called the hook.
 #include "compat/soem/facade.hpp"
 
 namespace margay::soem {
@@ -49,7 +49,7 @@ void HookCaller::run() {
         call_hooks(context_, call.number, with_context_);
         session_.end_hook();
         eeproms_.lock();
-        bool changed = false;  // by the program; what ecx_readPDOmap() writes is shown
+        bool changed = false;  // changed by the program; values that ecx_readPDOmap() has written do not count
         {
             const Session::Guard guard(session_);
             changed = std::memcmp(session_.shown(call.number).data(), slave.SM, sizeof(slave.SM)) != 0;

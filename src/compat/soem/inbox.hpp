@@ -1,4 +1,4 @@
-// Mailbox messages that no request waits for, kept for the program until it asks for them.
+// Stores mailbox messages that no request waits for until the program reads them.
 #pragma once
 
 #include <margay/margay.hpp>
@@ -23,9 +23,9 @@ class Inbox {
     static constexpr std::size_t kMost = 256;  // older letters are dropped
 
     explicit Inbox(Context& context);
-    // The oldest letter of the slave and of the type; without a type: of any type but mailbox errors.
+    // The oldest letter of the slave and of the type. Without a type: of any type except mailbox errors.
     std::optional<Letter> take(std::uint16_t slave, std::optional<MailboxType> type = std::nullopt);
-    // The oldest of all.
+    // The oldest letter of the type from any slave.
     std::optional<Letter> take_any(MailboxType type);
     void clear() { letters_.clear(); }
 

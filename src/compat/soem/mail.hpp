@@ -16,7 +16,7 @@ std::optional<Letter> await_letter(ecx_contextt& context, Session& session, std:
                                    std::optional<MailboxType> type, Duration timeout);
 // Gives EoE fragments that have arrived to the hook of the program, if it has one.
 void serve_eoe_hook(ecx_contextt& context, Session& session);
-// Sends a message of the program. >0: the slave has taken it.
+// Sends a message of the program. >0: the slave has accepted it.
 int send_mail(Session& session, std::uint16_t slave, const ec_mbxbuft& mail, Duration timeout);
 
 }  // namespace margay::soem

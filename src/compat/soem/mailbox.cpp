@@ -8,7 +8,7 @@
 namespace margay::soem {
 namespace {
 
-// Looks for mail that no request waits for, as long as the object lives.
+// Checks for mail that no request waits for, as long as the object exists.
 class Watch {
   public:
     explicit Watch(Session& session) : session_(session) { session_.begin_watch(); }
@@ -25,7 +25,7 @@ void put_letter(ecx_contextt& context, Session& session, const Letter& letter, e
     put_letter(letter, station, value_of(context, session, letter.slave, &ec_slavet::mbx_cnt), into);
 }
 
-// The hook has taken the fragment.
+// Whether the hook has processed the fragment.
 bool eaten(ecx_contextt& context, Session& session, const Letter& letter) {
     const auto hook = hook_at(context.EOEhook).load();
     if (hook == nullptr || letter.type != MailboxType::eoe) return false;
@@ -164,7 +164,7 @@ int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeou
     const bool usable = session != nullptr && is_slave(*context, *session, slave) &&
                         value_of(*context, *session, slave, &ec_slavet::mbx_l) != 0;
     const int sent = usable ? send_mail(*session, slave, *mbx, us(timeout)) : 0;
-    ecx_dropmbx(context, mbx);  // it belongs to the library from the call on
+    ecx_dropmbx(context, mbx);  // the library owns the buffer from this call on
     return sent;
 }
 
@@ -175,7 +175,7 @@ int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int ti
         value_of(*context, *session, slave, &ec_slavet::mbx_rl) == 0)
         return 0;
     ec_mbxbuft* const buffer = ecx_getmbx(context);
-    if (buffer == nullptr) return 0;  // mail waits until the program gives a buffer back
+    if (buffer == nullptr) return 0;  // mail waits until the program returns a buffer
     const auto letter = await_letter(*context, *session, slave, std::nullopt, us(timeout));
     if (!letter) {
         ecx_dropmbx(context, buffer);

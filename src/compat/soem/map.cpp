@@ -12,14 +12,15 @@ constexpr std::size_t kLongestSegment = EC_MAXLRWDATA;
 
 bool takes_part(const ec_slavet& slave, std::uint8_t group) { return group == 0 || slave.group == group; }
 
-// The memory of the program. The library sets it to zero, and the interface leaves it as it is.
+// The memory of the program. The library sets it to zero. The interface must not change it, so the old contents are
+// restored.
 struct ImageOfProgram {
     std::byte* begin = nullptr;
     std::vector<std::byte> before{};
 
     static std::span<std::byte> provide(std::size_t bytes, void* user) {
         auto& self = *static_cast<ImageOfProgram*>(user);
-        // When the memory is asked for again in the same mapping, the library has set its octets to zero.
+        // At the second call in the same mapping, the library has already set the octets to zero.
         if (bytes > self.before.size())
             self.before.insert(self.before.end(), self.begin + self.before.size(), self.begin + bytes);
         return {self.begin, bytes};
@@ -27,7 +28,7 @@ struct ImageOfProgram {
     void restore() const { std::ranges::copy(before, begin); }
 };
 
-// What the program wants of a slave, before the mapping.
+// Applies the settings of the program for a slave before the mapping.
 void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number, std::uint8_t group) {
     const ec_slavet& s = slaves_of(context)[number];
     bool changed = false;
@@ -40,15 +41,15 @@ void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number
         slave.config.no_complete_access = (s.CoEdetails & ECT_COEDET_SDOCA) == 0;
         slave.config.source = ConfigurationSource::none;
         slave.config.sm_count = 0;
-        slave.config.unchecked_pdos = true;  // the interface sets what it has mapped, with other firmware too
+        slave.config.unchecked_pdos = true;  // the interface writes the mapped PDOs also if the firmware has changed
         static_cast<void>(clear_error(session.context(), number));  // say_unmapped() prints the error of this mapping
     }
     if (changed) take_sync_managers(context, session, number);
 }
 
-// The clock whose time the cycle of the group carries: the first one of the segment, if the group has any clock.
-// Another one would write zeros into the clocks before it. ecx_configdc() finds that some chips with the feature have
-// no clock that runs. With the lock.
+// The clock whose time the cycle of the group distributes: the first clock of the segment, if the group has any clock.
+// The time of a later clock would write zeros into the clocks before it. Some chips have the feature but no running
+// clock, which ecx_configdc() detects. With the lock.
 std::uint16_t clock_of(ecx_contextt& context, Session& session, std::uint8_t group) {
     std::uint16_t first = 0;
     for (int n = 1; n <= slave_count(context); ++n) {
@@ -112,7 +113,7 @@ class ShownFmmus {
     std::size_t available_ = 0;  // in the chip
 };
 
-// The bits of all SyncManagers of one direction.
+// The number of bits of all SyncManagers of one direction.
 std::uint32_t sum(const Slave& slave, Direction direction) {
     std::uint32_t bits = 0;
     for (const ProcessSm& sm : slave.config.used_sms())
@@ -144,7 +145,8 @@ void show_fmmus(ShownFmmus& fmmus, const Slave& slave, Packing packing, Directio
     fmmus.add(begin, end - begin, physical, direction);
 }
 
-// How many slaves count in a direction. In the packed mode of SOEM 2.0 only slaves whose data ends an octet count.
+// The number of slaves that count in a direction. In the packed mode of SOEM 2.0 only slaves whose data ends an octet
+// count.
 bool counts(const ecx_contextt& context, const ImagePart& part) {
     if (part.bits == 0) return false;
     if (!kBytesUnlessPacked || !packed(context)) return true;
@@ -225,7 +227,7 @@ std::uint32_t logical_start(Context& context, std::uint8_t group) {
     return start;
 }
 
-// Sizes and pointers of the group, and of the slave that stands for all. Returns the used octets.
+// Sizes and pointers of the group, and of slave 0, which represents all slaves. Returns the number of used octets.
 int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std::uint8_t* image, bool overlapped) {
     ec_groupt& g = groups_of(context)[group];
     const Session::Guard guard(session);
@@ -246,7 +248,8 @@ int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std:
         inputs_end = data.inputs.bits == 0 ? begin : in;
     }
     g.Obytes = mapped.output_bytes;
-    // The interface shows where the inputs of the last slave end, or would begin.
+    // In the overlapped mode the interface shows the end of the inputs of the last slave, or the place where they would
+    // begin.
     g.Ibytes = overlapped ? inputs_end : mapped.input_bytes;
     g.outputs = image;
     g.inputs = image + g.Obytes;
@@ -256,7 +259,7 @@ int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std:
     show_segments(g, cyclic, overlapped ? 0 : g.Obytes);
     session.facts(group).empty = cyclic == 0;
     show_counters(context, session, group);
-    // Slaves that were in another group are not counted there any more.
+    // Slaves that were in another group do not count in that group any more.
     for (int n = 0; n < most_groups(context); ++n)
         if (n != group && session.known_group(static_cast<std::uint8_t>(n)))
             show_counters(context, session, static_cast<std::uint8_t>(n));
@@ -277,8 +280,8 @@ bool is_unread(const Slave& slave) {
            slave.config.source != ConfigurationSource::application;
 }
 
-// Such a slave has the sizes of its SII, so that all other slaves have the same places as in the original. Returns
-// false: the SII has none.
+// Gives a slave without a readable dictionary the sizes of its SII, so that all other slaves have the same places as in
+// the original. False: the SII contains no sizes.
 bool take_sizes_of_sii(ecx_contextt& context, Session& session, std::uint16_t number) {
     ec_eepromPDOt outputs;
     ec_eepromPDOt inputs;
@@ -322,8 +325,8 @@ void empty_others(ecx_contextt& context, Session& session, std::uint8_t group) {
     }
 }
 
-// The interface returns the sizes also when slaves do not reach SAFEOP: a message says why they do not. `mapped`: the
-// result of the mapping, whose error is that of the first slave or that of the group.
+// The interface returns the sizes also when slaves do not reach SAFEOP. A message then names the reason. `mapped`: the
+// result of the mapping. Its error is the error of the first slave or of the group.
 void say_unmapped(ecx_contextt& context, Session& session, std::uint8_t group, const Result<>& mapped) {
     if (mapped || mapped.error().code == Errc::image_overlaps || session.closing()) return;
     std::array<char, 256> text{};
@@ -344,8 +347,8 @@ void say_unmapped(ecx_contextt& context, Session& session, std::uint8_t group, c
     for (const std::string& sentence : sentences) say(sentence);
 }
 
-// Maps the group. Slaves whose dictionary cannot be read are found only then: in this case a second time, without the
-// hooks.
+// Maps the group. The mapping finds slaves whose dictionary cannot be read. If there are any, the group is mapped a
+// second time, without the hooks.
 Result<> map(ecx_contextt& context, Session& session, MapRequest& request, HookCaller& hooks) {
     empty_others(context, session, request.group);
     const Result<> mapped = session.run(request, &hooks);
@@ -372,7 +375,7 @@ Result<> map(ecx_contextt& context, Session& session, MapRequest& request, HookC
 
 Writing writing_datagrams(Session& session, std::uint8_t group) {
     const Group& mapped = session.context().group(group);
-    // Also a group without inputs, and slaves that refuse LRW: the first datagram is an LWR.
+    // Applies also to a group without inputs, and to slaves that refuse LRW: the first datagram is an LWR.
     constexpr std::uint8_t kLwr = 11;
     std::size_t count = 0;
     Writing writing;

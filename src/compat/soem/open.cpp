@@ -18,7 +18,7 @@ Limits limits_for(int slaves, int groups) {
     return limits;
 }
 
-// Held while a port is opened or closed: two threads may do that with the same port.
+// Locked while a port is opened or closed, because two threads may do that with the same port.
 std::mutex ports_mutex;
 using PortsLock = std::lock_guard<std::mutex>;
 
@@ -33,7 +33,7 @@ int open_port(ecx_portt& port, const std::string& name, int slaves, int groups, 
         say(name + ": this segment has no ring");
         return 0;
     }
-    // Before another thread finds the session: it may build frames from then on.
+    // Before another thread can find the session, because that thread may then build frames.
     port.sockhandle = -1;
     std::atomic_ref(port.lastidx) = 0;
     for (int n = 0; n < EC_MAXBUF; ++n) status_of(port, n) = EC_BUF_EMPTY;
@@ -76,7 +76,7 @@ int ecx_init(ecx_contextt* context, const char* ifname) {
     return open_port(port_of(*context), ifname, most_slaves(*context), most_groups(*context));
 }
 
-// A simulated segment with a ring has both ends: then the second name is not used.
+// A simulated segment with a ring contains both ends, so the second name is not used.
 int ecx_init_redundant(ecx_contextt* context, ecx_redportt* redport, const char* ifname, char* if2name) {
     if (ifname == nullptr || if2name == nullptr) return 0;
     const PortsLock lock(ports_mutex);

@@ -7,7 +7,7 @@ namespace {
 
 constexpr uint16 kLengthOfEntry = 0xFF;  // bits of the length in a mapping entry
 
-// Reads a number of at most four octets; 0 if the slave has none.
+// Reads an object of at most four octets; 0 if the slave does not have it.
 uint32 read_number(ecx_contextt* context, uint16 slave, uint16 index, uint8 subindex) {
     std::array<uint8, 4> octets{};
     int size = octets.size();
@@ -15,7 +15,7 @@ uint32 read_number(ecx_contextt* context, uint16 slave, uint16 index, uint8 subi
     return octets[0] | uint32{octets[1]} << 8 | uint32{octets[2]} << 16 | uint32{octets[3]} << 24;
 }
 
-// The bits of all PDOs that a SyncManager is assigned.
+// The number of bits of all PDOs that are assigned to a SyncManager.
 unsigned assigned_bits(ecx_contextt* context, uint16 slave, uint16 assignment) {
     unsigned bits = 0;
     const uint32 pdos = read_number(context, slave, assignment, 0);
@@ -29,7 +29,7 @@ unsigned assigned_bits(ecx_contextt* context, uint16 slave, uint16 assignment) {
     return bits;
 }
 
-// What the dictionary says of a SyncManager.
+// Data of a SyncManager, read from the dictionary.
 struct Read {
     uint32 type = 0;
     unsigned bits = 0;
@@ -37,7 +37,7 @@ struct Read {
 
 Read read_sync_manager(ecx_contextt* context, uint16 slave, unsigned sm) {
     Read read{.type = read_number(context, slave, ECT_SDO_SMCOMMTYPE, static_cast<uint8>(sm + 1))};
-    if (sm == 2 && read.type == 2) read.type = 3;  // devices that count the SyncManagers from the wrong one
+    if (sm == 2 && read.type == 2) read.type = 3;  // some devices have this wrong type
     if (read.type == 3 || read.type == 4)
         read.bits = assigned_bits(context, slave, static_cast<uint16>(ECT_SDO_PDOASSIGN + sm));
     return read;
@@ -53,7 +53,7 @@ int read_map(ecx_contextt* context, uint16 slave, MapBits* Osize, MapBits* Isize
     const unsigned end = std::min<unsigned>(count, EC_MAXSM);
     std::array<Read, EC_MAXSM> all{};
     for (unsigned sm = 2; sm < end; ++sm) all[sm] = read_sync_manager(context, slave, sm);
-    // All at once: another thread may configure the slave.
+    // Changes all SyncManagers under the lock, because another thread may configure the slave.
     const Session::Guard guard(*session);
     ec_slavet& s = slaves_of(*context)[slave];
     for (unsigned sm = 2; sm < end; ++sm) {
@@ -64,7 +64,8 @@ int read_map(ecx_contextt* context, uint16 slave, MapBits* Osize, MapBits* Isize
         s.SM[sm].SMlength = htoes(static_cast<uint16>((read.bits + 7) / 8));
         (read.type == 3 ? *Osize : *Isize) += static_cast<MapBits>(read.bits);
     }
-    std::memcpy(session->shown(slave).data(), s.SM, sizeof(s.SM));  // the program has not changed them
+    // So that they do not count as changed by the program.
+    std::memcpy(session->shown(slave).data(), s.SM, sizeof(s.SM));
     return *Osize > 0 || *Isize > 0 ? 1 : 0;
 }
 
@@ -76,7 +77,7 @@ int ecx_readPDOmap(ecx_contextt* context, uint16 Slave, MapBits* Osize, MapBits*
     return read_map(context, Slave, Osize, Isize);
 }
 
-// Complete access would only save messages.
+// The same as without CA, because complete access would only save messages.
 int ecx_readPDOmapCA(ecx_contextt* context, uint16 Slave, int, MapBits* Osize, MapBits* Isize) {
     return read_map(context, Slave, Osize, Isize);
 }

@@ -1,10 +1,10 @@
-// The cycle: what the usual cycle does not do, see cycle.hpp.
+// The parts of the cycle that the usual cycle does not execute, see cycle.hpp.
 #include "compat/soem/cycle.hpp"
 
 namespace margay::soem {
 namespace {
 
-// What came back of a cycle that is not right: the sum of the working counters.
+// The result of a cycle with an error: the sum of the returned working counters, or EC_NOFRAME.
 int partial_counter(Session& session, std::uint8_t group, const Error& error) {
     if (error.code == Errc::working_counter) return static_cast<int>(error.actual);
     if (error.code != Errc::no_frame) return EC_NOFRAME;

@@ -1,4 +1,4 @@
-// Finding the slaves, and what is known of each of them before its process data is mapped.
+// Finds the slaves, and fills in the data of each slave that is known before its process data is mapped.
 #include "compat/soem/facade.hpp"
 #include "compat/soem/inbox.hpp"
 
@@ -52,7 +52,7 @@ void fill_topology(ec_slavet& s, const Slave& from) {
     s.entryport = from.entry_port;
 }
 
-// What the interface has and no other part of the library reads.
+// Reads data of the interface that no other part of the library reads.
 void read_more(Session& session, ec_slavet& s) {
     std::array<std::byte, 2> word{};
     if (read_registers(session, s.configadr, ECT_REG_PDICTL, word, us(EC_TIMEOUTRET3)) > 0)
@@ -74,12 +74,12 @@ void fill_slave(ecx_contextt& context, Session& session, std::uint16_t number) {
         s.state = from.al.state == AlState::none ? uint16{EC_STATE_NONE} : uint16{EC_STATE_INIT};
         fill_sii(s, from);
         fill_topology(s, from);
-        // Only what this chip refuses: the program may write more.
+        // Set only if this chip refuses LRW or is configured without it. The program may set it for other slaves.
         constexpr unsigned kNoLrw = 0x0800;  // of the features register
         s.blockLRW = (from.dl.features & kNoLrw) != 0 || from.config.block_lrw ? 1 : 0;
     }
     read_more(session, s);
-    // The name of the interface is the first string of the SII, and not the string that the SII calls the name.
+    // The name in the interface is the first string of the SII, not the string that the SII marks as the name.
     char first[EC_MAXNAME + 1] = "";
     ecx_siistring(&context, first, number, 1);
     const Session::Guard guard(session);
@@ -92,8 +92,8 @@ void fill_slave(ecx_contextt& context, Session& session, std::uint16_t number) {
     groups_of(context)[0].Ebuscurrent = all.Ebuscurrent;
 }
 
-// What the library cannot use of a slave's SII, such as mailboxes that no frame carries: all services of the slave then
-// return 0, and the list of errors has nothing.
+// Prints which contents of a slave's SII the library cannot use, for example mailboxes that do not fit into a frame.
+// All services of the slave then return 0, and the list of errors stays empty.
 void say_unusable_sii(Session& session, std::uint16_t number) {
     std::array<char, 256> text{};
     std::string_view sentence;
@@ -118,7 +118,7 @@ void clear(ecx_contextt& context, Session& session) {
     std::fill_n(sii_known(context), EC_MAXEEPBITMAP, 0U);
 }
 
-// Takes what the slave says of itself, and returns its state.
+// Reads the AL status of the slave, stores it, and returns the state.
 int read_state(ecx_contextt& context, Session& session, std::uint16_t number) {
     std::array<std::byte, 6> octets{};
     ec_slavet& slave = slaves_of(context)[number];
@@ -153,7 +153,7 @@ namespace {
 
 int find_slaves(ecx_contextt& context, Session& session) {
     session.forget_lost(0);
-    // As long as the interface waits for the first frame. The library would wait longer for a link.
+    // Waits for the link only as long as the interface waits for the first frame. The library would wait longer.
     for (const Time until = later(session.now(), us(EC_TIMEOUTSAFE)); session.link_is_down() && !session.closing();) {
         if (session.now() >= until) return EC_NOFRAME;
         session.pause(std::chrono::milliseconds(1));

@@ -46,8 +46,8 @@ std::unique_ptr<Session> Session::open(const std::string& source, const Limits& 
         say(source + ": the master does not begin");
         return nullptr;
     }
-    // Each poll sends what is queued, and does not wait for the next cycle. A program reads inputs between its own
-    // calls while its other threads poll.
+    // Each poll sends the queued datagrams, and does not wait for the next cycle. A program reads inputs between its
+    // own calls while its other threads poll.
     for (std::size_t n = 0; n < limits.groups; ++n) {
         GroupConfiguration& config = session->context_.group(n).config;
         config.acyclic_bytes = 0;
@@ -81,7 +81,8 @@ void Session::find_missing(const Error& of_cycle) {
     if (of_cycle.code != Errc::working_counter || of_cycle.detail == Error::kOthersFresh) return;
     const Time begin = now();
     if (closing() || (!states_.busy() && begin < states_at_)) return;
-    if (!states_.busy()) (void)submit(context_, states_);  // without room for it, a later cycle tries again
+    // If there is no room for the request, a later cycle tries again.
+    if (!states_.busy()) (void)submit(context_, states_);
     states_at_ = later(begin, kPause);
     (void)poll(context_, begin);
 }
@@ -105,8 +106,8 @@ void Session::wait_for_work(Time until) {
     source_->osal().wait(until, source_->wait_handles());
 }
 
-// The next reading of the states finds a slave that is there again, and compares it. A program reads the states when it
-// likes, and its other calls do not wait for that.
+// A request that fails because the slave was away is executed again after a reading of the states. The reading finds a
+// slave that is present again, and compares its identity.
 Result<> Session::run(Request& request, Between* between, Duration limit) {
     const auto done = run_once(request, between, limit);
     const bool was_away = done.error().code == Errc::identity_unread || done.error().code == Errc::missing_slave;
@@ -129,7 +130,8 @@ void Session::forget_lost(std::uint16_t asked) {
         lost_.erase(asked);
 }
 
-// The lost slaves that are there, in SAFEOP or OP. Those in another state are lost no more.
+// The lost slaves that are present again in SAFEOP or OP. Slaves in another state are removed from the list of lost
+// slaves.
 std::vector<std::uint16_t> Session::back_of_lost(std::uint16_t asked) {
     const Guard guard(*this);
     std::vector<std::uint16_t> back;
@@ -144,7 +146,7 @@ std::vector<std::uint16_t> Session::back_of_lost(std::uint16_t asked) {
     return back;
 }
 
-// Whether an FMMU of the slave is active, or it needs none. No answer: it is not known.
+// Whether an FMMU of the slave is active, or the slave needs none. No value: it is unknown.
 std::optional<bool> Session::is_mapped(std::uint16_t number) {
     constexpr std::uint16_t kFirstFmmu = 0x0600;
     constexpr std::size_t kFmmuBytes = 16;
@@ -248,7 +250,7 @@ bool Session::launch(Flight& flight) {
     const bool sent = !closing() && std::ranges::all_of(flight.datagrams, [this](DatagramRequest& one) {
         return submit(context_, one).ok();
     });
-    if (!sent)  // no part of the frame leaves
+    if (!sent)  // no part of the frame is sent
         for (DatagramRequest& one : flight.datagrams) one.cancel();
     static_cast<void>(poll(context_, now()));
     return sent;
@@ -304,7 +306,7 @@ bool Session::begin(Sending& sending, DatagramCommand command, std::uint32_t add
     return !closing() && submit(context_, request);
 }
 
-// A sending whose reply is there; null: none is until then.
+// A sending whose reply has arrived; null: no reply has arrived before the timeout.
 const Session::Sending* Session::await_one(std::span<const Sending> sendings, Time until) {
     constexpr Duration kLook = std::chrono::milliseconds(1);
     for (;;) {
@@ -381,8 +383,8 @@ void Sessions::remove(int place, const void* owner) {
         found.lock.unlock();
         if (!mine) return;
     }
-    // Other threads leave their calls at once. A hook that closes the session of its own call would wait for itself:
-    // then that call ends the session.
+    // The calls of other threads return at once. A hook that closes the session of its own call would wait for itself,
+    // so in this case that call ends the session.
     constexpr int kMostWaits = 2000;
     for (int n = 0; n < kMostWaits && found.users.load() != 0; ++n)
         std::this_thread::sleep_for(std::chrono::milliseconds(1));

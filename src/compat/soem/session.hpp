@@ -28,14 +28,14 @@ namespace margay::soem {
 
 class Inbox;
 
-// Prints one sentence of the library to standard error.
+// Prints a sentence to standard error.
 void say(const std::string& text);
-// The same, once for each text.
+// Prints each sentence only once.
 void say_once(const std::string& text);
 
 class Session {
   public:
-    // nullptr: the sentence why not was printed.
+    // nullptr: the session was not opened, and the reason was printed.
     static std::unique_ptr<Session> open(const std::string& source, const Limits& limits);
     ~Session();
     Session(const Session&) = delete;
@@ -71,7 +71,7 @@ class Session {
     [[nodiscard]] bool closing() const { return closing_.load(std::memory_order_relaxed); }
     [[nodiscard]] bool redundant() const { return source_->second() != nullptr; }
 
-    // What the calling thread does between two polls of a request, without the lock.
+    // Work of the calling thread between two polls of a request, without the lock.
     class Between {
       public:
         virtual void run() = 0;
@@ -79,8 +79,9 @@ class Session {
       protected:
         ~Between() = default;
     };
-    // Submits a request and polls until it is over. Other threads continue meanwhile. The request is cancelled when it
-    // is not over after `limit`; what has arrived until then counts, however late this thread runs. Zero: no limit.
+    // Submits a request and polls until it is over. Other threads continue meanwhile. If the request is not complete
+    // after `limit`, it is cancelled. Replies that have arrived by then count, even if this thread runs late. Zero: no
+    // limit.
     Result<> run(Request& request, Between* between = nullptr, Duration limit = Duration{0});
     // A frame that the program has built: its datagrams, on the wire together.
     struct Flight {
@@ -110,10 +111,10 @@ class Session {
     // Waits for a point of time, or until the flight is over. All requests go on meanwhile.
     void pause_until(Time until, const Flight* flight = nullptr);
     void pause(Duration duration) { pause_until(now() + duration); }
-    // Does at once what is due, and does not wait.
+    // Executes the work that is due, and does not wait.
     void poll_now();
-    // Call it after a cycle that has brought no inputs, because it is not known which slave is missing. Starts to read
-    // the states of all slaves and does not wait; the reading continues in the next calls. After it, the inputs of the
+    // Must be called after a cycle without inputs, because it is not known which slave is missing. Starts to read the
+    // states of all slaves and does not wait; the reading continues in the next calls. After it, the inputs of the
     // other slaves are fresh.
     void find_missing(const Error& of_cycle);
 
@@ -121,54 +122,55 @@ class Session {
     int exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
                  bool again = true);
 
-    // How many slaves a frame meets; -1: no frame comes back within the time that the interface waits for one,
-    // EC_TIMEOUTRET3. The library would wait longer.
+    // The number of slaves that a frame passes; -1: no frame returns within EC_TIMEOUTRET3, the timeout of the
+    // interface. The library would wait longer.
     [[nodiscard]] int answers(Duration timeout = std::chrono::milliseconds(6));
     [[nodiscard]] bool is_answered(Duration timeout = std::chrono::milliseconds(6)) { return answers(timeout) >= 0; }
 
-    // Slaves that ecx_recover_slave() searches. When one is there again, the library may have cleared its FMMUs,
-    // because another device may have been at its place: in SAFEOP or OP it has no process data then. settle_lost()
-    // takes such a slave to INIT, from where the program configures it again; `asked`: one slave, or 0 for all. False:
-    // one of them does not go there yet.
+    // Slaves that ecx_recover_slave() searches. When such a slave is present again, the library may have cleared its
+    // FMMUs, because another device may have been at its place. In SAFEOP or OP the slave then has no process data.
+    // settle_lost() takes such a slave to INIT, from where the program configures it again; `asked`: one slave, or 0
+    // for all. False: one of these slaves has not reached INIT yet.
     void note_lost(const std::vector<std::uint16_t>& slaves);
     bool settle_lost(std::uint16_t asked);
-    // The slave is configured again; 0: the next scan has other slaves.
+    // Removes the slave from the list of lost slaves, because it is configured again; 0: removes all, because a scan
+    // begins.
     void forget_lost(std::uint16_t asked);
 
     static constexpr std::size_t kFlights = 16;
-    // Of a frame index of the program.
+    // The flight of a frame index of the program.
     [[nodiscard]] Flight& flight_of(std::size_t index) { return flights_[index % kFlights]; }
     // Sends the datagrams at once, and does not wait. False: there is no room for them.
     bool launch(Flight& flight);
-    // Ends what is on the wire still.
+    // Cancels the datagrams that are still on the wire.
     void land(Flight& flight);
-    // Waits until all of them have come back or are lost, or until `until`.
+    // Waits until all datagrams have returned or are lost, or until `until`.
     void await(const Flight& flight, Time until) { pause_until(until, &flight); }
 
-    // No frame can be sent.
+    // Whether no frame can be sent.
     [[nodiscard]] bool link_is_down();
 
-    // What the facade remembers of a group, and of the SyncManagers that it has shown to the program. A cycle reads
-    // everything here: after a call of the library it then needs one register of the processor, which it has to save.
+    // Data of the facade about a group, and about the SyncManagers that it has shown to the program. A cycle reads only
+    // these data, so that it must save only one register of the processor across a call of the library.
     static constexpr RegisterReading kNoTime{};
     static constexpr DatagramStatus kNothingWritten{};
     static constexpr std::uint8_t kNotBlocked = 0;
-    static constexpr std::uint8_t kEmpty = 1;  // block_lrw of an empty group: a cycle sees it without another look
+    static constexpr std::uint8_t kEmpty = 1;  // block_lrw of an empty group, so that a cycle needs no other check
     struct alignas(64) GroupFacts {
         Context* context = nullptr;
-        const RegisterReading* time = &kNoTime;        // of the reference clock; another one after the first mapping
+        const RegisterReading* time = &kNoTime;        // time of the reference clock; kNoTime until the first mapping
         std::int64_t* shown_time = nullptr;            // where the program reads it; set by the first mapping
         const std::uint8_t* block_lrw = &kNotBlocked;  // where the program writes it; set by the first mapping
         Session* session = nullptr;
         PriorityLock* lock = nullptr;  // of the session
-        // The first datagrams of a cycle that write: their working counter counts twice. One of them, or none, costs
-        // the usual cycle no look at their number.
+        // The first datagrams of a cycle that write: their working counter counts twice. If there is at most one, the
+        // usual cycle need not read their number.
         const DatagramStatus* written = &kNothingWritten;
-        int timeout_us = 0;  // of the call that receives
+        int timeout_us = 0;  // timeout of the call that receives
         std::uint8_t group = 0;
         std::uint8_t blocked = 0;       // the value that the frames are planned for
         bool empty = false;             // mapped without process data
-        std::uint8_t more_written = 0;  // datagrams behind the one in `written`
+        std::uint8_t more_written = 0;  // number of datagrams behind `written`
 
         void set_written(std::span<const DatagramStatus> datagrams) {
             constexpr std::size_t kMost = 255;
@@ -178,20 +180,20 @@ class Session {
     };
     static_assert(sizeof(GroupFacts) == 64);  // a line of the cache, and a shift finds the one of a group
     using ShownSyncManagers = std::array<std::byte, 64>;
-    // Of any group, also of a group that the library does not know.
+    // The data of any group, also of a group that is not mapped.
     [[nodiscard]] GroupFacts& facts(std::uint8_t group) { return facts_[group]; }
     [[nodiscard]] bool known_group(std::uint8_t group) const { return facts_[group].time != &kNoTime; }
     [[nodiscard]] ShownSyncManagers& shown(std::size_t slave) { return shown_[slave < shown_.size() ? slave : 0]; }
 
-    // Hooks make calls that need these locks again.
+    // A recursive lock, because hooks make calls that need the lock again.
     using LongLock = std::unique_lock<RecursivePriorityLock>;
-    // Held while a call uses the EEPROM of a slave, or what is known of it, and while a call configures slaves, but not
-    // while their hooks run: a hook may wait for another thread that uses an EEPROM.
+    // Locked while a call uses the EEPROM of a slave or the data from it, and while a call configures slaves. It is not
+    // locked while hooks run, because a hook may wait for another thread that uses an EEPROM.
     [[nodiscard]] LongLock lock_eeproms() { return LongLock(eeprom_lock_); }
-    // Held while a call searches or configures slaves or their clocks, also while hooks run. A thread takes it before
-    // that of the EEPROMs.
+    // Locked while a call searches or configures slaves or their clocks, also while hooks run. A thread locks it before
+    // the lock of the EEPROMs.
     [[nodiscard]] LongLock lock_configuring() { return LongLock(configuring_lock_); }
-    // The thread that executes hooks of the program. One at a time does, because it has the lock above.
+    // The thread that executes hooks of the program. Only one thread at a time does, because it has the lock above.
     void begin_hook() { hook_thread_.store(PriorityLock::thread(), std::memory_order_relaxed); }
     void end_hook() { hook_thread_.store(0, std::memory_order_relaxed); }
     [[nodiscard]] bool in_hook() const {
@@ -211,7 +213,7 @@ class Session {
   private:
     friend class Sessions;
     Session(std::unique_ptr<hosted::Source> source, const Limits& limits);
-    // As the systems of the library distinguish threads.
+    // A value that identifies the calling thread.
     static std::uintptr_t calling_thread() {
 #if defined(__x86_64__) || defined(__aarch64__)
         return reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
@@ -226,8 +228,8 @@ class Session {
     std::optional<bool> is_mapped(std::uint16_t number);
     void watch(unsigned watchers);
 
-    // One of the times that exchange() sends its datagram. Each has data of its own: two of them may be answered in one
-    // poll, and only the second by no slave.
+    // One sending of the datagram of exchange(). Each sending has its own data, because two replies may arrive in one
+    // poll, and the second may come from no slave.
     struct Sending {
         std::vector<std::byte> data;
         DatagramRequest request;
@@ -244,7 +246,7 @@ class Session {
     std::unique_ptr<hosted::Source> source_;
     std::array<Flight, kFlights> flights_;
     ReadStateRequest states_;  // of find_missing()
-    Time states_at_{};         // not before
+    Time states_at_{};         // earliest time of the next reading
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
     std::set<std::uint16_t> lost_;  // with the lock of the session
@@ -256,7 +258,7 @@ class Session {
     std::map<Half, std::uint16_t> half_readings_;
     std::array<GroupFacts, 256> facts_;
     std::vector<ShownSyncManagers> shown_;
-    std::array<std::atomic_flag, kFlights> flights_used_{};  // by a call: see FlightUse
+    std::array<std::atomic_flag, kFlights> flights_used_{};  // set by a call, see FlightUse
 };
 
 // ADP and ADO as one address of Session::exchange().

@@ -1,4 +1,4 @@
-// The contents of the SII, read as far as a program asks for them and kept for one slave.
+// The contents of the SII, read when a program needs them, and cached for one slave.
 #include "compat/soem/eeprom.hpp"
 
 #include <cstring>
@@ -23,7 +23,8 @@ class Sii {
     std::uint16_t slave_;
 };
 
-// Takes the EEPROM from other threads, and gives it back to the processor of the slave if the processor had it.
+// Locks the EEPROM against other threads, and at the end returns it to the processor of the slave if the processor had
+// it.
 class Taken {
   public:
     Taken(ecx_contextt& context, std::uint16_t slave)
@@ -194,7 +195,7 @@ PdoBits ecx_siiPDO(ecx_contextt* context, uint16 slave, ec_eepromPDOt* PDO, uint
         at = offset(at, 8);
         for (unsigned entry = 0; entry < entries && at + 8U <= end; ++entry, at = offset(at, 8))
             PDO->BitSize[n] = static_cast<uint16>(PDO->BitSize[n] + sii.octet(offset(at, 5)));
-        if (PDO->SyncM[n] < EC_MAXSM) {  // others belong to no SyncManager
+        if (PDO->SyncM[n] < EC_MAXSM) {  // other values mean no SyncManager
             PDO->SMbitsize[PDO->SyncM[n]] = static_cast<uint16>(PDO->SMbitsize[PDO->SyncM[n]] + PDO->BitSize[n]);
             total += PDO->BitSize[n];
         }

@@ -26,8 +26,8 @@ bool read_all(Session& session) {
     return read.ok() || !is_silent(read.error());
 }
 
-// Before a scan has shown slaves to the program, or when it has found too many, a broadcast asks them: their AL status
-// combined by OR, and the code. Nothing: there are slaves of a scan.
+// Before a scan has shown slaves to the program, or when it has found too many, a broadcast reads the AL status of all
+// slaves, combined by OR, and the AL status code. No value: a scan has found slaves.
 struct Broadcast {
     std::uint16_t state = EC_STATE_NONE;
     std::uint16_t code = 0;
@@ -44,7 +44,7 @@ std::optional<Broadcast> ask_unknown(ecx_contextt& context, Session& session) {
                      .code = word_at(octets.data() + 4)};
 }
 
-// What the broadcast says is the state of each slave that was counted. With the lock.
+// Sets the state from the broadcast for each slave that was counted. With the lock.
 void show_all(ecx_contextt& context, const Broadcast& all) {
     for (int n = 0; n <= slave_count(context); ++n) {
         slaves_of(context)[n].state = all.state;
@@ -59,7 +59,7 @@ std::uint16_t combined(ecx_contextt& context, Session& session) {
     return all;
 }
 
-// A slave without a mailbox for BOOT gets the request all the same, and answers with a code.
+// A slave without a mailbox for BOOT gets the request too, and responds with an AL status code.
 int write_boot(Session& session, std::uint16_t number, std::uint16_t value) {
     bool has_mailbox = false;
     std::uint16_t station = 0;
@@ -128,7 +128,7 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
         known = slaves > 0 && session->slave(1).number == 1 && slave <= slaves;
     }
     const auto state = static_cast<margay::AlState>(value & 0xF);
-    // In a hook the request would wait for the configuration whose part the hook is.
+    // In a hook the request would wait for the configuration that has called the hook.
     if (!known || state == margay::AlState::none || session->in_hook()) {
         std::array<std::byte, 2> octets{};
         put_word(octets.data(), value);
@@ -153,7 +153,7 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
     const auto written = session->run(request);
     if (written) return all;
     if (is_silent(written.error())) return EC_NOFRAME;
-    // The request was sent to all slaves that can be asked.
+    // The request was sent to all slaves that respond.
     return slave == 0 ? session->answers() : 0;
 }
 

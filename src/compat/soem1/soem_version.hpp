@@ -1,4 +1,4 @@
-// How the shared sources reach what the structures of SOEM 1.4 contain: the context points to memory of the program.
+// Access of the shared sources to the structures of SOEM 1.4, where the context points to memory of the program.
 #pragma once
 
 #include <ethercat.h>
@@ -47,7 +47,7 @@ inline void set_time(ec_timet& to, std::int64_t ns) {
     to.usec = static_cast<uint32>(ns % 1000000000 / 1000);
 }
 
-// What only the other version has.
+// Functions that only the other version has.
 inline void set_serial(ec_slavet& s, std::uint32_t serial) { s.eep_sn = serial; }
 inline void set_offsets(ec_slavet&, std::uint32_t, std::uint32_t) {}
 inline void set_status(ec_slavet&, std::uint8_t*) {}

@@ -1,4 +1,4 @@
-// What only SOEM 1.4 has: the global master, and the functions whose parameters differ.
+// Functions of SOEM 1.4 only: the global master, and the functions whose parameters differ.
 #include "compat/soem/cycle.hpp"
 
 using namespace margay::soem;

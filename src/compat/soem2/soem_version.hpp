@@ -1,4 +1,4 @@
-// How the shared sources reach what the structures of SOEM 2.0 contain: the context has all data itself.
+// Access of the shared sources to the structures of SOEM 2.0, where the context contains all data.
 #pragma once
 
 #include <oshw.h>

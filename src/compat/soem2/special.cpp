@@ -1,4 +1,4 @@
-// What only SOEM 2.0 has: mailbox buffers, the handler of mailboxes, commands of a network description.
+// Functions of SOEM 2.0 only: mailbox buffers, the handler of mailboxes, commands of a network description.
 #include "compat/soem/facade.hpp"
 
 #include <cstdlib>
@@ -8,8 +8,8 @@
 namespace margay::soem {
 namespace {
 
-// The mutex of a pool ends with its context, while threads may still be in calls that use the pool. So each call holds
-// this lock, which does not end.
+// The mutex of a pool is destroyed with its context, while threads may still be in calls that use the pool. Therefore
+// each call locks this mutex, which is never destroyed.
 constinit PriorityLock pools_lock;
 using PoolsGuard = std::lock_guard<PriorityLock>;
 
