@@ -162,7 +162,7 @@ class Motion {
         (void)writestate(ctx_, 0, AlState::init);
     }
 
-    // Drives say device profile 402 in object 0x1000.
+    // Drives have device profile 402 in object 0x1000.
     bool find_axes() {
         for (const Slave& slave : ctx_.slaves()) {
             if ((slave.mailbox.protocols & mailbox_protocol::kCoE) == 0) continue;
@@ -201,7 +201,7 @@ class Motion {
                 break;
         }
         if (phase_ < Phase::moving && (in_phase_ > kMostWaiting || stop_asked())) {
-            // Lost output is the reason that run_program() prints.
+            // run_program() prints the message about lost output.
             if (!stop_asked())
                 fault_ =
                     phase_ == Phase::settling ? "the cycle does not come into sync" : "not all drives could be enabled";

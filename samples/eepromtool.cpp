@@ -52,7 +52,7 @@ Progress progress_on(ProgressLine& line) {
     };
 }
 
-// Reads the number of octets that --size gives, or else the whole EEPROM. When the size word gives more than any SII
+// Reads the number of octets of --size, otherwise the whole EEPROM. When the size word contains more than any SII
 // needs, only the part up to the end mark is read.
 EepromContent read_all(Eeprom& eeprom, const Options& options) {
     const auto size = options.size != 0 ? EepromSize{options.size} : eeprom_size(eeprom);

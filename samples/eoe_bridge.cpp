@@ -1,5 +1,5 @@
-// eoe_bridge: gives each slave with EoE a network interface of the kernel (TAP). Bridging and routing between these
-// interfaces and others is the work of the kernel.
+// eoe_bridge: gives each slave with EoE a network interface of the kernel (TAP). The kernel bridges and routes between
+// these interfaces and others.
 #include "common/eoe_lines.hpp"
 #include "common/interface_claim.hpp"
 #include "common/program.hpp"
@@ -39,7 +39,7 @@ class Bridge {
 
     int run() {
         if (const auto ready = source_.begin(ctx_); !ready) return fail(sentence(ready.error()));
-        // Slaves that fail do not keep the others from their interfaces.
+        // Slaves that fail do not prevent the interfaces of other slaves.
         if (const auto found = config_init(ctx_); !found) {
             if (ctx_.slaves().empty()) return fail(sentence(found.error()));
             while (const auto error = ctx_.errors().take()) warn(sentence(*error));
@@ -98,7 +98,7 @@ class Bridge {
         return exit_code::kWell;
     }
 
-    // Until a frame of the segment or of an interface arrives, whose port has room for it.
+    // Waits until a frame arrives from the segment, or from an interface whose port has room for it.
     bool wait(Time until) {
         files_.assign(1, {source_.nic().wait_handle(), POLLIN, 0});
         if (Nic* const second = source_.second()) files_.push_back({second->wait_handle(), POLLIN, 0});
@@ -155,7 +155,7 @@ int main(int argc, char** argv) {
                      "print the counters of each interface at this interval in seconds; 0: only at the end",
                      Bounds{0, 86400});
     return arguments.run(argc, argv, [&] {
-        // Before the scan, which would take the slaves of the running bridge to INIT.
+        // The claim comes before the scan, which would bring the slaves of a running bridge to INIT.
         InterfaceClaim claim;
         if (const auto taken = claim.take("eoe_bridge", options.source.source); !taken.empty())
             return fail(taken, exit_code::kSystem);

@@ -35,8 +35,8 @@ struct Options {
     unsigned restart_s = 30;
 };
 
-// What a device says about itself. The revision is that of the dictionary, where the device has one: it is the
-// revision of the firmware that executes.
+// The identification of a device. The revision is read from the dictionary, if the device has one, because it is the
+// revision of the running firmware.
 struct Known {
     Identity identity;
     std::string version;  // object 0x100A
@@ -56,7 +56,7 @@ bool refuses_all(Errc code) {
            code == Errc::invalid_argument || code == Errc::wrong_state;
 }
 
-// The device does not accept this file, and would not accept it another time either.
+// Whether the device refuses this file, so that another attempt would fail too.
 bool refuses_file(const Error& error) {
     using enum wire::foe::ErrorCode;
     if (error.code != Errc::foe_error) return false;
@@ -97,7 +97,7 @@ class Update {
     ProgressLine line_;
     std::string what_;
     std::size_t total_ = 0;
-    bool sent_ = false;   // the device has been asked
+    bool sent_ = false;   // a request was sent to the device
     bool begun_ = false;  // the device has accepted the request, and may have changed its memory
     bool was_in_boot_ = false;
 };
@@ -140,7 +140,7 @@ Known Update::look() {
     return known;
 }
 
-// Why the slave cannot get firmware this way.
+// The reason why firmware cannot be written to the slave by this method.
 std::string Update::why_not() {
     const Error& error = slave().error;
     const bool unread = !slave().seen || error.step == Step::read_sii || error.step == Step::parse_sii;
@@ -199,7 +199,7 @@ Result<> Update::transfer(FoeRequest& request) {
         if (request.busy()) osal.wait(std::min(next, osal.now() + 100ms), source_.wait_handles());
     }
     line_.clear();
-    // The message that ends a transfer early is sent behind it.
+    // The message that ends a transfer early is sent after it.
     for (int n = 0; n < 20 && request.state() != RequestState::success; ++n) {
         const Time next = poll(ctx_, osal.now());
         osal.wait(std::min(next, osal.now() + 1ms), source_.wait_handles());
@@ -304,7 +304,7 @@ int Update::leave_after_read(const std::string& error, bool of_system) {
     return error.empty() && left ? exit_code::kWell : exit_code::kSegment;
 }
 
-// To INIT, which starts the new firmware; then waits until the device is back.
+// Brings the device to INIT, which starts the new firmware, then waits until the device responds again.
 int Update::restart(const Known& before, const std::string& not_verified) {
     Osal& osal = source_.osal();
     if (const auto init = bring(AlState::init); !init) warn(sentence(init.error()));

@@ -35,7 +35,7 @@ class Program {
 
     int run() {
         if (const auto ready = source_.begin(ctx_); !ready) return fail(sentence(ready.error()));
-        // Slaves that fail do not keep the tools from the others.
+        // Slaves that fail do not prevent the access of tools to the other slaves.
         if (const auto found = config_init(ctx_); !found) {
             if (ctx_.slaves().empty()) return fail(sentence(found.error()));
             while (const auto error = ctx_.errors().take()) warn(sentence(*error));

@@ -134,7 +134,7 @@ std::optional<int> Arguments::parse(int argc, char** argv) {
         (void)std::fputs(without_arguments_().c_str(), stderr);
         return exit_code::kUsage;
     }
-    // Help for a command is wanted before it is known what the positional arguments before the command are.
+    // The user may request help for a command before the positional arguments in front of the command are known.
     const bool help = argc == 3 && (std::string_view(argv[2]) == "--help" || std::string_view(argv[2]) == "-h");
     for (const auto& command : command_->commands) {
         if (!help || command->command_->app->get_name() != argv[1]) continue;

@@ -51,7 +51,7 @@ class Arguments {
     // `needs` names another option that must be given together with this flag; empty: none.
     void flag(const std::string& name, bool& value, const std::string& text, const std::string& needs = {});
 
-    // A positional argument that is a number is optional unless `presence` says otherwise.
+    // A positional argument that is a number is optional by default, see `presence`.
     template <WholeNumber T>
     void positional(const std::string& name, T& value, const std::string& text,
                     Presence presence = Presence::optional) {
@@ -67,7 +67,7 @@ class Arguments {
         number(name, {bounds.value_or(limits<T>()), bounds.has_value(), static_cast<std::int64_t>(value)}, text,
                [&value](std::int64_t n) { value = static_cast<T>(n); });
     }
-    // `value` is not the default: --help shows `shown` as the default.
+    // --help shows `shown` as the default in place of `value`.
     template <WholeNumber T>
     void option(const std::string& name, T& value, const std::string& text, Bounds bounds, std::int64_t shown) {
         number(name, {bounds, true, shown}, text, [&value](std::int64_t n) { value = static_cast<T>(n); });

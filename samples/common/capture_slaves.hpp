@@ -30,7 +30,7 @@ struct SeenSlave {
 // Such slaves are placed behind all others, in the order of their station addresses.
 [[nodiscard]] std::vector<SeenSlave> slaves_of(const Capture& capture);
 
-// Says why slaves_of() finds no slaves.
+// The reason why slaves_of() finds no slaves.
 [[nodiscard]] std::string no_slaves_reason(const Capture& capture);
 
 // Writes a segment description with the slaves in a line. The image of slave n is expected in "slaveN.bin"; n starts

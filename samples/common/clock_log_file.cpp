@@ -48,14 +48,14 @@ std::optional<std::size_t> column_of(const std::vector<std::string_view>& head, 
     return static_cast<std::size_t>(at - head.begin());
 }
 
-// The columns that tell whether the clocks are in sync. A log of another master need not have them.
+// The columns that show whether the clocks are in sync. A log of another master may lack them.
 class SyncColumns {
   public:
     explicit SyncColumns(const std::vector<std::string_view>& head)
         : master_(column_of(head, "DCMInSync")),
           slaves_(column_of(head, "DCInSync")),
           code_(column_of(head, "DCMErr")) {}
-    // Returns what is no number; empty: all are.
+    // Returns the first text that is not a number; empty: all texts are numbers.
     std::string_view take(const std::vector<std::string_view>& cells, std::size_t line, ClockLog& log) const {
         if (!master_ || !slaves_ || !code_) return {};
         const auto cell = [&](std::size_t at) { return at < cells.size() ? number_of(cells[at]) : std::nullopt; };

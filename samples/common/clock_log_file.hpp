@@ -15,17 +15,17 @@ struct ClockLog {
     std::vector<double> drift_ppm;
     std::vector<double> error_ns;
     std::vector<double> difference_ns;  // of the slaves' clocks
-    // Of logs with the columns DCMInSync, DCInSync and DCMErrorCode.
+    // Only for logs with the columns DCMInSync, DCInSync and DCMErrorCode.
     std::size_t first_in_sync = 0;  // line; 0: none, or no columns
-    std::size_t out_of_sync = 0;    // lines behind it where the master's clock or the slaves' clocks are not in sync
-    std::size_t first_out = 0;      // the first one of them
-    unsigned first_code = 0;        // PhaseState there
+    std::size_t out_of_sync = 0;    // later lines where the master's clock or the slaves' clocks are not in sync
+    std::size_t first_out = 0;      // the first of these lines
+    unsigned first_code = 0;        // PhaseState in this line
     bool tells_sync = false;        // the log has the columns
-    std::string fault{};            // why the text is no log; empty: it is one
+    std::string fault{};            // why the text is not a log; empty: it is a log
 };
 
 // The columns are found by their names in the first line, so that logs of other masters with the same columns can be
-// drawn. Separators: comma, semicolon or tabulator. Times must not go back.
+// drawn. Separators: comma, semicolon or tabulator. Times must not decrease.
 [[nodiscard]] ClockLog parse_clock_log(std::string_view text);
 
 [[nodiscard]] std::vector<Diagram> clock_diagrams(const ClockLog& log);

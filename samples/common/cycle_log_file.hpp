@@ -10,10 +10,10 @@ namespace margay::samples {
 
 struct CycleLog {
     CycleFigures figures{};
-    std::string fault{};  // why the text has no figures of cycles; empty: it has
+    std::string fault{};  // why the text has no figures of cycles; empty: it has figures
 };
 
-// The inverse of cycle_json(): the quantiles follow from the buckets, and are not read.
+// The inverse of cycle_json(): the quantiles are computed from the buckets, and are not read.
 [[nodiscard]] CycleLog parse_cycle_log(std::string_view text);
 
 }  // namespace margay::samples

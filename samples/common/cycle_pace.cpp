@@ -98,7 +98,8 @@ void CyclePace::start() {
 }
 
 void CyclePace::continue_phase() {
-    constexpr Duration kLongest = std::chrono::seconds(1);  // without a cycle; then the phase is a new one
+    // Longest time without a cycle; after it the phase is a new one.
+    constexpr Duration kLongest = std::chrono::seconds(1);
     if (!clock_ || clock_->record().at == Time{} || clock_->record().at + kLongest < source_.osal().now()) return;
     const Duration period = clock_period();
     const Duration off = (deadline() - clock_->record().at) % period;
@@ -173,7 +174,7 @@ Result<std::uint32_t> CyclePace::exchange_groups(Duration timeout, Times& times)
     return first.code == Errc::none ? Result<std::uint32_t>(sum) : Result<std::uint32_t>(first);
 }
 
-// The time by which the frames have left late is no error of the phase.
+// The lateness of the frames does not count as an error of the phase.
 void CyclePace::keep_in_step(const Times& times) {
     if (!clock_ || cycle_ % plan_.every[clock_->settings().group] != 0) return;
     adjust(-clock_->update(ctx_, is_held() ? std::max(times.start - departure(), Duration{0}) : tick_.lateness));

@@ -30,13 +30,13 @@ struct PaceOptions {
     int cpu = -1;
     std::optional<OverrunPolicy> overrun{};  // nothing: skip
     std::string histogram;                   // file for a picture (SVG) or the figures (JSON); empty: none
-    FrameTimeOptions times{};                // the SOURCE must have them (wanted_times())
+    FrameTimeOptions times{};                // the SOURCE must support them (wanted_times())
 
     // `eni`: nullptr, or the file that the segment is brought up by.
     [[nodiscard]] CyclePlan plan(const files::EniConfiguration* eni = nullptr) const {
         return plan_cycles(eni, std::chrono::microseconds(period_us));
     }
-    // Why a cycle of this plan cannot have these times: a sentence; empty: it can.
+    // The reason, as a sentence, why a cycle of this plan cannot have these times; empty: it can.
     [[nodiscard]] std::string refusal(const CyclePlan& plan) const {
         return samples::refusal(times, static_cast<unsigned>(plan.period / std::chrono::microseconds(1)));
     }
@@ -46,7 +46,7 @@ struct PaceOptions {
 void add_period_options(Arguments& arguments, PaceOptions& options, const std::string& before = {});
 // These, --overrun, --histogram, --send-at and --stamps.
 void add_pace_options(Arguments& arguments, PaceOptions& options, const std::string& before = {});
-// Of a program that brings a segment up by an ENI.
+// The options of a program that brings a segment up by an ENI.
 inline constexpr const char* kPeriodOfEni = "with --eni, that of the file if this is not given; otherwise the ";
 
 class CyclePace {
@@ -57,7 +57,7 @@ class CyclePace {
 
     // Call it in the thread that calls wait(). Reports on standard error which settings the system refused, and which
     // options have no effect in virtual time. After a reach() with clock(), the first cycle continues the phase of the
-    // last one, and start() waits for it: a jump would lead the slaves out of their synchronisation.
+    // last cycle, and start() waits for it. A jump would make the slaves lose their synchronisation.
     void start();
     // Executes poll() until the deadline, then counts how late the cycle is, and returns it.
     Duration wait();
@@ -65,15 +65,18 @@ class CyclePace {
     // and receives. Then the next cycle follows the clock of the plan. Returns the first error, or the sum of the
     // working counters.
     [[nodiscard]] Result<std::uint32_t> exchange(Duration timeout);
-    // How long a cycle waits for its frames: nearly a period, because the frames of hundreds of slaves need long.
+    // The time that a cycle waits for its frames: nearly a period, because the frames of hundreds of slaves need much
+    // time.
     [[nodiscard]] Duration reply_timeout() const;
     // For reach(), until start(); nullptr: the cycle follows no clock. Its group has the period of clock_period().
     [[nodiscard]] CycleClock* clock() { return clock_ ? &*clock_ : nullptr; }
     [[nodiscard]] bool follows_clock() const { return clock_.has_value(); }
     [[nodiscard]] Duration clock_period() const { return clock_ ? clock_->settings().phase.cycle : plan_.period; }
-    // How long the cycles have waited, and what to do if that is too short. Empty: all cycles had their frames.
+    // A text with the time that the cycles have waited, and with advice if this time is too short. Empty: the frames of
+    // all cycles have returned in time.
     [[nodiscard]] std::string advice() const;
-    // Why the program must end: an overrun, and the user wants to stop then. Empty: it continues.
+    // The reason why the program must end: an overrun, if the user has requested to stop at an overrun. Empty: the
+    // program continues.
     [[nodiscard]] const std::string& stopped() const { return stopped_; }
 
     // Clears all figures.

@@ -190,7 +190,7 @@ std::string cycle_json(const CycleFigures& figures) {
         const auto& times = one.times;
         auto& part = json[std::string(one.key) + "_ns"];
         part["count"] = times.count();
-        if (times.count() != 0) {  // without a value there is no smallest one
+        if (times.count() != 0) {  // there is no minimum without a value
             part["min"] = times.min().count();
             part["mean"] = times.mean().count();
             part["median"] = times.quantile(0.5).count();

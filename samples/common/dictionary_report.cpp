@@ -119,7 +119,7 @@ void read_value(Context& ctx, std::uint16_t slave, DictionaryEntry& entry) {
     }
     std::vector<std::byte> buffer(std::max<std::size_t>((entry.description.bit_length + std::size_t{7}) / 8, 256));
     auto read = SDOread(ctx, slave, entry.description.index, entry.description.subindex, false, buffer);
-    // The value is longer than the dictionary says; the error contains the real length.
+    // The value is longer than its description in the dictionary. The error contains the real length.
     if (!read && read.error().code == Errc::capacity) {
         buffer.resize(read.error().expected);
         read = SDOread(ctx, slave, entry.description.index, entry.description.subindex, false, buffer);

@@ -24,7 +24,7 @@ bool is_control_word(const MapEntry& entry) {
            entry.index <= kLastOfAxes && (entry.index - kControlWord) % kAxisSpacing == 0;
 }
 
-// Why the outputs of the slave may move an axis; empty: they do not, as far as this can be known.
+// The reason why the outputs of the slave may move an axis; empty: no such reason was found.
 std::string why_drive(Context& ctx, const Slave& slave, const ProcessMap& map) {
     if ((slave.mailbox.protocols & mailbox_protocol::kSoE) != 0) return "a drive (SoE)";
     if ((slave.mailbox.protocols & mailbox_protocol::kCoE) != 0) {

@@ -14,10 +14,10 @@ struct Drive {
     std::string why{};  // "a drive (device profile 402)"
 };
 
-// The slaves of group 0 with outputs that are drives, or that may be drives because they do not answer the question:
-// device profile 402 in object 0x1000, a control word of CiA 402 (object 0x6040, and 0x6040 + 0x800 · n of an axis n)
-// in the outputs, or the protocol SoE. Motors of other profiles are not recognized. The group must be mapped. Blocks
-// until all answers have arrived.
+// The slaves of group 0 with outputs that are drives, or that may be drives because they do not respond: device profile
+// 402 in object 0x1000, a control word of CiA 402 (object 0x6040, and 0x6040 + 0x800 · n of an axis n) in the outputs,
+// or the protocol SoE. Motors of other profiles are not recognized. The group must be mapped. Blocks until all answers
+// have arrived.
 [[nodiscard]] std::vector<Drive> find_drives(Context& ctx);
 
 }  // namespace margay::samples

@@ -182,7 +182,7 @@ class ImageWriter {
             if (!written.error.empty()) {
                 report_.error = fmt::format("it is uncertain whether word 0x{:04x} was written: {}", steps_[done_].word,
                                             written.error);
-                ++done_;  // the word of the failed step can be written or not
+                ++done_;  // it is unknown whether the word of the failed step was written
                 return false;
             }
         }
@@ -268,7 +268,7 @@ class ImageWriter {
     std::vector<std::byte> before_;
     std::vector<Step> steps_;
     bool refused_ = false;  // before the first word
-    std::size_t done_ = 0;  // number of finished steps; the last of them can be in doubt
+    std::size_t done_ = 0;  // number of finished steps; the result of the last step may be unknown
     WriteReport report_;
 };
 

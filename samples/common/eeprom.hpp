@@ -17,7 +17,7 @@ class Eeprom {
     struct Written {
         std::size_t words = 0;  // number of words, from the first one, that were written and read back
         std::string error{};
-        bool refused = false;  // the application in between has asked the slave for nothing
+        bool refused = false;  // the application has refused the access, and has not accessed the slave
     };
 
     virtual ~Eeprom() = default;
@@ -46,7 +46,7 @@ struct EepromSize {
     std::size_t octets = 0;
     std::string error{};
 };
-// The known size, or else the size that word 0x3E gives. An error when this word is blank.
+// The known size, otherwise the size in word 0x3E. An error when this word is blank.
 [[nodiscard]] EepromSize eeprom_size(Eeprom& eeprom);
 
 struct EepromContent {
@@ -61,7 +61,7 @@ struct EepromContent {
 [[nodiscard]] EepromContent read_used_part(Eeprom& eeprom, const Progress& progress);
 
 // Returns why an image must not be written to any slave; empty when it can be written. The strict check finds more
-// faults; the user decides about these.
+// faults. The user decides whether they matter.
 [[nodiscard]] std::string image_fault(Bytes image);
 
 struct WriteReport {

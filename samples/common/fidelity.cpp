@@ -78,7 +78,7 @@ void compare_data(FidelityReport& report, const DatagramPair& pair, Bytes simula
     std::size_t first_difference = simulated.size();
     for (std::size_t i = 0; i < simulated.size(); ++i) {
         const auto address = static_cast<std::uint32_t>(ado + i);
-        // In process data only octets that the master sent and that no slave overwrites are determined.
+        // In process data, only octets that the master has sent and that no slave overwrites are determined.
         if (logical ? pair.request.command != Command::LWR && pair.received[i] != pair.sent[i] : !determined(address))
             continue;
         if (busy && within(address, reg::kSiiData.address, reg::kSiiData.end())) continue;

@@ -20,7 +20,7 @@ struct FidelityReport {
     std::size_t unanswered = 0;  // requests without an answer in the recording; they are not compared
     std::size_t datagrams = 0;   // compared datagrams
     std::size_t equal_wkc = 0;
-    // Compared octets: only octets that the request and the device determine, so no clocks and no counters.
+    // Compared octets: only octets that the request and the device determine, not clocks and counters.
     std::size_t data_octets = 0;
     std::size_t equal_octets = 0;
     std::map<std::string, Kind> kinds;

@@ -95,7 +95,7 @@ FirmwareCopy::FirmwareCopy(const std::string& path) : path_(path), target_(targe
     if (!error_.empty()) return;
     if (!target_.is_replaced) {
         file_.reset(std::fopen(path_.c_str(), "wb"));
-    } else {  // no file of the user is overwritten
+    } else {  // does not overwrite a file of the user
         beside_ = target_.path + ".new";
         constexpr int kMost = 100;
         for (int n = 1; n <= kMost && file_ == nullptr; ++n) {

@@ -1,4 +1,4 @@
-// The file of a firmware, as a stream: it is never in memory as a whole.
+// A firmware file, read or written as a stream. The whole file is never in memory.
 #pragma once
 
 #include "common/new_file.hpp"
@@ -22,9 +22,9 @@ class FirmwareFile final : public ByteSource {
     explicit FirmwareFile(const std::string& path);
     [[nodiscard]] const std::string& error() const { return error_; }
     [[nodiscard]] std::size_t bytes() const { return bytes_; }
-    // pull() was called since the object was created, or since rewind().
+    // Whether pull() was called since the object was created, or since rewind().
     [[nodiscard]] bool asked() const { return asked_; }
-    // Begins with the first octet again.
+    // Restarts with the first octet.
     void rewind();
     Piece pull(std::span<std::byte> into) override;
 
@@ -38,7 +38,7 @@ class FirmwareFile final : public ByteSource {
     std::string error_;
 };
 
-// Compares what a slave gives with a file.
+// Compares the octets from a slave with a file.
 class FirmwareComparison final : public ByteSink {
   public:
     explicit FirmwareComparison(FirmwareFile& file) : file_(file) { file_.rewind(); }
@@ -52,7 +52,7 @@ class FirmwareComparison final : public ByteSink {
     bool differs_ = false;
 };
 
-// A new file, which gets its name when it is complete. An incomplete file is deleted. Symbolic links stay, see
+// A new file, which gets its name when it is complete. An incomplete file is deleted. Symbolic links are kept, see
 // target_of().
 class FirmwareCopy final : public ByteSink {
   public:
@@ -70,7 +70,7 @@ class FirmwareCopy final : public ByteSink {
     void remove_copy();
     std::string path_;
     FileTarget target_;
-    std::string beside_;  // the file that is written; the target itself if that is no regular file
+    std::string beside_;  // the file that is written; the target itself if it is not a regular file
     FirmwareHandle file_;
     std::string error_;
 };

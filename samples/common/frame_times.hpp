@@ -21,16 +21,16 @@ struct FrameTimeOptions {
 
 void add_frame_time_options(Arguments& arguments, FrameTimeOptions& options);
 
-// For SourceOptions::times.
+// The value for SourceOptions::times.
 [[nodiscard]] WantedTimes wanted_times(const FrameTimeOptions& options);
 
-// Why a cycle of this period cannot have these times: a sentence; empty: it can.
+// The reason, as a sentence, why a cycle of this period cannot have these times; empty: it can.
 [[nodiscard]] std::string refusal(const FrameTimeOptions& options, unsigned period_us);
 
 // A sentence about frames that did not leave at their time.
 [[nodiscard]] std::string missed_text(std::uint64_t frames);
 
-// By the time stamps of the NIC, of the first frame of each cycle.
+// Figures from the time stamps of the NIC for the first frame of each cycle.
 struct WireFigures {
     DurationHistogram period;  // from one cycle to the next
     DurationHistogram round_trip;
@@ -40,9 +40,9 @@ struct WireFigures {
 
 class WireWatch {
   public:
-    // Call it after receive_processdata(). Counts nothing where `nic` has no time stamps, or not both.
+    // Must be called after receive_processdata(). Counts nothing if `nic` lacks one or both time stamps.
     void count(Context& ctx, const FrameTiming& nic, WireFigures& into);
-    // The next cycle is not the one after the last.
+    // Must be called if the next cycle does not follow directly after the last cycle.
     void forget() { last_sent_ns_.reset(); }
 
   private:

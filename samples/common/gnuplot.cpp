@@ -15,7 +15,7 @@
 namespace margay::samples {
 namespace {
 
-// A string of gnuplot in single quotes, where only the quote itself is special.
+// A gnuplot string in single quotes. Only the quote itself is a special character in it.
 std::string gnuplot_string(const std::string& text) {
     std::string out = "'";
     for (const char c : text) {
@@ -49,7 +49,7 @@ std::string gnuplot_script(const std::string& path, const std::vector<double>& t
     return text + "unset multiplot\nset output\n";
 }
 
-// A file of its own name that exists as long as the object.
+// A file with a unique name that exists as long as the object.
 class TemporaryFile {
   public:
     TemporaryFile() {
@@ -75,7 +75,7 @@ class TemporaryFile {
     bool exists_ = false;
 };
 
-// Writes to the file, device or pipe that the path names. Returns a sentence that says what failed, or an empty text.
+// Writes to the file, device or pipe that the path names. Returns a sentence about the failure, or an empty text.
 std::string write_drawing(const std::string& path, const std::string& content) {
     std::FILE* file = std::fopen(path.c_str(), "wb");
     bool well = file != nullptr && std::fwrite(content.data(), 1, content.size(), file) == content.size();
@@ -93,7 +93,8 @@ std::string draw_svg(const std::string& path, const std::vector<double>& times_s
                      const std::vector<Diagram>& diagrams) {
     constexpr const char* kMissing = "gnuplot could not draw; is the package gnuplot-nox installed?";
     if (times_s.empty()) return "there is nothing to draw";
-    // gnuplot does not say that a disk is full. The drawing is complete in a temporary file before `path` is touched.
+    // gnuplot does not report that a disk is full. The drawing is complete in a temporary file before `path` is
+    // touched.
     const TemporaryFile drawing;
     if (!drawing.exists()) return "there is no place for a temporary file";
     std::FILE* pipe = ::popen("gnuplot 2>/dev/null", "w");

@@ -18,7 +18,7 @@ struct Diagram {
 };
 
 // Writes the diagrams, one below the other, as SVG into the file `path`. `times_s`: the horizontal axis in seconds.
-// Returns a sentence that says what failed, or an empty text.
+// Returns a sentence about the failure, or an empty text.
 [[nodiscard]] std::string draw_svg(const std::string& path, const std::vector<double>& times_s,
                                    const std::vector<Diagram>& diagrams);
 

@@ -59,7 +59,7 @@ std::string escaped(std::string_view text) {
 }
 
 std::string man_entry(std::string_view name, std::string_view text) {
-    // Not the macro .B: it takes the quotes of its arguments away.
+    // The macro .B is not used, because it removes the quotes of its arguments.
     return fmt::format(".TP\n\\fB{}\\fR\n{}\n", escaped(name), escaped(text));
 }
 

@@ -1,4 +1,4 @@
-// Pieces of --help and of manual pages, for programs that make both from a table.
+// Functions for the text of --help and of manual pages, for programs that generate both from a table.
 #pragma once
 
 #include <string>
@@ -6,12 +6,13 @@
 
 namespace margay::samples {
 
-// Lines of up to 100 characters, each behind `indent` blanks; the first line continues a line with `used` characters.
+// Wraps the text to lines of up to 100 characters, each after `indent` blanks. The first line continues a line with
+// `used` characters.
 [[nodiscard]] std::string wrapped(std::string_view text, std::size_t indent, std::size_t used = 0);
 // A row of a list: `left`, and the text from column `indent` on.
 [[nodiscard]] std::string row(std::string_view left, std::string_view text, std::size_t indent);
 
-// Text for roff: as it is.
+// Escapes a text so that roff prints it unchanged.
 [[nodiscard]] std::string escaped(std::string_view text);
 // A paragraph of a manual page with a name in bold.
 [[nodiscard]] std::string man_entry(std::string_view name, std::string_view text);

@@ -25,7 +25,7 @@ std::string InterfaceClaim::take(const std::string& program, const std::string& 
         const std::string name = fmt::format("margay/{}/{}", program, interface);
         sockaddr_un address{};
         address.sun_family = AF_UNIX;
-        if (name.size() + 1 > sizeof address.sun_path) continue;  // no interface has such a name
+        if (name.size() + 1 > sizeof address.sun_path) continue;  // too long for an interface name
         std::memcpy(address.sun_path + 1, name.data(), name.size());
         const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
         const int socket = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);

@@ -1,4 +1,4 @@
-// One program of a kind for each interface: a second one is refused before it touches the segment.
+// Only one program of a kind may use an interface. A second program is refused before it accesses the segment.
 #pragma once
 
 #include <string>
@@ -6,8 +6,8 @@
 
 namespace margay::samples {
 
-// Holds names of network interfaces until it is destroyed, or until the program ends in any way. Each network
-// namespace has names of its own.
+// Reserves names of network interfaces until the object is destroyed, or until the program ends in any way. Each
+// network namespace has its own names.
 class InterfaceClaim {
   public:
     InterfaceClaim() = default;
@@ -16,7 +16,7 @@ class InterfaceClaim {
     InterfaceClaim& operator=(const InterfaceClaim&) = delete;
 
     // `source`: one interface, or two with '+' between their names. Returns a sentence if another process of `program`
-    // holds one of them; empty when the interfaces are held now.
+    // has reserved one of them; empty when the interfaces are now reserved.
     [[nodiscard]] std::string take(const std::string& program, const std::string& source);
 
   private:

@@ -6,7 +6,7 @@
 
 namespace margay::samples {
 
-// With a line end. Octets that are no UTF-8, for example in a file name or an argument, become U+FFFD.
+// The document with a line end. Octets that are not UTF-8, for example in a file name or an argument, become U+FFFD.
 [[nodiscard]] std::string json_text(const nlohmann::ordered_json& json);
 
 }  // namespace margay::samples

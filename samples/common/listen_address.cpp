@@ -16,10 +16,10 @@ namespace margay::samples {
 
 namespace {
 
-// The octets of the address and, for an address of one link, the number of its interface. Empty: the text is no
+// The octets of the address and, for an address of one link, the number of its interface. Empty: the text is not an
 // address.
 std::vector<std::uint8_t> octets_of(const std::string& text) {
-    // getaddrinfo() takes "34980" and "1.2.3" for addresses, too.
+    // getaddrinfo() also accepts "34980" and "1.2.3" as addresses.
     in_addr four_parts{};
     if (text.find(':') == std::string::npos && ::inet_pton(AF_INET, text.c_str(), &four_parts) != 1) return {};
     addrinfo hints{};

@@ -82,7 +82,7 @@ bool CableReports::repeats(const Event& event) {
     }
     const bool other_end = event.other != 0 && event.at - same->at < window_ && event.actual == same->actual;
     *same = event;
-    if (other_end) last_.erase(same);  // both ends have reported: the next report is a new interruption
+    if (other_end) last_.erase(same);  // both ends have reported, so the next report is a new interruption
     return other_end;
 }
 

@@ -16,7 +16,7 @@ std::string file_failure(const std::string& path, std::string_view what, int err
     return fmt::format("{}: {}: {}", path, what, std::strerror(error));
 }
 
-// A link as /dev/stdout, which leads to an open file of a process.
+// Whether a link, for example /dev/stdout, leads to an open file of a process.
 bool is_open_file(fs::path link) {
     constexpr int kMostLinks = 40;
     std::error_code error;
@@ -56,7 +56,7 @@ NewFile::~NewFile() {
     if (target_.is_replaced && begun_ && !committed_) fs::remove(beside_, ignored);
 }
 
-// The first call chooses a name that no file of the user has; "x" follows no symbolic link.
+// The first call chooses a name that no file of the user has. The mode "x" does not follow symbolic links.
 std::FILE* NewFile::open() {
     if (begun_ || !target_.is_replaced) return std::fopen(beside_.c_str(), "wb");
     constexpr int kMost = 100;
@@ -69,7 +69,7 @@ std::FILE* NewFile::open() {
 
 std::string NewFile::write(std::string_view content) {
     if (!target_.error.empty()) return target_.error;
-    if (content.empty() && !target_.is_replaced) return {};  // a reader of a pipe would take it for the end
+    if (content.empty() && !target_.is_replaced) return {};  // the reader of a pipe would get the end of file
     std::FILE* file = open();
     if (file == nullptr) return file_failure(path_, "cannot be written", errno);
     begun_ = true;

@@ -7,18 +7,18 @@
 
 namespace margay::samples {
 
-// Where a file has to be made that replaces an older one.
+// The place where a file must be created that replaces an older file.
 struct FileTarget {
-    std::string path{};       // behind symbolic links, which stay what they are
-    bool is_replaced = true;  // false: no regular file, it is written directly
+    std::string path{};       // the path after following symbolic links, which are kept
+    bool is_replaced = true;  // false: not a regular file, written directly
     bool existed = false;
-    std::string error{};  // a sentence, when the path leads to nothing that can be replaced or written
+    std::string error{};  // a sentence if the path cannot be replaced or written
 };
 [[nodiscard]] FileTarget target_of(const std::string& path);
 
 // The new content is written beside the file, into FILE.new (FILE.new1, … if the user has a file of this name), and
-// commit() renames it. Without commit() the older file keeps its content, and the destructor removes FILE.new. What is
-// no regular file (a device, a pipe) is written directly. Errors are sentences that name the file as the user does;
+// commit() renames it. Without commit() the older file keeps its content, and the destructor removes FILE.new. A file
+// that is not regular (a device, a pipe) is written directly. Errors are sentences with the file name of the user;
 // empty when there is no error.
 class NewFile {
   public:
@@ -28,9 +28,9 @@ class NewFile {
     NewFile& operator=(const NewFile&) = delete;
 
     [[nodiscard]] const std::string& path() const { return path_; }
-    // Where the content is written, after the first write(); another writer may write there afterwards.
+    // The file to which the content is written, valid after the first write(). Another writer may then write to it.
     [[nodiscard]] const std::string& beside() const { return beside_; }
-    // Replaces what was written before.
+    // Replaces the content that was written before.
     [[nodiscard]] std::string write(std::string_view content);
     [[nodiscard]] std::string commit();
 

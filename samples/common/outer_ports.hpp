@@ -20,14 +20,14 @@ class OuterPorts {
     // the first is 0. `segment` outlives the object. Returns one sentence about an error; empty when there is none.
     [[nodiscard]] std::string open(SimulatedSegment& segment, const std::string& prefix);
 
-    // Adds a file to wait for, for each device that takes frames now.
+    // Adds a file to wait for, for each device that can accept frames now.
     void add_files(std::vector<pollfd>& files) const;
     // Passes the frames of the TAP devices on to the devices.
     void serve(Time now);
 
     // One line for each port.
     [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
-    // Frames that the kernel did not take.
+    // The number of frames that the kernel did not accept.
     [[nodiscard]] std::uint64_t dropped() const;
 
   private:

@@ -54,7 +54,7 @@ int fail(std::string_view message, int code) {
         return code;
     }
     const auto line = program_name + ": " + text + "\n";
-    flush_out();  // where both go to one file, the message stands behind what was printed before it
+    flush_out();  // if both go to one file, the message follows the earlier output
     (void)std::fwrite(line.data(), 1, line.size(), stderr);
     return code;
 }

@@ -28,7 +28,7 @@ void write_out(std::string_view text);
 void flush_out();
 [[nodiscard]] bool output_lost();
 
-// The same for a text for people: see visible().
+// The same for a text for people, see visible().
 void print_text(std::string_view text);
 // Writes formatted text for people to standard output, with the format of fmt::print().
 template <class... T>
@@ -42,8 +42,8 @@ int fail(std::string_view message, int code = exit_code::kSegment);
 // Writes the same line as fail(), for a program that continues.
 void warn(std::string_view text);
 
-// Gives all messages of fail() and warn() to this function, for a program whose messages go somewhere else. From any
-// thread; `text` has no line end. nullptr: to standard error.
+// Passes all messages of fail() and warn() to this function, for a program that does not write them to standard error.
+// Any thread may call it; `text` has no line end. nullptr: messages go to standard error.
 using MessageWriter = void (*)(std::string_view text);
 void write_messages_by(MessageWriter writer);
 
@@ -55,7 +55,8 @@ void stop_at_signals();
 
 // Executes `body` as the program `name` and returns the exit code of `body`, or exit_code::kSystem after an exception
 // (usually out of memory) or lost output. SIGPIPE is ignored: a closed pipe is a write error. Standard streams that the
-// caller has closed are held by /dev/null, so that no file or socket gets their numbers; writing to them is an error.
+// caller has closed are replaced by /dev/null, so that no file or socket gets their numbers. Writing to them is an
+// error.
 int run_program(std::string_view name, const std::function<int()>& body);
 
 }  // namespace margay::samples

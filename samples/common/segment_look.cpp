@@ -22,7 +22,7 @@ constexpr int kSendings = 5;
 constexpr std::size_t kOctets = 6;
 constexpr std::uint8_t kIndex = 0xA5;
 
-// Without the mark of the first slave.
+// The MAC address without the bit that the first slave sets.
 MacAddress without_mark(MacAddress mac) {
     mac[0] &= static_cast<std::uint8_t>(~std::to_integer<unsigned>(wire::kPassedEscBit));
     return mac;
@@ -68,7 +68,7 @@ bool wait_for_link(const Ends& ends, Osal& osal) {
     return true;
 }
 
-// One read of the AL status, and its answer.
+// One read of the AL status, and its reply.
 struct Question {
     wire::Command command = wire::Command::BRD;
     std::uint8_t index = kIndex;
@@ -79,11 +79,11 @@ struct Reply {
     bool circulated = false;  // it has passed a slave whose port 0 is closed: the first slave behind a break
     std::array<std::byte, kOctets> octets{};
 };
-// By the NIC that has asked.
+// The replies, by the NIC that has sent the request.
 using Replies = std::array<std::optional<Reply>, 2>;
 
-// The answer of the slaves in a frame. Returns nothing for any other frame. A frame that no slave has processed is an
-// answer where it has crossed the ring: it has passed the slaves in the other direction.
+// The reply of the slaves in a frame. Returns no value for any other frame. A frame that no slave has processed is a
+// reply if it has crossed the ring, because it has passed the slaves in the other direction.
 std::optional<Reply> answer_in(Bytes frame, const Question& question, bool crossed) {
     wire::DatagramReader reader(frame);
     const auto datagram = reader.next();
@@ -109,7 +109,7 @@ void take_answers(const Ends& ends, const Question& question, Replies& replies) 
     }
 }
 
-// Which NICs ask, by number.
+// The NICs that send requests, by number.
 using Askers = std::array<bool, 2>;
 
 bool is_awaited(const Askers& asking, const Replies& replies) {
@@ -125,8 +125,9 @@ void wait_for_answers(const Ends& ends, Osal& osal, const Question& question, co
     }
 }
 
-// Sends the question up to kSendings times. The NICs ask at the same time, as a master with two NICs does: in the whole
-// ring, mostly no slave answers one of both copies, and an analysis of a recording takes both for one frame.
+// Sends the request up to kSendings times. Both NICs send at the same time, like a master with two NICs: in an unbroken
+// ring, usually one of the two copies is processed by no slave, and an analysis of a recording treats both as one
+// frame.
 Replies ask(const Ends& ends, Osal& osal, const Question& question, Askers asking) {
     std::array<std::byte, wire::kMaxFrameBytes> buffer{};
     Replies replies{};
@@ -145,7 +146,7 @@ Replies ask(const Ends& ends, Osal& osal, const Question& question, Askers askin
     return replies;
 }
 
-// What the slaves answer that the frames of each NIC reach.
+// The replies of the slaves that the frames of each NIC reach.
 std::array<Reply, 2> ask_all(const Ends& ends, Osal& osal) {
     const Replies replies = ask(ends, osal, {}, {true, ends.nics[1] != nullptr});
     return {replies[0].value_or(Reply{}), replies[1].value_or(Reply{})};

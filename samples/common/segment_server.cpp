@@ -25,7 +25,7 @@ constexpr Duration kSilence = 2s;     // a master that sends again after such a 
 constexpr Duration kStateLook = 5ms;  // interval for the detection of state changes
 constexpr Duration kLinkLook = 10ms;  // interval for the detection of cables that are out
 // Slaves whose time comes within this interval are served together, because a look at a thousand slaves costs a
-// microsecond. They see their own times all the same, and the first frame of a burst finds them up to date.
+// microsecond. They nevertheless get their own times, and the first frame of a burst finds them up to date.
 constexpr Duration kStep = 50us;
 constexpr unsigned kBurst = 16;  // frames
 constexpr std::size_t kMaxMasters = 64;
@@ -78,8 +78,8 @@ std::string SegmentServer::record_to(const std::string& file) {
     return recorder.open(file, epoch) ? std::string() : recorder.problem();
 }
 
-// Opens one interface, or two with '+' between their names. A ring whose second interface is not given is served with
-// that cable out.
+// Opens one interface, or two with '+' between their names. A ring without a second interface is served with its second
+// cable removed.
 std::string SegmentServer::open_ends(const ServerOptions& options) {
     const auto plus = options.interface.find('+');
     ends_[0].name = options.interface.substr(0, plus);
@@ -170,7 +170,8 @@ void SegmentServer::serve(unsigned port) {
     std::array<std::byte, 1600> buffer;
     // The frames that wait have come together: the programs of the slaves do not run between them, or the replies to
     // the last frames of a cycle would wait for the programs. A frame that a master has sent after a reply comes later:
-    // where both share a processor, the master runs during send(). The clocks of the slaves have gone on meanwhile.
+    // where both share a processor, the master runs during send(). The clocks of the slaves have advanced during this
+    // time.
     constexpr Duration kTogether = 10us;
     Time now = osal_.now();
     Time processed = now;

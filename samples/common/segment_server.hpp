@@ -18,10 +18,10 @@
 namespace margay::samples {
 
 struct ServerOptions {
-    std::string interface {};  // or two, with '+' between their names: both ends of a ring
+    std::string interface {};  // or two, with '+' between their names, for both ends of a ring
     bool tap = false;
     std::string record{};
-    std::string ports{};  // TAP devices of the Ethernet ports of devices have this prefix; empty: there are none
+    std::string ports{};  // prefix of the TAP devices for the Ethernet ports of devices; empty: no TAP devices
     bool quiet = false;
 };
 
@@ -61,7 +61,7 @@ class SegmentServer {
     OuterPorts ports_;
     std::vector<pollfd> files_;
     std::optional<PcapRecorder> recorder_;
-    std::optional<PcapRingRecorder> ring_recorder_;  // of two interfaces
+    std::optional<PcapRingRecorder> ring_recorder_;  // for two interfaces
     int signals_ = -1;
     bool quiet_ = false;
     bool commands_open_ = true;

@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Where a value of a master stands, for errors about two masters.
+// The place of a value of a master in a file, for errors about two masters.
 struct Place {
     std::string file{};
     std::uint32_t line = 0;
@@ -52,15 +52,15 @@ bool is_name(std::string_view text) {
 }
 
 bool is_interface_name(std::string_view text) {
-    // The kernel takes no ':', and makes numbers of '%'.
+    // The kernel refuses ':', and replaces '%' by numbers.
     return !text.empty() && text.size() < IFNAMSIZ && text.find_first_of("/:% \t") == std::string_view::npos &&
            text != "." && text != "..";
 }
 
 constexpr std::size_t kMostOctets = std::size_t{1} << 20;  // of a TOML file
 
-// The content of a file. A folder, a FIFO or a device is an error: reading them may never end, and a reload must not
-// keep the service from its end.
+// The content of a file. A folder, a FIFO or a device is an error, because reading it may never end, and a reload must
+// not prevent the end of the service.
 files::FileContent regular_file(const fs::path& path, std::size_t most) {
     std::error_code error;
     const auto status = fs::status(path, error);
@@ -70,7 +70,7 @@ files::FileContent regular_file(const fs::path& path, std::size_t most) {
     return files::read_file(path.string(), most);
 }
 
-// Which name in the list of a simulated segment is there and is no file; empty: none.
+// The first name in the list of a simulated segment that exists and is not a file; empty: none.
 std::string odd_file(std::string_view names) {
     while (!names.empty()) {
         const auto comma = std::min(names.find(','), names.size());
@@ -385,12 +385,12 @@ class FileReader {
     std::vector<PlacedMaster>& masters_;
 };
 
-// What one master must not have in common with another one.
+// The values that two masters must not share.
 class Shared {
   public:
     explicit Shared(std::vector<std::string>& errors) : errors_(errors) {}
     void use(const std::string& kind, const std::string& what, const Place& at) { use(kind, what, what, at); }
-    // `same`: equal for two that are written otherwise.
+    // `same`: equal for two values that differ only in notation.
     void use(const std::string& kind, const std::string& what, const std::string& same, const Place& at) {
         const auto [found, fresh] = used_.try_emplace(kind + "\n" + same, at);
         if (!fresh)
@@ -425,7 +425,7 @@ void check_together(const std::vector<PlacedMaster>& masters, const std::string&
                 fmt::format("{}: the path of the socket has more than {} octets: {}", to_text(at), kMostPath, socket));
         const auto gateway = parse_listen_address(m.gateway, MailboxGatewaySettings::kPort);
         if (gateway) {
-            // The text of the first gateway that cannot be there beside this one stands for both.
+            // The text of the first gateway that conflicts with this gateway is used for both.
             const auto first =
                 std::ranges::find_if(gateways, [&](const ListenAddress& other) { return clash(other, *gateway); });
             const auto& same = first == gateways.end() ? *gateway : *first;
@@ -439,7 +439,7 @@ void check_together(const std::vector<PlacedMaster>& masters, const std::string&
     }
 }
 
-// Masters without a number get the first free ones, in their order.
+// Masters without a number get the first free numbers, in their order.
 void give_numbers(std::vector<PlacedMaster>& masters) {
     const auto is_used = [&](unsigned n) {
         return std::ranges::any_of(masters, [n](const auto& m) { return m.has_number && m.master.number == n; });

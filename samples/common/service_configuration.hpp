@@ -18,8 +18,8 @@ namespace margay::samples {
 inline constexpr const char* kConfigurationFolder = "/etc/margay";
 inline constexpr const char* kSocketFolder = "/run/margay";
 
-// A key of a master, of its tables `socket` and `gateway` (socket.mode), or of an element of `eoe` (eoe.name). What
-// a file may contain, --help and the manual page follow from this table.
+// A key of a master, of its tables `socket` and `gateway` (socket.mode), or of an element of `eoe` (eoe.name). The
+// allowed content of a file, --help and the manual page are derived from this table.
 struct ServiceKey {
     std::string_view name;
     std::string_view value;     // what the user writes
@@ -46,14 +46,15 @@ struct EoeInterface {
     bool operator==(const EoeInterface&) const = default;
 };
 
-// One master. Two configurations are equal if a running master need not be restarted for the other one.
+// One master. Two configurations are equal if a running master need not be restarted for a change from one to the
+// other.
 struct MasterConfiguration {
     std::string name{};
     std::string source{};
     unsigned number = 0;  // of `ethercat --master`, and in the names of EoE interfaces
     std::filesystem::path eni{};
     std::string eni_text{};  // the content of that file
-    unsigned cycle_us = 0;   // 0: as the ENI says, or 1000
+    unsigned cycle_us = 0;   // 0: the value of the ENI, or 1000
     AlState state = AlState::op;
     AlState end_state = AlState::init;
     bool take_over = false;
@@ -68,7 +69,8 @@ struct MasterConfiguration {
     SocketConfiguration socket{};
     bool eoe = false;                       // an interface for each slave with EoE
     std::vector<EoeInterface> eoe_named{};  // or for these slaves only
-    std::string gateway{};                  // where it listens: "127.0.0.1:34980"; empty: no mailbox gateway
+    // The address at which it listens: "127.0.0.1:34980"; empty: no mailbox gateway.
+    std::string gateway{};
     bool gateway_read_only = false;
     bool operator==(const MasterConfiguration&) const = default;
 };
@@ -77,14 +79,14 @@ struct ServiceConfiguration {
     std::vector<MasterConfiguration> masters{};  // by number
     // One sentence for each error, with file and line. The masters are not usable if there is one.
     std::vector<std::string> errors{};
-    // Findings with which the service starts nevertheless: remarks about ENI files, interfaces that are not there.
+    // Findings with which the service starts nevertheless: remarks about ENI files, missing interfaces.
     std::vector<std::string> warnings{};
     bool unreadable = false;  // the folder or a file cannot be read: an error of the system, not of the content
 };
 
-// How much is checked beside the TOML files.
+// The checks in addition to the TOML files.
 enum class ConfigurationCheck : std::uint8_t {
-    files,  // nothing: for programs that only look for masters
+    files,  // no other checks, for programs that only search for masters
     whole,  // sources, ENI files, users and groups
 };
 

@@ -12,7 +12,7 @@ namespace margay::samples {
 // The whole image as text, category by category. Unknown categories are shown as octets. In a damaged image everything
 // that can be read is shown.
 [[nodiscard]] std::string sii_text(Bytes image);
-// The same of what an EEPROM contains up to the end of its categories: that the EEPROM is larger is no fault.
+// The same for the content of an EEPROM up to the end of its categories. A larger EEPROM is not a fault.
 [[nodiscard]] std::string sii_text_of_used_part(Bytes image);
 
 // All findings of the strict check.

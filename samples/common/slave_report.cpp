@@ -169,8 +169,8 @@ nlohmann::ordered_json slave_json(const Slave& s) {
          s.error.code == Errc::none ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sentence(s.error))}};
 }
 
-// Sentences in place of the library's for errors whose sentence names functions, because the user of a program calls no
-// function. Empty: the sentence of the library is used.
+// Sentences for errors whose sentence in the library names functions, because the user of a program calls no functions.
+// Empty: the sentence of the library is used.
 std::string_view words_for_users(Errc code) {
     switch (code) {
         case Errc::identity_unread: return "the slave was away, and its identity was not compared since";

@@ -11,12 +11,12 @@
 
 namespace margay::samples {
 
-// The sentence that describe() writes, for the user of a program: it names no function to call. Of another module than
-// the ENI file says with the slot.
+// The sentence of describe() for the user of a program, without names of functions. If a module differs from the ENI
+// file, the sentence contains the slot.
 [[nodiscard]] std::string sentence(const Error& error);
 [[nodiscard]] std::string sentence(const Event& event);
 // The same without the number of the slave, for a caller that names the slave itself. (An error without a slave has
-// another sentence: it does not say which register or object it concerns.)
+// another sentence, which does not name the register or the object.)
 [[nodiscard]] std::string sentence_without_slave(const Error& error);
 
 // Removes all errors from errors() and returns their sentences, oldest first, except sentences that are equal to
@@ -41,7 +41,7 @@ namespace margay::samples {
 // The segment as a tree, one line per slave. Slaves in a line share a column; branches are indented.
 [[nodiscard]] std::string topology_text(Context& ctx);
 
-// What is not as it should be in a ring with two NICs, in one sentence; empty with one NIC, and when the ring is whole.
+// A sentence about a fault of a ring with two NICs; empty with one NIC, and when the ring is not broken.
 [[nodiscard]] std::string ring_remark(Context& ctx);
 
 [[nodiscard]] nlohmann::ordered_json segment_json(Context& ctx);

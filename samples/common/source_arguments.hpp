@@ -30,8 +30,8 @@ void add_interface_arguments(Arguments& arguments, SourceArguments& values);
 [[nodiscard]] std::string list_of_interfaces();
 [[nodiscard]] std::string list_of_segments(const std::string& prefix);
 
-// Why a program must not scan the segment: slaves are in SAFEOP or OP, or there is no link. Empty when it can. Reads
-// the AL status of all slaves, before init().
+// The reason why a program must not scan the segment: slaves are in SAFEOP or OP, or there is no link. Empty: it may
+// scan. Reads the AL status of all slaves, before init().
 [[nodiscard]] std::string scan_refusal(Source& source);
 
 // Opens the source, executes `body`, closes the source and returns the exit code. Reports errors of the source on

@@ -29,7 +29,7 @@ std::string TapNic::open(const std::string& name) {
     Interface interface;
     if (::ioctl(device_, TUNSETIFF, &request) < 0) {
         const int error = errno;
-        // A TAP device of another program, or an interface of another kind.
+        // The name belongs to a TAP device of another program, or to an interface of another kind.
         name_taken_ = (error == EBUSY || error == EINVAL) && interface.open(name);
         if (name_taken_) return fmt::format("the system has an interface {} already", name);
         return fmt::format("cannot create the TAP device {}: {}{}", name, std::strerror(error),

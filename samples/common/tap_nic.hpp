@@ -18,14 +18,14 @@ class TapNic final : public Nic {
     // Creates the device and switches its interface on. The destructor removes the device. Returns a sentence that
     // describes the error; empty when there is no error.
     [[nodiscard]] std::string open(const std::string& name);
-    // open() has failed because an interface has this name already.
+    // Whether open() has failed because an interface with this name exists.
     [[nodiscard]] bool name_taken() const noexcept { return name_taken_; }
 
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
     [[nodiscard]] int wait_handle() const noexcept override { return device_; }
     [[nodiscard]] int last_error() const noexcept override { return last_error_; }
-    // The interface was deleted: receive() has failed.
+    // Whether the interface was deleted, so that receive() has failed.
     [[nodiscard]] bool gone() const noexcept { return gone_; }
 
   private:

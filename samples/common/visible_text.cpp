@@ -6,7 +6,7 @@
 namespace margay::samples {
 namespace {
 
-// One character of a text in UTF-8. One that is cut ends before the next character.
+// One character of a text in UTF-8. An incomplete character ends before the next character.
 std::string_view character_at(std::string_view text, std::size_t at) {
     const auto lead = static_cast<unsigned char>(text[at]);
     const auto most = text.substr(at, lead < 0xC0 ? 1 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : 4);

@@ -1,4 +1,4 @@
-// Texts for people: characters that are not seen are replaced.
+// Texts for people, in which invisible characters are replaced.
 #pragma once
 
 #include <string>
@@ -6,8 +6,8 @@
 
 namespace margay::samples {
 
-// The text with ? in the place of characters that are not seen (in UTF-8): they turn the direction of a text, or make
-// it look like another one. Controls and octets that are no UTF-8 stay.
+// The text with ? in place of invisible characters (in UTF-8), because they reverse the direction of a text or make it
+// look like another text. Control characters and octets that are not UTF-8 are kept.
 [[nodiscard]] std::string visible(std::string_view text);
 
 }  // namespace margay::samples

@@ -43,7 +43,7 @@ Result<std::uint16_t> scan_by(Context& ctx, const files::EniConfiguration* eni) 
     const auto told = files::check_modules(ctx, *eni);
     if (eni->clocks)
         if (const auto reference = configdc(ctx, *eni->clocks); !reference) {
-            if (!told) warn(fmt::format("ENI file: {}", sentence(told.error())));  // one error alone can be returned
+            if (!told) warn(fmt::format("ENI file: {}", sentence(told.error())));  // only one error can be returned
             return reference.error();
         }
     if (!told) return told.error();

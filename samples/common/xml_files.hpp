@@ -1,4 +1,4 @@
-// ESI and ENI files as the programs use them.
+// Functions of the programs for ESI and ENI files.
 #pragma once
 
 #include "source/esi_image.hpp"
@@ -21,18 +21,18 @@ struct EniFile {
 [[nodiscard]] EniFile load_eni(const std::string& path);
 
 // Maps the groups of the file, or group 0 without a file; after an error it continues with the other groups. Returns
-// the octets of all of them, or the first error.
+// the number of octets of all groups, or the first error.
 [[nodiscard]] Result<std::size_t> map_groups(Context& ctx, const files::EniConfiguration* eni,
                                              std::span<std::byte> image);
 
-// Whether the file has the device of this identity. Another revision is another device.
+// Whether the file contains the device with this identity. A device with another revision does not match.
 [[nodiscard]] bool has_device(const files::EsiFile& esi, const Identity& identity);
 
 // Limits with room for the slaves and groups of the file.
 [[nodiscard]] Limits with_room(Limits limits, const files::EniConfiguration* eni);
 
-// Scans the segment; with a file as its slaves and clocks say, and compares the modules of the slaves with it. That
-// error (check_failed) is not in errors().
+// Scans the segment. With a file, the slaves and clocks of the file are used, and the modules of the slaves are
+// compared with it. The error of this comparison (check_failed) is not in errors().
 [[nodiscard]] Result<std::uint16_t> scan_by(Context& ctx, const files::EniConfiguration* eni);
 
 }  // namespace margay::samples
