@@ -34,13 +34,14 @@ void write_difference(TextWriter& out, std::uint32_t difference) {
 
 // Example: "between slave 4 port 1 and slave 5"; the ends of the ring are the NICs.
 void write_break(TextWriter& out, const Event& e) {
+    const bool swapped = e.actual != 0;
     out << "between ";
     if (e.slave == 0)
-        out << "the first NIC";
+        out << (swapped ? "the second NIC" : "the first NIC");
     else
         out << "slave " << e.slave << " port " << unsigned{e.port};
     if (e.other == 0)
-        out << " and the second NIC";
+        out << (swapped ? " and the first NIC" : " and the second NIC");
     else
         out << " and slave " << e.other;
 }

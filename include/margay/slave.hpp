@@ -170,7 +170,9 @@ struct Slave {
     std::uint16_t parent = 0;  // number of the slave before this one; 0: the master
     std::uint8_t parent_port = 0;
     std::uint8_t entry_port = 0;
-    RingEnd ring = RingEnd::first_nic;  // always first_nic without redundancy, and while the ring is whole
+    // The NIC whose frames pass this slave first. While the ring is whole: the NIC at its beginning, which is the
+    // second one if the cables are swapped (RedundancyStatus::swapped). Without redundancy always first_nic.
+    RingEnd ring = RingEnd::first_nic;
     std::array<Port, 4> ports{};
 
     // From the SII. sync_managers and fmmu_use have the order of the SII; entries that do not fit the arrays are

@@ -224,6 +224,7 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
     if (reported_ == RingState::broken && event.slave == before_ && event.other == behind_) return;
     before_ = event.slave;
     behind_ = event.other;
+    event.actual = head;
     reported_ = RingState::broken;
     if (behind == 0 && !ring_.ever_whole()) event.kind = EventKind::second_cable_missing;
     network.report(event);
@@ -252,7 +253,7 @@ void RingWatch::watch(Network& network) {
     if (now.ring != RingState::whole) return;
     note_ends(network, now.swapped ? 1 : 0, true, *this);
     if (std::exchange(reported_, RingState::whole) == RingState::broken)
-        network.report({.kind = EventKind::ring_closed, .slave = before_, .other = behind_});
+        network.report({.kind = EventKind::ring_closed, .slave = before_, .other = behind_, .actual = now.swapped});
 }
 
 Error RingWatch::check() const {

@@ -286,9 +286,17 @@ TEST(RingBadInput, SwappedCables) {
     EXPECT_EQ(bus.ctx->slave(6).parent, 5U);
     EXPECT_EQ(bus.ctx->slave(1).ring, RingEnd::second_nic);
     EXPECT_EQ(bus.stale_cycles(10), 0U);
-    for (std::size_t n = 0; n < bus.ring_cables.size(); ++n) {
+    // The events name the NIC whose cable is broken.
+    const std::size_t last = bus.ring_cables.size() - 1;
+    (void)bus.events();
+    for (std::size_t n = 0; n <= last; ++n) {
         bus.cable(bus.ring_cables[n], false);
-        EXPECT_EQ(bus.stale_cycles(20), 0U) << n;
+        EXPECT_EQ(bus.stale_cycles(40), 0U) << n;
+        const auto texts = bus.joined(bus.events());
+        const auto* const place = n == 0      ? "between the second NIC and slave 1"
+                                  : n == last ? "between slave 6 port 1 and the first NIC"
+                                              : "between slave ";
+        EXPECT_NE(texts.find(place), std::string::npos) << texts;
         bus.cable(bus.ring_cables[n], true);
         EXPECT_EQ(bus.stale_cycles(20), 0U) << n;
     }
