@@ -70,8 +70,8 @@ void add_sentence(std::string& text, const std::string& sentence) {
     text += sentence;
 }
 
-// A port of a ring that leads to no slave of the list: to the second NIC, or to slaves that an application does not
-// use.
+// A port of a ring that leads to no slave of the list: to the NIC at the end of the ring, or to slaves that an
+// application does not use.
 bool leads_out(const Report& report, const SlaveFacts& slave, std::uint8_t port) {
     const Port& facts = slave.ports[port];
     if (!facts.link || !facts.open || facts.neighbour != 0 || port == slave.entry_port) return false;
@@ -80,7 +80,8 @@ bool leads_out(const Report& report, const SlaveFacts& slave, std::uint8_t port)
     });
 }
 
-// The port of the last slave that leads to the second NIC: a frame leaves there, and no slave is behind it.
+// The port of the last slave that leads to the NIC at the end of the ring: a frame leaves there, and no slave is behind
+// it.
 std::optional<CableEnd> second_end(const Report& report) {
     for (auto slave = report.slaves.rbegin(); slave != report.slaves.rend(); ++slave)
         for (std::uint8_t port = 0; port < 4; ++port)
@@ -168,7 +169,7 @@ std::vector<LooseEnd> loose_ends(const Report& report, const std::vector<Cable>&
 
 std::string end_text(const CableEnd& end) {
     if (end.slave) return fmt::format("slave {}, port {}", *end.slave, end.port);
-    return end.port == 0 ? "the master" : "the second NIC of the master";
+    return end.port == 0 ? "the master" : "the NIC at the end of the ring";
 }
 
 std::string_view medium_text(PortType type) {
@@ -184,7 +185,7 @@ std::string_view medium_text(PortType type) {
 std::string cable_text(const Cable& cable) {
     const auto name = [](const CableEnd& end) {
         if (end.slave) return fmt::format("slave {}", *end.slave);
-        return std::string(end.port == 0 ? "the master" : "the second NIC");
+        return std::string(end.port == 0 ? "the master" : "the NIC at the end of the ring");
     };
     return fmt::format("{} between {} and {}", cable.medium == PortType::ebus ? "E-bus contact" : "cable",
                        name(cable.near), name(cable.far));

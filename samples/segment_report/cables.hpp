@@ -14,7 +14,7 @@ namespace margay::segment_report {
 
 struct CableEnd {
     std::optional<std::uint16_t> slave{};  // not set: the master
-    std::uint8_t port = 0;                 // of the slave; of the master: 0 the first NIC, 1 the second NIC
+    std::uint8_t port = 0;                 // of the slave; of the master: 1 the NIC at the end of a ring
 };
 
 // What was counted at a port. A counter of an ESC stops at 255.
@@ -45,7 +45,7 @@ struct Cable {
     [[nodiscard]] unsigned interruptions() const { return std::max(near_counts.lost_links, far_counts.lost_links); }
 };
 
-// All cables in the order of the slaves, with that of the second NIC of a ring behind them.
+// All cables in the order of the slaves, with that of the NIC at the end of a ring behind them.
 [[nodiscard]] std::vector<Cable> cables_of(const Report& report);
 
 // A port without a link that has counted errors: a cable was there, or should be there.
@@ -56,7 +56,7 @@ struct LooseEnd {
 };
 [[nodiscard]] std::vector<LooseEnd> loose_ends(const Report& report, const std::vector<Cable>& cables);
 
-// "slave 2, port 1", "the master", "the second NIC of the master".
+// "slave 2, port 1", "the master", "the NIC at the end of the ring".
 [[nodiscard]] std::string end_text(const CableEnd& end);
 // "cable between slave 2 and slave 3", "E-bus contact between slave 2 and slave 3".
 [[nodiscard]] std::string cable_text(const Cable& cable);
@@ -66,12 +66,12 @@ struct LooseEnd {
 [[nodiscard]] std::string advice_text(const Cable& cable);
 [[nodiscard]] std::string_view medium_text(PortType type);
 
-// The master of a ring has two NICs, and slaves that are reached by the second NIC alone are behind a break.
+// The master of a ring has two NICs, and slaves that only the NIC at the end of the ring reaches are behind a break.
 struct RingState {
     bool ring = false;
     std::optional<std::uint16_t> behind{};  // the first slave of the list behind the break
     CableEnd before{};                      // the last end before the break; of a slave of the list, or of the master
-    bool unconnected = false;               // no slave has a link to the second NIC
+    bool unconnected = false;               // no slave has a link to the NIC at the end of the ring
     [[nodiscard]] bool whole() const { return ring && !behind && !unconnected; }
 };
 [[nodiscard]] RingState ring_of(const Report& report);

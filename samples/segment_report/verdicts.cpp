@@ -147,7 +147,7 @@ class Judge {
                             *state.behind),
                 "topology");
         if (state.unconnected)
-            add(Severity::fault, "The ring is not closed: no slave has a link to the second NIC.", "topology");
+            add(Severity::fault, "The ring is not closed: no slave has a link to the second interface.", "topology");
     }
 
     void processing() {

@@ -138,7 +138,7 @@ TEST_F(ReportSegment, ARingHasBothCablesAndTheBreak) {
     EXPECT_EQ(whole.rows("cable-table"), 4U);
     EXPECT_EQ(whole.cell("cable-table", 1, "From"), "master");
     EXPECT_EQ(whole.cell("cable-table", 4, "From"), "2 port 1");
-    EXPECT_EQ(whole.cell("cable-table", 4, "To"), "second NIC");
+    EXPECT_EQ(whole.cell("cable-table", 4, "To"), "NIC at the end of the ring");
     EXPECT_TRUE(contains(whole.verdicts("good").at(2), "The ring is closed."));
     folder.write("broken.toml", "ring = { slave = \"z\", port = 1 }\n" + slaves + "cable_broken = true\n");
     const auto out = made("broken.toml");
@@ -170,7 +170,7 @@ TEST_F(ReportSegment, ABreakBehindSlavesThatAreNotInTheList) {
     EXPECT_EQ(cable_text(cables[1]), "cable between slave 0 and slave 4");
     EXPECT_TRUE(cables[1].broken);
     EXPECT_EQ(cables[1].near.port, 1U);
-    EXPECT_EQ(cable_text(cables[2]), "cable between slave 4 and the second NIC");
+    EXPECT_EQ(cable_text(cables[2]), "cable between slave 4 and the NIC at the end of the ring");
     const ReadPage page(write_page(report).html);
     EXPECT_TRUE(contains(page.verdicts("fault").at(0), "The ring is broken between slave 0 and slave 4."));
     // All slaves before the break are unknown.
@@ -191,7 +191,7 @@ TEST_F(ReportSegment, AWholeRingWithSlavesThatAreNotInTheList) {
     for (auto& port : report.slaves[0].facts.ports)
         if (port.neighbour == 2) port.neighbour = 0;
     EXPECT_TRUE(ring_of(report).whole());
-    EXPECT_EQ(cable_text(cables_of(report).at(2)), "cable between slave 3 and the second NIC");
+    EXPECT_EQ(cable_text(cables_of(report).at(2)), "cable between slave 3 and the NIC at the end of the ring");
     // The first slave is not used either.
     report.slaves.erase(report.slaves.begin());
     report.slaves[0].facts.parent.reset();
