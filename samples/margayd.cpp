@@ -68,7 +68,7 @@ int run(const std::vector<std::string>& words) {
         return exit_code::kUsage;
     }
     ServiceOptions options;
-    // systemd has made this folder: RuntimeDirectory=margay.
+    // systemd has created this folder (RuntimeDirectory=margay).
     if (const char* folder = std::getenv("RUNTIME_DIRECTORY"); folder != nullptr && *folder != 0)
         options.sockets = folder;
     if (parsed.has("config")) options.config = parsed.values.at("config");

@@ -1,4 +1,5 @@
-// nic_check: says what an interface, the kernel and the machine can do for EtherCAT, with the command that mends it.
+// nic_check: reports whether an interface, the kernel and the machine are suitable for EtherCAT, and the command that
+// corrects each fault.
 #include "common/arguments.hpp"
 #include "common/program.hpp"
 #include "common/source_arguments.hpp"

@@ -49,7 +49,7 @@ std::vector<DeviceFacts> devices_of(const std::string& source) {
     return devices;
 }
 
-// How long a supervision of the application may take to bring slaves to another state.
+// The time that a supervision of the application may take to bring slaves to another state.
 constexpr std::chrono::seconds kToReach{10};
 
 }  // namespace
@@ -58,7 +58,7 @@ constexpr std::chrono::seconds kToReach{10};
 
 Answer<> AttachedSession::open() {
     if (connected_) return {};
-    // Requests of a slave may take seconds. A program that is stopped, for example by a debugger, does not answer at
+    // Requests of a slave may take seconds. A program that is stopped, for example by a debugger, does not respond at
     // all.
     client_.when_silent([told = false, path = path_](std::chrono::seconds since) mutable {
         constexpr std::chrono::seconds kLong{5};
@@ -94,7 +94,7 @@ Answer<Octets> AttachedSession::ask(Operation operation, const attach::Arguments
     auto reply = client_.call(operation, arguments, progress);
     last_error_ = reply.error.code;
     if (reply.ok()) return std::move(reply.payload);
-    // All texts come from another program: a terminal gets none of their control characters.
+    // All texts come from another program, so their control characters are not written to a terminal.
     if (reply.status == attach::Status::refused)
         return Problem{.text = samples::words_of_slave(reply.text),
                        .code = reply.broken ? samples::exit_code::kSystem : samples::exit_code::kSegment,
@@ -121,7 +121,7 @@ Answer<Octets> AttachedSession::ask_whole(std::uint16_t position, Operation oper
 
 // ------------------------------------------------------------------ facts
 
-// The table may change between two parts of it: then it is read again.
+// If the table changes between the readings of two parts, it is read again.
 Answer<std::vector<attach::SlaveFacts>> AttachedSession::table() {
     std::vector<attach::SlaveFacts> all;
     for (int again = 0; again < 8;) {
@@ -205,7 +205,7 @@ Answer<std::vector<SlaveFacts>> AttachedSession::slaves() {
     return all;
 }
 
-// What the application has measured: to measure again would disturb its clocks.
+// The values that the application has measured. A new measurement would disturb its clocks.
 Answer<ClockFacts> AttachedSession::clock(std::uint16_t position) {
     const auto all = table();
     if (!all) return all.problem();
@@ -255,7 +255,7 @@ Answer<> AttachedSession::set_target(std::uint16_t position, AlState target) {
     return {};
 }
 
-// Looks at least once.
+// Checks at least once.
 Answer<> AttachedSession::await_state(std::uint16_t position, AlState wanted,
                                       std::chrono::steady_clock::time_point deadline) {
     constexpr std::uint32_t kAlRegisters = 6;  // AL status and its code
@@ -265,7 +265,7 @@ Answer<> AttachedSession::await_state(std::uint16_t position, AlState wanted,
         const auto slave = slave_at(position);
         if (!slave) return slave.problem();
         if (slave->al.state == wanted && !slave->al.error) {
-            // The table has what was read last: the slave may have been silent since.
+            // The table contains the last read value. The slave may not have responded since then.
             const auto now = read_registers(position, wire::reg::kAlStatus.address, kAlRegisters);
             if (!now) return now.problem();
             const auto al = samples::al_status_in(*now);
@@ -290,7 +290,7 @@ Answer<> AttachedSession::reach(std::uint16_t position, AlState target, AlState 
 Answer<> AttachedSession::set_states(std::span<const std::uint16_t> positions, AlState state) {
     std::vector<std::string> problems;
     const auto note = [&problems](const Answer<>& done) {
-        // What the application says of itself is the same for all.
+        // The data about the application itself is the same for all slaves.
         if (!done && std::ranges::find(problems, done.problem().text) == problems.end())
             problems.push_back(done.problem().text);
         return static_cast<bool>(done);

@@ -1,5 +1,5 @@
 // The session that is attached to a running application, over the socket of its AttachServer. The application is the
-// master of the segment: what would disturb its cycle is refused in words.
+// master of the segment. Commands that would disturb its cycle are refused with a sentence.
 #pragma once
 
 #include "attach/client.hpp"
@@ -54,7 +54,7 @@ class AttachedSession final : public Session {
 
   private:
     [[nodiscard]] Answer<> open();
-    // One exchange; the problem is the error of the application in words.
+    // One exchange. The problem contains the text of the error of the application.
     [[nodiscard]] Answer<Octets> ask(attach::Operation operation, const attach::Arguments& arguments,
                                      const TransferProgress& progress = {});
     // The same for the slave at a position.
@@ -70,7 +70,7 @@ class AttachedSession final : public Session {
     [[nodiscard]] Answer<> set_target(std::uint16_t position, AlState target);
     [[nodiscard]] Answer<> await_state(std::uint16_t position, AlState wanted,
                                        std::chrono::steady_clock::time_point deadline);
-    // Sets the target, and waits until the slave is in the state that is wanted.
+    // Sets the target, and waits until the slave is in this state.
     [[nodiscard]] Answer<> reach(std::uint16_t position, AlState target, AlState wanted);
     [[nodiscard]] Answer<> back_from_boot(const attach::SlaveFacts& before);
     template <class T>

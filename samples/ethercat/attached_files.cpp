@@ -53,8 +53,8 @@ Answer<> AttachedSession::foe_write(std::uint16_t position, const FileTransfer& 
     return problem;
 }
 
-// A slave with new firmware restarts: it is away for a while, and may come back with another identity, which the
-// application holds below SAFEOP. The file is in the slave in each case.
+// A slave with new firmware restarts. It does not respond for some time, and may then have another identity. The
+// application keeps such a slave below SAFEOP. The slave contains the file in each case.
 Answer<> AttachedSession::back_from_boot(const attach::SlaveFacts& before) {
     const auto written = [&](const std::string& text) {
         return Problem{

@@ -21,7 +21,7 @@ struct Master {
     std::unique_ptr<Session> session{};
 };
 
-// What a command prints of one master. With --json `json` counts, otherwise `text`.
+// The output of a command for one master. With --json `json` is printed, otherwise `text`.
 class Output {
     std::unique_ptr<nlohmann::ordered_json> json_;
 
@@ -64,20 +64,21 @@ class Call {
     // Calls `work` for each master and prints its output; {"masters": [{"master": 0, …}]} with --json. A problem of one
     // master is its key "error" then, and does not stop the others. Returns the greatest exit code.
     int each_master(const std::function<Answer<>(Master& master, Output& output)>& work);
-    // Calls `work` for each of the slaves. What fails for one slave does not keep the others from it: returns the first
-    // problem, and reports the others on standard error. An error of the system ends it: the application has gone.
-    // With --json a slave that failed is in the list "slaves" of `output` with its position and "error".
+    // Calls `work` for each of the slaves. A failure of one slave does not stop the work for the other slaves: the
+    // function returns the first problem, and reports the other problems on standard error. An error of the system, for
+    // example the end of the application, stops the work. With --json a slave that failed is in the list "slaves" of
+    // `output` with its position and "error".
     static Answer<> each_slave(std::span<const SlaveFacts> slaves, Output& output,
                                const std::function<Answer<>(const SlaveFacts& slave)>& work);
     // Prints the result of a command for one slave.
     int print(const Output& output) const;
-    // Of a command that has --output-file: `content` goes there, or to standard output. With --json the document is on
-    // standard output, and `content` in the file only.
+    // For a command with --output-file: writes `content` to this file, or to standard output. With --json the document
+    // is on standard output, and `content` in the file only.
     int print(const Output& output, std::span<const std::byte> content) const;
 
-    // The selected slaves of a master. A problem if no slave is selected, unless nothing was asked for.
+    // The selected slaves of a master. A problem if --alias or --position selects no slave.
     [[nodiscard]] Answer<std::vector<SlaveFacts>> selected(Master& master) const;
-    // The same for a command that changes them: a problem too if there is none.
+    // The same for a command that changes slaves. An empty segment is a problem too.
     [[nodiscard]] Answer<std::vector<SlaveFacts>> some_selected(Master& master) const;
     // The one slave of a command that needs one.
     [[nodiscard]] Answer<SelectedSlave> one_slave();
@@ -94,7 +95,7 @@ class Call {
   private:
     const Arguments& arguments_;
     std::vector<Master> masters_;
-    mutable bool printed_ = false;  // there is output already: with --json it is one document
+    mutable bool printed_ = false;  // output was printed already; with --json the output is one document
 };
 
 // Reports a problem on standard error, with --json also as {"error": "…"} on standard output. Returns its exit code.

@@ -13,7 +13,7 @@ int run_analyse(Call& call) {
     const auto& path = call.words()[0];
     const auto analysis = analyse::analyse_file(path);
     const auto named = [&](const std::string& text) { return fmt::format("recording {}: {}", path, text); };
-    // What was read before a damaged packet is shown too.
+    // The packets before a damaged packet are shown too.
     if (analysis.frames.ethercat != 0) {
         Output output;
         output.json = {{"file", path}};

@@ -97,7 +97,7 @@ int run_sii_write(Call& call) {
     const auto slave = call.one_slave();
     if (!slave) return call.fail(slave.problem());
     SessionEeprom eeprom(slave->session(), slave->position());
-    const auto size = samples::eeprom_size(eeprom);  // that of a blank EEPROM is unknown
+    const auto size = samples::eeprom_size(eeprom);  // the size of a blank EEPROM is unknown
     if (!call.has("force") && size.error.empty() && image.octets.size() > size.octets)
         return call.fail(
             {fmt::format("{}: it has {}, the EEPROM of {} has {}: use --force to write it nevertheless",

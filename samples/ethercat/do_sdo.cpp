@@ -28,7 +28,7 @@ bool has_coe(const SlaveFacts& slave) {
     return slave.mailbox.present() && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0;
 }
 
-// What a newcomer with a simulated segment needs to know.
+// A hint for new users of a simulated segment.
 std::string hint(const Call& call) {
     const auto source = call.value("source");
     return source.starts_with("sim:") && source != "sim:drives" ? "; --source sim:drives has slaves with one" : "";
@@ -65,7 +65,8 @@ Answer<Place> place_of(const std::vector<std::string>& words, std::size_t count)
     return place;
 }
 
-// Without SUBINDEX, an object of one value is read as its subindex 0. The number of entries of another one has 8 bit.
+// Without SUBINDEX, an object of one value is read as its subindex 0. In other objects, subindex 0 is the number of
+// entries, with 8 bits.
 Place place_to_read(const SelectedSlave& slave, Place place) {
     if (!place.complete) return place;
     const auto entry = [&](std::uint8_t subindex) {

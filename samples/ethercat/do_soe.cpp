@@ -44,8 +44,8 @@ const DataType* type_of(const SoeAttribute& attribute) {
     return type_by_name(fmt::format("{}int{}", is_signed ? "" : "u", 8 * attribute.bytes));
 }
 
-// Whether a value begins with the lengths of a list: the octets that are there, and the most. For slaves that do not
-// say it by an attribute.
+// Whether a value begins with the lengths of a list: the present and the greatest number of octets. For slaves without
+// the attribute.
 bool looks_like_list(std::span<const std::byte> value) {
     const auto number = [&](std::size_t at) {
         return std::to_integer<std::size_t>(value[at]) | std::to_integer<std::size_t>(value[at + 1]) << 8;

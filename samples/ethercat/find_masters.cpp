@@ -57,7 +57,7 @@ std::vector<std::string> sockets_in(const char* folder) {
     return all;
 }
 
-// The masters of the service. An error in its files does not hide the sockets that are there.
+// The masters of the service. An error in its files does not hide the existing sockets.
 std::vector<MasterConfiguration> service_masters(const Arguments& arguments) {
     std::error_code ignored;
     if (!std::filesystem::is_directory(samples::kConfigurationFolder, ignored)) return {};
@@ -109,7 +109,7 @@ std::unique_ptr<Session> open_session(unsigned index, const Place& place, const 
     StandaloneSettings settings{.index = index, .source = place.source};
     settings.options.record = arguments.value("record");
     settings.options.trace = arguments.has("trace");
-    settings.options.real_time = arguments.has("watch");  // in virtual time the lines would come at once
+    settings.options.real_time = arguments.has("watch");  // in virtual time the lines would be printed at once
     settings.take_over = arguments.has("take-over");
     settings.eni = arguments.value("eni");
     return std::make_unique<StandaloneSession>(std::move(settings));

@@ -1,4 +1,4 @@
-// Which masters a call is for: the arguments, the environment, the applications and the service of this system.
+// Finds the masters of a call by the arguments, the environment, the applications and the service of this system.
 #pragma once
 
 #include "ethercat/call.hpp"
@@ -7,7 +7,7 @@
 
 namespace margay::ethercat {
 
-// The first of these that there is:
+// The first of these sources that exists:
 // - the sources of --source, or the sockets of --attach;
 // - the sources of MARGAY_MASTER0, MARGAY_MASTER1 …;
 // - the sockets of the masters in /etc/margay/*.toml, by their numbers, and then all other /run/margay/*.sock;

@@ -82,7 +82,7 @@ std::string man_command(const Command& command) {
     return text;
 }
 
-// The words that may follow, in the form that the completion tells apart: "FILE", "SOURCE", or a list.
+// The words that may follow, in the form that the completion distinguishes: "FILE", "SOURCE", or a list.
 std::string completion_case(std::string_view pattern, std::string_view words) {
     if (words == "FILE") return fmt::format("        {}) _margay_ethercat_files; return ;;\n", pattern);
     if (words == "SOURCE") return fmt::format("        {}) _margay_ethercat_sources; return ;;\n", pattern);
@@ -98,7 +98,7 @@ std::string option_words(const Command* command) {
     return words;
 }
 
-// What follows "sim:": the segments that this program knows by name, and files.
+// The words after "sim:": the ready-made segments of this program, and files.
 std::string completion_of_segments() {
     return fmt::format(
         "_margay_ethercat_segments() {{\n"

@@ -1,4 +1,4 @@
-// What the error counters at a port say about the link there. One judgement for all pictures.
+// The state of a link by the error counters at its port. All pictures use this function.
 #pragma once
 
 #include "ethercat/session.hpp"
@@ -11,7 +11,7 @@ namespace margay::ethercat {
 
 enum class LinkHealth : std::uint8_t { good, doubtful, bad };
 
-// Invalid frames and physical errors belong to the link; forwarded errors have their cause before it.
+// Invalid frames and physical errors occur on this link. Forwarded errors have occurred on an earlier link.
 [[nodiscard]] inline LinkHealth link_health(const ErrorCounters& counters, std::size_t port) {
     constexpr unsigned kBad = 10;
     const unsigned errors = std::max<unsigned>(counters.invalid_frames[port], counters.rx_errors[port]);

@@ -100,7 +100,8 @@ class Parser {
         return std::nullopt;
     }
 
-    // Options come before all other complaints, because an unknown option makes the rest of the words uncertain.
+    // Errors of options are reported before all other errors, because after an unknown option the meaning of the other
+    // words is uncertain.
     std::optional<Problem> no_option(std::string_view word) {
         return usage(fmt::format("there is no option '{}'", word), out_.command);
     }

@@ -12,7 +12,7 @@
 
 namespace margay::ethercat {
 
-// What the user has written.
+// The arguments that the user has written.
 struct Arguments {
     const Command* command = nullptr;  // nullptr: none, and `options` has help, version, man or completion
     std::vector<std::string> words{};  // the arguments of the command
@@ -25,7 +25,7 @@ struct Arguments {
 };
 
 // A problem has exit code 2. Options may stand everywhere; names of commands and long options may be shortened as long
-// as they are unambiguous; "-5" is a number, and what follows "--" is no option.
+// as they are unambiguous; "-5" is a number, and words after "--" are not options.
 [[nodiscard]] Answer<Arguments> parse(const std::vector<std::string>& words);
 
 }  // namespace margay::ethercat

@@ -11,8 +11,8 @@
 
 namespace margay::ethercat {
 
-// Parses a whole number in the notation of C: decimal, octal with 0, hexadecimal with 0x. Nothing: `text` is none, or
-// it is not from `least` to `most`.
+// Parses a whole number in the notation of C: decimal, octal with 0, hexadecimal with 0x. No value: `text` is not a
+// number, or not from `least` to `most`.
 [[nodiscard]] std::optional<std::uint64_t> parse_unsigned(std::string_view text, std::uint64_t most);
 [[nodiscard]] std::optional<std::int64_t> parse_signed(std::string_view text, std::int64_t least, std::int64_t most);
 
@@ -23,7 +23,8 @@ class Numbers {
     [[nodiscard]] bool contains(std::uint32_t number) const;
     // The number if it is a single one.
     [[nodiscard]] std::optional<std::uint32_t> single() const;
-    // The first element of the list, a number or a range, of which `there` has no number; nothing: there is none.
+    // The first element of the list (a number or a range) without any number in `there`; no value: there is no such
+    // element.
     [[nodiscard]] std::optional<std::string> missing(const std::vector<std::uint32_t>& there) const;
 
   private:
@@ -41,8 +42,8 @@ struct AliasAddress {
     std::uint16_t alias = 0;
     std::uint16_t relative = 0;
 };
-// For each slave of the ring, in the order of `slaves`. Where a slave is missing, its position is in none of them: an
-// index in these lists is no position.
+// For each slave of the ring, in the order of `slaves`. The positions of missing slaves are not in these lists, so an
+// index in these lists is not a position.
 [[nodiscard]] std::vector<AliasAddress> alias_addresses(const std::vector<SlaveFacts>& slaves);
 
 // The element for the slave at a position, in the slaves or in a list made from them. nullptr: no slave is there.

@@ -29,7 +29,7 @@ Answer<ErrorCounters> Session::error_counters(std::uint16_t position) {
     return counters;
 }
 
-// A write to a counter clears it, whatever the value.
+// A write of any value to a counter clears it.
 Answer<> Session::reset_error_counters(std::uint16_t position) {
     constexpr std::array<std::byte, 8> kZeros{};
     for (const auto& counters : {reg::kRxErrorCounter, reg::kForwardedRxErrorCounter, reg::kProcessingUnitErrorCounter,

@@ -1,5 +1,5 @@
-// What a command asks of a master. The interface has plain data in and out, so that a session can open a segment itself
-// (standalone.hpp), or be attached to an application that runs it.
+// The functions of a master that a command needs. The interface passes plain data, so that a session can open a segment
+// itself (standalone.hpp), or be attached to an application that is the master of the segment.
 //
 // Slaves are addressed by their position in the ring, the first is 0. All functions wait.
 #pragma once
@@ -25,11 +25,11 @@
 
 namespace margay::ethercat {
 
-// Why something was not done: a sentence, and the exit code of the program.
+// The reason of a failure: a sentence, and the exit code of the program.
 struct Problem {
     std::string text{};
     int code = samples::exit_code::kSegment;
-    bool refused = false;  // by the application that serves the socket: it has not asked the slave
+    bool refused = false;  // refused by the application that serves the socket, without an access to the slave
     bool aborted = false;  // the slave has answered an SDO request with an abort
 };
 
@@ -94,7 +94,7 @@ struct SlaveFacts {
     std::int16_t ebus_current_ma = 0;
 };
 
-// What only the SII says.
+// Data that only the SII contains.
 struct SlaveTexts {
     std::string order{};
     std::string group{};
@@ -190,7 +190,7 @@ struct FmmuFacts {
     std::uint32_t bits = 0;         // that are mapped
     std::uint32_t offset_bits = 0;  // of the first mapped bit in the SyncManager
 };
-// The FMMUs that map a SyncManager of the slave, by its registers from 0x0600 and from 0x0800.
+// The FMMUs that map a SyncManager of the slave, read from its registers from 0x0600 and from 0x0800.
 [[nodiscard]] std::vector<FmmuFacts> mapped_fmmus(std::uint16_t position, std::span<const std::byte> fmmus,
                                                   std::span<const std::byte> sync_managers);
 
@@ -221,12 +221,12 @@ struct DictionaryObjectFacts {
     std::vector<DictionaryEntryFacts> entries{};
 };
 
-// What a scan has found.
+// The result of a scan.
 struct RescanFacts {
     std::uint16_t slaves = 0;   // that answer
     bool whole = true;          // all slaves were scanned; false: compared with the slaves that the application knows
-    std::uint16_t missing = 0;  // that are expected and do not answer
-    std::uint16_t unused = 0;   // that answer, and that the application does not use
+    std::uint16_t missing = 0;  // expected slaves that do not respond
+    std::uint16_t unused = 0;   // slaves that respond, and that the application does not use
 };
 
 // A port. Its counters count modulo 2^32, like the counters of EoeStatistics.
@@ -267,7 +267,7 @@ class Session {
     [[nodiscard]] Answer<ErrorCounters> error_counters(std::uint16_t position);
     [[nodiscard]] Answer<> reset_error_counters(std::uint16_t position);
 
-    // Scans again, or does what a running application allows.
+    // Scans again. With a running application: only what the application allows.
     [[nodiscard]] virtual Answer<RescanFacts> rescan() = 0;
     // 0: no messages, 1: errors and warnings of the master, 2: every datagram.
     [[nodiscard]] virtual Answer<> set_debug_level(unsigned level) = 0;
@@ -329,7 +329,7 @@ class Session {
     virtual void pause(std::chrono::milliseconds time) = 0;
     // Messages of the master since the last call.
     [[nodiscard]] virtual std::vector<std::string> messages() = 0;
-    // Adds a message, unless it is there already.
+    // Adds a message, unless the list contains it already.
     void note(std::string text) {
         if (std::ranges::find(notes_, text) == notes_.end()) notes_.push_back(std::move(text));
     }

@@ -32,7 +32,7 @@ class SessionEeprom final : public samples::Eeprom {
         return written;
     }
     // The problem of a function that worked on this EEPROM, with the exit code of the first read() or write() that
-    // failed: an application that has gone is a system error, a slave that does not answer is none.
+    // failed: the end of the application is a system error, a slave that does not respond is not.
     [[nodiscard]] Problem problem(std::string text) const { return {std::move(text), code_}; }
 
   private:

@@ -161,7 +161,7 @@ int print_data_lines(Call& call) {
             output.json["domains"].push_back(domain_json(domain));
             octets.insert(octets.end(), domain.data.begin(), domain.data.end());
         }
-        // Before the document is printed: it says whether the file was written.
+        // The file is written before the document is printed, because the document contains the result.
         const bool write = path != "-" && complete && &master == &call.masters().back();
         return write ? write_octets(path, octets) : Answer<>();
     });

@@ -105,7 +105,7 @@ std::string etherlab_text(const SlaveFacts& slave, const std::vector<SyncManager
 
 // ------------------------------------------------------------------ cstruct
 
-// Text for a comment in C, which it cannot end.
+// A text that cannot end a comment of C.
 std::string comment(std::string text) {
     for (char& c : text)
         if (c == '*' || c == '\\' || static_cast<unsigned char>(c) < 0x20) c = ' ';
@@ -225,7 +225,7 @@ int run_xml(Call& call) {
         if (!described) return call.fail(described.problem());
         for (const auto& remark : described->remarks) call.warn(fmt::format("slave {}: {}", slave.position, remark));
         const Identity& identity = described->device.identity;
-        if (esi.devices.empty()) esi.vendor = identity.vendor;  // 0 is that of an EEPROM without an identity
+        if (esi.devices.empty()) esi.vendor = identity.vendor;  // an EEPROM without an identity has vendor 0
         if (identity.vendor != esi.vendor)
             return call.fail({fmt::format("an ESI file has one vendor; slave {} is of vendor 0x{:08x}, and the slaves "
                                           "before it of 0x{:08x}: select slaves of one vendor",

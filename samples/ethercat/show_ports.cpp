@@ -1,4 +1,4 @@
-// The commands crc and graph: what the ports of the slaves say.
+// The commands crc and graph, which show the ports of the slaves.
 #include "ethercat/call.hpp"
 #include "ethercat/commands.hpp"
 #include "ethercat/link_health.hpp"

@@ -78,7 +78,7 @@ std::string_view port_text(PortType type) {
 
 const char* yes(bool value) { return value ? "yes" : "no"; }
 
-// By the clock itself: the features register of some chips promises a clock that is switched off.
+// The clock itself is read, because the features register of some chips announces a clock that is switched off.
 std::string_view clock_text(const SlaveFacts& slave, const ClockFacts& clock) {
     if (!clock.runs) return clock.measured ? "receive times only" : "no";
     return slave.dl.dc_64bit ? "yes, 64 bit" : "yes, 32 bit";
@@ -171,7 +171,7 @@ nlohmann::ordered_json slave_json(const SlaveFacts& s, const AliasAddress& addre
             {"current_ma", s.ebus_current_ma}};
 }
 
-// What the slave says is shown also where its EEPROM or its clock cannot be read.
+// The data of the slave is shown also if its EEPROM or its clock cannot be read.
 Answer<> add_details(const Master& master, const SlaveFacts& slave, Output& output, nlohmann::ordered_json& json) {
     const auto texts = master.session->texts(slave.position);
     const auto clock = master.session->clock(slave.position);
@@ -219,7 +219,7 @@ int run_slaves(Call& call) {
             if (call.has("verbose")) {
                 const auto added = add_details(master, slave, output, json);
                 if (!added) json["problem"] = added.problem().text;
-                if (!added && !first) samples::fail(first.problem().text);  // the last one is returned
+                if (!added && !first) samples::fail(first.problem().text);  // the last problem is returned
                 if (!added) first = added;
                 if (!added && added.problem().code == samples::exit_code::kSystem) return added;
             }

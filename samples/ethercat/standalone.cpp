@@ -58,7 +58,7 @@ Answer<> StandaloneSession::open_source() {
     ctx_ = std::move(ctx);
     const auto found = scan();
     if (found) return {};
-    ctx_.reset();  // its errors say the same once more
+    ctx_.reset();  // its errors repeat this problem
     return found.problem();
 }
 
@@ -191,7 +191,7 @@ Answer<ClockFacts> StandaloneSession::clock(std::uint16_t position) {
     if (!number) return number.problem();
     if (!clocks_measured_) {
         clocks_measured_ = true;
-        // The delays are wanted, and no synchronous clocks.
+        // Only the delays are needed, not synchronous clocks.
         ClockSettings settings;
         settings.burst_frames = 0;
         settings.settle = Duration{0};
@@ -240,7 +240,7 @@ Answer<> StandaloneSession::set_states(std::span<const std::uint16_t> positions,
 }
 
 Answer<> StandaloneSession::reach_with_process_data(std::span<const std::uint16_t> numbers, AlState state) {
-    // The other slaves stay where they are.
+    // The other slaves keep their states.
     for (const Slave& slave : ctx_->slaves()) {
         if (slave.ring_position == 0 || std::ranges::find(numbers, slave.number) != numbers.end()) continue;
         const auto held = set_target(*ctx_, slave.number, AlState::preop);

@@ -101,7 +101,7 @@ class StandaloneSession final : public Session {
     Answer<const files::EsiDevice*> sii_of(std::uint16_t number);
     Answer<> to_boot_and_back(std::uint16_t number, bool boot);
     Answer<> reach_with_process_data(std::span<const std::uint16_t> numbers, AlState state);
-    // What the object dictionary says: the entries of a PDO, and the PDOs of a SyncManager. `named` and `sii` have the
+    // Data of the object dictionary: the entries of a PDO, and the PDOs of a SyncManager. `named` and `sii` contain the
     // names of the SII.
     Result<PdoFacts> mapped_pdo(std::uint16_t number, std::uint16_t index, const files::EsiPdo* named);
     Result<std::vector<PdoFacts>> assigned_pdos(std::uint16_t number, std::uint8_t sync_manager,
@@ -120,10 +120,10 @@ class StandaloneSession final : public Session {
     samples::EniFile eni_{};
     std::unique_ptr<HostContext> ctx_{};
     bool mapped_ = false;
-    // Of run_cycles(). Where it follows a clock, the later exchanges continue it: these slaves leave OP when the cycle
-    // jumps.
+    // The pace of run_cycles(). If it follows a clock, later exchanges continue it, because the slaves leave OP when
+    // the phase of the cycle jumps.
     std::optional<samples::CyclePace> pace_{};
-    bool keep_states_ = false;  // the user has asked for a state: it stays at the end
+    bool keep_states_ = false;  // the user has requested a state, which is kept at the end
     bool clocks_measured_ = false;
     std::vector<std::byte> image_{};
     std::map<std::uint16_t, files::EsiDevice> sii_{};  // by number

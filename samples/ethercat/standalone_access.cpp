@@ -173,7 +173,7 @@ Answer<> StandaloneSession::foe_write(std::uint16_t position, const FileTransfer
     const auto done = execute(*ctx_, request);
     if (!done) {
         auto problem = with_slave_text(request, done.problem());
-        // Its firmware may be cut, and in BOOT it takes another transfer.
+        // Its firmware may be incomplete, and in BOOT the slave accepts another transfer.
         if (file.boot) problem.text += "; the slave stays in BOOT";
         return problem;
     }
@@ -227,7 +227,7 @@ Answer<std::vector<EoeFacts>> StandaloneSession::eoe(std::chrono::milliseconds d
         if (!begun) note(problem_of(*ctx_, begun.error()).text);
         ports.emplace_back(std::move(facts), std::move(one));
     }
-    // A full port would drop frames, so each millisecond takes out what has come.
+    // A full port would drop frames, so the received frames are removed each millisecond.
     Octets frame(kEoeFrameBytes);
     for (auto left = during; !ports.empty() && left.count() > 0 && !samples::stop_asked(); --left) {
         pause(std::chrono::milliseconds(1));

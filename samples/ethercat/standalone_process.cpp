@@ -18,7 +18,7 @@ namespace margay::ethercat {
 namespace {
 
 constexpr std::uint16_t kAssignment = 0x1C10;  // of SyncManager 0
-// Of process data. The frames of hundreds of slaves are on their way for more than half a millisecond.
+// Of process data. The frames of hundreds of slaves need more than half a millisecond.
 constexpr Duration kReplyTimeout = std::chrono::milliseconds(10);
 
 bool carries_process_data(const SmInfo& sm) { return sm.type == SmType::outputs || sm.type == SmType::inputs; }

@@ -1,5 +1,5 @@
-// The commands of `ethercat`, with their arguments and options. What a user can type, --help, the man page and the
-// completion follow from this table.
+// The commands of `ethercat`, with their arguments and options. The accepted arguments, --help, the man page and the
+// completion are derived from this table.
 #pragma once
 
 #include <cstddef>

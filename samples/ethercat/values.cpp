@@ -198,7 +198,7 @@ std::string plain_text(std::span<const std::byte> value) {
     return out;
 }
 
-// What a terminal and JSON can show: characters that are no printable ASCII as \xNN.
+// The text for a terminal and JSON, with \xNN in place of characters that are not printable ASCII.
 std::string printable(std::span<const std::byte> value) {
     std::string out;
     for (const char c : plain_text(value)) {

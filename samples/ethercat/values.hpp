@@ -27,7 +27,7 @@ struct DataType {
 // "uint32", or "type 0x0022" for a code without a name.
 [[nodiscard]] std::string type_text(std::uint16_t code);
 
-// The octets of a value that a user writes. The problem names the type and its limits.
+// The octets of a value that the user has written. The problem names the type and its limits.
 [[nodiscard]] Answer<Octets> parse_value(const DataType& type, std::string_view text);
 // A value as text: an integer in hexadecimal and decimal ("0x00000002 2"), a text as it is, octets in hexadecimal. A
 // problem if the value has another size than the type.

@@ -18,7 +18,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kLook = 50ms;         // without frames
-constexpr auto kFramesSoon = 200us;  // while frames come and go
+constexpr auto kFramesSoon = 200us;  // while frames are exchanged
 constexpr auto kFramesLater = 2ms;   // otherwise: a frame of a slave waits this long at most
 constexpr auto kMinute = 60s;
 constexpr unsigned kEventsAtMost = 10;  // of the same text in a minute
@@ -57,7 +57,7 @@ std::string_view state_name(AlState state) {
 std::string slaves_text(const Standing& s) {
     const unsigned there = s.slaves - s.elsewhere;
     auto text = fmt::format("{} in {}", samples::counted(there, "slave"), state_name(s.target));
-    // Nothing is wrong: a client of the socket has set their targets.
+    // This is not an error, because a client of the socket has set their targets.
     if (s.elsewhere != 0) text += fmt::format(", {} in another state that was asked for", s.elsewhere);
     return text;
 }
@@ -76,7 +76,7 @@ void Companion::end() {
 
 void Companion::tell(const Standing& standing) {
     const std::unique_lock lock(mutex_, std::try_to_lock);
-    if (!lock) return;  // the next time
+    if (!lock) return;  // at the next call
     told_ = standing;
     is_told_ = true;
 }
@@ -145,7 +145,7 @@ bool Companion::pass_frames(std::vector<pollfd>& files) {
         moved = lines_->pass();
         ended = lines_->end_deleted();
         lines_->add_files(files);
-        // A line whose slave takes no frame now still sends some.
+        // A line whose slave accepts no frame now may still receive frames from it.
         if (files.empty() && !lines_->empty()) files.push_back({-1, 0, 0});
     }
     for (const auto& [what, counters] : ended) {
@@ -183,7 +183,7 @@ void Companion::report_events() {
     }
 }
 
-// An error comes again and again when a start-up is tried again and again.
+// An error is repeated when a start-up is repeated.
 void Companion::report_errors() {
     while (const auto error = ctx_.errors().take()) say(Priority::warning, samples::sentence(*error), 1);
     while (const auto odd = ctx_.warnings().take()) say(Priority::notice, samples::sentence(*odd), 1);

@@ -23,7 +23,7 @@ namespace {
 bool to_journal = false;
 thread_local std::string about;
 
-// systemd names the file of the stream: JOURNAL_STREAM=DEVICE:INODE.
+// systemd sets JOURNAL_STREAM=DEVICE:INODE to the file of the stream.
 bool is_journal() {
     const char* stream = std::getenv("JOURNAL_STREAM");
     struct stat found {};
@@ -66,7 +66,7 @@ class Stream {
         const std::size_t whole = text.size();
         constexpr int kTries = 16;
         for (int tries = 0; !text.empty();) {
-            // A pipe that is ready has room for PIPE_BUF octets.
+            // If poll() reports a pipe as ready, it has room for PIPE_BUF octets.
             const auto part = text.substr(0, PIPE_BUF);
             const ssize_t written = is_ready() ? write_part(part) : 0;
             if (written < 0 && (errno == EINTR || errno == EAGAIN) && ++tries < kTries) continue;
@@ -83,7 +83,7 @@ class Stream {
         return socket_ ? ::send(fd_, part.data(), part.size(), MSG_DONTWAIT | MSG_NOSIGNAL)
                        : ::write(fd_, part.data(), part.size());
     }
-    // After a wait that was in vain, the next lines do not wait.
+    // After a wait without success, the next lines do not wait.
     bool is_ready() {
         constexpr int kWaitMs = 100;
         pollfd one{.fd = fd_, .events = POLLOUT, .revents = 0};
@@ -95,7 +95,7 @@ class Stream {
     int fd_ = STDERR_FILENO;
     bool socket_ = false;
     bool stalled_ = false;
-    bool cut_ = false;  // the last octets are no whole line
+    bool cut_ = false;  // the last octets are not a complete line
     unsigned long lost_ = 0;
 };
 

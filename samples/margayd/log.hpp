@@ -7,10 +7,11 @@
 
 namespace margay::service {
 
-// As in <syslog.h>.
+// The values are those of <syslog.h>.
 enum class Priority : int { error = 3, warning = 4, notice = 5, info = 6, debug = 7 };
 
-// Call it once, before the first message. The messages of samples::fail() and warn() go the same way from then on.
+// Call it once, before the first message. From then on, the messages of samples::fail() and warn() are written in the
+// same way.
 void begin_log();
 
 // From any thread. A line that cannot be written is lost: a full disk, a closed pipe, or a reader that does not read

@@ -81,7 +81,7 @@ void Master::run(std::promise<std::string>& opened) {
         problem = exception.what();
     }
     const bool open = problem.empty();
-    opened.set_value(std::move(problem));  // `opened` is gone from here on
+    opened.set_value(std::move(problem));  // `opened` may not exist after this call
     try {
         if (open) begun_.wait(false);
         if (open && !stopping_) work();
@@ -113,7 +113,8 @@ std::string Master::open_here() {
     ctx_ = std::make_unique<HostContext>(source_->limits(samples::with_room(limits(), eni_ ? &*eni_ : nullptr)));
     if (const auto ready = source_->begin(*ctx_); !ready) return samples::sentence(ready.error());
     companion_ = std::make_unique<Companion>(*ctx_, configuration_.name, debug_level_);
-    // A socket that no process serves: a margayd was killed, and the slaves may still be in the state that it left.
+    // A socket that no process serves. The margayd of this socket was killed, and the slaves may still be in the states
+    // of that time.
     const bool left_behind = is_left_behind(socket_);
     const auto& s = configuration_.socket;
     attach_ = std::make_unique<AttachServer>(*ctx_, socket_,
@@ -137,7 +138,7 @@ std::string Master::open_here() {
 std::filesystem::path Master::left_file() const { return socket_ + ".left"; }
 
 void Master::note_left_slaves() const {
-    // A master that has brought up nothing leaves the slaves as the one before it did.
+    // A master that has configured no slaves leaves them in the states that the previous master has left.
     const bool in_safeop =
         brought_up_ ? is_left_well_ && configuration_.end_state == AlState::safeop : was_left_in_safeop_;
     const bool in_any_state = brought_up_ ? !is_left_well_ : is_ours_;
@@ -268,7 +269,7 @@ bool Master::bring_up() {
             log(Priority::error, samples::sentence(told.error()));
     }
     if (eni_ && eni_->clocks) set_clocks();
-    // Slaves in INIT have no mailbox to ask for their PDOs: the supervision takes them to INIT.
+    // The PDOs of slaves in INIT cannot be read, because they have no mailbox. The supervision takes them to INIT.
     if (configuration_.state < AlState::safeop) (void)set_target(*ctx_, 0, AlState::preop);
     restore_targets(Exchange::no);  // these slaves are not started
     map_groups();
@@ -317,7 +318,7 @@ void Master::restore_targets(Exchange exchange) {
                 log(Priority::warning,
                     fmt::format("slave {} before the scan, which a client has set to {}, is not found again",
                                 kept.number, state));
-            return false;  // perhaps by the next scan
+            return false;  // the next scan may find it
         }
         const auto set = set_target(*ctx_, same->number, ends ? kept.target : AlState::preop);
         if (!set)

@@ -38,7 +38,7 @@ class Master {
     // Starts the thread, which opens the source and the socket, and sends nothing yet. Returns why it cannot; empty:
     // the socket is served.
     [[nodiscard]] std::string open();
-    // Begins with the segment.
+    // Starts the work on the segment.
     void begin();
     // Asks the thread to end, and does not wait for it.
     void stop();
@@ -49,7 +49,7 @@ class Master {
     void set_debug_level(unsigned level);
     // One sentence. From any thread.
     [[nodiscard]] std::string status() const;
-    // The thread has ended by itself.
+    // Whether the thread has ended by itself.
     [[nodiscard]] bool failed() const { return failed_; }
 
   private:
@@ -60,9 +60,9 @@ class Master {
 
     // Waits until slaves answer and may be scanned. False: it is asked to end.
     bool await_segment();
-    // Why the segment cannot be scanned now; empty: it can.
+    // The reason why the segment cannot be scanned now; empty: it can be scanned.
     [[nodiscard]] std::string obstacle();
-    // Scans and maps. False: nothing can be done with the segment now.
+    // Scans and maps. False: the segment cannot be used now.
     bool bring_up();
     void set_clocks();
     // A state to which a client has set a slave.
@@ -88,7 +88,7 @@ class Master {
     void look_at_clocks();
     [[nodiscard]] bool is_to_be_scanned();
     [[nodiscard]] bool has_strangers() const;
-    // Slaves that answer cannot take part until the image is laid out anew.
+    // Whether slaves that respond have no place in the image until the image is laid out again.
     [[nodiscard]] bool lacks_places(const Error& wrong) const;
     void end_supervision();
     void leave();
@@ -116,7 +116,7 @@ class Master {
     std::optional<ClockSettings> late_clocks_{};  // of clocks that could not be measured before the cycle
     ClockRequest measure_clocks_{};
     bool is_measuring_ = false;  // measure_clocks_ was submitted, and its result is not used yet
-    bool is_ours_ = false;       // slaves in SAFEOP or OP are this master's own
+    bool is_ours_ = false;       // this master has brought the slaves in SAFEOP or OP to their states
     bool was_left_in_safeop_ = false;
     bool is_left_well_ = false;  // at the end: all slaves that this master has found are in the end state
     bool brought_up_ = false;    // there are slaves that this master has configured

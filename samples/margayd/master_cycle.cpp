@@ -12,11 +12,11 @@ using namespace std::chrono_literals;
 
 constexpr Duration kLookAround = 1s;
 constexpr auto kSettle = 2s;  // between the last news of added slaves and the scan
-// A scan takes the other slaves out of OP, and the next one may find nothing better.
+// A scan ends OP for the other slaves, and the next scan may find no more slaves.
 constexpr Duration kLongestPause = 10min;
 constexpr int kPauseGrows = 4;
 constexpr auto kMeasureAgain = 5s;  // between two measurements of the clocks that fail
-constexpr auto kHasHelped = 30s;    // no slave lacks a place for so long after a scan: the next scan does not wait
+constexpr auto kHasHelped = 30s;    // if all slaves have places for this time after a scan, the next scan does not wait
 
 }  // namespace
 

@@ -8,13 +8,13 @@ namespace margay::service {
 
 class Notifier {
   public:
-    // Takes NOTIFY_SOCKET out of the environment. Without it, the other functions do nothing.
+    // Reads NOTIFY_SOCKET and removes it from the environment. Without NOTIFY_SOCKET the other functions do nothing.
     Notifier();
 
     void ready() { send("READY=1"); }
     void reloading();
     void stopping() { send("STOPPING=1"); }
-    // Is sent when the text has changed.
+    // Sends the text if it has changed.
     void status(const std::string& text);
 
   private:

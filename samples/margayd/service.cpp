@@ -156,7 +156,7 @@ void Service::reload() {
         wanted.erase(same);
     }
     std::erase(masters_, nullptr);
-    absent_.clear();  // they are among `wanted`, or they are gone
+    absent_.clear();  // they are in `wanted`, or they were removed from the configuration
     for (const auto& master : ended)
         log(Priority::notice,
             fmt::format("{}: ends, its configuration has changed or is gone", master->configuration().name));

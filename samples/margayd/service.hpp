@@ -1,4 +1,4 @@
-// All masters of the service: started together, changed by a reload, ended together.
+// All masters of the service. They are started together, changed by a reload, and ended together.
 #pragma once
 
 #include "margayd/master.hpp"
@@ -39,7 +39,8 @@ class Service {
     ServiceOptions options_;
     Notifier notifier_{};
     std::vector<std::unique_ptr<Master>> masters_{};
-    // What a master needs may be in use for a moment, its port for example: it is not given up.
+    // A resource of a master, for example its port, may be in use for a short time. Therefore the service tries to
+    // start the master again.
     struct Absent {
         samples::MasterConfiguration configuration{};
         std::string problem{};

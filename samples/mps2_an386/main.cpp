@@ -26,7 +26,7 @@ bool work(const CycleInfo& cycle) {
     return true;
 }
 
-// Can be repeated: slaves without power or a cable come later.
+// The bring-up can be repeated, because slaves without power or a cable may be connected later.
 Result<> bring_up_and_run() {
     const auto slaves = config_init(ctx);
     if (!slaves) return slaves.error();

@@ -1,4 +1,4 @@
-// What the master prints: lines at the UART.
+// The output of the master: lines at the UART.
 #pragma once
 
 #include "board.hpp"
@@ -28,7 +28,7 @@ inline void print_problems(margay::Context& ctx) {
     while (const auto event = ctx.events().take()) print("event: ", sentence_of(*event));
 }
 
-// Reads the vendor of a slave again and again beside the cycle, and prints it.
+// Reads the vendor ID of a slave repeatedly beside the cycle, and prints it.
 class VendorReader {
   public:
     explicit VendorReader(std::uint16_t slave) : slave_(slave) {}
@@ -41,5 +41,5 @@ class VendorReader {
     margay::SdoUpload upload_;
 };
 
-// Prints whether all is right, and the first octet of the inputs of the first slave with inputs.
+// Prints whether the segment works without errors, and the first octet of the inputs of the first slave with inputs.
 void print_state(margay::Context& ctx, std::uint64_t cycle);

@@ -10,8 +10,8 @@
 
 namespace margay::nic_check {
 
-// The content without the line end. Nothing when the file cannot be read: it may exist and refuse to be read, or vanish
-// meanwhile.
+// The content without the line end. No value when the file cannot be read. A file may exist and refuse reading, or
+// disappear during the reading.
 [[nodiscard]] inline std::optional<std::string> text_of(const std::filesystem::path& path) {
     struct Close {
         void operator()(std::FILE* file) const { (void)std::fclose(file); }

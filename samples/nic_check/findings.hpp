@@ -1,4 +1,4 @@
-// Judges facts: what is good for EtherCAT, what could be better and by which command, and what is not known. Reads
+// Judges facts: which are good for EtherCAT, which could be better and by which command, and which are unknown. Reads
 // nothing itself.
 #pragma once
 
@@ -17,7 +17,7 @@ struct Finding {
     Verdict verdict = Verdict::not_known;
     std::string subject{};  // "link speed"
     std::string text{};     // one sentence
-    std::string command{};  // what mends it; empty: no command does, or nothing is to mend
+    std::string command{};  // the command that corrects it; empty: there is no such command, or no fault
 };
 
 [[nodiscard]] std::vector<Finding> judge_interface(const InterfaceFacts& facts);

@@ -160,7 +160,7 @@ void judge_sockets(const InterfaceFacts& f, Findings& all) {
                        fmt::format("nic_check {} --try-xdp", f.name)});
 }
 
-// What the interface can do of "sent at", "received at" and "send at".
+// The support of the interface for "sent at", "received at" and "send at".
 void judge_stamps(const InterfaceFacts& f, Findings& all, const char* subject, bool hardware, bool software,
                   const char* restriction) {
     const int clock = f.time_stamping->clock;
@@ -207,7 +207,7 @@ void judge_timing(const InterfaceFacts& f, Findings& all) {
                fmt::format("tc qdisc replace dev {} root etf clockid CLOCK_TAI delta 200000", f.name));
 }
 
-// Against a cycle of this priority of SCHED_FIFO, as in the samples.
+// Compares with a cycle that has this priority of SCHED_FIFO, as in the samples.
 constexpr int kCyclePriority = 80;
 
 void judge_irq_threads(const InterfaceFacts& f, Findings& all) {

@@ -1,4 +1,4 @@
-// What only rtnetlink tells of an interface.
+// Data about an interface that only rtnetlink provides.
 #pragma once
 
 #include <optional>
@@ -13,7 +13,7 @@ struct LinkQuery {
     std::string problem{};
 };
 
-// Asks in the network namespace of the calling thread.
+// Uses the network namespace of the calling thread.
 [[nodiscard]] LinkQuery query_link(int index);
 
 }  // namespace margay::nic_check

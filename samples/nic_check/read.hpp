@@ -1,4 +1,4 @@
-// Reads the facts. Only try_xdp() and probe() touch the interface; all else changes nothing.
+// Reads the facts. Only try_xdp() and probe() affect the interface. All other functions change nothing.
 #pragma once
 
 #include "nic_check/facts.hpp"

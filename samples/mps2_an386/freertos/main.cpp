@@ -43,7 +43,7 @@ Result<> start() {
     return init(ctx, nic, osal);
 }
 
-// Can be repeated: slaves without power or a cable come later.
+// The bring-up can be repeated, because slaves without power or a cable may be connected later.
 Result<> bring_up() {
     const auto slaves = config_init(ctx);
     if (!slaves) return slaves.error();

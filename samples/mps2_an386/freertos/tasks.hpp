@@ -1,4 +1,4 @@
-// What the programs with FreeRTOS share: a task with static memory, and printing.
+// The common functions of the programs with FreeRTOS: a task with static memory, and printing.
 #pragma once
 
 #include <board.hpp>  // of the folder of the board, which may have another name in a copy
@@ -23,7 +23,7 @@ struct StaticTask {
     }
 };
 
-// Lines of two tasks do not mix.
+// Lines of two tasks are not mixed.
 template <class... Parts>
 void print(const Parts&... parts) {
     std::array<char, 200> line;
