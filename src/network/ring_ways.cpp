@@ -106,6 +106,9 @@ bool RingWatch::find_sides(Network& network) {
     while (end < ring_slaves_ && there_between(network, 1, end) < front) ++end;
     std::uint16_t begin = static_cast<std::uint16_t>(ring_slaves_ + 1);
     while (begin > 1 && there_between(network, begin, ring_slaves_) < behind) --begin;
+    // A slave that answers and is not known to be present is in the part whose count does not fit.
+    if (there_between(network, 1, end) != front && there_between(network, begin, ring_slaves_) == behind)
+        end = std::min(end, static_cast<std::uint16_t>(begin - 1));
     front_end_ = end;
     behind_begin_ = std::max<std::uint16_t>(begin, static_cast<std::uint16_t>(end + 1));
     // If the same slave would belong to both parts, a slave answers that is not known to be present.

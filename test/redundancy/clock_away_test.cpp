@@ -288,6 +288,32 @@ TEST(ClockAwayFirst, WaitsForTheWholeRingBesideClocks) {
     }
 }
 
+// Slave 1 is back alone, then slaves 2 to 5, of which slave 3 is not known to be there yet: slave 6 is still behind the
+// break, and slave 1 does not become the reference with a way that is not measured.
+TEST(ClockAwayFirst, WaitsWhileASlaveAnswersThatIsNotKnown) {
+    AwayBus bus;
+    for (unsigned n = 0; n < 6; ++n) (void)bus.add_to_ring(ClockRingBus::nth(n));
+    (void)bus.add_behind(5, 2, ClockRingBus::nth(6));
+    bus.close_ring();
+    bus.later[1] = 7us;
+    bus.at = {0, 1, 2, 3, 4, 5, 6};
+    bus.prepare(6);
+    bus.cable(bus.ring_cables[5], false);
+    bus.cable(bus.ring_cables[0], false);
+    (void)bus.cycles(2500);
+    EXPECT_EQ(reference_clock(*bus.ctx), 6);
+    bus.cable(bus.ring_cables[1], false);
+    bus.cable(bus.ring_cables[0], true);
+    EXPECT_EQ(bus.wrong_cycles(100), 0U);
+    bus.segment.set_power(2, false, bus.osal.now());
+    bus.segment.set_power(2, true, bus.osal.now());
+    bus.cable(bus.ring_cables[1], true);
+    for (unsigned n = 0; n < 4000; ++n) {
+        EXPECT_EQ(bus.wrong_cycles(1), 0U);
+        ASSERT_EQ(reference_clock(*bus.ctx), 6) << n << "\n" << AwayBus::joined(bus.events());
+    }
+}
+
 // Slave 1 hangs at no NIC for a while, and its oscillator gets warmer. When it is the reference again, it leads the
 // other clocks out of the limit until they have followed it.
 TEST_F(ClockAway, AReferenceThatComesBackWithAnotherRate) {
