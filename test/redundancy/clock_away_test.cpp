@@ -314,6 +314,25 @@ TEST(ClockAwayFirst, WaitsWhileASlaveAnswersThatIsNotKnown) {
     }
 }
 
+// The difference register has a mean, which is late: a clock that passes the reference shows a small difference at the
+// moment when it is far beyond it, and is not in sync.
+TEST(ClockAwayRing, AClockThatPassesTheReferenceIsNotInSync) {
+    for (const unsigned away : {200U, 300U, 400U}) {
+        for (const std::int32_t warmer : {-10'000, 10'000}) {
+            SCOPED_TRACE(std::to_string(away) + " cycles, " + std::to_string(warmer) + " ppb");
+            AwayBus bus;
+            bus.prepare(6);
+            bus.cable(bus.ring_cables[3], false);
+            bus.cable(bus.ring_cables[6], false);
+            EXPECT_EQ(bus.wrong_cycles(10), 0U);
+            bus.warm(4, warmer);
+            EXPECT_EQ(bus.wrong_cycles(away), 0U);
+            bus.cable(bus.ring_cables[3], true);
+            EXPECT_EQ(bus.wrong_cycles(1000), 0U);
+        }
+    }
+}
+
 // Slave 1 hangs at no NIC for a while, and its oscillator gets warmer. When it is the reference again, it leads the
 // other clocks out of the limit until they have followed it.
 TEST_F(ClockAway, AReferenceThatComesBackWithAnotherRate) {
