@@ -144,9 +144,23 @@ std::int64_t greatest_ahead_ns(const FollowedClock& followed, std::int64_t own_n
     return ahead < 0 ? ahead - followed.moves_ns : ahead + followed.moves_ns;
 }
 
+// With one NIC: the reference has not answered in the last cycle, or the cycle carries the time of the standby. The
+// last frame for the reference may have misled the clocks, and the supervision has not seen the loss yet.
+bool is_reference_silent(Network& network) {
+    const Clocks& clocks = network.clocks;
+    return network.redundancy == nullptr && std::ranges::any_of(network.process.groups, [&](const ProcessGroup& group) {
+               if (!group.mapped || group.dc_reference != clocks.reference || !group.dc_time.came) return false;
+               const TimeSource source = time_source(group);
+               const bool of_reference =
+                   source.command == wire::Command::ARMW || source == by_station(network.slave(clocks.reference));
+               return group.dc_time.slaves == 0 || !of_reference;
+           });
+}
+
 void note_difference(Network& network, const Slave& slave, std::int64_t before_ns) {
     Clocks& clocks = network.clocks;
     ClockEntry& clock = clocks.of(slave);
+    if (is_reference_silent(network)) return;
     const FollowedClock followed = followed_clock(network, slave);
     // The difference register of the reference shows a comparison with a time for other clocks. It is valid only when
     // the application writes times to the reference, or when the cycles carry the time of the standby: then the

@@ -76,6 +76,21 @@ TEST(LostBranch, TheOtherBranchStaysInSync) {
     }
 }
 
+// The clocks are compared after the last frame of the lost reference, and before the supervision sees the loss.
+TEST(LostBranch, IsNoReasonForAnotherClockToBeOutOfSync) {
+    for (unsigned moment = 0; moment < 30; ++moment) {
+        SCOPED_TRACE(moment);
+        LostBranch bus;
+        bus.bring_up_branches();
+        bus.run_late(moment * 1ms);
+        bus.random += moment;
+        bus.segment.set_cable(LostBranch::kBranch, false);
+        bus.run_late(300ms);
+        EXPECT_EQ(bus.out, 0U) << bus.joined(bus.events());
+        EXPECT_LE(bus.most_ns, 250);
+    }
+}
+
 // For some cycles the branch with the reference does not answer: the cycle carries the time of another clock, and the
 // reference gets what the master sends, before the supervision has seen anything.
 TEST(LostBranch, AnInstantMovesNoClock) {
