@@ -108,7 +108,7 @@ Error check_pulse(std::int32_t pulse_ns, const SyncRegisters& sync) {
 
 // Writes the registers while the start time is still in the future. If a frame was lost meanwhile, the caller tries
 // again.
-Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
+Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync, Time& asked) {
     const Station station = network.station(slave);
     ClockEntry& clock = network.clocks.of(slave);
     const ClockSettings& settings = network.clocks.settings;
@@ -123,6 +123,7 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     const std::uint64_t cycles = sync.sync0_cycle_ns | std::uint64_t{sync.sync1_cycle_ns} << 32;
     auto written = co_await write_clock_register(station, kBothCycles, cycles);
     if (!written) co_return written;
+    asked = network.engine.now();
     auto time = co_await read<std::uint64_t>(station, reg::kSystemTime, kSyncStep);
     if (!time) co_return time.error();
     refresh_system_time(network);
@@ -451,9 +452,9 @@ Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync)
     constexpr unsigned kMostTries = 3;
     Result<> written;
     for (unsigned n = 0; n < kMostTries; ++n) {
-        const Time begin = network.engine.now();
-        written = co_await write_sync(network, slave, sync);
-        const bool late = network.engine.now() - begin > network.clocks.settings.start_delay / 2;
+        Time asked{};
+        written = co_await write_sync(network, slave, sync, asked);
+        const bool late = network.engine.now() - asked > network.clocks.settings.start_delay / 2;
         if (!written || !late || sync.assign_activate == 0) break;
     }
     if (written) co_return written;

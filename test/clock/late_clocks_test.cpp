@@ -161,8 +161,7 @@ TEST_F(LateClocks, ASlaveWithSyncFirstSeenWhileTheChosenReferenceIsLost) {
     hang(3, {.drift_ppb = 20'000, .start_ns = 7}, true);
     hang(1, {.drift_ppb = -20'000, .start_ns = 77}, true);
     hang(2, {.drift_ppb = -70'000, .start_ns = 777});
-    setup = {
-        .dc = {.source = SyncSettings::Source::application, .assign_activate = 0x0300, .sync0_cycle = 1ms}};
+    setup = {.dc = {.source = SyncSettings::Source::application, .assign_activate = 0x0300, .sync0_cycle = 1ms}};
     ClockSettings settings = kFewFrames;
     settings.reference = 2;
     settings.replace_lost_reference = false;
@@ -349,6 +348,29 @@ TEST(LateReference, IsInSyncWhenItsSlaveIsBack) {
     EXPECT_EQ(reference_clock(*bus.ctx), 2);
     EXPECT_TRUE(bus.in_op(2) && bus.clock(2).in_sync) << bus.joined(bus.events());
     EXPECT_LE(std::abs(bus.ahead_ns(3, 2)), 200);
+}
+
+// A slave that was power-cycled is back in its window within a second: its SYNC signals start with the first try,
+// though their registers are written in the time of several cycles.
+TEST(LateReference, WithLongCyclesIsBackWithinASecond) {
+    for (const int off : {5, 50, 200}) {
+        SCOPED_TRACE(off);
+        LateClocksBus bus;
+        bus.period = 10ms;
+        bus.hang(0, {.unit = sim::DcUnit::receive_times});
+        bus.hang(3, {.drift_ppb = 50'000, .start_ns = 123});
+        bus.hang(1, {.drift_ppb = -50'000, .start_ns = 1234});
+        bus.hang(2, {.drift_ppb = -30'000, .start_ns = 12345});
+        bus.bring_up({}, {});
+        bus.power(1, false);
+        bus.steps(off);
+        bus.power(1, true);
+        bus.steps(1);
+        const Time back = bus.osal.now();
+        while (!(bus.in_op(2) && bus.clock(2).in_sync) && bus.osal.now() < back + 3s) bus.step();
+        EXPECT_EQ(reference_clock(*bus.ctx), 2);
+        EXPECT_LE((bus.osal.now() - back) / 1ms, 930) << bus.joined(bus.events());
+    }
 }
 
 }  // namespace
