@@ -282,14 +282,19 @@ Task<Result<>> teach_time(Network& network, Slave& slave, ReturnToken* token) {
     const Error ended{.code = Errc::unstable, .slave = slave.number};
     if (token != nullptr) token->reset();
     constexpr unsigned kLeast = 200;
-    constexpr unsigned kMost = 300;
+    constexpr unsigned kMost = 400;
     const std::int64_t limit_ns = network.clocks.settings.limit_ns;
     std::int64_t away_ns = limit_ns;
     for (unsigned frame = 0; frame < kLeast || (frame < kMost && away_ns > limit_ns / 2); ++frame) {
-        co_await required(send_time(network));
+        // With the frame of the same cycle: another cycle without a comparison would make the slave learn later.
+        Crew sending(1);
+        if (!sending.start(send_time(network))) co_return Error{.code = Errc::capacity, .detail = Error::kTasks};
+        Result<> read;
+        if (frame + 1 >= kLeast) read = co_await read_difference(network, slave);
+        co_await sending.all();
         if (ends()) co_return ended;
+        if (!read) co_return read;
         if (frame + 1 < kLeast) continue;
-        co_await required(read_difference(network, slave));
         away_ns = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
     }
     if (ends()) co_return ended;

@@ -373,5 +373,34 @@ TEST(LateReference, WithLongCyclesIsBackWithinASecond) {
     }
 }
 
+// The reference of before returns while the bus is shifted at the rate of its drift: it learns this rate before it is
+// the reference again.
+TEST(LateReference, OfAShiftedBusIsBackWithinASecond) {
+    LateClocksBus bus;
+    bus.hang(0, {.unit = sim::DcUnit::receive_times});
+    bus.hang(3, {.drift_ppb = 91'000, .start_ns = 123});
+    bus.hang(1, {.drift_ppb = 3'000, .start_ns = 1234});
+    bus.bring_up({}, {});
+    MasterClock master({.mode = MasterClock::Mode::bus_shift, .set_value = -500us, .phase = {.cycle = 1ms}});
+    Time due = bus.osal.now();
+    const auto step = [&] {
+        bus.osal.wait(due += 1ms, -1);
+        (void)send_processdata(*bus.ctx);
+        (void)receive_processdata(*bus.ctx, 300us);
+        (void)master.update(*bus.ctx, 0ms);
+        (void)poll(*bus.ctx, bus.osal.now());
+    };
+    for (int n = 0; n < 6000; ++n) step();
+    ASSERT_EQ(master.state(), PhaseState::in_sync) << to_text(master.state());
+    bus.power(1, false);
+    for (int n = 0; n < 500; ++n) step();
+    ASSERT_EQ(reference_clock(*bus.ctx), 3);
+    bus.power(1, true);
+    int passed = 0;
+    for (; passed < 3000 && !(bus.in_op(2) && bus.clock(2).in_sync); ++passed) step();
+    EXPECT_EQ(reference_clock(*bus.ctx), 2);
+    EXPECT_LE(passed, 1000) << bus.joined(bus.events());
+}
+
 }  // namespace
 }  // namespace margay
