@@ -63,7 +63,7 @@ bool is_recording(const std::string& source) {
            !source.starts_with("sim:");
 }
 
-// What contradicts itself on the command line; empty: nothing.
+// A contradiction between arguments; empty: there is none.
 std::string contradiction(const Options& options) {
     const bool attached = !options.attach.empty();
     const bool recording = !attached && is_recording(options.source.source);
@@ -125,7 +125,7 @@ class Program {
     int run() {
         if (const auto wrong = contradiction(options_); !wrong.empty()) return refuse_arguments(wrong);
         if (const auto failed = read_logs(options_, report_); !failed.empty()) return fail(failed, exit_code::kSystem);
-        // A place that cannot be written is found before the segment is touched.
+        // A file that cannot be written is reported before the segment is accessed.
         for (auto* file : {page_.get(), pcap_.get()}) {
             const auto failed = file == nullptr ? std::string() : file->write({});
             if (!failed.empty()) return fail(failed, exit_code::kSystem);
@@ -214,7 +214,7 @@ class Program {
         // A segment that could not be scanned is reported too, but not one that another master runs.
         if (session.refused() || (!report_.failure.empty() && report_.failure_code != exit_code::kSegment))
             return fail(report_.failure, report_.failure_code);
-        // Of a recording without the answers to this program, nothing on the page would be a fact.
+        // If a recording has no replies to this program, the page would contain no facts.
         if (!closed && options_.source.source.starts_with("pcap:"))
             return fail(closed.problem().text, closed.problem().code);
         if (!report_.failure.empty()) samples::warn(report_.failure);

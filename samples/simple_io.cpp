@@ -41,7 +41,7 @@ struct Options {
     bool count = false;       // write a counter to the outputs
     bool drives_too = false;  // also to the outputs of drives
     samples::PaceOptions pace;
-    std::string eni{};     // bring the segment up as this file says
+    std::string eni{};     // file from which the segment is brought up
     std::string attach{};  // path of a socket for other programs; empty: none
 };
 
@@ -192,7 +192,7 @@ class SimpleIo {
 
     samples::Source& source_;
     const Options& options_;
-    const files::EniConfiguration* eni_;  // nullptr: as the slaves say
+    const files::EniConfiguration* eni_;  // nullptr: the data of the slaves is used
     HostContext ctx_{source_.limits(samples::with_room({.slaves = 1024, .process_frames = 64}, eni_))};
     std::array<std::byte, 65536> image_{};
     samples::CyclePace pace_;

@@ -43,7 +43,7 @@ struct GroupMap {
     margay::samples::ProcessMap map{};
 };
 
-// An ENI with several Cyclic elements has a group for each of them, with an image of its own.
+// An ENI with several Cyclic elements has a group with its own image for each of them.
 void add_maps(margay::Context& ctx, nlohmann::ordered_json& segment, const std::vector<GroupMap>& maps) {
     using margay::samples::map_json;
     if (maps.size() == 1) segment["process_image"] = map_json(ctx, maps[0].map);
@@ -120,7 +120,7 @@ int write_esi(margay::Context& ctx, const std::string& path) {
             samples::warn(fmt::format("slave {}: {}", slave.number, to_text(device.problem)));
             continue;
         }
-        if (esi.devices.empty()) esi.vendor = device->identity.vendor;  // 0 is that of an EEPROM without an identity
+        if (esi.devices.empty()) esi.vendor = device->identity.vendor;  // an EEPROM without an identity has vendor 0
         const bool other = device->identity.vendor != esi.vendor;
         if (other)
             samples::warn(fmt::format("slave {} is of another vendor, and an ESI has one: left out", slave.number));

@@ -1,4 +1,4 @@
-// subdevice_check: checks whether a slave keeps the rules of the EtherCAT standard, in the spirit of ETG.7000.
+// subdevice_check: checks whether a slave obeys the rules of the EtherCAT standard, similar to ETG.7000.
 #include "common/json_text.hpp"
 #include "common/program.hpp"
 #include "common/progress_line.hpp"

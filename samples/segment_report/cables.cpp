@@ -23,7 +23,7 @@ EndCounts counts_of(const std::optional<ErrorCounters>& counters, std::uint8_t p
             .lost_links = counters->lost_links[port]};
 }
 
-// How much the counts of the cable itself have grown; a counter below its earlier value was cleared meanwhile.
+// The growth of the counts of the cable itself. A counter below its earlier value was cleared in the meantime.
 unsigned growth_of(const EndCounts& before, const EndCounts& now) {
     const auto more = [](unsigned from, unsigned to) { return to >= from ? to - from : to; };
     return more(before.damaged, now.damaged) + more(before.symbols, now.symbols) +
@@ -51,7 +51,7 @@ std::string counter(unsigned value, std::string_view one, std::string_view many)
     return fmt::format("{}{} {}", value, value >= kFull ? " or more" : "", value == 1 ? one : many);
 }
 
-// What has arrived at one end.
+// The counts at one end.
 std::string arrived_text(const CableEnd& at, const CableEnd& from, const EndCounts& counts) {
     std::string text;
     if (counts.damaged != 0)

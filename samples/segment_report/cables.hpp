@@ -1,4 +1,4 @@
-// The cables of a segment with what the error counters at their ends say.
+// The cables of a segment with the error counters at their ends.
 #pragma once
 
 #include "ethercat/link_health.hpp"
@@ -17,7 +17,7 @@ struct CableEnd {
     std::uint8_t port = 0;                 // of the slave; of the master: 1 the NIC at the end of a ring
 };
 
-// What was counted at a port. A counter of an ESC stops at 255.
+// The counts at a port. A counter of an ESC stops at 255.
 struct EndCounts {
     unsigned damaged = 0;    // frames that arrived damaged, for the first time at this port
     unsigned symbols = 0;    // errors of the physical layer
@@ -48,7 +48,7 @@ struct Cable {
 // All cables in the order of the slaves, with that of the NIC at the end of a ring behind them.
 [[nodiscard]] std::vector<Cable> cables_of(const Report& report);
 
-// A port without a link that has counted errors: a cable was there, or should be there.
+// A port without a link that has counted errors: a cable was or should be connected.
 struct LooseEnd {
     CableEnd end{};
     Health health = Health::good;
@@ -60,9 +60,9 @@ struct LooseEnd {
 [[nodiscard]] std::string end_text(const CableEnd& end);
 // "cable between slave 2 and slave 3", "E-bus contact between slave 2 and slave 3".
 [[nodiscard]] std::string cable_text(const Cable& cable);
-// What was counted, in words; empty: nothing.
+// A text about the counts; empty: nothing was counted.
 [[nodiscard]] std::string findings_text(const Cable& cable);
-// What to do about it; empty: nothing.
+// Advice for the user; empty: there is none.
 [[nodiscard]] std::string advice_text(const Cable& cable);
 [[nodiscard]] std::string_view medium_text(PortType type);
 

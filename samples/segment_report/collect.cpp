@@ -229,7 +229,7 @@ class Collector {
                                 config.product));
     }
 
-    // Both: what has changed until the end.
+    // The counters and states are read again, because they may have changed until the end.
     void read_al_status(SlaveState& slave) {
         const auto al = session_.read_registers(slave.facts.position, reg::kAlStatus.address, kAlOctets);
         if (al)

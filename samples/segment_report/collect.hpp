@@ -1,4 +1,5 @@
-// Collects the content of a report from a session. What cannot be read is noted in the report, and the rest is read.
+// Collects the content of a report from a session. Values that cannot be read are noted in the report, and all other
+// values are read.
 #pragma once
 
 #include "segment_report/report.hpp"
@@ -13,9 +14,9 @@ struct CollectSettings {
     bool map = true;           // show the process image; a session of our own brings the slaves to SAFEOP for it
     // The slaves that are expected, to look for missing ones; empty: none are.
     std::function<ethercat::Answer<std::vector<ethercat::ConfigFacts>>()> expected{};
-    // Runs cycles; empty: none are wanted.
+    // Runs cycles; empty: no cycles.
     std::function<Cycles()> cycles{};
-    // Called with what is done now.
+    // Called with a text about the present step.
     std::function<void(const std::string&)> progress{};
 };
 

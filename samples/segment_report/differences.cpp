@@ -19,7 +19,7 @@ using Key = std::pair<std::uint16_t, std::uint8_t>;
 constexpr std::string_view kAbsent = "(not there)";
 constexpr std::size_t kCommonWords = 0x08;  // words 0 to 7 of the EEPROM: the configuration area
 
-// Nothing: the value could not be read, and the slave takes no part in this comparison.
+// No value: the value could not be read, and the slave is not compared.
 using ValueOf = std::function<std::optional<std::string>(const SlaveState&)>;
 
 // The values of all slaves of a group, if they are not all the same.
@@ -41,7 +41,7 @@ std::optional<Difference> compare(const Report& report, const std::vector<std::u
     return difference;
 }
 
-// The content of the EEPROM without what belongs to one device: the configuration area with the alias and the
+// The content of the EEPROM except the data of the single device: the configuration area with the alias and the
 // checksum, and the serial number.
 std::optional<std::string> eeprom_text(const SlaveState& slave) {
     constexpr std::size_t kSerial = 0x0E;
@@ -125,7 +125,7 @@ std::map<Key, EntryFacts> entries_of(const Report& report, const std::vector<std
     return entries;
 }
 
-// Slaves without a dictionary take no part in the comparison of objects.
+// The objects of slaves without a dictionary are not compared.
 void add_object_differences(const Report& report, const std::vector<std::uint16_t>& group, AlikeGroup& out) {
     std::vector<std::uint16_t> with;
     std::map<std::string, std::vector<std::uint16_t>> remarks;

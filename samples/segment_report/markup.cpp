@@ -105,7 +105,7 @@ Markup list_of(const std::vector<std::string>& points) {
 }
 
 Markup Table::markup(std::string_view id) const {
-    // A column without any content says nothing.
+    // A column without any content is left out.
     std::vector<bool> used(columns_.size());
     for (const Row& row : rows_)
         for (std::size_t n = 0; n < row.cells.size(); ++n) used[n] = used[n] || !row.cells[n].empty();

@@ -1,5 +1,5 @@
-// Pieces of an HTML page. Text becomes markup by escaping it, and there is no other way from a text to a Markup than
-// Markup::raw(): what a slave says cannot become a tag by an oversight.
+// Pieces of an HTML page. Text becomes markup by escaping. Only Markup::raw() makes a Markup without escaping, so that
+// a text of a slave cannot become a tag by mistake.
 //
 // The page is HTML and well-formed XML at the same time, so that programs can read it by either parser.
 #pragma once
@@ -22,7 +22,7 @@ class Markup {
     Markup(const std::string& text) : Markup(std::string_view(text)) {}
     Markup(const char* text) : Markup(std::string_view(text)) {}
 
-    // For what this program writes itself.
+    // For markup that this program writes itself.
     [[nodiscard]] static Markup raw(std::string html);
 
     Markup& operator+=(const Markup& more);
@@ -42,7 +42,7 @@ class Markup {
 // Text in a font with digits of the same width.
 [[nodiscard]] Markup code(std::string_view text);
 [[nodiscard]] Markup paragraph(const Markup& content);
-// A part that the reader can fold.
+// A section that the reader can fold.
 [[nodiscard]] Markup folded(const Markup& title, const Markup& content, bool open = false);
 // A list of points; empty for no points.
 [[nodiscard]] Markup list_of(const std::vector<std::string>& points);

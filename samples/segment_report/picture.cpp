@@ -89,7 +89,7 @@ class Picture {
             if (from >= slaves() && std::ranges::find(roots_, from) == roots_.end()) roots_.push_back(from);
             children_[from].push_back({.from = from, .to = to, .cable = &cable});
         }
-        // Children stand behind their parents, so that one pass from the end counts all slaves behind a box.
+        // Children follow their parents in the list, so that one pass from the end counts all slaves behind a box.
         for (std::size_t n = cables_.size(); n-- > 0;)
             weight_[box_of(cables_[n].near)] += 1 + weight_[box_of(cables_[n].far)];
     }
@@ -117,9 +117,9 @@ class Picture {
         }
     }
 
-    // A run begins in a new row, and goes on in more rows. The branches of a row follow below it, the branches of the
-    // box on the right first, so that no line crosses a box. The branches of the first slave are below the whole run,
-    // which is indented then.
+    // A run begins in a new row, and continues in further rows. The branches of a row follow below it, the branches of
+    // the box on the right first, so that no line crosses a box. The branches of the first slave are below the whole
+    // run, which is indented then.
     void place_run(std::size_t first, int column, int depth) {
         std::size_t box = first;
         std::optional<std::size_t> head;

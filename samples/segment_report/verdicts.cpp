@@ -67,7 +67,7 @@ class Judge {
         return text;
     }
 
-    // The same words about several slaves are one verdict.
+    // Equal texts about several slaves become one verdict.
     class Grouped {
       public:
         void add(std::uint16_t position, std::string words) {
@@ -254,7 +254,7 @@ class Judge {
             "cycles");
     }
 
-    // Cycles of the application: what it has left out or lost.
+    // The verdict about skipped cycles and lost frames of the application.
     void cycle_log() {
         if (!report_.cycle_log) return;
         const auto& figures = *report_.cycle_log;
@@ -274,7 +274,7 @@ class Judge {
                 "cycles");
     }
 
-    // What the log of the master's clock says of the time behind its start.
+    // The verdict about the log of the master's clock, after its start phase.
     void clock_log() {
         if (!report_.clock_log || !report_.clock_log->tells_sync) return;
         const auto& log = *report_.clock_log;

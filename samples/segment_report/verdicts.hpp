@@ -1,4 +1,4 @@
-// The summary at the top of a page: what is good, what needs a look, what is wrong.
+// The summary at the top of a page: good results, results to check, and faults.
 #pragma once
 
 #include "segment_report/cables.hpp"
@@ -17,7 +17,7 @@ enum class Severity : std::uint8_t { good, remark, fault };
 struct Verdict {
     Severity severity = Severity::good;
     std::string text{};
-    std::string section{};  // the part of the page that says more
+    std::string section{};  // the section of the page with details
 };
 
 struct Judgement {
@@ -36,7 +36,7 @@ struct Judgement {
 // "SAFEOP + ERROR, AL status code 0x001b: …".
 [[nodiscard]] std::string state_text(const AlStatus& status);
 
-// Why scan or configuration of the slave failed, without its position; empty: no error.
+// The reason why scan or configuration of the slave failed, without its position; empty: no error.
 [[nodiscard]] std::string problem_text(const SlaveFacts& slave);
 
 }  // namespace margay::segment_report

@@ -142,13 +142,13 @@ void Bench::wait(Duration time) {
     while (osal_.now() < until) progress(until);
 }
 
-// Sends what is due, and waits for what comes next, at most until this time.
+// Sends the frames that are due, and waits for the next event, at most until this time.
 void Bench::progress(Time until, const Request* awaited) {
     if (stop_asked()) throw NotJudged{"the program was stopped"};
     const Time frame = cycle_.step(osal_.now());
     if (const auto fault = cycle_.line_fault()) throw LineFault{sentence(*fault)};
     const Time next = poll(ctx_, osal_.now());
-    // Nothing would end the wait when poll() has just ended the last request.
+    // If poll() has just ended the last request, no event would end the wait.
     if (awaited != nullptr && !awaited->busy()) return;
     osal_.wait(std::min({next, until, frame}), nics_);
 }

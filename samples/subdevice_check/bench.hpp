@@ -19,11 +19,12 @@ namespace margay::samples::conformance {
 
 namespace reg = wire::reg;
 
-// Ends a check without a result: the slave does not do what the check needs. Another check reports the fault.
+// Ends a check without a result, because the slave does not do what the check requires. Another check reports the
+// fault.
 struct NotJudged {
     std::string reason{};
 };
-// A frame was lost. The check begins again once.
+// A frame was lost. The check is repeated once.
 struct LineFault {
     std::string reason{};
 };
@@ -77,15 +78,15 @@ class Bench {
     // --- States ---
     [[nodiscard]] AlStatus al_status();
     void request(unsigned al_control);
-    // The slave does not do what each check needs: an error (the first time), and the check ends.
+    // The slave does not do what all checks require. Reports an error (the first time), and ends the check.
     [[noreturn]] void stuck(const std::string& why);
     // Requests a state and waits until the slave is there, or reports an error. Exchanges process data meanwhile when
     // `with_process_data` is set. Returns the last AL status.
     AlStatus go(AlState state, bool with_process_data = true);
-    // Waits for the error indication, as long as a slave may take for a transition. It ends earlier when the slave has
-    // gone to another state without an error.
+    // Waits for the error indication, as long as a slave may take for a transition. The wait ends earlier when the
+    // slave has changed to another state without an error.
     AlStatus refused();
-    // Waits a short time for a change that must not come.
+    // Waits a short time for a change that must not occur.
     AlStatus unchanged();
     // From any state to `state`, with the configuration of the SII and of the PDO objects. Throws NotJudged when the
     // slave does not get there.
@@ -121,7 +122,7 @@ class Bench {
     [[nodiscard]] const std::vector<ProcessArea>& areas() const { return areas_; }
     [[nodiscard]] const ProcessArea* area(bool outputs) const;
     // Writes zeros to all outputs and reads all inputs at the multiples of period() for `time`, or until `done` returns
-    // true. Returns whether it did. The frames go on while `done` executes, whatever it waits for.
+    // true. Returns whether it did. The frames continue while `done` executes and waits.
     bool run(Duration time, const std::function<bool()>& done = {}) { return run(time, done, period_); }
     bool run(Duration time, const std::function<bool()>& done, Duration period);
     // In OP, process data go on while the returned object exists: also between two run().

@@ -27,7 +27,8 @@ struct Session {
     bool lengths_known = false;    // find_process_data_lengths() has found them
     // Of SYNC0, as the slave tells it; 0: it does not. find_shortest_cycle() has found it.
     std::optional<Duration> shortest_cycle{};
-    std::string left_changed{};  // what a check has changed and could not put back; execute() reports and clears it
+    // The changes of a check that could not be undone; execute() reports and clears the text.
+    std::string left_changed{};
 };
 
 struct Check {
@@ -37,7 +38,7 @@ struct Check {
     void (*run)(Session&);
 };
 
-// In the order in which they are executed: a check may use what an earlier one has found.
+// In the order of execution, because a check may use the results of earlier checks.
 [[nodiscard]] std::span<const Check> eeprom_checks();
 [[nodiscard]] std::span<const Check> state_checks();
 [[nodiscard]] std::span<const Check> sync_manager_checks();
@@ -51,7 +52,7 @@ struct Check {
 [[nodiscard]] std::span<const Check> sync_type_checks();
 [[nodiscard]] std::span<const Check> watchdog_checks();
 [[nodiscard]] std::span<const Check> clock_checks();
-[[nodiscard]] std::span<const Check> message_checks();  // the last: they judge all messages of the run
+[[nodiscard]] std::span<const Check> message_checks();  // executed last, because they judge all messages of the run
 
 // All tables in this order.
 [[nodiscard]] std::vector<Check> all_checks();

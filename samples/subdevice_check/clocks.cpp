@@ -13,7 +13,7 @@ using wire::AlStatusCode;
 namespace sii = wire::sii;
 
 // The cycles that are tried, in this order, where the SII leaves the cycle to the master: the next one when the slave
-// refuses a cycle by AL status code 0x0035 or 0x0036. The short ones are the last, because not every master can send
+// refuses a cycle by AL status code 0x0035 or 0x0036. The short cycles come last, because not every master can send
 // frames so often.
 constexpr Duration kBusCycles[] = {2ms, 1ms, 4ms, 500us, 8ms, 10ms, 20ms, 250us, 125us, 100us, 62'500ns, 50us};
 constexpr Duration kShortestTried = 10us;  // of SYNC0
@@ -217,7 +217,8 @@ bool says_no_sync(AlStatus status) {
     return std::ranges::find(kNoSync, static_cast<AlStatusCode>(status.code)) != std::end(kNoSync);
 }
 
-// A slave that misses frames, and this master sent some of them too late for their SYNC0: the slave is not to blame.
+// The slave misses frames, but this master has sent some frames too late for their SYNC0. This is not a fault of the
+// slave.
 void skip_if_late(Bench& bench, const SyncSetting& setting, AlStatus status) {
     const bool frames =
         says_no_sync(status) || static_cast<AlStatusCode>(status.code) == AlStatusCode::sync_manager_watchdog;
@@ -253,7 +254,7 @@ void check_sync(Session& session) {
     }
 }
 
-// SYNC0 is off and the frames go on: the slave must not go to OP again.
+// SYNC0 is off and the frames continue: the slave must not return to OP.
 void check_op_again(Bench& bench, Duration bus) {
     bench.request(static_cast<unsigned>(AlState::safeop) | wire::al::kErrorAcknowledge);
     (void)bench.run(100ms, {}, bus);
@@ -342,7 +343,7 @@ void check_cycle_zero(Session& session) {
                    "ETG.1020, AL Status Codes");
 }
 
-// SYNC0 twice as often as the slave says that it can follow.
+// SYNC0 with half of the shortest cycle that the slave reports.
 void check_cycle_short(Session& session) {
     auto& bench = session.bench;
     const auto mode = needs_modes(session).front();

@@ -82,7 +82,7 @@ Time Cycle::step(Time now) {
     const auto free = std::ranges::find_if(pool_, [](const auto& frame) { return !frame->on_wire; });
     if (free != pool_.end()) send(**free);
     latest_ = std::max(latest_, now - next_);
-    // The program may not have been executed for a while: the frames keep their places.
+    // The program may have been suspended for some time. The frames nevertheless keep their times.
     next_ += ((now - next_) / period_ + 1) * period_;
     return next_;
 }

@@ -56,7 +56,7 @@ void check_loaded(Session& session) {
         bench.fail("the PDI is not operational (0x0110 bit 0): the EEPROM is not loaded");
 }
 
-// What the SII says twice, or without which a master cannot use the rest.
+// Contents that the SII has twice, or that a master needs to use the other contents.
 void check_agrees(Session& session) {
     needs_content(session);
     auto& bench = session.bench;
@@ -243,15 +243,15 @@ std::uint16_t read_stored_word(Bench& bench, std::uint32_t word) {
     return bench.read<std::uint16_t>(reg::kSiiData.address);
 }
 
-// The alias keeps its value, so that a loss of power does no harm. An EEPROM that stores nothing shows at the word
-// behind the content, which no program reads: it gets another value, and its own again.
+// The alias keeps its value, so that a loss of power does no harm. The word behind the content, which no program reads,
+// shows whether the EEPROM stores words: the check writes another value to it, and then its old value.
 void check_stored(Bench& bench, Bytes content) {
     constexpr std::uint16_t kBad = control::kBusy | control::kMissingAcknowledge | control::kWriteEnableError;
     const auto word = static_cast<std::uint32_t>(content.size() / sii::kWordBytes);
     if (content.size() + sii::kWordBytes > bench.slave().sii_bytes) return;
     const auto before = read_stored_word(bench, word);
     const auto other = static_cast<std::uint16_t>(~before);
-    if ((write_word(bench, word, other) & kBad) != 0) return;  // the device keeps this word for itself
+    if ((write_word(bench, word, other) & kBad) != 0) return;  // the device does not allow writing this word
     const auto after = read_stored_word(bench, word);
     if (after != other)
         bench.fail(
@@ -286,7 +286,7 @@ void check_write(Session& session) {
         bench.fail(fmt::format("the alias 0x{:04x} was written and 0x{:04x} was read back", before, after));
     if (longest > 15ms) bench.remark(fmt::format("to write a word and to read it back takes {} ms", longest / 1ms));
     check_stored(bench, session.sii);
-    // Without write enable nothing may be written.
+    // Without write enable, the EEPROM must not store a word.
     bench.write<std::uint16_t>(reg::kSiiData.address, static_cast<std::uint16_t>(~before));
     if ((execute(bench, control::kCommandWrite, sii::word::kAlias) & control::kWriteEnableError) == 0)
         bench.fail("a write command without write enable is no error (0x0502 bit 14)");

@@ -1,4 +1,4 @@
-// The object dictionary: what the SDO information service says, against the objects themselves and against the SII.
+// The object dictionary: compares the SDO information service with the objects and with the SII.
 #include "subdevice_check/check.hpp"
 
 #include <algorithm>
@@ -162,7 +162,7 @@ std::optional<unsigned> bits_of(coe::DataType type) {
     }
 }
 
-// One entry: what the service says and what an upload returns.
+// One entry: compares its description by the service with an upload.
 struct EntryCheck {
     Session& session;
     std::size_t findings = 0;

@@ -48,7 +48,7 @@ bool Kept::differs() {
     return false;
 }
 
-// Empty: the old values are there, or an error of the device says why not. Otherwise the reason.
+// Empty: the old values were restored, or an error of the device was reported. Otherwise the reason.
 std::string Kept::put_back() {
     auto& bench = session_.bench;
     std::string why;
@@ -71,7 +71,7 @@ std::string Kept::put_back() {
 }
 
 Kept::~Kept() {
-    // No fault of the device is looked for here: a lost frame may be sent again, as in the scan.
+    // A lost frame may be sent again, as in the scan, because this code does not search for faults of the device.
     auto& sendings = session_.bench.context().link_settings().sendings;
     const auto once = std::exchange(sendings, LinkSettings{}.sendings);
     if (const auto why = put_back(); !why.empty())

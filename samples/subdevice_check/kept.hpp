@@ -1,5 +1,5 @@
-// What an object has before a check changes it. It gets its old values back however the check ends: a value of the
-// check must not stay in the device.
+// The values of an object before a check changes them. The object always gets its old values back at the end of the
+// check, because a value of the check must not stay in the device.
 #pragma once
 
 #include "subdevice_check/check.hpp"

@@ -84,7 +84,7 @@ void MailBench::needs_protocol(std::uint16_t protocol, std::string_view name) {
     needs_mailbox();
 }
 
-// What was in the mailbox is forgotten, so that an emergency whose cause is still there comes again.
+// Earlier emergencies are forgotten, because an emergency is sent again if its cause still exists.
 void MailBench::restarted() {
     last_received_.reset();
     emergencies_.clear();
@@ -257,7 +257,7 @@ void MailBench::unasked(const Mail& mail) {
         note(Oddity::other_station, fmt::format("a message with the address 0x{:04x}", mail.header.address));
     if (is_coe(mail, coe::Service::emergency)) {
         ++emergency_count_;
-        const bool reset = load_le<std::uint16_t>(mail.data, 2) == 0;  // all errors are gone, and may come again
+        const bool reset = load_le<std::uint16_t>(mail.data, 2) == 0;  // all errors were reset, and may occur again
         if (reset) emergencies_.clear();
         if (!reset && !emergencies_.insert(hex(mail.data, mail.data.size())).second)
             note(Oddity::repeated_emergency, "emergency " + hex(mail.data));

@@ -15,7 +15,7 @@ struct Mail {
     std::vector<std::byte> raw{};   // the whole mailbox
 };
 
-// What was wrong with messages of the slave, during the whole run.
+// The faults of messages of the slave, during the whole run.
 enum class Oddity : std::uint8_t {
     counter_zero,        // the counter of a message is 0
     counter_order,       // it does not follow that of the message before

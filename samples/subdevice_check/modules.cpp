@@ -85,7 +85,7 @@ Kept kept_list(Session& session) {
     return Kept::list(session, kConfigured);
 }
 
-// From PREOP to SAFEOP with this list.
+// Requests SAFEOP from PREOP with this list.
 AlStatus start_with(Session& session, const std::vector<std::uint32_t>& idents) {
     auto& bench = session.bench;
     for (;;) {
@@ -117,7 +117,7 @@ void check_mismatch(Session& session) {
     other.front() ^= 1;
     auto fewer = plugged;
     if (!fewer.empty()) fewer.pop_back();
-    auto more = plugged;  // a module that is not there
+    auto more = plugged;  // a module that is not present
     if (more.size() < session.sdo.number(kGeneral, 2).value_or(0))
         more.push_back(more.empty() || more.back() == 0 ? 1 : more.back());
     auto exchanged = plugged;  // the same modules in other slots

@@ -19,7 +19,7 @@ struct Finding {
 };
 
 enum class Outcome : std::uint8_t {
-    passed,          // the rule was tried, and the device keeps it
+    passed,          // the rule was checked, and the device obeys it
     failed,          // at least one error
     not_applicable,  // the rule does not concern this device, or could not be tried; `reason` says why
     broken_off       // frames did not come back, so the rule is neither kept nor broken; `reason` says where
@@ -43,7 +43,7 @@ struct Report {
 
     [[nodiscard]] std::size_t count(Severity severity) const;
     [[nodiscard]] std::size_t count(Outcome outcome) const;
-    // No error, and each check has come to its end: nothing is known about a device whose cable is out.
+    // Whether no check has an error, and each check has finished. A device whose cable was removed has not passed.
     [[nodiscard]] bool conforms() const { return count(Severity::error) == 0 && count(Outcome::broken_off) == 0; }
 };
 

@@ -18,7 +18,7 @@ constexpr int kReadings = 4;
 
 void read_content(Session& session) {
     SlaveEeprom eeprom(session.bench.context(), session.bench.number());
-    // A line that loses frames is no fault of the device. Here a lost frame may be sent again, as in the scan.
+    // Lost frames are not a fault of the device, so a lost frame may be sent again here, as in the scan.
     auto& sendings = session.bench.context().link_settings().sendings;
     const auto once = std::exchange(sendings, LinkSettings{}.sendings);
     auto content = read_used_part(eeprom, no_progress());
@@ -42,7 +42,7 @@ CheckResult execute(Session& session, const Check& check) {
             result.outcome = Outcome::broken_off;
             result.reason = "the line loses frames: " + fault.reason;
         }
-        // A second try would take the values of the first try for values of the device.
+        // A second attempt would use the values of the first attempt as values of the device.
         if (const auto left = std::exchange(session.left_changed, {}); !left.empty()) {
             if (result.outcome != Outcome::failed) result.outcome = Outcome::broken_off;
             result.reason = result.reason.empty() ? left : left + "; " + result.reason;

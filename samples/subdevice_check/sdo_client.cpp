@@ -48,7 +48,7 @@ SdoReply SdoClient::ask(Bytes message) {
     return reply;
 }
 
-// What is wrong with the header of a response, and does no harm to its content.
+// A fault in the header of a response that does not affect its content.
 void SdoClient::note_oddities(Bytes request, Bytes response) {
     const auto asked = SdoLayout::command::load(request);
     const auto command = SdoLayout::command::load(response);

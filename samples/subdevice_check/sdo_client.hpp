@@ -21,7 +21,7 @@ struct SdoReply {
 
 struct Upload {
     Abort abort = Abort::none;
-    std::string fault{};  // what the response has against the standard; the value may be wrong then
+    std::string fault{};  // the violation of the standard in the response; the value may then be wrong
     std::vector<std::byte> data{};
     bool expedited = false;
     bool size_indicated = true;

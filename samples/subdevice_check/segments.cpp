@@ -146,7 +146,7 @@ void abort_transfer(Session& session, std::uint16_t index, std::uint8_t subindex
     }
 }
 
-// The master ends a transfer: nothing is left of it.
+// The master ends a transfer, and the slave must discard it.
 void check_client_abort(Session& session) {
     const auto value = needs_large(session);
     for (const auto before : places_in(value)) {

@@ -102,7 +102,7 @@ AlStatus settled(Bench& bench, const AlStatus& expected) {
     return bench.al_status();
 }
 
-// The slave must stay where it is, and say why. Returns the time until it did.
+// The slave must keep its state and set an AL status code. Returns the time until the code was set.
 Duration expect_refusal(Bench& bench, AlState state, unsigned requested, const std::vector<AlStatusCode>& codes,
                         const std::string& what) {
     const auto frames = bench.frames_in(state);
@@ -155,7 +155,7 @@ void check_unknown(Session& session) {
     for (const auto state : states) {
         bench.enter(state);
         for (const unsigned value : {0U, 5U, 6U, 7U, 9U, 15U}) {
-            if (bench.al_status().state != state) bench.enter(state);  // the request before has led elsewhere
+            if (bench.al_status().state != state) bench.enter(state);  // the previous request has led to another state
             (void)expect_refusal(bench, state, value, {AlStatusCode::unknown_requested_state},
                                  fmt::format("the state {} requested in {}", value, state_text(state)));
         }

@@ -117,7 +117,7 @@ void acknowledge(Bench& bench) {
     for (const Time until = bench.now() + 500ms; bench.al_status().error && bench.now() < until;) bench.wait(1ms);
 }
 
-// Back to OP: not with the old outputs, but with new ones.
+// The slave must not return to OP with the old outputs, but with new outputs.
 void expect_new_outputs(Bench& bench) {
     acknowledge(bench);
     if (const auto old = bench.go(AlState::op, false); old.state == AlState::op)
