@@ -90,8 +90,8 @@ void CyclePace::start() {
             warn(fmt::format("{}: {}", refusal.what, std::strerror(refusal.error)));
         const auto spin = std::chrono::duration_cast<std::chrono::microseconds>(runner_.spin()).count();
         if (spin < static_cast<std::int64_t>(options_.spin_us))
-            warn(fmt::format("--spin {} is longer than a cycle allows; the program uses {} µs", options_.spin_us,
-                             spin));
+            warn(
+                fmt::format("--spin {} is longer than a cycle allows; the program uses {} µs", options_.spin_us, spin));
         runner_.start();
     }
     continue_phase();

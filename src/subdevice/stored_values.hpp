@@ -129,8 +129,7 @@ inline constexpr ObjectHooks kStoreHooks{
     .exists = stored_values::exists, .before_write = stored_values::before_save, .memory = stored_values::command};
 inline constexpr ObjectHooks kRestoreHooks{
     .exists = stored_values::exists, .before_write = stored_values::before_restore, .memory = stored_values::command};
-inline constexpr ObjectHooks kBackupHooks{.exists = stored_values::exists,
-                                          .before_read = stored_values::before_checksum,
-                                          .memory = stored_values::checksum};
+inline constexpr ObjectHooks kBackupHooks{
+    .exists = stored_values::exists, .before_read = stored_values::before_checksum, .memory = stored_values::checksum};
 
 }  // namespace margay::subdevice
