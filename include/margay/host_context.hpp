@@ -10,8 +10,7 @@ namespace margay {
 // A context that allocates its memory once, in its constructor.
 class HostContext : public Context {
   public:
-    explicit HostContext(const Limits& limits = {})
-        : HostContext(new std::byte[context_bytes(limits)]{}, limits) {}
+    explicit HostContext(const Limits& limits = {}) : HostContext(new std::byte[context_bytes(limits)]{}, limits) {}
     ~HostContext() {
         close();
         delete[] owned_;

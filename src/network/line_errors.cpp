@@ -18,8 +18,9 @@ namespace {
 namespace reg = wire::reg;
 
 constexpr std::size_t kOctets = reg::kLostLinkCounter.end() - reg::kRxErrorCounter.address;
-static_assert(kOctets == std::tuple_size_v<std::remove_reference_t<decltype(LineErrorsAccess::last(
-                             std::declval<LineErrors&>()))>>);
+static_assert(
+    kOctets ==
+    std::tuple_size_v<std::remove_reference_t<decltype(LineErrorsAccess::last(std::declval<LineErrors&>()))>>);
 constexpr std::size_t kForwarded = reg::kForwardedRxErrorCounter.address - reg::kRxErrorCounter.address;
 constexpr std::size_t kProcessing = reg::kProcessingUnitErrorCounter.address - reg::kRxErrorCounter.address;
 constexpr std::size_t kPdi = reg::kPdiErrorCounter.address - reg::kRxErrorCounter.address;

@@ -46,8 +46,8 @@ class SiiDictionary {
     // A count followed by a list of numbers. The master may change the list when `room` is not 0.
     [[nodiscard]] std::vector<Entry> list(const std::vector<std::uint32_t>& values, std::size_t room,
                                           subdevice::DataType type);
-    [[nodiscard]] Entry in_image(std::uint8_t subindex, const char* name, subdevice::DataType type,
-                                 std::uint32_t bits, std::uint16_t access, std::uint64_t initial = 0);
+    [[nodiscard]] Entry in_image(std::uint8_t subindex, const char* name, subdevice::DataType type, std::uint32_t bits,
+                                 std::uint16_t access, std::uint64_t initial = 0);
     [[nodiscard]] const char* name(wire::sii::StringNumber number, const char* otherwise);
 
     Bytes strings_;

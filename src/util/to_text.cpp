@@ -108,8 +108,7 @@ std::string_view to_text(Errc code) {
         case Errc::no_clock: return "no clock that runs";
         case Errc::clock_before_reference:
             return "a slave before the reference clock in the ring has a clock, which the reference cannot synchronise";
-        case Errc::clock_not_reached:
-            return "the reference clock does not synchronise the clock";
+        case Errc::clock_not_reached: return "the reference clock does not synchronise the clock";
         case Errc::not_in_sync: return "the clock is not in sync";
         case Errc::aoe_error: return "the AoE command was not executed";
         case Errc::aoe_result: return "the device refused the AoE command";

@@ -113,8 +113,8 @@ class Bench {
         while (!result.ok && osal_.now() - on < kLongest) {
             cycle(clock, 1ms, row);
             const auto away = static_cast<std::int64_t>(copy(lost, osal_.now()) - copy(1, osal_.now()));
-            result.ok = ctx_.slave(lost).al.state == AlState::op && slave_clock(ctx_, lost).in_sync &&
-                        std::abs(away) <= 100;
+            result.ok =
+                ctx_.slave(lost).al.state == AlState::op && slave_clock(ctx_, lost).in_sync && std::abs(away) <= 100;
         }
         result.back_ms = std::chrono::duration<double, std::milli>(osal_.now() - on).count();
         cycle(clock, 1s, row);

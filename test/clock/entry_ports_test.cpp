@@ -34,8 +34,8 @@ struct EntryPortsBus : ClockBus {
         std::int64_t most = 0;
         const Time now = osal.now();
         for (std::uint32_t n = 1; n < slaves; ++n) {
-            const auto ahead = static_cast<std::int64_t>(segment.slave(n).clock().copy(now) -
-                                                         segment.slave(0).clock().copy(now));
+            const auto ahead =
+                static_cast<std::int64_t>(segment.slave(n).clock().copy(now) - segment.slave(0).clock().copy(now));
             most = std::max(most, std::abs(ahead));
         }
         return most;

@@ -167,8 +167,9 @@ TEST_F(FirmwareUpdate, AFileThatTheDeviceRefusesLeavesItInBoot) {
         EXPECT_EQ(ran.status, 1);
         EXPECT_TRUE(contains(ran.err, words)) << ran.err;
         EXPECT_TRUE(contains(ran.err, "slave 2 is left in BOOT without a complete firmware")) << ran.err;
-        EXPECT_TRUE(contains(ran.err, "Do not switch it off. Execute the command again with a file that the device "
-                                      "accepts; other slaves are in PREOP\n"))
+        EXPECT_TRUE(contains(ran.err,
+                             "Do not switch it off. Execute the command again with a file that the device "
+                             "accepts; other slaves are in PREOP\n"))
             << ran.err;
     }
 }

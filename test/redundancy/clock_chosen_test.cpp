@@ -31,8 +31,7 @@ struct ChosenInRing : testing::Test, ClockRingBus {
             (void)cycle();
             most = std::max(most, apart_from(reference));
             // Those before it take what the master expects, and no zeros.
-            for (std::uint16_t s = 1; s < reference; ++s)
-                before_ = std::max(before_, std::abs(ahead_ns(s, reference)));
+            for (std::uint16_t s = 1; s < reference; ++s) before_ = std::max(before_, std::abs(ahead_ns(s, reference)));
         }
         return most;
     }

@@ -79,9 +79,8 @@ TEST(SiiText, NamesTheFaults) {
     EXPECT_NE(text.find("\nfaults\n  word 0x0007: the checksum of the configuration area is wrong (expected 0x"),
               text.npos)
         << text;
-    EXPECT_NE(
-        text.find("  word 0x003e: the size word is not the size of the image (expected 1000, found 1024)\n"),
-        text.npos)
+    EXPECT_NE(text.find("  word 0x003e: the size word is not the size of the image (expected 1000, found 1024)\n"),
+              text.npos)
         << text;
     EXPECT_NE(text.find("Level"), text.npos);  // and the readable parts are shown
     EXPECT_EQ(sii_text(std::vector<std::byte>(64, std::byte{0xFF})), "the EEPROM is blank (every octet is 0xFF)\n");

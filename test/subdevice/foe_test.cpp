@@ -175,9 +175,7 @@ TEST_F(FoeTest, FilesOfEveryLengthGoThereAndBack) {
 }
 
 TEST_F(FoeTest, TheStoreMayEndTheMailbox) {
-    store.during_finish = [this] {
-        bench.device->fall_back(AlState::init, AlStatusCode::unspecified, bench.esc.time);
-    };
+    store.during_finish = [this] { bench.device->fall_back(AlState::init, AlStatusCode::unspecified, bench.esc.time); };
     expect(exchange(packet(Opcode::write, 0, letters("data.bin"))), Opcode::acknowledge, 0);
     const auto sent = bench.mailbox->counters().sent;
     ASSERT_TRUE(bench.send(wire::MailboxType::foe, packet(Opcode::data, 1, pattern(3))));
