@@ -148,13 +148,14 @@ std::int64_t greatest_ahead_ns(const FollowedClock& followed, std::int64_t own_n
 // last frame for the reference may have misled the clocks, and the supervision has not seen the loss yet.
 bool is_reference_silent(Network& network) {
     const Clocks& clocks = network.clocks;
-    return network.redundancy == nullptr && std::ranges::any_of(network.process.groups, [&](const ProcessGroup& group) {
-               if (!group.mapped || group.dc_reference != clocks.reference || !group.dc_time.came) return false;
-               const TimeSource source = time_source(group);
-               const bool of_reference =
-                   source.command == wire::Command::ARMW || source == by_station(network.slave(clocks.reference));
-               return group.dc_time.slaves == 0 || !of_reference;
-           });
+    if (network.redundancy != nullptr || clocks.paused) return false;  // paused: the library has stopped the time
+    return std::ranges::any_of(network.process.groups, [&](const ProcessGroup& group) {
+        if (!group.mapped || group.dc_reference != clocks.reference || !group.dc_time.came) return false;
+        const TimeSource source = time_source(group);
+        const bool of_reference =
+            source.command == wire::Command::ARMW || source == by_station(network.slave(clocks.reference));
+        return group.dc_time.slaves == 0 || !of_reference;
+    });
 }
 
 void note_difference(Network& network, const Slave& slave, std::int64_t before_ns) {
