@@ -130,7 +130,8 @@ Task<Result<>> replace_reference(Network& network) {
     const bool is_ring = network.redundancy != nullptr;  // a frame has two copies there
     const bool calm = is_ring ? false : co_await required(calm_rate(network, slave));
     const bool restarted = calm ? false : co_await required(settle_rate(network, slave));
-    if (restarted)
+    // No clock is in step with a clock that was not in step with the lost reference.
+    if (restarted || (is_ring && !clocks.of(slave).is_in_step()))
         for (const Slave& other : network.slaves())
             if (other.number != next) clocks.lose_sync(other);
     if (!carry_time_of(network, &slave)) co_return Nothing{};

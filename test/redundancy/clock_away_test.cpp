@@ -333,6 +333,31 @@ TEST(ClockAwayRing, AClockThatPassesTheReferenceIsNotInSync) {
     }
 }
 
+// Slave 1 is not in step with the reference, slave 5, when slave 5 is lost: the slaves behind
+// the break, which were in step with slave 5, are not in sync with slave 1.
+TEST(ClockAwayFirst, IsNotInStepWhenTheReferenceIsLost) {
+    AwayBus bus;
+    for (unsigned n = 0; n < 8; ++n) (void)bus.add_to_ring(ClockRingBus::nth(n));
+    (void)bus.add_behind(1, 2, ClockRingBus::nth(8));
+    bus.close_ring();
+    bus.at = {0, 1, 2, 3, 4, 5, 6, 7, 8};
+    bus.prepare(8);
+    bus.cable(bus.ring_cables[4], false);
+    bus.cable(bus.ring_cables[0], false);
+    bus.warm(0, 20'000);
+    (void)bus.cycles(2500);
+    EXPECT_EQ(reference_clock(*bus.ctx), 5);
+    bus.cable(bus.ring_cables[0], true);
+    EXPECT_EQ(bus.wrong_cycles(1000), 0U);
+    EXPECT_TRUE(slave_clock(*bus.ctx, 7).in_sync);
+    bus.cable(bus.ring_cables[5], false);
+    EXPECT_EQ(bus.wrong_cycles(180), 0U);
+    EXPECT_EQ(reference_clock(*bus.ctx), 1);
+    bus.cable(bus.ring_cables[5], true);
+    bus.cable(bus.ring_cables[4], true);
+    EXPECT_EQ(bus.wrong_cycles(1000), 0U);
+}
+
 // Slave 1 hangs at no NIC for a while, and its oscillator gets warmer. When it is the reference again, it leads the
 // other clocks out of the limit until they have followed it.
 TEST_F(ClockAway, AReferenceThatComesBackWithAnotherRate) {
