@@ -1,5 +1,5 @@
-// Recordings made octet by octet: directions, VLAN tags, UDP, lost and late frames, working counters, and octets that
-// no master sends.
+// Tests with recordings made octet by octet: directions, VLAN tags, UDP, lost and late frames, working counters, and
+// octets that no master sends.
 #include "analyse/made_recording.hpp"
 
 #include "wire/coe.hpp"
@@ -25,7 +25,7 @@ Part cyclic(std::uint16_t wkc) {
 
 wire::DatagramAddress at(std::uint16_t adp, wire::Register place) { return {adp, place.address}; }
 
-// Headers that promise an EtherCAT frame, and a packet that ends behind them or in the middle of them.
+// The headers announce an EtherCAT frame, but the packet ends after the headers or inside the frame header.
 TEST(FrameFinderTest, ATaggedPacketWithoutAFrameHeaderHoldsNoFrame) {
     auto packet = octets_of({0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 2, 2, 2, 2, 2, 2, 0x81, 0, 0, 1, 0x88, 0xA4});
     FrameFinder finder;
@@ -85,7 +85,7 @@ TEST_F(AnalyserTest, AnIntervalEndsWithARequestThatIsLost) {
     EXPECT_EQ(a.frames.open, 4U) << "of the last 20 ms";
 }
 
-// A master that has two frames on the wire, and one that sends a burst to the clocks.
+// One master has two frames on the wire at the same time; another master sends a burst of frames to the clocks.
 TEST_F(AnalyserTest, FramesThatOverlapAreNotLate) {
     for (int i = 0; i < 100; ++i) {
         const auto index = static_cast<std::uint8_t>(i);
@@ -123,7 +123,7 @@ TEST_F(AnalyserTest, SaysWhenAWorkingCounterFellShort) {
 }
 
 TEST_F(AnalyserTest, ReadsRepliesOnly) {
-    // The position in a reply is that of the request plus the slaves that it has passed.
+    // The position in a reply is the position in the request plus the number of slaves that the frame has passed.
     packet(0ms, frame_of({{Command::BRD, wire::DatagramAddress(4, 0x0130), octets_of({2, 0}), 4}}, true));
     packet(1ms, frame_of({{Command::APWR, wire::DatagramAddress(3, 0x0010), octets_of({0x02, 0x10}), 1}}, true));
     packet(2ms,
@@ -168,7 +168,7 @@ TEST_F(AnalyserTest, ATapBetweenSlavesIsNoticedWithManyFramesInACycle) {
     EXPECT_TRUE(analyser.finish().passes_twice);
 }
 
-// Twenty frames in each cycle, each with an index of its own that is the same in all cycles.
+// Each cycle has twenty frames. Each frame has its own index, which is the same in all cycles.
 TEST_F(AnalyserTest, RepliesOfManyFramesInACycleAreNoTapBetweenSlaves) {
     for (int i = 0; i < 40; ++i)
         for (int n = 0; n < 20; ++n)
@@ -176,7 +176,7 @@ TEST_F(AnalyserTest, RepliesOfManyFramesInACycleAreNoTapBetweenSlaves) {
     EXPECT_FALSE(analyser.finish().passes_twice);
 }
 
-// A short counter now and then, and always the same index.
+// The working counter is too small in some cycles, and the index is always the same.
 TEST_F(AnalyserTest, RepliesOnlyOfAMasterTellTheirCounters) {
     for (int i = 0; i < 600; ++i)
         packet(1ms * i, frame_of({cyclic(i % 8 < 7 ? std::uint16_t{3} : std::uint16_t{2})}, true, 5));
@@ -187,7 +187,7 @@ TEST_F(AnalyserTest, RepliesOnlyOfAMasterTellTheirCounters) {
     EXPECT_FALSE(a.shortfalls.items.empty());
 }
 
-// Replies with one index in all cycles, where a slave answers in every second one.
+// All replies have the same index, and a slave answers in every second cycle.
 TEST_F(AnalyserTest, RepliesOfEveryCycleAreNoTapBetweenSlaves) {
     for (int i = 0; i < 600; ++i) packet(1ms * i + 7us * (i % 5), frame_of({cyclic(i % 2 == 0 ? 1 : 2)}, true));
     const auto a = analyser.finish();
@@ -197,7 +197,7 @@ TEST_F(AnalyserTest, RepliesOfEveryCycleAreNoTapBetweenSlaves) {
     EXPECT_EQ(a.cyclic[0].datagrams[0].wkcs.size(), 2U);
 }
 
-// Nothing says whether the replies were lost, or were not recorded.
+// The recording does not show whether the replies were lost or were not recorded.
 TEST_F(AnalyserTest, LossesAreNotKnownWithoutReplies) {
     for (int i = 0; i < 600; ++i) packet(1ms * i, frame_of({kCyclic}, false, static_cast<std::uint8_t>(i)));
     const auto a = analyser.finish();
@@ -209,7 +209,7 @@ TEST_F(AnalyserTest, LossesAreNotKnownWithoutReplies) {
     EXPECT_EQ(a.cyclic.at(0).lost, 0u);
 }
 
-// The cable was connected while the recording went on.
+// The cable was connected during the recording.
 TEST_F(AnalyserTest, RequestsBeforeTheFirstReplyAreLost) {
     for (int i = 0; i < 900; ++i) {
         packet(1ms * i, frame_of({kCyclic}, false, static_cast<std::uint8_t>(i)));
@@ -270,8 +270,8 @@ TEST_F(AnalyserTest, LooksIntoVlanTagsAndUdp) {
     EXPECT_EQ(a.cyclic.at(0).datagrams.at(0).wkcs.at(3), 4u);
 }
 
-// The recording begins in operation, and the master scans later: a slave that was seen by its station address alone is
-// the slave that gets this address at a position.
+// The recording begins while the slaves are in OP, and the master scans later. A slave that was seen only by its
+// station address is the slave whose position gets this address in the scan.
 struct AnalyserRescan : AnalyserTest {
     Duration now{};
     void one(const Part& part) { exchange(now += 1ms, {part}); }
@@ -329,7 +329,7 @@ TEST_F(AnalyserRescan, TheAddressesAreReadByPosition) {
     expect_two_slaves_in(AlState::safeop);
 }
 
-// Two slaves have exchanged their places: each of them had a position before.
+// Two slaves have changed places. Each of them had a position before.
 TEST_F(AnalyserRescan, ASlaveWithAnotherPositionIsAnotherSlave) {
     station(Command::APWR, 0, 1);
     in_operation();
@@ -366,9 +366,7 @@ TEST_F(AnalyserTest, CountsPacketsThatAreNotInOrderOfTime) {
     EXPECT_EQ(analyser.first_step_back(), 5u);
 }
 
-// Random changes of octets in frames of all kinds. The counts stay consistent, and nothing is read beyond the frame
-// (which sanitizers see).
-// Some masters write the command and the low half of the address, and read status and data apart.
+// Some masters write only the command and the low half of the address, and read status and data by separate datagrams.
 TEST_F(AnalyserTest, TheSiiIsReadByTheLowHalfOfTheAddress) {
     const wire::DatagramAddress control(0x1001, 0x0502);
     const wire::DatagramAddress data(0x1001, 0x0508);
@@ -430,7 +428,7 @@ TEST(AnalyseHostile, OctetsOfAnyKindAreAccepted) {
                           .data = std::vector<std::byte>(number_to(80)),
                           .wkc = static_cast<std::uint16_t>(number_to(3))};
                 for (auto& octet : part.data) octet = static_cast<std::byte>(number_to(2) == 0 ? number_to(255) : 0);
-                if (number_to(2) == 0 && part.data.size() >= 16) {  // a mailbox message of a likely form
+                if (number_to(2) == 0 && part.data.size() >= 16) {  // a plausible mailbox message
                     const bool sent = number_to(1) == 0;
                     part.command = sent ? Command::FPWR : Command::FPRD;
                     part.address = wire::DatagramAddress(0x1001, sent ? 0x1000 : 0x1040);
@@ -450,7 +448,7 @@ TEST(AnalyseHostile, OctetsOfAnyKindAreAccepted) {
                         frame[number_to(frame.size() - 1)] = static_cast<std::byte>(number_to(255));
                 if (number_to(9) == 0) frame.resize(number_to(frame.size()));
                 if (number_to(9) == 0) frame = number_to(1) == 0 && frame.size() >= 14 ? in_udp(frame) : frame;
-                // A buffer of this size exactly, so that sanitizers see each octet beyond.
+                // The buffer has exactly the size of the frame, so the sanitizers report a read beyond its end.
                 analyser.packet({++number, 1us * static_cast<int>(number_to(1'000'000))}, frame, frame.size());
                 ++frames;
             }

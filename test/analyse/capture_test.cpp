@@ -1,4 +1,4 @@
-// The analysis of recordings of real segments, against what tshark says about the same files.
+// Compares the analysis of recordings of real segments with the output of tshark for the same files.
 #include <places.hpp>
 #include "analyse/recording.hpp"
 
@@ -124,7 +124,7 @@ TEST_P(AnalyseCapture, ReportsTheStatesOfTshark) {
     for (const auto& event : a.states.items) {
         if (event.requested) continue;
         const auto found = printed.find(event.when.frame);
-        if (found == printed.end()) continue;  // a read of several registers, which tshark does not take apart
+        if (found == printed.end()) continue;  // the datagram reads several registers, which tshark does not decode
         const unsigned word = static_cast<unsigned>(event.status.state) | (event.status.error ? 0x10U : 0U);
         EXPECT_NE(std::ranges::count_if(found->second, [&](unsigned v) { return (v & 0x1FU) == word; }), 0)
             << "frame " << event.when.frame;

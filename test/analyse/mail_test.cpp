@@ -1,4 +1,4 @@
-// Mail in recordings made octet by octet: conversations, and what of them is lost or late.
+// Mail in recordings made octet by octet: conversations, lost messages and late messages.
 #include "analyse/made_recording.hpp"
 
 #include "wire/coe.hpp"
@@ -52,7 +52,7 @@ TEST_F(MailTest, PutsMailTogetherToConversations) {
                     mail(1, octets_of({0, 0x30, 0x41, 0x08, 0x10, 0, 9, 0, 0, 0, 'D', 'r', 'i', 'v'})), 1}});
     exchange(4ms, {{Command::FPWR, at(0x1000), mail(2, octets_of({0, 0x20, 0x60, 0, 0, 0, 0, 0, 0, 0})), 1}});
     exchange(5ms, {{Command::FPRD, at(0x1040), mail(2, octets_of({0, 0x30, 0x05, 'e', ' ', 'o', 'n', 'e', 0, 0})), 1}});
-    // A download that the slave aborts, and an emergency between.
+    // The slave aborts a download, and sends an emergency in between.
     exchange(6ms, {{Command::FPWR, at(0x1000), mail(3, octets_of({0, 0x20, 0x2B, 0x40, 0x60, 0, 0x0F, 0, 0, 0})), 1}});
     exchange(7ms, {{Command::FPRD, at(0x1040), mail(3, octets_of({0, 0x10, 0x10, 0x82, 0x11, 1, 2, 3, 4, 5})), 1}});
     exchange(8ms, {{Command::FPRD, at(0x1040),
@@ -82,7 +82,7 @@ TEST_F(MailTest, PutsMailTogetherToConversations) {
     EXPECT_EQ(a.slaves.at(0).unanswered, 0u) << "a look for mail needs no answer";
 }
 
-// Field notes: slaves answer after the master has given the request up.
+// Field notes: some slaves answer after the master has given up the request.
 TEST_F(MailTest, ALateAnswerBelongsToItsOwnRequest) {
     exchange(1ms, {request(1, kUpload, 0x1018, 1)});
     exchange(50ms, {request(2, kUpload, 0x6041, 0)});
@@ -125,7 +125,7 @@ TEST_F(MailTest, AnAbortThatNamesNoObjectIsOfTheYoungestRequest) {
     EXPECT_EQ(all[1].outcome, Outcome::refused);
 }
 
-// The slave has the request, and the frame was lost behind it.
+// The slave has received the request, and the frame was lost after the slave.
 TEST_F(MailTest, ARequestWhoseFrameWasLostIsKnownByItsAnswer) {
     exchange(1ms, {request(1, kUpload, 0x1018, 1)});  // never answered
     lost(50ms, request(2, kUpload, 0x6041, 0));
@@ -154,7 +154,8 @@ TEST_F(MailTest, ARequestThatIsSentAgainIsOne) {
     lost(20ms, request(0, kUpload, 0x6064, 0));  // a master without counters
     exchange(30ms, {request(0, kUpload, 0x6064, 0)});
     exchange(31ms, {response(2, kUploaded, 0x6064, 0, 0x38)});
-    lost(40ms, request(2, kUpload, 0x6061, 0));  // the slave has it, and its mailbox is full when it comes again
+    // the slave has the request, so its mailbox is full when the request comes again
+    lost(40ms, request(2, kUpload, 0x6061, 0));
     exchange(50ms, {[&] {
                  auto full = request(2, kUpload, 0x6061, 0);
                  full.wkc = 0;
@@ -172,7 +173,7 @@ TEST_F(MailTest, ARequestThatIsSentAgainIsOne) {
     EXPECT_EQ(a.slaves.at(0).mail.at(wire::MailboxType::coe).sent, 3U);
 }
 
-// Each run of a program begins with counter 1, behind INIT.
+// Each start of the program brings the slave to INIT and begins with counter 1.
 TEST_F(MailTest, CountersBeginAgainWhenTheMailboxIsSetUp) {
     for (int run = 0; run < 3; ++run) {
         SetUp();
@@ -192,7 +193,7 @@ TEST_F(MailTest, ACounterThatComesAgainWithOtherOctetsIsAnotherMessage) {
     EXPECT_EQ(all[1].data, octets_of({0x38, 0, 0, 0}));
 }
 
-// After "busy", and after a loss.
+// A packet is sent again after "busy" and after a loss.
 TEST_F(MailTest, APacketOfFoeThatComesAgainCountsOnce) {
     const auto foe = [](bool sent, std::uint8_t counter, std::uint8_t opcode, std::uint8_t packet_number,
                         std::size_t octets) {
@@ -254,7 +255,7 @@ TEST_F(MailTest, ThePacketsOfAFoeWriteAreComparedWithTheMailbox) {
     EXPECT_EQ(all[0].bytes, kFull + 10);
 }
 
-// What is known of an object is the value that was transferred last, by complete access or not.
+// The value of an object is the value that was transferred last, with or without complete access.
 class ObjectTest : public MailTest {
   protected:
     // Uploads or downloads `data` of an object by complete access.
@@ -377,7 +378,7 @@ TEST_F(DriveTest, TheElementsOfAParameterAreTold) {
 }
 
 // The master toggles the repeat request in the activate octet of SyncManager 1, and the slave sends its message again.
-// A mailbox that is switched off and on begins anew, so the same message is another one.
+// When the SyncManager is switched off and on, the mailbox starts again, and the same message counts as a new message.
 TEST_F(DriveTest, AMessageThatIsRepeatedOnRequestCountsOnce) {
     const Part fragment = soe(false, 1, octets_of({0x0A, 0x40, 1, 0, 1, 2, 3, 4}));
     const auto activate = [&](unsigned octet) {
@@ -400,7 +401,7 @@ TEST_F(DriveTest, AMessageThatIsRepeatedOnRequestCountsOnce) {
     for (const auto& one : all) EXPECT_EQ(one.outcome, Outcome::done) << one.index;
 }
 
-// In a recording of requests alone nothing is known of the slaves' answers.
+// A recording that contains only requests shows no answers of the slaves.
 TEST_F(AnalyserTest, RequestsAloneAreNoConversations) {
     for (int n = 0; n < 600; ++n)
         packet(1ms * n,

@@ -1,5 +1,5 @@
-// Files with frames of one master or of several: how the masters are distinguished, and packets that are not in order
-// of time.
+// Files with frames of one master or of several masters: how the analyser distinguishes masters, and how it handles
+// packets that are not in order of time.
 #include "analyse/recording.hpp"
 
 #include "oshw/pcap/pcapng.hpp"
@@ -22,7 +22,7 @@ using namespace std::chrono_literals;
 using wire::Command;
 using Direction = PacketOrigin::Direction;
 
-// A cyclic frame of a master, or its reply.
+// A cyclic frame of a master, or the reply to it.
 Frame cycle_frame(std::uint8_t master, bool reply, std::uint8_t index, std::uint8_t first_octet = 0) {
     Frame buffer(wire::kMaxFrameBytes);
     const auto octet = static_cast<std::uint8_t>(first_octet | (reply ? 2U : 0U));
@@ -39,7 +39,7 @@ struct Packet {
     PacketOrigin origin{};
 };
 
-// Cycles of a master: request and reply.
+// The cycles of a master: each with a request and its reply.
 std::vector<Packet> cycles_of(std::uint8_t master, Duration begin, Duration cycle, int count,
                               std::uint32_t interface = 0) {
     std::vector<Packet> all;
@@ -101,7 +101,7 @@ void expect_cycle(const Analysis& a, Duration cycle, std::uint64_t count) {
     EXPECT_EQ(a.cyclic[0].intervals.most, cycle);
 }
 
-// An interface of Linux "any" beside Ethernet interfaces, before or behind them.
+// An interface "any" of Linux beside Ethernet interfaces, before or after them in the file.
 TEST_F(AnalyseFile, InterfacesThatAreNotEthernetAreLeftOutAndNamed) {
     for (const std::uint32_t cooked : {0U, 1U, 2U}) {
         std::vector<Packet> packets;
@@ -132,7 +132,7 @@ TEST_F(AnalyseFile, InterfacesThatAreNotEthernetAreLeftOutAndNamed) {
     }
 }
 
-// The NICs of a ring are recognised behind an interface that is left out.
+// The analyser recognises the NICs of a ring although an interface before them is left out.
 TEST_F(AnalyseFile, ARingBesideAnInterfaceThatIsLeftOut) {
     std::vector<Packet> packets;
     for (int n = 0; n < 40; ++n) {
@@ -193,7 +193,7 @@ std::vector<Packet> with_replies_behind(std::vector<Packet> packets, Duration be
 
 constexpr std::string_view kMoved = "replies are stamped before their requests";
 
-// The same index comes again after 256 frames.
+// Each index is used again after 256 frames.
 TEST_F(AnalyseFile, RepliesOfATapWhoseClockIsBehindAreMoved) {
     for (const Duration behind : {0us, 25us, 100us, 230us, 500us, 5500us, 20'000us}) {
         const auto a = analyse_file(pcapng(with_replies_behind(cycles_of(1, 1s, 1ms, 1000), behind)));
@@ -205,7 +205,7 @@ TEST_F(AnalyseFile, RepliesOfATapWhoseClockIsBehindAreMoved) {
     }
 }
 
-// Replies of two lengths of time, some of which are in front of their requests.
+// The replies need two different times, and some replies are before their requests in the file.
 TEST_F(AnalyseFile, RepliesOfWhichSomeAreBeforeTheirRequests) {
     auto packets = cycles_of(1, 1s, 1ms, 1000);
     for (std::size_t n = 1; n < packets.size(); n += 8) packets[n].at += 50us;
@@ -225,7 +225,7 @@ TEST_F(AnalyseFile, LossesBesideAClockThatIsBehindAreTold) {
     EXPECT_EQ(a.frames.late + a.frames.unasked, 0U);
 }
 
-// A master that waits for each reply, and sends the next request soon behind it.
+// The master waits for each reply, and sends the next request soon after the reply.
 TEST_F(AnalyseFile, ALongRoundTripIsNoClockThatIsBehind) {
     for (const unsigned indices : {1U, 3U, 256U})
         for (const Duration trip : {300us, 1500us, 1990us})
@@ -244,7 +244,7 @@ TEST_F(AnalyseFile, ALongRoundTripIsNoClockThatIsBehind) {
             }
 }
 
-// The recorder has missed requests and replies.
+// The recorder has not recorded some requests and replies.
 TEST_F(AnalyseFile, PacketsThatTheRecorderHasMissedAreNoClockThatIsBehind) {
     std::vector<Packet> packets;
     for (int n = 0; n < 400; ++n) {
@@ -258,7 +258,7 @@ TEST_F(AnalyseFile, PacketsThatTheRecorderHasMissedAreNoClockThatIsBehind) {
     EXPECT_EQ(a.frames.unasked, 20U);
 }
 
-// Each file of two that were put one behind the other is in order: nothing has to be sorted.
+// Two files were concatenated. Each of them is in order of time, so the analyser does not sort.
 TEST_F(AnalyseFile, TheFilesOfTwoMastersOneBehindTheOther) {
     const auto a = analyse_file(pcap(cycles_of(1, 50ms, 1ms, 40) + cycles_of(2, 0us, 2ms, 20)));
     EXPECT_EQ(a.remark, "");
@@ -278,7 +278,7 @@ TEST_F(AnalyseFile, PacketsOfOneMasterAreSortedByTime) {
     EXPECT_EQ(a.frames.longest_trip, 30us);
 }
 
-// The numbers of the packets say nothing of their order then.
+// In such a file the packet numbers do not give the order of time.
 TEST_F(AnalyseFile, TheSecondHalfOfAFileBeforeTheFirst) {
     auto packets = cycles_of(1, 0us, 1ms, 40);
     std::ranges::rotate(packets, packets.begin() + 41);
@@ -288,7 +288,7 @@ TEST_F(AnalyseFile, TheSecondHalfOfAFileBeforeTheFirst) {
     EXPECT_EQ(a.cyclic[0].last.at - a.cyclic[0].first.at, 39ms);
 }
 
-// Both NICs of a ring send each frame; two masters of two interfaces do not.
+// Both NICs of a ring send each frame. Two masters on two interfaces do not.
 TEST_F(AnalyseFile, ARingIsOneMasterAndTwoMastersAreNoRing) {
     for (const bool ring : {true, false}) {
         std::vector<Packet> packets;
@@ -308,7 +308,8 @@ TEST_F(AnalyseFile, ARingIsOneMasterAndTwoMastersAreNoRing) {
     }
 }
 
-// The same ring as its master records it, the second NIC `later` than the first one. `broken`: behind the first slave.
+// The same ring, as its master records it. The copy of the second NIC is `later` than the copy of the first NIC.
+// `broken`: the ring is broken after the first slave.
 std::vector<Packet> ring_of_nics(int count, Duration later, bool broken) {
     std::vector<Packet> all;
     for (int n = 0; n < count; ++n) {
@@ -334,7 +335,7 @@ void expect_ring_of_nics(const Analysis& a) {
     EXPECT_EQ(a.cyclic.at(0).datagrams.at(0).wkcs, (std::map<std::uint16_t, std::uint64_t>{{3, 40}}));
 }
 
-// Recorders of two interfaces write their packets in lots; the interface that sends first may be either one.
+// Recorders of two interfaces write their packets in batches. Either interface can be the one that sends first.
 TEST_F(AnalyseFile, ARingOfNicsIsOneMasterInAnyOrder) {
     for (const bool broken : {false, true}) {
         auto packets = ring_of_nics(40, 2us, broken);
@@ -364,8 +365,8 @@ TEST_F(AnalyseFile, AnUnsureRingOfNicsIsSaid) {
     EXPECT_FALSE(one.losses_known);
 }
 
-// A ring as taps record it, without directions: the copies of the addresses 1 and 2 at the interfaces 0 and 1. Two
-// thirds of the cycles are in the whole ring, and the last third behind a break between the slaves.
+// A ring, as taps record it without directions: the copies with the addresses 1 and 2 at the interfaces 0 and 1. The
+// ring is whole in two thirds of the cycles, and broken between the slaves in the last third.
 std::vector<Packet> ring_of_taps(int count, bool breaks) {
     std::vector<Packet> all;
     for (int n = 0; n < count; ++n) {
@@ -396,7 +397,8 @@ void expect_ring_of_taps(const Analysis& a, std::uint64_t count = 90) {
     EXPECT_TRUE(a.shortfalls.items.empty());
 }
 
-// Some masters give their cyclic frame one index, and with datagrams of their own the 256 are used up soon.
+// Some masters give all cyclic frames one index. Other masters send additional datagrams, so they soon have used all
+// 256 indices.
 TEST_F(AnalyseFile, ARingOfTapsWhoseIndexComesAnewInEachCycle) {
     auto packets = ring_of_taps(450, false);
     for (auto& p : packets) {
@@ -404,7 +406,7 @@ TEST_F(AnalyseFile, ARingOfTapsWhoseIndexComesAnewInEachCycle) {
         p.bytes[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes] = static_cast<std::byte>(p.at / 1ms);
     }
     expect_ring_of_taps(analyse_file(pcapng(packets)), 450);
-    // Without interfaces, a copy that comes by again looks the same.
+    // Without interfaces, a copy that passes the tap again looks like a frame with the same index.
     EXPECT_NE(analyse_file(pcap(packets))
                   .remark.find("where an index comes anew so soon, they are frames that are missing here"),
               std::string::npos);
@@ -427,7 +429,7 @@ TEST_F(AnalyseFile, ARingWithoutDirectionsIsOneMaster) {
         auto packets = ring_of_taps(90, breaks);
         expect_ring_of_taps(analyse_file(pcapng(packets)));
         expect_ring_of_taps(analyse_file(pcap(packets)));
-        // A third place, between the first NIC and the ring.
+        // A third tap is between the first NIC and the ring.
         for (const auto& p : ring_of_taps(90, breaks))
             if (p.origin.interface == 0) packets.push_back({p.at + 3us, p.bytes, {.interface = 2}});
         packets = in_order(packets);
@@ -437,7 +439,7 @@ TEST_F(AnalyseFile, ARingWithoutDirectionsIsOneMaster) {
     }
 }
 
-// Between the slaves, one copy has passed a part of them, and the other one comes by again.
+// At a tap between the slaves, one copy has passed some of the slaves, and the other copy passes again.
 std::vector<Packet> ring_of_taps_with_middle(std::uint32_t interface) {
     auto packets = ring_of_taps(90, false);
     for (int n = 0; n < 90; ++n) {
@@ -467,7 +469,7 @@ TEST_F(AnalyseFile, AnInterfaceWithSeveralPlacesOfARingIsSaid) {
         << analyse_file(pcapng(packets)).remark;
 }
 
-// The copy at the break was sent into the whole ring, and the other one behind it into the broken one.
+// At the break, one copy was sent into the whole ring, and the following copy into the broken ring.
 TEST_F(AnalyseFile, ACopyThatHasPassedTheWholeRingIsTheReplyAlone) {
     auto packets = ring_of_taps(90, true);
     for (auto& p : packets)
@@ -475,7 +477,7 @@ TEST_F(AnalyseFile, ACopyThatHasPassedTheWholeRingIsTheReplyAlone) {
     expect_ring_of_taps(analyse_file(pcapng(packets)));
 }
 
-// While the ring is whole, the replies are at the other NIC.
+// While the ring is whole, the replies arrive at the other NIC.
 TEST_F(AnalyseFile, APartOfARingShowsNoLosses) {
     for (const bool breaks : {false, true}) {
         auto packets = ring_of_taps(90, breaks);
@@ -501,7 +503,7 @@ TEST_F(AnalyseFile, APartOfARingShowsNoLosses) {
     }
 }
 
-// One program with two masters, whose segments are alike.
+// One program has two masters, whose segments are alike.
 TEST_F(AnalyseFile, TwoMastersInStepAreNoRing) {
     const auto a = analyse_file(pcap(in_order(cycles_of(1, 0us, 1ms, 40) + cycles_of(2, 10us, 1ms, 40))));
     EXPECT_FALSE(a.ring);
@@ -510,12 +512,12 @@ TEST_F(AnalyseFile, TwoMastersInStepAreNoRing) {
     expect_cycle(a, 1ms, 40);
     ASSERT_EQ(a.others.size(), 1U);
     expect_cycle(a.others[0], 1ms, 40);
-    // The frames of the second one have another index, or come later.
+    // The frames of the second master have another index, or come later.
     for (const auto begin : {11'010us, 1'500us})
         EXPECT_EQ(analyse_file(pcap(in_order(cycles_of(1, 0us, 1ms, 40) + cycles_of(2, begin, 1ms, 40)))).remark, "");
 }
 
-// A mirror port that copies both directions, and a recorder on a bridge and its port.
+// A mirror port copies both directions; or a recorder records a bridge and its port.
 TEST_F(AnalyseFile, FramesThatWereRecordedTwiceAreTakenOnce) {
     for (const std::uint32_t second : {0U, 1U}) {
         std::vector<Packet> packets;
@@ -530,7 +532,7 @@ TEST_F(AnalyseFile, FramesThatWereRecordedTwiceAreTakenOnce) {
     }
 }
 
-// A second tap that has a part of the frames: of an interface that has nothing of its own.
+// A second tap, on an interface that has no frames of its own, has a part of the frames.
 TEST_F(AnalyseFile, ATapThatHasOnlyCopiesIsNoOtherMaster) {
     std::vector<Packet> packets;
     for (const auto& p : cycles_of(1, 0us, 1ms, 40)) {
@@ -543,7 +545,7 @@ TEST_F(AnalyseFile, ATapThatHasOnlyCopiesIsNoOtherMaster) {
     EXPECT_TRUE(a.others.empty());
 }
 
-// Two taps of one segment, of which now one and now the other has a frame first.
+// Two taps record one segment, and either tap can be the first that records a frame.
 TEST_F(AnalyseFile, TwoTapsAreOneMasterWhicheverIsFirst) {
     const auto cycles = cycles_of(1, 10us, 1ms, 40);
     const auto two_taps = [&](auto has_second, auto is_first) {
@@ -565,7 +567,7 @@ TEST_F(AnalyseFile, TwoTapsAreOneMasterWhicheverIsFirst) {
         EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0U) << every;
         EXPECT_FALSE(a.interface.has_value()) << every;
     }
-    // The second tap has a third of the frames, and each of them first.
+    // The second tap records a third of the frames, and is the first for each of them.
     const auto a = two_taps([](std::size_t n) { return n / 2 % 3 == 0; }, all);
     EXPECT_EQ(a.remark, "28 frames were recorded twice: the second one is left out");
     EXPECT_TRUE(a.others.empty());
@@ -605,7 +607,8 @@ TEST_F(AnalyseFile, CopiesBehindSeveralFramesAreFound) {
     EXPECT_EQ(a.frames.lost + a.frames.late + a.frames.unasked, 0U);
 }
 
-// The recording of the second tap was put behind that of the first one: the copies are together only in order of time.
+// The recording of the second tap was appended to the recording of the first tap. The copies are adjacent only in order
+// of time.
 TEST_F(AnalyseFile, CopiesBehindTheWholeRecordingAreFound) {
     auto packets = cycles_of(1, 0us, 1ms, 40);
     for (const auto& p : cycles_of(1, 1us, 1ms, 40)) packets.push_back(p);
@@ -614,7 +617,7 @@ TEST_F(AnalyseFile, CopiesBehindTheWholeRecordingAreFound) {
     expect_cycle(a, 1ms, 40);
 }
 
-// A recorder with a coarse clock, or two files that were put together.
+// A recorder has a coarse clock, or two files were concatenated.
 TEST_F(AnalyseFile, ARequestBehindItsReplyWithTheSameTimeIsNotLost) {
     for (const unsigned first_octet : {0U, 2U}) {  // 2: replies have no mark of their own
         std::vector<Packet> packets;
@@ -622,7 +625,7 @@ TEST_F(AnalyseFile, ARequestBehindItsReplyWithTheSameTimeIsNotLost) {
             const auto frame = [&](bool reply) {
                 return cycle_frame(1, reply, static_cast<std::uint8_t>(n), static_cast<std::uint8_t>(first_octet));
             };
-            // The frames of two cycles have one time, in any order.
+            // The frames of two cycles have the same time, in any order.
             packets.insert(packets.begin() + n / 2 * 4 + (n % 2 == 0 ? 0 : n % 3), {1ms * (n / 2), frame(true)});
             packets.push_back({1ms * (n / 2), frame(false)});
         }
@@ -633,14 +636,14 @@ TEST_F(AnalyseFile, ARequestBehindItsReplyWithTheSameTimeIsNotLost) {
         EXPECT_EQ(a.frames.answered, 40U) << first_octet;
         EXPECT_EQ(a.frames.lost + a.frames.unasked + a.frames.open, 0U) << first_octet;
     }
-    // Two taps, of which one is some microseconds ahead.
+    // There are two taps, and the clock of one of them is some microseconds ahead.
     auto ahead = cycles_of(1, 10us, 1ms, 40);
     for (std::size_t n = 1; n < ahead.size(); n += 2) ahead[n].at = ahead[n - 1].at - 2us;
     const auto early = analyse_file(pcap(in_order(ahead)));
     EXPECT_EQ(early.frames.replies, 40U);
     EXPECT_EQ(early.frames.lost + early.frames.unasked, 0U);
     EXPECT_EQ(early.frames.shortest_trip, 0us);
-    // A reply of a request before the recording, with the time of another request.
+    // A reply to a request before the recording has the same time as another request.
     const auto a = analyse_file(
         pcap({{0us, cycle_frame(1, true, 9)}, {0us, cycle_frame(1, false, 1)}, {30us, cycle_frame(1, true, 1)}}));
     EXPECT_EQ(a.frames.requests, 1U);
@@ -649,7 +652,7 @@ TEST_F(AnalyseFile, ARequestBehindItsReplyWithTheSameTimeIsNotLost) {
     EXPECT_EQ(a.frames.lost, 0U);
 }
 
-// A few equal frames beside many others are no copies, and they are still of a master.
+// A few equal frames beside many other frames are not copies, and they still belong to a master.
 TEST_F(AnalyseFile, FramesOfAnotherInterfaceAreNotLost) {
     std::vector<Packet> packets;
     for (const auto& p : cycles_of(1, 0us, 1ms, 40)) {
@@ -662,7 +665,7 @@ TEST_F(AnalyseFile, FramesOfAnotherInterfaceAreNotLost) {
     EXPECT_EQ(a.frames.ethercat + a.others[0].frames.ethercat, packets.size());
 }
 
-// Frames that come back as they were: a loop without slaves, and a master with a locally administered address, whose
+// Frames come back unchanged: from a loop without slaves, or to a master with a locally administered address, whose
 // replies have no other mark.
 TEST_F(AnalyseFile, FramesThatNobodyHasProcessedAreNotRecordedTwice) {
     for (const unsigned first_octet : {0U, 2U}) {
@@ -679,7 +682,7 @@ TEST_F(AnalyseFile, FramesThatNobodyHasProcessedAreNotRecordedTwice) {
     }
 }
 
-// A master whose frames are alike: its index and its data stay.
+// The frames of a master are alike: their index and their data do not change.
 TEST_F(AnalyseFile, EqualFramesOfACycleAreNotTakenForCopies) {
     std::vector<Packet> packets;
     for (int n = 0; n < 40; ++n) {
@@ -702,7 +705,7 @@ TEST_F(AnalyseFile, DamagedFramesAreNoMasters) {
     EXPECT_TRUE(a.others.empty());
 }
 
-// TwinCAT sends some frames with the address of the NIC, and the recorder sees their replies only.
+// TwinCAT sends some frames with the address of the NIC, and the recorder sees only the replies to them.
 TEST_F(AnalyseFile, FewFramesOfAnotherAddressAreOfTheSameMaster) {
     auto packets = cycles_of(1, 1ms, 1ms, 40);
     packets.insert(packets.begin(), {0us, cycle_frame(9, true, 200)});
@@ -721,7 +724,7 @@ TEST_F(AnalyseFile, MastersBeyondTheLimitAreRemarked) {
     EXPECT_NE(a.remark.find("frames of more than 16 masters: 4 are not analysed"), std::string::npos) << a.remark;
 }
 
-// dumpcap writes these statistics behind the packets. The last ones of an interface count.
+// dumpcap writes these statistics after the packets. The last statistics of an interface are used.
 TEST_F(AnalyseFile, SaysWhatTheRecorderHasDropped) {
     const auto path = pcapng(cycles_of(1, 0ms, 1ms, 20));
     EXPECT_EQ(analyse_file(path).remark, "");

@@ -1,4 +1,4 @@
-// Recordings of both NICs of a ring: copies become one frame, and parts of a reply one reply.
+// Recordings of both NICs of a ring: the analyser merges copies into one frame, and parts of a reply into one reply.
 #include "analyse/ring_copies.hpp"
 
 #include "wire/datagram.hpp"
@@ -83,7 +83,7 @@ TEST(RingCopies, InABrokenRingBothPartsAreOneReply) {
     }
 }
 
-// The other part is waited for until the index is used anew: the master may wait for it, too.
+// The analyser waits for the other part until the index is used again, because the master may wait for the part, too.
 TEST(RingCopies, APartWhoseOtherPartIsLostIsTheReply) {
     Ring ring;
     ring.send(7, {1, 2, 0, 0});
@@ -100,7 +100,7 @@ TEST(RingCopies, APartWhoseOtherPartIsLostIsTheReply) {
     EXPECT_EQ(ring.out[3], frame(kFirst, true, 8, {1, 2, 3, 4}, 9)) << "its part has come late";
 }
 
-// A master repeats a frame that does not come back, and then all of them come.
+// A master repeats a frame that does not come back, and later all of these frames come back.
 TEST(RingCopies, RepeatedFramesHaveTheirReplies) {
     Ring ring;
     for (int n = 0; n < 3; ++n) ring.see(0, Direction::sent, frame(kFirst, false, 7, {1, 2, 0, 0}, 0), 20ms);
@@ -124,7 +124,7 @@ TEST(RingCopies, PartsThatComeFarApartAreOneReplyInItsOrder) {
     EXPECT_EQ(ring.at[1], 4ms + 30us);
 }
 
-// The cable of the first NIC is cut: all slaves are behind the second one.
+// The cable of the first NIC is broken: only the second NIC reaches the slaves.
 TEST(RingCopies, ASecondCopyThatComesBackAloneAnswersTheRequest) {
     Ring ring;
     for (std::uint8_t index = 1; index <= 3; ++index) {
@@ -140,7 +140,7 @@ TEST(RingCopies, ASecondCopyThatComesBackAloneAnswersTheRequest) {
     EXPECT_TRUE(std::ranges::is_sorted(ring.at));
 }
 
-// The program was interrupted between the two copies.
+// The program was interrupted between sending the two copies.
 TEST(RingCopies, CopiesThatAreSentFarApartAreOneRequest) {
     Ring ring;
     ring.see(0, Direction::sent, frame(kFirst, false, 7, {1, 2, 0, 0}, 0));
@@ -150,7 +150,7 @@ TEST(RingCopies, CopiesThatAreSentFarApartAreOneRequest) {
     EXPECT_EQ(ring.out.size(), 2U);
 }
 
-// The first NIC is at the end of the ring, and its copy may be sent behind the other one.
+// The first NIC is at the end of the ring, and its copy may be sent after the other copy.
 TEST(RingCopies, TheSecondNicCanBeTheBeginningOfTheRing) {
     for (const bool second_first : {false, true}) {
         Ring ring;
@@ -166,7 +166,7 @@ TEST(RingCopies, TheSecondNicCanBeTheBeginningOfTheRing) {
     }
 }
 
-// The broadcast counts the slaves of both ends; the time travels in the first copy only.
+// The broadcast counts the slaves on both sides. Only the first copy carries the time.
 TEST(RingCopies, PositionsAreAddedAndTheTimeIsThatOfOneCopy) {
     const auto of = [](std::byte mac, bool marked, wire::Command clock, std::array<std::uint16_t, 4> values) {
         std::vector<std::byte> all(wire::kMaxFrameBytes);
@@ -188,7 +188,7 @@ TEST(RingCopies, PositionsAreAddedAndTheTimeIsThatOfOneCopy) {
     ring.see(1, Direction::sent, of(kSecond, false, Command::NOP, {0, 0, 0, 0}));
     ring.see(0, Direction::received, of(kFirst, true, Command::FRMW, {2, 0x0008, 77, 2}));
     ring.see(1, Direction::received, of(kSecond, true, Command::NOP, {6, 0x0004, 0, 0}));
-    // The cable of the first NIC is cut, and the second copy has the time.
+    // The cable of the first NIC is broken, so the second copy carries the time.
     ring.see(0, Direction::sent, of(kFirst, false, Command::NOP, {0, 0, 0, 0}));
     ring.see(1, Direction::sent, of(kSecond, false, Command::FRMW, {0, 0, 0, 0}));
     ring.see(1, Direction::received, of(kSecond, true, Command::FRMW, {8, 0x0004, 99, 8}));

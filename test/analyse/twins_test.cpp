@@ -1,4 +1,4 @@
-// Frames that were recorded twice, by two taps or a mirror port, and frames that only look so.
+// Frames that were recorded twice, by two taps or a mirror port, and frames that only look like copies.
 #include "analyse/twins.hpp"
 
 #include <places.hpp>
@@ -20,7 +20,7 @@ namespace {
 using namespace std::chrono_literals;
 using wire::Command;
 
-// A cyclic frame of a master, or its reply, whose first octet the slaves have set.
+// A cyclic frame of a master, or the reply to it. In a reply, the slaves have set the first octet.
 Frame cycle_frame(bool reply, int index, std::uint8_t data = 0) {
     Frame buffer(wire::kMaxFrameBytes);
     wire::FrameBuilder builder(buffer, {static_cast<std::uint8_t>(reply ? 2 : 0), 0x11, 0x22, 0x33, 0x44, 0x55});
@@ -50,7 +50,7 @@ Packets in_order(Packets all) {
 
 constexpr int kCycles = 200;
 
-// Requests and replies; the cycle is that of a busy segment.
+// Requests and replies with the cycle of a busy segment.
 Packets cycles(std::uint8_t data = 0) {
     Packets all;
     for (int n = 0; n < kCycles; ++n) {
@@ -60,7 +60,7 @@ Packets cycles(std::uint8_t data = 0) {
     return all;
 }
 
-// What another interface shows of the same packets.
+// The same packets, as another interface records them.
 Packets tap(Packets all, std::uint32_t interface, Duration after) {
     for (auto& p : all) {
         p.interface = interface;
@@ -117,7 +117,7 @@ TEST_F(AnalyseTwins, ALateCopyIsNoFrameOfItsOwn) {
     }
 }
 
-// One file without interfaces.
+// The file has no interfaces.
 TEST_F(AnalyseTwins, ALateCopyOfAMirrorPortIsNoFrameOfItsOwn) {
     Packets all = cycles() + tap(cycles(), 0, 2us);
     for (std::size_t n = kCycles * 2; n < all.size(); n += 53) all[n].at += 50us;
@@ -128,7 +128,7 @@ TEST_F(AnalyseTwins, WhatIsReallyLostIsLost) {
     auto first = cycles();
     first.erase(first.begin() + 2 * 100 + 1);  // a reply that no tap has seen
     auto second = tap(first, 1, 1us);
-    first.erase(first.begin() + 2 * 50);  // what one of the taps has not recorded is not lost
+    first.erase(first.begin() + 2 * 50);  // a reply that only one tap has recorded is not lost
     second.erase(second.begin() + 2 * 70 + 1);
     expect_counts(analyse(in_order(first + second)), kCycles, kCycles - 1, 1);
     expect_counts(analyse(first + second), kCycles, kCycles - 1, 1);
@@ -137,7 +137,7 @@ TEST_F(AnalyseTwins, WhatIsReallyLostIsLost) {
 TEST_F(AnalyseTwins, ARequestThatWasSentAgainIsNoCopy) {
     auto first = cycles();
     for (int n = 0; n < kCycles; n += 20) {
-        // The reply comes only to the second one.
+        // Only the second tap gets the reply.
         first[static_cast<std::size_t>(2 * n + 1)].at += 300us;
         first.push_back({1ms * n + 300us, cycle_frame(false, n)});
     }
@@ -152,7 +152,7 @@ TEST_F(AnalyseTwins, ARequestThatWasSentAgainIsNoCopy) {
     }
 }
 
-// One begins while the other one is running, and ends behind it.
+// One tap begins while the other tap is recording, and ends after it.
 TEST_F(AnalyseTwins, TapsMayHaveDifferentTimes) {
     const auto whole = cycles();
     const Packets begin(whole.begin(), whole.begin() + kCycles * 4 / 3);
@@ -164,14 +164,15 @@ TEST_F(AnalyseTwins, TapsMayHaveDifferentTimes) {
     EXPECT_EQ(a.frames.lost + a.frames.unasked, 0U);
 }
 
-// A tap with an interface for each direction beside another one: the requests alone have no working counters.
+// One tap has an interface for each direction, and there is another tap beside it. A request alone has no working
+// counter.
 TEST_F(AnalyseTwins, ATapOfEachDirectionBesideAnotherOne) {
     auto first = cycles();
     for (std::size_t n = 1; n < first.size(); n += 2) first[n].interface = 1;
     expect_counts(analyse(first + tap(cycles(), 2, 1us)), kCycles, kCycles, 0);
 }
 
-// The same program on two interfaces: the requests are equal, and most replies, but not all of them.
+// The same program works on two interfaces. The requests are equal, and most of the replies are equal.
 TEST_F(AnalyseTwins, TwoLikeSegmentsAreTwoMasters) {
     for (const int every : {1, 10}) {
         Packets second;
@@ -190,8 +191,8 @@ TEST_F(AnalyseTwins, TwoLikeSegmentsAreTwoMasters) {
     }
 }
 
-// One address at both NICs. In a closed ring, what the second one has sent comes to the first one as it was. In a
-// broken ring each NIC gets the answers of some slaves.
+// Both NICs have one address. In a closed ring, a frame of the second NIC arrives at the first NIC unchanged. In a
+// broken ring, each NIC gets the answers of some slaves.
 TEST_F(AnalyseTwins, BothNicsOfARingAreNoTaps) {
     for (const bool broken : {false, true}) {
         Packets all;
@@ -209,12 +210,13 @@ TEST_F(AnalyseTwins, BothNicsOfARingAreNoTaps) {
     }
 }
 
-// A tag, padding and a check sequence make no difference, and a copy of a long file may be in its next part.
+// A VLAN tag, padding and a check sequence do not matter for the comparison. A copy in a long file may be in the next
+// part of the file.
 TEST(Twins, ALongFileIsLookedAtInParts) {
     const auto first = cycles();
     for (const bool in_time : {true, false}) {
         auto all = first;
-        for (auto& p : all) p.at *= 100;  // a second has 20 frames
+        for (auto& p : all) p.at *= 100;  // 20 frames per second
         all = all + tap(all, 1, 1us);
         if (in_time) all = in_order(all);
         for (auto& p : all)
@@ -230,7 +232,7 @@ TEST(Twins, ALongFileIsLookedAtInParts) {
     }
 }
 
-// Recordings of real segments, with a second interface that has the same frames.
+// Recordings of real segments, with an added second interface that has the same frames.
 TEST_F(AnalyseTwins, RealRecordingsWithASecondTapAreTheSame) {
     if (std::string(MARGAY_CAPTURES_DIR).empty()) GTEST_SKIP() << "no captures of real segments";
     std::size_t checked = 0;
@@ -238,7 +240,7 @@ TEST_F(AnalyseTwins, RealRecordingsWithASecondTapAreTheSame) {
         if (entry.path().extension() != ".pcapng") continue;
         SCOPED_TRACE(entry.path().filename());
         const auto alone = analyse_file(entry.path());
-        if (alone.slaves.empty()) continue;  // frames that no slave has processed are no sign of copies
+        if (alone.slaves.empty()) continue;  // frames that no slave has processed do not show copies
         Packets first, second;
         std::mt19937 chance(1);
         PacketReader reader;

@@ -1,5 +1,5 @@
-// The library borrows configuration data: passing a temporary does not compile. A helper for hosted systems owns a
-// copy.
+// The library borrows configuration data, so passing a temporary does not compile. A helper for hosted systems owns a
+// copy of the data.
 #include "segment/bench.hpp"
 
 #include <margay/host_configuration.hpp>
@@ -31,7 +31,7 @@ TEST(Borrowed, ATemporaryListIsRefusedByTheCompiler) {
     EXPECT_FALSE((std::is_constructible_v<Borrowed<std::byte>, std::vector<std::byte>>));
 }
 
-// The lists are in a template, because an expression that does not compile is an error elsewhere.
+// The expressions are in a template, because an invalid expression outside a template is a compile error.
 template <class List, class Element>
 concept FromBraces = requires(List list, Element element) {
     list = {{element}};

@@ -1,5 +1,5 @@
-// context_bytes() is exact: init() succeeds with exactly so much memory, the arena is as large as the limits say, and
-// with one octet less init() fails in words.
+// context_bytes() is exact: init() succeeds with exactly this size of memory, and the arena is as large as the limits
+// require. With one octet less, init() fails with a text.
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/devices.hpp"
@@ -33,10 +33,10 @@ class SizedContext : public Context {
   private:
     SizedContext(std::unique_ptr<std::byte[]> memory, const Limits& limits, std::size_t bytes, std::size_t offset)
         : Context({memory.get() + offset, bytes}, limits), owned_(std::move(memory)) {}
-    std::unique_ptr<std::byte[]> owned_;  // a write behind its end is seen by AddressSanitizer
+    std::unique_ptr<std::byte[]> owned_;  // AddressSanitizer reports a write beyond its end
 };
 
-// Any limits, most of them small.
+// Random limits, most of them small.
 Limits any_limits(std::mt19937& random) {
     const auto below = [&](unsigned end) { return static_cast<std::uint16_t>(random() % end); };
     const auto from_1 = [&](unsigned end) { return static_cast<std::uint16_t>(1 + below(end)); };
@@ -56,7 +56,7 @@ Limits any_limits(std::mt19937& random) {
     return limits;
 }
 
-// What the comments of Limits say about the arena, in whole blocks of 64 octets.
+// The size of the arena according to the comments of Limits, in whole blocks of 64 octets.
 std::size_t wanted_arena(const Limits& limits) {
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : std::min(limits.tasks, limits.slaves);
     const std::size_t bytes = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * 1024 * sizeof(void*);
@@ -84,7 +84,7 @@ class ContextMemory : public testing::Test {
         return both ? init_redundant(ctx, wire, second, osal) : init(ctx, wire, osal);
     }
     void expect_exact(const Limits& limits, std::size_t offset) {
-        // `new` aligns as std::max_align_t.
+        // `new` aligns memory as std::max_align_t requires.
         const std::size_t unused = (alignof(std::max_align_t) - offset) % alignof(std::max_align_t);
         const std::size_t needed = context_bytes(limits) + unused;
         SCOPED_TRACE(text_of(limits) + "offset " + std::to_string(offset));
@@ -151,7 +151,7 @@ TEST_F(ContextMemory, WhatIsMoreIsForTheArena) {
     EXPECT_GT(unused_cables.arena_bytes(), 4096U + 3088);
 }
 
-// All tables are used: a segment as large as the limits comes to OP in exactly so much memory.
+// All tables are full: a segment as large as the limits reaches OP in exactly this size of memory.
 TEST_F(ContextMemory, ASegmentAsLargeAsTheLimitsReachesOp) {
     constexpr std::uint16_t kSlaves = 6;
     for (unsigned n = 0; n < kSlaves; ++n) {

@@ -1,5 +1,5 @@
-// Requests that exclude each other: two operations never work on one slave at the same time, at whatever moment the
-// second one is submitted, and each of them returns what it has reserved.
+// Requests that exclude each other. Two operations never work on one slave at the same time, no matter when the second
+// operation is submitted. Each operation returns what it has reserved.
 #include "segment/bench.hpp"
 
 #include <margay/hooked_slave.hpp>
@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Counts how many hooks of the same slave exist at the same time.
+// Counts the hooks of a slave that exist at the same time.
 struct HookCount {
     std::array<int, 3> now{};
     int most = 0;
@@ -77,7 +77,7 @@ class Exclusion : public SegmentTest {
     void steps(int count) {
         while (count-- > 0) step();
     }
-    // Slave 1 is in its hook for 100 ms.
+    // The hook of slave 1 lasts 100 ms.
     void reconfigure_with_a_long_hook(ReconfigRequest& request) {
         use_hooks();
         hooks.duration = 100ms;
@@ -123,7 +123,7 @@ TEST_F(Exclusion, ASupervisionDoesNotBeginDuringAScan) {
             steps(5);
             if (scan.busy()) {
                 SuperviseRequest second;
-                const Errc refused = submit(ctx, second).error().code;  // busy when the first one has begun
+                const Errc refused = submit(ctx, second).error().code;  // busy if the first request has begun
                 EXPECT_NE(refused, Errc::busy) << "it had begun during the scan, after " << delay << " steps";
             }
             if (delay % 2 == 0) supervision.cancel();
@@ -273,7 +273,7 @@ TEST_F(Exclusion, ASlaveWithoutItsOwnTargetFollowsTheTargetOfAllAtWhateverMoment
     EXPECT_EQ(set_target(ctx, 9, AlState::none).error().code, Errc::unknown_slave);
 }
 
-// Twelve requests of the highest priority are submitted again whenever they are over.
+// Twelve requests of the highest priority are submitted again as soon as they are over.
 TEST_F(Exclusion, RequestsOfTheHighestPriorityDoNotBlockOneOfTheLowestForEver) {
     std::array<SiiReadRequest, 12> urgent;
     std::array<std::byte, 32> words_of_sii{};
@@ -303,7 +303,7 @@ TEST_F(Exclusion, RequestsOfTheHighestPriorityDoNotBlockOneOfTheLowestForEver) {
 
 // ------------------------------------------------------------------ random moments
 
-// A request of each kind, with parameters that are right.
+// A request of each kind, with valid parameters.
 using AnyRequest = std::unique_ptr<Request, void (*)(Request*)>;  // the destructor of Request is protected
 template <class T>
 AnyRequest request_of(T* request) {
@@ -358,8 +358,8 @@ AnyRequest make(unsigned kind, std::span<std::byte> image, std::span<std::byte> 
     }
 }
 
-// The second request comes, and one of them is cancelled or destroyed, at any moment. Then a scan and a mapping
-// succeed.
+// The second request is submitted at a random moment, and one of the two requests is cancelled or destroyed at a random
+// moment. Then a scan and a mapping succeed.
 TEST_F(Exclusion, EachPairOfRequestsEndsAndReturnsWhatItHasReserved) {
     std::minstd_rand numbers(1);
     const auto below = [&numbers](unsigned end) { return static_cast<unsigned>(numbers() % end); };
@@ -390,7 +390,7 @@ TEST_F(Exclusion, EachPairOfRequestsEndsAndReturnsWhatItHasReserved) {
 
 // ------------------------------------------------------------------ requests for all slaves
 
-// Slave 0 means every slave, so such a request waits for everything that is working on one of them.
+// Slave 0 means all slaves, so such a request waits for each operation on any slave.
 TEST_F(Exclusion, RequestsForAllSlavesWaitForTheHookOfOneSlave) {
     ASSERT_TRUE(config_map(ctx, image));
     for (const Slave& slave : ctx.slaves()) {
@@ -423,7 +423,7 @@ TEST_F(Exclusion, RequestsForAllSlavesWaitForTheHookOfOneSlave) {
     }
 }
 
-// The supervision does not use its slave: the mapping that waits for another slave is in its way.
+// The supervision does not use this slave. The request waits because of the mapping, which waits for another slave.
 TEST_F(Exclusion, WhatWaitsBehindAWaitingMappingNamesTheMapping) {
     ASSERT_TRUE(config_map(ctx, image));
     SuperviseRequest supervision;
@@ -448,7 +448,7 @@ TEST_F(Exclusion, WhatWaitsBehindAWaitingMappingNamesTheMapping) {
     expect_success(map);
 }
 
-// To recover one slave needs the whole segment.
+// Recovering one slave needs the whole segment.
 TEST_F(Exclusion, ARecoveryOfASlaveNamesTheReconfigurationOfAnother) {
     ASSERT_TRUE(config_map(ctx, image));
     ReconfigRequest first;
@@ -483,7 +483,7 @@ TEST_F(Exclusion, AScanWaitsForTheHookThatAReadingOfTheStatesExecutes) {
     EXPECT_TRUE(ends(look));
 }
 
-// A reading that began before a scan is no reading of the slaves that the scan has found.
+// A reading that began before a scan does not count as a reading of the slaves that the scan has found.
 TEST_F(Exclusion, AReadingOfTheStatesBesideAScanIsNoSuccess) {
     int beside = 0;
     for (int delay = 0; delay < 40; ++delay) {

@@ -1,5 +1,5 @@
-// Requests that are interrupted: by their timeout, by cancel(), or because their slave disappears. None of them leaves
-// a slave, or the cycle of the other slaves, in a state that the application does not see.
+// Requests that are interrupted by their timeout, by cancel(), or because their slave disappears. None of these
+// requests leaves a slave, or the cycle of the other slaves, in a state that the application cannot see.
 #include "segment/bench.hpp"
 #include "wire/sii.hpp"
 
@@ -40,7 +40,7 @@ class Interrupted : public SegmentTest {
     void cycles(int count) {
         while (count-- > 0) (void)cycle();
     }
-    // Cycles of 1 ms, and no poll between two of them.
+    // Executes cycles of 1 ms, without a poll between two of them.
     void cycle_for(Duration time) {
         for (const Time end = osal.now() + time; osal.now() < end; osal.advance(1ms)) (void)cycle();
     }
@@ -57,7 +57,7 @@ class Interrupted : public SegmentTest {
 
 // ------------------------------------------------------------------ a slave that disappears
 
-// The request for PREOP reaches the slave, and its answer does not come back: the mailbox is not opened yet.
+// The request for PREOP reaches the slave, but its reply is lost, so the master has not opened the mailbox yet.
 TEST_F(Interrupted, ASlaveThatIsLostOnItsWayToPreopHasItsMailboxAgain) {
     plug_line({"coupler", "digital_io_16", "bootloader_open"});
     switch_on();
@@ -112,7 +112,7 @@ TEST_F(Interrupted, ASlaveThatIsLostDuringAStateRequestIsReportedAndTheOthersSta
         EXPECT_EQ(count_events(EventKind::lost, 2), 1) << "after " << delay << " steps";
         (void)cycle();
         EXPECT_TRUE(inputs_fresh(ctx, 1)) << "after " << delay << " steps";
-        if (delay == 0) {  // a lost slave is left to the supervision
+        if (delay == 0) {  // the supervision brings a lost slave back
             ASSERT_TRUE(submit(ctx, request));
             ASSERT_TRUE(ends(request));
             EXPECT_EQ(request.error().code, Errc::missing_slave);
@@ -137,7 +137,7 @@ TEST_F(Interrupted, ASlaveThatIsLostDuringAStateRequestWithoutASupervisionDoesNo
     EXPECT_TRUE(inputs_fresh(ctx, 1) && inputs_fresh(ctx, 2));
 }
 
-// A cable that is repaired, or a slave that is switched on again, while a supervision works: recover_slave() succeeds.
+// A cable is repaired, or a slave is switched on again, while a supervision works. recover_slave() succeeds.
 TEST_F(Interrupted, RecoverSucceedsForASlaveThatIsThereAgainBesideASupervision) {
     begin();
     SuperviseRequest supervision;
@@ -222,7 +222,7 @@ TEST_F(Interrupted, AStateRequestThatIsCutReportsTheStateThatItHasReached) {
     EXPECT_TRUE(told);
 }
 
-// A loop of short statecheck() calls, as many programs have it: the hook is not cut, and begins once.
+// A loop of short calls of statecheck(), as many programs have it, does not end the hook. The hook begins only once.
 TEST_F(Interrupted, AStatecheckDoesNotCutTheHookAfterTheTransition) {
     begin();
     ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
@@ -248,7 +248,7 @@ TEST_F(Interrupted, AStatecheckDoesNotCutTheHookAfterTheTransition) {
 
 // ------------------------------------------------------------------ the EEPROM
 
-constexpr std::size_t kWritten = 64;  // octets: the configuration area, and words behind it
+constexpr std::size_t kWritten = 64;  // octets: the configuration area, and the words after it
 
 std::array<std::byte, kWritten> with_alias(std::array<std::byte, kWritten> content) {
     store_le<std::uint16_t>(content, 8, 0x1234);
@@ -256,7 +256,8 @@ std::array<std::byte, kWritten> with_alias(std::array<std::byte, kWritten> conte
     return content;
 }
 
-// At every moment: the EEPROM has its old content or the new one, and belongs to the slave again.
+// The request is interrupted at each moment. Each time the EEPROM has its old content or the new content, and the slave
+// has access to the EEPROM again.
 TEST_F(Interrupted, AnSiiWriteIsNeverCutInTheConfigurationArea) {
     begin();
     std::array<std::byte, kWritten> before{};
@@ -306,7 +307,7 @@ TEST_F(Interrupted, AnSiiReadThatEndsEarlyGivesTheEepromBack) {
     }
 }
 
-// A program that is not scheduled for longer than the time limits of the EEPROM, at any moment of the scan.
+// The program is not scheduled for longer than the time limits of the EEPROM, at any moment of the scan.
 TEST_F(Interrupted, AProgramThatPausesDuringAScanFindsTheEepromReady) {
     for (auto& esc : escs) esc = &plug("odd_device");
     switch_on();
@@ -361,8 +362,8 @@ TEST_F(Interrupted, ReachGoesOnWithASupervisionOfItsOwnWhenThatOfTheApplicationE
 
 // ------------------------------------------------------------------ mappings
 
-// A mapping that is cancelled at any moment leaves no pointer into the memory of an image, of slaves that have left the
-// group neither. The address sanitizer watches.
+// A mapping that is cancelled at any moment leaves no pointer into the memory of an image, also not for slaves that
+// have left the group. AddressSanitizer reports such a pointer.
 TEST_F(Interrupted, AMappingThatIsCancelledLeavesNothingInTheOldImage) {
     begin();
     for (const Slave& slave : ctx.slaves()) slave.config.mailbox_status = true;
@@ -374,7 +375,7 @@ TEST_F(Interrupted, AMappingThatIsCancelledLeavesNothingInTheOldImage) {
         MapRequest map;
         map.image = image;
         ASSERT_TRUE(submit(ctx, map));
-        steps(1 + delay);  // it has begun
+        steps(1 + delay);  // the mapping has begun
         map.cancel();
         old_image.reset();
         EXPECT_TRUE(ctx.slave(2).image.outputs.bytes.empty());

@@ -1,4 +1,5 @@
-// The lives of contexts, requests and handles: each may end at any moment, and a time may be as long as a Duration.
+// Lifetimes of contexts, requests and handles: each of them may end at any moment. A time may be as long as a Duration
+// can be.
 #include "api/real_line.hpp"
 #include "real_osal.hpp"
 
@@ -48,7 +49,7 @@ struct LiveHooks {
     }
 };
 
-// One request of each kind that works for a longer time.
+// One request of each kind that needs several polls.
 struct ManyRequests {
     std::array<std::byte, 256> image{};
     std::array<std::byte, 64> memory{};
@@ -124,7 +125,7 @@ TEST_F(Lifetime, AContextMayEndAtAnyMomentAndItsRequestsEndWithIt) {
             if (below(2) == 0) limits.tasks = static_cast<std::uint16_t>(1 + below(2));
             HostContext ctx{limits};
             ASSERT_TRUE(init(ctx, wire, osal));
-            if (!config_init(ctx)) continue;  // the hooks before have left a slave between two states
+            if (!config_init(ctx)) continue;  // the interrupted hooks have left a slave between two states
             if (below(2) == 0) (void)config_map(ctx, requests.image);
             for (const Slave& slave : ctx.slaves()) {
                 slave.hooks.user = &hooks;
@@ -194,7 +195,7 @@ TEST(LifetimeThreads, AThreadThatSleepsReturnsWhenTheContextGoesAway) {
         segment.power_up(osal.now());
         auto context = std::make_unique<HostContext>(Limits{.slaves = 8});
         ASSERT_TRUE(init(*context, wire, osal));
-        ScanRequest scan;  // the requests of the threads wait for it
+        ScanRequest scan;  // the requests of the threads wait for this scan
         ASSERT_TRUE(submit(*context, scan));
         (void)poll(*context, osal.now());
         std::array<ScanRequest, 2> requests;
@@ -227,7 +228,7 @@ class LongTimes : public SegmentTest {
         plug("odd_device");
         plug("odd_device");
         switch_on();
-        osal.advance(1h);  // a clock that is not zero: its sum with the longest time is too large
+        osal.advance(1h);  // the clock is not zero, so its sum with the longest Duration overflows
         ASSERT_TRUE(bring_up());
     }
     void expect_success(Request& request) {
@@ -296,7 +297,7 @@ class Callbacks : public SegmentTest {
     }
 };
 
-// What the application does while a callback waits to cancel the supervision.
+// The calls that the application makes while a callback wants to cancel the supervision.
 TEST_F(Callbacks, ACallbackMayCancelTheSupervisionWhateverTheOwnerCalls) {
     ASSERT_TRUE(config_map(ctx, image));
     std::unique_ptr<SuperviseRequest> supervision;

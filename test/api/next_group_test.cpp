@@ -1,4 +1,4 @@
-// SlaveConfiguration::group says where the slave is to be after the next mapping; until then it stays in its group.
+// SlaveConfiguration::group is the group of the slave after the next mapping. Until then the slave stays in its group.
 #include "process_data/bus.hpp"
 
 #include <margay/run.hpp>
@@ -48,7 +48,7 @@ TEST_F(NextGroup, ACopyToASlaveThatHasLeftTheGroup) {
         EXPECT_EQ(ctx->errors().take(), mapped.error());
         EXPECT_TRUE(ctx->group(1).mapped);
         std::fill(image.begin(), image.end(), std::byte{0});
-        std::fill_n(image.begin(), 4, std::byte{0x11});  // what the application wants of slave 1
+        std::fill_n(image.begin(), 4, std::byte{0x11});  // the outputs that the application has set for slave 1
         std::fill_n(image.begin() + static_cast<long>(used) - 4, 4, std::byte{0x77});  // inputs of slave 2
         EXPECT_TRUE(cycle(0)) << "the group continues without slave 4";
         EXPECT_EQ(image[0], std::byte{0x11}) << "the outputs of slave 1 were changed";
@@ -58,7 +58,7 @@ TEST_F(NextGroup, ACopyToASlaveThatHasLeftTheGroup) {
     }
 }
 
-// The source of a copy is mapped in another group. The destination would keep the outputs that were copied last.
+// The source of a copy is mapped in another group. The destination must not keep the outputs that were copied last.
 TEST_F(NextGroup, ACopyFromASlaveThatHasLeftTheGroup) {
     for (int n = 0; n < 3; ++n) add(16, 16);
     start();
@@ -85,7 +85,7 @@ TEST_F(NextGroup, ACopyFromASlaveThatHasLeftTheGroup) {
     EXPECT_TRUE(config_map(*ctx, second, 1)) << "the slave does not leave a group this time";
     run();
     EXPECT_EQ(words(what_is_wrong(*ctx)), why) << "the copy is still not executed";
-    ctx->group(0).config.copies = {};  // the application copies by itself
+    ctx->group(0).config.copies = {};  // the application copies the data itself
     EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
     ctx->slave(3).image.outputs.bytes[0] = std::byte{0x33};
     run();
@@ -93,7 +93,7 @@ TEST_F(NextGroup, ACopyFromASlaveThatHasLeftTheGroup) {
     supervision.cancel();
 }
 
-// `config.group` is set for the next config_map(); the group that is mapped continues.
+// The application sets `config.group` for the next config_map(). The mapped group continues.
 TEST_F(NextGroup, TheGroupOfASlaveIsSetForTheNextMapping) {
     add(8, 16);
     add(8, 16);
@@ -107,7 +107,7 @@ TEST_F(NextGroup, TheGroupOfASlaveIsSetForTheNextMapping) {
         const auto wkc = cycle(0);
         EXPECT_FALSE(wkc.ok() && in.bytes[0] == std::byte{0xEE}) << "success, but the inputs were not copied";
     }
-    // A slave that loses its power meanwhile.
+    // Meanwhile a slave loses its power.
     SuperviseRequest supervision;
     ASSERT_TRUE(submit(*ctx, supervision));
     for (int n = 0; n < 20; ++n) (void)cycle(0);
@@ -120,7 +120,7 @@ TEST_F(NextGroup, TheGroupOfASlaveIsSetForTheNextMapping) {
     supervision.cancel();
 }
 
-// Slave 3 moves to group 1 while group 0 continues with the others; then it is lost and comes back.
+// Slave 3 moves to group 1 while group 0 continues with the other slaves. Then slave 3 is lost and comes back.
 TEST_F(NextGroup, ASlaveThatMovesToAnotherGroup) {
     add(8, 16);
     add(8, 16);
@@ -161,7 +161,7 @@ TEST_F(NextGroup, ASlaveThatMovesToAnotherGroup) {
     both(3000);
     EXPECT_TRUE(cycle(0));
     EXPECT_TRUE(cycle(1));
-    // back again to group 0
+    // Slave 3 moves back to group 0.
     ctx->slave(3).config.group = 0;
     map.group = 0;
     map.image = image;
@@ -175,7 +175,8 @@ TEST_F(NextGroup, ASlaveThatMovesToAnotherGroup) {
     supervision.cancel();
 }
 
-// `config.group` is set for the next config_map(), and the slave is lost before: its inputs in group 0 are old.
+// The application sets `config.group` for the next config_map(), and the slave is lost before that call. The inputs of
+// the slave in group 0 are old.
 TEST_F(NextGroup, FreshInputsOfASlaveWhoseGroupIsSetForTheNextMapping) {
     add(8, 16);
     add(64, 128);
@@ -223,8 +224,9 @@ TEST_F(NextGroup, OthersAreFreshButNotTheSlaveWhoseGroupIsSetForTheNextMapping) 
     }
 }
 
-// A slave of group 0 whose `config.group` is set for the next config_map() is lost: the counters of group 1 change.
-// Then a slave of group 1 dies, and its old inputs count as fresh.
+// The application sets `config.group` of a slave of group 0 for the next config_map(). The slave is lost, and this must
+// not change the expected working counters of group 1. If it did, old inputs of a lost slave of group 1 would count as
+// fresh.
 TEST_F(NextGroup, TheCountersOfTheGroupThatASlaveIsToJoin) {
     for (int n = 0; n < 4; ++n) add(8, 16);
     start();
@@ -241,7 +243,7 @@ TEST_F(NextGroup, TheCountersOfTheGroupThatASlaveIsToJoin) {
     ctx->slave(4).config.group = 1;
     segment.set_power(3, false, osal.now());
     for (int n = 0; n < 5; ++n) (void)cycle(0), (void)cycle(1);
-    (void)readstate(*ctx);  // slave 4 is known to be lost
+    (void)readstate(*ctx);  // now the master knows that slave 4 is lost
     for (int n = 0; n < 5; ++n) (void)cycle(0), (void)cycle(1);
     EXPECT_EQ(ctx->group(1).datagrams[0].accepted, 6);
     segment.set_power(2, false, osal.now());
@@ -255,7 +257,7 @@ TEST_F(NextGroup, TheCountersOfTheGroupThatASlaveIsToJoin) {
     }
 }
 
-// The same slave comes back before the mapping: it gets the outputs of another slave.
+// The same slave comes back before the mapping. It must not get the outputs of another slave.
 TEST_F(NextGroup, ASlaveThatComesBackWithItsGroupSetForTheNextMapping) {
     for (int n = 0; n < 4; ++n) add(8, 16);
     start();

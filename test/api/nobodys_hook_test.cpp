@@ -1,5 +1,5 @@
-// Hooks that no request waits for: after a state that was requested without waiting, and hooks that the supervision
-// executes.
+// Hooks that no request waits for: hooks after a state that was requested without waiting, and hooks that the
+// supervision executes.
 #include "api/slow_hook.hpp"
 
 namespace margay {
@@ -11,7 +11,7 @@ constexpr Duration kEver = std::chrono::hours(1000);
 
 class NobodysHook : public HookTest {
   protected:
-    // Cycles without poll(): the slaves change their states, and the master does not see it.
+    // Executes cycles without poll(): the slaves change their states, and the master does not read the states.
     void cycle_unseen(int count) {
         while (count-- > 0) {
             (void)send_processdata(ctx);
@@ -22,7 +22,7 @@ class NobodysHook : public HookTest {
     }
 };
 
-// A limit switch that is never reached: the drive loses its power meanwhile.
+// The hook waits for a limit switch that is never reached. Meanwhile the drive loses its power.
 TEST_F(NobodysHook, OfTheSupervisionEndsWhenItsSlaveIsLost) {
     begin(3);
     ASSERT_TRUE(config_map(ctx, image));
@@ -53,7 +53,7 @@ TEST_F(NobodysHook, OfTheSupervisionEndsWhenItsSlaveIsLost) {
     }
 }
 
-// A device that restarts so quickly that no reading finds it missing.
+// The device restarts so quickly that the supervision never finds it missing.
 TEST_F(NobodysHook, OfTheSupervisionEndsWhenItsSlaveRestarts) {
     begin(3);
     ASSERT_TRUE(config_map(ctx, image));
@@ -79,7 +79,7 @@ TEST_F(NobodysHook, OfTheSupervisionEndsTenSecondsAfterItBeganWhenARequestNeedsT
     ASSERT_TRUE(submit(ctx, supervision));
     (void)until([&] { return slow.begun == 1; });
     (void)errors();
-    RegisterReadRequest other;  // needs no slave for itself
+    RegisterReadRequest other;  // this request does not reserve a slave
     std::array<std::byte, 2> octets{};
     other.slave = 2;
     other.data = octets;
@@ -115,7 +115,7 @@ TEST_F(NobodysHook, OfOneSlaveIsNotEndedByRequestsForAnother) {
         (void)until([] { return false; }, 11s);
         (void)errors();
         ReconfigRequest first;
-        ReconfigRequest second;  // waits for the first
+        ReconfigRequest second;  // waits for the first request
         first.slave = second.slave = 2;
         ASSERT_TRUE(submit(ctx, first));
         ASSERT_TRUE(submit(ctx, second));
@@ -127,8 +127,8 @@ TEST_F(NobodysHook, OfOneSlaveIsNotEndedByRequestsForAnother) {
     }
 }
 
-// Each hook has its own 10 s: a hook that begins later does not prolong the time of the first, and is not ended with
-// it.
+// Each hook has its own limit of 10 s. A hook that begins later does not extend the limit of the first hook, and does
+// not end together with it.
 TEST_F(NobodysHook, HasItsOwnTime) {
     begin(3);
     ASSERT_TRUE(config_map(ctx, image));
@@ -152,7 +152,7 @@ TEST_F(NobodysHook, HasItsOwnTime) {
     EXPECT_EQ(errors(), std::vector<std::string>{"slave 2: the hook of the application: timed out"});
 }
 
-// Commands that take too long are named, too.
+// Start-up commands that take too long are named, too.
 TEST_F(NobodysHook, CommandsThatAreEndedAreReported) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
@@ -176,7 +176,8 @@ TEST_F(NobodysHook, CommandsThatAreEndedAreReported) {
               "ended early");
 }
 
-// statecheck() does not say "in OP" before the hook has begun, for example because a mapping uses the segment.
+// statecheck() does not return OP before the hook has begun. The hook can be late, for example because a mapping uses
+// the segment.
 TEST_F(NobodysHook, IsWaitedForBeforeItHasBegun) {
     begin(3);
     ctx.slave(1).config.highest = AlState::safeop;
@@ -219,7 +220,8 @@ TEST_F(NobodysHook, IsWaitedForBeforeItHasBegun) {
     EXPECT_EQ(what_is_wrong(ctx).slave, 2) << wrong();
 }
 
-// The slave has reached SAFEOP, no reading has seen it: on the way to OP what follows PREOP to SAFEOP comes first.
+// The slave has reached SAFEOP, but the master has not read this state. On the way to OP, the master first executes the
+// commands and hooks after PREOP to SAFEOP.
 TEST_F(NobodysHook, IsNotLeftOutByTheNextStateChange) {
     for (const bool by_request : {false, true}) {
         if (ctx.slaves().empty()) begin(3);
@@ -249,8 +251,7 @@ TEST_F(NobodysHook, IsNotLeftOutByTheNextStateChange) {
     }
 }
 
-// The hook has failed, and the slave is in OP: asking for OP again is no success as long as the slave is not started
-// again.
+// The hook has failed, and the slave is in OP. A request for OP does not succeed until the slave was started again.
 TEST_F(NobodysHook, ThatHasFailedIsNoSuccessTheNextTime) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
@@ -279,7 +280,8 @@ TEST_F(NobodysHook, ThatHasFailedIsNoSuccessTheNextTime) {
     EXPECT_EQ(slow.ended, 2);
 }
 
-// A request for SAFEOP that came too early is forgotten when config_map() brings the slave there.
+// The application requests SAFEOP too early. When config_map() brings the slave to SAFEOP, this request has no effect
+// any more.
 TEST_F(NobodysHook, IsExecutedOnceAfterARequestThatCameTooEarly) {
     begin();
     SlowHook slow{.lasts = 1ms, .slave = 2, .which = Transition::preop_to_safeop};
@@ -292,7 +294,7 @@ TEST_F(NobodysHook, IsExecutedOnceAfterARequestThatCameTooEarly) {
     EXPECT_EQ(slow.begun, 1);
 }
 
-// Two states are requested one after the other, and nothing reads the state between.
+// The application requests two states one after the other, and the master does not read the state in between.
 TEST_F(NobodysHook, IsNotSkippedWhenNobodyReadsTheState) {
     for (const int unseen : {0, 1, 100}) {
         if (ctx.slaves().empty()) begin(3);
@@ -308,7 +310,7 @@ TEST_F(NobodysHook, IsNotSkippedWhenNobodyReadsTheState) {
         (void)until([&] { return real(1) == AlState::op; }, 1s);
         (void)statecheck(ctx, 2, AlState::op, 1s);
         EXPECT_EQ(before.ended, 1) << unseen;
-        // The same for what follows PREOP to SAFEOP: executed, or reported as unfinished.
+        // The commands and hooks after PREOP to SAFEOP are executed, or reported as unfinished.
         ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
         ASSERT_EQ(statecheck(ctx, 2, AlState::preop, 1s)->state, AlState::preop);
         SlowHook after{.lasts = 1ms, .slave = 2, .which = Transition::preop_to_safeop};
@@ -322,7 +324,7 @@ TEST_F(NobodysHook, IsNotSkippedWhenNobodyReadsTheState) {
     }
 }
 
-// A lower target ends a hook of the way up: an application that lowers the target does not wait for the hook.
+// A lower target ends a hook of the way up, so an application that lowers the target does not wait for the hook.
 TEST_F(NobodysHook, OfTheWayUpEndsWhenTheTargetBecomesLower) {
     begin(3);
     ASSERT_TRUE(config_map(ctx, image));
@@ -346,7 +348,7 @@ TEST_F(NobodysHook, OfTheWayUpEndsWhenTheTargetBecomesLower) {
         }
 }
 
-// A hook of the way down, for example a ramp, is not cut by a still lower target.
+// A lower target does not end a hook of the way down, for example a ramp.
 TEST_F(NobodysHook, OfTheWayDownGoesOn) {
     begin(3);
     ASSERT_TRUE(config_map(ctx, image));
@@ -384,7 +386,7 @@ TEST_F(NobodysHook, CommandsOfTheSupervisionAreLimitedToo) {
     EXPECT_LT(until([&] { return all_right(ctx); }, 20s), 20s) << wrong();
 }
 
-// A plain function that is busy for too long: one error.
+// A plain function that is busy for too long causes one error.
 TEST_F(NobodysHook, ABusyHookIsReportedOnce) {
     begin();
     ctx.slave(2).hooks.preop_to_safeop = [](HookedSlave, void*) { return Result<>(Error{.code = Errc::busy}); };
@@ -392,7 +394,8 @@ TEST_F(NobodysHook, ABusyHookIsReportedOnce) {
     EXPECT_EQ(errors(), std::vector<std::string>{"slave 2: the hook of the application: timed out"});
 }
 
-// The cause of a failed start-up is gone, and the slave has no place in the image: the error says what is missing now.
+// The cause of the failed start-up does not exist any more, and the slave has no place in the image. The error names
+// the missing place.
 TEST_F(NobodysHook, AfterAFailedHookOfIpTheErrorIsThePlace) {
     begin(3);
     SlowHook slow{.lasts = 1ms, .slave = 2, .which = Transition::init_to_preop, .when = Moment::before, .fails = true};
@@ -423,7 +426,7 @@ TEST_F(NobodysHook, ATargetThatIsSetBeforeTheSupervisionBeginsCounts) {
     EXPECT_EQ(real(0), AlState::preop);
 }
 
-// The loop of many programs: the state is requested again while the slave is on its way.
+// Many programs have this loop: they request the state again while the slave is on its way to it.
 TEST_F(NobodysHook, IsExecutedWhenTheStateIsRequestedAgainMeanwhile) {
     begin(2);
     ASSERT_TRUE(config_map(ctx, image));

@@ -1,5 +1,5 @@
-// The order of requests and events: a request that can begin does not wait for another event, each change of a slave is
-// reported whoever reads it first, and the end of a supervision is reported.
+// The order of requests and events. A request that can begin does not wait for another event. Each change of a slave is
+// reported, no matter which part of the program reads it first. The end of a supervision is reported.
 #include "segment/bench.hpp"
 
 #include <margay/hooked_slave.hpp>
@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A NIC whose frames arrive while poll() works: after the first look of a poll().
+// A NIC whose frames arrive during poll(), after the first call of receive().
 class LateNic final : public Nic {
   public:
     explicit LateNic(Nic& nic) : nic_(nic) {}
@@ -131,7 +131,7 @@ TEST_F(Order, ALostSlaveIsReportedWhoeverReadsItsStateFirst) {
         (void)count_events(lost);
         segment.set_power(1, false, osal.now());
         switch (reader) {
-            case 0: break;  // only the supervision reads it
+            case 0: break;  // only the supervision reads the state
             case 1: (void)readstate(ctx); break;
             case 2: (void)statecheck(ctx, 2, AlState::op, 0ns); break;
             case 3: (void)recover_slave(ctx, 2); break;
@@ -243,7 +243,7 @@ TEST_F(Order, ASupervisionMayWaitForTheLongestTimeAfterASearch) {
     expect_all_in(AlState::op);
 }
 
-// The slave has left the group, and the group has another image: the old image is not read any more.
+// The slave has left the group, and the group has another image. The library must not read the old image any more.
 TEST_F(Order, TheMailboxStatusOfASlaveThatLeftItsGroupIsNotReadFromTheOldImage) {
     begin();
     for (const Slave& slave : ctx.slaves()) slave.config.mailbox_status = true;
@@ -261,7 +261,7 @@ TEST_F(Order, TheMailboxStatusOfASlaveThatLeftItsGroupIsNotReadFromTheOldImage) 
     steps(500);
     const auto without_mail = datagrams_with(std::byte{0});
     EXPECT_LE(datagrams_with(std::byte{0xFF}), without_mail + 1) << "the old image decides what is sent";
-    old_image.reset();  // for the address sanitizer
+    old_image.reset();  // AddressSanitizer reports a read of the old image
     steps(500);
 }
 

@@ -1,5 +1,5 @@
-// The thread that owns a context, and the calls that other threads may make. These tests use real time, because two
-// threads cannot share a clock that each of them moves. No result depends on durations.
+// The thread that owns a context, and the calls that other threads may make. These tests use real time, because each of
+// the threads would advance a shared virtual clock. No result depends on durations.
 #include "api/real_line.hpp"
 #include "real_osal.hpp"
 
@@ -11,15 +11,15 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Counts the calls of waiting threads to the Osal.
+// Counts the calls of Osal functions by waiting threads.
 class CountingOsal final : public Osal {
   public:
     std::atomic<int> waits_of_others{0};
     std::atomic<int> sleeps{0};
-    std::atomic<int> looks{0};  // sleeps that end soon, so that the thread looks again
+    std::atomic<int> looks{0};  // short sleeps, after which the thread checks again
     std::atomic<int> wakes{0};
     std::atomic<Duration::rep> skipped{0};  // time that passed in jumps
-    bool jump = false;                      // a thread that sleeps advances the time at once
+    bool jump = false;                      // a sleeping thread advances the time at once
     Time now() noexcept override { return real_.now() + Duration(skipped.load()); }
     void wait(Time until, WaitHandles handle) noexcept override {
         if (thread_number() != owner_) ++waits_of_others;

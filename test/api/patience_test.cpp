@@ -1,4 +1,4 @@
-// Faults in the order of requests that an attack on the library has found. Each test is for one fault.
+// Faults in the order of requests that were found by systematic attacks on the library. Each test is for one fault.
 #include "api/master.hpp"
 #include "api/slow_hook.hpp"
 
@@ -59,7 +59,8 @@ TEST_F(Patience, TargetOfASlaveWhoseHookTakesLong) {
     }
 }
 
-// A hook that never ends: the timeout of the request ends it, and the error says where the time went.
+// A hook never ends. The timeout of the request ends the hook, and the error names the slave and the hook that the
+// request waited for.
 TEST_F(Patience, AMappingThatWaitsForAHookNamesTheSlaveAndTheHook) {
     begin();
     SlowHook slow{.lasts = 1h, .slave = 2, .which = {}};
@@ -82,7 +83,7 @@ TEST_F(Patience, AMappingThatWaitsForAHookNamesTheSlaveAndTheHook) {
     EXPECT_EQ(slow.begun, 2);
 }
 
-// A plain hook that is always busy has failed after 10 s.
+// A plain hook that is always busy fails after 10 s.
 TEST_F(Patience, APlainHookThatIsAlwaysBusyEnds) {
     begin();
     const auto busy = [](HookedSlave slave, void*) -> Result<> {
@@ -96,7 +97,7 @@ TEST_F(Patience, APlainHookThatIsAlwaysBusyEnds) {
     EXPECT_EQ(ctx.slave(2).al.state, AlState::safeop);
 }
 
-// A hook of slave 1 waits until slave 2 is in OP ("other slaves continue"); another request wants the whole segment.
+// A hook of slave 1 waits until slave 2 is in OP ("other slaves continue"). Another request needs the whole segment.
 struct Waits {
     HostContext* ctx = nullptr;
     static Result<> hook(HookedSlave slave, Transition which, Moment when, void* user) {
@@ -125,7 +126,7 @@ TEST_F(Patience, AHookThatWaitsForAnotherSlaveBesideARecoverRequest) {
     segment.set_power(0, false, osal.now());
     cycles(200);
     segment.set_power(0, true, osal.now());
-    // until slave 1 is being started and slave 2 waits for its turn
+    // Polls until slave 1 is being started and slave 2 waits for its turn.
     RecoverRequest recover;
     (void)until([&] { return ctx.slave(1).al.state == AlState::safeop; });
     segment.set_power(1, false, osal.now());
@@ -137,7 +138,7 @@ TEST_F(Patience, AHookThatWaitsForAnotherSlaveBesideARecoverRequest) {
                          << static_cast<int>(ctx.slave(2).al.state);
 }
 
-// A reading of the states while a scan is executing must not change what the scan finds.
+// Reading the states during a scan must not change the result of the scan.
 TEST_F(Patience, ReadingTheStatesDuringAScan) {
     begin(3);
     int bad = 0;
@@ -170,7 +171,8 @@ TEST_F(Patience, ReadingTheStatesDuringAScan) {
     EXPECT_EQ(bad, 0);
 }
 
-// Two requests for the segment, each submitted again as soon as it has ended: the supervision never helps.
+// Two requests for the segment are submitted again as soon as they are over. The supervision never gets a turn to help
+// the slave.
 TEST_F(Patience, SupervisionBesideTwoThreadsThatRecover) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
@@ -193,7 +195,7 @@ TEST_F(Patience, SupervisionBesideTwoThreadsThatRecover) {
     EXPECT_LT(took, 29s) << "slave 2 in state " << static_cast<int>(ctx.slave(2).al.state);
 }
 
-// A supervision that has been accepted and is cancelled before it has begun.
+// A supervision is accepted, and is cancelled before it has begun.
 TEST_F(Patience, PollDoesNotSpinWithoutProgress) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
@@ -222,7 +224,7 @@ TEST_F(Patience, PollDoesNotSpinWithoutProgress) {
     EXPECT_LT(most, 20);
 }
 
-// The arena is nearly full while cycles run: the supervision must not turn in a circle inside poll().
+// The arena is nearly full while cycles are exchanged. The supervision must not loop inside poll().
 TEST_F(Patience, ANearlyFullArenaBesideTheSupervision) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));

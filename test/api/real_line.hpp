@@ -15,7 +15,7 @@ inline void plug_line(sim::Segment& segment, std::uint32_t devices) {
     }
 }
 
-// Two devices in real time, and a context that is initialised. A thread sets `stop` to end the owner's polling.
+// Two devices in real time, and an initialised context. A thread sets `stop` to end the polling of the owner.
 template <class System>
 class RealLine : public testing::Test {
   protected:
@@ -32,7 +32,7 @@ class RealLine : public testing::Test {
         segment.power_up(osal.now());
         ASSERT_TRUE(init(ctx, wire, osal));
     }
-    // Polls as poll() asks, or after `longest`, until `stop` is set.
+    // Polls at the times that poll() returns, or after `longest`, until `stop` is set.
     void poll_until_stopped(Duration longest) {
         while (!stop.load()) osal.wait(std::min(poll(ctx, osal.now()), osal.now() + longest), wire.wait_handle());
     }

@@ -1,4 +1,4 @@
-// Requests: which of them exclude each other, the effect of cancelling on other requests, and what callbacks may do.
+// Requests: which requests exclude each other, how cancelling affects other requests, and what callbacks may do.
 #include "segment/bench.hpp"
 
 namespace margay {
@@ -137,7 +137,7 @@ TEST_F(Requests, CancellingOneLeavesTheOthersAlone) {
         request.timeout = 5s;
         ASSERT_TRUE(submit(ctx, name_of(request, 1)));
     }
-    requests[2].cancel();  // poll() has not seen it yet
+    requests[2].cancel();  // poll() has not accepted the request yet
     EXPECT_EQ(requests[2].error().code, Errc::canceled);
     step();
     requests[0].cancel();

@@ -61,7 +61,7 @@ TEST_F(Settling, StatecheckOfASlaveBesideALongHookOfAnother) {
     check.slave = 2;
     check.wanted = AlState::op;
     check.timeout = 2s;
-    ASSERT_TRUE(submit(ctx, check));  // looks before slave 2 is in OP
+    ASSERT_TRUE(submit(ctx, check));  // reads the state before slave 2 is in OP
     cycles(3);
     WriteStateRequest write;
     write.slave = 2;
@@ -73,8 +73,8 @@ TEST_F(Settling, StatecheckOfASlaveBesideALongHookOfAnother) {
     EXPECT_EQ(check.reached.state, AlState::op) << "slave 2 is in " << static_cast<int>(real(1));
 }
 
-// A hook after a transition that never ends, begun by statecheck(): the request is over. A request that needs the slave
-// ends the hook after 10 s.
+// A hook after a transition never ends, and statecheck() has begun it. The request for the state is over. A request
+// that needs the slave ends the hook after 10 s.
 TEST_F(Settling, ARequestForTheSlaveEndsTheHook) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
@@ -121,7 +121,7 @@ TEST_F(Settling, ARequestForTheSlaveEndsTheHook) {
     scan.cancel();
 }
 
-// Requests for the segment beside a supervision that looks rarely, without cycles.
+// Requests for the segment beside a supervision with a long interval, without cycles.
 TEST_F(Settling, RequestsForTheSegmentBesideASupervisionWithALongInterval) {
     begin();
     cycling = false;
@@ -147,7 +147,7 @@ TEST_F(Settling, RequestsForTheSegmentBesideASupervisionWithALongInterval) {
     }
 }
 
-// Error counters that are read all the time keep no slave from coming back.
+// Requests that read the error counters without a pause do not prevent a lost slave from coming back.
 TEST_F(Settling, LineErrorsReadAllTheTimeBesideALostSlave) {
     begin(3);
     ASSERT_TRUE(config_map(ctx, image));
@@ -165,7 +165,7 @@ TEST_F(Settling, LineErrorsReadAllTheTimeBesideALostSlave) {
     supervision.cancel();
 }
 
-// A mapping is cut at any step: cycles are not right while a slave is below SAFEOP.
+// A mapping is cancelled at any step. Cycles have an error while a slave is below SAFEOP.
 TEST_F(Settling, AMappingThatIsCut) {
     begin(3);
     int wrong = 0;
@@ -195,14 +195,14 @@ TEST_F(Settling, AMappingThatIsCut) {
                               << static_cast<int>(real(2));
         }
         if (over) break;
-        // back to PREOP in a way that does not depend on the cut
+        // Brings the slaves back to PREOP, no matter where the mapping was cancelled.
         if (cut % 2 == 0) {
             ASSERT_TRUE(config_init(ctx));
         }
     }
 }
 
-// A supervision whose timeout ends it while it waits for the hook of a slave.
+// The timeout of a supervision ends it while it waits for the hook of a slave.
 TEST_F(Settling, TheTimeoutOfASupervisionBesideAHook) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
@@ -213,7 +213,7 @@ TEST_F(Settling, TheTimeoutOfASupervisionBesideAHook) {
     ASSERT_TRUE(submit(ctx, supervision));
     (void)until([&] { return !supervision.busy(); });
     EXPECT_EQ(words(supervision.error()), "supervising the slaves: timed out") << "it does not wait for the hook alone";
-    // and a StateRequest
+    // The same with a StateRequest.
     StateRequest state;
     state.slave = 1;
     state.wanted = AlState::op;

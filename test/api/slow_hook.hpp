@@ -36,14 +36,14 @@ class HookTest : public SegmentTest {
     void cycles(int count) {
         while (count-- > 0) cycle();
     }
-    // Cycles until the condition holds; how long it took, at most `most`.
+    // Executes cycles until the condition is true, for at most `most`. Returns the time that this took.
     template <class Holds>
     Duration until(Holds holds, Duration most = std::chrono::seconds(10)) {
         const Time start = osal.now();
         while (!holds() && osal.now() - start < most) cycle();
         return osal.now() - start;
     }
-    // What the device itself says.
+    // The state in the AL status register of the device.
     AlState real(std::uint32_t device) {
         return static_cast<AlState>(segment.slave(device).peek(0x0130, 1)[0] & std::byte{0xF});
     }
@@ -64,7 +64,7 @@ class HookTest : public SegmentTest {
     }
 };
 
-// A hook that lasts, of one slave or of all (0), around one transition.
+// A hook around one transition that lasts for a time, of one slave or of all slaves (0).
 struct SlowHook {
     Duration lasts{};
     std::uint16_t slave = 0;

@@ -1,5 +1,5 @@
-// Requests of several real threads: nothing that one of them submits, cancels or destroys is lost. These tests use real
-// time. No result depends on durations: a request that is lost is busy until the limit of a test.
+// Requests of several real threads: no request that a thread submits, cancels or destroys is lost. These tests use real
+// time. No result depends on durations: a lost request stays busy until the limit of a test.
 #include "api/real_line.hpp"
 #include "real_osal.hpp"
 
@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kLost = 5s;  // a request that is still busy then is taken for lost
+constexpr Duration kLost = 5s;  // a request that is still busy after this time counts as lost
 
 class Threads : public RealLine<RealOsal> {
   protected:
@@ -26,7 +26,7 @@ class Threads : public RealLine<RealOsal> {
         RealLine::SetUp();
         ASSERT_TRUE(config_init(ctx));
     }
-    // Never polls earlier than poll() asks: a wake-up that is lost makes a request late.
+    // Never polls earlier than poll() requires, so a lost wake-up makes a request late.
     void poll_until_stopped(Duration longest = 4 * kLost) { RealLine::poll_until_stopped(longest); }
     [[nodiscard]] bool ends(const Request& request) {
         const Time limit = osal.now() + kLost;
@@ -38,7 +38,7 @@ class Threads : public RealLine<RealOsal> {
     }
 };
 
-// One thread submits and cancels at once, while another thread submits one request.
+// One thread submits and cancels requests at once, while another thread submits one request.
 TEST_F(Threads, ARequestBesideCancelledOnesOfAnotherThreadBegins) {
     constexpr int kRounds = 1'500;
     std::barrier together(2);
@@ -60,7 +60,7 @@ TEST_F(Threads, ARequestBesideCancelledOnesOfAnotherThreadBegins) {
             ReadStateRequest request;
             (void)submit(ctx, request);
             lost += ends(request) ? 0 : 1;
-            osal.wake();  // a request that is lost can be destroyed
+            osal.wake();  // so that a lost request can be destroyed
             together.arrive_and_wait();
         }
         together.arrive_and_drop();
@@ -101,7 +101,7 @@ TEST_F(Threads, ACancelBesideCancelledRequestsOfAnotherThreadIsNotLost) {
     EXPECT_EQ(lost, 0);
 }
 
-// The owner's own request is over when cancel() returns outside of poll().
+// When cancel() returns outside of poll(), the owner's own request is over.
 TEST_F(Threads, TheOwnerDestroysItsRequestsWhileAnotherThreadCancels) {
     std::thread other([&] {
         while (!stop) {
@@ -182,7 +182,7 @@ TEST_F(Threads, AnotherThreadRecoversASlaveWhileASecondOneScans) {
 
 // ------------------------------------------------------------------ a mixture, with a change of the owner
 
-// One thread that submits, cancels, waits for and destroys random requests.
+// A thread that submits, cancels, waits for and destroys random requests.
 class Worker {
   public:
     Worker(Context& ctx, Osal& osal, unsigned seed) : ctx_(ctx), osal_(osal), numbers_(seed) {}

@@ -1,4 +1,4 @@
-// A slave whose commands or hook after a transition have failed, or were cut, is not as it is wanted.
+// A slave whose commands or hook after a transition have failed or were cancelled has not reached the wanted condition.
 #include "api/slow_hook.hpp"
 
 #include <algorithm>
@@ -30,7 +30,7 @@ class Unfinished : public HookTest {
         "object 0x5555:1): the slave aborted the transfer (abort code 0x06020000";
 };
 
-// A command of IP that fails: at the scan, at the mapping, and in reach().
+// A command of IP fails: at the scan, at the mapping, and in reach().
 TEST_F(Unfinished, ACommandOfIpKeepsTheSlaveInPreop) {
     static constexpr StartupCommand kWrong[] = {write_object(Transition::init_to_preop, 0x5555, 1, std::uint8_t{1})};
     setup.startup = kWrong;
@@ -88,7 +88,7 @@ TEST_F(Unfinished, ReachWaitsForTheHookAfterTheTransition) {
     ASSERT_TRUE(config_map(ctx, image));
     EXPECT_EQ(reached(), "no error");
     EXPECT_EQ(slow.ended, 1);
-    // A hook that is cut by the timeout of reach() is not forgotten.
+    // The timeout of reach() ends a hook, and the library remembers the unfinished hook.
     ASSERT_TRUE(set_target(ctx, 0, AlState::preop));
     slow.lasts = 1h;
     EXPECT_EQ(
@@ -101,7 +101,7 @@ TEST_F(Unfinished, ReachWaitsForTheHookAfterTheTransition) {
     EXPECT_EQ(slow.ended, 2);
 }
 
-// The hook after SAFEOP to OP fails: the slave can be lowered, and started again by hand.
+// The hook after SAFEOP to OP fails. The application can still lower the slave and start it again by hand.
 struct Fails {
     bool now = true;
     static Result<> hook(HookedSlave slave, Transition which, Moment when, void* user) {
@@ -127,7 +127,8 @@ TEST_F(Unfinished, ASlaveWithAFailedHookCanBeLowered) {
     EXPECT_EQ(reached(), "no error");
 }
 
-// The state change is cut while the slave is on its way to OP: what follows is not forgotten.
+// The state change is cancelled while the slave is on its way to OP. The library remembers the unfinished commands and
+// hooks.
 TEST_F(Unfinished, AStateChangeThatIsCutIsNotFinished) {
     begin();
     SlowHook slow{.lasts = 10ms, .slave = 2};

@@ -62,7 +62,7 @@ inline std::uint16_t slave_count(Client& client) {
     return reply.ok() && from.complete() ? facts.slaves : 0;
 }
 
-// A client that sends what it likes.
+// A client that sends any octets.
 class Raw {
   public:
     explicit Raw(const std::string& path) : fd_(::socket(AF_UNIX, SOCK_STREAM, 0)) {
@@ -73,7 +73,7 @@ class Raw {
     Raw(const Raw&) = delete;
     Raw& operator=(const Raw&) = delete;
     bool send(Bytes octets) {
-        // False: the server is gone, or takes no more in.
+        // Returns false when the server has ended, or its socket accepts no more data.
         return ::send(fd_, octets.data(), octets.size(), MSG_NOSIGNAL | MSG_DONTWAIT) ==
                static_cast<ssize_t>(octets.size());
     }
@@ -85,7 +85,7 @@ class Raw {
             if (got <= 0) return true;
         }
     }
-    // Waits for so many octets.
+    // Waits until `into` is full.
     bool receive(MutableBytes into) {
         return ::recv(fd_, into.data(), into.size(), MSG_WAITALL) == static_cast<ssize_t>(into.size());
     }

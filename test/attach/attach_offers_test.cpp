@@ -1,5 +1,5 @@
-// What an application offers beside facts and requests to slaves: a rescan, a level of messages, its EoE ports. And
-// the answer to a client of another version.
+// What an application offers to clients beside facts and requests to slaves: a rescan, the level of messages, and its
+// EoE ports. Also the answer to a client of another version.
 #include "attach/attach_fixture.hpp"
 
 namespace margay::testing_attach {
@@ -20,7 +20,7 @@ class AttachOffers : public Attach {
         }
         return got;
     }
-    // Beside the cycle. Returns the cycles that were not right.
+    // Executes a rescan beside the cycle. Returns the number of cycles with an error.
     int run_rescan(Rescan& got) {
         return run({[&] {
             Client client;
@@ -66,7 +66,7 @@ TEST_F(AttachOffers, ARescanBesideTheCycleComparesAndDisturbsNothing) {
     }
 }
 
-// With a supervision, and four clients that ask for nothing else.
+// A supervision is active, and four clients request only rescans.
 TEST_F(AttachOffers, ClientsThatRescanAgainAndAgainLoseNoCycle) {
     serve({.scan = AttachScan::whole});
     supervise();
@@ -114,7 +114,7 @@ TEST_F(AttachOffers, RescansDoNotKeepTheSupervisionFromItsWork) {
     supervision.cancel();
 }
 
-// Without a supervision a rescan is what finds a slave that was away.
+// Without a supervision, only a rescan finds a slave that was away.
 TEST_F(AttachOffers, ARescanFindsASlaveThatIsBack) {
     serve({.scan = AttachScan::search});
     segment.set_power(3, false, osal.now());
@@ -148,7 +148,7 @@ TEST_F(AttachOffers, ASlaveThatWasAddedIsCountedAndNotUsed) {
     EXPECT_EQ(ctx.slaves().size(), 4U);
 }
 
-// Where nothing is exchanged, the application may allow a scan of everything.
+// While no process data is exchanged, the application may allow a scan of the whole segment.
 class AttachIdle : public AttachOffers {
   protected:
     void SetUp() override {
@@ -196,7 +196,7 @@ TEST_F(AttachIdle, IsScannedAsAWholeWhereTheApplicationAllowsIt) {
     EXPECT_EQ(got.facts.unused, 0);
     EXPECT_EQ(ctx.slaves().size(), 4U);
     expect_all_in(AlState::preop);
-    // A supervision keeps the slaves: then it is a comparison again.
+    // With a supervision, which keeps the slaves, the rescan is a comparison again.
     ASSERT_TRUE(submit(ctx, supervision));
     for (int n = 0; n < 20; ++n) idle();
     got = run_idle();
@@ -334,7 +334,7 @@ TEST_F(AttachEoe, ThePortsOfTheApplicationAreShownWithTheirCounters) {
     EXPECT_EQ(all[1].counted.sent, 2U);
     EXPECT_EQ(all[1].counted.sent_octets, 200U);
     EXPECT_EQ(all[1].counted.refused, 1U);
-    // A slave that is lost: the port is there, and is not open.
+    // When the slave is lost, the port exists, but it is not open.
     segment.set_power(3, false, osal.now());
     for (int n = 0; n < 20; ++n) (void)cycle();
     ASSERT_TRUE(readstate(ctx));
@@ -358,9 +358,10 @@ TEST_F(AttachEoe, ThePortsOfTheApplicationAreShownWithTheirCounters) {
 
 // ------------------------------------------------------------------ other versions
 
-// What no version may change: `hello` of a client, octet by octet, and the answer that every client can read.
+// The parts that no version may change: the `hello` of a client, octet by octet, and the answer that every client can
+// read.
 TEST_F(AttachOffers, AnotherVersionIsToldSoInBothDirections) {
-    // A client of version 1, and one of a version to come, whose hello has more than two numbers.
+    // A client of version 1, and a client of a future version, whose hello has more than two numbers.
     for (const std::uint32_t version : {1U, 77U}) {
         const std::size_t extra = version == 77 ? 5 : 0;
         std::vector<std::byte> hello(20 + extra);
@@ -384,7 +385,7 @@ TEST_F(AttachOffers, AnotherVersionIsToldSoInBothDirections) {
                   "the server speaks version 3 of the protocol, and the client version " + std::to_string(version));
     }
     EXPECT_EQ(server->counts().malformed, 0U);
-    // A server of version 1, whose answer to this client's hello is known octet by octet.
+    // A server of version 1. Its answer to the hello of this client is known octet by octet.
     const std::string old = folder + "/old.sock";
     attach::SocketAddress address;
     ASSERT_EQ(address.set(old), "");
@@ -413,7 +414,7 @@ TEST_F(AttachOffers, AnotherVersionIsToldSoInBothDirections) {
     EXPECT_EQ(heard, expected);
 }
 
-// Clients that send the new messages with everything wrong that can be wrong.
+// Clients send the new messages with every possible mistake.
 TEST_F(AttachOffers, MalformedMessagesEndTheirOwnConnectionOnly) {
     std::atomic<unsigned> level{1};
     serve({.scan = AttachScan::whole, .debug_level = &level});
@@ -434,7 +435,7 @@ TEST_F(AttachOffers, MalformedMessagesEndTheirOwnConnectionOnly) {
                           EXPECT_TRUE(wrong.ended());
                           ++sent;
                       }
-                      Raw vast(path);  // more than any message but a file has
+                      Raw vast(path);  // longer than any message except a file
                       ASSERT_TRUE(vast.hello());
                       EXPECT_TRUE(vast.message(operation, 0x0010'0000, {}));
                       EXPECT_TRUE(vast.ended());

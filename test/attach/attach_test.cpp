@@ -1,5 +1,5 @@
-// AttachServer: what clients see, what they can do, and that nothing they do reaches the cycle. In virtual time: the
-// owner's thread never waits for a client, and its cycles are counted.
+// AttachServer: what clients can see and do, and that no client can disturb the cycle. The tests use virtual time. The
+// thread of the owner never waits for a client, and its cycles are counted.
 #include "attach/attach_fixture.hpp"
 #include "attach/connection.hpp"
 
@@ -40,7 +40,7 @@ TEST_F(Attach, ShowsWhatTheOwnerKnows) {
               0);
 }
 
-// The error of a slave that is held stays, and the facts have it.
+// The error of a held slave stays, and the facts contain it.
 TEST_F(Attach, ShowsThatASlaveIsHeld) {
     const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .product = 0x1FF}, {.number = 3}, {.number = 4}};
     server.reset();
@@ -157,7 +157,8 @@ TEST_F(Attach, EventsComeInTheirOrderAndTheCallbackOfTheApplicationStays) {
     supervise.cancel();
 }
 
-// A server is replaced by another one, also one that does not serve: the new one is there before the old one ends.
+// One server replaces another server, also a server that does not serve. The new server exists before the old server
+// ends.
 TEST_F(Attach, ServersEndInAnyOrder) {
     int mine = 0;
     server.reset();
@@ -261,13 +262,13 @@ TEST_F(Attach, AServerBeforeInitIsAnError) {
     EXPECT_NE(::access(early.c_str(), F_OK), 0) << "no socket";
 }
 
-// A program that has given its socket to others finds it again after a crash.
+// A program has given its socket to other users. After a crash it can replace the socket.
 TEST_F(Attach, ASocketThatWasLeftBehindMayHaveAnyMode) {
     if (::getuid() != 0) GTEST_SKIP() << "only root can act as another user";
     ASSERT_EQ(::chmod(folder.c_str(), 0777), 0);
     std::thread([&] {
         constexpr long kNobody = 65534;
-        // Of this thread, and of the threads that it starts; the process stays root.
+        // The system call changes the user of this thread and of the threads that it starts. The process stays root.
         ASSERT_EQ(::syscall(SYS_setresuid, kNobody, kNobody, kNobody), 0);
         const std::string left = folder + "/left.sock";
         attach::SocketAddress address;
@@ -302,7 +303,7 @@ TEST_F(Attach, AnOwnerThatDoesNotPollIsToldAndTheServerEnds) {
     waits.join();
 }
 
-// A program that is stopped, for example by a debugger: the kernel accepts the connection, and no answer comes.
+// A program is stopped, for example by a debugger. The kernel accepts the connection, but no answer comes.
 TEST_F(Attach, AClientThatIsNotAnsweredIsAskedWhetherItWaits) {
     const std::string silent = folder + "/silent.sock";
     attach::SocketAddress address;
@@ -318,7 +319,7 @@ TEST_F(Attach, AClientThatIsNotAnsweredIsAskedWhetherItWaits) {
     });
     EXPECT_EQ(client.connect(silent), silent + ": the application has not answered");
     EXPECT_EQ(asked, 2);
-    // The connection has ended: an answer that comes later is not read, and no other request follows.
+    // The connection has ended. The client does not read a late answer, and sends no other request.
     EXPECT_EQ(client.call(Operation::master, {}).text, "the application has not answered");
     EXPECT_EQ(asked, 2);
     const int accepted = ::accept(fd, nullptr, nullptr);
@@ -334,7 +335,7 @@ TEST_F(Attach, AClientThatIsNotAnsweredIsAskedWhetherItWaits) {
 
 // ------------------------------------------------------------------ hostile clients
 
-// A stopped application, before which other clients wait already.
+// A stopped application, for which other clients already wait.
 TEST(AttachClient, AnApplicationThatTakesNoConnectionIsNotWaitedForWithoutAWord) {
     std::string folder = "/tmp/margay-attach-XXXXXX";
     ASSERT_NE(::mkdtemp(folder.data()), nullptr);
@@ -363,7 +364,7 @@ TEST(AttachClient, AnApplicationThatTakesNoConnectionIsNotWaitedForWithoutAWord)
     Client patient;
     patient.when_silent([&](std::chrono::seconds) {
         if (++asked == 5) ::close(::accept(listener, nullptr, nullptr));
-        return asked < 6;  // a second behind it: connected, and no message is sent
+        return asked < 6;  // one second later: connected, and no message is sent
     });
     const auto said = patient.connect(path);
     EXPECT_TRUE(said.ends_with("the application has not answered")) << said;
@@ -387,7 +388,7 @@ TEST_F(Attach, WhatIsMalformedEndsItsOwnConnectionOnly) {
                       Raw unasked(path);  // an operation before hello
                       EXPECT_TRUE(unasked.message(Operation::master, 0, {}));
                       EXPECT_TRUE(unasked.ended());
-                      Raw promises(path);  // 4 GiB, of which nothing comes
+                      Raw promises(path);  // announces 4 GiB and sends nothing of it
                       EXPECT_TRUE(promises.hello());
                       EXPECT_TRUE(promises.message(Operation::foe_write, 0xFFFF'FFFF, {}));
                       EXPECT_TRUE(promises.ended());
@@ -395,7 +396,7 @@ TEST_F(Attach, WhatIsMalformedEndsItsOwnConnectionOnly) {
                       EXPECT_TRUE(unknown.hello());
                       EXPECT_TRUE(unknown.message(Operation::end, 0, {}));
                       EXPECT_TRUE(unknown.ended());
-                      Raw lies(path);  // lengths within the payload
+                      Raw lies(path);  // wrong lengths inside the payload
                       EXPECT_TRUE(lies.hello());
                       EXPECT_TRUE(lies.message(Operation::sdo_upload, 4096, noise));
                       EXPECT_TRUE(lies.ended());
@@ -415,7 +416,7 @@ TEST_F(Attach, RandomOctetsHaveNoEffect) {
                       if (n % 4 != 0) (void)raw.hello();
                       for (auto& octet : octets) octet = static_cast<std::byte>(numbers());
                       const auto bytes = static_cast<std::uint32_t>(numbers() % octets.size());
-                      // Reading operations only: what is random and valid must not write.
+                      // Only reading operations, because random valid messages must not write.
                       (void)raw.message(static_cast<Operation>(numbers() % 6), bytes, std::span(octets).first(bytes));
                       if (n % 3 == 0) (void)raw.send(octets);
                   }
@@ -481,7 +482,7 @@ TEST_F(Attach, MoreClientsThanPlacesAreToldSo) {
     EXPECT_EQ(server->counts().refused, 1U);
 }
 
-// Places of a full server: which client loses its place to a new client, and when.
+// When a server is full: which client loses its place to a new client, and when.
 TEST(AttachPlaces, AreOfThoseWhoUseThem) {
     using attach::Connection;
     const attach::Moment begin{100s};
@@ -499,13 +500,13 @@ TEST(AttachPlaces, AreOfThoseWhoUseThem) {
     };
     EXPECT_EQ(attach::who_gives_way(clients, begin + 4900ms), 3u);
     EXPECT_EQ(attach::who_gives_way(clients, begin + 5s), 0u);
-    // The oldest one has a request: it keeps its place, and the next one is asked.
+    // The oldest client has a request, so it keeps its place. The server tries the next client.
     std::string refusal;
     clients[0]->job = attach::make_job(Operation::master, {}, {}, refusal);
     ASSERT_NE(clients[0]->job, nullptr) << refusal;
     EXPECT_EQ(attach::who_gives_way(clients, begin + 5900ms), 3u);
     EXPECT_EQ(attach::who_gives_way(clients, begin + 6s), 1u);
-    // A message that comes octet by octet holds a place for 10 s, even if the last octet has just come.
+    // A client that sends a message octet by octet keeps its place for 10 s, even if the last octet has just arrived.
     for (int n = 0; n < 9; ++n) octet(1, begin + 6s + 1s * n);
     octet(2, begin + 15s);
     EXPECT_EQ(attach::who_gives_way(clients, begin + 16s), 3u);

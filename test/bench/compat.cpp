@@ -1,6 +1,7 @@
-// Measures what a cycle through the interface of another master costs more than the same cycle by the functions of the
-// library: user instructions by callgrind, of the functions that send and receive process data. Both cycles run on
-// the same simulated segment in virtual time, so the simulation costs the same in both and falls out of the difference.
+// Measures how much more a cycle through the interface of another master costs than the same cycle by the functions of
+// the library: user instructions, counted by callgrind, of the functions that send and receive process data. Both
+// cycles use the same simulated segment in virtual time, so the cost of the simulation is the same in both and is not
+// part of the difference.
 #include "source/source.hpp"
 
 #include <ethercat.h>
@@ -21,18 +22,18 @@ using namespace margay;
 constexpr const char* kSegment = "sim:coupler";
 constexpr int kFew = 500;
 constexpr int kMany = 1500;
-// Instructions more than the cycle of the library.
+// Permitted number of instructions more than the cycle of the library.
 constexpr long kMost = 100;
 constexpr int kSkipped = 77;
 
 alignas(8) char image[4096];
 
-// The ways of a program: the datagrams of its cycle, and the functions that it calls.
+// The variants of a program: the datagrams of its cycle, and the functions that it calls.
 enum class Functions : std::uint8_t { of_library, of_all_groups, of_a_group, with_context };
 struct Way {
     const char* name;
     Functions functions;
-    bool split;  // LRD and LWR in the place of LRW
+    bool split;  // LRD and LWR in place of LRW
 };
 constexpr std::array kWays{
     Way{"library", Functions::of_library, false},   Way{"library-split", Functions::of_library, true},
@@ -50,7 +51,7 @@ int run_native(int cycles, bool split) {
     ctx.group(0).config.acyclic_bytes = 0;
     ctx.group(0).config.block_lrw = split;
     if (!config_init(ctx)) return 1;
-    // The cycle of the interface carries the time of the first clock.
+    // The cycle of the interface also carries the time of the first clock.
     for (const Slave& slave : ctx.slaves())
         if (slave.dl.dc && ctx.group(0).config.dc_reference == 0) ctx.group(0).config.dc_reference = slave.number;
     if (!config_map(ctx, std::as_writable_bytes(std::span(image)))) return 1;
@@ -110,7 +111,7 @@ int run(const std::string& name, int cycles) {
     return 1;
 }
 
-// Instructions of the whole program; negative: no valgrind, or the program failed.
+// Instructions of the whole program; negative: valgrind is missing, or the program failed.
 long instructions(const std::string& self, const char* mode, int cycles) {
     const std::string command = "valgrind --tool=callgrind --callgrind-out-file=/dev/null " + self + " " + mode + " " +
                                 std::to_string(cycles) + " 2>&1";

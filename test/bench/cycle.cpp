@@ -71,8 +71,8 @@ struct Bench : bench::MappedBus {
     }
 };
 
-// A hundred inputs of 16 bits, eight per slave, read by handles, and by pointers that the application calculated
-// itself.
+// A hundred inputs of 16 bits, eight per slave. They are read by handles, and by pointers that the application has
+// calculated itself.
 class Entries {
   public:
     static constexpr std::size_t kCount = 100;
@@ -186,7 +186,7 @@ double count(const std::string& self, const std::string& work, std::uint32_t sla
     return (collected[1] - collected[0]) / kCycles;
 }
 
-// Instruction counts of other masters for the same cycle, where they are known; 0: unknown.
+// Instruction counts of other masters for the same cycle; 0: unknown.
 unsigned known_peer(std::uint32_t slaves, std::uint32_t out) {
     if (out != 32) return 0;
     switch (slaves) {

@@ -60,7 +60,7 @@ struct Figures {
     std::uint64_t without_reply = 0;
 };
 
-// The slaves: the program beside this one, with a real-time priority where the system grants it.
+// The slaves: the program beside this program, with a real-time priority if the system grants it.
 class Segment {
   public:
     explicit Segment(int priority) {
@@ -92,7 +92,7 @@ class Segment {
 // The master and its cycle.
 class Driver {
   public:
-    // Brings the slaves to OP. Empty: done.
+    // Brings the slaves to OP. Returns an empty text after success.
     [[nodiscard]] std::string start(const Segment& segment) {
         if (!nic_.open(bench::kNear)) return std::string(nic_.problem());
         if (const auto ready = init(ctx_, nic_, osal_); !ready) return words(ready.error());
@@ -108,7 +108,7 @@ class Driver {
         slaves_ = *found;
         return {};
     }
-    // One cycle, which was due at `due`.
+    // Executes one cycle, which was due at `due`.
     void exchange(Time due, Duration timeout, Figures& figures) {
         const Time begun = osal_.now();
         figures.wake_up.record(begun - due);
@@ -123,7 +123,7 @@ class Driver {
     [[nodiscard]] unsigned slaves() const { return slaves_; }
 
   private:
-    // A wrong working counter has come back too.
+    // A frame with a wrong working counter has come back, too.
     static bool came(const Result<std::uint32_t>& received) {
         return received.ok() || received.error().code == Errc::working_counter;
     }
@@ -198,7 +198,7 @@ void print(const char* name, const Figures& figures) {
     Figures runner;
     for (std::uint64_t done = 0; done < options.cycles; done += kCyclesOfATurn) {
         const std::uint64_t cycles = std::min(kCyclesOfATurn, options.cycles - done);
-        // Each in a thread of its own, because the policy stays with a thread.
+        // Each loop has its own thread, because the scheduling policy stays with a thread.
         std::thread([&] {
             master.take();
             plain_turn(master, options, cycles, plain);
@@ -217,7 +217,7 @@ void print(const char* name, const Figures& figures) {
     return true;
 }
 
-// False: an argument is wrong.
+// Returns false when an argument is wrong.
 [[nodiscard]] bool read_options(int argc, char** argv, Options& options) {
     for (int n = 1; n + 1 < argc; n += 2) {
         const std::string_view name(argv[n]);

@@ -45,7 +45,7 @@ enum class Way { burst, wait };
 struct Row {
     double in_sync_ms = 0;
     double start_most_ns = 0;  // between any two clocks, from in sync on for a second,
-    double close_ms = 0;       // and since when it is 100 ns at most
+    double close_ms = 0;       // from then on it is 100 ns at most
     double most_ns = 0;
     double rms_ns = 0;
     double phase_rms_ns = 0;
@@ -79,7 +79,7 @@ class Bench {
         note_clocks(row);
         if (!config_map(ctx_, image_)) return row;
         MasterClock clock({.mode = MasterClock::Mode::master_shift, .set_value = kSetValue, .phase = {}});
-        cycle(clock, 1s, row);  // phase and drift are learned
+        cycle(clock, 1s, row);  // the cycle learns phase and drift
         row.start_most_ns = row.most_ns;
         row.close_ms = std::max(row.in_sync_ms, std::chrono::duration<double, std::milli>(last_far_ - begin).count());
         row.most_ns = row.rms_ns = row.phase_rms_ns = row.phase_most_ns = 0;
@@ -95,7 +95,7 @@ class Bench {
         std::uint64_t edges_wrong = 0;
         bool ok = false;
     };
-    // After run(), supervised: of the last slave, so that the frames reach all others.
+    // After run(), with a supervision: the last slave loses its power, so that the frames still reach all other slaves.
     Return lose_power() {
         Return result;
         MasterClock clock({.mode = MasterClock::Mode::master_shift, .set_value = kSetValue, .phase = {}});
@@ -152,7 +152,8 @@ class Bench {
             segment_.slave(n).set_drift(drifts_[n], osal_.now());
         }
     }
-    // Slaves are numbered in the order in which a frame passes them, which in a tree is not that of build().
+    // The master numbers the slaves in the order in which a frame passes them. In a tree this order differs from the
+    // order of build().
     sim::Esc& esc(std::uint16_t slave) { return segment_.slave(place_of_[slave - 1U]); }
     std::uint64_t copy(std::uint16_t slave, Time at) { return esc(slave).clock().copy(at); }
 
@@ -232,7 +233,7 @@ void print_head() {
                 "phase max ns", "edges");
 }
 
-// One line of the table. Returns whether it keeps the targets.
+// Prints one line of the table. Returns whether the line keeps the targets.
 bool print_row(std::uint16_t slaves, Shape shape, std::int64_t jitter_ns, double loss, Way way, std::uint64_t seed,
                Duration duration) {
     Bench bench(slaves, shape, loss, seed, jitter_ns);

@@ -1,6 +1,6 @@
-// Measures what a cycle through ecrt.h costs more than the same cycle through the native API: user instructions by
-// callgrind. Both loops run on the same segment in the same state, ten slaves in OP with outputs and inputs, in virtual
-// time, so that the difference is the facade alone.
+// Measures how much more a cycle through ecrt.h costs than the same cycle through the native API: user instructions,
+// counted by callgrind. Both loops use the same segment in the same state, with ten slaves in OP with outputs and
+// inputs, in virtual time. So the difference is the cost of the facade alone.
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/segment.hpp"
 #include "osal/virtual/virtual_osal.hpp"
@@ -22,11 +22,11 @@ using namespace margay;
 constexpr std::uint32_t kSlaves = 10;
 constexpr unsigned kCycles = 1000;
 
-// Instructions more than the native cycle.
+// Permitted number of instructions more than the native cycle.
 constexpr double kMost = 250;
 constexpr std::uint32_t kSizes[] = {2, 8, 31};
 
-// The source of the facade: slaves of this many octets in each direction.
+// The source of the facade: slaves with this number of octets in each direction.
 std::uint32_t octets = 8;
 
 VirtualOsal* osal = nullptr;
@@ -66,7 +66,7 @@ struct Program {
     ec_domain_t* domain = nullptr;
     bool good = true;
 
-    // Ten slaves in OP, whose process data is exchanged.
+    // Brings ten slaves to OP and exchanges their process data.
     bool start(bool split) {
         master = ecrt_request_master(0);
         if (master == nullptr) return false;
@@ -146,8 +146,8 @@ int child(const std::string& work, std::uint32_t bytes) {
     return measured_cycles(&program, work == "native") ? 0 : 1;
 }
 
-// Instructions per cycle; negative after an error. Before activation a second thread polls without a pause, as time is
-// virtual. Without fair turns valgrind may keep the other thread waiting.
+// Instructions per cycle; negative after an error. Before activation a second thread polls without a pause, because
+// time is virtual. Without `--fair-sched`, valgrind may delay the other thread for a long time.
 double count(const std::string& self, const std::string& work, std::uint32_t bytes) {
     const std::string command =
         "valgrind --fair-sched=try --tool=callgrind --callgrind-out-file=/dev/null "

@@ -109,9 +109,9 @@ struct Bus {
 };
 
 struct Measured {
-    double to = 0;  // octets of all slaves in a cycle
+    double to = 0;  // octets of all slaves per cycle
     double from = 0;
-    double share = 1;  // of the slave with the fewest frames, against that with the most
+    double share = 1;  // the slave with the fewest frames divided by the slave with the most frames
     std::uint64_t disturbed = 0;
 };
 

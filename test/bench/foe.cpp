@@ -59,7 +59,7 @@ struct Bus {
     HostContext ctx;
 };
 
-// Round trips of one mailbox message with an answer.
+// Round trips of one mailbox message with its answer.
 double trips_of_a_message() {
     Bus bus(1);
     constexpr int kMessages = 200;
@@ -76,7 +76,7 @@ struct Flashed {
     double payload = 0;  // share of the bound
 };
 
-// Without the time in which the devices erase and check: that is time of the devices. It is measured with a small file.
+// Measures without the time in which the devices erase and check. This time is measured with a small file.
 Flashed flash(std::size_t slaves, const std::vector<std::byte>& image) {
     Bus bus(slaves);
     bus.to_boot();
@@ -130,7 +130,7 @@ int main() {
     bool kept = true;
     std::printf("%.2f round trips for a mailbox message and its answer\n", message);
     std::printf("%6s %11s %9s %18s %10s\n", "slaves", "round trips", "time ms", "payload / bound", "of one");
-    const Flashed idle = flash(1, image(100));  // erasing, checking
+    const Flashed idle = flash(1, image(100));  // the time for erasing and checking
     double of_one = 0;
     for (const std::size_t slaves : {1U, 5U, 20U}) {
         const Flashed whole = flash(slaves, image(kFile));

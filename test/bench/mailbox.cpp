@@ -101,7 +101,7 @@ struct Bus {
     HostContext ctx;
 };
 
-// One read per slave, all submitted at the same time.
+// One read per slave. All reads are submitted at the same time.
 struct Reads {
     explicit Reads(Bus& b) : bus(b), requests(b.ctx.slaves().size()), values(requests.size()) {}
     void submit_all(std::uint16_t index, std::uint8_t subindex) {
@@ -182,7 +182,7 @@ double trips_of(Bus& bus, Transfer transfer) {
 double trips_of_a_message(Bus& bus) {
     constexpr int kMessages = 100;
     const auto read = [&] { return SDOread<std::uint32_t>(bus.ctx, 1, 0x1018, 1); };
-    (void)trips_of(bus, read);  // the channel has looked for old mail
+    (void)trips_of(bus, read);  // now the channel has checked the mailbox for old mail
     double trips = 0;
     for (int n = 0; n < kMessages; ++n) trips += trips_of(bus, read);
     return trips / kMessages;
@@ -213,7 +213,7 @@ bool sdo_payload() {
     return reaches_bound("SDO read", value.size(), kSegment, message, up) && wrote;
 }
 
-// Without the time in which the device erases and checks: it is measured with a small file.
+// Measures without the time in which the device erases and checks. This time is measured with a small file.
 bool foe_payload() {
     constexpr std::size_t kPacket = 1024 - 6 - 6;  // mailbox, its header, FoE header
     const auto image_of = [](std::size_t bytes) {
@@ -231,7 +231,7 @@ bool foe_payload() {
     const double written = write(file) - idle;
     std::vector<std::byte> back(file.size());
     const auto read_back = [&] { return FOEread(bus.ctx, 1, "firmware", 0, std::span(back)); };
-    (void)trips_of(bus, read_back);  // it waits for a second answer of the device, which was busy
+    (void)trips_of(bus, read_back);  // this read waits for a second answer of the device, which was busy
     const double read = trips_of(bus, read_back);
     if (back != file) fail("the file is another one");
     const bool wrote = reaches_bound("FoE write", file.size(), kPacket, message, written);

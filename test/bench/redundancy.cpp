@@ -1,7 +1,8 @@
-// Measures a ring with two NICs: cycles with stale inputs for each break and each repair of a cable, between two frames
-// and between the two copies of a frame; how far the clocks of all slaves are from each other, against the simulation's
-// true time, before, behind and after each break; and the user instructions of a cycle by callgrind, beside the
-// instructions with one NIC. The NICs of the second measurement answer at once; their instructions are counted too.
+// Measures a ring with two NICs. First: cycles with stale inputs for each break and each repair of a cable, between two
+// frames and between the two copies of a frame. Second: the differences between the clocks of all slaves, against the
+// true time of the simulation, before, during and after each break. Third: the user instructions of a cycle by
+// callgrind, beside the instructions with one NIC. The NICs of the third measurement answer at once; their instructions
+// are counted too.
 #include "bench/common/mapped_bus.hpp"
 #include "redundancy/clock_ring.hpp"
 
@@ -26,7 +27,7 @@ struct Stale {
 };
 
 // Breaks and heals each cable of the ring of 20 slaves. `frame`: 0: between two cycles; 1: between the two copies of
-// the next frame. `sees_after`: the NICs notice a lost link so much later, and accept all frames until then.
+// the next frame. `sees_after`: the delay after which the NICs notice a lost link; until then they accept all frames.
 Stale walk(std::uint64_t frame, Duration sees_after) {
     RingBus bus;
     bus.build_tree();
@@ -48,7 +49,7 @@ Stale walk(std::uint64_t frame, Duration sees_after) {
 }
 
 // The greatest difference between any two clocks, while each cable of a ring of 12 slaves in turn is broken for ten
-// seconds, and in the ten seconds after its repair: the first one, and the others.
+// seconds, and in the ten seconds after its repair: for the first cable, and for the other cables.
 struct Deviation {
     std::int64_t whole_ns = 0;
     std::int64_t broken_ns = 0;
@@ -78,7 +79,7 @@ Deviation deviation(double loss) {
     for (std::uint16_t n = 1; n <= bus.at.size(); ++n) {
         const std::uint64_t edges = bus.pulses(n) - before[n - 1U];
         const std::uint64_t away = edges > passed ? edges - passed : passed - edges;
-        found.edges_wrong += away > 1 ? away : 0;  // an edge may lie at either end
+        found.edges_wrong += away > 1 ? away : 0;  // an edge may be at either end of the interval
     }
     return found;
 }

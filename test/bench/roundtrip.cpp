@@ -48,12 +48,12 @@ struct Near {
     [[nodiscard]] bool cycle() {
         return send_processdata(*bus.ctx).ok() && receive_processdata(*bus.ctx, std::chrono::milliseconds(20)).ok();
     }
-    // The same, in a task that has already read the clock.
+    // The same cycle in a task that has already read the clock.
     [[nodiscard]] bool cycle(Time now) {
         return send_processdata(*bus.ctx, now).ok() &&
                receive_processdata(*bus.ctx, std::chrono::milliseconds(20)).ok();
     }
-    // The same without a master.
+    // The same cycle without a master.
     [[nodiscard]] bool bare() {
         static std::array<std::byte, 1518> got;
         const int socket = nic.wait_handle();

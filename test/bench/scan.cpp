@@ -160,9 +160,9 @@ Duration bus_time(std::size_t datagram_bytes) {
            static_cast<std::int64_t>(datagram_bytes + frames * (wire::kFramePrefixBytes + wire::kBusOverheadBytes));
 }
 
-// The octets that a slave needs on the bus. Each block is requested by a FPWR of 6 octets and read by a FPRD of 14. A
-// scan also writes the station address (2), reads ESC information (10, 2, 2, 1), configures the mailbox (16), gives
-// the EEPROM to the PDI (1), requests a state (2) and reads it (6).
+// The octets that a slave needs on the bus. An FPWR of 6 octets requests each block, and an FPRD of 14 octets reads it.
+// A scan also writes the station address (2), reads ESC information (10, 2, 2, 1), configures the mailbox (16), gives
+// the EEPROM to the PDI (1), requests a state (2) and reads the state (6).
 std::size_t needed_bytes(std::size_t blocks, bool whole) {
     constexpr std::size_t kOverhead = wire::kDatagramOverheadBytes;
     const std::size_t of_blocks = blocks * (2 * kOverhead + 6 + 14);
@@ -199,7 +199,7 @@ bool line(std::size_t slaves, Duration eeprom, bool whole) {
     const Measured queued = measure(slaves, eeprom, whole, true);
     const std::size_t blocks = whole ? kImageBytes / kBlock : needed_blocks(image());
     const int steps =
-        (whole ? 2 : kSteps) + 1;  // whole: the EEPROM is taken back from the PDI; plus the request of the first block
+        (whole ? 2 : kSteps) + 1;  // whole: take the EEPROM back from the PDI; plus the request of the first block
     const Duration time_bound = std::max(eeprom, kRoundTrip) * static_cast<std::int64_t>(blocks) + kRoundTrip * steps;
     const Duration bus_bound = bus_time(slaves * needed_bytes(blocks, whole));
     const double trips_bound = static_cast<double>(time_bound.count()) / static_cast<double>(kRoundTrip.count());

@@ -1,6 +1,6 @@
-// Measures the speed of the simulated segment: datagram·slaves per second (the number of datagrams times the slaves
-// that each passes), cycles with the programs of slaves in OP, and allocations. An allocation is a failure; the speed
-// is only printed.
+// Measures the speed of the simulated segment: datagrams times the slaves that each datagram passes, per second; cycles
+// with the programs of slaves in OP; and allocations. The test fails when there is an allocation. The speed is only
+// printed.
 #include "sim/segment.hpp"
 #include "bench/common/operating_segment.hpp"
 #include "sim/devices.hpp"
@@ -42,7 +42,7 @@ double cpu_seconds() {
     return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-// The slaves that take part in a datagram at logical address 0: all slaves that have mapped these octets.
+// The slaves that process a datagram at logical address 0: all slaves that have mapped these octets.
 enum class Image { apart, shared };
 
 class Bench {
@@ -128,7 +128,8 @@ class Bench {
     bool good_ = true;
 };
 
-// A cycle of a millisecond with the programs of 1000 slaves in OP: what virtual_segment has to do in this millisecond.
+// A cycle of a millisecond with the programs of 1000 slaves in OP, as virtual_segment must execute it in this
+// millisecond.
 bool run_in_op(const char* title, std::span<const std::string_view> devices) {
     bench::OperatingSegment segment;
     if (!segment.build(kSlaves, devices)) {
@@ -160,7 +161,7 @@ bool run_in_op(const char* title, std::span<const std::string_view> devices) {
 
 }  // namespace
 
-// The case with this number (from 1), or all cases.
+// Executes the case with this number (from 1), or all cases.
 int main(int argc, char** argv) {
     const int only = argc > 1 ? std::atoi(argv[1]) : 0;
     const auto wanted = [only](int n) { return only == 0 || only == n; };

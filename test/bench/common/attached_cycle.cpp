@@ -21,9 +21,10 @@ extern char** environ;
 
 namespace margay::bench {
 
-// The names of these two classes are in the command line of callgrind, which switches counting on or off when a
-// function begins, and back when it ends: on for CountedCycle::run(), off for the functions of NotCounted within it.
-// Each of them ends with an empty statement, because the compiler may not leave it by a jump.
+// The names of these two classes are in the command line of callgrind. Callgrind switches counting on or off when a
+// function begins, and back when the function ends: on for CountedCycle::run(), off for the functions of NotCounted
+// within it. Each of these functions ends with an empty statement, so that the compiler cannot leave the function by a
+// jump.
 struct NotCounted {
     SimulatedNic& wire;
     SwitchOsal& osal;
@@ -33,7 +34,7 @@ struct NotCounted {
         asm volatile("");
         return status;
     }
-    // A frame is back as soon as the master looks for it: the cycle always takes the same way.
+    // Each frame is back when the master first calls receive(), so the cycle always executes the same instructions.
     [[gnu::noinline]] std::size_t receive(std::span<std::byte> into) {
         osal.simulated.wait(wire.next_arrival(), wire.wait_handle());
         const std::size_t length = wire.receive(into);
@@ -94,7 +95,7 @@ bool parse(std::string_view name, Clients& clients) {
     return false;
 }
 
-// One request after the other, until the application ends. Returns 1 when the application refuses one.
+// Sends one request after the other until the application ends. Returns 1 when the application refuses a request.
 int hammer(const char* path, Clients kind) {
     attach::Client client;
     if (!client.connect(path).empty()) return 1;
@@ -127,7 +128,7 @@ class ClientProcesses {
         }
         return true;
     }
-    // Returns how many clients have failed.
+    // Returns the number of clients that have failed.
     unsigned long wait() {
         unsigned long failed = 0;
         for (std::size_t n = 0; n < running_; ++n) {
@@ -144,8 +145,8 @@ class ClientProcesses {
     std::size_t running_ = 0;
 };
 
-// The application: cycles with an interval of 1 ms of virtual time, and poll() between them. Prints what it has
-// counted.
+// The application: executes cycles with an interval of 1 ms of virtual time, and poll() between them. Prints the
+// counts.
 int serve(const char* self, Clients kind, std::uint32_t slaves, std::uint32_t octets, unsigned long least_cycles) {
     static MappedBus bus;
     if (!bus.build(slaves, octets, octets)) return 1;
@@ -226,7 +227,7 @@ AttachedCount run_attached(const std::string& self, Clients clients, std::uint32
 bool check_attached(const std::string& self, bool counted) {
     constexpr std::uint32_t kSlaves = 10;
     constexpr std::uint32_t kOctets = 32;
-    constexpr double kSame = 0.5;  // of an instruction a cycle
+    constexpr double kSame = 0.5;  // instructions per cycle
     bool good = true;
     double alone = -1;
     for (const Clients kind : {Clients::none, Clients::facts, Clients::between, Clients::in_cycle}) {

@@ -7,7 +7,7 @@
 
 namespace margay::bench {
 
-// What the clients ask for, and when their datagrams are sent.
+// The requests that the clients send, and the time at which their datagrams are sent.
 enum class Clients {
     none,
     facts,     // slaves, process data, events, statistics, EoE ports, level of messages: no datagrams
@@ -21,19 +21,19 @@ enum class Clients {
 [[nodiscard]] int attached_child(int argc, char** argv);
 
 struct AttachedCount {
-    double instructions = -1;  // of a cycle, without NIC and clock; negative: not counted
+    double instructions = -1;  // per cycle, without NIC and clock; negative: not counted
     unsigned long cycles = 0;
     unsigned long lost = 0;      // cycles that were not sent, did not come back, or fell short
-    unsigned long requests = 0;  // of clients, executed beside these cycles
-    unsigned long failed = 0;    // requests that were not answered with a success
+    unsigned long requests = 0;  // requests of clients that were executed beside these cycles
+    unsigned long failed = 0;    // requests that were not answered with success
 };
 // Runs the application as a child process, with four clients (or none), under callgrind where `counted` is true.
 [[nodiscard]] AttachedCount run_attached(const std::string& self, Clients clients, std::uint32_t slaves,
                                          std::uint32_t octets, bool counted);
 
-// Prints a line for each kind of clients. False when a cycle is lost, when requests fail, or when the cycle of an
-// application costs more instructions with clients that ask for facts than without clients. Datagrams of clients cost
-// what all acyclic datagrams cost: that is printed and not limited.
+// Prints a line for each kind of clients. Returns false when a cycle is lost, when requests fail, or when clients that
+// request facts make the cycle of the application more expensive. Datagrams of clients cost the same as all acyclic
+// datagrams; their cost is printed and has no limit.
 [[nodiscard]] bool check_attached(const std::string& self, bool counted);
 
 }  // namespace margay::bench

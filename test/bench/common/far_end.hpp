@@ -33,10 +33,10 @@ struct Answer {
     std::uint16_t wkc = 0;
 };
 
-// An XDP program. It is executed in the sender's system call and needs no second core. nullptr and the reason when it
-// is not available.
+// An XDP program. The kernel executes it in the sender's system call, so it needs no second core. Returns nullptr and
+// the reason when it is not available.
 [[nodiscard]] std::unique_ptr<FarEnd> echo_by_xdp(const Answer& answer, std::string& why);
-// A thread with a socket. nullptr and the reason after an error.
+// A thread with a socket. Returns nullptr and the reason after an error.
 [[nodiscard]] std::unique_ptr<FarEnd> echo_by_thread(const Answer& answer, std::string& why);
 
 }  // namespace margay::bench

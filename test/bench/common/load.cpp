@@ -22,7 +22,7 @@ void compute() {
     for (;;) sum = sum * 6364136223846793005U + 1442695040888963407U;
 }
 
-// More than the caches hold.
+// Copies more memory than the caches can contain.
 void copy_memory() {
     constexpr std::size_t kOctets = std::size_t{64} << 20;
     std::vector<char> from(kOctets, 1);

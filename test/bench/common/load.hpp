@@ -16,9 +16,10 @@ class Load {
     Load& operator=(const Load&) = delete;
 
     // Starts processes of one kind: "cpu" and "memory", one for each processor; "network", one pair that sends frames
-    // by the loopback interface. False: there is no such kind, or it cannot be started (`why`).
+    // by the loopback interface. Returns false and the reason in `why` when the kind does not exist or cannot be
+    // started.
     [[nodiscard]] bool start(std::string_view kind, std::string& why);
-    // Ends all of them. The end of this process ends them too.
+    // Ends all these processes. The end of this process ends them too.
     void stop();
 
   private:

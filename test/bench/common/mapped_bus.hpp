@@ -34,7 +34,7 @@ class SwitchNic final : public Nic {
     int wait_handle() const noexcept override { return to->wait_handle(); }
 };
 
-// Virtual time at first, the time of the system after `live` is set.
+// Returns virtual time at first, and the time of the system after `live` is set.
 class SwitchOsal final : public Osal {
   public:
     SwitchOsal() : Osal(ThreadIdentity::thread_pointer) {}
@@ -56,7 +56,7 @@ struct MappedBus {
     std::unique_ptr<HostContext> ctx;
     std::array<std::byte, 16384> image{};
 
-    // Builds a number of equal slaves in SAFEOP, where all of them exchange process data already.
+    // Builds a number of equal slaves in SAFEOP that already exchange process data.
     [[nodiscard]] bool build(std::uint32_t slaves, std::uint32_t output_bytes, std::uint32_t input_bytes) {
         for (std::uint32_t n = 0; n < slaves; ++n) {
             auto device = sim::device_from_sii(io_image(output_bytes * 8, input_bytes * 8));

@@ -1,5 +1,5 @@
-// A simulated segment in OP with the programs of its slaves, and the frames of one cycle, which a benchmark sends again
-// and again in place of a master.
+// A simulated segment in OP with the programs of its slaves, and the frames of one cycle. A benchmark sends these
+// frames repeatedly in place of a master.
 #pragma once
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -20,7 +20,7 @@ namespace margay::bench {
 
 class OperatingSegment {
   public:
-    // Brings slaves of these devices, in turns, to OP. False: a step has failed.
+    // Brings slaves of these devices, in turns, to OP. Returns false when a step has failed.
     [[nodiscard]] bool build(std::uint32_t slaves, std::span<const std::string_view> devices) {
         for (std::uint32_t n = 0; n < slaves; ++n) {
             auto device = sim::make_device(devices[n % devices.size()]).value();
@@ -39,8 +39,8 @@ class OperatingSegment {
         return true;
     }
 
-    // One cycle of a millisecond, as virtual_segment executes it: the frames one after the other, and a look at the
-    // programs each 50 µs. The working counter of all frames.
+    // Executes one cycle of a millisecond as virtual_segment does: the frames one after the other, and the programs
+    // each 50 µs. Returns the working counter of all frames.
     [[nodiscard]] unsigned cycle() {
         constexpr Duration kPeriod = std::chrono::milliseconds(1);
         constexpr Duration kLook = std::chrono::microseconds(50);
@@ -64,7 +64,7 @@ class OperatingSegment {
             if (segment_.slave(n).registers().get<std::uint16_t>(wire::reg::kAlStatus.address) != 0x08) return false;
         return true;
     }
-    // How often programs and units of the slaves had something to do.
+    // The number of times that programs and units of the slaves had work to do.
     [[nodiscard]] std::uint64_t work() {
         std::uint64_t sum = 0;
         for (std::uint32_t n = 0; n < segment_.size(); ++n) sum += segment_.slave(n).work();

@@ -41,7 +41,7 @@ long count_calls(const std::function<std::function<bool()>()>& prepare, unsigned
         ::_exit(0);
     }
     const auto calls = calls_between_stops(child);
-    // The child removes what it has attached to the far end of the cable.
+    // The child removes the program that it has attached to the far end of the cable.
     if (calls) (void)::ptrace(PTRACE_DETACH, child, nullptr, nullptr);
     if (!calls) (void)::kill(child, SIGKILL);
     (void)::waitpid(child, nullptr, 0);

@@ -34,7 +34,7 @@ bpf_insn store(int size, std::uint8_t to, std::uint8_t from, std::size_t offset)
     return op(BPF_STX | BPF_MEM | size, to, from, static_cast<int>(offset), 0);
 }
 
-// Frames that are too short or are not EtherCAT are passed on; no socket receives them.
+// The program passes on frames that are too short or are not EtherCAT. No socket receives them.
 std::array<bpf_insn, 16> program(const Answer& answer) {
     constexpr int kEtherCatInWireOrder = 0xA488;
     constexpr int kPass = 11;  // relative to the comparison at 4; 9 relative to the comparison at 6
