@@ -1,4 +1,4 @@
-// A slave in BOOT, and a silence in which another device may have come to its station address.
+// A slave in BOOT, and a silence during which another device may have taken its station address.
 #include "mailbox/foe_bus.hpp"
 #include "process_data/io_image.hpp"
 
@@ -6,7 +6,7 @@ namespace margay {
 namespace {
 
 // A coupler, a device in BOOT (slave 2), and an I/O device. The tool is a device of another product with the station
-// address of slave 2, as another master has left it; `tool_state` is its AL state.
+// address of slave 2, as another master could have configured it. `tool_state` is the AL state of the tool.
 struct BootInASilence : testing::TestWithParam<AlState>, MailboxBus {
     std::uint32_t coupler = 0, device = 0, io = 0, tool = 0;
 
@@ -43,7 +43,7 @@ struct BootInASilence : testing::TestWithParam<AlState>, MailboxBus {
         segment.slave(at).frame_end(end);
     }
     int state_of(std::uint32_t at) { return std::to_integer<int>(segment.slave(at).peek(0x130, 1)[0]) & 0x1F; }
-    // As another master requests it.
+    // Requests the state as another master would do.
     void request(std::uint32_t at, AlState state) {
         set(at, 0x0120, static_cast<std::uint16_t>(state));
         for (int n = 0; n < 300; ++n) {
@@ -64,7 +64,8 @@ struct BootInASilence : testing::TestWithParam<AlState>, MailboxBus {
         ASSERT_TRUE(segment.connect({which, 1}, {io, 0}));
         segment.reconsider();
     }
-    // The cable of the master is out for 300 ms; the application asks something meanwhile. Then `which` is there.
+    // The cable of the master is unplugged for 300 ms, and meanwhile the application sends a request. Then the device
+    // `which` is connected.
     void silence(std::uint32_t which) {
         segment.disconnect({device, 0});
         segment.disconnect({device, 1});
@@ -109,8 +110,8 @@ TEST_P(BootInASilence, TheSameDeviceIsUsableAfterAReading) {
     EXPECT_EQ(written(device), std::byte{0x34});
 }
 
-// Its firmware uses the EEPROM: the library leaves it to the firmware, and the reading reports that the device was not
-// compared.
+// The firmware uses the EEPROM. The library leaves the EEPROM to the firmware, and the reading reports that the device
+// was not compared.
 TEST_P(BootInASilence, AFirmwareKeepsItsEeprom) {
     segment.slave(device).registers().set<std::uint8_t>(0x0501, 1);
     silence(device);
@@ -118,10 +119,10 @@ TEST_P(BootInASilence, AFirmwareKeepsItsEeprom) {
     EXPECT_EQ(read.error().code, Errc::identity_unread);
     EXPECT_EQ(read.error().slave, 2);
     EXPECT_EQ(std::to_integer<int>(segment.slave(device).peek(0x0501, 1)[0]) & 1, 1);
-    EXPECT_TRUE(write_word().ok());  // a reading has shown that it is still in BOOT
+    EXPECT_TRUE(write_word().ok());  // a reading has shown that the slave is still in BOOT
 }
 
-// The firmware of the device has entered BOOT by itself. The context cannot compare a slave there.
+// The firmware of the device has entered BOOT by itself. The context cannot compare a slave in BOOT.
 TEST_P(BootInASilence, WithoutThePartOfBootItIsComparedWhenItHasLeftBoot) {
     const auto mailboxes = segment.slave(device).peek(0x800, 16);
     const std::vector<std::byte> kept(mailboxes.begin(), mailboxes.end());

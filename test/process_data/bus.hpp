@@ -46,7 +46,7 @@ class Bus {
         ASSERT_TRUE(found.ok());
         ASSERT_EQ(*found, segment.size());
     }
-    // A cycle, one millisecond after the last one.
+    // Executes a cycle, one millisecond after the last cycle.
     Result<std::uint32_t> cycle(std::uint8_t group = 0) {
         osal.advance(std::chrono::milliseconds(1));
         const auto sent = send_processdata(*ctx, group);
@@ -54,7 +54,7 @@ class Bus {
         (void)poll(*ctx, osal.now());
         return wkc;
     }
-    // Brings all slaves to OP, with cycles.
+    // Brings all slaves to OP while cycles are exchanged.
     AlStatus to_op() {
         for (int i = 0; i < 5; ++i) (void)cycle();
         EXPECT_TRUE(writestate(*ctx, 0, AlState::op).ok());
@@ -68,7 +68,7 @@ class Bus {
         }
         return reached;
     }
-    // The device behind slave `number`.
+    // The firmware of slave `number`.
     sim::ProcessDataFirmware& device(std::size_t number) {
         return static_cast<sim::ProcessDataFirmware&>(
             *segment.slave(static_cast<std::uint32_t>(number - 1)).firmware());

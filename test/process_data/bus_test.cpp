@@ -164,14 +164,15 @@ TEST_F(BusTest, ASecondReceiveWithoutASendIsAnError) {
     EXPECT_EQ(bus.osal.now(), before) << "nothing is waited for";
     EXPECT_TRUE(inputs_fresh(ctx(), 1)) << "those of the last cycle still are";
     ASSERT_TRUE(bus.cycle().ok());
-    // A lost cycle is finished, too.
+    // receive_processdata() also ends a lost cycle.
     bus.segment.lose_next({0, 0});
     EXPECT_EQ(bus.cycle().error().code, Errc::no_frame);
     EXPECT_EQ(receive_processdata(ctx(), 500us).error().code, Errc::no_cycle);
     ASSERT_TRUE(bus.cycle().ok());
 }
 
-// An application that sends cycles and receives none leaves their replies in the NIC. The index of a frame has 8 bits.
+// An application that sends cycles and receives none leaves the replies in the NIC. The index of a frame has 8 bits, so
+// an old reply can have the index of a later cycle.
 TEST_F(BusTest, AReplyThatTheApplicationNeverReceivedIsNoReplyToALaterCycle) {
     bus.add(8, 8);
     bus.nic_options.queue_frames = 2048;
@@ -261,7 +262,7 @@ TEST_F(BusTest, AcyclicDatagramsRideAlong) {
     EXPECT_GT(cycles, 3);
     EXPECT_EQ(ctx().statistics().frames_sent - before.frames_sent, static_cast<std::uint64_t>(cycles))
         << "not one frame of its own";
-    // The requests end when the cycles stop.
+    // The requests end although the cycles stop.
     ASSERT_TRUE(submit(ctx(), read).ok());
     EXPECT_TRUE(wait(ctx(), read).ok());
 }
@@ -400,8 +401,8 @@ TEST_F(BusTest, WrongCallsAreRefused) {
     EXPECT_EQ(send_processdata(ctx()).error().code, Errc::unknown_group);
 }
 
-// A state that a slave does not take is requested again for a while: it may still be at the request before. A slave
-// that is away takes none.
+// The library repeats the request for a state that a slave does not accept, because the slave may still process the
+// previous request. It does not repeat the request for a slave that is away.
 TEST_F(BusTest, AStateIsRequestedOnceOfASlaveThatIsAway) {
     for (int i = 0; i < 3; ++i) bus.add(16, 16);
     bus.start();

@@ -1,5 +1,5 @@
-// Working counters that are the accepted ones by coincidence: one slave has left the exchange, and another one with the
-// same share has come.
+// Working counters that have the accepted value by coincidence: one slave has left the exchange, and another slave with
+// the same share has joined it.
 #include "process_data/plant.hpp"
 
 #include <margay/run.hpp>
@@ -21,7 +21,7 @@ struct Line : Bus {
         ASSERT_TRUE(config_map(*ctx, image).ok());
         ASSERT_EQ(to_op().state, AlState::op);
     }
-    // A cycle after which poll() is not called, thus without what a sequence does after its datagram.
+    // A cycle without a following poll(), so that no sequence continues after its datagram.
     Result<std::uint32_t> cycle_alone() {
         osal.advance(std::chrono::milliseconds(1));
         EXPECT_TRUE(send_processdata(*ctx).ok());
@@ -80,7 +80,7 @@ TEST_F(Coincidences, ASlaveThatIsConfiguredHidesNoneWithoutPower) {
     expect_not_fresh(cycle());
 }
 
-// The cycle was sent while the slave was still there, and is received when it is known to have left.
+// The cycle was sent while the slave was still present. When the cycle is received, the slave is known to have left.
 TEST_F(Coincidences, ASlaveThatHasLeftHidesNoneWithoutPower) {
     bring_up(2, 3);
     for (int n = 0; n < 2; ++n) EXPECT_TRUE(send_processdata(*ctx).ok());
@@ -100,7 +100,7 @@ TEST_F(Coincidences, ASlaveThatHasLeftHidesNoneWithoutPower) {
     EXPECT_TRUE(hidden) << "the sum was right once";
 }
 
-// Slave 3 has kept its power and its FMMUs behind a cable that was out, and is known to be lost.
+// Slave 3 has kept its power and its FMMUs while its cable was unplugged, and is known to be lost.
 struct Replugged : Line {
     explicit Replugged(std::uint8_t in_flight) {
         bring_up(3, in_flight);
@@ -112,8 +112,8 @@ struct Replugged : Line {
         EXPECT_TRUE(inputs_fresh(*ctx, 2));
     }
     SuperviseRequest supervision;
-    int left_in = 0;      // the cycle of the start-up of slave 2 that was the first without slave 2
-    bool hidden = false;  // the sum was right while slave 3 answered in the place of slave 2
+    int left_in = 0;      // the first cycle of the start-up of slave 2 without slave 2
+    bool hidden = false;  // the sum had the expected value while slave 3 answered in place of slave 2
     // Connects the cable before cycle `when` of the start-up of slave 2.
     void start_up(int when) {
         ReconfigRequest again;
@@ -154,7 +154,8 @@ INSTANTIATE_TEST_SUITE_P(InFlight, Replug, testing::Values(std::uint8_t{1}, std:
 
 // ------------------------------------------------------------------ the limit: an equal change between two cycles
 
-// Three slaves at the ports of the first one. The second and the third have the same share of the working counter.
+// Three slaves at the ports of the first slave. The second and the third slave have the same share of the working
+// counter.
 struct Star : Plant {
     std::array<std::uint32_t, 3> at{};
     explicit Star(bool supervised) {
@@ -169,7 +170,7 @@ struct Star : Plant {
             EXPECT_TRUE(submit(*ctx, supervision).ok());
         }
         cycles(50);
-        // The third one is cut off, keeps its power, and is known to be lost.
+        // The third slave is disconnected, keeps its power, and is known to be lost.
         pull(at[2]);
         segment.reconsider();
         (void)cycle();
@@ -180,7 +181,7 @@ struct Star : Plant {
         EXPECT_EQ(ctx->slave(3).al.state, AlState::none);
         EXPECT_TRUE(inputs_fresh(*ctx, 2));
     }
-    // Between two cycles: the second one leaves, and the third one comes.
+    // Between two cycles the second slave leaves and the third slave comes.
     void change() {
         pull(at[1]);
         plug({at[0], 2}, at[2]);
@@ -202,7 +203,7 @@ TEST(EqualChange, IsSeenByASupervisionWithinItsInterval) {
     EXPECT_TRUE(plant.until([&] { return plant.in_op(3) && inputs_fresh(*plant.ctx, 3); }));
 }
 
-// The NIC has no link meanwhile, and the application does not receive the cycle whose frames are refused.
+// Meanwhile the NIC has no link and refuses the frames of a cycle, and the application does not receive this cycle.
 TEST(EqualChange, IsSeenAtOnceBesideARefusedCycle) {
     for (const bool supervised : {false, true}) {
         SCOPED_TRACE(supervised);

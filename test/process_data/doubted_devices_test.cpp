@@ -1,5 +1,5 @@
-// A device that has the station address, the FMMUs and the state of a slave that is away: nothing of this slave reaches
-// it, and nothing of it counts as this slave, before its identity was compared.
+// A device has the station address, the FMMUs and the state of a slave that is away. Before the identity was compared,
+// no data for this slave reaches the device, and no data of the device counts as data of this slave.
 #include "process_data/identities.hpp"
 
 #include <margay/hooked_slave.hpp>
@@ -27,7 +27,7 @@ struct DoubtedDevices : Identities {
         cycles(500);
         (void)events();
     }
-    // No frame comes back for a second; meanwhile the tool takes the place of slave 2.
+    // No frame comes back for a second. Meanwhile the tool takes the place of slave 2.
     void exchange_in_a_silence(AlState state) {
         segment.disconnect({line[0], 0});
         cycles(1000);
@@ -37,7 +37,7 @@ struct DoubtedDevices : Identities {
         ASSERT_TRUE(segment.connect_master({line[0], 0}));
         segment.reconsider();
     }
-    // How many of five writes to a register of slave 2 succeed.
+    // Returns how many of five writes to a register of slave 2 succeed.
     int writes() {
         int succeeded = 0;
         for (int k = 0; k < 5; ++k) {
@@ -111,7 +111,7 @@ TEST_F(DoubtedDevices, NoRegisterOfALostSlaveIsWritten) {
     expect_untouched();
 }
 
-// The hook after a transition that was requested for slave 2.
+// A hook after a transition that was requested for slave 2.
 TEST_F(DoubtedDevices, WhatFollowsATransitionWaitsForTheComparison) {
     ASSERT_TRUE(writestate(*ctx, 2, AlState::preop).ok());
     ASSERT_EQ(statecheck(*ctx, 2, AlState::preop, 1s)->state, AlState::preop);
@@ -129,7 +129,7 @@ TEST_F(DoubtedDevices, WhatFollowsATransitionWaitsForTheComparison) {
     expect_untouched();
 }
 
-// A hook before a transition waits for three seconds, and the devices are exchanged meanwhile.
+// A hook before a transition waits for three seconds, and meanwhile the devices are exchanged.
 struct BehindAHook : DoubtedDevices {
     Transition waits_at{};
     void wait_in_hook_at(Transition which) {
@@ -140,7 +140,7 @@ struct BehindAHook : DoubtedDevices {
             co_return co_await slave.sleep(3s);
         };
     }
-    // The state that the tool has now stays, or is lowered.
+    // The state of the tool stays as it is now, or becomes lower.
     void expect_not_driven(int cycles_to_watch) {
         const int state = state_of(tool);
         for (int n = 0; n < cycles_to_watch; ++n) {
@@ -199,7 +199,8 @@ TEST_P(BehindAHookInASilence, TheSupervisionComparesAgain) {
 }
 INSTANTIATE_TEST_SUITE_P(From, BehindAHookInASilence, testing::Values(AlState::preop, AlState::safeop));
 
-// Its EEPROM cannot be read. The other slaves go on; no cycle is right, and no input is taken for one of slave 2.
+// The EEPROM of the tool cannot be read. The other slaves continue. No cycle succeeds, and no input counts as input of
+// slave 2.
 struct UnreadableInPlaceOfSlave2 : DoubtedDevices {
     void watch() {
         program(tool).inputs()[0] = std::byte{0x77};

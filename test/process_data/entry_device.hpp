@@ -9,7 +9,7 @@ namespace margay {
 struct EntryDevice {
     std::vector<wire::sii::PdoDescription> rx{};
     std::vector<wire::sii::PdoDescription> tx{};
-    std::uint8_t output_sms = 1;  // the first SyncManagers are outputs, the next ones inputs
+    std::uint8_t output_sms = 1;  // the first SyncManagers are outputs, the other SyncManagers are inputs
     std::uint8_t input_sms = 1;
 };
 

@@ -15,7 +15,7 @@ using Words = std::vector<std::string>;
 
 enum class Mode : std::int8_t { reverse = -3, off = 0, forward = 2 };
 
-// Outputs in two SyncManagers, inputs in two; entries of different sizes, and gaps.
+// Outputs in two SyncManagers and inputs in two SyncManagers, with entries of different sizes, and gaps.
 const PdoEntryDescription kRxA[] = {
     {.index = 0x7000, .subindex = 1, .name = "Enable", .data_type = 0x01, .bit_length = 1},
     {.bit_length = 2},
@@ -62,7 +62,7 @@ class EntryTest : public testing::Test {
         std::array<char, 256> text{};
         return std::string(describe(error, text));
     }
-    // The output octets of device `n` after another cycle.
+    // Returns the output octets of device `n` after another cycle.
     Bytes outputs(std::size_t n) {
         bus.osal.advance(std::chrono::milliseconds(2));
         const auto wkc = bus.cycle();
@@ -80,7 +80,7 @@ class EntryTest : public testing::Test {
     }
 };
 
-// Compared with bits copied one by one: every width at every bit offset, and no other bit changes.
+// Compares with bits that are copied one by one: every width at every bit offset. No other bit changes.
 TEST(EntryBits, OfEveryWidthAtEveryBit) {
     std::mt19937_64 random(7);
     for (unsigned shift = 0; shift < 8; ++shift) {
@@ -121,7 +121,7 @@ TEST_F(EntryTest, WhatIsWrittenIsWhatTheDeviceGets) {
     EXPECT_EQ(gain.place().offset_bits, 104U);
 
     enable.write(true);
-    ramp.write(0xF6);  // only five bits of it
+    ramp.write(0xF6);  // only five bits of the value
     target.write(-123456789);
     odd.write(-2000);
     text.write_text("Margay and more");
@@ -190,7 +190,7 @@ TEST_F(EntryTest, WhatTheDeviceShowsIsWhatIsRead) {
     std::array<std::byte, 8> octets{};
     EXPECT_EQ(serial.read(octets), 5U);
     EXPECT_EQ(octets[4], std::byte{0x43});
-    // The second SyncManager. The device stores its inputs without gaps.
+    // This entry is in the second SyncManager. The device stores its inputs without gaps.
     show(1, 216, 16, 0xBEEF);
     EXPECT_EQ(count.read(), 0xBEEF);
     EXPECT_FALSE(again.read());
@@ -261,7 +261,7 @@ TEST_F(EntryTest, WhatIsNotMappedIsNamedAndTheOthersAreFound) {
                                    "slave 7: mapping process data of 0x7000:1: there is no such slave (there are 1)"}));
     EXPECT_TRUE(enable.mapped());
     EXPECT_FALSE(missing.mapped());
-    // Everything else was mapped, and a handle that is not mapped changes nothing.
+    // All other entries were mapped. A handle that is not mapped changes nothing.
     ASSERT_EQ(bus.to_op().state, AlState::op);
     const auto before = image;
     missing.write(0xFF);
@@ -313,8 +313,8 @@ TEST_F(EntryTest, WrongTypesAreNamed) {
     }
 }
 
-// After a new mapping at another place the handles follow. Without the entry the handle is not mapped. Offsets that
-// the caller kept are refused.
+// After a new mapping at another place the handles have the new place. A handle without its entry is not mapped.
+// Offsets that the caller kept are refused.
 TEST_F(EntryTest, ARemapFindsThemAnew) {
     add_device(bus, odd_widths());
     add_device(bus, odd_widths());
@@ -333,7 +333,7 @@ TEST_F(EntryTest, ARemapFindsThemAnew) {
     target.write(0x12345678);
     EXPECT_EQ(bits_at(outputs(2), 8, 32), 0x12345678U);
     EXPECT_EQ(read_entry<std::uint32_t>(*bus.ctx, *by_hand).error().code, Errc::entry_stale);
-    // After a failed mapping nothing is mapped, and the image does not change.
+    // After a failed mapping no handle is mapped, and the image does not change.
     std::vector<std::byte> little(3);
     ASSERT_FALSE(config_map(*bus.ctx, little).ok());
     EXPECT_FALSE(target.mapped());
@@ -374,7 +374,7 @@ TEST_F(EntryTest, FoundByHandTheyAreCheckedAtEachAccess) {
     EXPECT_EQ(read_entry<bool>(*bus.ctx, EntryPlace{}).error().code, Errc::entry_stale);
 }
 
-// A slave without CoE whose PDOs the application reorders. For PDOs without a list of entries, the SII gives the
+// A slave without CoE, whose PDOs the application reorders. The SII gives the entries of PDOs without a list of
 // entries.
 TEST_F(EntryTest, ListsOfTheApplicationCountAboveTheSii) {
     add_device(bus, odd_widths());
@@ -400,7 +400,7 @@ TEST_F(EntryTest, ListsOfTheApplicationCountAboveTheSii) {
     EXPECT_EQ(third.place().bits, 16U);
 }
 
-// Another thread uses images of its own; the handle reads and writes these images, too.
+// Another thread uses its own images. The handle reads and writes these images, too.
 TEST_F(EntryTest, InAnImageForAnotherThread) {
     add_device(bus, odd_widths());
     bus.start();
@@ -422,7 +422,8 @@ TEST_F(EntryTest, InAnImageForAnotherThread) {
     EXPECT_EQ(temperature.read(shared.inputs().first(1)), 0) << "not in there";
 }
 
-// A slave that may be missing: its entries are no error while it is absent, and are found when it arrives.
+// A slave that may be missing. Its entries cause no error while the slave is absent, and are found when the slave
+// arrives.
 class EntryOfALateSlave : public testing::Test, protected Plant {};
 
 TEST_F(EntryOfALateSlave, IsFoundWhenTheSlaveComes) {

@@ -1,10 +1,10 @@
-// Equal slaves of a line that come back in another order than they were lost: none of them is driven as another one.
+// Equal slaves of a line come back in another order than they were lost. No slave is driven as another slave.
 #include "process_data/hot_connect.hpp"
 
 namespace margay {
 namespace {
 
-// A line of five equal devices. In every cycle each slave gets outputs that name it.
+// A line of five equal devices. In every cycle each slave gets outputs that contain its number.
 class EqualSlaves : public testing::Test, protected Plant {
   protected:
     std::vector<std::uint32_t> line;
@@ -76,8 +76,8 @@ class EqualSlaves : public testing::Test, protected Plant {
     }
 };
 
-// Slave 2 is repaired elsewhere, and the others go on without it. Slave 3 loses its power for a moment: the device at
-// slave 1 may be slave 2 as well.
+// Slave 2 is removed for a repair, and the other slaves continue without it. Slave 3 loses its power for a moment. Now
+// the device behind slave 1 may be slave 2 as well as slave 3.
 TEST_F(EqualSlaves, BesideABridgedOneNobodyIsGuessed) {
     build(Serials::none);
     bridge_second();
@@ -93,7 +93,7 @@ TEST_F(EqualSlaves, BesideABridgedOneNobodyIsGuessed) {
     EXPECT_EQ(told(story, "a device at slave 1 port 1 may be slave 2 or slave 3, which are equal and lost"), 1)
         << joined(story);
     EXPECT_EQ(told(story, "an unexpected slave"), 0) << joined(story);
-    // With slave 2 both are there.
+    // When slave 2 is back, both slaves are identified.
     segment.disconnect({line[2], 0});
     put_second_in();
     power(line[1], false);
@@ -151,8 +151,8 @@ TEST_F(EqualSlaves, ThatBootInAnyOrderAreThemselves) {
     }
 }
 
-// The bridged slave is connected again while the slaves behind it have no power: all of them appear at the same time,
-// and all are found.
+// The bridged slave is connected again while the slaves behind it have no power. All of them appear at the same time,
+// and all are identified.
 TEST_F(EqualSlaves, ThatComeWithTheBridgedOneAreInTheirOrder) {
     build(Serials::none);
     bridge_second();
@@ -164,13 +164,13 @@ TEST_F(EqualSlaves, ThatComeWithTheBridgedOneAreInTheirOrder) {
     expect_everybody_is_itself();
 }
 
-// A line of four slaves, of which slave 2 is optional and was never there. Slave 4 is of the same kind.
+// A line of four slaves. Slave 2 is optional and was never present. Slave 4 is of the same kind as slave 2.
 class NeverThere : public testing::Test, protected Plant {
   protected:
     std::uint32_t coupler = 0;
     std::uint32_t third = 0;
     std::uint32_t fourth = 0;
-    std::uint32_t other = 0;  // of the kind of the slaves 2 and 4, not connected
+    std::uint32_t other = 0;  // of the kind of slaves 2 and 4, not connected
     std::array<ExpectedSlave, 4> wanted{ExpectedSlave{.number = 1, .product = 0x100},
                                         {.number = 2, .product = 0x101, .optional = true, .config = &kIo},
                                         {.number = 3, .product = 0x102},
@@ -188,7 +188,7 @@ class NeverThere : public testing::Test, protected Plant {
         EXPECT_EQ(bring_up(wanted), Words());
         run();
     }
-    // Slave 3 is repaired elsewhere, slave 4 goes on at the coupler.
+    // Slave 3 is removed for a repair, and slave 4 continues at the coupler.
     void bridge_third() {
         segment.disconnect({third, 0});
         segment.disconnect({third, 1});
@@ -207,7 +207,7 @@ class NeverThere : public testing::Test, protected Plant {
         plug({coupler, 1}, device);
         segment.reconsider();
     }
-    // Outputs that name the slave. Returns whether the device had the outputs of slave 4.
+    // Writes outputs with the numbers of the slaves. Returns whether the device had the outputs of slave 4.
     bool gets_outputs_of_slave_4(std::uint32_t device, int count) {
         bool any = false;
         for (int n = 0; n < count; ++n) {
@@ -221,7 +221,7 @@ class NeverThere : public testing::Test, protected Plant {
     }
 };
 
-// The device at the coupler may be slave 2, which comes for the first time, or slave 4: a scan would take it for
+// The device at the coupler may be slave 2, which comes for the first time, or slave 4. A scan would identify it as
 // slave 2.
 TEST_F(NeverThere, AnOptionalSlaveIsARivalWhereItBelongs) {
     build(0);
@@ -234,7 +234,7 @@ TEST_F(NeverThere, AnOptionalSlaveIsARivalWhereItBelongs) {
         << joined(story);
 }
 
-// The list has its alias, and no entry has the alias of slave 4.
+// The list gives slave 2 its alias, and no entry has the alias of slave 4.
 TEST_F(NeverThere, AnOptionalSlaveIsKnownByTheNumberThatTheListGivesIt) {
     build(5);
     bridge_third();
@@ -245,7 +245,7 @@ TEST_F(NeverThere, AnOptionalSlaveIsKnownByTheNumberThatTheListGivesIt) {
     EXPECT_EQ(program(other).outputs()[0], std::byte{0x82});
 }
 
-// Slave 2 does not belong behind slave 3: slave 4 comes back as ever.
+// The place of slave 2 is not behind slave 3, so slave 4 comes back as usual.
 TEST_F(NeverThere, AnOptionalSlaveIsNoRivalElsewhere) {
     build(0);
     for (const bool all : {false, true}) {
@@ -259,8 +259,8 @@ TEST_F(NeverThere, AnOptionalSlaveIsNoRivalElsewhere) {
     }
 }
 
-// Devices may all have the same serial number in their SII. Then the number says nothing: a new device at another place
-// is not the lost slave.
+// All devices may have the same serial number in their SII. Then the serial number identifies no device: a new device
+// at another place is not the lost slave.
 TEST_F(EqualSlaves, ANewDeviceElsewhereIsNotTheLostOneByACommonSerialNumber) {
     build(Serials::equal);
     power(line[4], false);
@@ -278,8 +278,8 @@ TEST_F(EqualSlaves, ANewDeviceElsewhereIsNotTheLostOneByACommonSerialNumber) {
     EXPECT_NE(joined(events()).find("is connected to slave 1 port 3"), std::string::npos);
 }
 
-// A device that was reported as unexpected while slave 5 was there is not slave 5 when that is lost, whatever its
-// number says.
+// A device was reported as unexpected while slave 5 was present. When slave 5 is lost, this device is not slave 5, also
+// if it has the serial number of slave 5.
 TEST_F(EqualSlaves, AnUnexpectedDeviceIsNotTheLostOneByItsSerialNumber) {
     build(Serials::own);
     const auto fresh = make_equal(serial_of(Serials::own, 4));
@@ -298,7 +298,7 @@ TEST_F(EqualSlaves, AnUnexpectedDeviceIsNotTheLostOneByItsSerialNumber) {
     EXPECT_EQ(wrong, 0U);
 }
 
-// The serial number of one slave alone names it, also at another place.
+// A unique serial number identifies a slave, also at another place.
 TEST_F(EqualSlaves, ASlaveThatWasMovedIsKnownByItsSerialNumber) {
     build(Serials::own);
     power(line[4], false);

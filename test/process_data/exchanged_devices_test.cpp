@@ -1,5 +1,5 @@
-// Devices that are exchanged while the states are not read, while a mapping executes, or for another revision; and what
-// was found beside them: the freshness of inputs after very many cycles, and slaves that fall during a mapping.
+// Devices that are exchanged while nothing reads the states, while a mapping is executed, or for another revision.
+// Also: the freshness of inputs after very many cycles, and slaves whose state falls during a mapping.
 #include "mailbox/mailbox_bus.hpp"
 #include "process_data/identities.hpp"
 #include "sim/library/library.hpp"
@@ -9,12 +9,12 @@
 namespace margay {
 namespace {
 
-// Built by each test, because some tests need other settings.
+// Each test calls build(), because some tests need other settings.
 struct ExchangedDevices : Identities {
     void SetUp() override {}
 };
 
-// The application takes all slaves down for a change of tools, and goes up again. Each call says success.
+// The application lowers all slaves for a change of tools, and raises them again. Each call returns success.
 struct TakenDown : ExchangedDevices, testing::WithParamInterface<AlState> {};
 TEST_P(TakenDown, AToolThatWasChangedWhileTheSlavesWereDownGetsNoOutputs) {
     build();
@@ -23,7 +23,7 @@ TEST_P(TakenDown, AToolThatWasChangedWhileTheSlavesWereDownGetsNoOutputs) {
     ASSERT_EQ(statecheck(*ctx, 0, down, 1s)->state, down);
     take_out(line[1]);
     osal.advance(1s);
-    set(tool, 0x0010, 0x1002);  // the tool was in this place yesterday, and has its own power supply
+    set(tool, 0x0010, 0x1002);  // the tool was in this place before, and has its own power supply
     if (down == AlState::preop) set(tool, 0x0120, 2);
     settle_devices();
     ASSERT_EQ(state_of(tool), static_cast<int>(down));
@@ -50,8 +50,8 @@ TEST_P(TakenDown, AToolThatWasChangedWhileTheSlavesWereDownGetsNoOutputs) {
 }
 INSTANTIATE_TEST_SUITE_P(States, TakenDown, testing::Values(AlState::init, AlState::preop));
 
-// Without a list: what the scan has found is what is wanted. A slave comes back with another revision; before it is
-// mapped again, a device of another product takes its place.
+// Without a list, the library wants the slaves that the scan has found. A slave comes back with another revision.
+// Before it is mapped again, a device of another product takes its place.
 TEST_F(ExchangedDevices, AfterAnotherRevisionAnotherProductIsStillAnotherSlave) {
     listed = false;
     build();
@@ -75,7 +75,7 @@ TEST_F(ExchangedDevices, AfterAnotherRevisionAnotherProductIsStillAnotherSlave) 
     (void)reach(*ctx, AlState::op, 2s);
     EXPECT_FALSE(gets_outputs(tool));
 }
-// The same by the supervision.
+// The same with the supervision.
 TEST_F(ExchangedDevices, AfterAnotherRevisionTheSupervisionKnowsAnotherProduct) {
     listed = false;
     build();
@@ -113,7 +113,7 @@ TEST_F(ExchangedDevices, InputsAreFreshInTheCycleOfTheWrap) {
     build();
     cycles(5);
     ASSERT_TRUE(inputs_fresh(*ctx, 2));
-    // The slave joins late, so that only the wrap to 0 is tested.
+    // A slave joins late, so that only the wrap to 0 is tested.
     for (auto n : {0x7000'0000U, 0x7000'0000U, 0x1FFF'FFF0U - 10U}) {
         const_cast<Group&>(ctx->group(0)).cycles_sent += n;
         (void)reconfigure_slave(*ctx, 2);
@@ -126,7 +126,7 @@ TEST_F(ExchangedDevices, InputsAreFreshInTheCycleOfTheWrap) {
     }
 }
 
-// A slave falls to INIT while config_map() executes, and a reading of the states sees it.
+// A slave falls to INIT while config_map() is executed, and a reading of the states finds this.
 TEST_F(ExchangedDevices, AMappingNamesASlaveThatHasFallenMeanwhile) {
     build();
     ASSERT_TRUE(writestate(*ctx, 0, AlState::preop).ok());
@@ -142,7 +142,7 @@ TEST_F(ExchangedDevices, AMappingNamesASlaveThatHasFallenMeanwhile) {
         (void)poll(*ctx, osal.now());
     }
     ASSERT_TRUE(map.busy());
-    set(line[1], 0x0120, 1);  // by itself: a reset of its program
+    set(line[1], 0x0120, 1);  // without a request: a reset of its program
     for (int n = 0; n < 5; ++n) {
         osal.advance(1ms);
         segment.reconsider();
@@ -160,8 +160,8 @@ TEST_F(ExchangedDevices, AMappingNamesASlaveThatHasFallenMeanwhile) {
     EXPECT_TRUE(map.error().code != Errc::none || state_of(line[1]) == 4) << "success, but slave 2 was left out";
 }
 
-// The cable goes to a second machine with the same program: same addresses, same FMMUs, other products. Its identity
-// cannot be read at the first attempt (an EEPROM that is busy; the same happens with a lost frame).
+// The cable is moved to a second machine with the same program: same addresses, same FMMUs, other products. The first
+// attempt to read the identity fails because the EEPROM is busy. A lost frame has the same effect.
 TEST_F(ExchangedDevices, ASlaveThatCouldNotBeProvedIsNotBroughtToOp) {
     build();
     ASSERT_TRUE(submit(*ctx, supervision).ok());
@@ -189,7 +189,7 @@ TEST_F(ExchangedDevices, ASlaveThatCouldNotBeProvedIsNotBroughtToOp) {
     cycles(1'000);
     for (unsigned n = 0; n < 3; ++n) ASSERT_EQ(state_of(other[n]), 4) << n;
     ASSERT_TRUE(segment.connect_master({other[0], 0}));
-    segment.disconnect({other[2], 1});  // the ports follow a change of cables
+    segment.disconnect({other[2], 1});  // so that the segment updates its ports after the change of cables
     int op = 0;
     bool outputs = false;
     int said_right = 0;
@@ -206,7 +206,7 @@ TEST_F(ExchangedDevices, ASlaveThatCouldNotBeProvedIsNotBroughtToOp) {
     EXPECT_FALSE(outputs) << "product 0x301 got the outputs of slave 2";
 }
 
-// The application has ended its supervision and brings slaves back by hand.
+// The application has ended its supervision and brings slaves back with requests.
 TEST_F(ExchangedDevices, RecoverSaysOtherSlaveAlsoAfterASupervision) {
     build();
     for (const bool before : {false, true}) {
@@ -230,7 +230,7 @@ TEST_F(ExchangedDevices, RecoverSaysOtherSlaveAlsoAfterASupervision) {
     }
 }
 
-// A slave in BOOT is not asked for its identity, because its firmware may use the EEPROM.
+// The library does not read the identity of a slave in BOOT, because its firmware may use the EEPROM.
 TEST(ExchangedDevicesInBoot, RecoverDoesNotUseTheEepromOfASlaveInBoot) {
     MailboxBus bus;
     bus.add_device(sim::make_device("digital_io_16").value());
@@ -246,7 +246,7 @@ TEST(ExchangedDevicesInBoot, RecoverDoesNotUseTheEepromOfASlaveInBoot) {
     bus.osal.advance(10ms);
     (void)readstate(*bus.ctx);
     ASSERT_EQ(bus.ctx->slave(2).al.state, AlState::boot);
-    bus.segment.slave(1).sii().fail_next(100'000);  // shows which request uses it
+    bus.segment.slave(1).sii().fail_next(100'000);  // shows which request uses the EEPROM
     const auto done = recover_slave(*bus.ctx, 0);
     EXPECT_NE(done.error().step, Step::read_sii) << "the EEPROM was taken from the firmware";
 }
@@ -285,8 +285,8 @@ TEST_F(ExchangedDevices, AToolThatWasChangedDuringAMappingGetsNoOutputs) {
     EXPECT_FALSE(gets_outputs(tool));
 }
 
-// A device of the kind of slave 3 hangs at a free port and is reported as a stranger. Slave 3 is unplugged: the
-// stranger does not get its outputs. At the port of slave 3 it is a spare part.
+// A device of the kind of slave 3 is at a free port and is reported as a stranger. Slave 3 is unplugged, and the
+// stranger does not get the outputs of slave 3. At the port of slave 3 the device is a spare part.
 TEST_F(ExchangedDevices, AStrangerIsNotTakenForASlaveThatIsLostLater) {
     build();
     ASSERT_TRUE(submit(*ctx, supervision).ok());
@@ -304,7 +304,7 @@ TEST_F(ExchangedDevices, AStrangerIsNotTakenForASlaveThatIsLostLater) {
     EXPECT_TRUE(until([&] { return in_op(3); })) << joined(events());
 }
 
-// The application takes its time between the scan and the mapping: the slaves are compared, and not started again.
+// A long time passes between the scan and the mapping. The mapping compares the slaves and does not start them again.
 TEST_F(ExchangedDevices, HealthySlavesAreNotStartedAgainByALateMapping) {
     build();
     ASSERT_TRUE(config_init(*ctx).ok());
@@ -322,7 +322,8 @@ TEST_F(ExchangedDevices, HealthySlavesAreNotStartedAgainByALateMapping) {
     EXPECT_TRUE(reach(*ctx, AlState::op, 5s).ok());
 }
 
-// Nobody has looked for two seconds. Then the tool is in the place of slave 2, with its station address and in OP.
+// Nothing has read the slaves for two seconds. Then the tool is in the place of slave 2, with the station address of
+// slave 2 and in OP.
 struct AfterAPause : ExchangedDevices {
     void SetUp() override {
         build();
@@ -356,7 +357,7 @@ TEST_F(AfterAPause, TheSupervisionReportsThatTheSiiCannotBeRead) {
     EXPECT_EQ(told(said, "recovery failed: slave 2"), 1) << joined(said) << joined(errors());
 }
 
-// A register that the application writes must not reach the device that has the address of a lost slave now.
+// A register that the application writes must not reach the device that now has the address of a lost slave.
 TEST_F(ExchangedDevices, NoRegisterOfASlaveThatWasAwayIsWritten) {
     build();
     take_out(line[1]);
@@ -391,7 +392,8 @@ TEST_F(ExchangedDevices, ATargetOfTheSupervisionThatDoesNotExistIsAnError) {
     EXPECT_TRUE(until([&] { return ctx->slave(1).al.state == AlState::preop; }));
 }
 
-// Three slaves are expected, and a tool hangs behind them. When it is taken out, the segment is what the list says.
+// Three slaves are expected, and a tool is connected behind them. When the tool is removed, the segment agrees with the
+// list.
 struct TheToolIsTakenOut : ExchangedDevices, testing::WithParamInterface<bool> {};
 TEST_P(TheToolIsTakenOut, AndNothingIsMissing) {
     build();
@@ -418,7 +420,7 @@ TEST_P(TheToolIsTakenOut, AndNothingIsMissing) {
 }
 INSTANTIATE_TEST_SUITE_P(Supervised, TheToolIsTakenOut, testing::Bool());
 
-// A slave that stays in PREOP hides in the OR of all states that another one falls to PREOP. `retry` does not matter.
+// Another slave that stays in PREOP hides in the OR of all states that a slave falls to PREOP. `retry` does not matter.
 TEST_F(ExchangedDevices, AFallIsSeenBesideASlaveThatStaysInTheSameState) {
     build();
     ctx->slave(3).config.highest = AlState::preop;
@@ -437,7 +439,7 @@ TEST_F(ExchangedDevices, AFallIsSeenBesideASlaveThatStaysInTheSameState) {
     EXPECT_TRUE(all_right(*ctx)) << in_words(what_is_wrong(*ctx));
 }
 
-// The list has no slave 3. A device that comes to its place later is no slave of the list.
+// The list has no slave 3. A device that later comes to this place is not a slave of the list.
 struct LeftOutNumber : ExchangedDevices, testing::WithParamInterface<bool> {};
 TEST_P(LeftOutNumber, IsNobodyAndIsNotDriven) {
     for (unsigned n = 0; n < 3; ++n) line.push_back(make({.product = 0x100 + n}));
@@ -475,7 +477,8 @@ TEST_P(LeftOutNumber, IsNobodyAndIsNotDriven) {
 }
 INSTANTIATE_TEST_SUITE_P(Supervised, LeftOutNumber, testing::Bool());
 
-// The EEPROM of a device has its configuration area, and a blank identity: the scan and the comparison read the same.
+// The EEPROM of a device has a configuration area and a blank identity. The scan and the comparison read the same
+// identity.
 TEST(BlankIdentity, IsMappedAndDriven) {
     Plant plant;
     auto octets = io_image(8, 8, {.product = 0x100});

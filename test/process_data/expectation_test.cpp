@@ -1,4 +1,4 @@
-// Comparison of the slaves that were found with the slaves that are expected.
+// Compares the found slaves with the expected slaves.
 #include "process_data/plant.hpp"
 
 #include <margay/supervision.hpp>
@@ -63,7 +63,7 @@ TEST_F(ExpectationTest, WhatIsNotIsNamedAndTheOthersGoOn) {
     EXPECT_EQ(*bus.cycle(), 9U);
 }
 
-// Nothing shows that it is another slave.
+// No value that was read shows that the device is another slave.
 TEST_F(ExpectationTest, AnIdentityThatCouldNotBeReadIsNotCalledAnother) {
     bus.segment.slave(1).sii().fail_next(100'000);
     const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .product = 0x100}, {.number = 3}};
@@ -115,7 +115,7 @@ TEST_F(UnreadExpected, IsReadByTheSupervision) {
     expect_op();
 }
 
-// Not even while it is read again.
+// There is no moment without the error, also while the slave is read again.
 TEST_F(UnreadExpected, IsNeverWithoutAnErrorUntilItIsRead) {
     scan_in_vain();
     unsigned silent = 0;
@@ -152,7 +152,7 @@ TEST_F(UnreadExpected, IsAnotherOneIfItsEepromSaysSo) {
     EXPECT_EQ(ctx().slave(2).al.state, AlState::init);
 }
 
-// The places are kept by the configuration, so that no other mapping is needed.
+// The configuration reserves the places, so no other mapping is needed.
 TEST_F(UnreadExpected, WithAPlaceGoesToOpWithoutAnotherMapping) {
     SlaveConfiguration config;
     config.source = ConfigurationSource::application;
@@ -205,7 +205,7 @@ TEST_F(ExpectationTest, OptionalOnesMayBeMissingAndLeave) {
     EXPECT_EQ(*bus.cycle(), 9U) << "and with it";
 }
 
-// The list says that the slave is optional, whatever the application writes into its configuration.
+// The list declares the slave optional, whatever the application writes into the configuration of the slave.
 TEST_F(ExpectationTest, OptionalOnesStaySoWhenTheApplicationConfiguresThem) {
     const ExpectedSlave expected[] = {
         {.number = 1}, {.number = 2}, {.number = 3}, {.number = 4, .optional = true}, {.alias = 9, .hot_connect = 1}};
@@ -292,7 +292,7 @@ TEST_F(DeviceIdTest, AMirrorHasNoId) {
     EXPECT_EQ(ctx->slave(4).al.state, AlState::init);
 }
 
-// One of two slaves returns at another place and is recognised. A slave whose switch was changed is not the expected
+// One of two slaves returns at another place and is recognised. A slave whose ID switch was changed is not the expected
 // slave.
 TEST_F(DeviceIdTest, KnowsWhoComesBack) {
     const ExpectedSlave expected[] = {

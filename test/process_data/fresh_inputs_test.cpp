@@ -11,7 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Three slaves with one octet each way in OP; the last one loses its power.
+// Three slaves in OP with one octet in each direction. The last slave loses its power.
 class FreshInputsTest : public testing::Test {
   protected:
     Bus bus;
@@ -26,7 +26,7 @@ class FreshInputsTest : public testing::Test {
         ASSERT_TRUE(config_map(ctx(), image).ok());
         ASSERT_EQ(bus.to_op().state, AlState::op);
     }
-    // Every device shows a new value, then a cycle follows.
+    // Every device provides a new value, then a cycle is executed.
     Result<std::uint32_t> cycle() {
         ++counter;
         for (std::size_t n = 1; n <= 3; ++n) {
@@ -47,7 +47,7 @@ TEST_F(FreshInputsTest, ALostSlavesAreNotFreshAndThoseOfTheOthersAre) {
     ASSERT_TRUE(cycle().ok());
     for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_TRUE(inputs_fresh(ctx(), n)) << n;
 
-    // It is unknown yet which slave is missing: no input was copied, and no input is reported as fresh.
+    // The library does not yet know which slave is missing. It has copied no inputs, and reports no inputs as fresh.
     lose_the_last();
     const auto unknown = cycle();
     EXPECT_EQ(unknown.error().code, Errc::working_counter);
@@ -57,7 +57,7 @@ TEST_F(FreshInputsTest, ALostSlavesAreNotFreshAndThoseOfTheOthersAre) {
         EXPECT_FALSE(inputs_fresh(ctx(), n)) << n;
     }
 
-    // When the missing slave is known, the other slaves continue, and the error says so.
+    // When the missing slave is known, the other slaves continue, and the error contains this.
     ASSERT_TRUE(readstate(ctx()).ok());
     for (int round = 0; round < 3; ++round) {
         const auto known = cycle();
@@ -90,7 +90,8 @@ TEST_F(FreshInputsTest, TheyStayFreshUntilTheNextCycleIsReceived) {
     EXPECT_TRUE(inputs_fresh(ctx(), 1));
 }
 
-// The cable is out. An application that does not receive after an error of send_processdata() has old inputs too.
+// The cable is unplugged. If the application does not receive after an error of send_processdata(), its inputs are old,
+// too.
 class RefusedCycles : public FreshInputsTest, public testing::WithParamInterface<bool> {};
 INSTANTIATE_TEST_SUITE_P(Supervised, RefusedCycles, testing::Bool());
 
@@ -157,7 +158,7 @@ TEST_P(LostInputsTest, AreKeptUnlessTheyShallBeZero) {
     EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], last) << "not known to be lost yet";
     ASSERT_TRUE(readstate(ctx()).ok());
     for (int round = 0; round < 3; ++round) {
-        // Where cycles overlap, the inputs change only when a cycle is received.
+        // With overlapping cycles the inputs change only when a cycle is received.
         const bool held = GetParam().cycles_in_flight > 1 && round == 0;
         const bool zero = GetParam().what == LostInputs::zero && !held;
         EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], zero ? std::byte{0} : last) << round;
@@ -167,8 +168,8 @@ TEST_P(LostInputsTest, AreKeptUnlessTheyShallBeZero) {
     }
 }
 
-// Another thread may read the image between two calls of receive_processdata(): poll() leaves it alone. The parameters:
-// cycles in flight, and whether the slave is lost (else the application brings it down).
+// Another thread may read the image between two calls of receive_processdata(), so poll() does not change it. The
+// parameters: cycles in flight, and whether the slave is lost (else the application lowers it).
 class HeldInputs : public FreshInputsTest, public testing::WithParamInterface<std::tuple<int, bool>> {};
 INSTANTIATE_TEST_SUITE_P(Forms, HeldInputs, testing::Combine(testing::Values(1, 2), testing::Bool()));
 
@@ -199,8 +200,8 @@ TEST_P(HeldInputs, BecomeZeroWhenACycleIsReceived) {
     EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], std::byte{0});
 }
 
-// What the application sets after the mapping counts from the next mapping on. Where no cycle can be sent, the inputs
-// become zero too. The parameter: whether they are held by the mapping.
+// A setting that the application changes after the mapping is used from the next mapping on. The inputs become zero
+// also if no cycle can be sent. The parameter: whether the mapping holds the inputs.
 class HeldAsMapped : public FreshInputsTest, public testing::WithParamInterface<bool> {};
 INSTANTIATE_TEST_SUITE_P(Forms, HeldAsMapped, testing::Bool());
 
@@ -249,8 +250,8 @@ TEST_F(FreshInputsTest, SharedImageGetsTheInputsOfTheOthers) {
     EXPECT_NE(shared.inputs()[2], std::byte{counter});
 }
 
-// Two slaves; the first maps its mailbox status, in a datagram of its own behind the process data. The test writes
-// every reply.
+// Two slaves. The first slave maps its mailbox status, which has its own datagram behind the process data. The test
+// writes every reply.
 class DegradedStatusTest : public testing::Test, protected PreparedGroup {
   protected:
     DegradedStatusTest() : PreparedGroup({io_slave(1, 8, 8), io_slave(2, 8, 8)}) {
@@ -261,11 +262,11 @@ class DegradedStatusTest : public testing::Test, protected PreparedGroup {
             slave.al.state = AlState::op;
         }
     }
-    // Where the mailbox status is in the frame.
+    // The offset of the mailbox status in the frame.
     [[nodiscard]] std::size_t status_at() const {
         return kDataAt + group.plans[0].bytes + wire::kDatagramOverheadBytes;
     }
-    // A reply whose mailbox status was read by the first slave.
+    // Returns a reply in which the first slave has written its mailbox status.
     [[nodiscard]] Octets with_status(Octets reply) const {
         store_le<std::uint16_t>(reply, status_at() + group.plans[1].bytes, 1);
         return reply;
@@ -300,8 +301,8 @@ TEST_F(DegradedStatusTest, MailboxStatusBitsComeInWhileDegradedWithOverlappedIma
     }
 }
 
-// Both slaves take part when the cycle is sent. When it is received, the second is known to be lost; the octets for
-// its inputs contain what was sent.
+// Both slaves take part when the cycle is sent. When the cycle is received, the second slave is known to be lost, and
+// the octets for its inputs contain the sent octets.
 TEST_F(DegradedStatusTest, ASlaveLostWhileTheCycleIsUnderWayKeepsItsInputs) {
     prepare_frames();
     const auto in = [&](std::size_t n) { return slaves[n].image.inputs.bytes[0]; };
@@ -326,8 +327,8 @@ TEST_F(DegradedStatusTest, ASlaveLostWhileTheCycleIsUnderWayKeepsItsInputs) {
     EXPECT_EQ(in(1), std::byte{0x21});
 }
 
-// The application takes a slave down to INIT and up to PREOP. Its SyncManagers of process data are off then: FMMUs
-// would exchange plain memory, and increment the working counter.
+// The application lowers a slave to INIT and raises it to PREOP. Then the SyncManagers of process data are off. Active
+// FMMUs would exchange plain memory and increment the working counter.
 TEST(FreshInputs, NotOfASlaveThatWasTakenToPreopByHand) {
     for (const char* name : {"analog_io_4_2", "drive"}) {
         Bus bus;

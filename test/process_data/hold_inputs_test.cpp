@@ -1,4 +1,5 @@
-// GroupConfiguration::hold_inputs: the image changes only while its group is received, whoever takes the frames in.
+// GroupConfiguration::hold_inputs: the image changes only while the application receives its group, no matter which
+// call receives the frames.
 #include "process_data/bus.hpp"
 
 #include <functional>
@@ -13,7 +14,7 @@ struct Form {
     std::function<void(GroupConfiguration&)> set;
 };
 
-// Two slaves with a clock and one octet each way, in one group or in two.
+// Two slaves with a clock and one octet in each direction, in one group or in two groups.
 class HoldInputsTest : public testing::TestWithParam<Form> {
   protected:
     Bus bus;
@@ -122,7 +123,7 @@ TEST_P(HoldInputsTest, AReplyThatIsNotReceivedIsNotTheReplyOfTheNextCycle) {
     ASSERT_TRUE(receive().ok());
     EXPECT_EQ(input(1), value);
 
-    // Nor when the next cycle is lost.
+    // The inputs stay also when the next cycle is lost.
     set_inputs();
     ASSERT_TRUE(send_processdata(ctx()).ok());
     poll_until_back();

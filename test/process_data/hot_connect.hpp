@@ -1,4 +1,5 @@
-// Slaves that arrive later, leave, and return at another place: a line of three slaves, to which others are connected.
+// Slaves that arrive later, leave, and return at another place. The segment is a line of three slaves, to which other
+// slaves are connected.
 #pragma once
 
 #include "process_data/plant.hpp"

@@ -1,4 +1,4 @@
-// Hot connect groups, which come and go as a whole.
+// Hot connect groups arrive and leave as a whole.
 #include "process_data/hot_connect.hpp"
 
 namespace margay {
@@ -68,7 +68,7 @@ TEST_F(HotConnectGroups, MayBeMissingAndComeDuringOp) {
     EXPECT_EQ(told(events(), "unexpected slave"), 0);
 }
 
-// Otherwise the application learns it when the tool is plugged, during production.
+// Without this warning the application would get the error only when the tool is plugged in, during production.
 TEST_F(HotConnectGroups, OfUnknownSizesAreWarnedOfAtTheMapping) {
     expected[4].config = nullptr;
     EXPECT_EQ(bring_up(expected), Words());
@@ -91,7 +91,7 @@ TEST_F(HotConnectGroups, SwapPortsDuringOp) {
         pull(g.b);
         cycles(round % 2 == 0 ? 30 : 400);
         EXPECT_EQ(*cycle(), 9U);
-        // With loss of power, as on a docking machine, or without.
+        // Some rounds remove the power, as on a docking machine.
         if (round < 2)
             for (const auto number : {g.a, g.a2, g.b, g.b2}) {
                 power(number, false);
@@ -123,7 +123,7 @@ TEST_F(HotConnectGroups, AWrongMemberIsNamed) {
         (Words{
             "slave 5: comparing with what is expected: another slave than expected (expected product 0x00000201, got "
             "0x000002ff of vendor 0x00004d47)"}));
-    // The same while the segment is in OP.
+    // The same change while the segment is in OP.
     pull(g.a);
     EXPECT_EQ(bring_up(expected), Words());
     run();
@@ -166,7 +166,7 @@ TEST_F(HotConnectGroups, AMissingMemberIsTold) {
     expect_exchanged(5, g.a2);
 }
 
-// A member that is present and cannot be configured is counted, like a slave of the line.
+// A member that is present and cannot be configured counts in the expected working counter, like a slave of the line.
 TEST_F(HotConnectGroups, AMemberThatIsRefusedIsCounted) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Words());
@@ -178,7 +178,7 @@ TEST_F(HotConnectGroups, AMemberThatIsRefusedIsCounted) {
     cycles(100);
     EXPECT_EQ(cycle().error().code, Errc::working_counter);
     EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
-    // After the group was away and is back, too.
+    // The same after the group was away and is back.
     pull(g.a);
     cycles(100);
     EXPECT_EQ(*cycle(), 9U) << "the whole group may be missing";
@@ -217,7 +217,7 @@ TEST_F(HotConnectGroups, AMemberMayBeMissingTwice) {
     }
 }
 
-// The head comes back with its address, because its power was kept; its member does not.
+// The head comes back with its station address, because it has kept its power. Its member does not come back.
 TEST_F(HotConnectGroups, AHeadThatKeptItsPowerComesWithoutItsMember) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Words());
@@ -236,7 +236,7 @@ TEST_F(HotConnectGroups, AHeadThatKeptItsPowerComesWithoutItsMember) {
     EXPECT_EQ(cycle().error().code, Errc::working_counter);
 }
 
-// The head alone is lost for a moment, its member goes on: afterwards a loss of the member is a fault again.
+// Only the head is lost for a moment, and its member continues. Afterwards a loss of the member is a fault again.
 TEST_F(HotConnectGroups, AMemberThatWentOnWithoutItsHeadIsMissedLater) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Words());
@@ -256,7 +256,7 @@ TEST_F(HotConnectGroups, AMemberThatWentOnWithoutItsHeadIsMissedLater) {
     EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
 }
 
-// A connector that bounces: the member is back before its head is identified, then the group is gone again.
+// A connector bounces: the member is back before its head is identified, then the group is disconnected again.
 TEST_F(HotConnectGroups, AMemberThatComesBeforeItsHeadAndGoes) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Words());
@@ -274,8 +274,8 @@ TEST_F(HotConnectGroups, AMemberThatComesBeforeItsHeadAndGoes) {
     EXPECT_TRUE(all_right(*ctx));
 }
 
-// The group was missing at config_map(), and the size of its member was not known: no cycle is right while the group is
-// there, however often it is plugged.
+// The group was missing at config_map(), and the size of its member was unknown. No cycle succeeds while the group is
+// present, however often it is plugged in.
 TEST_F(HotConnectGroups, AMemberWithoutAPlaceIsMissedEachTime) {
     expected[3].config = expected[4].config = nullptr;
     EXPECT_EQ(bring_up(expected), Words());
@@ -294,7 +294,7 @@ TEST_F(HotConnectGroups, AMemberWithoutAPlaceIsMissedEachTime) {
     }
 }
 
-// Without a supervision: a request finds the head lost.
+// Without a supervision, a request finds that the head is lost.
 TEST_F(HotConnectGroups, ARequestMayFindTheGroupRemoved) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Words());
@@ -310,11 +310,12 @@ TEST_F(HotConnectGroups, ARequestMayFindTheGroupRemoved) {
         ASSERT_TRUE(until([&] { return !request.busy(); }));
         EXPECT_FALSE(request.error().code == Errc::none);
     }
-    cycles(4);  // poll() reads the states of the others
+    cycles(4);  // poll() reads the states of the other slaves
     EXPECT_EQ(*cycle(), 9U);
 }
 
-// The cables of two members with supplies of their own are crossed: each is the member behind whose head it is now.
+// The cables of two members with their own power supplies are crossed. Each member belongs to the head in front of it
+// now.
 TEST_F(HotConnectGroups, MembersThatKeptTheirPowerMayChangePlaces) {
     plug({line[0], 2}, g.a);
     plug({line[1], 2}, g.b);
@@ -347,7 +348,7 @@ TEST_F(HotConnectGroups, AMemberBehindTheOtherHeadIsNotThatOfItsOwnGroup) {
     EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
 }
 
-// The member gets no outputs behind a head that belongs to another machine, whatever state it had before.
+// The member behind a head of another machine gets no outputs, whatever state it had before.
 TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
     const auto foreign = make({.product = 0x200, .alias = 0x0099});
     plug({line[0], 2}, g.a);
@@ -364,7 +365,7 @@ TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
     EXPECT_NE(program(g.a2).outputs()[0], std::byte{0x77});
     EXPECT_EQ(ctx->slave(5).al.state, AlState::none);
     EXPECT_EQ(*cycle(), 9U);
-    // Behind its own head it is the member again.
+    // Behind its own head the device is the member again.
     pull(foreign);
     segment.disconnect({g.a2, 0});
     ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
@@ -373,8 +374,7 @@ TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
     expect_exchanged(5, g.a2);
 }
 
-// A group of the image that has only a hot connect group, which is away and whose sizes are not known: it has no
-// frames.
+// A group of the image has only a hot connect group that is away and whose sizes are unknown. The group has no frames.
 TEST_F(HotConnectGroups, AnImageOfAbsentSlavesAloneDoesNotSayThatAllIsWell) {
     limits.groups = 2;
     expected[3].config = expected[4].config = nullptr;
@@ -415,7 +415,7 @@ TEST_F(HotConnectGroups, AnImageOfAbsentSlavesAloneDoesNotSayThatAllIsWell) {
     }
 }
 
-// Counts how often the link is asked for: for an operating system that is a call that may take long.
+// Counts the calls that ask for the link state. For an operating system such a call may take long.
 class AskedNic final : public Nic {
   public:
     explicit AskedNic(Nic& nic) : nic_(nic) {}
@@ -472,8 +472,8 @@ TEST_F(HotConnectGroups, TheCycleOfAnImageOfAbsentSlavesDoesNotAskForTheLink) {
     ctx.reset();
 }
 
-// Any order of pulling and plugging, power kept or lost, any port, lost frames, and memory for all slaves at once or
-// for one. In the end every slave is in OP and exchanges its own process data.
+// Any order of plugging and unplugging, with power kept or lost, at any port, with lost frames, and with memory for the
+// start-up of all slaves at once or of one slave. In the end every slave is in OP and exchanges its own process data.
 class HotConnectInAnyOrder : public HotConnectGroups, public testing::WithParamInterface<std::uint32_t> {};
 
 TEST_P(HotConnectInAnyOrder, EverybodyIsWhoHeIsInTheEnd) {
@@ -520,7 +520,8 @@ TEST_P(HotConnectInAnyOrder, EverybodyIsWhoHeIsInTheEnd) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, HotConnectInAnyOrder, testing::Range(1U, 41U));
-// A slave got the address of another one: a device that was disconnected as a newcomer came back as the present one.
+// In these runs a slave got the address of another slave: a device that was disconnected while it was a newcomer came
+// back and counted as the present newcomer.
 INSTANTIATE_TEST_SUITE_P(OnceFailed, HotConnectInAnyOrder, testing::Values(247U, 722U, 800U, 910U, 996U));
 
 // ------------------------------------------------------------------ topology

@@ -20,7 +20,7 @@ TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
     EXPECT_EQ(readstate(*ctx)->state, AlState::op);
     expect_exchanged(4, line[2]);
 
-    // A slave is inserted with its power supply; the slaves behind it are lost for a moment.
+    // A slave with its power supply is inserted. The slaves behind it are lost for a moment.
     const auto late = make({.product = 0x1FF});
     pull(line[1]);
     cycles(20);
@@ -50,8 +50,8 @@ TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
     EXPECT_EQ(ctx->slave(3).parent, 1);
 }
 
-// Slave 2 is not what is wanted there, but of the kind of slave 3. Both lose their supply, and slave 2 alone comes
-// back: it is slave 2 again, which is held, and not slave 3.
+// The device in the place of slave 2 is not the expected slave; it is of the kind of slave 3. Both lose their supply,
+// and only slave 2 comes back. It is slave 2 again, which is held, and not slave 3.
 TEST_F(HotConnectTest, AnOtherSlaveThatIsBackIsHeldAgainInItsOwnPlace) {
     const auto third = make({.product = 0x101});
     pull(line[2]);
@@ -94,8 +94,8 @@ TEST_F(HotConnectTest, WhoeverComesAtTheEndOfTheLineIsTakenIn) {
     expect_exchanged(5, fifth);
 }
 
-// The complete start-up: the SII, start-up lists, and a hook that was set while the slave was absent and is called
-// again while it is busy.
+// The complete start-up: the SII, start-up lists, and a hook. The application has set the hook while the slave was
+// absent. The hook is called again while it returns busy.
 TEST_F(HotConnectTest, WhoeverComesLaterGetsItsWholeStartUp) {
     static constexpr StartupCommand kList[] = {
         write_register(Transition::init_to_preop, 0x0F80, std::uint8_t{0x11}),
@@ -129,7 +129,7 @@ TEST_F(HotConnectTest, WhoeverComesLaterGetsItsWholeStartUp) {
     expect_exchanged(4, fourth);
 }
 
-// A slave with a mailbox: its objects can be read after it has arrived.
+// A slave with a mailbox: the application can read its objects after the slave has arrived.
 TEST_F(HotConnectTest, AMailboxThatComesLaterIsUsed) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), {.number = 4, .optional = true}};
     EXPECT_EQ(bring_up(expected), Words());
@@ -152,8 +152,8 @@ TEST_F(HotConnectTest, AMailboxThatComesLaterIsUsed) {
     EXPECT_EQ(*cycle(), 9U);
 }
 
-// Without a configuration of its process data the slave has no place in the image. It goes to PREOP only, and an event
-// reports it.
+// Without a configuration of its process data the slave has no place in the image. The slave goes only to PREOP, and an
+// event reports this.
 TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
     ExpectedSlave late = at(4, 0x103, true);
     late.config = nullptr;
@@ -174,7 +174,7 @@ TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
               1)
         << "once\n"
         << joined(story);
-    // A new mapping gives it a place.
+    // A new mapping gives the slave a place.
     supervision.cancel();
     ASSERT_TRUE(config_map(*ctx, image).ok());
     EXPECT_EQ(to_op().state, AlState::op);
@@ -200,7 +200,7 @@ TEST_F(HotConnectTest, TheWrongOneInAKeptPlaceIsAStranger) {
     EXPECT_EQ(story.size(), 2U) << joined(story);
     EXPECT_EQ(*cycle(), 9U);
     EXPECT_EQ(ctx->slave(4).al.state, AlState::none);
-    // After power off and on the wrong slave is reported again; the right slave in its place is accepted.
+    // After power off and on the wrong slave is reported again. The right slave in its place is accepted.
     power(wrong, false);
     cycles(20);
     power(wrong, true);
@@ -236,7 +236,7 @@ TEST_F(HotConnectTest, TheTreeFollowsWhoeverIsPluggedElsewhere) {
     EXPECT_EQ(*cycle(), 9U);
 }
 
-// A new scan finds the slaves that are present; no slave has to be switched off.
+// A new scan finds the slaves that are present. No slave has to be switched off.
 TEST_F(HotConnectTest, ScannedAnewOnRequest) {
     EXPECT_EQ(bring_up({}), Words());
     run();
@@ -257,7 +257,7 @@ TEST_F(HotConnectTest, ScannedAnewOnRequest) {
     EXPECT_EQ(ctx->slave(4).parent, 1);
 }
 
-// A machine arrives with power of its own and with station addresses from another master.
+// A machine arrives with its own power and with station addresses from another master.
 TEST_F(HotConnectTest, ForeignAddressesDeceiveNobody) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true)};
     EXPECT_EQ(bring_up(expected), Words());
@@ -290,8 +290,8 @@ TEST_F(HotConnectTest, ForeignAddressesDeceiveNobody) {
     }
 }
 
-// A tool from another machine has kept its power, and with it the station address that it had there: here it is the
-// address of another slave, and the tool comes before that slave in the ring.
+// A tool from another machine has kept its power and its station address from that machine. In this segment the address
+// belongs to another slave, and the tool comes before that slave in the ring.
 TEST_F(HotConnectTest, AToolWithTheStationAddressOfAnotherSlave) {
     const auto tool = make({.product = 0x200, .alias = 7});
     ExpectedSlave head{.vendor = kVendor, .product = 0x200, .hot_connect = 1, .config = &kIo};
@@ -323,7 +323,7 @@ TEST_F(HotConnectTest, AToolWithTheStationAddressOfAnotherSlave) {
     }
 }
 
-// The same while the hook of that slave waits for ever: neither the tool nor the slaves behind it wait for the hook.
+// The same while the hook of that slave never ends. Neither the tool nor the slaves behind it wait for the hook.
 TEST_F(HotConnectTest, AToolWithTheStationAddressOfASlaveInAHook) {
     const auto tool = make({.product = 0x200, .alias = 7});
     ExpectedSlave head{.vendor = kVendor, .product = 0x200, .hot_connect = 1, .config = &kIo};
@@ -361,7 +361,8 @@ TEST_F(HotConnectTest, AToolWithTheStationAddressOfASlaveInAHook) {
     expect_exchanged(4, tool);
 }
 
-// A tool that is away during a mapping keeps its FMMUs and its power: when it is plugged again, they match nothing.
+// A tool that is away during a mapping keeps its FMMUs and its power. When it is plugged in again, its FMMUs match no
+// data.
 TEST_F(HotConnectTest, AToolThatWasAwayDuringAMappingTakesNobodysOutputs) {
     const auto tool = make({.product = 0x200, .alias = 7});
     ExpectedSlave head{.vendor = kVendor, .product = 0x200, .hot_connect = 1, .config = &kIo};

@@ -1,4 +1,4 @@
-// A line of three slaves whose devices are exchanged for others.
+// A line of three slaves whose devices are exchanged for other devices.
 #pragma once
 
 #include "process_data/plant.hpp"
@@ -18,14 +18,14 @@ struct Identities : testing::Test, Plant {
     std::vector<std::uint32_t> line;
     std::uint32_t tool = 0;
     std::uint32_t twin = 0;
-    bool nameless = false;  // slave 2
+    bool nameless = false;  // slave 2 has no identity
     bool listed = true;     // expect() has a list
     std::vector<ExpectedSlave> wanted{
         {.number = 1, .product = 0x100}, {.number = 2, .product = 0x101}, {.number = 3, .product = 0x102}};
 
     void SetUp() override { build(); }
     void build() {
-        wanted.reserve(8);  // the context uses the list until the next one: it must not move
+        wanted.reserve(8);  // the context uses the list until the next list, so the list must not move
         for (unsigned n = 0; n < 3; ++n)
             line.push_back(n == 1 && nameless ? make_nameless() : make({.product = 0x100 + n}));
         tool = make({.product = 0x200, .alias = 7});
@@ -38,7 +38,7 @@ struct Identities : testing::Test, Plant {
         ASSERT_TRUE(config_map(*ctx, image).ok());
         ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
     }
-    // Vendor, product, revision and serial number in its SII are 0.
+    // Vendor, product, revision and serial number in the SII of this device are 0.
     std::uint32_t make_nameless() {
         auto image_of_sii = io_image(8, 8, {.product = 0});
         std::fill_n(image_of_sii.begin() + 16, 16, std::byte{0});
@@ -46,7 +46,7 @@ struct Identities : testing::Test, Plant {
         made.chip = sim::junction();
         return segment.add(std::move(made).assemble());
     }
-    // As another master, or this one on another day, has left the device.
+    // Sets a register to a value that another master, or an earlier run of this master, has written.
     void set(std::uint32_t device, std::uint16_t reg, std::uint16_t value) {
         const std::array octets{static_cast<std::byte>(value & 0xFF), static_cast<std::byte>(value >> 8)};
         (void)segment.slave(device).ecat_write(reg, octets, osal.now());
@@ -61,7 +61,7 @@ struct Identities : testing::Test, Plant {
         made.chip = sim::junction();
         return segment.add(std::move(made).assemble());
     }
-    // The device gets time for what set() has requested.
+    // Gives the devices time to process the values of set().
     void settle_devices() {
         for (int n = 0; n < 20; ++n) {
             osal.advance(1ms);
@@ -69,8 +69,8 @@ struct Identities : testing::Test, Plant {
             segment.advance(osal.now());
         }
     }
-    // Its FMMUs, SyncManagers, station address and state become equal to slave 2, as a program has left the device
-    // yesterday in this place.
+    // Makes the FMMUs, SyncManagers, station address and state of the device equal to those of slave 2, as an earlier
+    // run of a program could have configured the device in this place.
     void make_like_slave_2(std::uint32_t device, AlState state) { make_like_slave_2(device, state, mapping_of(2)); }
     struct Mapping {
         std::array<std::byte, 0x30> fmmus{};

@@ -1,5 +1,5 @@
-// The identity of the slaves that answer: another machine, or another device, at the addresses of known slaves gets no
-// outputs, whoever finds it.
+// The identity of the slaves that answer. Another machine, or another device, at the addresses of known slaves gets no
+// outputs, no matter which call finds it.
 #include "process_data/identities.hpp"
 
 #include <margay/hooked_slave.hpp>
@@ -7,7 +7,7 @@
 namespace margay {
 namespace {
 
-// What a program without a supervision may call first.
+// The call that a program without a supervision executes first.
 using First = void (*)(Identities& test);
 constexpr std::pair<const char*, First> kFirst[] = {
     {"nothing", [](Identities&) {}},
@@ -63,7 +63,7 @@ TEST(IdentitiesUnsupervised, AnotherDeviceAtTheAddressOfASlaveGetsNothing) {
         }
 }
 
-// The SII of slave 2 has no vendor and no product. Another device is not that slave for that reason.
+// The SII of slave 2 has no vendor and no product. This does not make every other device equal to slave 2.
 TEST(IdentitiesUnsupervised, ASlaveWhoseSiiHasNoIdentityIsNotAnyDevice) {
     for (const bool supervised : {true, false}) {
         SCOPED_TRACE(supervised);
@@ -103,7 +103,7 @@ TEST(IdentitiesUnsupervised, ASlaveWhoseSiiHasNoIdentityIsNotAnyDevice) {
     }
 }
 
-// Nobody looks while the device in place 2 is exchanged for one that is in the same state at the same address.
+// Nothing reads the slaves while the device in place 2 is exchanged for a device in the same state at the same address.
 TEST(IdentitiesUnsupervised, ADeviceThatIsExchangedWhileNobodyLooksIsNoticed) {
     for (const AlState base : {AlState::init, AlState::preop})
         for (const bool maps : {false, true}) {
@@ -148,7 +148,7 @@ TEST_F(Identities, AnotherMachineBehindTheCableGetsNothing) {
     set(other, 0x0010, 0x1001);
     set(next, 0x0010, 0x1002);
     ASSERT_TRUE(segment.connect_master({other, 0}));
-    segment.disconnect({next, 1});  // the ports follow a change of cables
+    segment.disconnect({next, 1});  // so that the segment updates its ports after the change of cables
     expect_no_outputs(other);
     expect_no_outputs(next);
     const auto said = events();
@@ -174,7 +174,8 @@ TEST_F(Identities, TheFmmusOfALostSlaveProveNothing) {
     expect_no_outputs(tool);
 }
 
-// The device of a lost slave's kind is in another place: at a free port, or behind the slaves that come after it.
+// A device of the kind of a lost slave is in another place: at a free port, or behind the slaves that follow the lost
+// slave.
 TEST_F(Identities, ADeviceOfTheSameKindInAnotherPlaceIsNotTheLostSlave) {
     ASSERT_TRUE(submit(*ctx, supervision).ok());
     ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
@@ -187,14 +188,14 @@ TEST_F(Identities, ADeviceOfTheSameKindInAnotherPlaceIsNotTheLostSlave) {
     expect_no_outputs(twin);
     segment.disconnect({twin, 0});
     cycles(500);
-    // In the right place it is a spare part.
+    // In the place of the lost slave the device is a spare part.
     segment.disconnect({line[2], 0});
     put_in(twin);
     EXPECT_TRUE(until([&] { return all_right(*ctx); })) << joined(events());
     expect_exchanged(2, twin);
 }
 
-// The application drives whatever is in place 2. Its device is exchanged for one with another alias.
+// The application drives any device in place 2. The device is exchanged for a device with another alias.
 TEST_F(Identities, AToleratedSlaveMayBeExchangedToo) {
     for (ExpectedSlave& one : wanted) one.tolerate = true;
     wanted[1].product = 0x1FF;
@@ -210,8 +211,8 @@ TEST_F(Identities, AToleratedSlaveMayBeExchangedToo) {
     expect_exchanged(2, twin);
 }
 
-// A slave is put in before the others while a search reads the ring, one place in a frame. The search must not take a
-// slave that it sees twice for two slaves with one address.
+// A slave is inserted before the other slaves while a search reads the ring, one place per frame. The search sees one
+// slave twice, and must not treat it as two slaves with one address.
 TEST(IdentitiesInTheRing, ASlaveThatIsSeenTwiceKeepsItsAddress) {
     struct One : Identities {
         void TestBody() override {}
@@ -222,7 +223,7 @@ TEST(IdentitiesInTheRing, ASlaveThatIsSeenTwiceKeepsItsAddress) {
     one.segment.set_power(front, true, one.osal.now());
     int unstable = 0;
     for (int step = 0; step < 100; ++step) {
-        one.osal.advance(50ms);  // no cycle runs, which the search would wait for
+        one.osal.advance(50ms);  // no cycle is active that the search would wait for
         RecoverRequest search;
         ASSERT_TRUE(submit(*one.ctx, search).ok());
         for (int n = 0; search.busy() && n < 2'000; ++n) {
@@ -246,7 +247,7 @@ TEST(IdentitiesInTheRing, ASlaveThatIsSeenTwiceKeepsItsAddress) {
     EXPECT_GT(unstable, 0);
 }
 
-// Two equal slaves at two ports of a junction lose their power. The second one is back first.
+// Two equal slaves at two ports of a junction lose their power. The second slave is back first.
 TEST_F(Identities, EqualSlavesAtTwoPortsAreKnownByTheirPorts) {
     const auto left = make({.product = 0x400});
     const auto right = make({.product = 0x400});
@@ -271,7 +272,7 @@ TEST_F(Identities, EqualSlavesAtTwoPortsAreKnownByTheirPorts) {
     expect_exchanged(5, fifth);
 }
 
-// A program of its own way: all to INIT, back to PREOP, objects that it writes there, and the mapping.
+// A program with its own order: it brings all slaves to INIT and back to PREOP, writes objects in PREOP, and maps.
 TEST_F(Identities, ASlaveThatTheApplicationHasTakenToInitIsNotStartedAgainByTheMapping) {
     for (const AlState to : {AlState::init, AlState::preop}) {
         ASSERT_TRUE(writestate(*ctx, 0, to).ok());
@@ -287,7 +288,7 @@ TEST_F(Identities, ASlaveThatTheApplicationHasTakenToInitIsNotStartedAgainByTheM
     EXPECT_EQ(fell, 0) << joined(events());
 }
 
-// A mapping that is cut leaves no slave in the exchange that it has not configured.
+// A mapping that is cancelled leaves no slave in the exchange that it has not configured.
 TEST_F(Identities, AMappingThatIsCutLeavesNoFreshInputsOfSlavesThatAreNotThere) {
     int cuts = 0;
     for (int at = 0; at < 40; ++at) {

@@ -85,7 +85,8 @@ TEST_F(ImageDatagramsTest, AFullFrameIsOneFrame) {
     EXPECT_EQ(plan().size(), 2U);
 }
 
-// Three slaves of 700 octets: two leave 86 octets of a frame free, and the third slave is not divided to fill them.
+// Three slaves of 700 octets: two slaves leave 86 octets of a frame free, and the third slave is not divided to fill
+// them.
 TEST_F(ImageDatagramsTest, SlavesStayWholeWhereThatCostsNoFrame) {
     slaves = {io_slave(1, 0, 700 * 8), io_slave(2, 0, 700 * 8), io_slave(3, 0, 700 * 8)};
     const auto got = plan();
@@ -97,8 +98,9 @@ TEST_F(ImageDatagramsTest, SlavesStayWholeWhereThatCostsNoFrame) {
     EXPECT_EQ(got[1].expected_wkc, 1);
 }
 
-// An ESC increments the working counter of a datagram once for all octets that it reads into it, and its mailbox status
-// can be read in any state: in the datagram of the inputs the increment would also stand for inputs that were not read.
+// An ESC increments the working counter of a datagram once for all octets that it writes into the datagram. It writes
+// its mailbox status in any state. In the datagram of the inputs this increment would also count for inputs that were
+// not read.
 TEST_F(ImageDatagramsTest, TheMailboxStatusHasADatagramOfItsOwn) {
     for (const bool overlapped : {false, true}) {
         for (const bool block_lrw : {false, true}) {
@@ -120,7 +122,7 @@ TEST_F(ImageDatagramsTest, TheMailboxStatusHasADatagramOfItsOwn) {
     }
 }
 
-// Three slaves of 990 octets have 2970 octets, and two frames hold 2972.
+// Three slaves of 990 octets have 2970 octets, and two frames can contain 2972 octets.
 TEST_F(ImageDatagramsTest, ASlaveIsCutWhereThatSavesAFrame) {
     slaves = {io_slave(1, 0, 990 * 8), io_slave(2, 0, 990 * 8), io_slave(3, 0, 990 * 8)};
     const auto got = plan();

@@ -116,7 +116,7 @@ Case random_case(std::mt19937& random) {
     return c;
 }
 
-// Executes the complete exchange of a case, for the master and the slaves.
+// Executes the complete exchange of a case, for the master and for the slaves.
 void check(Case& c, std::mt19937& random) {
     std::vector<std::byte> buffer(200000);
     const auto layout = lay_out(c.slaves, 0, c.wanted, buffer);
@@ -161,7 +161,7 @@ void check(Case& c, std::mt19937& random) {
     for (const auto& [frame, bytes] : frame_bytes) EXPECT_LE(bytes + (frame == 0 ? c.wanted.reserve_bytes : 0U), 1498U);
     const std::uint32_t status_begin =
         layout->status_bytes == 0 ? 0xFFFF'FFFF : c.wanted.start.value + layout->logical_bytes() - layout->status_bytes;
-    // No more frames than the data would need if a slave could be divided anywhere.
+    // The number of frames is not larger than the data would need if a slave could be divided anywhere.
     if (!datagrams.empty()) {
         std::size_t overheads = c.wanted.reserve_bytes;
         for (std::size_t n = 0; n < datagrams.size(); ++n) {

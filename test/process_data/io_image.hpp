@@ -16,7 +16,7 @@ struct IoDevice {
     std::uint16_t alias = 0;
     std::uint8_t flags = 0;  // wire::sii::general_flag bits
     std::uint16_t identification_address = 0;
-    bool emulation = false;  // no program: AL status is a copy of AL control
+    bool emulation = false;  // no program: the ESC copies AL control to AL status
 };
 inline std::vector<std::byte> io_image(std::uint32_t output_bits, std::uint32_t input_bits,
                                        const IoDevice& device = {}) {

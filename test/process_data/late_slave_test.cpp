@@ -1,5 +1,5 @@
-// A slave that was absent at the mapping and for which a place is reserved: it comes late, and nothing that was
-// reserved for it is used for anything else.
+// A slave was absent at the mapping, which has reserved a place for it. The slave comes late, and the reserved place,
+// FMMUs and bits are used for nothing else.
 #include "process_data/plant.hpp"
 
 #include "wire/esc.hpp"
@@ -20,7 +20,7 @@ constexpr Pdo kIns[] = {{0x1A00, kIn}};
 constexpr SmPdos kLists[] = {{0, kOuts}, {1, kIns}};
 constexpr SlaveSetup kKnown{.pdos = kLists};
 
-// A line of three slaves, the last one without power and with a known setup.
+// A line of three slaves. The last slave has no power and a known setup.
 class LateSlave : public testing::Test, protected Plant {
   protected:
     std::array<std::uint32_t, 3> line{};
@@ -61,7 +61,7 @@ class LateSlave : public testing::Test, protected Plant {
         return std::string(describe(error, buffer));
     }
     std::string wrong() { return words(what_is_wrong(*ctx)); }
-    // However often the supervision tries, the slave does not leave PREOP for this reason.
+    // The slave does not leave PREOP for this reason, however often the supervision tries.
     void expect_refused(const std::string& why) {
         for (int n = 0; n < 10; ++n) {
             cycles(500);
@@ -114,7 +114,7 @@ TEST_F(LateSlave, WithoutLrwStaysInPreopHoweverOftenItIsTried) {
     expect_refused("slave 3: mapping process data: not supported by the slave");
 }
 
-// Otherwise the neighbour's inputs reach the outputs of the slave.
+// Without this check, the inputs of the neighbour would reach the outputs of the slave.
 TEST_F(LateSlave, WithoutFmmusOfSingleBitsStaysInPreopHoweverOftenItIsTried) {
     static constexpr PdoEntry kFour[] = {{0x7000, 1, 4}};
     static constexpr PdoEntry kFourIn[] = {{0x6000, 1, 4}};
@@ -155,7 +155,7 @@ TEST_F(LateSlave, ThatWasFoundByHandIsReadByTheMapping) {
     expect_exchanged(3, line[2]);
 }
 
-// At each moment between its power and its start-up.
+// The mapping is requested at each moment between power-on and the end of the start-up.
 TEST_F(LateSlave, IsMappedWheneverTheMappingIsRequested) {
     build();
     ctx->slave(3).config.setup = nullptr;
@@ -169,7 +169,7 @@ TEST_F(LateSlave, IsMappedWheneverTheMappingIsRequested) {
             (void)poll(*ctx, osal.now());
             osal.advance(100us);
         }
-        for (int tries = 0; tries < 2; ++tries) {  // the first one may come before the slave was found
+        for (int tries = 0; tries < 2; ++tries) {  // the first attempt may come before the slave was found
             MapRequest map;
             map.image = image;
             ASSERT_TRUE(submit(*ctx, map).ok());
@@ -179,7 +179,7 @@ TEST_F(LateSlave, IsMappedWheneverTheMappingIsRequested) {
         }
         ASSERT_TRUE(all_right(*ctx)) << at << ": " << wrong();
         EXPECT_TRUE(in_op(3)) << at;
-        // Without a place again.
+        // The slave has no place again.
         power(line[2], false);
         ctx->slave(3).config.sm_count = 0;
         ctx->slave(3).config.source = ConfigurationSource::none;
@@ -203,8 +203,8 @@ Result<> say_sms(HookedSlave slave, void*) {
     return Result<>();
 }
 
-// A hook that fills in the SyncManagers finds the configuration empty, as at the first start-up. What the hook says
-// counts.
+// A hook that fills in the SyncManagers finds an empty configuration, as at the first start-up. The values of the hook
+// are used.
 TEST_F(LateSlave, IsAsItsHookSays) {
     build();
     first_sm = {0, Direction::outputs, 0x64, 0x1100, 8};
@@ -234,7 +234,7 @@ TEST_F(LateSlave, WithMemoryThatCannotBeStaysInPreopHoweverOftenItIsTried) {
         "SyncManager");
 }
 
-// The application prepares its next mapping while the hook awaits; the hook fails.
+// The application prepares its next mapping while the hook waits. The hook fails.
 TEST_F(LateSlave, WhatTheApplicationSetsMeanwhileIsKept) {
     build();
     ctx->slave(3).hooks.preop_to_safeop = [](HookedSlave slave, void*) -> Task<> {
@@ -270,7 +270,7 @@ TEST_F(LateSlave, IsNotBroughtAboveTheHighestStateThatItsHookSets) {
 
 // ------------------------------------------------------------------ lists that change
 
-// The place in the image and the handles belong to the mapping: other PDOs of the same size would be another machine.
+// The place in the image and the handles belong to the mapping. Other PDOs of the same size would have another meaning.
 TEST_F(LateSlave, WithOtherListsOfTheSameSizeNeedsAMapping) {
     static constexpr PdoEntry kOther[] = {{0x7010, 1, 8}};
     static constexpr Pdo kOthers[] = {{0x1600, kOther}};

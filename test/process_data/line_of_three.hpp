@@ -1,4 +1,4 @@
-// A line of three slaves for tests of which slaves are driven, and to which state.
+// A line of three slaves for tests about the slaves that are driven, and the states that they get.
 #pragma once
 
 #include "process_data/plant.hpp"
@@ -36,7 +36,7 @@ class LineOfThree : public testing::Test, protected Plant {
         EXPECT_TRUE(expect(*ctx, expected).ok());
         return config_init(*ctx);
     }
-    // Supervises for `count` cycles with outputs set. Returns the outputs that each device applied.
+    // Supervises and sends outputs for `count` cycles. Returns the outputs that each device applied.
     std::vector<unsigned> drive(int count = 800) {
         EXPECT_TRUE(submit(*ctx, supervision).ok());
         for (int n = 0; n < count; ++n) {

@@ -1,4 +1,4 @@
-// How much of the acyclic traffic the supervision needs while a slave is lost.
+// The share of the acyclic traffic that the supervision needs while a slave is lost.
 #include "process_data/plant.hpp"
 
 #include <margay/registers.hpp>
@@ -22,7 +22,8 @@ struct Busy : Plant {
         ctx->group(0).config.acyclic_bytes = acyclic_bytes;
         run();
     }
-    // One register access after the other for a second of cycles of 1 ms. Returns how many have ended well.
+    // Executes one register access after the other for a second with cycles of 1 ms. Returns the number of successful
+    // accesses.
     int reads_in_a_second() {
         int done = 0;
         RegisterReadRequest read;

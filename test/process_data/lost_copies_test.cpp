@@ -7,9 +7,9 @@
 namespace margay {
 namespace {
 
-// Slave 3, a sensor, drives slave 2.
+// The inputs of slave 3, a sensor, are copied to the outputs of slave 2.
 struct LostCopies : Identities {
-    void TestBody() override {}  // a test uses two plants
+    void TestBody() override {}  // a test uses two objects of this class
     static constexpr SlaveToSlave kCopies[] = {{.from_slave = 3, .to_slave = 2, .bits = 8}};
 
     void SetUp() override {}
@@ -25,7 +25,7 @@ struct LostCopies : Identities {
         run(100);
         ASSERT_EQ(output(), 0x77);
     }
-    // The application writes 0.
+    // Executes cycles. The application writes 0 to the outputs.
     void run(int count) {
         for (int n = 0; n < count; ++n) {
             ctx->slave(2).image.outputs.bytes[0] = std::byte{0};

@@ -1,4 +1,4 @@
-// The segment of the tests of mistakes that new users make.
+// The segment for the tests of mistakes that new users make.
 #pragma once
 
 #include "process_data/plant.hpp"

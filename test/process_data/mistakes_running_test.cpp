@@ -28,7 +28,8 @@ TEST_F(Mistakes, TheTargetOfOneSlaveIsTakenBackByNone) {
               "requesting a state: argument out of range: the state must be INIT, PREOP, SAFEOP or OP");
 }
 
-// A slave that was kept lower for a while is not left in OP when all slaves go down.
+// The application has kept one slave at a lower target for a while. This slave does not stay in OP when all slaves go
+// down.
 TEST_F(Mistakes, TheTargetOfOneSlaveEndsWithOpWhereAllHaveOp) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -45,7 +46,7 @@ TEST_F(Mistakes, TheTargetOfOneSlaveEndsWithOpWhereAllHaveOp) {
     EXPECT_EQ(ctx->slave(2).al.state, AlState::safeop);
 }
 
-// The target of all slaves is SAFEOP already, although the supervision has not read it yet.
+// The target of all slaves is already SAFEOP, although the supervision has not read it yet.
 TEST_F(Mistakes, TheTargetOfOneSlaveBesideANewTargetOfAll) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -75,7 +76,7 @@ TEST_F(Mistakes, TheTargetOfOneSlaveAboveALoweredTargetOfAll) {
     EXPECT_EQ(ctx->slave(2).al.state, AlState::op);
 }
 
-// reach() has ended its own supervision: the states are not read any more.
+// reach() has ended its own supervision, so nothing reads the states any more.
 TEST_F(Mistakes, NothingIsRightForLongWithoutASupervision) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -100,11 +101,11 @@ TEST_F(Mistakes, AGroupThatIsNotExchangedIsNamed) {
     ctx->slave(2).config.group = 1;
     ASSERT_TRUE(config_map(*ctx, image).ok());
     ASSERT_TRUE(config_map(*ctx, second_image, 1).ok());
-    supervision.target = AlState::safeop;  // in OP the watchdogs of the slaves would name it
+    supervision.target = AlState::safeop;  // in OP the watchdogs of the slaves would report it
     ASSERT_TRUE(submit(*ctx, supervision).ok());
     ASSERT_TRUE(reach(*ctx, AlState::safeop, 2s).ok());
     for (int n = 0; n < 500; ++n) {
-        cycles(1);  // of group 0
+        cycles(1);  // cycles of group 0
         EXPECT_TRUE(all_right(*ctx)) << n << words(what_is_wrong(*ctx));
     }
     cycles(1'500);
@@ -117,7 +118,7 @@ TEST_F(Mistakes, AGroupThatIsNotExchangedIsNamed) {
     EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
 }
 
-// A hook that tries for ever what is refused at once, or waits for no time.
+// A hook repeats for ever a request that is refused at once, or a wait of zero time.
 TEST_F(Mistakes, AHookThatTriesAgainAtOnceStopsNobody) {
     ASSERT_TRUE(config_init(*ctx).ok());
     const Hook<> hooks[] = {
@@ -151,7 +152,7 @@ TEST_F(Mistakes, AHookThatTriesAgainAtOnceStopsNobody) {
     }
 }
 
-// A hook that takes its slave out of PREOP, whenever the slave is started.
+// A hook takes its slave out of PREOP each time the slave is started.
 TEST_F(Mistakes, AHookThatTakesItsSlaveToInitIsReportedOnce) {
     ASSERT_TRUE(config_init(*ctx).ok());
     bool wrong = false;
@@ -187,7 +188,7 @@ TEST_F(Mistakes, AHookThatTakesItsSlaveToInitIsReportedOnce) {
     EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
 }
 
-// All memory of the sequences, until it is released.
+// Uses all memory of the sequences until release.
 struct Hoard {
     Arena* arena = nullptr;
     std::vector<void*> blocks;
@@ -208,14 +209,14 @@ Task<> a_sequence_of_its_own(HookedSlave slave) {
     co_return read;
 }
 
-// A hook finds no memory, and tries again until another one has released some.
+// A hook finds no memory, and tries again until another hook has released some memory.
 TEST_F(Mistakes, AHookThatTriesAgainWithoutMemoryStopsNobody) {
     ASSERT_TRUE(config_init(*ctx).ok());
     Hoard hoard;
     ctx->slave(2).hooks.user = &hoard;
     ctx->slave(2).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Task<> {
         Hoard& all = *static_cast<Hoard*>(user);
-        auto others = co_await slave.sleep(100ms);  // the other slave is mapped meanwhile
+        auto others = co_await slave.sleep(100ms);  // meanwhile the other slave is mapped
         if (!others) co_return others;
         all.take(slave.arena());
         for (;; ++all.tries) {
@@ -286,8 +287,8 @@ TEST_F(Mistakes, ARequestOfAnotherContextCannotBeWaitedFor) {
     EXPECT_TRUE(wait(*ctx, request).ok());
 }
 
-// The supervision is destroyed at the end of its scope, right after submit(): nothing watches the slaves, although the
-// program looks right.
+// The supervision is destroyed at the end of its scope, right after submit(). Then nothing supervises the slaves,
+// although the program looks correct.
 TEST_F(Mistakes, ASupervisionThatIsDestroyedBeforeItBeginsIsReported) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -300,8 +301,8 @@ TEST_F(Mistakes, ASupervisionThatIsDestroyedBeforeItBeginsIsReported) {
     EXPECT_EQ(events(), std::vector<std::string>{"the supervision has ended: lost slaves are not brought back"});
 }
 
-// Another thread has submitted it, and no poll() has accepted it: the destructor would wait for a poll() of its own
-// thread.
+// Another thread has submitted the supervision, and no poll() has accepted it. The destructor would wait for a poll()
+// of its own thread.
 TEST_F(Mistakes, TheOwnerCancelsASupervisionThatAnotherThreadHasSubmitted) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());

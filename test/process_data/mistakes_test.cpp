@@ -1,5 +1,5 @@
-// Mistakes of new users before the cycle runs - wishes at the wrong time, lists and arguments that cannot be - and the
-// error or warning that names each of them.
+// Mistakes of new users before the cycle runs: wishes at the wrong time, impossible lists and arguments. An error or a
+// warning names each of them.
 #include "process_data/mistakes.hpp"
 
 #include <thread>
@@ -10,7 +10,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// The facts of a slave are read-only, its wishes and the octets of its image are not.
+// The facts of a slave are read-only. Its wishes and the octets of its image are writable.
 static_assert(std::is_same_v<decltype(std::declval<Context&>().slave(1)), const Slave&>);
 static_assert(!std::is_assignable_v<decltype((std::declval<const Slave&>().al)), AlStatus>);
 static_assert(std::is_assignable_v<decltype((std::declval<const Slave&>().config)), SlaveConfiguration>);
@@ -23,7 +23,7 @@ TEST_F(Mistakes, WishesWrittenBeforeTheScanAreWarnedOf) {
               std::vector<std::string>{"counting slaves: config or hooks of a slave that does not exist were written: "
                                        "write them after config_init(), to slaves 1 and up, or use expect()"});
     EXPECT_EQ(ctx->slave(1).config.group, 0);
-    ctx->slave(0).config.group = 1;  // slave 0 is not the first one
+    ctx->slave(0).config.group = 1;  // slave 0 is not the first slave
     ASSERT_TRUE(config_map(*ctx, image).ok());
     EXPECT_EQ(all(ctx->warnings()).size(), 1U);
     ASSERT_TRUE(config_init(*ctx).ok());
@@ -68,7 +68,7 @@ TEST_F(Mistakes, WishesThatTheScanOfAnotherThreadDeletesAreWarnedOf) {
     EXPECT_EQ(all(ctx->warnings()).size(), 1U);
 }
 
-// It has deleted nothing.
+// The scan has not begun, so it has deleted no wishes.
 TEST_F(Mistakes, AScanThatDoesNotBeginWarnsOfNothing) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ctx->slave(2).config.highest = AlState::preop;
@@ -81,7 +81,7 @@ TEST_F(Mistakes, AScanThatDoesNotBeginWarnsOfNothing) {
     EXPECT_TRUE(all(ctx->warnings()).empty());
 }
 
-// The error of a request that has not begun names no place, because no slave was asked yet.
+// The error of a request that has not begun names no slave, because the request has not accessed a slave yet.
 TEST(DescribeUnbegun, ARequestThatHasNotBegunNamesNoPlace) {
     std::array<char, 256> text{};
     for (const Step step : {Step::read_sii, Step::sdo_upload, Step::read_register})
@@ -90,7 +90,8 @@ TEST(DescribeUnbegun, ARequestThatHasNotBegunNamesNoPlace) {
                 << describe({.code = code, .step = step, .slave = 2}, text);
 }
 
-// A retry of config_init() after config_map() has failed: the slaves start without their hooks and settings.
+// The application repeats config_init() after config_map() has failed. The slaves start without their hooks and
+// settings.
 TEST_F(Mistakes, WishesThatASecondScanDeletesAreWarnedOf) {
     SlaveConfiguration listed;
     listed.highest = AlState::safeop;
@@ -276,7 +277,7 @@ TEST_F(Mistakes, LinkSettingsOutOfTheirRangeAreNamed) {
     EXPECT_EQ(said({.frame_timeout = -1ms}), before + "LinkSettings::frame_timeout must be above zero");
     EXPECT_EQ(said({.queue_timeout = 0ms}), before + "LinkSettings::queue_timeout must be above zero");
     EXPECT_EQ(said({.sendings = 0}), before + "LinkSettings::sendings must be at least 1");
-    // After init() the defaults are used in the place of such values.
+    // After init() the defaults replace such values.
     ctx->link_settings() = {.frame_timeout = 0ms, .queue_timeout = -1ms, .sendings = 0};
     EXPECT_TRUE(config_init(*ctx).ok());
 }

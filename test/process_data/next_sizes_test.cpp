@@ -1,4 +1,4 @@
-// SlaveConfiguration::sms say how a slave is to be mapped next; the image of the last mapping stays as it is.
+// SlaveConfiguration::sms describe the next mapping of a slave. The image of the last mapping does not change.
 #include "process_data/bus.hpp"
 
 namespace margay {
@@ -25,7 +25,7 @@ class NextSizes : public testing::Test, protected Bus {
         std::array<char, 400> buffer{};
         return std::string(describe(error, buffer));
     }
-    // Slave 3 receives the outputs that the application writes for slave 3.
+    // Checks that slave 3 receives the outputs that the application writes for slave 3.
     void expect_outputs_of_slave_3() {
         std::ranges::fill(ctx->slave(2).image.outputs.bytes, std::byte{0x22});
         std::ranges::fill(ctx->slave(3).image.outputs.bytes, std::byte{0x33});
@@ -77,13 +77,14 @@ TEST_F(NextSizes, ASlaveThatComesBackWaitsForTheMapping) {
     EXPECT_EQ(ctx->group(0).output_bytes, 7U);
 }
 
-// What is mapped is not looked at with the new sizes: entries, and the look after FMMUs were lost.
+// The library must not use the new sizes for the present mapping. In that case entries, and the reading of FMMUs, would
+// be lost.
 TEST_F(NextSizes, TheSlaveGoesOnAsItIsMapped) {
     const std::uint32_t expected = *cycle();
     SlaveConfiguration& config = ctx->slave(2).config;
     config.sms[0].bits += 8;
     for (int n = 0; n < 200; ++n) EXPECT_EQ(*cycle(), expected);
-    segment.set_power(3, false, osal.now());  // another slave makes the working counter short
+    segment.set_power(3, false, osal.now());  // without another slave the working counter is too small
     cycles(200);
     EXPECT_TRUE(ctx->slave(2).takes_part);
     segment.set_power(3, true, osal.now());
@@ -94,7 +95,7 @@ TEST_F(NextSizes, TheSlaveGoesOnAsItIsMapped) {
     EXPECT_EQ(handle.error().code, Errc::remapping_needed) << words(handle.error());
 }
 
-// The hook of a slave gives it to another group while its group is mapped again.
+// The hook of a slave moves the slave to another group while the group is mapped again.
 TEST_F(NextSizes, AHookThatGivesItsSlaveToAnotherGroup) {
     supervision.cancel();
     ctx->slave(2).hooks.user = ctx.get();

@@ -1,5 +1,5 @@
-// A drive that comes back, and whose dictionary has other PDOs than the image: all sizes are the same, and the objects
-// are others.
+// A drive comes back, and its dictionary has other PDOs than the image: all sizes are the same, and the objects are
+// different.
 #include "process_data/identities.hpp"
 #include "sim/library/library.hpp"
 
@@ -12,7 +12,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint16_t kOutputs = 0x1600;
-// In another order than by default: the target velocity is in the place of the target position.
+// The order differs from the default: the target velocity is in the place of the target position.
 constexpr std::array<std::uint32_t, 6> kSwapped{0x60400010, 0x60FF0020, 0x607A0020, 0x60710010, 0x60600008, 0x00000008};
 
 struct OtherPdos : testing::Test, Bus {
@@ -36,7 +36,7 @@ struct OtherPdos : testing::Test, Bus {
         ASSERT_TRUE(init(*ctx, *nic, osal).ok());
         ASSERT_TRUE(config_init(*ctx).ok());
     }
-    // As an application does that knows no lists of PDOs.
+    // Writes the mapping as an application does that has no lists of PDOs.
     bool write_mapping() {
         bool good = SDOwrite<std::uint8_t>(*ctx, 2, 0x1C12, 0, 0).ok();
         good &= SDOwrite<std::uint8_t>(*ctx, 2, kOutputs, 0, 0).ok();
@@ -102,7 +102,7 @@ struct OtherPdos : testing::Test, Bus {
     }
 };
 
-// What the application has written by SDO is lost with the power of the drive.
+// The values that the application has written by SDO are lost with the power of the drive.
 TEST_F(OtherPdos, ThoseOfAnSdoAreLostWithThePower) {
     begin();
     ASSERT_TRUE(write_mapping());
@@ -130,7 +130,7 @@ TEST_F(OtherPdos, WithoutASupervisionReachSaysSo) {
     EXPECT_LT(ctx->slave(2).al.state, AlState::op);
 }
 
-// A spare part that has its own power and is in PREOP already: it was in another machine before.
+// A spare part that has its own power and is already in PREOP, because it was in another machine before.
 TEST_F(OtherPdos, OfASparePartThatWaitsInPreop) {
     begin();
     ASSERT_TRUE(write_mapping());
@@ -155,7 +155,7 @@ TEST_F(OtherPdos, OfASparePartThatWaitsInPreop) {
     expect_not_driven();
 }
 
-// A coupler with four slots keeps its power, and two of its modules of the same size change places.
+// A coupler with four slots keeps its power, and two of its modules of the same size are swapped.
 struct OtherModules : OtherPdos {
     void begin_with_modules() {
         begin("modular_io");
@@ -170,7 +170,7 @@ struct OtherModules : OtherPdos {
         segment.slave(drive).process_data()->poke();
         cycles(100);
     }
-    // The counter is in slot 1 now. The octet of the lamps must not reach its preset value.
+    // The counter is now in slot 1. The octet of the lamps must not become its preset value.
     void expect_remapping() {
         const auto again = reach(*ctx, AlState::op, 2s);
         EXPECT_EQ(again.error().code, Errc::remapping_needed) << in_words(again.error());
@@ -197,7 +197,7 @@ TEST_F(OtherModules, ChangedBeforeAStartUpIsRepeated) {
     expect_remapping();
 }
 
-// Modules that are exchanged in OP: the slave refuses SAFEOP until it has been in INIT.
+// Modules are exchanged in OP. The slave refuses SAFEOP until it has been in INIT.
 TEST_F(OtherModules, AreFoundByTheMappingBehindInit) {
     begin_with_modules();
     supervision.cancel();
@@ -211,7 +211,7 @@ TEST_F(OtherModules, AreFoundByTheMappingBehindInit) {
     EXPECT_TRUE(all_right(*ctx)) << in_words(what_is_wrong(*ctx));
 }
 
-// The slave has refused SAFEOP already, with the AL status code "needs INIT".
+// The slave has already refused SAFEOP with the AL status code "needs INIT".
 TEST_F(OtherModules, AreMappedWhereTheSlaveAsksForInit) {
     begin_with_modules();
     supervision.cancel();
@@ -226,7 +226,7 @@ TEST_F(OtherModules, AreMappedWhereTheSlaveAsksForInit) {
     EXPECT_TRUE(reach(*ctx, AlState::op, 2s).ok());
 }
 
-// The mapping has failed for one cause, and the supervision fails for another one.
+// The mapping has failed for one cause, and the supervision fails for another cause.
 TEST_F(OtherModules, AreTheCauseInPlaceOfAnEarlierOne) {
     begin_with_modules();
     supervision.cancel();
@@ -250,7 +250,7 @@ TEST_F(OtherModules, AreTheCauseInPlaceOfAnEarlierOne) {
     EXPECT_TRUE(reach(*ctx, AlState::op, 2s).ok());
 }
 
-// What the supervision tries in vain is reported when it begins, when its cause changes, and when it ends.
+// A start-up that the supervision tries in vain is reported when it begins, when its cause changes, and when it ends.
 TEST_F(OtherModules, AreReportedOnceWhileTheSupervisionTriesAgain) {
     begin_with_modules();
     const auto change_to = [this](std::array<int, 4> modules) {
@@ -284,7 +284,7 @@ TEST_F(OtherModules, AreReportedOnceWhileTheSupervisionTriesAgain) {
     EXPECT_EQ(errors(), Words());
 }
 
-// Lists that name the PDOs only: the PDOs have the entries of the slave.
+// The lists name only the PDOs. The entries of the PDOs come from the slave.
 TEST_F(OtherPdos, OfListsWithoutEntries) {
     static constexpr std::array<Pdo, 1> kNamedOut{Pdo{.index = 0x1600}};
     static constexpr std::array<Pdo, 1> kNamedIn{Pdo{.index = 0x1A00}};
@@ -300,7 +300,7 @@ TEST_F(OtherPdos, OfListsWithoutEntries) {
     expect_not_driven();
 }
 
-// The application says the sizes, and the dictionary where the objects are.
+// The application gives the sizes, and the dictionary gives the places of the objects.
 TEST_F(OtherPdos, BesideSizesOfTheApplication) {
     begin();
     ASSERT_TRUE(write_mapping());
@@ -313,7 +313,7 @@ TEST_F(OtherPdos, BesideSizesOfTheApplication) {
     expect_not_driven();
 }
 
-// The application says that it writes the PDOs itself at each start-up, and here it does not.
+// The application declares that it writes the PDOs itself at each start-up, but it does not write them here.
 TEST_F(OtherPdos, AreNotComparedWhereTheApplicationSaysSo) {
     begin();
     ASSERT_TRUE(write_mapping());
@@ -353,7 +353,7 @@ TEST_F(OtherPdos, OfADriveWithSoe) {
     EXPECT_NE(*value(47), 0x1234) << "the position command";
 }
 
-// INIT keeps the PDOs, and so does a drive whose hook writes them each time.
+// A drive keeps its PDOs in INIT. A drive whose hook writes the PDOs each time has the same PDOs, too.
 TEST_F(OtherPdos, ADriveThatStillHasThemComesBack) {
     begin();
     ASSERT_TRUE(write_mapping());

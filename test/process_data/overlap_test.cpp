@@ -11,7 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Two slaves with one octet each way; the test writes every reply.
+// Two slaves with one octet in each direction. The test writes every reply.
 class OverlapTest : public testing::Test, protected PreparedGroup {
   protected:
     OverlapTest() : PreparedGroup({io_slave(1, 8, 8), io_slave(2, 8, 8)}) {}
@@ -30,7 +30,7 @@ class OverlapTest : public testing::Test, protected PreparedGroup {
         (void)engine.receive_overlapped(oldest_cycle(group), now);
         return end_overlapped(group, engine.link(), now);
     }
-    // The reply to the n-th frame sent: an octet of input from both slaves, and the states of both.
+    // The reply to the sent frame with number n: one octet of inputs from each slave, and the states of both slaves.
     Octets reply(std::size_t n, std::uint8_t value, std::uint16_t wkc = 6) {
         Octets r = reply_to(nic.sent[n], wkc);
         r[kDataAt + 2] = r[kDataAt + 3] = std::byte{value};
@@ -117,7 +117,7 @@ TEST_F(OverlapTest, IndicesOfLostFramesRest) {
         EXPECT_EQ(receive().error().code, Errc::no_frame);
     }
     now += 1s;
-    // All lost replies arrive at once: none of them is accepted for a cycle in flight.
+    // All lost replies arrive at once. The library accepts none of them for a cycle in flight.
     for (std::size_t n = 100; n < 128; ++n) {
         ASSERT_TRUE(send().ok());
         nic.incoming.assign(late.begin(), late.end());
@@ -214,7 +214,7 @@ TEST_F(OverlapTest, MappingAgainForgetsWhatIsUnderWay) {
     EXPECT_EQ(send().error().code, Errc::unknown_group);
 }
 
-// With the public calls, on the simulated segment.
+// The same with the public calls, on the simulated segment.
 class OverlappedBus : public testing::Test {
   protected:
     Bus bus;
@@ -303,7 +303,7 @@ struct Guarded final : Nic, Osal {
     }
 };
 
-// Three slaves behind this NIC; two cycles can be in flight.
+// Three slaves behind this NIC. Two cycles can be in flight.
 class OverlappedBusThreads : public OverlappedBus {
   protected:
     SimulatedNic line{bus.segment, bus.osal};
@@ -378,7 +378,7 @@ TEST_F(OverlappedBusThreads, ASlaveIsLostAndComesBack) {
         bus.segment.set_power(2, on, bus.osal.now());
     };
     unsigned others_fresh = 0;
-    // Cycles until the condition holds.
+    // Executes cycles until the condition is true.
     const auto until = [&](auto holds) {
         for (std::uint32_t received = 0; received < kMostCycles && !holds(); ++received) {
             const auto wkc = receive_processdata(ctx(), 1ms);

@@ -1,5 +1,6 @@
-// The application stops for longer than a second, or its cycles fall short and are right again: no silence shows that a
-// machine of another product took the place of slave 2 meanwhile. It has its station address, FMMUs and state.
+// The application stops for longer than a second, or its cycles fail and succeed again. No silence shows that meanwhile
+// a device of another product took the place of slave 2. The device has the station address, FMMUs and state of slave
+// 2.
 #include "process_data/identities.hpp"
 
 #include <margay/run.hpp>
@@ -16,11 +17,11 @@ struct Pause : Identities {
 
     void prepare(AlState state_of_tool) {
         make_like_slave_2(tool, state_of_tool);
-        set(tool, 0x0420, 0);  // its watchdog is off
+        set(tool, 0x0420, 0);  // the watchdog of the tool is off
         const auto now = segment.slave(tool).sii().image();
         sii_of_tool.assign(now.begin(), now.end());
     }
-    // The slaves have the same state as the tool.
+    // Brings the slaves to the same state as the tool.
     void bring_all_to(AlState state) {
         if (state == AlState::op) {
             ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
@@ -42,7 +43,7 @@ struct Pause : Identities {
         take_out(line[1]);
         put_in(tool);
     }
-    // Nothing is sent for three seconds, and poll() is not called.
+    // Sends nothing for three seconds, and does not call poll().
     void stop(bool exchanges) {
         osal.advance(1500ms);
         segment.advance(osal.now());
@@ -119,7 +120,7 @@ TEST_P(SupervisedPause, TheOtherMachineStaysOutside) {
 }
 INSTANTIATE_TEST_SUITE_P(States, SupervisedPause, testing::Values(AlState::preop, AlState::safeop, AlState::op));
 
-// The same slaves are there.
+// The same slaves are present.
 TEST_F(Pause, ASupervisionGoesOnWithTheSameSlaves) {
     supervise();
     stop(false);
@@ -128,7 +129,7 @@ TEST_F(Pause, ASupervisionGoesOnWithTheSameSlaves) {
     EXPECT_EQ(segment.slave(line[1]).peek(kUserMemory, 1)[0], kMark[0]);
 }
 
-// A supervision that looks seldom, and pauses that are longer than that.
+// A supervision with a long interval, and pauses that are longer than the interval.
 TEST_F(Pause, IsNoticedWhereTheSupervisionLooksSeldom) {
     for (const auto& [interval, pause] :
          {std::pair{500ms, 1300ms}, std::pair{500ms, 1800ms}, std::pair{1000ms, 3500ms}}) {
@@ -151,7 +152,7 @@ TEST_F(Pause, IsNoticedWhereTheSupervisionLooksSeldom) {
     }
 }
 
-// It compares the slaves with each roll. What is right stays right meanwhile.
+// The supervision compares the slaves with each roll. Meanwhile correct facts stay correct.
 TEST_F(Pause, NothingFlickersWhereTheSupervisionLooksSeldom) {
     for (const auto interval : {1000ms, 1500ms, 3000ms}) {
         Pause plant;
@@ -168,14 +169,14 @@ TEST_F(Pause, NothingFlickersWhereTheSupervisionLooksSeldom) {
             plant.osal.wait(std::min(next, end), plant.nic->wait_handles());
         }
         EXPECT_EQ(wrong, 0U) << interval.count() << " ms: " << in_words(what_is_wrong(*plant.ctx));
-        // A device in the place of slave 2 is named with the next roll.
+        // The next roll reports a device in the place of slave 2.
         plant.exchange();
         plant.poll_when_due(interval + 1s);
         EXPECT_FALSE(all_right(*plant.ctx));
     }
 }
 
-// The supervision compares the slaves after the pause, and the request waits for that.
+// The supervision compares the slaves after the pause, and the request waits for the comparison.
 TEST_F(Pause, ARequestBeforeItIsExecutedBehindIt) {
     supervise();
     RegisterWriteRequest request;
@@ -192,7 +193,7 @@ TEST_F(Pause, ARequestForAMachineThatIsExchangedInItIsRefused) {
     expect_untouched();
 }
 
-// No call for the other slaves waits for the slave that cannot be compared.
+// A call for the other slaves does not wait for the slave that cannot be compared.
 TEST_F(Pause, CallsForOtherSlavesDoNotWait) {
     supervise();
     segment.slave(line[1]).sii().fail_next(1'000'000);
@@ -229,7 +230,7 @@ TEST_P(UnsupervisedPause, StatecheckCompares) {
     EXPECT_EQ(ctx->slave(2).error.code, Errc::other_slave) << in_words(ctx->slave(2).error);
     expect_nothing_of_slave_2(100);
 }
-// The application went on with its cycle before it asked.
+// The application continued its cycle before it called readstate().
 TEST_P(UnsupervisedPause, ReadstateComparesAlsoAfterTheFirstCycles) {
     stop(true);
     cycles(50);
@@ -238,7 +239,7 @@ TEST_P(UnsupervisedPause, ReadstateComparesAlsoAfterTheFirstCycles) {
 }
 INSTANTIATE_TEST_SUITE_P(States, UnsupervisedPause, testing::Values(AlState::preop, AlState::safeop, AlState::op));
 
-// The pause is between two cycles that overlap others.
+// The pause is between two overlapping cycles.
 TEST_F(Pause, ReadstateComparesAlsoBesideOverlappedCycles) {
     ctx->group(0).config.cycles_in_flight = 2;
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -274,8 +275,8 @@ TEST_F(Pause, ReadstateSaysThatTheIdentityCannotBeRead) {
     EXPECT_TRUE(readstate(*ctx).ok());
 }
 
-// Beside the cycle: the cycles fell short, and are right again with the other machine. {states were read before,
-// states are read while the cycles fall short}.
+// With cycles: the cycles fail, and succeed again with the other machine. {states were read before, states are read
+// while the cycles fail}.
 struct RightAgain : Pause, testing::WithParamInterface<std::pair<bool, bool>> {};
 TEST_P(RightAgain, ReadstateCompares) {
     const auto [before, between] = GetParam();
@@ -303,7 +304,7 @@ INSTANTIATE_TEST_SUITE_P(Readings, RightAgain,
                          testing::Values(std::pair{true, false}, std::pair{true, true}, std::pair{false, true},
                                          std::pair{false, false}));
 
-// readstate() does not say OP of a slave whose identity is unread.
+// readstate() does not return OP for a slave whose identity was not read.
 TEST_F(Pause, ReadstateSaysNotOpOfASlaveWhoseIdentityIsUnread) {
     prepare(AlState::op);
     bring_all_to(AlState::op);
@@ -351,7 +352,7 @@ Result<> count_after(HookedSlave, Transition, Moment moment, void*) {
     if (moment == Moment::after) ++begun;
     return Result<>();
 }
-// Each reading doubts the slaves first.
+// Each reading sets the slaves in doubt first.
 TEST_F(Pause, WhatFollowsATransitionBeginsWithTheReadingThatSeesIt) {
     prepare(AlState::preop);
     bring_all_to(AlState::preop);

@@ -1,4 +1,4 @@
-// A segment of any topology with its master. Slaves can be connected elsewhere while it operates.
+// A segment of any topology with its master. A test can connect slaves elsewhere during operation.
 #pragma once
 
 #include "process_data/bus.hpp"
@@ -11,7 +11,7 @@ struct Plant : Bus {
     SuperviseRequest supervision;
     Limits limits{.slaves = 32};
 
-    // A slave with 8 bits each way, not connected yet. Returns its number in the segment, from 0.
+    // Makes a slave with 8 bits in each direction that is not connected yet. Returns its number in the segment, from 0.
     std::uint32_t make(const IoDevice& of) {
         auto made = sim::device_from_sii(io_image(8, 8, of));
         made.chip = sim::junction();
@@ -34,10 +34,10 @@ struct Plant : Bus {
         }
         EXPECT_TRUE(expect(*ctx, expected).ok());
         const auto found = config_init(*ctx);
-        EXPECT_TRUE(found.ok() || found.error().slave != 0);  // an error of one slave; the other slaves were found
+        EXPECT_TRUE(found.ok() || found.error().slave != 0);  // an error of one slave: the other slaves were found
         return errors();
     }
-    // Maps the group; the supervision then brings all slaves to OP.
+    // Maps the group. Then the supervision brings all slaves to OP.
     void run() {
         (void)config_map(*ctx, image);
         ASSERT_TRUE(ctx->group(0).mapped);
@@ -80,7 +80,7 @@ struct Plant : Bus {
     static std::ptrdiff_t told(const std::vector<std::string>& all, const std::string& text) {
         return std::ranges::count_if(all, [&](const std::string& one) { return one.find(text) != std::string::npos; });
     }
-    // Checks that the input of slave n is the value that device `number` shows, and that the output for slave n
+    // Checks that the input of slave n is the value that device `number` provides, and that the output for slave n
     // arrives at this device.
     void expect_exchanged(std::size_t n, std::uint32_t number) {
         const Slave& slave = ctx->slave(n);

@@ -1,4 +1,4 @@
-// The frames of the cycle at the link. The answers are right, late, duplicated, wrong or missing.
+// The frames of the cycle at the link. The replies are right, late, duplicated, wrong or missing.
 #include "process_data/prepared_group.hpp"
 
 namespace margay {
@@ -23,7 +23,7 @@ class PreparedFrameTest : public testing::TestWithParam<bool>, protected Prepare
         while (engine.receive_one(now)) {
         }
     }
-    // The reply to the last frame sent: two octets of input, and a working counter.
+    // The reply to the last sent frame: two octets of inputs, and a working counter.
     Octets reply(std::uint16_t wkc, std::uint8_t value) {
         Octets r = reply_to(nic.sent.back(), wkc);
         r[kDataAt + 2] = r[kDataAt + 3] = std::byte{value};
@@ -131,7 +131,7 @@ TEST_P(PreparedFrameTest, WrongRepliesAreDropped) {
         EXPECT_EQ(end().error().code, Errc::no_frame) << c.name;
         EXPECT_EQ(image[2], std::byte{0}) << c.name;
     }
-    // Truncated at any octet.
+    // The reply is truncated at each octet.
     for (std::size_t length = 1; length < nic.sent[0].size(); ++length) {
         ASSERT_TRUE(send().ok());
         Octets cut = reply(3, 0x66);
@@ -139,7 +139,7 @@ TEST_P(PreparedFrameTest, WrongRepliesAreDropped) {
         nic.incoming.push_back(cut);
         EXPECT_EQ(end().error().code, Errc::no_frame) << length;
     }
-    // Padding, and the flag that a closed ring sets, are no errors.
+    // Padding and the flag that a closed ring sets are not errors.
     ASSERT_TRUE(send().ok());
     Octets right = reply(3, 0x66);
     right.resize(60);
@@ -242,7 +242,7 @@ TEST_P(PreparedFrameTest, BudgetBoundsWhatRides) {
     ASSERT_TRUE(send().ok());
     ASSERT_EQ(nic.sent.size(), 1U);
     EXPECT_EQ(nic.sent[0].size(), wire::kFramePrefixBytes + 16 + 2 * 16);
-    // A request longer than the budget is sent alone.
+    // A request that is longer than the budget is sent alone.
     tasks.clear();
     Asked large;
     std::array<std::byte, 500> data{};

@@ -1,4 +1,4 @@
-// A group with prepared frames at an engine, where the test writes every reply. Used by the tests of the cycle.
+// A group with prepared frames at an engine. The test writes every reply. The tests of the cycle use this group.
 #pragma once
 
 #include "engine/scripted_nic.hpp"

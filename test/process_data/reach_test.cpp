@@ -176,7 +176,7 @@ TEST_F(Reach, TheCycleRunsUntilItsWorkHasHadEnough) {
               Errc::invalid_argument);
 }
 
-// A mapping or a scan during the cycle, which may fail: no cycle is reported as right while nothing is exchanged.
+// A mapping or a scan is executed during the cycle and may fail. No cycle succeeds while nothing is exchanged.
 TEST_F(Reach, TheCycleReportsThatItsGroupIsNotMappedAnyMore) {
     ASSERT_TRUE(scan({}).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -195,7 +195,7 @@ TEST_F(Reach, TheCycleReportsThatItsGroupIsNotMappedAnyMore) {
     }
 }
 
-// Also when another group goes on.
+// The same while another group continues.
 TEST_F(Reach, TheCycleReportsThatOneOfItsGroupsIsNotMappedAnyMore) {
     limits.process_frames = 2;
     ctx = std::make_unique<HostContext>(limits);
@@ -228,7 +228,8 @@ TEST_F(Reach, AReachWithAShortTimeoutSucceedsWhereAllIsWell) {
     EXPECT_EQ(dark.error().code, Errc::nic) << words(dark.error());  // the first cable has no link
 }
 
-// Programs with a loop of their own did not call poll() in this case: slaves stayed in SAFEOP, without any report.
+// A program whose work takes longer than the period: everything else must still progress. Before, its slaves stayed in
+// SAFEOP without any report, because poll() was not called.
 TEST_F(Reach, WorkThatIsLongerThanThePeriodLetsEverythingElseGoOn) {
     ASSERT_TRUE(scan({}).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());

@@ -21,7 +21,7 @@ class ReadingsTest : public testing::Test {
     std::vector<std::byte> image = std::vector<std::byte>(8192);
     HostContext& ctx() { return *bus.ctx; }
     const Group& group() { return ctx().group(0); }
-    // Three slaves with a clock; both readings are enabled.
+    // Three slaves with a clock. Both readings are enabled.
     void start() {
         for (int i = 0; i < 3; ++i) bus.add(16, 16);
         bus.start();
@@ -62,7 +62,7 @@ TEST_F(ReadingsTest, TheTimeOfTheReferenceClockComesWithTheCycle) {
         const std::uint64_t before = group().dc_time.value;
         const Time end = bus.osal.now();
         ASSERT_TRUE(bus.cycle().ok());
-        const Duration passed = bus.osal.now() - end;  // each cycle lasts equally long
+        const Duration passed = bus.osal.now() - end;  // all cycles have the same duration
         EXPECT_EQ(group().dc_time.value - before, static_cast<std::uint64_t>(passed.count()));
     }
 }

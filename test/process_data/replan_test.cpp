@@ -1,4 +1,4 @@
-// LRW, or LRD and LWR, chosen for a group that is mapped.
+// The choice of LRW, or LRD and LWR, for a group that is mapped.
 #include "process_data/plant.hpp"
 #include "sim/devices.hpp"
 
@@ -25,7 +25,7 @@ class ReplanTest : public testing::Test, protected Bus {
             all.push_back(process_datagram(*ctx, n).command);
         return all;
     }
-    // What the slaves return is what they were given, in a right cycle.
+    // Checks that the slaves return the values that they received, in a cycle without an error.
     void expect_exchange(std::uint8_t value) {
         for (std::size_t n = 1; n <= segment.size(); ++n)
             ctx->slave(n).image.outputs.bytes[0] = static_cast<std::byte>(value + n);
@@ -105,7 +105,7 @@ TEST_F(ReplanTest, ASlaveThatDoesNotTakePartIsLeftOutAsBefore) {
     expect_exchange(40);
 }
 
-// Inputs and outputs at the same addresses are one datagram, or two that do not fit in one frame.
+// Inputs and outputs at the same addresses need one datagram, or two datagrams that do not fit in one frame.
 TEST_F(ReplanTest, WithoutRoomForTheFramesTheOldOnesStay) {
     for (int n = 0; n < 2; ++n) add(700 * 8, 700 * 8);
     start({.slaves = 8, .process_frames = 1});
@@ -139,7 +139,7 @@ TEST_F(ReplanTest, Refusals) {
     EXPECT_EQ(replan_processdata(other).error().code, Errc::wrong_state);
 }
 
-// The PDOs of a slave that comes back are read again meanwhile: nothing has changed.
+// Meanwhile the PDOs of a slave that comes back are read again, and they have not changed.
 TEST(ReplanBesideARecovery, IsNotRefused) {
     Plant plant;
     const auto first = plant.make({.product = 0x100});

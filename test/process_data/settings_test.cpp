@@ -1,4 +1,4 @@
-// Settings that no slave and no image can have are refused by config_map(), and the error names them.
+// config_map() refuses settings that no slave and no image can have, and the error names them.
 #include "process_data/plant.hpp"
 
 #include <functional>
@@ -28,7 +28,8 @@ class Settings : public testing::Test, protected Plant {
         std::array<char, 400> buffer{};
         return std::string(describe(error, buffer));
     }
-    // The error of config_map() with a setting of slave 2 and of the group that `set` changes; it is in errors(), too.
+    // Returns the error of config_map() with a setting of slave 2 or of the group that `set` changes. The error is in
+    // errors(), too.
     std::string map_with(const std::function<void(SlaveConfiguration&, GroupConfiguration&)>& set) {
         const SlaveConfiguration slave = ctx->slave(2).config;
         const GroupConfiguration group = ctx->group(0).config;
@@ -87,7 +88,7 @@ TEST_F(Settings, OfASlaveThatNoSlaveCanHave) {
               at + "process_data_watchdog must be at most 65535 units of the divider");
 }
 
-// config_map() has refused the value: reach() does not work with it either.
+// config_map() has refused the value, and reach() fails with it, too.
 TEST_F(Settings, AHighestStateThatIsNoneIsRefusedByReach) {
     ASSERT_TRUE(config_map(*ctx, image).ok());
     for (const auto state : {AlState::init, AlState::boot, static_cast<AlState>(9)}) {
@@ -219,7 +220,7 @@ TEST_F(Settings, ANegativeTimeoutDoesNotEndTheCycle) {
     EXPECT_EQ(*receive_processdata(*ctx, 500us), 6U);
 }
 
-// Commands of IP that are set after the scan are executed by config_map(): a wrong one is reported now, not when the
+// config_map() executes commands of IP that were set after the scan, so it reports a wrong command now and not when the
 // slave comes back.
 TEST_F(Settings, LateCommandsOfIpAreExecuted) {
     static constexpr StartupCommand kRight[] = {write_register(Transition::init_to_preop, 0x0F80, std::uint8_t{0x5A})};
@@ -230,7 +231,7 @@ TEST_F(Settings, LateCommandsOfIpAreExecuted) {
     segment.slave(1).write(0x0F80, std::array{std::byte{0}});
     ASSERT_TRUE(config_map(*ctx, image).ok());
     EXPECT_EQ(segment.slave(1).registers().get<std::uint8_t>(0x0F80), 0) << "executed once";
-    // The same memory, with another value, and with another command behind it.
+    // The list is at the same address, with another value and with one more command.
     StartupCommand list[] = {kRight[0], write_register(Transition::init_to_preop, 0x0F82, std::uint8_t{0x66})};
     setup.startup = Borrowed<StartupCommand>(list, 1);
     ASSERT_TRUE(config_map(*ctx, image).ok());

@@ -12,7 +12,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Two threads without pauses: the reader always sees the data of one publication, and never older data than before.
+// Two threads without pauses: the reader always reads the data of one publication, and never older data than before.
 TEST(SharedImage, NeverShowsHalfOfACycle) {
     std::vector<std::byte> memory(SharedImage::memory_bytes(0, 256));
     TripleBuffer shared;

@@ -1,4 +1,4 @@
-// A line of three slaves that no frame reaches for a while, and whose slave 2 is exchanged meanwhile.
+// A line of three slaves that no frame reaches for a while. Meanwhile slave 2 is exchanged.
 #pragma once
 
 #include "process_data/identities.hpp"

@@ -1,5 +1,6 @@
-// No frame comes back for a while, and meanwhile a machine of another product takes the place of slave 2: it has its
-// station address, FMMUs and state. The supervision compares the identities, however short the silence was.
+// No frame comes back for a while, and meanwhile a device of another product takes the place of slave 2. The device has
+// the station address, FMMUs and state of slave 2. The supervision compares the identities, however short the silence
+// was.
 #include "process_data/silence.hpp"
 
 #include <margay/run.hpp>
@@ -35,7 +36,7 @@ INSTANTIATE_TEST_SUITE_P(IntervalAndSilence, SilenceWithoutCycles,
                                          std::pair{10, 300}, std::pair{50, 120}, std::pair{50, 300}, std::pair{90, 190},
                                          std::pair{90, 900}));
 
-// With cycles, at many moments of the round of the supervision, which looks at all slaves twice a second.
+// With cycles, at many moments of the round of the supervision, which reads all slaves twice a second.
 TEST_F(Silence, BesideCyclesAnotherMachineIsNoticedWhateverTheSupervisionDoes) {
     for (int phase = 0; phase < 510; phase += 15) {
         Silence one;
@@ -54,7 +55,7 @@ TEST_F(Silence, BesideCyclesAnotherMachineIsNoticedWhateverTheSupervisionDoes) {
     }
 }
 
-// The comparison says that it is this slave; its inputs are fresh after the next cycle only.
+// The comparison shows that the device is slave 2. Its inputs are fresh only after the next cycle.
 TEST_F(Silence, InputsAreNotFreshBeforeACycleHasBroughtThem) {
     build();
     ASSERT_TRUE(submit(*ctx, supervision).ok());
@@ -87,7 +88,7 @@ TEST_F(Silence, InputsAreNotFreshBeforeACycleHasBroughtThem) {
     EXPECT_TRUE(fresh);
 }
 
-// Until all slaves are compared the cycle does not say that the inputs of all slaves but one are fresh.
+// Until all slaves are compared, the error of the cycle must not say that the inputs of all other slaves are fresh.
 TEST_F(Silence, TheErrorOfTheCycleSaysNotThatOthersAreFresh) {
     build();
     ASSERT_TRUE(submit(*ctx, supervision).ok());
@@ -108,8 +109,8 @@ TEST_F(Silence, TheErrorOfTheCycleSaysNotThatOthersAreFresh) {
     EXPECT_GT(doubtful, 0);
 }
 
-// Slave 2 has a group of its own with this period, in ms. After a silence a spare part is in its place, in OP, with its
-// station address and the FMMUs of another program.
+// Slave 2 is in its own group with this period, in ms. After a silence a spare part is in its place, in OP, with its
+// station address and with the FMMUs of another program.
 struct SlowGroup : Silence, testing::WithParamInterface<int> {
     std::vector<std::byte> slow_image = std::vector<std::byte>(64);
     int passed = 0;
@@ -156,11 +157,11 @@ TEST_P(SlowGroup, ASpareWithOtherFmmusIsStartedAgain) {
 }
 INSTANTIATE_TEST_SUITE_P(Periods, SlowGroup, testing::Values(1, 10, 100, 500, 1000, 2000));
 
-// Cycles that overlap carry no rolls of the supervision. Two cycles a millisecond.
+// Overlapping cycles contain no rolls of the supervision. There are two cycles per millisecond.
 struct OverlappedSilence : Silence {
     std::size_t flight = 2;
     std::size_t under_way = 0;
-    int wrong = 0;  // cycles whose inputs of the other machine counted as inputs of slave 2
+    int wrong = 0;  // cycles in which inputs of the other machine counted as inputs of slave 2
 
     void begin(std::size_t cycles_in_flight, Duration interval) {
         flight = cycles_in_flight;
@@ -173,7 +174,7 @@ struct OverlappedSilence : Silence {
         make_like_slave_2(tool, AlState::op);
         go(500);
         ASSERT_TRUE(in_op(2));
-        // The mapping has other logical addresses than that of build().
+        // The mapping has other logical addresses than the mapping of build().
         make_like_slave_2(tool, AlState::op);
         set(tool, 0x0420, 0);
         program(tool).inputs()[0] = std::byte{0xEE};
@@ -216,7 +217,7 @@ TEST_P(OverlappedSilences, NothingOfAnotherMachineIsFresh) {
         ASSERT_FALSE(HasFatalFailure());
     }
 }
-// Where nothing was exchanged, the slaves are compared soon, however long the supervision rests without cycles.
+// If nothing was exchanged, the supervision compares the slaves soon, however long it rests without cycles.
 TEST_F(OverlappedSilence, TheSameSlavesAreFreshAgainSoon) {
     begin(3, 2s);
     begin_silence();

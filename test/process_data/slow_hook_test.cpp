@@ -1,6 +1,6 @@
-// A hook takes three seconds, and a machine of another product takes the place of the slave meanwhile, within 30 ms. It
-// has the station address, the FMMUs and the SyncManagers of the slave. Whatever has called the hook ends with an
-// error, and the other machine gets neither a state above PREOP nor outputs.
+// A hook takes three seconds, and meanwhile a device of another product takes the place of the slave within 30 ms. The
+// device has the station address, the FMMUs and the SyncManagers of the slave. The call that has started the hook ends
+// with an error, and the device gets neither a state above PREOP nor outputs.
 #include "process_data/identities.hpp"
 
 #include <margay/hooked_slave.hpp>
@@ -40,7 +40,7 @@ struct SlowHook : Identities, testing::WithParamInterface<Case> {
     static Task<> around(HookedSlave slave, Transition which, Moment moment, void* user) {
         if (which != GetParam().hook) co_return Result<>();
         if (moment == GetParam().moment) co_return co_await wait(slave, user);
-        // Behind a long hook before the transition.
+        // This call is after the transition; the long hook was before the transition.
         if (moment == Moment::after) (void)co_await slave.register_write(kFree, kOctets);
         co_return Result<>();
     }
@@ -69,7 +69,7 @@ struct SlowHook : Identities, testing::WithParamInterface<Case> {
         put_in(tool);
         segment.reconsider();
     }
-    // The tool may be in SAFEOP before, never in OP.
+    // The tool may already be in SAFEOP, but it must never be in OP.
     void expect_error(const Request& request) {
         for (int n = 0; n < 6000; ++n) {
             write_outputs();

@@ -5,7 +5,7 @@
 
 namespace margay {
 
-// A segment, its master and the supervision.
+// A segment, its master, and the supervision.
 struct Run {
     Bus bus;
     std::vector<std::byte> image = std::vector<std::byte>(8192);
@@ -27,14 +27,14 @@ struct Run {
     }
     void to_op() {
         ASSERT_TRUE(config_map(ctx(), image).ok());
-        (void)events();  // of slaves that config_map() has started again
+        (void)events();  // drops the events of slaves that config_map() has started again
         ASSERT_EQ(bus.to_op().state, AlState::op);
         ASSERT_TRUE(submit(ctx(), supervision).ok());
         for (int i = 0; i < 5; ++i) (void)cycle();
         EXPECT_EQ(events(), std::vector<std::string>());
     }
-    // A cycle in which every device shows a new value, with its number in the other octet. Checks the image: for each
-    // slave it has either the new or the last value. If the cycle is right, it has the new value.
+    // Executes a cycle in which every device provides a new value and its number in the other octet. Checks the image:
+    // for each slave it contains the new value or the last value. If the cycle succeeds, it contains the new value.
     Result<std::uint32_t> cycle() {
         ++counter;
         const std::size_t count = ctx().slaves().size();
@@ -80,7 +80,7 @@ struct Run {
         for (const auto& one : all) text += one + "\n";
         return text;
     }
-    // Counts cycles until all slaves are in OP and the cycle is right, at most `most`.
+    // Returns the number of cycles until all slaves are in OP and the cycle succeeds, at most `most`.
     int cycles_until_right(int most = 5000) {
         for (int n = 1; n <= most; ++n) {
             const auto wkc = cycle();

@@ -51,7 +51,8 @@ TEST_F(SupervisionTest, LostPowerIsNoticedWithinTwoCyclesAndTheOthersGoOn) {
     for (std::size_t n = 1; n <= 4; ++n) EXPECT_TRUE(fresh(n)) << n;
 }
 
-// The slave takes part in the cycle, because process data has logical addresses: the counter is that of all slaves.
+// The slave takes part in the cycle, because process data has logical addresses. So the working counter has the value
+// for all slaves.
 TEST_F(SupervisionTest, ASlaveWithoutItsStationAddressIsLostAndTheCounterIsNotCalledShort) {
     start(4);
     to_op();
@@ -60,7 +61,7 @@ TEST_F(SupervisionTest, ASlaveWithoutItsStationAddressIsLostAndTheCounterIsNotCa
     sim::FrameEnd end{};
     end.at = bus.osal.now();
     bus.segment.slave(0).frame_end(end);
-    bus.segment.set_noise({.lost = 1});  // after a silence the supervision looks at all slaves
+    bus.segment.set_noise({.lost = 1});  // after a silence the supervision reads all slaves
     for (int n = 0; n < 30; ++n) (void)cycle();
     bus.segment.set_noise({});
     std::vector<std::string> told;
@@ -83,8 +84,7 @@ TEST_F(SupervisionTest, TheFirstWayUpIsNoRecovery) {
     EXPECT_FALSE(has(told, "recovered")) << joined(told);
 }
 
-// While a slave comes back, the other slaves lose only the cycles in which the slave is found to be lost or to be
-// present.
+// While a slave comes back, the other slaves lose only the cycles in which the slave is found to be lost or present.
 TEST_F(SupervisionTest, AReturningSlaveTakesPartFromOneCycleToTheNext) {
     start(3);
     to_op();
@@ -98,7 +98,7 @@ TEST_F(SupervisionTest, AReturningSlaveTakesPartFromOneCycleToTheNext) {
     EXPECT_TRUE(fresh(3));
 }
 
-// Any slave, at any cycle of the bring-up and in OP.
+// Any slave loses its power, at any cycle of the bring-up and in OP.
 TEST_F(SupervisionTest, PowerLossOfAnySlaveAtAnyCycle) {
     for (std::uint32_t slave = 0; slave < 4; ++slave) {
         for (int at = 0; at < 60; ++at) {
@@ -154,8 +154,8 @@ TEST_F(SupervisionTest, SegmentThatIsSilentIsToldOnce) {
     EXPECT_TRUE(has(told, "frames come back from the segment again")) << joined(told);
 }
 
-// The link is up, but no frame returns. The supervision reports this only after several frames, so that chance losses
-// do not count.
+// The link is up, but no frame returns. The supervision reports this only after several frames, so that single losses
+// cause no report.
 TEST_F(SupervisionTest, AllFramesLostIsTold) {
     start(2);
     to_op();
@@ -191,7 +191,7 @@ TEST_F(SupervisionTest, AnotherSlaveInItsPlaceIsToldAndLeftAlone) {
     to_op();
     bus.segment.set_power(2, false, bus.osal.now());
     for (int n = 0; n < 20; ++n) (void)cycle();
-    // Another device at the same port: its SII is different.
+    // Another device is at the same port. Its SII is different.
     bus.segment.slave(2).sii().image()[0x0A * 2] ^= std::byte{0x22};
     bus.segment.set_power(2, true, bus.osal.now());
     for (int n = 0; n < 2000; ++n) {
@@ -210,14 +210,14 @@ TEST_F(SupervisionTest, AnotherSlaveInItsPlaceIsToldAndLeftAlone) {
     EXPECT_EQ(ctx().slave(3).al.state, AlState::none);
     const auto recovered = recover_slave(ctx(), 3);
     EXPECT_EQ(recovered.error().code, Errc::other_slave);
-    // And the right device again.
+    // Then the right device is there again.
     bus.segment.set_power(2, false, bus.osal.now());
     bus.segment.slave(2).sii().image()[0x0A * 2] ^= std::byte{0x22};
     bus.segment.set_power(2, true, bus.osal.now());
     EXPECT_LE(cycles_until_right(), 3000) << joined(events());
 }
 
-// Registers that differ from what the master wrote, without any report of the slave.
+// Registers differ from the values that the master wrote, and the slave does not report this.
 TEST_F(SupervisionTest, LostMappingIsFoundByDoubt) {
     start(3);
     to_op();
@@ -289,7 +289,7 @@ TEST_F(SupervisionTest, LineErrorsNameTheCable) {
     EXPECT_EQ(lines[4].ports[0].invalid_frames, 603U);
 }
 
-// 1 % and 10 % of all frames are lost on some cable, for 100 000 cycles: no input is wrong, and no slave is reported
+// 1 % and 10 % of all frames are lost on any cable, for 100 000 cycles. No input is wrong, and no slave is reported
 // lost without reason.
 TEST_F(SupervisionTest, FrameLossNeverGivesWrongInputsAndAllAreInOpAgain) {
     for (const double share : {0.01, 0.10}) {
@@ -371,7 +371,7 @@ TEST_F(SupervisionTest, AnInterruptedCableIsNamed) {
     bus.segment.set_cable({2, 0}, true);
     ASSERT_LE(cycles_until_right(), 1000);
     EXPECT_EQ(ctx().slave(3).ring_position, 3);
-    // The other end of the cable has counted the interruption too.
+    // The port at the other end of the cable has counted the interruption, too.
     for (int n = 0; n < 100; ++n) (void)cycle();
     EXPECT_EQ(lines[2].ports[0].lost_links, 1U);
     const auto back = events();
@@ -379,7 +379,8 @@ TEST_F(SupervisionTest, AnInterruptedCableIsNamed) {
         << joined(back);
 }
 
-// Slave 3 loses its power. While it has no address yet, the slaves around it are known, and no cable joins them.
+// Slave 3 loses its power. While slave 3 has no address yet, the library knows the slaves around it, but no cable
+// connects these two slaves.
 TEST_F(SupervisionTest, AnEventNamesOnlyCablesThatExist) {
     for (int phase = 0; phase < 20; ++phase) {
         Run run;

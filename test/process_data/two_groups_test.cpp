@@ -8,7 +8,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Group 0 is the group of the base class, group 1 has the second slave. The test sends both and writes their replies.
+// Group 0 is the group of the base class. Group 1 contains the second slave. The test sends both groups and writes
+// their replies.
 class TwoGroupsTest : public testing::Test, protected PreparedGroup {
   protected:
     static constexpr std::size_t kBudget = 40;  // two datagrams of 16 octets
@@ -17,7 +18,7 @@ class TwoGroupsTest : public testing::Test, protected PreparedGroup {
     void SetUp() override {
         for (std::uint8_t n = 0; n < 2; ++n) prepare_one(n);
     }
-    // Adds waiting requests. Call it when the period of the cycles is known.
+    // Adds waiting requests. A test calls this after the link has learned the period of the cycles.
     void ask_all() {
         for (auto& a : asked) {
             tasks.push_back(ask(engine, a));

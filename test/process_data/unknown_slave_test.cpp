@@ -1,4 +1,4 @@
-// Slaves below an unknown slave: their places do not say which slaves they are, until the unknown slave is gone.
+// Slaves below an unknown slave. Their places do not identify them until the unknown slave is removed.
 #include "process_data/identities.hpp"
 
 #include <margay/run.hpp>
@@ -6,7 +6,7 @@
 namespace margay {
 namespace {
 
-// Another product takes the place of slave 2 by mistake. {expect() has a list, how often slave 3 loses its power}.
+// Another product is put in the place of slave 2 by mistake. {expect() has a list, how often slave 3 loses its power}.
 struct BelowAnUnknownSlave : Identities, testing::WithParamInterface<std::pair<bool, int>> {
     void SetUp() override {
         listed = GetParam().first;
@@ -46,7 +46,7 @@ TEST_P(BelowAnUnknownSlave, ItIsReportedOnce) {
     EXPECT_EQ(told(said, "product 0x00000102"), GetParam().second) << joined(said);
     EXPECT_FALSE(gets_outputs(tool));
 }
-// Another device is in the place of slave 3 when slave 2 is back: it is no known slave.
+// Another device is in the place of slave 3 when slave 2 is back. This device is not a known slave.
 TEST_P(BelowAnUnknownSlave, AnotherDeviceStaysAStranger) {
     const auto other = make({.product = 0x777});
     power(other, true);

@@ -1,4 +1,4 @@
-// Slaves that are in the ring and cannot be read, or that are gone before they were read: each call says so.
+// Slaves that are in the ring and cannot be read, or that are removed before they were read. Each call reports this.
 #include "process_data/plant.hpp"
 
 #include "sim/devices.hpp"
@@ -21,7 +21,7 @@ std::string said(const Error& error) {
     return std::string(describe(error, buffer));
 }
 
-// Two slaves in a line; the EEPROM of the second one does not answer.
+// Two slaves in a line. The EEPROM of the second slave does not answer.
 struct PairWithUnread : Plant {
     std::uint32_t first = make({.product = 0x100});
     std::uint32_t unread = make({.product = 0x101});
@@ -33,7 +33,7 @@ struct PairWithUnread : Plant {
     void let_read() { segment.slave(unread).sii().fail_next(0); }
 };
 
-// Without a list. The SII of slave 2 could not be read by the scan, nor before the image is laid out. It can be read
+// There is no list. The SII of slave 2 cannot be read by the scan, nor before the image is laid out. It can be read
 // when the SyncManagers and FMMUs are written.
 TEST(UnreadSlave, HasNoPlaceInItsFirstMapping) {
     PairWithUnread plant;
@@ -75,7 +75,8 @@ TEST(UnreadSlave, HasNoPlaceInItsFirstMapping) {
     EXPECT_TRUE(plant.cycle().ok());
 }
 
-// Slave 2 has started again since its PDOs were read, and then the second mapping cannot ask it: it has no place.
+// Slave 2 has restarted after its PDOs were read, and the second mapping cannot read the slave. So the slave has no
+// place.
 TEST(UnreadSlave, ThatHasStartedAgainHasNoPlace) {
     Plant plant;
     const auto first = plant.make({.product = 0x100});
@@ -108,7 +109,7 @@ TEST(UnreadSlave, ThatHasStartedAgainHasNoPlace) {
     EXPECT_TRUE(plant.until([&] { return plant.in_op(2); }));
 }
 
-// The errors of an EEPROM that cannot be read: each call has one.
+// The errors of an EEPROM that cannot be read: each call returns one error.
 TEST(UnreadSlave, IsSaidOnceByEachCall) {
     for (const bool listed : {true, false}) {
         PairWithUnread plant;
@@ -144,7 +145,7 @@ TEST(UnreadSlave, IsNotSaidToSupportNoMail) {
 
 // ------------------------------------------------------------------ gone before it was read
 
-// Without a list the slaves that the scan has counted are wanted.
+// Without a list, all slaves that the scan has counted are wanted.
 TEST(UnreadSlave, ThatIsGoneIsMissingInEachCall) {
     PairWithUnread plant;
     EXPECT_FALSE(plant.bring_up({}).empty());
@@ -162,7 +163,7 @@ TEST(UnreadSlave, ThatIsGoneIsMissingInEachCall) {
     EXPECT_TRUE(inputs_fresh(*plant.ctx, 1));
     EXPECT_FALSE(all_right(*plant.ctx));
     EXPECT_EQ(what_is_wrong(*plant.ctx).code, Errc::missing_slave);
-    // The application goes on without the slave when it makes the slave optional, or scans again.
+    // The application continues without the slave when it makes the slave optional or scans again.
     plant.ctx->slave(2).config.optional = true;
     EXPECT_TRUE(config_map(*plant.ctx, plant.image).ok());
     EXPECT_TRUE(reach(*plant.ctx, AlState::op, 1s).ok());
@@ -174,7 +175,7 @@ TEST(UnreadSlave, ThatIsGoneIsMissingInEachCall) {
 
 // ------------------------------------------------------------------ comes late, and cannot be read
 
-// The awaited slave is there, and its EEPROM does not answer. The library reports this once, and does not report the
+// The awaited slave is present, and its EEPROM does not answer. The library reports this once, and does not report the
 // slave as missing.
 TEST(UnreadSlave, ThatComesLateIsNotCalledMissing) {
     for (const bool listed : {true, false}) {
@@ -208,7 +209,8 @@ TEST(UnreadSlave, ThatComesLateIsNotCalledMissing) {
     }
 }
 
-// A slave is off, and a device whose EEPROM does not answer is connected at another place: the slave is missing still.
+// A slave is switched off, and a device whose EEPROM does not answer is connected at another place. The slave is still
+// missing.
 TEST(UnreadSlave, AtAnotherPlaceIsNotTheLostOne) {
     Plant plant;
     const auto head = plant.make({.product = 0x100});
@@ -240,7 +242,7 @@ TEST(UnreadSlave, AtAnotherPlaceIsNotTheLostOne) {
         << Plant::joined(errors);
 }
 
-// Two slaves are lost, and one of them comes back: the library cannot know which one it is.
+// Two slaves are lost, and one of them comes back. The library cannot determine which of them has come back.
 TEST(UnreadSlave, ThatMayBeOneOfTwoIsSaidWithoutANumber) {
     PairWithUnread plant;
     const auto last = plant.make({.product = 0x102});
@@ -265,7 +267,7 @@ TEST(UnreadSlave, ThatMayBeOneOfTwoIsSaidWithoutANumber) {
     EXPECT_TRUE(reach(*plant.ctx, AlState::op, 5s).ok());
 }
 
-// A contact that bounces: the slave loses its power again while the supervision reads its PDOs by mail.
+// A contact bounces: the slave loses its power again while the supervision reads its PDOs by mail.
 TEST(SlaveThatStartsTwice, IsNotAnUnexpectedOne) {
     for (int moment = 0; moment < 60; moment += 2) {
         Plant plant;
@@ -288,7 +290,7 @@ TEST(SlaveThatStartsTwice, IsNotAnUnexpectedOne) {
     }
 }
 
-// The same supply feeds a slave without a mailbox behind it.
+// The same power supply also feeds a slave without a mailbox behind this slave.
 TEST(SlaveThatStartsTwice, IsNotAnUnexpectedOneAndNeitherIsItsNeighbour) {
     for (int moment = 40; moment < 66; moment += 2) {
         Plant plant;

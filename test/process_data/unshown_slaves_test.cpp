@@ -1,5 +1,6 @@
-// Without a supervision: slave 3, at the end of the line, is exchanged for a device of another product with its station
-// address, FMMUs and state, while no cycle shows it, or while slow cycles are lost. readstate() compares it.
+// There is no supervision. Slave 3, at the end of the line, is exchanged for a device of another product with the
+// station address, FMMUs and state of slave 3. No cycle shows the exchange, or slow cycles are lost meanwhile.
+// readstate() compares the device.
 #include "process_data/silence.hpp"
 
 #include <margay/registers.hpp>
@@ -16,7 +17,7 @@ struct UnshownSlaves : Identities {
 
     void SetUp() override {}
     void TestBody() override {}  // for tests that use several plants
-    // Slave 3 is in a group of its own.
+    // Puts slave 3 into its own group.
     void split() {
         ctx->slave(3).config.group = 1;
         ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -25,11 +26,11 @@ struct UnshownSlaves : Identities {
         group_1 = true;
     }
     void be_steady() {
-        for (const auto device : line) set(device, 0x0420, 0);  // their watchdogs are off
+        for (const auto device : line) set(device, 0x0420, 0);  // the watchdogs of the devices are off
         run(2500);
         ASSERT_TRUE(readstate(*ctx).ok());
     }
-    // Cycles of 1 ms; group 1 has one every two seconds.
+    // Executes cycles of 1 ms. Group 1 has a cycle every two seconds.
     void run(int count) {
         for (int n = 0; n < count; ++n) {
             write_outputs();
@@ -105,7 +106,7 @@ TEST_F(UnshownSlaves, TheSameSlavesAreNotRefused) {
     }
 }
 
-// Fewer lost cycles than make a silence of fast cycles.
+// The number of lost cycles is smaller than the number that shows a silence of fast cycles.
 struct SlowCycles : Silence {
     Error slow_cycle(Duration period) {
         write_outputs();

@@ -1,6 +1,6 @@
-// No frame comes back for a while, and no supervision is active. Meanwhile another device takes the place of slave 2:
-// it has its station address, FMMUs and state. The first call that finds the silence doubts all slaves, and the
-// identities are compared before anything is written.
+// No frame comes back for a while, and no supervision is active. Meanwhile another device takes the place of slave 2,
+// with the station address, FMMUs and state of slave 2. The first call that finds the silence sets all slaves in doubt,
+// and the identities are compared before anything is written.
 #include "process_data/silence.hpp"
 
 #include <margay/hooked_slave.hpp>
@@ -17,13 +17,13 @@ struct UnsupervisedSilence : Silence {
     void SetUp() override {
         listed = false;
         build();
-        // No cycle executes beside a call that waits.
+        // No cycle is executed during a call that waits.
         for (const auto device : line) switch_watchdog_off(device);
         cycles(20);
         ASSERT_TRUE(readstate(*ctx).ok());
     }
     void switch_watchdog_off(std::uint32_t device) { set(device, 0x0420, 0); }
-    // The device works as slave 2 does.
+    // Configures the device as slave 2 is configured.
     void prepare(std::uint32_t device) {
         make_like_slave_2(device, AlState::op);
         switch_watchdog_off(device);
@@ -34,13 +34,13 @@ struct UnsupervisedSilence : Silence {
         end_silence();
         cycles(2);
     }
-    // As silence_with_exchange(), or no exchange if this is slave 2 itself.
+    // Like silence_with_exchange(). If the device is slave 2 itself, there is no exchange.
     void silence(std::uint32_t device) {
         if (device == line[1]) return silence();
         prepare(device);
         silence_with_exchange(device);
     }
-    // Then another device, or slave 2 itself, is in this place. Its SII cannot be read until fail_next(0).
+    // After the silence another device, or slave 2 itself, is in this place. Its SII cannot be read until fail_next(0).
     auto& silence_with_unreadable_sii(bool other) {
         constexpr int kReadings = 1000;
         const auto device = other ? tool : line[1];
@@ -91,7 +91,7 @@ TEST_F(UnsupervisedSilence, ReadstateCompares) {
     }
 }
 
-// Another call has found the silence before.
+// Another call has already found the silence.
 struct AfterAnotherCall : UnsupervisedSilence {
     using Call = void (*)(Context& of);
     static constexpr std::pair<const char*, Call> kCalls[] = {
@@ -132,7 +132,7 @@ TEST_F(AfterAnotherCall, ReadstateFindsThatTheSlavesAreTheSame) {
     }
 }
 
-// The EEPROM is busy, or its reading fails, while the first call compares.
+// The EEPROM is busy, or its reading fails, during the comparison of the first call.
 TEST_F(UnsupervisedSilence, ReadstateComparesAgainWhereTheSiiCouldNotBeRead) {
     for (const bool other : {false, true}) {
         SCOPED_TRACE(other ? "another device" : "the same slave");
@@ -174,7 +174,7 @@ TEST_F(UnsupervisedSilence, StatecheckComparesAgainWhereTheSiiCouldNotBeRead) {
         }
     }
 }
-// The same within one call: the first reading fails after 100 ms, and the second one does not.
+// The same within one call: the first reading fails after 100 ms, and the second reading succeeds.
 TEST_F(UnsupervisedSilence, StatecheckComparesUntilItsTimeout) {
     prepare(tool);
     silence_with_exchange(tool);
@@ -184,7 +184,8 @@ TEST_F(UnsupervisedSilence, StatecheckComparesUntilItsTimeout) {
     expect_slave_2_is_known_to_be_another();
 }
 
-// A request waits in a hook of slave 2: readstate() says that it could not compare this slave, and the next one does.
+// A request waits in a hook of slave 2. readstate() reports that it could not compare this slave, and the next
+// readstate() compares it.
 TEST_F(UnsupervisedSilence, ReadstateComparesASlaveThatARequestUsedBefore) {
     ASSERT_TRUE(writestate(*ctx, 2, AlState::safeop).ok());
     ASSERT_EQ(statecheck(*ctx, 2, AlState::safeop, 1s)->state, AlState::safeop);
@@ -212,8 +213,8 @@ TEST_F(UnsupervisedSilence, ReadstateComparesASlaveThatARequestUsedBefore) {
 
 // ------------------------------------------------------------------ requests of a hook
 
-// A hook that no request waits for sleeps during the silence, and then writes to its slave. Nothing may destroy the
-// hook within its own call.
+// A hook that no request waits for sleeps during the silence, and then writes to its slave. The library must not
+// destroy the hook during a call by the hook.
 struct Writer {
     const char* name;
     Hook<Transition, Moment> hook;
@@ -344,7 +345,7 @@ TEST_F(UnsupervisedSilence, ASupervisionThatBeginsFindsASilenceBeforeIt) {
 
 // ------------------------------------------------------------------ a device of another revision
 
-// The device may have other PDOs: it gets no outputs before config_map() has read them.
+// The device may have other PDOs, so it gets no outputs before config_map() has read the PDOs.
 struct AnotherRevision : UnsupervisedSilence {
     std::uint32_t device = 0;
 
@@ -355,7 +356,7 @@ struct AnotherRevision : UnsupervisedSilence {
         prepare(device);
         silence_with_exchange(device);
     }
-    // To the next frame or deadline.
+    // Advances to the next frame or deadline.
     void step() {
         const Time next = poll(*ctx, osal.now());
         osal.wait(std::min(next, osal.now() + 1ms), -1);
@@ -400,7 +401,7 @@ TEST_F(AnotherRevision, GetsNoOutputsBeforeItIsMapped) {
     }
 }
 
-// The comparison is cut by a loss of frames at each of its moments, and repeated.
+// Lost frames interrupt the comparison at each of its moments, and the comparison is repeated.
 TEST_F(AnotherRevision, GetsNoOutputsAlsoWhereTheComparisonWasCut) {
     int cut_off = 0;
     for (int moment = 0;; ++moment) {

@@ -62,7 +62,7 @@ TEST_F(Wanted, AMissingSlaveIsSaidByEveryResult) {
     EXPECT_EQ(wkc.error().slave, 4);
 }
 
-// It was never read, so what it supports is not known.
+// The slave was never read, so its features are unknown.
 TEST_F(Wanted, ARequestToASlaveThatNeverAnsweredSaysThatItIsMissing) {
     const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3}, {.number = 4}};
     ASSERT_EQ(scan(expected).error().slave, 4);
@@ -242,7 +242,7 @@ TEST_F(Wanted, ToleranceInGeneralHoldsAtOnceAndUntilItIsTakenBack) {
     EXPECT_EQ(ctx->slave(3).al.state, AlState::init) << "brought down by the supervision";
     EXPECT_EQ(*cycle(), 6U) << "nobody wants it";
     EXPECT_EQ(what_is_wrong(*ctx).code, Errc::unexpected_slave);
-    // The start-up commands of the held slave were not sent before; now they are sent.
+    // The start-up commands of the held slave were not sent before. Now they are sent.
     ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true, .unexpected_slaves = true}));
     ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
 }
@@ -372,7 +372,7 @@ TEST_F(LostFramesOf, AMappingDoNotMakeSlavesLost) {
         ASSERT_TRUE(config_init(*ctx).ok());
         (void)errors();
         ASSERT_TRUE(clear_error(*ctx, 1).ok());
-        // The mapping works for some frames; then more frames are lost than there are retries.
+        // The first frames of the mapping arrive. Then more frames are lost than there are retries.
         MapRequest request;
         request.image = image;
         ASSERT_TRUE(submit(*ctx, request).ok());
@@ -392,7 +392,7 @@ TEST_F(LostFramesOf, AMappingDoNotMakeSlavesLost) {
     }
 }
 
-// A slave that did not answer while its group was mapped is read again.
+// The library reads a slave that did not answer while its group was mapped again when the slave is back.
 TEST_F(Wanted, ASlaveThatWasAwayWhileItWasMappedIsAskedWhenItIsBack) {
     SlaveConfiguration config;
     config.setup = &kSetup;
