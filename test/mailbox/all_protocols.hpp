@@ -1,6 +1,6 @@
-// A device that has every mailbox protocol, each with something that a test can compare: an object of 600 octets, a
-// file, an IDN, a memory, echoed Ethernet frames and echoed vendor messages. Its inputs repeat its outputs. All of it
-// works in PREOP, SAFEOP and OP.
+// A device that has every mailbox protocol, each with data that a test can compare: an object of 600 octets, a file, an
+// IDN, a memory, echoed Ethernet frames and echoed vendor messages. Its inputs repeat its outputs. All of this works in
+// PREOP, SAFEOP and OP.
 #pragma once
 
 #include "mailbox/mailbox_bus.hpp"
@@ -20,7 +20,7 @@ inline constexpr std::uint16_t kObject = 0x2000;
 inline constexpr Idn kIdn = Idn::product(7);
 inline constexpr AoeAddress kAoeTarget{{{1, 2, 3, 4, 5, 6}}, 10};
 
-// No watchdog: a test with real threads may be late.
+// The device has no watchdog, because a test with real threads may be late.
 inline constexpr DeviceDescription kDescription = [] {
     auto device = sim::io_device({.product_code = 0xA11,
                                   .name = "Every protocol",
@@ -75,7 +75,7 @@ class Device final : public sim::Model,
     void cycle(Time, bool) override { Values::inputs::store(image_, Values::outputs::load(image_)); }
 
   private:
-    // FoE: one file, whatever its name is.
+    // FoE: one file, which has any name.
     FoeAnswer open_to_read(const FoeFile&, Time) override { return FoeAnswer::go(); }
     FoeAnswer read(std::size_t offset, MutableBytes into, std::size_t& bytes, Time) override {
         bytes = std::min(into.size(), file_.size() - std::min(offset, file_.size()));

@@ -1,6 +1,7 @@
-// All mailbox protocols at once on the same slaves, from real threads, beside a cycle. Each thread compares what comes
-// back, and the owner compares each cycle. Real time, because threads cannot share a clock that each of them moves; no
-// result depends on durations. Built with a thread sanitizer (label `threads`), these tests look for races.
+// All mailbox protocols at the same time on the same slaves, from real threads, beside a cycle. Each thread compares
+// the data that it receives, and the owner compares each cycle. The tests use real time, because each of the threads
+// would advance a shared virtual clock. No result depends on durations. Built with a thread sanitizer (label
+// `threads`), these tests find data races.
 #include "mailbox/all_protocols.hpp"
 #include "mailbox/eoe_frames.hpp"
 #include "real_osal.hpp"
@@ -61,14 +62,14 @@ class AllProtocols : public testing::Test {
     }
     AlState reached() { return readstate(ctx)->state; }
 
-    // A cycle without a pause. Returns whether both slaves have taken part.
+    // Executes a cycle without a pause. Returns whether both slaves have taken part.
     bool exchange() {
         if (!send_processdata(ctx)) return false;
         const auto wkc = receive_processdata(ctx, 10s);
         (void)poll(ctx, osal.now());
         return wkc.ok() && *wkc == ctx.group(0).expected_wkc;
     }
-    // The owner cycles until all `work` has ended. The inputs repeat the outputs of a cycle before.
+    // The owner executes cycles until all `work` has ended. The inputs repeat the outputs of an earlier cycle.
     void cycle_beside(const std::vector<std::function<void()>>& work) {
         std::atomic<std::size_t> left = work.size();
         std::vector<std::thread> threads;
@@ -92,7 +93,7 @@ class AllProtocols : public testing::Test {
     }
     void expect(bool right) { ++(right ? good : wrong); }
 
-    // Octets that differ from round to round.
+    // Octets that are different in each round.
     static std::vector<std::byte> content(std::size_t bytes, int round) {
         auto octets = pattern(bytes + static_cast<std::size_t>(round));
         octets.erase(octets.begin(), octets.begin() + round);
@@ -124,7 +125,7 @@ class AllProtocols : public testing::Test {
             expect(read.ok() && *read == n * 0x01010101U);
         }
     }
-    // Several threads have an octet range each.
+    // Each of several threads has its own octet range.
     void by_aoe(std::uint16_t slave, std::uint32_t at) {
         std::array<std::byte, 16> back{};
         for (int n = 0; n < kRounds * 4; ++n) {
@@ -154,7 +155,8 @@ class AllProtocols : public testing::Test {
             expect(echo && std::ranges::equal(Bytes(back).first(echo->bytes), frame));
         }
     }
-    // Requests of all protocols that end at any moment. None of them changes what the other threads compare.
+    // Requests of all protocols that are ended at any moment. None of them changes the data that the other threads
+    // compare.
     void cancelled(std::uint16_t slave, unsigned seed) {
         std::array<std::byte, all::kFileBytes> memory{};
         std::array<std::byte, 16> small{};

@@ -26,7 +26,7 @@ class AnswerTimeout : public testing::Test {
             mail[2] = std::byte{0x60};
             std::ranges::copy(data.subspan(3, 3), mail.begin() + 3);
         } else {
-            mail[2] = std::byte{0x43};  // the question behind a transfer that was given up
+            mail[2] = std::byte{0x43};  // the question after a transfer that was given up
             std::ranges::copy(data.subspan(3, 3), mail.begin() + 3);
         }
         return {100ms, {mail}};

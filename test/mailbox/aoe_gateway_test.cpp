@@ -1,5 +1,5 @@
-// AoE with the gateway of the library: routes, notifications, lost frames, and the cycle. tshark decodes what both ends
-// have sent.
+// AoE with the gateway of the library: routes, notifications, lost frames, and the cycle. tshark decodes the messages
+// of both ends.
 #include "facts.hpp"
 #include "mailbox/aoe_notes.hpp"
 #include "mailbox/spoilt_frames.hpp"
@@ -31,7 +31,7 @@ class AoeGateway : public testing::Test {
         const auto read = AOEread(ctx(), 1, target, group, offset, MutableBytes(data).first(4));
         return read ? 0 : read.error().detail;
     }
-    // Each kind of command once.
+    // Executes each kind of command once.
     void do_everything() {
         ASSERT_TRUE(AOEset_net_id(ctx(), 1, kOwnId).ok());
         for (const AoeAddress& target : {kOwn, kFirst, kSecond}) {
@@ -56,13 +56,13 @@ class AoeGateway : public testing::Test {
     }
 };
 
-// The init command of configuration tools: at the transition to PREOP, also when the slave starts again.
+// The init command of configuration tools sets the NetID at the transition to PREOP, also when the slave starts again.
 TEST_F(AoeGateway, GetsItsNetIdFromAHook) {
     bus.ctx->slave(1).hooks.transition = [](HookedSlave slave, Transition which, Moment moment, void*) -> Task<> {
         if (which != Transition::init_to_preop || moment != Moment::after) co_return Nothing{};
         auto set = co_await slave.aoe_set_net_id(kOwnId);
         if (!set) co_return set;
-        // The same as octets: read the state of the device at the new NetID.
+        // The same request in octets: read the state of the device at the new NetID.
         static const Mail read_state =
             joined({mail_bytes({5, 80, 1, 2, 3, 4, 1, 0}), Mail(8), mail_bytes({4, 0, 4, 0}), Mail(12)});
         std::array<std::byte, 64> answer{};
@@ -96,7 +96,7 @@ TEST_F(AoeGateway, TellsWhatItRefuses) {
     EXPECT_EQ(AOEwrite(ctx(), 1, kFirst, 0x200, 0, mail_bytes({1})).error().detail, 0x704U);
     EXPECT_EQ(AOEwrite(ctx(), 1, kFirst, 0x100, 255, mail_bytes({1, 2})).error().detail, 0x705U);
     EXPECT_EQ(AOEwrite_control(ctx(), 1, kFirst, AdsState::reset, 0).error().detail, 0x712U);
-    // The end of the memory: fewer octets than wanted.
+    // The end of the memory: the answer has fewer octets than requested.
     const auto end = AOEread(ctx(), 1, kFirst, 0x100, 250, data);
     ASSERT_TRUE(end.ok());
     EXPECT_EQ(*end, 6U);
@@ -126,7 +126,7 @@ TEST_F(AoeGateway, SendsNotifications) {
     EXPECT_EQ(notes.all[1].data, mail_bytes({7, 8}));
     EXPECT_EQ(notes.all[1].source, kFirst);
     EXPECT_EQ(notes.all[1].handle, changing);
-    // Cyclic, of the other device.
+    // A cyclic notification of the other device.
     add.target = kSecond;
     add.transmission = AoeTransmission::cyclic;
     ASSERT_TRUE(submit(ctx(), add).ok());
@@ -245,7 +245,7 @@ TEST(AoeLostFrames, EveryCommandSucceeds) {
     });
 }
 
-// A device sends its value when it changes. Each value comes once and in order, and none after the end.
+// A device sends its value when it changes. Each value arrives once and in order, and no value arrives after the end.
 TEST(AoeLostFrames, EveryNotificationArrivesOnce) {
     constexpr AoeAddress kDevice{{{10, 0, 0, 1, 2, 1}}, 1001};
     with_each_frame_spoilt("aoe_gateway", 400, [&](MailboxBus& bus) {
@@ -287,7 +287,7 @@ TEST(AoeLostFrames, EveryNotificationArrivesOnce) {
     });
 }
 
-// AoE, VoE and SDOs beside a cycle of a millisecond: the working counter of every cycle is right.
+// AoE, VoE and SDOs beside a cycle of a millisecond. The working counter of every cycle has the expected value.
 TEST(AoeInTheCycle, ProcessDataStaysUndisturbed) {
     MailboxBus bus;
     (void)bus.add_stack(128);

@@ -14,7 +14,7 @@ inline constexpr AoeAddress kMaster{{{1, 2, 3, 4, 5, 6}}, 0x8001};
     return all;
 }
 
-// Keeps the notifications of devices.
+// Stores the notifications of devices.
 class AoeNotes final : public AoeListener {
   public:
     struct Note {

@@ -1,5 +1,5 @@
-// The AoE client with a slave for which the test writes every answer; octets by hand from ETG.1020 and the ADS
-// commands, and hostile answers.
+// The AoE client with a slave for which the test writes every answer. The octets are composed by hand from ETG.1020 and
+// the ADS commands. Also hostile answers.
 #include "facts.hpp"
 #include "mailbox/aoe_notes.hpp"
 
@@ -18,7 +18,7 @@ class AoeOctets : public testing::Test {
         bus.start();
         bus.idle(5ms);
     }
-    // The answer to the n-th message received: its header with addresses swapped, and this data.
+    // The answer to the received message with number n: its header with the addresses swapped, and this data.
     Mail response(const Mail& to, const Mail& payload, unsigned error = 0) {
         Mail mail(32);
         std::copy_n(to.begin() + 6 + 8, 8, mail.begin());
@@ -48,7 +48,7 @@ class AoeOctets : public testing::Test {
         ASSERT_TRUE(submitted.ok()) << bus.words(submitted.error());
         bus.run(request);
     }
-    // The request on the wire must have this command and this data.
+    // Checks that the request on the wire has this command and this data.
     void expect_sent(unsigned command, const Mail& payload) {
         Mail mail = slave.received.at(0);
         const Mail head = mail_bytes({10,   0,    0,       1, 2, 1, 0xE9,
@@ -64,7 +64,7 @@ class AoeOctets : public testing::Test {
 
 const Mail kDone = mail_bytes({0, 0, 0, 0});
 
-// The answer to the command before, which was given up, must not count.
+// The answer to the previous command, which was given up, must not count.
 TEST_F(AoeOctets, CommandsOfAHookHaveInvokeIdsOfTheirOwn) {
     bus.ctx->slave(1).hooks.preop_to_safeop = [](HookedSlave hooked, void*) -> Task<> {
         (void)co_await hooked.aoe_set_net_id(AoeNetId{{1, 1, 1, 1, 1, 1}});
@@ -208,7 +208,7 @@ TEST_F(AoeOctets, TheErrorOfTheHeaderAndTheResultAreApart) {
               "slave 1: AoE read: the device refused the AoE command (error code 0x0703: invalid index offset; index "
               "group 0xf302, offset 0x10180001)");
     AoeReadState state;
-    answer(mail_bytes({0x99, 0x99, 0x01, 0}));  // a code of the vendor, and no states behind it
+    answer(mail_bytes({0x99, 0x99, 0x01, 0}));  // a code of the vendor, without the states
     run(state);
     EXPECT_EQ(state.result_code, 0x19999U);
     EXPECT_EQ(bus.words(state.error()),
@@ -219,7 +219,7 @@ TEST_F(AoeOctets, TheErrorOfTheHeaderAndTheResultAreApart) {
     EXPECT_EQ(state.state(), RequestState::success);
 }
 
-// Answers that are too short, announce more than they have, or belong to something else.
+// Answers that are too short, that announce more octets than they have, or that belong to something else.
 TEST_F(AoeOctets, HostileAnswers) {
     AoeRead read;
     read.data = MutableBytes(data).first(8);
@@ -273,7 +273,7 @@ TEST_F(AoeOctets, HostileAnswers) {
     expect_error(Errc::none, "works again", [&](const Mail& m) { return response(m, good); });
 }
 
-// The slave has nothing to repeat: a command with an effect is not executed twice.
+// The slave has no message to repeat. The library does not execute a command with an effect twice.
 TEST_F(AoeOctets, AnAnswerThatIsLostForGoodIsAskedForAgainIfTheCommandOnlyReads) {
     slave.forgets = true;
     AoeRead read;
@@ -296,7 +296,7 @@ TEST_F(AoeOctets, AnAnswerThatIsLostForGoodIsAskedForAgainIfTheCommandOnlyReads)
     EXPECT_EQ(write.error().code, Errc::reply_lost) << bus.words(write.error());
 }
 
-// Commands that are busy at the same time are answered in another order.
+// The answers to commands that are busy at the same time come in another order.
 TEST_F(AoeOctets, ManyInFlightByInvokeId) {
     constexpr std::size_t kMany = 12;
     std::array<AoeRead, kMany> reads;
@@ -365,7 +365,7 @@ TEST_F(AoeOctets, ANotificationHasStampsAndSamples) {
                     1,  0, 0, 0, 0, 0, 0, 0x80, 2,    0,    0, 0,                            // a time, two samples
                     7,  0, 0, 0, 1, 0, 0, 0,    0xAA,                                        //
                     8,  0, 0, 0, 2, 0, 0, 0,    0xBB, 0xCC,                                  //
-                    2,  0, 0, 0, 0, 0, 0, 0,    1,    0,    0, 0, 9, 0, 0, 0, 0, 0, 0, 0});  // one of no octets
+                    2,  0, 0, 0, 0, 0, 0, 0,    1,    0,    0, 0, 9, 0, 0, 0, 0, 0, 0, 0});  // a sample of no octets
     slave.reply(joined({head, two}), kAoe);
     bus.idle(10ms);
     ASSERT_EQ(notes.all.size(), 3U);
@@ -376,14 +376,15 @@ TEST_F(AoeOctets, ANotificationHasStampsAndSamples) {
     EXPECT_EQ(notes.all[2].handle, 9U);
     EXPECT_EQ(notes.all[2].time, 2U);
     EXPECT_EQ(notes.all[2].data, Mail{});
-    // Cut anywhere: the whole samples before are delivered, and nothing is read behind the end.
+    // The message is truncated at each octet. The complete samples before that octet are delivered, and no octet behind
+    // the end is read.
     for (std::size_t bytes = 0; bytes < two.size(); ++bytes) {
         notes.all.clear();
         slave.reply(joined({head, Mail(two.begin(), two.begin() + static_cast<std::ptrdiff_t>(bytes))}), kAoe);
         bus.idle(5ms);
         EXPECT_EQ(notes.all.size(), bytes < 29 ? 0U : bytes < 39 ? 1U : 2U) << bytes;
     }
-    // Counts and sizes of 2^32 - 1.
+    // Counts and sizes of 2^32 - 1 in the message.
     for (const std::size_t at : {4U, 16U, 24U}) {
         notes.all.clear();
         Mail wrong = two;

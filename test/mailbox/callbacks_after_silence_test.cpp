@@ -1,5 +1,6 @@
-// Callbacks out of a mailbox, in the first mail after a silence that the library has not noticed, without a
-// supervision. The callback submits a request to the same slave: the request is refused, and the mailbox works on.
+// The first mail after a silence calls a callback of the application. There is no supervision, and the library has not
+// noticed the silence. The callback submits a request to the same slave. The request is refused, and the mailbox
+// continues.
 #include "mailbox/foe_bus.hpp"
 
 namespace margay {
@@ -32,7 +33,7 @@ struct CallbackAfterASilence : testing::Test {
     void lose_frames(std::uint64_t count) {
         for (std::uint64_t n = 0; n < count; ++n) bus.nic->lose_out.insert(bus.nic->sent + n);
     }
-    // The regular looks for mail are lost.
+    // A silence in which the regular looks for mail are lost.
     void silence() {
         (void)watch_mailboxes(*bus.ctx, 1ms);
         bus.idle(50ms);
@@ -104,7 +105,7 @@ TEST_F(CallbackAfterASilence, OfAListener) {
     EXPECT_EQ(upload.state(), RequestState::success) << bus.words(upload.error());
 }
 
-// A transfer of a file to a slave that is not in BOOT. The slave does not answer packet 2 before the silence is over.
+// A transfer of a file to a slave that is not in BOOT. The slave answers packet 2 only after the silence.
 struct TransferInASilence : CallbackAfterASilence {
     FoeWrite write;
     std::vector<std::byte> content = pattern(500);
@@ -143,8 +144,8 @@ struct TransferInASilence : CallbackAfterASilence {
         EXPECT_FALSE(write.busy());
     }
 };
-// foe.hpp does not allow this call. It is refused too, and the transfer ends with an error: another device may be
-// there.
+// foe.hpp does not allow this call. The call is refused, too, and the transfer ends with an error, because another
+// device may be present.
 TEST_F(TransferInASilence, SubmitsARequestInItsCallback) {
     in_callback = [this] { submit_upload(); };
     transfer_through_a_silence();

@@ -1,4 +1,4 @@
-// Repeats the CoE conversations of a real drive with another master (soem-sdinfo-akd.pcapng), with our client. The
+// Repeats with our client the CoE conversations of a real drive with another master (soem-sdinfo-akd.pcapng). The
 // client sends the same requests octet by octet, receives the recorded replies, and finds the values that tshark
 // prints.
 #include <places.hpp>
@@ -15,7 +15,7 @@ namespace margay {
 namespace {
 
 struct Conversation {
-    std::uint64_t frame = 0;  // frame of the reply, as Wireshark counts
+    std::uint64_t frame = 0;  // frame number of the reply, as in Wireshark
     Mail request;
     Mail reply;
 };
@@ -88,7 +88,7 @@ TEST(MailboxCapture, TheDrivesConversationsGiveTheValuesThatTsharkPrints) {
     bus.start();
     std::size_t n = 0;
     slave.on_mail = [&](const Mail& mail) {
-        // Compared from the CoE header on, because the mailbox counter can differ.
+        // The comparison begins with the CoE header, because the mailbox counter can differ.
         EXPECT_EQ(Mail(mail.begin() + 6, mail.end()), Mail(all[n].request.begin() + 6, all[n].request.end()))
             << "before frame " << all[n].frame;
         slave.put(all[n].reply);

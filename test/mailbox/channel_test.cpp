@@ -62,7 +62,8 @@ TEST_F(ChannelTest, CountersRunFromOneToSevenWhateverTheSlaveCounts) {
     }
 }
 
-// No frame is lost: a copy of the same counter is the mail before it, and no answer to the next request.
+// No frame is lost. A copy with the same counter is the mail that was read before, and not the answer to the next
+// request.
 TEST_F(ChannelTest, ACopyOfAReplyIsDropped) {
     start();
     unsigned answers = 0;
@@ -73,7 +74,7 @@ TEST_F(ChannelTest, ACopyOfAReplyIsDropped) {
         const auto data = two_octets(0x00, 0x20, 0x00, answers, 0x00);
         mail.insert(mail.end(), data.begin(), data.end());
         slave.put(mail);
-        // Before the slave has counted once, its counter may be one that stands still.
+        // Until the counter of the slave has changed once, it may be a counter that never changes.
         if (answers > 2) slave.put(mail);
     };
     for (unsigned n = 1; n <= 16; ++n) {
@@ -86,7 +87,7 @@ TEST_F(ChannelTest, ACopyOfAReplyIsDropped) {
 
 TEST_F(ChannelTest, WhatAnEarlierMasterLeftIsDrainedFirst) {
     start();
-    // An old reply of the same object: it must not be accepted for the new request.
+    // An old reply for the same object. The channel must not accept it for the new request.
     slave.reply(two_octets(0x00, 0x20, 0x00, 0xAA, 0xAA));
     slave.reply(two_octets(0x00, 0x20, 0x00, 0xBB, 0xBB));
     slave.on_mail = [&](const Mail&) { slave.reply(two_octets(0x00, 0x20, 0x00, 0x11, 0x22)); };
@@ -190,7 +191,8 @@ TEST_F(ChannelTest, ASlaveThatNeverAnswersBlocksNobodyForLong) {
         bus.run(request);
         EXPECT_EQ(request.error().code, Errc::timeout);
     }
-    // The first request, its abort, and a question for each of the others: their answer could be that of the first.
+    // The slave has received the first request, its abort, and a question before each of the other requests, whose
+    // answer could be the answer to the first request.
     EXPECT_EQ(slave.received.size(), 4U);
     slave.on_mail = [&](const Mail& mail) {
         const auto high = std::to_integer<unsigned>(mail[10]);
@@ -208,7 +210,7 @@ TEST_F(ChannelTest, CanceledRequestLeavesTheChannelClean) {
     slave.on_mail = [&](const Mail& mail) {
         slave.reply(two_octets(std::to_integer<unsigned>(mail[9]), 0x20, 0x00, std::to_integer<unsigned>(mail[9]), 0));
     };
-    // Cancelled at every moment of the exchange; then another object is read, and the same object.
+    // The request is cancelled at every moment of the exchange. Then another object is read, and the same object.
     for (int polls = 0; polls < 12; ++polls) {
         submit_upload(0x2000);
         for (int n = 0; n < polls && request.busy(); ++n) bus.step();
@@ -250,7 +252,7 @@ TEST_F(ChannelTest, AFullMailboxIsWaitedForAndNamed) {
     start();
     slave.takes = false;
     submit_upload(0x2000, 100ms);
-    bus.run(request);  // the message is in the mailbox, and the slave does not read it
+    bus.run(request);  // the message is in the mailbox, and the slave does not read the message
     EXPECT_EQ(request.error().code, Errc::timeout);
     submit_upload(0x2001, 150ms);
     bus.run(request);
@@ -283,8 +285,8 @@ TEST_F(ChannelTest, ALostReplyIsAskedForByTheToggleAndNothingIsWrittenTwice) {
     start();
     slave.on_mail = [&](const Mail&) { slave.reply(two_octets(0x00, 0x20, 0x00, 0x34, 0x12)); };
     EXPECT_TRUE(SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0).ok());
-    // A request needs three frames here: the message, a check of the mailbox, and the reply. The reply is in the last
-    // frame.
+    // A request needs three frames here: the message, a look at the mailbox, and the reply. The last frame contains the
+    // reply.
     const auto sent = bus.nic->sent;
     EXPECT_TRUE(SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0).ok());
     bus.nic->lose_in.insert(bus.nic->sent + (bus.nic->sent - sent) - 1);
@@ -297,8 +299,8 @@ TEST_F(ChannelTest, ALostReplyIsAskedForByTheToggleAndNothingIsWrittenTwice) {
     EXPECT_EQ(statistics().resent, 0U);
 }
 
-// A slave without message counters, with a loss of every frame of an exchange in turn. The replies cannot be
-// distinguished, but no reply is lost or accepted twice.
+// A slave without message counters. Each frame of an exchange is lost in turn. The replies cannot be distinguished, but
+// no reply is lost or accepted twice.
 TEST_F(ChannelTest, ASlaveThatDoesNotCountLosesNothingEither) {
     start();
     slave.counts = false;
@@ -336,8 +338,8 @@ TEST_F(ChannelTest, AFloodOfOtherMailEndsInATimeoutAndBoundedMemory) {
     EXPECT_EQ(ring.dropped(), ring.count() - Limits{}.emergencies);
 }
 
-// A slave that acknowledges the repeat request and leaves its mailbox empty, and a slave that does not support repeat
-// requests: the request is sent again in a new message.
+// A slave acknowledges the repeat request and leaves its mailbox empty; another slave does not support repeat requests.
+// In both cases the library sends the request again in a new message.
 TEST_F(ChannelTest, AReplyThatIsLostForGoodIsAskedForAgain) {
     start();
     slave.on_mail = [&](const Mail& mail) {
@@ -360,7 +362,8 @@ TEST_F(ChannelTest, AReplyThatIsLostForGoodIsAskedForAgain) {
         bus.nic->lose_mail_from = 0;
         bus.run(request);
         ASSERT_EQ(request.error().code, Errc::none) << bus.words(request.error());
-        // The request; a question whose answer shows that no reply is late; the request again.
+        // The slave has received the request; a question, whose answer shows that no reply is late; and the request
+        // again.
         ASSERT_EQ(slave.received.size(), before + 3);
         EXPECT_EQ(request.data[0], slave.received.back()[5] >> 4) << "of the last message";
         EXPECT_NE(slave.received[before][5], slave.received.back()[5]) << "its counter is new";
@@ -370,7 +373,7 @@ TEST_F(ChannelTest, AReplyThatIsLostForGoodIsAskedForAgain) {
     EXPECT_EQ(slave.repeat_requests, 1U);
 }
 
-// Every reply is lost: the request ends with an error in bounded time.
+// Every reply is lost. The request ends with an error in bounded time.
 TEST_F(ChannelTest, AReplyThatIsLostAgainAndAgainEndsTheRequest) {
     start();
     slave.forgets = true;
@@ -401,7 +404,7 @@ TEST_F(ChannelTest, PrioritiesGoFirstAndStarveNobody) {
         requests[n].slave = 1;
         requests[n].index = static_cast<std::uint16_t>(0x2000 + n);
         requests[n].data = into;
-        // Two requests with low priority first, then requests with high and less high priority alternately.
+        // The first two requests have low priority. The other requests have high and less high priority alternately.
         requests[n].priority = n < 2 ? 0 : n % 2 == 0 ? 3 : 2;
         ASSERT_TRUE(submit(*bus.ctx, requests[n]).ok());
     }
@@ -426,8 +429,8 @@ TEST_F(ChannelTest, MailboxesThatAreTooSmallOrNotThereAreTold) {
     EXPECT_EQ(bus.words(eoe_only.error()), "slave 2: SDO upload of 0x2000:0: not supported by the slave");
 }
 
-// Channels that have looked in vain leave the looking to the watch over all slaves. The watch ends with the last of
-// them: nothing is in the arena, and nothing on the wire.
+// A channel that has looked in vain leaves the looking to the watch over all slaves. The watch ends with the last of
+// these channels. Then the arena is empty, and no frame is on the wire.
 TEST(ChannelWatch, EndsWhenNobodyWaitsAnyMore) {
     MailboxBus bus;
     for (int n = 0; n < 4; ++n) bus.add_scripted(64).on_mail = [](const Mail&) {};
@@ -462,7 +465,7 @@ TEST(ChannelRouting, MailFromSlaveToSlaveIsHandedOn) {
         one.reply(mail_bytes({9, 8, 7, 6, 5, 4, 3}), MailboxType::voe, address(2));  // for slave 2
         one.reply(mail_bytes({1, 1, 1, 1}), MailboxType::voe, 0x4444);               // for no slave
         one.reply(two_octets(0x00, 0x20, 0x00, 5, 0), MailboxType::coe,
-                  address(1));  // the slave's own address in place of the master's address
+                  address(1));  // the address of the slave in place of the master's address
     };
     EXPECT_EQ(*SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0), 5);
     bus.idle(5ms);

@@ -1,4 +1,4 @@
-// Complete access and its fallback, PDOs by the dictionary, SDO information, PDOs by mailbox.
+// Complete access and its fallback, PDOs by the dictionary, SDO information, and PDOs by mailbox.
 #include "facts.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
@@ -24,13 +24,13 @@ TEST(CompleteAccess, ReadsAndWritesWholeObjects) {
     EXPECT_EQ(load_le<std::uint32_t>(memory), 0x4D47U);
 }
 
-// The same slave twice, with complete access and without it: both return the same octets.
+// Two slaves with the same objects, one with complete access and one without it. Both return the same octets.
 TEST(CompleteAccess, FallsBackToSingleSubindicesAndRemembersIt) {
     MailboxBus bus;
     bus.add_stack(128, true);
     bus.add_stack(128, false);
     bus.start();
-    facts(bus.ctx->slave(2)).coe_details |= coe_detail::kCompleteAccess;  // advertised although it is refused
+    facts(bus.ctx->slave(2)).coe_details |= coe_detail::kCompleteAccess;  // advertised although the slave refuses it
     for (const std::uint16_t index : std::initializer_list<std::uint16_t>{0x1018, 0x1C00, 0x1C12, 0x1600, 0x1A00}) {
         for (const std::uint8_t subindex : std::initializer_list<std::uint8_t>{0, 1}) {
             std::array<std::byte, 64> whole{};
@@ -56,13 +56,13 @@ TEST(CompleteAccess, FallsBackToSingleSubindicesAndRemembersIt) {
     EXPECT_EQ(SDOread(*bus.ctx, 2, 0x3000, 0, true, memory).error().detail, 0x06020000U);
 }
 
-// 0x1000 is a variable: its subindex 0 is no count.
+// 0x1000 is a variable: its subindex 0 is not a count.
 TEST(CompleteAccess, OfAnObjectOfOneValueIsRefused) {
     MailboxBus bus;
     bus.add_stack(128, false);
     bus.start();
     std::array<std::byte, 64> memory{};
-    for (int n = 0; n < 2; ++n) {  // the second time the refusal is known
+    for (int n = 0; n < 2; ++n) {  // the second time the library knows the refusal
         for (const std::uint16_t index : std::initializer_list<std::uint16_t>{0x1000, 0x1008}) {
             const auto read = SDOread(*bus.ctx, 1, index, 0, true, memory);
             ASSERT_FALSE(read.ok()) << std::hex << index << ": " << *read << " octets";
@@ -71,7 +71,7 @@ TEST(CompleteAccess, OfAnObjectOfOneValueIsRefused) {
         }
         EXPECT_TRUE(SDOread(*bus.ctx, 1, 0x1018, 0, true, memory).ok());
     }
-    // A value of 0 that is longer than a count.
+    // The value is 0 and longer than a count.
     MailboxBus other;
     auto& slave = other.add_scripted(64);
     other.start();
@@ -87,7 +87,7 @@ TEST(CompleteAccess, OfAnObjectOfOneValueIsRefused) {
     ASSERT_FALSE(zero.ok()) << *zero << " octets";
     EXPECT_EQ(zero.error().detail, 0x06010000U) << other.words(zero.error());
     EXPECT_FALSE(SDOread(*other.ctx, 1, 0xF980, 0, true, memory).ok());
-    // But lists of errors, PDOs and modules may be empty, and their count longer than an octet.
+    // Lists of errors, PDOs and modules may be empty, and their count may be longer than an octet.
     for (const std::uint16_t list : std::initializer_list<std::uint16_t>{0x1003, 0x1C12, 0xF030}) {
         EXPECT_EQ(*SDOread(*other.ctx, 1, list, 0, true, memory), 2U) << list;
         EXPECT_EQ(memory[0], std::byte{0});
@@ -97,7 +97,8 @@ TEST(CompleteAccess, OfAnObjectOfOneValueIsRefused) {
     EXPECT_NE(type, 0U);
 }
 
-// 0x6060 of this slave is a variable of one octet with the value 8: 8 is no count, from subindex 1 on neither.
+// 0x6060 of this slave is a variable of one octet with the value 8. The value is not a count, also when the access
+// begins with subindex 1.
 TEST(CompleteAccess, OfAnObjectOfOneOctetIsRefused) {
     MailboxBus bus;
     auto& slave = bus.add_scripted(64);
@@ -131,7 +132,7 @@ TEST(CompleteAccess, AnAssignmentIsZeroedFirstAndItsCountWrittenLast) {
         Mail data(mail.begin() + 6, mail.begin() + 16);
         if ((command & 0x10) != 0) {
             data[2] = std::byte{0x80};
-            store_le<std::uint32_t>(data, 6, 0x06010004);  // no complete access
+            store_le<std::uint32_t>(data, 6, 0x06010004);  // complete access is not supported
             slave.reply(data);
             return;
         }
@@ -175,7 +176,7 @@ TEST(PdoDiscovery, FollowsTheDictionaryNotTheSii) {
         MailboxBus bus;
         bus.add_stack(128, complete);
         bus.start();
-        // A mapping different from the SII: only the 8 bits of 0x7000:1.
+        // The mapping differs from the SII: only the 8 bits of 0x7000:1.
         ASSERT_TRUE(SDOwrite(*bus.ctx, 1, 0x1600, 0, std::uint8_t{0}).ok());
         ASSERT_TRUE(SDOwrite(*bus.ctx, 1, 0x1600, 0, std::uint8_t{1}).ok());
         std::vector<std::byte> image(64);
@@ -192,7 +193,7 @@ TEST(PdoDiscovery, FollowsTheDictionaryNotTheSii) {
     }
 }
 
-// All slaves at the same time, with the default memory of a context.
+// All slaves are read at the same time, with the default memory of a context.
 TEST(PdoDiscovery, ManySlavesAtOnceFitTheArena) {
     for (const std::uint16_t mailbox : std::initializer_list<std::uint16_t>{128, 1024}) {
         MailboxBus bus;
@@ -228,7 +229,7 @@ TEST(PdoDiscovery, ASlaveThatAbortsItsAssignmentIsKnownByItsSii) {
     EXPECT_GE(slave.received.size(), 3U);
 }
 
-// Zeros in the place of missing octets would be a slave without process data, or a gap in its list.
+// Zeros in place of missing octets would mean a slave without process data, or a gap in its list.
 TEST(PdoDiscovery, AnAnswerWithoutItsOctetsIsAnErrorOfTheSlave) {
     for (const unsigned at : {0U, 1U}) {  // the subindex whose answer has no octets
         SCOPED_TRACE(at);
@@ -311,8 +312,8 @@ TEST(MailPdo, SentAndAskedFor) {
     EXPECT_EQ(send.error().code, Errc::capacity);
 }
 
-// The number of a PDO is no register. A mailbox of 7 octets has no room for the CoE header: fetching has written behind
-// it.
+// The number of a PDO is not a register. A mailbox of 7 octets has no room for the CoE header; a fault of an earlier
+// version wrote behind it.
 TEST(MailPdo, ErrorsNameThePdo) {
     MailboxBus bus;
     (void)bus.add_scripted(7);
@@ -344,7 +345,7 @@ TEST(MailPdo, ErrorsNameThePdo) {
     EXPECT_EQ(silent.words(fetch.error()).substr(0, 49), "slave 1: receiving from the mailbox of PDO 5: tim");
 }
 
-// A slave requests its outputs by mailbox; the application answers with a request.
+// A slave requests its outputs by mailbox. The application answers with a request.
 TEST(MailPdo, AskedForByTheSlave) {
     MailboxBus bus;
     auto& slave = bus.add_scripted(64);
@@ -457,7 +458,7 @@ TEST(SdoInformation, DescribesObjectsAndEntries) {
               "does not exist)");
 }
 
-// 30 000 objects, more than any table of the master has: the callback receives them as they arrive.
+// 30 000 objects, more than any table of the master can store. The callback receives them as they arrive.
 TEST(SdoInformation, ADictionaryMayBeOfAnySize) {
     MailboxBus bus;
     auto& slave = bus.add_scripted(512);

@@ -27,7 +27,7 @@ class CycleTest : public testing::Test {
         ASSERT_EQ(check.reached.state, AlState::op);
     }
 
-    // One cycle of a millisecond, with checks.
+    // Executes one cycle of a millisecond, with checks.
     void cycle() {
         bus.osal.advance(1ms);
         const auto frames = bus.ctx->statistics().frames_sent;
@@ -129,16 +129,17 @@ TEST_F(CycleTest, AMappedBitTakesThePlaceOfLooking) {
         while (upload.busy() && cycles < 100) cycle();
         EXPECT_EQ(upload.state(), RequestState::success) << bus.words(upload.error());
     };
-    read();  // the first read checks whether the mailbox holds an old message
+    read();  // the first read checks whether the mailbox contains an old message
     const auto before = bus.ctx->statistics().datagrams_sent;
     const auto in_a_cycle = bus.ctx->group(0).datagrams.size();
     read();
-    // Only the message and its reply are extra datagrams: the mailbox status in the cycle showed when to read the
-    // reply.
+    // Only the message and its reply are additional datagrams. The mailbox status in the cycle shows when the reply can
+    // be read.
     EXPECT_EQ(bus.ctx->statistics().datagrams_sent - before, cycles * in_a_cycle + 2);
     EXPECT_LE(cycles, 4U);
 
-    // A slow answer: extra datagrams occur only now and then, to make sure.
+    // A slow answer: the library looks at the mailbox with an additional datagram only from time to time, to make sure
+    // that the bit is right.
     slaves[0]->application.slow_until = bus.osal.now() + 100ms;
     upload.index = 0x2007;
     const auto slow = bus.ctx->statistics().datagrams_sent;
@@ -168,7 +169,7 @@ TEST_F(CycleTest, AnEmergencyIsSeenByTheMappedBitWithoutADatagramOfItsOwn) {
     EXPECT_FALSE(bus.ctx->events().take().has_value()) << "once";
 }
 
-// Fifty slow slaves: one datagram checks all mailboxes.
+// Fifty slow slaves: one datagram looks at all mailboxes.
 TEST(SharedLook, ManySlavesThatWaitShareADatagram) {
     MailboxBus bus;
     constexpr std::size_t kSlaves = 50;
@@ -192,7 +193,7 @@ TEST(SharedLook, ManySlavesThatWaitShareADatagram) {
         bus.run(r);
         EXPECT_EQ(r.state(), RequestState::success) << bus.words(r.error());
     }
-    // 200 ms with a check every millisecond; a check per slave would need 10 000 datagrams.
+    // 200 ms with a look every millisecond. One look per slave would need 10 000 datagrams.
     EXPECT_LT(bus.ctx->statistics().datagrams_sent - before, 1800U);
 }
 

@@ -47,10 +47,10 @@ struct EoePart {
     return parts;
 }
 
-// A host at the port of a gateway: keeps the frames that arrive, and sends them back if `echo`.
+// A host at the port of a gateway. It stores the frames that arrive, and sends them back if `echo` is set.
 struct EoeHost final : sim::EthernetPeer {
     MailboxBus& bus;
-    std::uint32_t number;  // of the slave, from 0
+    std::uint32_t number;  // number of the slave, from 0
     std::vector<Mail> frames;
     bool echo = false;
     EoeHost(MailboxBus& b, std::uint32_t n) : bus(b), number(n) { port().connect(this); }

@@ -27,7 +27,7 @@ struct Gateway {
     }
 };
 
-// While the mailbox does not work, frames are dropped. The port goes on when the slave is back.
+// While the mailbox is closed, frames are dropped. The port works again when the slave is back.
 TEST(EoeGateway, APortOutlivesTheLossOfItsSlave) {
     Gateway one;
     MailboxBus& bus = one.bus;
@@ -47,7 +47,7 @@ TEST(EoeGateway, APortOutlivesTheLossOfItsSlave) {
     ASSERT_TRUE(one.port.send(ethernet_frame(60, 2)));
     bus.idle(50ms);
     EXPECT_EQ(one.port.statistics().sent, 1U);
-    // A scan closes the mailbox, and opens it again.
+    // A scan closes the mailbox and opens it again.
     ASSERT_TRUE(one.port.send(ethernet_frame(1514, 3)));
     ASSERT_TRUE(config_init(*bus.ctx).ok());
     bus.idle(50ms);
@@ -130,7 +130,7 @@ TEST(EoeGateway, TimesAreAppendedAndTold) {
     Gateway one;
     ASSERT_TRUE(EOEset_ip(*one.bus.ctx, 1, {.append_time_stamp = true}).ok());
     EXPECT_TRUE(EOEget_ip(*one.bus.ctx, 1)->append_time_stamp);
-    // The device may lag behind the bus a little.
+    // The clock of the device may be a little behind the time of the bus.
     const auto now = static_cast<std::uint32_t>((one.bus.osal.now() - 1ms).time_since_epoch().count());
     for (const std::size_t bytes : {60U, 988U, 990U, 992U, 1010U, 1011U, 1014U, 1514U}) {
         const auto frame = ethernet_frame(bytes, 1);
@@ -165,8 +165,8 @@ TEST(EoeGateway, TheFilterSelectsFramesOfTheSlave) {
     EXPECT_EQ(received(one.port), std::vector<Mail>{wanted});
 }
 
-// Three frames there and back, with each frame of the line lost on the way out, lost on the way back, or sent twice:
-// all arrive, once and in order.
+// Three frames are sent there and back. Each frame of the line in turn is lost on the way out, lost on the way back, or
+// sent twice. All Ethernet frames arrive, once and in order.
 TEST(EoeLostFrames, FramesArriveOnceAndInOrder) {
     enum class Fault { none, lost_out, lost_in, twice };
     const auto run = [](Fault fault, std::uint64_t at) {
@@ -201,8 +201,8 @@ TEST(EoeLostFrames, FramesArriveOnceAndInOrder) {
         }
 }
 
-// All messages of the line in a recording: tshark decodes each without complaint, and its fields, put together by
-// number and offset, are the frames of both directions.
+// All messages of the line are in a recording, and tshark decodes each of them without an error. The fields, combined
+// by number and offset, are the frames of both directions.
 TEST(EoeGateway, TsharkPutsTheSameFramesTogether) {
     if (!testing_tshark::installed()) GTEST_SKIP() << "tshark is not installed";
     Gateway one;
@@ -225,7 +225,8 @@ TEST(EoeGateway, TsharkPutsTheSameFramesTogether) {
         file.string(), {"ecat_mailbox.eoe.fragno", "ecat_mailbox.eoe.offset", "ecat_mailbox.eoe.frame",
                         "ecat_mailbox.eoe.last", "ecat_mailbox.eoe.fragment", "_ws.malformed", "_ws.expert"});
     ASSERT_EQ(packets.size(), one.bus.nic->mail.size());
-    std::map<bool, std::vector<std::string>> whole;  // by direction; tshark does not show the port, which tells it
+    // by direction; tshark does not print the port, which shows the direction
+    std::map<bool, std::vector<std::string>> whole;
     std::map<bool, std::string> begun;
     for (std::size_t n = 0; n < packets.size(); ++n) {
         const auto& p = packets[n];
@@ -256,8 +257,8 @@ TEST(EoeGateway, TsharkPutsTheSameFramesTogether) {
     if (!testing::Test::HasFailure()) std::filesystem::remove(file, ignored);
 }
 
-// One thread sends and another one receives, while the owner polls. When the fetching thread is late, frames are
-// dropped and counted; the others arrive whole and in order.
+// One thread sends and another thread receives, while the owner polls. When the receiving thread is late, frames are
+// dropped and counted. The other frames arrive complete and in order.
 TEST(EoeGateway, OtherThreadsFeedAndFetch) {
     Gateway one;
     one.host->echo = true;
@@ -336,7 +337,7 @@ class EoeInTheCycle : public testing::Test {
         most_octets = 0;
         checks = true;
     }
-    // One cycle of a millisecond: the inputs of each slave are the outputs of the cycle before.
+    // Executes one cycle of a millisecond. The inputs of each slave are the outputs of the previous cycle.
     void cycle() {
         bus.osal.advance(1ms);
         bus.segment.advance(bus.osal.now());
@@ -356,8 +357,8 @@ class EoeInTheCycle : public testing::Test {
     }
 };
 
-// Both directions full, SDOs between: the process data of every cycle is right, and no cycle has more acyclic octets
-// than its budget.
+// Both directions are full, and SDOs are transferred beside them. The process data of every cycle is right, and no
+// cycle has more acyclic octets than its budget.
 TEST_F(EoeInTheCycle, ProcessDataStaysUndisturbed) {
     start(4, 1498);
     for (auto& host : hosts) host->echo = true;
@@ -386,7 +387,7 @@ TEST_F(EoeInTheCycle, ProcessDataStaysUndisturbed) {
         cycle();
         if (HasFatalFailure()) return;
     }
-    // A cycle sends its own frame, and one frame of riders at most.
+    // A cycle sends its own frame, and at most one frame of riders.
     EXPECT_LE(most_octets, 2U * 1538);
     const auto [least, most] = std::minmax_element(back.begin(), back.end());
     EXPECT_GT(*least, 30U);
@@ -394,7 +395,7 @@ TEST_F(EoeInTheCycle, ProcessDataStaysUndisturbed) {
     EXPECT_GT(sdos, 15U);
 }
 
-// One slave that floods the master does not keep another one from its share.
+// One slave that sends as much as it can does not take the share of another slave.
 TEST_F(EoeInTheCycle, AFloodDoesNotStarveOthers) {
     start(3, 1498);
     unsigned got = 0;

@@ -58,7 +58,7 @@ TEST_F(EoePortTest, FragmentsOfFramesThatAlternateArePutTogether) {
     const auto b = eoe_parts(other, 4, 64);
     say({a[0], b[0], a[1], b[1], b[2], a[2]});
     EXPECT_EQ(received(port), (std::vector<Mail>{other, one}));
-    // A third frame takes the place of the oldest one.
+    // A third frame replaces the oldest frame.
     const auto third = ethernet_frame(100, 3);
     const auto c = eoe_parts(third, 5, 64);
     say({a[0], b[0], c[0], c[1], a[1], b[1], a[2], b[2]});
@@ -81,13 +81,13 @@ TEST_F(EoePortTest, TimeStampAndPortAreTold) {
     EXPECT_EQ(got->port, 3);
     EXPECT_EQ(got->time_stamp, 0xAABBCCDDU);
     EXPECT_EQ(Mail(buffer.begin(), buffer.end()), frame);
-    // A buffer that is too small: the size is known, and the frame is gone.
+    // The buffer is too small. The call returns the size, and the frame is lost.
     say(eoe_parts(frame, 2, 64));
     EXPECT_EQ(port.receive(MutableBytes(buffer).first(10))->bytes, 64U);
     EXPECT_FALSE(port.receive(buffer).has_value());
 }
 
-// A fragment that is missing, repeated or changed drops its frame and no other one.
+// A missing, repeated or changed fragment drops its frame, and no other frame.
 TEST_F(EoePortTest, ALostFragmentDropsOneFrameOnly) {
     const auto before = ethernet_frame(100, 1);
     const auto broken = ethernet_frame(190, 2);
@@ -103,17 +103,18 @@ TEST_F(EoePortTest, ALostFragmentDropsOneFrameOnly) {
             all.insert(all.end(), parts.begin(), parts.end());
             for (const Mail& part : eoe_parts(behind, 3, 64)) all.push_back(part);
             say(all);
-            // The first fragment twice begins the frame again; the last one twice is a fragment too many.
+            // A repeated first fragment begins the frame again. A repeated last fragment is an error.
             const bool survives = twice && n != 1;
             const auto expected =
                 survives ? std::vector<Mail>{before, broken, behind} : std::vector<Mail>{before, behind};
             EXPECT_EQ(received(port), expected) << n << twice;
         }
-    // A last fragment that is missing is noticed when the next frame with that number begins.
+    // A missing last fragment is noticed when the next frame with the same number begins.
     EXPECT_EQ(port.statistics().incomplete, 6U);
 }
 
-// Frame numbers have 4 bits: what is left of a frame is not continued by the frame that has its number next.
+// Frame numbers have 4 bits. The rest of an incomplete frame must not be joined with the next frame that has the same
+// number.
 TEST_F(EoePortTest, FramesWithTheSameNumberAreNotJoined) {
     std::vector<Mail> sent;
     std::vector<Mail> parts;
@@ -177,7 +178,7 @@ TEST_F(EoePortTest, HostileFragmentsHarmNothing) {
     EXPECT_EQ(statistics.received, 1U);
     EXPECT_EQ(statistics.too_long, 1U);
     EXPECT_EQ(statistics.malformed, 6U);
-    EXPECT_EQ(statistics.incomplete, 1U);  // the others are fragments of a frame that was counted as too long
+    EXPECT_EQ(statistics.incomplete, 1U);  // the others belong to a frame that was counted as too long
     EXPECT_TRUE(port.busy());
 }
 
@@ -190,7 +191,7 @@ TEST_F(EoePortTest, FullQueuesDropAndCount) {
     EXPECT_FALSE(port.send(Mail(13)));
     EXPECT_FALSE(port.send(Mail(1537)));
     EXPECT_EQ(port.statistics().refused, 3U);
-    // A slave that takes nothing: each frame is dropped after send_patience.
+    // A slave that reads no messages: each frame is dropped after send_patience.
     bus.idle(3s);
     EXPECT_EQ(port.statistics().not_sent, 4U);
     EXPECT_TRUE(port.can_send());
@@ -198,7 +199,7 @@ TEST_F(EoePortTest, FullQueuesDropAndCount) {
     EXPECT_TRUE(port.send(ethernet_frame(60, 3)));
     bus.idle(50ms);
     EXPECT_EQ(port.statistics().sent, 1U);
-    // From the slave: 4 of the longest frames fit, or more shorter ones.
+    // From the slave: 4 frames of the maximum length fit, or a larger number of shorter frames.
     for (unsigned n = 0; n < 5; ++n) say(eoe_parts(frame, n, 64));
     EXPECT_EQ(port.statistics().overrun, 1U);
     EXPECT_EQ(received(port), std::vector<Mail>(4, frame));

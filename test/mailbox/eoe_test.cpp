@@ -57,7 +57,7 @@ TEST_F(EoeTest, TheDeviceKeepsWhatIsSet) {
     ASSERT_TRUE(got.ok()) << bus.words(got.error());
     EXPECT_EQ(*got, ip);
     EXPECT_EQ(got->host_name(), "gateway");
-    // One parameter more: the others stay.
+    // One more parameter is set. The other parameters do not change.
     ASSERT_TRUE(EOEset_ip(*bus.ctx, 2, {.dns_server = Ipv4Address{1, 1, 1, 1}}).ok());
     EXPECT_EQ(EOEget_ip(*bus.ctx, 2)->dns_server, (Ipv4Address{1, 1, 1, 1}));
     EXPECT_EQ(EOEget_ip(*bus.ctx, 2)->address, ip.address);
@@ -109,21 +109,21 @@ TEST_F(EoeTest, HostileAnswersEndTheRequest) {
     };
     EXPECT_EQ(outcome(mail_bytes({0x07})), Errc::timeout);                        // no header
     EXPECT_EQ(outcome(mail_bytes({0x07, 0x01, 0, 0})), Errc::protocol);           // no parameters
-    EXPECT_EQ(outcome(mail_bytes({0x07, 0x01, 0, 0, 1, 0, 0})), Errc::protocol);  // the flags are cut
+    EXPECT_EQ(outcome(mail_bytes({0x07, 0x01, 0, 0, 1, 0, 0})), Errc::protocol);  // the flags are truncated
     EXPECT_EQ(outcome(mail_bytes({0x07, 0x01, 0, 0, 1, 0, 0, 0, 1, 2, 3, 4, 5})),
-              Errc::protocol);                                          // the address is cut
+              Errc::protocol);                                          // the address is truncated
     EXPECT_EQ(outcome(mail_bytes({0x03, 0x01, 0, 0})), Errc::timeout);  // the answer to another request
     EXPECT_EQ(outcome(mail_bytes({0x00, 0x01, 0, 0})), Errc::timeout);  // a fragment
     EXPECT_EQ(outcome(mail_bytes({0x07, 0x01, 0xFF, 0xFF})), Errc::eoe_error);
     EXPECT_EQ(outcome(mail_bytes({0x07, 0x01, 0, 0, 0, 0, 0, 0})), Errc::none);  // none of the parameters
     EXPECT_FALSE(request.ip.mac.has_value());
-    // The packed form.
+    // The packed form of the answer.
     EXPECT_EQ(outcome(mail_bytes({0x07, 0x01, 0, 0, 3, 0, 0, 0, 1, 2, 3, 4, 5, 6, 4, 3, 2, 1})), Errc::none);
     EXPECT_EQ(request.ip.address, (Ipv4Address{1, 2, 3, 4}));
     slave.on_mail = nullptr;
 }
 
-// A request and its answer, with each of their frames lost on the way out, lost on the way back, or sent twice.
+// A request and its answer. Each of their frames in turn is lost on the way out, lost on the way back, or sent twice.
 TEST(EoeLostFrames, EveryRequestIsAnswered) {
     with_each_frame_spoilt("eoe_gateway", 60, [](MailboxBus& bus) {
         EoeIp ip{.address = Ipv4Address{10, 0, 0, 7}};

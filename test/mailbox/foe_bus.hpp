@@ -41,7 +41,7 @@ inline Mail foe_error(std::uint32_t code, std::string_view text = {}) {
     return data;
 }
 
-// What a message to the slave says.
+// The content of a message to the slave.
 struct FoeAsked {
     foe::Opcode opcode{};
     std::uint32_t word = 0;
@@ -54,7 +54,7 @@ struct FoeAsked {
     }
 };
 
-// A source that has nothing to give at every other call, and gives a few octets at the others.
+// A source that has no data in every other call, and returns a few octets in the other calls.
 class SlowSource final : public ByteSource {
   public:
     explicit SlowSource(Bytes content, std::size_t most = 7) : left_(content), most_(most) {}

@@ -1,4 +1,5 @@
-// File transfers over a bad line, of many slaves at once, beside a running cycle, and as tshark sees them.
+// File transfers over a line that loses frames, to many slaves at the same time, beside a cycle, and in a recording
+// that tshark decodes.
 #include "mailbox/foe_bus.hpp"
 #include "oshw/filters/drop_nic.hpp"
 #include "oshw/filters/duplicate_nic.hpp"
@@ -16,7 +17,7 @@ namespace {
 using sim::Bootloader;
 constexpr std::uint32_t kOpen = Bootloader::kOpenProduct;
 
-// A line of slaves with open bootloaders in BOOT.
+// A line of slaves in BOOT with open bootloaders.
 class OpenLine {
   public:
     explicit OpenLine(std::size_t slaves, const DropNic::Options& drops = {})
@@ -34,7 +35,7 @@ class OpenLine {
             EXPECT_TRUE(boot.ok()) << MailboxBus::words(boot.error());
         }
     }
-    // Writes the image to all slaves at the same time; returns the round trips.
+    // Writes the image to all slaves at the same time. Returns the round trips.
     std::uint64_t flash(const std::vector<std::byte>& image) {
         const std::uint64_t before = ctx.statistics().bursts;
         std::vector<std::unique_ptr<FoeWrite>> writes;
@@ -88,7 +89,7 @@ TEST(FoeOfManySlaves, TwentyAtOnceTakeTheRoundTripsOfOne) {
     EXPECT_LE(of_twenty * 10, of_one * 13) << of_one << " and " << of_twenty;
 }
 
-// A read begins and ends beside the process data of another slave; no cycle is wrong.
+// A read begins and ends beside the process data of another slave. No cycle has an error.
 TEST(FoeBesideTheCycle, EveryCycleHasItsInputs) {
     MailboxBus bus;
     bus.add_device(sim::make_device("digital_in_16").value());
@@ -124,7 +125,7 @@ TEST(FoeBesideTheCycle, EveryCycleHasItsInputs) {
 
 // ------------------------------------------------------------------ tshark
 
-// Writes the mailbox messages that pass to a file.
+// Writes the mailbox messages of all frames to a file.
 class MailTap final : public Nic {
   public:
     MailTap(Nic& nic, const std::string& path) : nic_(nic), file_(path) {}
@@ -181,7 +182,7 @@ TEST(FoeTshark, DecodesEveryMessageOfBothEnds) {
         std::vector<std::byte> back(image.size());
         EXPECT_TRUE(FOEread(ctx, 1, "firmware", Bootloader::kPassword, std::span(back)).ok());
         EXPECT_EQ(FOEread(ctx, 1, "firmware", Bootloader::kPassword, std::span(back).first(600)).error().code,
-                  Errc::capacity);  // the client ends this one with an error message
+                  Errc::capacity);  // the client ends this transfer with an error message
         const Time end = osal.now() + 20ms;
         while (osal.now() < end) osal.wait(std::min(poll(ctx, osal.now()), osal.now() + 1ms), -1);
     }
@@ -205,7 +206,7 @@ TEST(FoeTshark, DecodesEveryMessageOfBothEnds) {
     EXPECT_EQ(by_opcode[2], 2U);  // write requests
     EXPECT_GT(by_opcode[3], 15U);
     EXPECT_GT(by_opcode[4], 15U);
-    EXPECT_EQ(by_opcode[5], 2U);  // that of the server, and that of the client
+    EXPECT_EQ(by_opcode[5], 2U);  // an error of the server, and an error of the client
     EXPECT_GT(by_opcode[6], 5U);
     EXPECT_EQ(errors.size(), 2U);
     if (!names.empty()) {

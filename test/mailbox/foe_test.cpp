@@ -1,4 +1,4 @@
-// FoE requests over a mailbox: against our server, and against slaves for which the test writes each reply.
+// FoE requests over a mailbox: with our server, and with slaves for which the test writes each reply.
 #include "mailbox/foe_bus.hpp"
 #include "sim/library/quirks.hpp"
 
@@ -108,7 +108,7 @@ TEST_F(FoeClient, RefusalsHaveTheCodeAndTheTextOfTheSlave) {
     EXPECT_EQ(request.error().detail, 0x8003U);
     EXPECT_EQ(request.slave_text(), "the image is larger than the flash");
     EXPECT_GT(request.bytes(), Bootloader::kFlashBytes - 512U);
-    // The next transfer works.
+    // The next transfer succeeds.
     const auto image = Bootloader::make_image(2, 5, 2000);
     EXPECT_TRUE(FOEwrite(*bus.ctx, 1, "firmware", kPassword, image).ok());
 }
@@ -158,7 +158,7 @@ TEST_F(FoeClient, AStreamThatFailsEndsTheTransferInTheSlaveToo) {
     EXPECT_EQ(back, image);
 }
 
-// Cancelled at each packet: the slave receives an error message, and the next transfer works.
+// The transfer is cancelled at each packet. The slave receives an error message, and the next transfer succeeds.
 TEST_F(FoeClient, CanBeCancelledAtAnyPacket) {
     start_bootloader();
     const auto image = Bootloader::make_image(2, 5, 4000);
@@ -229,7 +229,7 @@ TEST_F(FoeClient, TheNameMayFillTheMailbox) {
               "slave 1: FoE write: argument out of range: the name of the file does not fit the mailbox of the slave");
 }
 
-// A slave that is busy without end, or that sends full packets without end, does not keep the client for ever.
+// A slave that is always busy, or that sends full packets without an end, does not occupy the client for ever.
 TEST_F(FoeClient, ASlaveThatIsBusyForEverIsGivenUp) {
     auto& slave = start_scripted();
     unsigned repeated = 0;
@@ -289,7 +289,7 @@ TEST_F(FoeClient, TheTimeoutLimitsTheWholeTransfer) {
     EXPECT_GT(sent, 100U);
 }
 
-// The slave acknowledges each packet twice, is busy in between, and each busy packet is repeated.
+// The slave acknowledges each packet twice and is busy in between. The client repeats each busy packet.
 TEST_F(FoeClient, ASlaveThatIsBusyAndAcknowledgesTwice) {
     auto& slave = start_scripted();
     std::vector<std::byte> got;
@@ -318,8 +318,8 @@ TEST_F(FoeClient, ASlaveThatIsBusyAndAcknowledgesTwice) {
 
 TEST_F(FoeClient, HostileRepliesEndTheTransferOrAreIgnored) {
     auto& slave = start_scripted();
-    // Lengths beyond the mailbox, empty mail, error replies of the mailbox: in place of each reply of a transfer.
-    // They have no counter, so that none of them is a copy of a reply.
+    // Each reply of a transfer in turn is replaced by a length beyond the mailbox, empty mail, or an error reply of the
+    // mailbox. These replies have no counter, so none of them is a copy of another reply.
     const std::vector<std::pair<Mail, Errc>> replies{
         {mail_bytes({0xFF, 0x05, 0, 0, 0, 4, 4, 0, 0, 0, 0, 0}), Errc::protocol},
         {mail_bytes({0, 0, 0, 0, 0, 4}), Errc::protocol},
@@ -351,7 +351,7 @@ TEST_F(FoeClient, HostileRepliesEndTheTransferOrAreIgnored) {
             const bool old = at == 0 && reply.size() == 12 && expected == Errc::protocol && reply[0] == std::byte{6};
             EXPECT_EQ(request.error().code, old ? Errc::timeout : expected) << at << " " << bus.words(request.error());
             bus.idle(200ms);
-            // A file of two packets ends the doubt about the answers to this one.
+            // After a file of two packets, the answers to this request are not in doubt any more.
             wrong_from = UINT32_MAX;
             ASSERT_TRUE(submit(*bus.ctx, request).ok());
             bus.run(request, 5s);
@@ -380,7 +380,7 @@ TEST_F(FoeClient, RefusedWithoutFoeOrBeforePreop) {
 
 // ------------------------------------------------------------------ lost frames
 
-// Loses each frame of a write and of a read, on the way out and on the way back, and sends each frame twice.
+// Each frame of a write and of a read in turn is lost on the way out, lost on the way back, or sent twice.
 TEST(FoeLostFrames, EveryFrameOfATransfer) {
     const auto image = Bootloader::make_image(2, 5, 1200);
     std::uint64_t frames = 1;
@@ -415,7 +415,7 @@ TEST(FoeLostFrames, EveryFrameOfATransfer) {
     EXPECT_GT(repeats, 10U);
 }
 
-// The same where the slave cannot repeat a lost reply: the client sends its message again as a new one.
+// The same when the slave cannot repeat a lost reply. The client sends its request again as a new message.
 TEST(FoeLostFrames, WhereNothingIsRepeated) {
     const auto image = Bootloader::make_image(2, 5, 1200);
     std::uint64_t frames = 1;
@@ -440,8 +440,8 @@ TEST(FoeLostFrames, WhereNothingIsRepeated) {
     }
 }
 
-// An error reply does not say what it answers. Behind the last acknowledgement of a file it may be the answer to that
-// message, or to the next one.
+// An error reply does not name the message that it answers. After the last acknowledgement of a file it may be the
+// answer to that message, or to the next message.
 TEST(FoeInBoot, ARequestBehindAFileGetsTheErrorReplyOfTheSlave) {
     MailboxBus bus;
     bus.add_device(sim::make_device("bootloader_open").value());

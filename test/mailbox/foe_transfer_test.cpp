@@ -1,4 +1,4 @@
-// The FoE client without a bus: every octet of its messages, every reply, and replies that no slave should send.
+// The FoE client without a bus: every octet of its messages, every reply, and replies that no slave may send.
 #include "mailbox/foe_transfer.hpp"
 #include "mailbox/foe_bus.hpp"
 
@@ -51,7 +51,7 @@ struct Reading {
     FoeReadTransfer transfer;
 };
 
-// A program that was refused can tell by its source whether the slave may have changed anything.
+// When a file was refused, the source shows the application whether the slave may have changed anything.
 TEST(FoeTransferWrite, TheSourceIsAskedWhenTheSlaveHasAcceptedTheRequest) {
     const auto content = pattern(13);
     for (const bool accepted : {false, true}) {
@@ -65,7 +65,7 @@ TEST(FoeTransferWrite, TheSourceIsAskedWhenTheSlaveHasAcceptedTheRequest) {
         EXPECT_EQ(source.calls, 0U);
         if (accepted) {
             EXPECT_EQ(acknowledge(transfer, 0), Taken::all);
-            EXPECT_FALSE(transfer.prepare());  // this source has nothing at first
+            EXPECT_FALSE(transfer.prepare());  // this source has no data at first
             EXPECT_TRUE(transfer.prepare());
         }
         EXPECT_EQ(answer(transfer, foe_error(0x8010)), Taken::all);
@@ -93,8 +93,8 @@ TEST(FoeTransferWrite, EveryOctetOfItsMessages) {
     EXPECT_EQ(w.request.bytes(), 13U);
 }
 
-// An earlier request may still be acknowledged: this one is sent again, behind a message that ends it. No reply is an
-// answer to that message.
+// An earlier request may still be acknowledged. This request is sent again after a message that ends the earlier
+// request. No reply answers that message.
 TEST(FoeTransferWrite, InDoubtTheRequestIsSentAgain) {
     const auto content = pattern(3);
     Writing w(content);
@@ -172,7 +172,7 @@ TEST(FoeTransferWrite, ABusySlaveGetsTheSameMessageAgain) {
     EXPECT_EQ(w.request.slave_text(), "");
 }
 
-// A slave that was busy acknowledges when it is ready, and again for the repeated packet.
+// A slave that was busy acknowledges when it is ready, and once more for the repeated packet.
 TEST(FoeTransferWrite, ASlaveThatAcknowledgesTwice) {
     const auto content = pattern(25);
     Writing w(content);
@@ -217,7 +217,7 @@ TEST(FoeTransferWrite, AWrongNumberEndsItAndTheSlaveIsTold) {
     const auto content = pattern(25);
     Writing w(content);
     (void)composed(w.transfer);
-    EXPECT_EQ(acknowledge(w.transfer, 77), Taken::no);  // of an earlier transfer
+    EXPECT_EQ(acknowledge(w.transfer, 77), Taken::no);  // acknowledgement of an earlier transfer
     (void)acknowledge(w.transfer, 0);
     (void)composed(w.transfer);
     EXPECT_EQ(acknowledge(w.transfer, 2), Taken::all);
@@ -332,7 +332,7 @@ TEST(FoeTransferRead, NumbersOf16BitsWrap) {
     const Mail full(kRoom, std::byte{9});
     for (std::uint32_t n = 1; n <= kPackets; ++n) {
         ASSERT_EQ(answer(r.transfer, foe_message(Opcode::data, n & 0xFFFF, full)), Taken::all) << n;
-        // The slave gets its own number back.
+        // The acknowledgement contains the number that the slave has used.
         ASSERT_EQ(composed(r.transfer), foe_message(Opcode::acknowledge, n & 0xFFFF));
     }
     EXPECT_EQ(answer(r.transfer, foe_message(Opcode::data, (kPackets + 1) & 0xFFFF)), Taken::all);
@@ -343,7 +343,7 @@ TEST(FoeTransferRead, NumbersOf16BitsWrap) {
 
 TEST(FoeTransferRead, AFileLargerThanTheMemoryEndsItAndNothingIsWrittenBehind) {
     Reading r(15);
-    r.memory.resize(32, std::byte{0xA5});  // the sink has the first 15 octets only
+    r.memory.resize(32, std::byte{0xA5});  // the sink has only the first 15 octets
     MemorySink sink(MutableBytes(r.memory).first(15));
     FoeReadTransfer transfer(r.request, sink, r.packet);
     (void)composed(transfer);
@@ -390,7 +390,7 @@ TEST(FoeTransferRead, ASinkThatIsNotReadyOrFails) {
     EXPECT_EQ(cut.error().code, Errc::stream_failed);
     EXPECT_EQ(cut.error().detail, 28U);
 
-    // Any number is one of the application.
+    // The application may use any number.
     struct Refusing final : ByteSink {
         Taken push(Bytes) override { return {.failure = 0xFFFF'FFFF}; }
     } refusing;

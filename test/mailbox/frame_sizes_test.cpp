@@ -43,7 +43,7 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     UndescribedPdos undescribed{};
     expect("find_sms_by_coe", 256, find_sms_by_coe(channel, bus.ctx->slave(1), {}, found, undescribed, {}));
     expect("write_sm_pdos", 512, write_sm_pdos(channel, {}, {}));
-    // One read that has started: its sequences, the pump and the mailbox.
+    // One started read: its sequences, the pump and the mailbox.
     SdoUpload request;
     request.slave = 1;
     request.index = 0x1000;

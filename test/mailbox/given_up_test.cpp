@@ -1,5 +1,5 @@
-// Messages that must arrive although no request waits for an answer: messages without a reply behind one that the slave
-// has not read yet, and the messages that end operations early.
+// Messages that must arrive although no request waits for an answer: messages without a reply after a message that the
+// slave has not read yet, and messages that end operations early.
 #include "mailbox/mailbox_bus.hpp"
 #include "sim/library/library.hpp"
 
@@ -39,12 +39,12 @@ TEST(LostMessages, BehindAMessageThatIsNotReadYetAreRepeated) {
         std::vector<std::byte> echoes;
         std::array<std::byte, 8> echo{};
         while (inbox.take(echo)) echoes.push_back(echo[0]);
-        ASSERT_FALSE(echoes.empty());  // no listener was there for the first ones
+        ASSERT_FALSE(echoes.empty());  // the first messages arrived before the listener was added
         EXPECT_EQ(echoes.back(), std::byte{0xEE});
     }
 }
 
-// Two axes of one drive are on the way to their homes when both commands are cancelled at once, without loss and with.
+// Two axes of one drive are homing when both commands are cancelled at the same time, with and without lost frames.
 TEST(GivenUpCommands, AreClearedForEachAxis) {
     for (const bool loses : {false, true}) {
         SCOPED_TRACE(loses);
@@ -59,7 +59,7 @@ TEST(GivenUpCommands, AreClearedForEachAxis) {
         const auto cycles = [&](Duration how_long) {
             const Time end = bus.osal.now() + how_long;
             (void)run_cycle(ctx, {}, [&](const CycleInfo&) {
-                for (std::size_t axis = 0; axis < 2; ++axis) {  // on, and the position where it is
+                for (std::size_t axis = 0; axis < 2; ++axis) {  // switched on, with the present position as target
                     data.outputs.bytes[axis * 6 + 1] = std::byte{0xE0};
                     std::copy_n(data.inputs.bytes.begin() + static_cast<std::ptrdiff_t>(axis * 10 + 2), 4,
                                 data.outputs.bytes.begin() + static_cast<std::ptrdiff_t>(axis * 6 + 2));

@@ -1,5 +1,5 @@
-// An operation of each mailbox protocol, ended at each of its steps: by cancel(), by INIT, by a loss of power of the
-// slave. It ends in time and with an error in words, and afterwards the same operation works.
+// An operation of each mailbox protocol is ended at each of its steps: by cancel(), by INIT, or by a loss of power of
+// the slave. It ends in time and with an error text, and afterwards the same operation succeeds.
 #include "mailbox/all_protocols.hpp"
 
 #include <functional>
@@ -13,13 +13,13 @@ namespace all = all_protocols;
 struct Attempt {
     std::shared_ptr<Request> request;  // with the destructor of its own type
     std::vector<std::byte> memory;
-    std::function<bool()> right = [] { return true; };  // after success
+    std::function<bool()> right = [] { return true; };  // the check after success
 };
 
 struct Protocol {
     const char* name;
     std::unique_ptr<Attempt> (*make)(Context& ctx);
-    std::unique_ptr<Attempt> (*before)(Context& ctx) = nullptr;  // what the slave must have got
+    std::unique_ptr<Attempt> (*before)(Context& ctx) = nullptr;  // the operation that must have succeeded before
 };
 
 void PrintTo(const Protocol& protocol, std::ostream* out) { *out << protocol.name; }
@@ -152,7 +152,7 @@ class Interrupted : public testing::TestWithParam<Protocol> {
         bus.add_device(all::make());
         bus.start();
     }
-    // Does the operation without disturbance; returns its steps.
+    // Executes the operation without a disturbance. Returns the number of its steps.
     unsigned whole(std::unique_ptr<Attempt> (*make)(Context&), const std::string& when) {
         const auto one = make(*bus.ctx);
         unsigned steps = 0;
@@ -165,7 +165,7 @@ class Interrupted : public testing::TestWithParam<Protocol> {
         if (GetParam().before != nullptr) (void)whole(GetParam().before, when);
         return whole(GetParam().make, when);
     }
-    // Ends the operation at each of its steps by `end`, and brings the slave back by `mend`.
+    // Ends the operation by `end` at each of its steps, and brings the slave back by `mend`.
     void at_each_step(const std::function<void(Request&)>& end, const std::function<void()>& mend) {
         const unsigned steps = whole("before");
         ASSERT_GT(steps, 0U);
@@ -227,7 +227,7 @@ TEST_P(Interrupted, ByALossOfPower) {
         });
 }
 
-// A new scan in the middle closes all mailboxes.
+// A new scan during the operation closes all mailboxes.
 TEST_P(Interrupted, ByAScan) {
     at_each_step(
         [this](Request&) {

@@ -1,5 +1,5 @@
-// Answers of EoE and SoE that come long after their request was given up: they do not name the request that they
-// answer, and are never taken for the answer to another one.
+// Answers of EoE and SoE that come long after their request was given up. These answers do not name the request. The
+// library never accepts one of them as the answer to another request.
 #include "mailbox/slow_slave.hpp"
 
 #include <margay/eoe.hpp>
@@ -18,11 +18,11 @@ class LateAnswers : public testing::Test {
     SlowSlave slave{bus, 200};  // octets of a mailbox
     Duration slow = 1ms;        // for each parameter that is read or written
     bool answers_questions = true;
-    bool reads_address = false;  // the question of the library is another one
+    bool reads_address = false;  // the library then sends another question
     Duration usual = 1ms;        // for each question
-    unsigned lost = 0;           // so many of the next answers are lost
-    unsigned asked = 0;          // parameters, questions of the library not counted
-    unsigned questions = 0;      // of the library
+    unsigned lost = 0;           // number of the next answers that are lost
+    unsigned asked = 0;          // parameters that were requested, without the questions of the library
+    unsigned questions = 0;      // questions of the library
     std::array<std::byte, 8> octets{};
 
     void SetUp() override {
@@ -35,8 +35,8 @@ class LateAnswers : public testing::Test {
         bus.start();
         slave.queues = true;
     }
-    // A parameter has the number of requests so far as its value, in one mail or in two. It accepts values below 90.
-    // An address below 90 is accepted, and the address that is read has the number of requests.
+    // The value of a parameter is the number of requests so far, in one mail or in two mails. The slave accepts values
+    // below 90. It accepts an address below 90, and a read of the address returns the number of requests.
     SlowSlave::Answer answer(MailboxType type, const Mail& mail) {
         const Bytes data = Bytes(mail).subspan(wire::kMailboxHeaderBytes);
         if (type == MailboxType::soe) return answer_drive(data);
@@ -85,7 +85,7 @@ class LateAnswers : public testing::Test {
         slave.run(request);
         return request.error();
     }
-    // So many requests that the slave has taken, questions of the library not counted.
+    // The number of requests that the slave has received, without the questions of the library.
     [[nodiscard]] unsigned sent(MailboxType type) const {
         return static_cast<unsigned>(std::ranges::count_if(slave.received(), [&](const Mail& mail) {
             const Bytes data = Bytes(mail).subspan(wire::kMailboxHeaderBytes);
@@ -94,15 +94,15 @@ class LateAnswers : public testing::Test {
             return (std::to_integer<unsigned>(data[0]) & 0xFU) == 6;
         }));
     }
-    // The library waits for half of the time for the answer to its question. The slave answers late ones before, so it
-    // answers the question in time behind kWithin, and not in time behind kBeyond.
+    // The library waits half of the time limit for the answer to its question. The slave answers in order, so it
+    // answers the question in time when the late answer needs kWithin, and not in time when it needs kBeyond.
     static constexpr Duration kWithin = 2s;
     static constexpr Duration kBeyond = 7s;
     Error finish_late(Request& request) {
         request.timeout = 10s;
         return finish(request);
     }
-    // The slave needs `work` for the answer, and the library gives up before.
+    // The slave needs `work` for the answer, and the library gives up the request before the answer.
     void times_out(Request&& request, Duration work) {
         slow = work;
         request.timeout = 50ms;
@@ -139,7 +139,7 @@ class LateAnswers : public testing::Test {
     };
 };
 
-// One request, or several, are given up; the slave answers them later than any time that the library waits for.
+// One request, or several requests, are given up. The slave answers them later than any time limit of the library.
 TEST_F(LateAnswers, OfAParameterThatWasRead) {
     for (const bool question : {false, true})
         for (const unsigned number : {100U, 200U})
@@ -170,7 +170,7 @@ TEST_F(LateAnswers, OfAParameterThatWasWritten) {
         }
 }
 
-// Another drive has an order of its own, and no doubt.
+// Another drive answers in its own order, so its answers are not in doubt.
 TEST_F(LateAnswers, OfAnotherDrive) {
     times_out(ReadParameter(octets, 100), kWithin);
     questions = asked = 0;
@@ -180,7 +180,7 @@ TEST_F(LateAnswers, OfAnotherDrive) {
     EXPECT_EQ(questions, 0U);
 }
 
-// The library asks once. The next request is sent as it would be without the doubt.
+// The library sends one question. The following request is sent as if nothing were in doubt.
 TEST_F(LateAnswers, AreNoDoubtBehindAQuestion) {
     const auto count = [&](Request&& request, unsigned wanted_questions) {
         questions = asked = 0;
@@ -197,7 +197,7 @@ TEST_F(LateAnswers, AreNoDoubtBehindAQuestion) {
     count(SetIp(3), 0);
 }
 
-// The late answer comes before the next request, and is the only one.
+// The late answer comes before the next request, and it is the only late answer.
 TEST_F(LateAnswers, AreNoDoubtWhenTheyHaveCome) {
     times_out(WriteParameter(1), 200ms);
     times_out(SetIp(1), 200ms);
@@ -239,8 +239,8 @@ TEST_F(LateAnswers, OfAnAddressThatWasRead) {
         }
 }
 
-// A slave that needs more than half of the timeout for each answer. Some requests later, each one is answered again:
-// the answer to the question of an earlier request ends the doubt, too.
+// A slave that needs more than half of the timeout for each answer. After some requests each request is answered again,
+// because the answer to the question of an earlier request also ends the doubt.
 TEST_F(LateAnswers, OfASlowSlaveAreOverSomeRequestsLater) {
     constexpr Duration kTimeout = 20ms;
     for (const bool drive : {true, false})
@@ -254,7 +254,7 @@ TEST_F(LateAnswers, OfASlowSlaveAreOverSomeRequestsLater) {
                         reads_address = true;
                         slow = usual = work;
                         lost = losses;
-                        unsigned answered = 0;  // the last ones without a timeout between them
+                        unsigned answered = 0;  // the last requests, without a timeout between them
                         for (unsigned n = 0; n < 40; ++n) {
                             const unsigned before = asked;
                             ReadParameter parameter(octets, 100);
@@ -276,7 +276,7 @@ TEST_F(LateAnswers, OfASlowSlaveAreOverSomeRequestsLater) {
                     }
 }
 
-// Any answer may be lost, and any may take longer than the timeout.
+// Any answer may be lost, and any answer may take longer than the timeout.
 TEST_F(LateAnswers, AreNeverTakenForOthers) {
     std::mt19937 random(15);
     const auto one_of = [&](unsigned many) { return static_cast<unsigned>(random() % many); };

@@ -1,13 +1,13 @@
-// Late replies behind lost frames, silences of the slave, and slow spells: each request has its own answer, whatever
-// came before it.
+// Late replies after lost frames, after silences of the slave, and after times in which the slave is slow. Each request
+// has its own answer, whatever came before it.
 #include "mailbox/slow_slave.hpp"
 
 namespace margay {
 namespace {
 
-// SDO: 0x2000 and 0x2001 accept values below 10 after `slow`, and refuse others; an upload of 0x2000 returns how often
-// it was asked for. All other objects answer with four octets. A file has the first letter of its name 20 times; "a" is
-// slow.
+// SDO: 0x2000 and 0x2001 accept values below 10 after `slow`, and refuse other values. An upload of 0x2000 returns the
+// number of its uploads. All other objects answer with four octets. A file contains the first letter of its name 20
+// times; file "a" is slow.
 class LateOrder : public testing::Test {
   protected:
     MailboxBus bus;
@@ -32,7 +32,7 @@ class LateOrder : public testing::Test {
             return {content[0] == 'a' ? slow : usual,
                     {foe_message(foe::Opcode::data, 1, std::as_bytes(std::span(content)))}};
         }
-        if (type == MailboxType::soe && octet(2) != 100)  // there is no other parameter
+        if (type == MailboxType::soe && octet(2) != 100)  // the slave has no other parameter
             return {usual, {mail_bytes({0x12, octet(1), octet(2), octet(3), 1, 0x10})}};
         if (type == MailboxType::soe) return {slow, {mail_bytes({2, 0x40, 100, 0, ++asked, 0, 0, 0})}};
         if (type == MailboxType::eoe && octet(0) == 6)
@@ -64,7 +64,7 @@ class LateOrder : public testing::Test {
         slave.run(request);
         return request.error();
     }
-    // Until the slave can be asked again.
+    // Checks that the slave refuses a write. This shows that the slave answers requests again.
     void refused(std::uint16_t object = 0x2000) {
         Write write(99, object);
         const Error error = finish(write);
@@ -87,7 +87,7 @@ class LateOrder : public testing::Test {
     }
 };
 
-// The slave needs longer than the library waits for a reply that seems lost, so that it gets the request twice.
+// The slave needs longer than the library waits before it treats a reply as lost. So the slave gets the request twice.
 TEST_F(LateOrder, BehindALostFrameWithOtherMail) {
     for (const bool repeats : {false, true})
         for (const bool queues : {false, true})
@@ -111,7 +111,7 @@ TEST_F(LateOrder, BehindALostFrameWithOtherMail) {
             }
 }
 
-// The frame with the reply is lost, and the slave has new mail behind it: it cannot repeat the reply.
+// The frame with the reply is lost, and the slave has put new mail into the mailbox. So it cannot repeat the reply.
 TEST_F(LateOrder, AReplyIsLostBeforeOtherMail) {
     slow = 5ms;
     SdoUpload first;
@@ -136,7 +136,8 @@ TEST_F(LateOrder, AReplyIsLostBeforeOtherMail) {
     EXPECT_LT(bus.osal.now() - start, 500ms);
 }
 
-// Without a supervision, and with a slave that keeps its state: the slave still answers the earlier request.
+// There is no supervision, and the slave keeps its state during the silence. The slave still answers the earlier
+// request.
 TEST_F(LateOrder, BehindASilence) {
     for (const bool of_file : {false, true})
         for (const bool queues : {false, true})
@@ -167,7 +168,7 @@ TEST_F(LateOrder, BehindASilence) {
             }
 }
 
-// A spell in which the slave is slower than the timeout: later requests have their own answers.
+// For a while the slave is slower than the timeout. Later requests have their own answers.
 TEST_F(LateOrder, AfterASlowSpell) {
     slave.queues = true;
     for (const Duration timeout : {Duration(60ms), Duration(80ms), Duration(100ms)})
@@ -187,7 +188,7 @@ TEST_F(LateOrder, AfterASlowSpell) {
             }
 }
 
-// The request that was given up asked for an object that the library asks for itself.
+// The request that was given up reads an object that the library also reads for itself.
 TEST_F(LateOrder, BehindAReadOfTheDeviceType) {
     slave.queues = true;
     for (const Duration give_up : {Duration(20ms), Duration(50ms)}) {
@@ -219,7 +220,7 @@ TEST_F(LateOrder, BehindTwoObjectsThatWereGivenUp) {
     refused();
 }
 
-// The late reply lies in the mailbox when the next request begins, a minute later.
+// The late reply is in the mailbox when the next request begins, a minute later.
 TEST_F(LateOrder, AMinuteLater) {
     slow = 700ms;
     for (const bool raw : {false, true}) {
@@ -247,7 +248,7 @@ TEST_F(LateOrder, AMinuteLater) {
     }
 }
 
-// Replies of CoE do not say which raw message they answer.
+// Replies of CoE do not name the raw message that they answer.
 TEST_F(LateOrder, OfRawCoe) {
     slow = 700ms;
     for (const bool queues : {false, true}) {
@@ -283,7 +284,7 @@ struct SetIp : EoeSetIp {
     }
 };
 
-// The slave needs longer than the library waits for a reply that seems lost, and answers both messages.
+// The slave needs longer than the library waits before it treats a reply as lost. The slave answers both messages.
 TEST_F(LateOrder, TheSecondAnswerToARequestThatWasRepeated) {
     slow = 300ms;
     slave.script().repeats = false;
@@ -306,7 +307,7 @@ TEST_F(LateOrder, TheSecondAnswerToARequestThatWasRepeated) {
     EXPECT_EQ(finish(refused).code, Errc::eoe_error);
 }
 
-// Mail without data ends the request that waits. The answer to this request comes later.
+// Mail without data ends the waiting request. The answer to this request comes later.
 TEST_F(LateOrder, TheAnswerBehindAMalformedMail) {
     const auto disturbed = [&](Request&& request, MailboxType type, Duration behind) {
         slow = 5ms + behind;

@@ -1,4 +1,4 @@
-// Late replies that are parts: of an answer of several mails, of a file, of what several requests are owed.
+// Late replies that are parts: of an answer in several mails, of a file, or of the answers to several requests.
 #include "mailbox/slow_slave.hpp"
 
 namespace margay {
@@ -8,7 +8,7 @@ struct LateBus {
     MailboxBus bus;
     SlowSlave slave{bus};
 
-    // A slave that keeps messages in a queue from PREOP on.
+    // A slave that queues messages from PREOP on.
     void start(std::function<SlowSlave::Answer(MailboxType, const Mail&)> answers, bool queues = true) {
         slave.answers = std::move(answers);
         bus.start();
@@ -34,8 +34,8 @@ struct LateBus {
 
     static Bytes content_of(const Mail& mail) { return Bytes(mail).subspan(wire::kMailboxHeaderBytes); }
     static unsigned octet(Bytes data, std::size_t n) { return std::to_integer<unsigned>(data[n]); }
-    // SDO: objects from 0x2000 on accept values below 90 after `accept`, and refuse others at once. All other objects
-    // answer at once.
+    // SDO: objects from 0x2000 on accept values below 90 after `accept`, and refuse other values at once. All other
+    // objects answer at once.
     static SlowSlave::Answer sdo(const Mail& mail, Duration accept) {
         const Bytes data = content_of(mail);
         if (octet(data, 2) == 0x80) return {};
@@ -94,7 +94,7 @@ TEST_F(LateParts, TheAnswerToAQuestionIsNoneOfTheRepliesThatAreOwed) {
                                         : SlowSlave::Answer{};
     });
     times_out(Write(1, 0x2000), 50ms);
-    times_out(Write(2, 0x2000), 50ms);  // asks a question before, which is not answered in time
+    times_out(Write(2, 0x2000), 50ms);  // first sends a question, which is not answered in time
     times_out(Write(1, 0x2001), 50ms);
     slave.idle(50ms);
     is_refused(99, 0x2001);
@@ -123,7 +123,7 @@ TEST_F(LateParts, AMessageWithoutReplyIsRefusedLate) {
     EXPECT_EQ(finish(send).code, Errc::none);
     slave.idle(110ms);
     Write write(1);
-    (void)finish(write);  // the error names no message: it may be that of this request
+    (void)finish(write);  // the error names no message, so it may belong to this request
     is_refused(99, 0x2000);
 }
 
@@ -224,12 +224,12 @@ TEST(LostParts, AnObjectListIsComplete) {
         }
 }
 
-// A drive with a value of 260 octets in five mails; each octet is the number of its mail.
+// A drive with a value of 260 octets in five mails. Each octet is the number of its mail.
 struct DriveInParts {
     MailboxBus bus;
     ScriptedSlave& slave = bus.add_scripted(64);
     unsigned asked = 0;
-    unsigned left_out = 0;  // this mail of the first answer is not sent
+    unsigned left_out = 0;  // the mail of the first answer with this number is not sent
     std::uint8_t counter = 0;
 
     DriveInParts() {
@@ -251,7 +251,7 @@ struct DriveInParts {
     }
 };
 
-// The frame with one of the mails is lost on its way to the master, also of a drive whose mail has no counters.
+// The frame with one of the mails is lost on its way to the master. One of the drives has mail without counters.
 TEST(LostParts, AValueOfADriveIsComplete) {
     enum class Manner { repeats, does_not_repeat, has_nothing_to_repeat, does_not_count };
     for (const auto manner :
@@ -272,7 +272,7 @@ TEST(LostParts, AValueOfADriveIsComplete) {
         }
 }
 
-// The rest of an answer that breaks the rules is not the answer to the next request.
+// The drive leaves out a mail, against the protocol. The rest of its answer is not the answer to the next request.
 TEST(LostParts, ADriveThatLeavesOutAMail) {
     for (const unsigned n : {2U, 3U, 4U}) {
         SCOPED_TRACE(n);
@@ -292,8 +292,8 @@ TEST(LostParts, ADriveThatLeavesOutAMail) {
 
 // ------------------------------------------------------------------ files
 
-// The slave stalls once, for longer than the library waits for a late packet. Both first packets come one after the
-// other, while the application has no room for more, or while another protocol is used.
+// The slave stops once, for longer than the library waits for a late packet. Two first packets arrive one after the
+// other, while the sink of the application has no room, or while another protocol is used.
 TEST_F(LateParts, TheFirstPacketOfAFileThatComesTwiceEndsIt) {
     struct SlowSink final : ByteSink {
         Taken push(Bytes octets) override { return {.bytes = std::min<std::size_t>(octets.size(), 20)}; }
@@ -334,7 +334,7 @@ TEST_F(LateParts, TheFirstPacketOfAFileThatComesTwiceEndsIt) {
         }
 }
 
-// A write that was given up in its middle, and a read that was given up: both late packets come before the next file.
+// A write and a read are given up in the middle. Both late packets arrive before the next file.
 TEST_F(LateParts, FilesThatWereGivenUpInTheirMiddle) {
     for (const std::size_t size : {40U, 150U}) {
         SCOPED_TRACE(size);
@@ -374,7 +374,8 @@ TEST_F(LateParts, FilesThatWereGivenUpInTheirMiddle) {
     }
 }
 
-// A slave with a queue answers reads that were given up. A later read of several packets fails or has its own content.
+// A slave with a queue answers reads that were given up. A later read of several packets fails or returns its own
+// content.
 TEST(LateFiles, OfSeveralPacketsAreNotMixed) {
     constexpr std::size_t kPacket = 52;
     constexpr std::size_t kOctets = 130;
@@ -413,7 +414,7 @@ TEST(LateFiles, OfSeveralPacketsAreNotMixed) {
         }
 }
 
-// The slave keeps messages in a queue: when a file is written, the acknowledgements of an earlier one are on their way.
+// The slave has a queue. When a file is written, acknowledgements of an earlier file are still on their way.
 TEST(LateFiles, AWriteIsNotConfirmedByAnEarlierOne) {
     for (const char content : {'c', 'd'}) {
         SCOPED_TRACE(content);
@@ -440,8 +441,8 @@ TEST(LateFiles, AWriteIsNotConfirmedByAnEarlierOne) {
     }
 }
 
-// The acknowledgement of the first packet shows that the slave has answered all requests before, whether it has
-// answered the write that was given up or not.
+// The acknowledgement of the first packet shows that the slave has processed all earlier requests, also if it has not
+// answered the write that was given up.
 TEST(LateFiles, AWriteOfOnePacketEndsTheDoubt) {
     for (const bool answers_late : {false, true}) {
         SCOPED_TRACE(answers_late);

@@ -1,5 +1,5 @@
-// Replies that come late or twice: a reply to a request that was given up is never taken for the reply to the next
-// request of the same kind, however long the slave works and whatever else was given up.
+// Replies that come late or twice. The library never accepts a reply to a request that was given up as the reply to the
+// next request of the same kind, however long the slave works and whatever else was given up.
 #include "mailbox/slow_slave.hpp"
 
 namespace margay {
@@ -17,13 +17,13 @@ class LateReply : public testing::Test {
         slave.answers = [this](MailboxType type, const Mail& mail) { return answer(type, mail); };
         bus.start();
     }
-    // 0x2000 accepts the value 1 after `slow`, and refuses any other value at once. A file has the first octet of its
-    // name 20 or, in capitals, 100 times; 'a' and 'A' come after `slow`.
+    // 0x2000 accepts the value 1 after `slow`, and refuses any other value at once. A file contains the first octet of
+    // its name 20 times, or 100 times for a capital letter. The files 'a' and 'A' come after `slow`.
     SlowSlave::Answer answer(MailboxType type, const Mail& mail) {
         if (type == MailboxType::foe) return foe_answer(mail);
         const Bytes data = Bytes(mail).subspan(wire::kMailboxHeaderBytes);
         if (type == MailboxType::eoe) {
-            if (data[0] != std::byte{6}) return {0ms, {mail_bytes({9, 1, 1, 0})}};  // it has no filter
+            if (data[0] != std::byte{6}) return {0ms, {mail_bytes({9, 1, 1, 0})}};  // the slave has no filter
             ++eoe_asked;
             return {eoe_asked == 1 ? slow : 1ms, {mail_bytes({7, 1, 0, 0, 2, 0, 0, 0, eoe_asked, 0, 0, 10})}};
         }
@@ -113,7 +113,7 @@ TEST_F(LateReply, IsNotTakenWhenAnotherProtocolIsGivenUpToo) {
     }
 }
 
-// A cancelled write and a cancelled file: none of them hides the other.
+// A write and a file are cancelled. The library remembers both late replies.
 TEST_F(LateReply, IsNotTakenWhenSeveralAreGivenUp) {
     slave.queues = true;
     slow = 150ms;
@@ -178,8 +178,8 @@ TEST_F(LateReply, TheErrorOfAMessageThatWasGivenUpDoesNotEndTheNextRequest) {
         }
 }
 
-// A slave works on a write and a file at the same time, and refuses the file. The write, which is older, ends by this
-// error, because the error does not say what it answers.
+// A slave processes a write and a file at the same time, and refuses the file. This error ends the write, which is
+// older, because the error does not name the message that it answers.
 TEST_F(LateReply, OfAWriteThatTheErrorOfAnotherProtocolEnded) {
     slave.queues = true;
     Write write(1);
@@ -195,7 +195,7 @@ TEST_F(LateReply, OfAWriteThatTheErrorOfAnotherProtocolEnded) {
     read.cancel();
 }
 
-// A fragment of a frame is no answer to a request for the IP parameters.
+// A fragment of a frame is not an answer to a request for the IP parameters.
 TEST_F(LateReply, OfEoeIsNotTakenBehindAFrame) {
     slave.queues = true;
     EoeGetIp first;
@@ -213,7 +213,7 @@ TEST_F(LateReply, OfEoeIsNotTakenBehindAFrame) {
     EXPECT_EQ(second.ip.address, (Ipv4Address{10, 0, 0, 2}));
 }
 
-// However long the slave takes, also longer than the timeout.
+// The slave may need any time, also longer than the timeout.
 TEST_F(LateReply, OfASlowObjectIsNotTaken) {
     for (const bool queues : {false, true})
         for (const Duration takes : {Duration(150ms), Duration(1500ms)})
@@ -242,7 +242,7 @@ TEST_F(LateReply, OfAnObjectThatTakesLongerThanTheDefaultTimeout) {
         slave.run(first);
         EXPECT_EQ(first.error().code, Errc::timeout);
         refused();
-        slow = 5s;  // also longer than the second request
+        slow = 5s;  // also longer than the timeout of the second request
         Write again(1);
         begin(again);
         slave.run(again);
@@ -256,7 +256,7 @@ TEST_F(LateReply, OfAnObjectThatTakesLongerThanTheDefaultTimeout) {
     }
 }
 
-// The abort of the first message, octet by octet; and a slave that has dropped the request does not delay other
+// Checks the abort of the first message octet by octet. A slave that has dropped the request does not delay other
 // requests for long.
 TEST_F(LateReply, TheFirstMessageIsAbortedAndARetryIsQuick) {
     slave.answers = [&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
@@ -283,7 +283,7 @@ TEST_F(LateReply, OfASlowFileIsNotTaken) {
         for (const bool cancels : {false, true})
             for (const bool queues : {false, true})
                 for (const auto* name : {"b", "B"}) {
-                    if (queues && !cancels) continue;  // only time is left, see the next test
+                    if (queues && !cancels) continue;  // only the time limit remains, see the next test
                     SCOPED_TRACE(testing::Message() << queues << cancels << name << takes.count());
                     slave.queues = queues;
                     slow = takes;
@@ -298,7 +298,7 @@ TEST_F(LateReply, OfASlowFileIsNotTaken) {
                 }
 }
 
-// A slave with a queue that answers long after the timeout: a file of one packet is read again.
+// A slave with a queue answers long after the timeout. A file of one packet is read again.
 TEST_F(LateReply, OfAFileOfOnePacketIsNotTaken) {
     slave.queues = true;
     for (const Duration takes : {Duration(250ms), Duration(700ms), Duration(12s)})
@@ -319,7 +319,7 @@ TEST_F(LateReply, OfAFileOfOnePacketIsNotTaken) {
         }
 }
 
-// Behind a late packet, the file has several packets: it is no success, and the next try is one.
+// After a late packet the read of a file of several packets is not successful. The next attempt succeeds.
 TEST_F(LateReply, OfAFileOfOnePacketBeforeALongerFile) {
     slave.queues = true;
     slow = 700ms;
@@ -336,8 +336,8 @@ TEST_F(LateReply, OfAFileOfOnePacketBeforeALongerFile) {
     reads("B");
 }
 
-// A slave that has dropped the request: a file of one packet is read twice, until one of several packets shows that
-// nothing is late. Without a timeout it is read once.
+// A slave has dropped the request. A file of one packet is read twice, until a file of several packets shows that no
+// reply is late. Without an earlier timeout the file is read once.
 TEST_F(LateReply, IsNotExpectedForEver) {
     reads("b");
     const auto mails = slave.received().size();
@@ -360,7 +360,8 @@ TEST_F(LateReply, IsNotExpectedForEver) {
     EXPECT_EQ(of("b"), mails);
 }
 
-// A slave with a queue that answers long after the timeout: a file whose first packet comes twice is no success.
+// A slave with a queue answers long after the timeout. The read of a file whose first packet comes twice is not
+// successful.
 TEST_F(LateReply, OfAFileIsFoundWhenTheFirstPacketComesTwice) {
     slave.queues = true;
     slow = 700ms;
@@ -377,7 +378,7 @@ TEST_F(LateReply, OfAFileIsFoundWhenTheFirstPacketComesTwice) {
     reads("B");
 }
 
-// A slave that was busy answers twice: the second answer comes behind the file.
+// A slave that was busy answers twice. The second answer comes after the file.
 TEST_F(LateReply, TheSecondAnswerBehindABusyFile) {
     for (const bool fails : {false, true}) {
         SCOPED_TRACE(fails);
@@ -399,7 +400,7 @@ TEST_F(LateReply, TheSecondAnswerBehindABusyFile) {
     }
 }
 
-// The same where the slave was not busy.
+// The same with a slave that was not busy.
 TEST_F(LateReply, AnErrorThatComesTwiceDoesNotEndTheNextFile) {
     slave.answers = [&](MailboxType type, const Mail& mail) -> SlowSlave::Answer {
         auto usual = answer(type, mail);

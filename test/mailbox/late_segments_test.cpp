@@ -1,4 +1,4 @@
-// Segmented SDO transfers that are given up: the reply to a segment that still comes is no answer to a later request.
+// Segmented SDO transfers that are given up. A late reply to a segment is not the answer to a later request.
 #include "mailbox/slow_slave.hpp"
 
 #include <utility>
@@ -6,7 +6,7 @@
 namespace margay {
 namespace {
 
-// Object 0x2000: a text, which the slave checks when it has all of it, and which must not begin with 'b'.
+// Object 0x2000: a text, which must not begin with 'b'. The slave checks it when it has received the whole text.
 class LateSegments : public testing::TestWithParam<std::pair<bool, bool>> {
   protected:
     static constexpr std::size_t kInSegments = 100;

@@ -1,10 +1,10 @@
-// Listeners for mail that no request waits for, and the regular looks for it.
+// Listeners for mail that no request waits for, and the regular looks for this mail.
 #include "mailbox/mailbox_bus.hpp"
 
 namespace margay {
 namespace {
 
-// Keeps what it takes; takes mail whose first octet is in `wanted`, or any.
+// Takes mail whose first octet is in `wanted`, or any mail, and stores it.
 class Keeper final : public MailListener {
   public:
     explicit Keeper(MailboxType type = MailboxType::voe) : MailListener(type) {}
@@ -65,7 +65,7 @@ TEST_F(ListenerTest, HearsItsSlaveAndItsProtocolInTheOrderOfListening) {
     EXPECT_EQ(other.all, (Heard{{2, mail_bytes({1})}}));
     EXPECT_EQ(emergencies(*bus.ctx, 2).count(), 1U);
     EXPECT_EQ(unexpected(1) + unexpected(2), 0U);
-    // A listener for CoE does not get emergencies, but the rest.
+    // A listener for CoE gets all CoE mail except emergencies.
     Keeper coe(MailboxType::coe);
     ASSERT_TRUE(listen(*bus.ctx, coe).ok());
     send(2, {0x00, 0x10, 0x30, 0x81, 0x05, 1, 2, 3, 4, 5}, MailboxType::coe);
@@ -97,7 +97,7 @@ TEST_F(ListenerTest, IsRefusedInWords) {
               "protocol must be 1 to 15 (of a listener 0 to 15)");
 }
 
-// It may have another owner.
+// Another context may own the listener.
 TEST_F(ListenerTest, OfAnotherContextGoesOnListening) {
     start(1);
     Keeper keeper;
@@ -109,7 +109,8 @@ TEST_F(ListenerTest, OfAnotherContextGoesOnListening) {
     EXPECT_TRUE(keeper.listening());
 }
 
-// A mailbox error that answers a message without reply. One that ends a request is the request's.
+// A mailbox error that answers a message without a reply goes to the listener. A mailbox error that ends a request
+// belongs to the request.
 TEST_F(ListenerTest, HearsErrorsThatEndNoRequest) {
     start(1);
     (void)watch_mailboxes(*bus.ctx, 1ms);
@@ -127,7 +128,7 @@ TEST_F(ListenerTest, HearsErrorsThatEndNoRequest) {
     using Heard = std::vector<std::pair<std::uint16_t, Mail>>;
     EXPECT_EQ(errors.all, (Heard{{1, refusal}}));
     EXPECT_EQ(unexpected(1), 0U);
-    // After the time in which an error most likely belongs to that message.
+    // Waits until an error most likely does not belong to that message any more.
     bus.idle(5s);
     std::array<std::byte, 32> answer{};
     RawMail asked;
@@ -140,7 +141,7 @@ TEST_F(ListenerTest, HearsErrorsThatEndNoRequest) {
     EXPECT_EQ(errors.all.size(), 1U);
 }
 
-// A listener may be removed, destroyed and added while one is asked.
+// While the library calls a listener, listeners may be removed, destroyed and added.
 TEST_F(ListenerTest, MayChangeTheListenersWhileItIsAsked) {
     start(1);
     (void)watch_mailboxes(*bus.ctx, 1ms);
@@ -164,7 +165,7 @@ TEST_F(ListenerTest, MayChangeTheListenersWhileItIsAsked) {
     send(1, {3});
     bus.idle(10ms);
     EXPECT_EQ(third.all.size(), 1U) << "a listener that was added gets later mail";
-    // Listeners that move to the end of the list are asked once for each mail.
+    // A listener that moves to the end of the list is called once for each mail.
     unsigned asked = 0;
     const auto move = [&](Keeper& one) {
         ++asked;
@@ -187,7 +188,7 @@ TEST_F(ListenerTest, MayChangeTheListenersWhileItIsAsked) {
     bus.idle(10ms);
     EXPECT_EQ(third.all.size(), 3U);
     third.before = nullptr;
-    // The context may end before its listeners.
+    // The context may be destroyed before its listeners.
     bus.ctx.reset();
     EXPECT_FALSE(third.listening());
 }
@@ -204,7 +205,7 @@ TEST_F(ListenerTest, StaysAfterAScan) {
     EXPECT_EQ(keeper.all.size(), 1U);
 }
 
-// The looks have the period of the listener, and a slave that does not answer gets one at a time.
+// The looks have the period of the listener. A slave that does not answer gets only one look at a time.
 TEST_F(ListenerTest, LooksRegularlyAndNoMoreThanThat) {
     start(2);
     Keeper keeper;
@@ -224,14 +225,14 @@ TEST_F(ListenerTest, LooksRegularlyAndNoMoreThanThat) {
     send(2, {2});
     send(2, {3});
     bus.idle(15ms);
-    EXPECT_EQ(keeper.all.size(), 3U);  // one look finds all of them
-    // The shortest period of all listeners counts.
+    EXPECT_EQ(keeper.all.size(), 3U);  // one look finds all these messages
+    // The library uses the shortest period of all listeners.
     Keeper faster;
     faster.look_every = 2ms;
     ASSERT_TRUE(listen(*bus.ctx, faster).ok());
     const auto both = datagrams(1s);
     EXPECT_GE(both, 900U);
-    EXPECT_LE(both, 1110U);  // two slaves each 2 ms, one of them each 10 ms too
+    EXPECT_LE(both, 1110U);  // two slaves each 2 ms, and one of these slaves also each 10 ms
     ASSERT_TRUE(unlisten(*bus.ctx, faster).ok());
     bus.segment.set_power(1, false, bus.osal.now());
     const auto silent = datagrams(1s);
@@ -242,7 +243,7 @@ TEST_F(ListenerTest, LooksRegularlyAndNoMoreThanThat) {
     EXPECT_EQ(datagrams(100ms), 0U);
 }
 
-// A slave that always has mail gets its messages, and other slaves are served.
+// A slave that always has mail receives its messages, and other slaves are served, too.
 TEST_F(ListenerTest, AFloodOfMailKeepsNobodyFromSending) {
     start(2);
     Keeper keeper;
@@ -255,7 +256,7 @@ TEST_F(ListenerTest, AFloodOfMailKeepsNobodyFromSending) {
         slave->on_mail = [slave](const Mail&) { slave->reply({0x00, 0x30, 0x4F, 0x00, 0x10, 0x00, 42, 0, 0, 0}); };
     const auto other = SDOread<std::uint8_t>(*bus.ctx, 2, 0x1000, 0, 50ms);
     ASSERT_TRUE(other.ok()) << bus.words(other.error());
-    // The reply is behind 2000 messages.
+    // The reply comes after 2000 messages.
     SdoUpload same;
     std::array<std::byte, 4> value{};
     same.slave = 1;
@@ -271,7 +272,7 @@ TEST_F(ListenerTest, AFloodOfMailKeepsNobodyFromSending) {
     EXPECT_EQ(keeper.all.size(), 2000U);
 }
 
-// The same right after the scan: mail from before is fetched first, but not without end.
+// The same right after the scan: the library first fetches earlier mail, but not without a limit.
 TEST_F(ListenerTest, MailFromBeforeKeepsNobodyFromSending) {
     slaves.push_back(&bus.add_scripted(32));
     for (unsigned n = 0; n < 5000; ++n) send(1, {n & 0xFFU});
@@ -286,7 +287,7 @@ TEST_F(ListenerTest, MailFromBeforeKeepsNobodyFromSending) {
     EXPECT_EQ(slaves[0]->received.size(), 1U);
 }
 
-// Beside a cycle: no look while the mapped bit reports no mail; process data and its frames stay as they are.
+// Beside a cycle: there is no look while the mapped bit reports no mail. Process data and its frames do not change.
 TEST(ListenerInTheCycle, UsesTheMappedBitAndTheBudgetOfTheCycle) {
     MailboxBus bus;
     auto& slave = bus.add_stack(128);
@@ -318,9 +319,9 @@ TEST(ListenerInTheCycle, UsesTheMappedBitAndTheBudgetOfTheCycle) {
     const auto in_a_cycle = bus.ctx->group(0).datagrams.size();
     const auto quiet = bus.ctx->statistics().datagrams_sent;
     for (int n = 0; n < 200; ++n) ASSERT_NO_FATAL_FAILURE(cycle());
-    // One look each 20 ms makes sure that the bit is right.
+    // One look each 20 ms checks that the bit is right.
     EXPECT_LE(bus.ctx->statistics().datagrams_sent - quiet, 200 * in_a_cycle + 12);
-    // 500 messages, one each millisecond.
+    // 500 messages, one per millisecond.
     std::array<std::byte, 6> wish{};
     store_le<std::uint16_t>(wish, 0, 1);
     store_le<std::uint16_t>(wish, 2, 500);
@@ -339,7 +340,7 @@ TEST(ListenerInTheCycle, UsesTheMappedBitAndTheBudgetOfTheCycle) {
     while (const auto message = inbox.take(data)) {
         ASSERT_EQ(message->bytes, 60U);
         const auto number = load_le<std::uint32_t>(data);
-        EXPECT_GE(number, next);  // the memory of the device is bounded, it may lose some
+        EXPECT_GE(number, next);  // the memory of the device is limited, so it may lose some messages
         next = number + 1;
     }
     EXPECT_EQ(inbox.lost(), 0U);

@@ -1,4 +1,4 @@
-// Every kind of transfer, with each of its frames lost on the way out, lost on the way back, or sent twice. The
+// Every kind of transfer. Each of its frames in turn is lost on the way out, lost on the way back, or sent twice. The
 // transfer succeeds, each value is written once, and the channel works afterwards.
 #include "mailbox/foe_bus.hpp"
 #include "sim/library/quirks.hpp"
@@ -32,7 +32,7 @@ Outcome run(Transfer transfer, std::uint16_t mailbox_bytes, Fault fault, int at)
     }
     transfer(bus, slave);
     Outcome outcome{bus.nic->sent - before, slave.application.writes, *mailbox_statistics(*bus.ctx, 1)};
-    // The next requests work.
+    // The next requests succeed.
     EXPECT_EQ(*SDOread<std::uint64_t>(*bus.ctx, 1, 0x2001, 0), 0x1122334455667788U);
     const auto none = SDOread<std::uint8_t>(*bus.ctx, 1, 0x3000, 0);
     EXPECT_EQ(none.error().detail, 0x06020000U);
@@ -151,7 +151,7 @@ TEST(LostFrames, ObjectList) {
         40, 0);
 }
 
-// The same with a slave that acknowledges repeat requests and has nothing to repeat: the master sends the request
+// The same with a slave that acknowledges repeat requests and has no message to repeat. The master sends the request
 // again after each lost reply, and the value is right.
 TEST(LostFrames, WhereNothingIsRepeated) {
     const auto run_all = [](MailboxBus& bus) {

@@ -1,5 +1,5 @@
-// Each mailbox protocol beside a cycle of a millisecond: in each cycle the working counter is the expected one, and the
-// inputs are the outputs of the cycle before.
+// Each mailbox protocol beside a cycle of a millisecond. In each cycle the working counter has the expected value, and
+// the inputs are the outputs of the previous cycle.
 #include "mailbox/all_protocols.hpp"
 #include "mailbox/foe_bus.hpp"
 
@@ -43,7 +43,7 @@ class MailBesideTheCycle : public testing::Test {
         }
         (void)poll(*bus.ctx, bus.osal.now());
     }
-    // Submits the request again and again. `right` is asked after each success.
+    // Submits the request repeatedly. Calls `right` after each success.
     void repeat(Request& request, const std::function<bool()>& right) {
         unsigned answers = 0;
         for (int n = 0; n < 1000 || request.busy(); ++n) {
@@ -166,7 +166,7 @@ TEST_F(MailBesideTheCycle, Voe) {
     for (int n = 0; n < 50; ++n) cycle();
     take();
     EXPECT_TRUE(same);
-    EXPECT_EQ(echoes, sent + 1);  // the last one was not asked about
+    EXPECT_EQ(echoes, sent + 1);  // the loop did not check the last echo
     EXPECT_EQ(inbox.lost(), 0U);
 }
 

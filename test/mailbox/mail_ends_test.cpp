@@ -1,5 +1,5 @@
-// Mail to a slave that is lost or goes to INIT ends at once, with an error in words, and no mail reaches another device
-// at the same station address.
+// Mail to a slave that is lost or goes to INIT ends at once, with an error text. No mail reaches another device at the
+// same station address.
 #include "mailbox/foe_bus.hpp"
 
 #include <margay/coe_stream.hpp>
@@ -15,8 +15,8 @@ class MailEnds : public testing::TestWithParam<bool> {
   protected:
     MailboxBus bus;
     ScriptedSlave& slave = (bus.add_scripted(64), bus.add_scripted(64));
-    ScriptedSlave* other = nullptr;  // of another product, with the station address of slave 2
-    std::uint32_t place = 0;         // of the other device in the segment
+    ScriptedSlave* other = nullptr;  // a device of another product, with the station address of slave 2
+    std::uint32_t place = 0;         // number of the other device in the segment
     std::array<std::byte, 32> answer{};
     Mail message = mail_bytes({1, 2, 3});
     SuperviseRequest supervision;
@@ -44,7 +44,7 @@ class MailEnds : public testing::TestWithParam<bool> {
         end.at = bus.osal.now();
         bus.segment.slave(place).frame_end(end);
     }
-    // The other device has the registers that this master has written on an earlier day.
+    // Gives the other device the registers that this master could have written in an earlier run.
     void prepare_other() {
         const std::array sms{std::byte{0x00}, std::byte{0x10}, std::byte{64}, std::byte{0},
                              std::byte{0x26}, std::byte{0},    std::byte{1},  std::byte{0},
@@ -73,7 +73,7 @@ class MailEnds : public testing::TestWithParam<bool> {
 };
 
 TEST_P(MailEnds, WhenTheSlaveIsLostAndNothingReachesAnotherDevice) {
-    slave.takes = false;  // the first message fills its mailbox, the others wait
+    slave.takes = false;  // the first message fills the mailbox of the slave, the others wait
     std::array<VoeSend, 3> sends;
     for (VoeSend& send : sends) {
         send.slave = 2;
@@ -128,7 +128,7 @@ TEST_P(MailEnds, WhenTheSlaveIsLostAndNothingReachesAnotherDevice) {
     }
     EXPECT_TRUE(other->received.empty()) << other->received.size();
     EXPECT_NE(more.error().code, Errc::none);
-    // The slave itself is back in the state that it had: its mail goes on, and mail of the time before is not sent.
+    // Slave 2 itself is back in its earlier state. Its mail continues, and mail from the time before is not sent.
     bus.segment.disconnect({place, 0});
     slave.takes = true;
     ASSERT_TRUE(bus.segment.connect({0, 1}, {1, 0}));
@@ -151,7 +151,7 @@ TEST_P(MailEnds, WhenTheSlaveIsLostAndNothingReachesAnotherDevice) {
     port.cancel();
 }
 
-// Between two packets no message is on its way.
+// No message is in flight between two packets.
 TEST_P(MailEnds, AFileEndsWhenTheSlaveIsLost) {
     slave.on_mail = [&](const Mail&) { slave.reply(foe_message(foe::Opcode::acknowledge, 0), MailboxType::foe); };
     struct Never final : ByteSource {
@@ -213,7 +213,7 @@ TEST_F(MailInInit, IsRefusedAtOnceWhateverHasBroughtTheSlaveThere) {
     ASSERT_TRUE(writestate(*bus.ctx, 1, AlState::preop).ok());
     ASSERT_EQ(statecheck(*bus.ctx, 1, AlState::preop, 1s)->state, AlState::preop);
     expect_open();
-    // By itself, for example after a reset of its program.
+    // Without a request, for example after a reset of its program.
     const std::array<std::byte, 2> init{std::byte{1}};
     ASSERT_TRUE(write_register(*bus.ctx, 1, 0x0120, init).ok());
     bus.idle(5ms);
@@ -239,8 +239,8 @@ TEST_F(MailInInit, EndsWhatWaitsForAnAnswer) {
     EXPECT_LT(bus.osal.now() - before, 100ms);
 }
 
-// A slave that was lost and is found again still answers what it has received: this answer is not that of the next
-// request for the same object, which the slave refuses.
+// A slave was lost and is found again, and it still answers an earlier message. This answer is not the answer to the
+// next request for the same object, which the slave refuses.
 struct LateAnswers : testing::TestWithParam<int> {
     MailboxBus bus;
     ScriptedSlave& slave = (bus.add_scripted(64), bus.add_scripted(64));

@@ -28,11 +28,11 @@ class LossyNic final : public Nic {
     std::set<std::uint64_t> lose_out;
     std::set<std::uint64_t> lose_in;
     std::set<std::uint64_t> twice;
-    std::uint16_t lose_mail_from = 0;  // lose all frames that return mail of this slave, the first is 1; 0: none
+    std::uint16_t lose_mail_from = 0;  // lose all frames that return mail of this slave, the first slave is 1; 0: none
     std::uint64_t sent = 0;
     std::uint64_t came = 0;
     bool keeps_mail = false;
-    std::vector<Mail> mail;  // if keeps_mail: the messages in both directions, cut to their lengths
+    std::vector<Mail> mail;  // if keeps_mail: the messages in both directions, truncated to their lengths
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (lose_out.count(sent++) != 0) {
@@ -69,7 +69,7 @@ class LossyNic final : public Nic {
                                       static_cast<std::ptrdiff_t>(wire::kMailboxHeaderBytes + message->data.size()));
         }
     }
-    // Whether the frame has an FPRD of a whole mailbox that the slave has filled.
+    // Returns whether the frame has an FPRD of a whole mailbox that the slave has filled.
     [[nodiscard]] bool brings_mail(Bytes frame) const {
         if (lose_mail_from == 0) return false;
         wire::DatagramReader reader(frame);
@@ -100,7 +100,7 @@ class MailboxBus {
         return add(std::make_unique<ScriptedSlave>(mailbox_bytes, protocols, coe_details));
     }
 
-    // Appends a library device.
+    // Appends a device of the library.
     void add_device(sim::Device device) {
         const auto n = segment.add(std::move(device).assemble());
         EXPECT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
@@ -161,7 +161,7 @@ class MailboxBus {
     return text;
 }
 
-// Octets that depend on their offset.
+// Octets whose values depend on their offsets.
 [[nodiscard]] inline std::vector<std::byte> pattern(std::size_t bytes) {
     std::vector<std::byte> out(bytes);
     for (std::size_t i = 0; i < bytes; ++i) out[i] = static_cast<std::byte>((i * 7 + i / 251 + 1) & 0xFF);

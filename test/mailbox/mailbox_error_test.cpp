@@ -1,5 +1,5 @@
-// A mailbox error does not say which message it answers. Slaves that work on several protocols at a time, slaves that
-// drop messages, and slaves that refuse late: no request ends by the reply to an earlier one.
+// A mailbox error does not name the message that it answers. The slaves process several protocols at a time, drop
+// messages, or refuse late. No request ends by the reply to an earlier request.
 #include "mailbox/slow_slave.hpp"
 
 namespace margay {
@@ -15,11 +15,11 @@ class MailboxErrors : public testing::Test {
     void SetUp() override {
         slave.on_mail = [this](const Mail& mail) {
             const auto header = wire::load_mailbox_header(mail);
-            if (header.counter != 0 && header.counter == counter_) return;  // that message again
+            if (header.counter != 0 && header.counter == counter_) return;  // the same message again
             counter_ = header.counter;
             answers(header.type, Bytes(mail).subspan(wire::kMailboxHeaderBytes));
         };
-        // The start of the master asks for nothing that these tests look at.
+        // The start of the master sends no messages that these tests check.
         answers = [](MailboxType, Bytes) {};
         bus.start();
         idle(200ms);
@@ -30,7 +30,8 @@ class MailboxErrors : public testing::Test {
         replies_.push_back({bus.osal.now() + after, mail, type});
     }
     void refuse_message(Duration after) { reply(after, mail_bytes({1, 0, 2, 0}), MailboxType::error); }
-    // In order, one after the other. Objects of 0x20xx accept values below 10, other objects are read.
+    // The slave answers in order, one message after the other. Objects of 0x20xx accept values below 10, other objects
+    // are read.
     void reply_in_order(Duration time, const Mail& mail, MailboxType type) {
         const Time now = bus.osal.now();
         free_ = std::max(free_, now) + time;
@@ -100,7 +101,7 @@ class MailboxErrors : public testing::Test {
     Time free_{};
 };
 
-// The write is still at work when the error of the file ends it.
+// The slave still processes the write when the error of the file ends it.
 TEST_F(MailboxErrors, OfAFileWhileAWriteIsAtWork) {
     answers = [this](MailboxType type, Bytes data) {
         if (type == MailboxType::foe && octet(data, 0) == 1) refuse_message(1ms);
@@ -116,7 +117,7 @@ TEST_F(MailboxErrors, OfAFileWhileAWriteIsAtWork) {
     (void)run(read);
 }
 
-// The error comes while the library asks the slave whether it has answered.
+// The error comes while the library waits for the answer to a question.
 TEST_F(MailboxErrors, OfAFileWhileAQuestionWaits) {
     answers = [this](MailboxType type, Bytes data) {
         if (type == MailboxType::foe && octet(data, 0) == 1) refuse_message(1ms);
@@ -134,7 +135,7 @@ TEST_F(MailboxErrors, OfAFileWhileAQuestionWaits) {
     (void)run(read);
 }
 
-// The slave refuses an object that was given up by a late mailbox error; another object is written meanwhile.
+// A late mailbox error refuses an object whose request was given up. Meanwhile another object is written.
 TEST_F(MailboxErrors, OfAnObjectThatWasGivenUp) {
     answers = [this](MailboxType type, Bytes data) {
         if (!is_sdo(type, data)) return;
@@ -176,8 +177,8 @@ TEST_F(MailboxErrors, OfSeveralProtocolsAtOnce) {
     EXPECT_LT(bus.osal.now() - start, 20ms);
 }
 
-// The slave keeps messages in a queue. The errors of messages that were given up come before the confirmation of a
-// write that was given up, too.
+// The slave queues messages. The errors of messages that were given up come before the confirmation of a write that was
+// also given up.
 TEST_F(MailboxErrors, OfAQueueAreNoAnswersToQuestions) {
     for (const unsigned errors : {2U, 3U, 7U}) {
         SCOPED_TRACE(errors);
@@ -210,7 +211,8 @@ TEST_F(MailboxErrors, OfAQueueAreNoAnswersToQuestions) {
     }
 }
 
-// Requests of protocols without a message that ends them: the slave refuses them when another request is at work.
+// Requests of protocols that have no message to end a request. The slave refuses them while it processes another
+// request.
 TEST_F(MailboxErrors, OfRequestsThatWereGivenUpLongAgo) {
     std::array<std::byte, 4> value{};
     SoeRead soe;
@@ -231,14 +233,14 @@ TEST_F(MailboxErrors, OfRequestsThatWereGivenUpLongAgo) {
         Write write(1, 0x2000, 0ms);
         EXPECT_EQ(finish(write).code, Errc::mailbox_error);
         expect_refused(0x2000);
-        // The mailbox is opened again: nothing is known of what was before.
+        // The mailbox is opened again, so the library knows nothing of earlier messages.
         ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::init).ok());
         ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::preop).ok());
         idle(2s);
     }
 }
 
-// A slave drops all messages of 2 s: it is asked with another object each time.
+// A slave drops all messages for 2 s. Each time another object is read.
 TEST_F(MailboxErrors, ASlaveThatDropsMessagesIsUsedAgainAtOnce) {
     Time until{};
     answers = [&](MailboxType type, Bytes data) {
@@ -274,7 +276,7 @@ TEST_F(MailboxErrors, RawCoeDoesNotGetTheAnswerOfAQuestion) {
     EXPECT_EQ(load_le<std::uint16_t>(Bytes(octets), 3), 0x2001);
 }
 
-// A boot loader that needs 5 s for the first message, and is busy once.
+// A boot loader needs 5 s for the first message, and is busy once.
 TEST_F(MailboxErrors, AFileDoesNotWaitForTheSlowestAnswerOfTheFileBefore) {
     unsigned packets = 0;
     answers = [&](MailboxType type, Bytes data) {

@@ -1,4 +1,5 @@
-// Messages of any protocol: octets unchanged in both directions, answers by type and by a function.
+// Messages of any protocol: octets are unchanged in both directions, and the answer is selected by type and by a
+// function.
 #include "mailbox/mailbox_bus.hpp"
 
 namespace margay {
@@ -7,7 +8,7 @@ namespace {
 class RawMailTest : public testing::Test {
   protected:
     MailboxBus bus;
-    ScriptedSlave& slave = bus.add_scripted(32, 0);  // a mailbox, and no protocol in the SII
+    ScriptedSlave& slave = bus.add_scripted(32, 0);  // a slave with a mailbox and without a protocol in its SII
     std::array<std::byte, 16> answer{};
     void SetUp() override {
         bus.start();
@@ -34,7 +35,7 @@ TEST_F(RawMailTest, SendsAnyTypeAndReceivesWhatAnswers) {
     EXPECT_EQ(answer[1], std::byte{5});
     ASSERT_EQ(slave.received.size(), 1U);
     EXPECT_EQ(slave.received[0], mail_bytes({3, 0, 0, 0, 0, 0x19, 1, 2, 3}));
-    // Priority and address of the mailbox header.
+    // Checks priority and address of the mailbox header.
     RawMail gateway;
     gateway.slave = 1;
     gateway.type = kOwn;
@@ -42,14 +43,15 @@ TEST_F(RawMailTest, SendsAnyTypeAndReceivesWhatAnswers) {
     gateway.address = 0x2001;
     const Mail message = mail_bytes({7});
     gateway.message = message;
-    ASSERT_TRUE(submit(*bus.ctx, gateway).ok());  // no buffer for an answer: the request ends when it was sent
+    ASSERT_TRUE(submit(*bus.ctx, gateway).ok());  // without a buffer for an answer the request ends when it was sent
     bus.run(gateway);
     EXPECT_EQ(gateway.state(), RequestState::success) << bus.words(gateway.error());
     bus.idle(2ms);
     EXPECT_EQ(slave.received.at(1), mail_bytes({1, 0, 0x01, 0x20, 0x80, 0x29, 7}));
 }
 
-// The frame with a message is lost. What the slave sends on its own meanwhile is no answer to a message that has none.
+// The frame with a message is lost. Mail that the slave sends meanwhile is not an answer to a message without an
+// answer.
 TEST_F(RawMailTest, ALostMessageWithoutAnAnswerTakesNoMail) {
     std::array<std::byte, 256> memory{};
     VoeInbox inbox(memory);
@@ -101,7 +103,7 @@ TEST_F(RawMailTest, OtherTypesAndOtherMailAreNoAnswer) {
     EXPECT_EQ(request.state(), RequestState::success) << bus.words(request.error());
     EXPECT_EQ(answer[1], std::byte{8});
     EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->unexpected, 2U);
-    // Nothing but other mail: the time is over.
+    // Only other mail arrives until the timeout.
     slave.on_mail = [&](const Mail&) { slave.reply(mail_bytes({1}), MailboxType::foe); };
     EXPECT_EQ(bus.words(ask(kOwn, mail_bytes({1})).error()), "slave 1: receiving from the mailbox: timed out");
 }
@@ -123,7 +125,7 @@ TEST_F(RawMailTest, WaitsForMailWithoutAMessage) {
     EXPECT_EQ(wait.bytes, 3U);
     EXPECT_EQ(answer[2], std::byte{8});
     EXPECT_TRUE(slave.received.empty());
-    // The time is over; the mailbox is closed by a scan.
+    // The timeout has passed. A scan closes the mailbox.
     bus.idle(5ms);
     EXPECT_EQ(ask(kOwn, {}, 20ms).error().code, Errc::timeout);
     ASSERT_TRUE(submit(*bus.ctx, wait).ok());
@@ -139,7 +141,7 @@ TEST_F(RawMailTest, WaitsForMailWithoutAMessage) {
 TEST_F(RawMailTest, TheAnswerToAnAddressIsTaken) {
     std::uint16_t to = 0;
     slave.on_mail = [&](const Mail& mail) {
-        slave.reply(mail_bytes({8}), kOwn, 0x3333);  // for somebody else
+        slave.reply(mail_bytes({8}), kOwn, 0x3333);  // to another address
         slave.reply(mail_bytes({1, 2}), kOwn, to != 0 ? to : wire::load_mailbox_header(mail).address);
     };
     const Mail message = mail_bytes({7});
@@ -158,7 +160,7 @@ TEST_F(RawMailTest, TheAnswerToAnAddressIsTaken) {
         EXPECT_EQ(answer[1], std::byte{2});
     }
     EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->unexpected, 4U) << "the mail for somebody else";
-    // To another address than that of the message: no answer.
+    // Mail to another address than the address of the message is not an answer.
     to = 0x2002;
     RawMail gateway;
     gateway.slave = 1;
@@ -172,7 +174,7 @@ TEST_F(RawMailTest, TheAnswerToAnAddressIsTaken) {
     EXPECT_EQ(gateway.error().code, Errc::timeout);
 }
 
-// Fragments: mail that says that more follows, without a message between.
+// Fragments: each mail announces that more mail follows, without a message in between.
 TEST_F(RawMailTest, AnAnswerOfSeveralMails) {
     answer_with({mail_bytes({2, 10}), mail_bytes({1, 11}), mail_bytes({0, 12})}, kOwn);
     struct Parts : RawMail {
@@ -199,7 +201,7 @@ TEST_F(RawMailTest, AnAnswerOfSeveralMails) {
     ASSERT_TRUE(submit(*bus.ctx, request).ok());
     bus.run(request);
     EXPECT_EQ(request.error().code, Errc::timeout);
-    // Without a message.
+    // A request without a message.
     request.message = {};
     request.kept.clear();
     ASSERT_TRUE(submit(*bus.ctx, request).ok());
@@ -307,7 +309,7 @@ TEST_F(RawMailTest, HostileAnswers) {
     EXPECT_TRUE(ask(kOwn, Mail(4)).ok());
 }
 
-// Two requests of one type follow each other, because their answers could not be distinguished.
+// Two requests of one type are executed one after the other, because their answers could not be distinguished.
 TEST_F(RawMailTest, OneAtATimeForEachProtocol) {
     slave.delay = 5ms;
     slave.on_mail = [&](const Mail& mail) { slave.reply({mail.begin() + 6, mail.end()}, kOwn); };

@@ -105,7 +105,7 @@ TEST_F(RequestTest, OutlivesItsContextAndARescan) {
     };
     submit_all(1);
     bus.step();
-    // A scan closes the mailbox during the request, and the error of the request says so.
+    // A scan closes the mailbox during the request, and the error of the request reports this.
     ASSERT_TRUE(config_init(*bus.ctx).ok());
     EXPECT_EQ(requests.front().error().code, Errc::mailbox_closed);
     EXPECT_EQ(bus.words(requests.front().error()),
@@ -166,7 +166,8 @@ TEST_F(RequestTest, CallsThatWaitAreForbiddenToTheOwnerWhenTheProgramSaysSo) {
     EXPECT_EQ(*SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0), 100);
 }
 
-// Real time, because two threads cannot share a clock that each of them moves. No result depends on durations.
+// The test uses real time, because each of the two threads would advance a shared virtual clock. No result depends on
+// durations.
 TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
     RealOsal osal;
     sim::Segment segment;
@@ -225,7 +226,7 @@ TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
     EXPECT_EQ(good.load(), 60U);
 }
 
-// Without a supervision. Another device may be at the address of a slave that was away.
+// There is no supervision. Another device may be at the address of a slave that was away.
 TEST(RequestsToASlaveThatWasAway, AreRefusedUntilReadstateComparesItsIdentity) {
     MailboxBus bus;
     for (int n = 0; n < 2; ++n) bus.add_device(sim::make_device("digital_io_16").value());
@@ -248,7 +249,8 @@ TEST(RequestsToASlaveThatWasAway, AreRefusedUntilReadstateComparesItsIdentity) {
     EXPECT_EQ(read(), "no error");
 }
 
-// Nothing was sent for three seconds, and slave 2 is another product since. The first call is a mail.
+// Nothing was sent for three seconds, and meanwhile slave 2 was exchanged for another product. The first call sends
+// mail.
 TEST(RequestsToASlaveThatWasAway, TheFirstMailAfterAPauseIsRefused) {
     for (const bool supervised : {true, false}) {
         MailboxBus bus;

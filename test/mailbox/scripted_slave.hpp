@@ -1,6 +1,6 @@
-// A simulated slave with a mailbox that the test controls: the test sees every message unchanged and writes every
-// octet of every reply. The slave does what a mailbox must do without a program: it fills SyncManager 1 when it is
-// empty, and repeats the last reply on request, unless the test disables this.
+// A simulated slave with a mailbox that the test controls: the test receives every message unchanged and writes every
+// octet of every reply. The slave does what the hardware of a mailbox must do: it fills SyncManager 1 when it is empty,
+// and repeats the last reply on request, unless the test disables this.
 #pragma once
 
 #include "sim/devices.hpp"
@@ -38,9 +38,9 @@ class ScriptedSlave final : public sim::Firmware {
     std::function<void(const Mail&)> on_mail;
     bool takes = true;     // reads the messages of the master
     bool repeats = true;   // acknowledges a repeat request, and repeats
-    bool forgets = false;  // acknowledges a repeat request, and has nothing to repeat
+    bool forgets = false;  // acknowledges a repeat request, and has no message to repeat
     bool counts = true;    // replies of reply() have counters
-    Duration delay{0};     // from put() to SyncManager 1
+    Duration delay{0};     // time from put() to SyncManager 1
     std::vector<Mail> received;
     unsigned repeat_requests = 0;
 

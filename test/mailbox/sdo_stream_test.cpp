@@ -14,7 +14,7 @@ class SdoStreams : public testing::Test {
         bus.start();
     }
     HostContext& ctx() { return *bus.ctx; }
-    // The slave is in no transfer, and the next one works.
+    // Checks that the slave has no open transfer and that the next transfer succeeds.
     void expect_idle() {
         bus.idle(10ms);
         EXPECT_EQ(mailbox_statistics(ctx(), 1)->unexpected, 0U);
@@ -30,7 +30,7 @@ TEST_F(SdoStreams, BringALongValueToASlowSink) {
     EXPECT_EQ(sink.content, slave->application.vast);
 }
 
-// A sink that is asked for room for the whole value, and has none yet.
+// The library asks the sink for room for the whole value, and the sink has no room yet.
 TEST_F(SdoStreams, TellTheSizeBeforeTheSinkTakesAnything) {
     struct Closed final : ByteSink {
         bool open = false;
@@ -160,7 +160,7 @@ TEST_F(SdoStreams, ATimeoutIsForTheWholeTransferAlsoWhileTheSinkIsNotReady) {
     expect_idle();
 }
 
-// A sink that takes a few octets, then waits until it is opened.
+// A sink that accepts a few octets, then waits until it is opened.
 class HeldSink final : public ByteSink {
   public:
     Taken push(Bytes octets) override {

@@ -22,14 +22,14 @@ struct Write : SdoDownload {
     std::array<std::byte, 2> octets;
 };
 
-// A slave that answers in order, each message after a time of its own. With `queues` it takes all messages at once,
-// otherwise it takes one when it has answered the message before.
+// A slave that answers in order, each message after its own time. With `queues` it reads all messages at once,
+// otherwise it reads a message when it has answered the previous message.
 class SlowSlave {
   public:
     explicit SlowSlave(MailboxBus& bus, std::uint16_t mailbox_bytes = 64)
         : bus_(bus), slave_(bus.add_scripted(mailbox_bytes)) {
         slave_.on_mail = [this](const Mail& mail) {
-            // A message with the counter of the message before is that message again.
+            // A message with the counter of the previous message is a repetition of that message.
             const auto counter = wire::load_mailbox_header(mail).counter;
             if (counter != 0 && counter == counter_) return;
             counter_ = counter;
@@ -69,7 +69,7 @@ class SlowSlave {
     void idle(Duration time) {
         for (const Time end = bus_.osal.now() + time; bus_.osal.now() < end;) step();
     }
-    // Mail that no request has asked for.
+    // Sends mail that no request has asked for.
     void say(const Mail& data, MailboxType type) { slave_.reply(data, type); }
     [[nodiscard]] ScriptedSlave& script() { return slave_; }
     [[nodiscard]] const std::vector<Mail>& received() const { return slave_.received; }

@@ -62,7 +62,7 @@ class SoePdo : public testing::Test {
         }
         parameters[{drive, idn, soe_element::kValue}] = value;
     }
-    // Maps, and checks the bits of outputs and inputs and the source of the configuration.
+    // Maps the slave, and checks the bits of outputs and inputs and the source of the configuration.
     void expect_mapped(std::uint32_t outputs, std::uint32_t inputs,
                        ConfigurationSource source = ConfigurationSource::soe) {
         auto& config = bus.ctx->slave(1).config;
@@ -76,7 +76,7 @@ class SoePdo : public testing::Test {
         EXPECT_EQ(config.sms[1], (ProcessSm{3, Direction::inputs, 0x20, 0x2100, inputs}));
         EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::safeop);
     }
-    // A drive with a wrong answer is not a slave without process data.
+    // A drive with a wrong answer does not count as a slave without process data.
     void expect_unknown() {
         auto& config = bus.ctx->slave(1).config;
         config = {};
@@ -155,16 +155,17 @@ TEST_F(SoePdo, WithoutDrivesTheSiiCounts) {
 
 TEST_F(SoePdo, WhatIsWrongIsNamed) {
     type(0, 7);
-    list(0, 16, {51, 99});  // which has no attribute
+    list(0, 16, {51, 99});  // IDN 99 has no attribute
     list(0, 24, {47});
     expect_mapped(0, 0, ConfigurationSource::sii);
     EXPECT_EQ(bus.words(bus.ctx->slave(1).error),
               "slave 1: SoE read of S-0-0099, drive 0: the drive refused (error code 0x1001: no such IDN)");
-    parameters[{0, 16, soe_element::kValue}] = mail_bytes({8, 0, 8, 0, 51, 0});  // the length says four, one is present
+    // the length is four octets, and only one of the two IDNs is present
+    parameters[{0, 16, soe_element::kValue}] = mail_bytes({8, 0, 8, 0, 51, 0});
     expect_unknown();
     EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::protocol);
     EXPECT_EQ(bus.ctx->slave(1).error.index, 16);
-    // A list longer than the master can hold: the error gives its length.
+    // The list is longer than the master can store. The error gives its length.
     slave.on_mail = [this](const Mail&) {
         for (unsigned left = 4; left <= 4; --left) {
             Mail reply(54, std::byte{0});
@@ -181,10 +182,10 @@ TEST_F(SoePdo, WhatIsWrongIsNamed) {
     EXPECT_EQ(bus.ctx->slave(1).error.expected, 250U);
 }
 
-// To look for an entry changes nothing: what the drive refuses then is no error of the slave.
+// Finding an entry changes nothing, and a refusal of the drive during the search is not an error of the slave.
 TEST_F(SoePdo, ToFindAnEntryNotesNoRefusal) {
     type(0, 7);
-    list(0, 16, {51, 99});  // which has no attribute
+    list(0, 16, {51, 99});  // IDN 99 has no attribute
     list(0, 24, {47});
     expect_mapped(0, 0, ConfigurationSource::sii);
     EXPECT_TRUE(clear_error(*bus.ctx, 1));
@@ -197,7 +198,7 @@ TEST_F(SoePdo, ToFindAnEntryNotesNoRefusal) {
     EXPECT_FALSE(bus.ctx->errors().take());
 }
 
-// Zeros in the place of missing octets would be other process data.
+// Zeros in place of missing octets would mean other process data.
 TEST_F(SoePdo, AnAnswerWithoutItsOctetsIsNoSize) {
     parameters[{0, 15, soe_element::kValue}] = mail_bytes({4});
     expect_unknown();

@@ -1,4 +1,4 @@
-// The SoE client with a slave for which the test writes every reply; octets by hand from ETG.1000.6.
+// The SoE client with a slave for which the test writes every reply. The octets are composed by hand from ETG.1000.6.
 #include "wire/soe.hpp"
 #include "facts.hpp"
 #include "mailbox/mailbox_bus.hpp"
@@ -16,7 +16,7 @@ class SoeTest : public testing::Test {
     void SetUp() override { bus.start(); }
     std::array<std::byte, 64> memory{};
 
-    // The n-th message that the slave received, without the mailbox header.
+    // The message with number n that the slave received, without the mailbox header.
     [[nodiscard]] Mail got(std::size_t n) const {
         return {slave.received.at(n).begin() + wire::kMailboxHeaderBytes, slave.received.at(n).end()};
     }
@@ -81,8 +81,7 @@ TEST_F(SoeTest, ReadsInFragmentsWhileOtherMailComes) {
     EXPECT_EQ(emergencies(*bus.ctx, 1).count(), 1U);
     EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->unexpected, 3U);
 
-    // A buffer that is one octet too small: the error gives the required size, and nothing is written behind the
-    // buffer.
+    // The buffer is one octet too small. The error gives the required size, and no octet is written behind the buffer.
     memory.fill(std::byte{0xEE});
     const auto less = read(11);
     EXPECT_EQ(less.error().code, Errc::capacity);
@@ -158,10 +157,10 @@ TEST_F(SoeTest, FragmentsCountDownOrTheTransferEnds) {
     const auto broken_off = read();
     EXPECT_EQ(broken_off.error().code, Errc::soe_error);
     EXPECT_EQ(broken_off.error().detail, 0x7001U);
-    answer([&](const Mail&) { reply({0x6A, 0x40, 2, 0, 1}); });  // no further fragment
+    answer([&](const Mail&) { reply({0x6A, 0x40, 2, 0, 1}); });  // the next fragment does not come
     EXPECT_EQ(read().error().code, Errc::timeout);
     answer([&](const Mail&) { reply({0x62, 0x40, 0x33, 0x00, 7}); });
-    EXPECT_EQ(*read(), 1U);  // works again
+    EXPECT_EQ(*read(), 1U);  // the next read succeeds
 }
 
 TEST_F(SoeTest, WritesInFragmentsOfWhichTheLastIsAnswered) {
@@ -171,7 +170,7 @@ TEST_F(SoeTest, WritesInFragmentsOfWhichTheLastIsAnswered) {
     ASSERT_TRUE(SoEwrite(*bus.ctx, 1, 3, kPosition, std::uint16_t{0x0201}).ok());
     EXPECT_EQ(got(0), mail_bytes({0x63, 0x40, 0x33, 0x00, 0x01, 0x02}));
     slave.received.clear();
-    const auto value = pattern(30);  // a mailbox of 24 octets holds 14 of them
+    const auto value = pattern(30);  // a mailbox of 24 octets has room for 14 of these octets
     const auto written = SoEwrite(*bus.ctx, 1, 3, kPosition, soe_element::kValue, value);
     ASSERT_TRUE(written.ok()) << bus.words(written.error());
     ASSERT_EQ(slave.received.size(), 3U);
@@ -201,7 +200,7 @@ TEST_F(SoeTest, ARefusedWriteIsOverWhicheverFragmentWasRefused) {
     EXPECT_EQ(SoEwrite(*bus.ctx, 1, 3, kPosition, soe_element::kValue, value).error().detail, 0x7003U);
     unsigned count = 0;
     answer([&](const Mail&) {
-        if (++count == 3) reply({0x74, 0x40, 0x01, 0x00, 0x04, 0x70});  // it names the fragment
+        if (++count == 3) reply({0x74, 0x40, 0x01, 0x00, 0x04, 0x70});  // the reply names the fragment
     });
     EXPECT_EQ(SoEwrite(*bus.ctx, 1, 3, kPosition, soe_element::kValue, value).error().detail, 0x7004U);
     answer([](const Mail&) {});
@@ -279,7 +278,7 @@ TEST_F(SoeCommandTest, ThatFailsIsTakenBackToo) {
     EXPECT_EQ(written, (std::vector<unsigned>{3, 0}));
 }
 
-// The command has not ended as long as the drive has not said so.
+// The command has not ended until the drive has reported this.
 TEST_F(SoeCommandTest, WithoutAWholeDataStateHasNotSucceeded) {
     for (const unsigned octets : {0U, 1U}) {
         written.clear();

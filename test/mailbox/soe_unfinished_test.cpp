@@ -1,4 +1,4 @@
-// SoE writes of several mails that end before their last mail: the slave receives a message that ends the write, and
+// SoE writes of several mails that end before their last mail. The slave receives a message that ends the write, and
 // the next write is complete.
 #include "mailbox/mailbox_bus.hpp"
 #include "sim/library/library.hpp"
@@ -23,14 +23,15 @@ struct Write : SoeWrite {
     }
 };
 
-// The drive of the library, whose mailbox holds 118 octets of a value. Cancelled at each step of the transfer.
+// The drive of the library, whose mailbox has room for 118 octets of a value. The write is cancelled at each step of
+// the transfer.
 TEST(UnfinishedSoeWrite, ThatIsCancelledDoesNotSpoilTheNextOne) {
     MailboxBus bus;
     bus.add_device(sim::make_device("soe_drive").value());
     bus.start();
     Context& ctx = *bus.ctx;
     const auto value = pattern(3 * 118);
-    unsigned cut = 0;  // while the slave waited for more
+    unsigned cut = 0;  // writes that were cancelled while the slave waited for more mail
     for (int steps = 0; steps < 40; ++steps) {
         SCOPED_TRACE(steps);
         const auto before = mailbox_statistics(ctx, 1)->sent;
@@ -60,7 +61,7 @@ class UnfinishedSoeMails : public testing::Test {
         for (const Mail& mail : slave.received) all.emplace_back(mail.begin() + wire::kMailboxHeaderBytes, mail.end());
         return all;
     }
-    // Answers the last mail of each write; S-0-0000 is refused.
+    // Answers the last mail of each write. S-0-0000 is refused.
     void answer_writes() {
         slave.on_mail = [&](const Mail& mail) {
             const auto header = wire::soe::load_header(Bytes(mail).subspan(wire::kMailboxHeaderBytes));
@@ -78,7 +79,7 @@ class UnfinishedSoeMails : public testing::Test {
 
 TEST_F(UnfinishedSoeMails, ThatTimeOutAreEndedBeforeTheNextRequest) {
     const auto value = pattern(40);
-    slave.on_mail = [&](const Mail&) { slave.takes = false; };  // the second mail is not read
+    slave.on_mail = [&](const Mail&) { slave.takes = false; };  // the slave does not read the second mail
     Write write(value, 50ms, 3);
     ASSERT_TRUE(submit(*bus.ctx, write).ok());
     bus.run(write);
@@ -86,7 +87,8 @@ TEST_F(UnfinishedSoeMails, ThatTimeOutAreEndedBeforeTheNextRequest) {
     ASSERT_EQ(slave.received.size(), 1U);
     answer_writes();
     slave.takes = true;
-    // The answer to the end names S-0-0000: it is not the answer to this write of several mails.
+    // The answer to the message that ends the write names S-0-0000. It is not the answer to this write of several
+    // mails.
     const auto next = SoEwrite(*bus.ctx, 1, 3, kList, soe_element::kValue, Bytes(value).first(20));
     EXPECT_TRUE(next.ok()) << bus.words(next.error());
     const auto mails = got();
@@ -102,14 +104,14 @@ TEST_F(UnfinishedSoeMails, NothingIsSentBehindAWriteThatHasAnAnswer) {
     const auto value = pattern(40);
     EXPECT_TRUE(SoEwrite(*bus.ctx, 1, 3, kList, soe_element::kValue, value).ok());
     EXPECT_EQ(SoEwrite(*bus.ctx, 1, 3, Idn{0}, soe_element::kValue, value).error().code, Errc::soe_error);
-    // A write of one mail leaves nothing in the slave.
+    // A write of one mail leaves no unfinished operation in the slave.
     slave.on_mail = nullptr;
     EXPECT_EQ(SoEwrite(*bus.ctx, 1, 3, kList, std::uint16_t{1}, 20ms).error().code, Errc::timeout);
     bus.idle(200ms);
     EXPECT_EQ(slave.received.size(), 7U);
 }
 
-// The slave keeps what it has while it is lost.
+// The slave keeps the unfinished write while it is lost.
 TEST(UnfinishedSoeWrite, IsEndedWhenALostSlaveIsThereAgain) {
     for (unsigned mails = 1; mails <= 3; ++mails) {
         SCOPED_TRACE(mails);

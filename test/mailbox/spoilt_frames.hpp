@@ -1,4 +1,4 @@
-// An operation with each of its frames spoilt in turn.
+// Executes an operation repeatedly, each time with another frame spoilt.
 #pragma once
 
 #include "mailbox/mailbox_bus.hpp"
@@ -6,8 +6,8 @@
 namespace margay {
 
 // Calls `operation(bus)` on a bus with this device of the library: once with all frames, which are fewer than `most`,
-// and then with each of these frames lost on its way out, lost on its way back, or sent twice. The operation checks
-// that it succeeds.
+// and then with each of these frames lost on its way out, lost on its way back, or sent twice. The operation itself
+// checks its success.
 template <class Operation>
 void with_each_frame_spoilt(const char* device, std::uint64_t most, Operation operation) {
     enum class Fault { none, lost_out, lost_in, twice };

@@ -71,7 +71,7 @@ class StackSlave final : public sim::Firmware {
     std::optional<subdevice::Device> device;
 
   private:
-    // The device has all objects of the table: the stored values, too.
+    // The device has all objects of the table, also the stored values.
     struct NoFlash final : subdevice::ValueStore {
         std::size_t load(MutableBytes) override { return 0; }
         subdevice::HookAnswer save(Bytes, Time) override { return subdevice::Abort::hardware_error; }

@@ -104,7 +104,7 @@ TEST_F(StartupMail, WhatCannotBeSentIsNamed) {
     StartupCommand bare = send_aoe(preop_to_safeop, net_id);
     bare.mail = nullptr;
     EXPECT_NE(says(bare).find("the kind or the moment of a start-up command is no known one"), std::string::npos);
-    // The kind of one command, and the part of another one.
+    // A command with the kind of one command and the part of another command.
     const std::array<StartupCommand, 3> right{send_aoe(preop_to_safeop, net_id), send_eoe(preop_to_safeop, set_ip),
                                               write_parameter(preop_to_safeop, 0, Idn{1}, std::uint32_t{5})};
     for (const StartupCommand& command : right)
@@ -118,8 +118,8 @@ TEST_F(StartupMail, WhatCannotBeSentIsNamed) {
     EXPECT_EQ(says(send_aoe(preop_to_safeop, net_id)), "");
 }
 
-// The late answer to a command that was given up is no answer to the next command, although both have the same invoke
-// ID in the file.
+// The late answer to a command that was given up is not the answer to the next command, although both commands have the
+// same invoke ID in the file.
 TEST_F(StartupMail, ALateAnswerIsNotThatOfTheNextCommand) {
     ScriptedSlave& slave = bus.add_scripted(128, mailbox_protocol::kAoE);
     bus.start();
@@ -134,7 +134,7 @@ TEST_F(StartupMail, ALateAnswerIsNotThatOfTheNextCommand) {
     slave.on_mail = [&](const Mail& mail) {
         asked.push_back(mail);
         if (asked.size() != 2) return;
-        answer(asked[0], 0);      // late, and a success
+        answer(asked[0], 0);      // a late success
         answer(asked[1], 0x703);  // invalid index offset
     };
     const auto net_id = aoe_net_id_command(kOwn);

@@ -34,7 +34,7 @@ TEST_P(TransferSizes, UploadAndDownloadAtEveryBoundary) {
         EXPECT_EQ(*read, size);
         EXPECT_TRUE(std::equal(value.begin(), value.end(), back.begin()));
         EXPECT_EQ(back[size], std::byte{0xEE});  // nothing is written behind the value
-        // A buffer of exactly the length, and a buffer that is an octet too short.
+        // A buffer of exactly the length, and a buffer that is one octet too short.
         EXPECT_TRUE(SDOread(*bus.ctx, 1, 0x2008, 0, false, MutableBytes(back).first(size)).ok());
         if (size == 0) continue;
         const auto short_read = SDOread(*bus.ctx, 1, 0x2008, 0, false, MutableBytes(back).first(size - 1));
@@ -74,10 +74,10 @@ TEST(TransferOctets, SegmentedDownload) {
     Mail expected = mail_bytes({0x00, 0x20, 0x21, 0x00, 0x20, 0x00, 20, 0, 0, 0});
     expected.insert(expected.end(), value.begin(), value.begin() + 4);
     EXPECT_EQ(composed(transfer, 14), expected);
-    EXPECT_EQ(composed(transfer, 14), expected);  // the same message again when its arrival is not certain
+    EXPECT_EQ(composed(transfer, 14), expected);  // the same message again if it may not have arrived
     EXPECT_EQ(give(transfer, {0x00, 0x30, 0x60, 0x00, 0x20, 0x00, 0, 0, 0, 0}), MailClient::Taken::all);
     EXPECT_TRUE(transfer.must_abort());
-    expected = mail_bytes({0x00, 0x20, 0x00});  // toggle 0, more to come, 11 octets
+    expected = mail_bytes({0x00, 0x20, 0x00});  // toggle 0, more segments follow, 11 octets
     expected.insert(expected.end(), value.begin() + 4, value.begin() + 15);
     EXPECT_EQ(composed(transfer, 14), expected);
     EXPECT_EQ(give(transfer, {0x00, 0x30, 0x20, 0, 0, 0, 0, 0, 0, 0}), MailClient::Taken::all);
@@ -131,7 +131,7 @@ TEST(TransferOctets, ANormalResponseThatFillsTheMailboxIsCutAtItsSize) {
 
 struct Hostile {
     const char* what;
-    std::vector<Mail> replies;  // one for each message; the last one repeatedly
+    std::vector<Mail> replies;  // one for each message; the last reply is sent repeatedly
     Errc code;
     std::uint32_t told;  // the abort code that the slave receives; 0: none
 };

@@ -12,11 +12,11 @@ namespace {
 
 class UndescribedPdo : public testing::Test {
   protected:
-    // Before the SII is written, its SyncManager has no length there.
+    // Assigns the PDO before the SII is written. At this time the SyncManager has no length in the SII.
     static void assign(StackSlave& slave, std::uint16_t pdo) {
         subdevice::testing::Values::rx_assign::store(slave.image, pdo);
     }
-    // PDO 0x1600 becomes 0x1605 in the SII.
+    // Renames PDO 0x1600 to 0x1605 in the SII.
     void rename_in_sii() {
         auto& sii = bus.segment.slave(0).sii().image();
         const std::array<std::byte, 2> first{std::byte{0x00}, std::byte{0x16}};
@@ -85,7 +85,7 @@ TEST_F(UndescribedPdo, InAListWithoutItsEntriesItIsAnError) {
     EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::preop);
 }
 
-// Beside one that is listed with its entries: the size of the list is not known.
+// The list has another PDO with its entries. The size of the list is still unknown.
 constexpr PdoEntry kTwo[] = {{0x7000, 1, 16}};
 constexpr Pdo kOneOpen[] = {{0x1600, kTwo}, {0x1605}};
 constexpr SmPdos kOneOpenList[] = {{2, kOneOpen}};
@@ -106,7 +106,7 @@ TEST_F(UndescribedPdo, BesideAListedOneItIsAnErrorToo) {
     EXPECT_FALSE(all_right(*bus.ctx));
 }
 
-// A list names its PDOs, so that the SII may describe them.
+// A list names its PDOs, so the SII may provide their entries.
 TEST_F(UndescribedPdo, InAListItIsTakenFromTheSii) {
     StackSlave& slave = bus.add_stack();
     rename_in_sii();

@@ -110,7 +110,7 @@ TEST_F(VoeTest, SeveralInboxesByVendorAndType) {
     EXPECT_TRUE(others.empty());
 }
 
-// An inbox for all slaves without looks of its own: the request looks at one slave with VoE after the other.
+// An inbox for all slaves without its own regular looks. The request looks at the slaves with VoE one after the other.
 TEST_F(VoeTest, AWaitForAllSlavesLooksAtThemInTurn) {
     ASSERT_EQ(inbox.only_slave, 0);
     ASSERT_EQ(inbox.look_every, 0ms);
@@ -142,7 +142,7 @@ TEST_F(VoeTest, AFullInboxCountsWhatItLoses) {
         const auto message = few.take(data);
         ASSERT_TRUE(message.has_value());
         EXPECT_EQ(message->header, (VoeHeader{kOurs, 3}));
-        EXPECT_EQ(load_le<std::uint32_t>(data), n);  // the oldest are kept
+        EXPECT_EQ(load_le<std::uint32_t>(data), n);  // the inbox keeps the oldest messages
     }
     EXPECT_FALSE(few.take(data).has_value());
     ASSERT_TRUE(VOEsend(*bus.ctx, 2, {kOurs, 1}, mail_bytes({1})).ok());
@@ -167,7 +167,7 @@ TEST_F(VoeTest, AWaitEndsWhenTheInboxStopsOrTheRequestIsCanceled) {
     bus.idle(10ms);
     wait.cancel();
     EXPECT_EQ(wait.error().code, Errc::canceled);
-    // A buffer that is too small: the size is known, and the message is gone.
+    // The buffer is too small. The call returns the size, and the message is lost.
     reply({1, 0, 0, 0, 2, 0, 1, 2, 3, 4, 5});
     const auto less = VOEreceive(*bus.ctx, inbox, MutableBytes(data).first(2));
     EXPECT_EQ(bus.words(less.error()),
@@ -183,7 +183,7 @@ TEST_F(VoeTest, MalformedMessagesAreCountedAndHarmNothing) {
         slave.reply(shorter, kVoe);
     }
     slave.reply({}, kVoe);
-    Mail longer(6);  // the header announces more than the mailbox has
+    Mail longer(6);  // the header announces more octets than the mailbox has
     wire::store_mailbox_header(longer, {.length = 27, .type = kVoe, .counter = 7});
     slave.put(longer);
     reply({1, 0, 0, 0, 2, 0, 42});
@@ -265,7 +265,7 @@ TEST_F(VoeTest, AnotherThreadReads) {
     EXPECT_EQ(inbox.count(), 300U);
 }
 
-// A message and its echo, with each of their frames lost on the way out, lost on the way back, or sent twice.
+// A message and its echo. Each of their frames in turn is lost on the way out, lost on the way back, or sent twice.
 TEST(VoeLostFrames, EveryMessageArrivesOnce) {
     with_each_frame_spoilt("voe_device", 400, [](MailboxBus& bus) {
         std::vector<std::byte> memory(1024);
