@@ -8,12 +8,13 @@ cd "$(dirname "$0")/.."
 need_packages g++ make ninja-build cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev \
     libncurses-dev libpugixml-dev || exit 1
 
-# A configured build folder keeps its settings. A folder with only a cache comes from a failed attempt: it is configured
-# again.
+# A configured build folder keeps its settings. A folder with only a cache comes from a failed attempt: the cache would keep the
+# compiler and the flags of that attempt, so it is removed.
 if [ ! -e build/Makefile ] && [ ! -e build/build.ninja ]; then
-    generator=
+    rm -rf build/CMakeCache.txt build/CMakeFiles
     # With Ninja the sources of one target do not wait for another target.
-    if [ ! -e build/CMakeCache.txt ] && command -v ninja >/dev/null 2>&1; then generator='-G Ninja'; fi
+    generator=
+    if command -v ninja >/dev/null 2>&1; then generator='-G Ninja'; fi
     # shellcheck disable=SC2086  # a list of words
     cmake -S . -B build $generator -DMARGAY_TESTS=OFF -DMARGAY_UNITY=ON -DMARGAY_BUILD_ONCE=ON
 fi

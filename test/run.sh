@@ -90,9 +90,11 @@ run() {
         shift
     done
     shift
+    # A folder with only a cache comes from a failed attempt: the cache would keep the compiler and the flags of that attempt.
     # With Ninja the sources of one target do not wait for another target. A folder that make has begun stays with make.
-    if [ ! -e "$folder/CMakeCache.txt" ] && command -v ninja >/dev/null 2>&1; then
-        settings="-G Ninja $settings"
+    if [ ! -e "$folder/Makefile" ] && [ ! -e "$folder/build.ninja" ]; then
+        rm -rf "$folder/CMakeCache.txt" "$folder/CMakeFiles"
+        ! command -v ninja >/dev/null 2>&1 || settings="-G Ninja $settings"
     fi
     # shellcheck disable=SC2086  # a list of words
     step "$folder: configure" cmake -S . -B "$folder" -DMARGAY_TESTS=ON -DMARGAY_SAMPLES=ON -DMARGAY_TEST_LINES=OFF \
