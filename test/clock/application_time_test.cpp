@@ -1,4 +1,4 @@
-// The clocks driven by the time of the application.
+// Clocks that follow the time of the application.
 #include "clock/clock_bus.hpp"
 
 #include <margay/application_time.hpp>
@@ -14,7 +14,7 @@ struct ApplicationTimeTest : testing::Test, ClockBus {
     std::unique_ptr<ApplicationTime> time;
 
     std::uint64_t mine() { return kYear2026_ns + static_cast<std::uint64_t>(osal.now().time_since_epoch().count()); }
-    // The cycle of no group carries the time.
+    // No cycle of a group carries the time.
     void bring_up(sim::DcUnit unit = sim::DcUnit::bits64) {
         add({.drift_ppb = 70'000, .start_ns = 5, .unit = unit});
         add({.drift_ppb = -30'000});
@@ -26,7 +26,7 @@ struct ApplicationTimeTest : testing::Test, ClockBus {
         time->set(mine(), osal.now());
         ClockSettings settings = kFewFrames;
         settings.system_time_at_zero = time->at_zero();
-        settings.group = 1;  // is not mapped
+        settings.group = 1;  // group 1 is not mapped
         ASSERT_TRUE(configdc(*ctx, settings).ok());
         ASSERT_TRUE(config_map(*ctx, image).ok());
     }
@@ -63,7 +63,7 @@ TEST_F(ApplicationTimeTest, IsTheTimeOfTheReferenceClock) {
         EXPECT_TRUE(time->sync_slave_clocks().ok());
         EXPECT_TRUE(time->queue_sync_monitor().ok());
     });
-    // The reference drifts by 70 ppm on its own: 350 µs in 5 s.
+    // Without control, the reference drifts by 70 ppm: 350 µs in 5 s.
     EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(shown(0) - mine() - begun)), 0, 200);
     EXPECT_LE(greatest_error_ns(3), 200);
     const auto wide = time->reference_clock_time64();
@@ -85,7 +85,7 @@ TEST_F(ApplicationTimeTest, WithoutItTheReferenceClockDrifts) {
     EXPECT_LE(greatest_error_ns(3), 200) << "and the other clocks follow it";
 }
 
-// The time to synchronise to is that of a third clock, which runs 50 ppm slower than the application's.
+// The clocks follow the time of a third clock, which is 50 ppm slower than the clock of the application.
 TEST_F(ApplicationTimeTest, OrAnyTimeThatIsGiven) {
     bring_up();
     const auto third = [this, begin = mine()] { return mine() - (mine() - begin) / 20'000; };
@@ -108,7 +108,7 @@ TEST_F(ApplicationTimeTest, Of32BitsHasItsUpperHalfFromTheMaster) {
     EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(*wide - mine())), 0, 3'000'000);
 }
 
-// A result that is not there says why; nothing keeps an old one.
+// A missing result has an error, and no call returns an old result.
 TEST_F(ApplicationTimeTest, ErrorsAreSaid) {
     add_line(2);
     start();
@@ -137,8 +137,8 @@ TEST_F(ApplicationTimeTest, ErrorsAreSaid) {
     EXPECT_EQ(time->reference_clock_time().error().code, Errc::no_frame);
 }
 
-// The slave with the reference clock is switched off, and the frame comes back from the others: their clocks go on, and
-// the time is not taken for that of the reference clock.
+// The slave with the reference clock is switched off, and the frame comes back from the other slaves. Their clocks
+// continue, and their time does not count as the time of the reference clock.
 TEST_F(ApplicationTimeTest, AReferenceThatIsLostIsSaid) {
     auto root = clocked({.unit = sim::DcUnit::none});
     root.chip.ports = sim::junction().ports;

@@ -8,7 +8,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Counts the datagrams for register 0x0910 that are sent, by command.
+// Counts the sent datagrams for register 0x0910, by command.
 class CountingNic final : public FilterNic {
   public:
     using FilterNic::FilterNic;
@@ -33,7 +33,8 @@ class CountingNic final : public FilterNic {
 constexpr unsigned kArmw = 13;
 constexpr unsigned kFrmw = 14;
 
-// Slave 1 has no clock and a branch behind port 3 (slave 2, without a clock), then slaves 3 to 5 with clocks.
+// Slave 1 has no clock. Behind its port 3 is a branch with slave 2, which has no clock. Then follow slaves 3 to 5 with
+// clocks.
 struct ByPosition : testing::Test, ClockBus {
     SlaveSetup every_ms{.dc = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms}};
     std::unique_ptr<CountingNic> counting;
@@ -80,8 +81,8 @@ TEST_F(ByPosition, CarriesTheTimeFromTheBurstOn) {
     EXPECT_LE(greatest_error_ns(5), 100);
 }
 
-// The branch before the reference loses its power: the positions of all slaves behind change. The station address is
-// used until the branch is back.
+// The branch before the reference loses its power, so the positions of all slaves behind it change. The library uses
+// the station address until the branch is back.
 TEST_F(ByPosition, ByStationAddressWhileASlaveIsLost) {
     bring_up_by_position();
     run();
@@ -106,8 +107,8 @@ TEST_F(ByPosition, ByStationAddressWhileASlaveIsLost) {
     EXPECT_EQ(counting->adp, 0xFFFE);
 }
 
-// The reference itself is lost, and all slaves behind it: no slave reads the time that the cycle sends, and the clocks
-// come back.
+// The reference itself is lost, and all slaves behind it. No slave reads the time that the cycle sends. Later the
+// clocks come back.
 TEST_F(ByPosition, TheReferenceComesBack) {
     bring_up_by_position();
     run();

@@ -1,4 +1,5 @@
-// A chosen reference clock with clocks before it in the ring: these are not synchronised and named, and the rest runs.
+// A chosen reference clock with clocks before it in the ring. The clocks before it are not synchronised, and are
+// reported. All other functions work.
 #include "clock/clock_bus.hpp"
 
 namespace margay {
@@ -7,7 +8,7 @@ namespace {
 using namespace std::chrono_literals;
 using sim::DcUnit;
 
-// Five clocks in a line; the reference is that of slave 3.
+// Five clocks in a line. The reference is the clock of slave 3.
 struct ChosenReference : testing::Test, ClockBus {
     SlaveSetup every_ms{.dc = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms}};
     ClockSettings settings = kFewFrames;
@@ -25,7 +26,7 @@ struct ChosenReference : testing::Test, ClockBus {
         segment.advance(osal.now());
         return segment.slave(slave - 1U).sync().pulses(0);
     }
-    // What the control loop of a clock was compared with last: its magnitude without the filter of the chip.
+    // The last difference that the control loop of a clock used: its magnitude without the filter of the chip.
     std::uint32_t difference_register_ns(std::uint16_t slave) {
         return register_of<std::uint32_t>(slave, wire::reg::kSystemTimeDifference) & 0x7FFF'FFFF;
     }
@@ -69,7 +70,7 @@ TEST_F(ChosenReference, TheClocksBeforeItAreNamedAndTheRestRuns) {
     EXPECT_EQ(told(all, "clock out of sync"), 0) << joined(all);
 }
 
-// The datagram with the time passes them with the time that the master expects, from the first cycle on.
+// The datagram passes the clocks before the reference with the time that the master expects, from the first cycle on.
 TEST_F(ChosenReference, TheClocksBeforeItTakeOverNoZeros) {
     bring_up();
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -100,7 +101,7 @@ TEST_F(ChosenReference, SyncOfAClockBeforeItIsRefused) {
     EXPECT_TRUE(dcsync0(*ctx, 2, false, 0ms).ok());
 }
 
-// Neither a clock that was away, nor one that is seen for the first time, takes over from the chosen reference.
+// A clock that was away, or that is seen for the first time, does not replace the chosen reference.
 TEST_F(ChosenReference, AClockBeforeItThatComesBackStaysUnsynchronised) {
     bring_up();
     run();
@@ -118,7 +119,7 @@ TEST_F(ChosenReference, AClockBeforeItThatComesBackStaysUnsynchronised) {
     EXPECT_EQ(told(all, "reference clock now"), 0) << joined(all);
 }
 
-// The chosen reference itself comes back: it is the reference, with its SYNC signals.
+// The chosen reference itself comes back. It is the reference again, with its SYNC signals.
 TEST_F(ChosenReference, ItComesBackItself) {
     bring_up();
     run();
@@ -132,7 +133,7 @@ TEST_F(ChosenReference, ItComesBackItself) {
     expect_running();
 }
 
-// At a fork the next clock takes over, never one before the chosen reference.
+// At a fork the next clock becomes the reference, but never a clock before the chosen reference.
 TEST_F(ChosenReference, TheNextOneTakesOverWhenItIsLost) {
     auto root = clocked({.drift_ppb = 70'000});
     root.chip.ports = sim::junction().ports;
@@ -161,7 +162,8 @@ TEST_F(ChosenReference, TheNextOneTakesOverWhenItIsLost) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
-// Overlapping cycles, which another thread may send: each frame carries the time that its last reply lets expect.
+// Overlapping cycles, which another thread may send. Each frame carries the expected time, calculated from the last
+// reply.
 struct OverlappingReference : ChosenReference {
     // `count` cycles of 1 ms, two of them on the wire.
     void overlapped(int count) {
@@ -182,7 +184,7 @@ struct OverlappingReference : ChosenReference {
         ASSERT_TRUE(submit(*ctx, supervision).ok());
         overlapped(2000);
     }
-    std::uint32_t worst_ns_ = 0;  // what the clocks before the reference were compared with
+    std::uint32_t worst_ns_ = 0;  // greatest difference at the clocks before the reference
 };
 
 TEST_F(OverlappingReference, TheClocksBeforeItTakeOverNoZeros) {
@@ -196,14 +198,14 @@ TEST_F(OverlappingReference, TheClocksBeforeItTakeOverNoZeros) {
     EXPECT_EQ(told(events(), "clock out of sync"), 0);
 }
 
-// No slave answers as the reference. The other clocks get the time that the master expects, and this time is no reading
+// No slave answers as the reference. The other clocks get the time that the master expects. This time is not a reading
 // of the reference.
 TEST_F(OverlappingReference, ALostReferenceLeavesNoZeros) {
     settings.replace_lost_reference = false;
     start_overlapped();
     (void)events();
     const std::int64_t before = ahead_ns(2, 1);
-    // Out of reach of the frames, with the slaves behind it.
+    // The reference and the slaves behind it are not reached by the frames.
     segment.set_cable({2, 0}, false);
     overlapped(500);
     EXPECT_EQ(ctx->group(0).dc_time.slaves, 0) << "the time that was sent is no reading";
@@ -216,8 +218,9 @@ TEST_F(OverlappingReference, ALostReferenceLeavesNoZeros) {
     EXPECT_EQ(ctx->group(0).dc_time.slaves, 5);
 }
 
-// No clock takes over. The time that the master has sent is not continued: the other clocks go on at their rates, and
-// the time of the reference, which has lost its own, reaches no clock before the reference has it again.
+// No other clock becomes the reference. The master does not continue the time that it has sent: the other clocks
+// continue at their rates. The reference has lost its time, so its time reaches no clock until the reference has the
+// system time again.
 TEST_F(OverlappingReference, WithoutItTheOtherClocksKeepTheirRates) {
     auto root = clocked({});
     root.chip.ports = sim::junction().ports;
@@ -261,7 +264,7 @@ TEST_F(OverlappingReference, WithoutItTheOtherClocksKeepTheirRates) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
-// A chosen clock of a group that configdc() has not chosen is refused as before.
+// A group whose dc_reference is not the clock that configdc() has chosen is still refused.
 TEST_F(OverlappingReference, AnotherOneIsRefused) {
     limits.process_frames = 8;
     bring_up();

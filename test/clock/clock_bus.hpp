@@ -40,7 +40,8 @@ inline std::vector<std::byte> with_dc_modes(std::vector<std::byte> sii, std::spa
 struct ClockBus : Plant {
     static constexpr std::array kOneMode{wire::sii::DcOpMode{.assign_activate = 0x0300}};
     static constexpr Duration kCable = std::chrono::nanoseconds(500);
-    // From one processing unit to the next in a line: through the unit, two ports and the cable.
+    // The delay from one processing unit to the next processing unit in a line: through the unit, two ports and the
+    // cable.
     static constexpr std::int64_t kHop_ns = 60 + 2 * 140 + 500;
 
     // The program of a device with a DC category accepts SYNC signals.
@@ -72,7 +73,8 @@ struct ClockBus : Plant {
         ctx->group(0).config.acyclic_bytes = 1498;
     }
     const SlaveClock& clock(std::uint16_t slave) { return slave_clock(*ctx, slave); }
-    // How far the clock of a slave is ahead of another one at this moment, whatever they show to the master.
+    // Returns how far the clock of a slave is ahead of another clock now, independent of the values that the master
+    // reads.
     std::int64_t ahead_ns(std::uint16_t slave, std::uint16_t of = 1) {
         const Time now = osal.now();
         return static_cast<std::int64_t>(segment.slave(slave - 1U).clock().copy(now) -

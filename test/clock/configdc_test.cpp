@@ -1,4 +1,4 @@
-// configdc(): which slaves have a clock, delays, offsets, and clocks in sync.
+// configdc(): the slaves that have a clock, delays, offsets, and clocks in sync.
 #include "clock/clock_bus.hpp"
 
 namespace margay {
@@ -39,8 +39,8 @@ TEST_F(Configdc, SystemTimeBeginsWhereTheCallerSays) {
     EXPECT_EQ(std::chrono::duration_cast<std::chrono::hours>(years).count(), 24 * 365 * 20);
 }
 
-// A clock of 32 bits among others, a slave with receive times only, a slave without both whose features register
-// promises a clock, and a clock that its features register denies.
+// A clock of 32 bits among others; a slave with receive times only; a slave without clock and receive times whose
+// features register announces a clock; and a clock whose features register announces none.
 TEST_F(Configdc, AsksTheRegistersNotTheFeatures) {
     add({.unit = DcUnit::receive_times});
     add({.drift_ppb = 40'000, .start_ns = 0x1'8000'0000});
@@ -58,7 +58,7 @@ TEST_F(Configdc, AsksTheRegistersNotTheFeatures) {
     EXPECT_EQ(clock(5).kind, ClockKind::bits64);
     EXPECT_FALSE(clock(1).synchronised);
     EXPECT_FALSE(clock(3).synchronised);
-    // Slave 3 is cable: half of the asymmetry of its own is not known.
+    // Slave 3 counts as cable, so half of its own asymmetry is unknown.
     EXPECT_NEAR(static_cast<double>(clock(4).delay_ns), 2.0 * kHop_ns, 50);
     EXPECT_LE(std::abs(static_cast<std::int32_t>(static_cast<std::uint32_t>(ahead_ns(4, 2)))), 300);
     EXPECT_LE(std::abs(ahead_ns(5, 2)), 300);
@@ -88,8 +88,8 @@ TEST_F(Configdc, ATreeWithBranches) {
     EXPECT_LE(greatest_error_ns(5), 300);
 }
 
-// A chip whose processing unit costs more than the chips of the data sheets: the delay of all slaves behind it is wrong
-// by half of the difference, unless the configuration says it.
+// A chip whose processing unit has a longer delay than the chips of the data sheets. The delay of all slaves behind it
+// is wrong by half of the difference, unless the configuration contains the delay.
 TEST_F(Configdc, AChipWithAnotherProcessingDelay) {
     for (unsigned n = 0; n < 3; ++n) {
         auto made = clocked({.start_ns = n * 77});
@@ -179,8 +179,8 @@ TEST_F(Configdc, DelaysAtAFirstJunctionWithoutReceiveTimesAreNamed) {
     EXPECT_TRUE(clock(3).delay_assumed);
 }
 
-// A junction without receive times, and behind it a slave without them in a line; and a second junction. The words name
-// the junctions, each with its own clocks.
+// A junction without receive times, behind it a slave without receive times in a line, and a second junction. The text
+// names each junction with its own clocks.
 TEST_F(Configdc, EachJunctionWithoutReceiveTimesIsNamed) {
     const auto without = [this](bool junction) {
         auto made = clocked({.unit = DcUnit::none});
@@ -262,7 +262,7 @@ TEST_F(Configdc, AClockBeforeTheReferenceOfAGroupIsRefused) {
               "reference cannot synchronise (slave 2)");
 }
 
-// The cause is that the slave is missing, not that it has no clock.
+// The error is that the slave is missing, and not that it has no clock.
 TEST_F(Configdc, AReferenceThatIsMissingIsSaid) {
     add({});
     add({});
@@ -274,7 +274,7 @@ TEST_F(Configdc, AReferenceThatIsMissingIsSaid) {
               "slave 3: synchronising the clocks: the slave is missing");
 }
 
-// A line of three slaves. Something is not right for 20 us from step `cut` of the request on: set(false), set(true).
+// A line of three slaves. From step `cut` of the request on there is a fault for 20 us: set(false), set(true).
 template <class Set>
 void run_with_fault(ClockBus& bus, ClockRequest& request, int cut, const Set& set) {
     bus.add_line(3);
@@ -287,7 +287,8 @@ void run_with_fault(ClockBus& bus, ClockRequest& request, int cut, const Set& se
     }
 }
 
-// The chosen reference loses its power for a moment while its registers are asked: it is lost, and has a clock.
+// The chosen reference loses its power for a moment while the library reads its registers. The error says that the
+// slave is lost, and not that it has no clock.
 TEST(ConfigdcWithoutPower, ALostSlaveIsNotCalledOneWithoutAClock) {
     int failed = 0;
     for (int cut = 0; cut < 40; ++cut) {
@@ -303,7 +304,8 @@ TEST(ConfigdcWithoutPower, ALostSlaveIsNotCalledOneWithoutAClock) {
     EXPECT_GT(failed, 10);
 }
 
-// The cable to slaves 2 and 3 is broken for 20 us, far shorter than a step of the start-up: for one frame.
+// The cable to slaves 2 and 3 is broken for 20 us, which is much shorter than a step of the start-up. One frame is
+// lost.
 TEST(ConfigdcWithoutCable, ABreakForOneFrameHidesNoClock) {
     for (int cut = 0; cut < 40; ++cut) {
         ClockBus bus;
@@ -330,7 +332,7 @@ TEST_F(Configdc, AGroupThatDoesNotExistIsRefused) {
     EXPECT_TRUE(configdc(*ctx, {.burst_frames = 100, .system_time_at_zero = Duration::max()}).ok());
 }
 
-// Slaves in OP would run on without the SYNC signals that they need, and nothing would say so.
+// Slaves in OP would continue without the SYNC signals that they need, and no error would report this.
 TEST_F(Configdc, WhileASlaveRunsWithSyncIsRefused) {
     add_line(3);
     start();
@@ -350,7 +352,7 @@ TEST_F(Configdc, WhileASlaveRunsWithSyncIsRefused) {
     EXPECT_TRUE(configdc(*ctx, kFewFrames).ok());
 }
 
-// The differences are shown as they are now, also while all clocks are within the limit.
+// The facts contain the present differences, also while all clocks are within the limit.
 TEST_F(Configdc, TheSupervisionReadsTheDifferencesOfClocksInSync) {
     add({});
     add({.drift_ppb = 90'000});
@@ -366,7 +368,8 @@ TEST_F(Configdc, TheSupervisionReadsTheDifferencesOfClocksInSync) {
     }
 }
 
-// 2000 ppm: beyond what a chip can follow. The slave is named with its difference, and the other clocks are in sync.
+// A clock with 2000 ppm, more than a chip can follow. The slave is reported with its difference, and the other clocks
+// are in sync.
 TEST_F(Configdc, AClockThatCannotFollowIsNamed) {
     add({});
     add({.drift_ppb = 2'000'000});

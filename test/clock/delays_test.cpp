@@ -22,7 +22,7 @@ class Ring {
     std::vector<PortTimes> times = std::vector<PortTimes>(16);
     std::vector<DelayNode> nodes;
 
-    // `ports`: since the arrival at the entry port; a port that is not listed has no neighbour.
+    // `ports`: the receive times since the arrival at the entry port. A port that is not listed has no neighbour.
     void add(std::uint16_t parent, std::uint8_t parent_port, const std::map<unsigned, std::uint32_t>& ports,
              std::uint8_t entry = 0, std::uint32_t start_ns = 1000) {
         DelayNode node{.parent = parent, .parent_port = parent_port, .entry_port = entry, .processing_ns = kProcessing};
@@ -234,7 +234,7 @@ TEST(Delays, OfALongLineAreNotRoundedAtEachSlave) {
     EXPECT_EQ(delay_between_ns(nodes[0], nodes[299]), (299 * 431 + 1) / 2);
 }
 
-// What a slave tells may contradict itself: nothing follows but wrong numbers.
+// The values of a slave may contradict each other. The only effect is wrong numbers.
 TEST(Delays, OfNonsenseAreFinite) {
     Ring ring;
     ring.add(2, 3, {{1, 0xFFFF'0000}});

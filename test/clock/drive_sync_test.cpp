@@ -26,7 +26,8 @@ struct DriveSync : testing::Test, ClockBus {
         ASSERT_TRUE(mapped.ok()) << words(mapped.error());
         due = osal.now() + 10ms;
     }
-    // Cycles whose frames pass the drive at `phase` of SYNC0, until `holds`, at most `most`.
+    // Executes cycles whose frames pass the drive at `phase` of SYNC0, until `holds` returns true, at most `most`
+    // cycles.
     template <class Holds>
     bool run_at(Duration phase, int most, Holds holds) {
         MasterClock clock({.set_value = phase, .phase = {.cycle = 1ms}});

@@ -1,5 +1,6 @@
-// Frames that enter slaves at ports other than 0, with slaves behind. The processing unit is behind port 0: a frame
-// that enters at port 1 passes the slaves at the ports 2 and 0 before it. The simulation knows the true delays.
+// Frames that enter slaves at ports other than 0, with other slaves behind them. The processing unit is behind port 0:
+// a frame that enters at port 1 passes the slaves at ports 2 and 0 before the processing unit. The simulation knows the
+// true delays.
 #include "clock/clock_bus.hpp"
 #include "clock/frame_ways.hpp"
 
@@ -18,7 +19,7 @@ struct Cable {
 };
 
 struct EntryPortsBus : ClockBus {
-    // The first cable is that of the master.
+    // The first cable is the cable of the master.
     void connect(std::uint32_t slaves, sim::PortRef master, std::span<const Cable> cables) {
         for (std::uint32_t n = 0; n < slaves; ++n) {
             const auto drift = static_cast<std::int32_t>(n * 7919 % 201) * 100;
@@ -29,7 +30,7 @@ struct EntryPortsBus : ClockBus {
         ASSERT_TRUE(segment.connect_master(master));
         for (const Cable& cable : cables) ASSERT_TRUE(segment.connect(cable.from, cable.to, cable.delay));
     }
-    // Slaves of the segment are not in the order of the ring.
+    // The numbers in the segment differ from the order in the ring.
     std::int64_t error_ns(std::uint32_t slaves) {
         std::int64_t most = 0;
         const Time now = osal.now();
@@ -57,7 +58,7 @@ TEST_F(EntryPorts, OfOneSlaveInALine) {
     const std::array cables{Cable{{0, 1}, {1, 1}}, Cable{{1, 0}, {2, 0}, 5us}};
     connect(3, {0, 0}, cables);
     expect_in_step(3);
-    // The slave behind it answers before it.
+    // The slave behind slave 3 answers before slave 3.
     EXPECT_EQ(ctx->slave(3).parent, 1);
     EXPECT_EQ(ctx->slave(3).parent_port, 1);
     EXPECT_EQ(ctx->slave(3).entry_port, 1);
@@ -91,7 +92,8 @@ TEST_F(EntryPorts, OfJunctions) {
     expect_in_step(9);
 }
 
-// Both lines have the same order of processing units and the same ports; the cables tell the times apart.
+// Both lines have the same order of processing units and the same ports. Only the lengths of the cables make the
+// receive times different.
 TEST_F(EntryPorts, TheTimesTellWhichSlaveIsBehindWhich) {
     const std::array outer{Cable{{0, 0}, {1, 0}, 3us}, Cable{{1, 1}, {2, 0}, 5us}};
     connect(3, {0, 1}, outer);
@@ -120,8 +122,8 @@ TEST_F(EntryPorts, ASlaveBehindComesBack) {
     }
 }
 
-// The first slave sends the frame on by port 1, the third one by port 0, and it enters the third one by port 1: either
-// may be behind the other.
+// The first slave forwards the frame by port 1, the third slave by port 0, and the frame enters the third slave by port
+// 1. Each of them can be behind the other.
 TEST(FindWays, FollowTheTimes) {
     std::array<DelayNode, 3> nodes{};
     nodes[0].open = nodes[2].open = 0b11;
@@ -155,8 +157,8 @@ TEST(FindWays, SayWhatTheyCannotKnow) {
     EXPECT_FALSE(find_ways(nodes));
 }
 
-// Trees, entry ports and cables by seed. A frame that passes two slaves without a link at port 0 is destroyed as one
-// that circulates: such a slave is entered at port 0 here.
+// Trees, entry ports and cables by seed. A slave without a link at port 0 marks a frame as circulating, and a second
+// such slave destroys the frame. Therefore the frame enters this slave at port 0.
 TEST(EntryPortsStorm, OfTreesBySeed) {
     for (unsigned seed = 1; seed <= 60; ++seed) {
         SCOPED_TRACE(seed);

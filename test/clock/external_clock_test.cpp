@@ -1,4 +1,4 @@
-// Two segments, one clock: a bridge device, and the master of one segment that follows the other.
+// Two segments and one clock: a bridge device between them. The master of one segment follows the other segment.
 #include "clock/clock_bus.hpp"
 #include "sim/clock_bridge.hpp"
 #include "sim/library/library.hpp"
@@ -12,8 +12,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A segment with a master of its own, in the time of another object: two slaves with clocks and the bridge, which is
-// `place` in the line.
+// A segment with its own master, in the time of another object: two slaves with clocks and the bridge, which has the
+// position `place` in the line.
 struct HalfOfTwo {
     Osal& osal;
     sim::Segment segment;
@@ -71,7 +71,7 @@ struct HalfOfTwo {
 };
 
 struct TwoSegments : testing::Test {
-    ClockBus bus;  // the time, and how its devices are made
+    ClockBus bus;  // provides the time and makes the devices
     HalfOfTwo first{bus.osal};
     HalfOfTwo second{bus.osal};
     std::unique_ptr<sim::ClockBridge> bridge;
@@ -99,7 +99,7 @@ struct TwoSegments : testing::Test {
         first.due = bus.osal.now() + 5ms;
         second.due = bus.osal.now() + 5ms + 410us;
     }
-    // Of the second segment's clock to that of the first, within a millisecond.
+    // The difference of the clock of the second segment to the clock of the first segment, within a millisecond.
     double difference(std::uint32_t slave = 0) {
         const Time now = bus.osal.now();
         const std::uint64_t ahead = second.system(now, slave) % 1'000'000 + 1'000'000;
@@ -141,7 +141,7 @@ TEST_F(TwoSegments, HaveOneClock) {
     EXPECT_TRUE(clock_status(second.ctx, bus.osal.now()).in_sync) << "the other clocks of the segment follow";
 }
 
-// The bridge notes both times each millisecond: in these cycles an even number of times.
+// The bridge stores both times each millisecond, which is an even number of times in these cycles.
 struct CyclesOfTwoSegments : TwoSegments, testing::WithParamInterface<int> {};
 
 TEST_P(CyclesOfTwoSegments, SeveralTimeStampsInACycle) {
@@ -156,7 +156,7 @@ TEST_P(CyclesOfTwoSegments, SeveralTimeStampsInACycle) {
 
 INSTANTIATE_TEST_SUITE_P(Milliseconds, CyclesOfTwoSegments, testing::Values(2, 4, 10, 20));
 
-// Cycles that are under way when a correction is sent do not show it.
+// Cycles that are on the wire when a correction is sent do not contain the correction yet.
 struct OverlappedCyclesOfTwoSegments : TwoSegments, testing::WithParamInterface<int> {};
 
 TEST_P(OverlappedCyclesOfTwoSegments, HaveOneClock) {
@@ -181,7 +181,8 @@ TEST_F(TwoSegments, OrWithAnOffset) {
     EXPECT_NEAR(static_cast<double>((shown + 1'000'000) % 1'000'000), 250'000, 500) << "as the bridge shows it";
 }
 
-// The other half is switched off: the segment keeps its rate. When it is back, both are in step again.
+// The other half is switched off, and the segment keeps its rate. When the half is back, both segments are in step
+// again.
 TEST_F(TwoSegments, ABridgeThatIsLostKeepsTheRate) {
     bring_up();
     run(6000);
@@ -227,7 +228,7 @@ TEST_F(TwoSegments, MistakesAreSaid) {
     ExternalClock no_cycle(2, {.cycle = {.mode = MasterClock::Mode::off, .phase = {.cycle = 0us}}});
     EXPECT_EQ(no_cycle.state(), PhaseState::set_value_wrong);
     EXPECT_EQ(no_cycle.update(second.ctx, 0us), 0us);
-    // What the clock of the cycle refuses, with a grid too.
+    // The settings that the clock of the cycle refuses are refused with a grid, too.
     ExternalClock grid_alone(2, {.cycle = {.mode = MasterClock::Mode::off, .phase = {.cycle = 0us}}, .grid = 1ms});
     EXPECT_EQ(grid_alone.state(), PhaseState::set_value_wrong);
     ExternalClock outside(2, {.cycle = {.set_value = 2ms, .phase = {.cycle = 1ms}}});

@@ -1,4 +1,4 @@
-// What disturbs clocks that run: slaves that are lost while delays are measured, times that another program writes,
+// Disturbances of running clocks: slaves that are lost while delays are measured, times that another program writes,
 // exact cycles, and a clock that comes back far away.
 #include "clock/clock_bus.hpp"
 
@@ -43,8 +43,8 @@ TEST_F(ClockHarm, DelaysAreRightWhileASlaveIsLost) {
     EXPECT_LE(greatest_error_ns(4), 100);
 }
 
-// The frames pass the branch with slaves 2 and 3 on their way to slave 4. When the branch is lost, its delay is
-// measured anew, and again when it is back.
+// The frames pass the branch with slaves 2 and 3 on their way to slave 4. When the branch is lost, the delay of slave 4
+// is measured again, and once more when the branch is back.
 TEST_F(ClockHarm, TheDelaysFollowABranchThatIsLost) {
     const auto junction = [this](std::int32_t drift) {
         auto made = clocked({.drift_ppb = drift, .start_ns = segment.size() * 12345});
@@ -61,7 +61,7 @@ TEST_F(ClockHarm, TheDelaysFollowABranchThatIsLost) {
     cycles(3000);
     const auto delay = clock(4).delay_ns;
     const auto until_measured = [this](unsigned most) {
-        unsigned wrong = 0;  // in succession: until the loss is known, and while the clock swings through zero
+        unsigned wrong = 0;  // cycles in succession: until the loss is known, and while the difference passes zero
         for (unsigned n = 0; n < most; ++n) {
             cycles(1);
             wrong = clock(4).in_sync && std::abs(ahead_ns(4)) > 400 ? wrong + 1 : 0;
@@ -79,11 +79,11 @@ TEST_F(ClockHarm, TheDelaysFollowABranchThatIsLost) {
     for (std::uint16_t s = 1; s <= 4; ++s) EXPECT_TRUE(clock(s).in_sync && std::abs(ahead_ns(s)) <= 100) << s;
 }
 
-// A slave that is found after configdc(), in a segment that expects four.
+// A slave that is found after configdc(), in a segment with four expected slaves.
 struct LateClock : ClockHarm {
     std::array<ExpectedSlave, 4> four{};
 
-    // Each slave is another product, so that the master sees which one is missing.
+    // Each slave is a different product, so that the master can identify the missing slave.
     void hang(sim::PortRef at, std::int32_t drift_ppb) {
         auto& wanted = four[segment.size()].product;
         wanted = 0x0200 + static_cast<std::uint32_t>(segment.size());
@@ -114,7 +114,7 @@ struct LateClock : ClockHarm {
     }
 };
 
-// Its neighbour had no receive time for its port.
+// When the delays were measured, the neighbour of the slave had no receive time for the port to the slave.
 TEST_F(LateClock, ItsDelayIsMeasured) {
     add_line(4);
     bring_up_without(3);
@@ -126,7 +126,7 @@ TEST_F(LateClock, ItsDelayIsMeasured) {
     EXPECT_LE(greatest_error_ns(4), 100);
 }
 
-// In PREOP it has another time than the others: it hides nothing of them.
+// In PREOP the slave has another time than the other slaves. It does not hide their differences.
 TEST_F(LateClock, BeforeItIsStartedTheDifferenceIsThatOfTheOthers) {
     add_line(4);
     bring_up_without(3);
@@ -140,8 +140,8 @@ TEST_F(LateClock, BeforeItIsStartedTheDifferenceIsThatOfTheOthers) {
     EXPECT_LE(clock_status(*ctx, osal.now()).greatest_ns, 200U);
 }
 
-// It is before the reference, and becomes the reference: the others run at the rate of the reference before, and must
-// not see another one.
+// The slave is before the reference and becomes the reference. The other clocks run at the rate of the previous
+// reference, and this rate must not change.
 TEST_F(LateClock, BeforeTheReferenceItLearnsItsRate) {
     auto root = clocked({.unit = sim::DcUnit::receive_times});
     root.chip.ports = sim::junction().ports;
@@ -181,8 +181,8 @@ TEST_F(LateClock, BeforeTheReferenceItLearnsItsRate) {
     watch();
 }
 
-// In cycles that are exact, the reference shows the time that is expected. It is not taken for lost when another slave
-// is.
+// In exact cycles the reference shows exactly the expected time. When another slave is lost, the reference must not
+// count as lost.
 TEST_F(ClockHarm, AnExactCycleDoesNotLoseTheReference) {
     for (unsigned n = 0; n < 4; ++n) add({.start_ns = n * 77});
     bring_up();
@@ -198,7 +198,8 @@ TEST_F(ClockHarm, AnExactCycleDoesNotLoseTheReference) {
     EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSystemTimeDifference), 0U) << "nobody has written a time to it";
 }
 
-// Another program has written a time to the reference clock: its rate would stay wrong, because nothing follows.
+// Another program has written a time to the reference clock. Without a correction its rate would stay wrong, because
+// the reference follows no other clock.
 TEST_F(ClockHarm, AReferenceThatWasDisturbedRunsAtItsOwnRateAgain) {
     add_line(3);
     bring_up();
@@ -219,8 +220,8 @@ TEST_F(ClockHarm, AReferenceThatWasDisturbedRunsAtItsOwnRateAgain) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync) << joined(events());
 }
 
-// The branch was cut off, with power, and its clock is 9 ms away: its control loop would need a minute. The slave is
-// started again with a clock that is set.
+// The branch was disconnected and kept its power, and its clock is 9 ms away. Its control loop would need a minute. The
+// slave is started again, and its clock is set.
 TEST_F(ClockHarm, AClockThatComesBackFarAwayIsSet) {
     add_line(3);
     bring_up();
@@ -239,7 +240,7 @@ TEST_F(ClockHarm, AClockThatComesBackFarAwayIsSet) {
         << "SYNC0 goes on";
 }
 
-// The cable is out for some milliseconds. All clocks stay near, and both reports say so.
+// The cable is unplugged for some milliseconds. All clocks stay close, and both reports agree.
 TEST_F(ClockHarm, AClockThatComesBackInStepIsInSync) {
     add_line(4);
     bring_up();
@@ -263,8 +264,8 @@ TEST_F(ClockHarm, AClockThatComesBackInStepIsInSync) {
     }
 }
 
-// Slave 1 with the reference clock is bridged, which takes a while without any frame; later it is put back. No clock
-// gets a time that is older than the silence.
+// Slave 1 with the reference clock is bridged, and for a while no frame comes back. Later it is connected again. No
+// clock gets a time from before the silence.
 TEST_F(ClockHarm, TheNextReferenceTakesOverAfterASilence) {
     add_line(5);
     bring_up();
@@ -300,7 +301,8 @@ TEST_F(ClockHarm, TheNextReferenceTakesOverAfterASilence) {
     EXPECT_EQ(joined(events()), "");
 }
 
-// A scan deletes what is known of the clocks: not while a supervision compares them, and at once after its end.
+// A scan deletes the facts about the clocks. It does not delete them while a supervision compares the clocks, and
+// deletes them as soon as the supervision has ended.
 TEST_F(ClockHarm, AScanAtAnyMomentOfAComparison) {
     add_line(4);
     ClockSettings settings = kFewFrames;

@@ -18,7 +18,7 @@ struct HonestBus : ClockBus {
         cycles(300);
         (void)events();
     }
-    // Cycles of 1 ms.
+    // Executes cycles of 1 ms with bus shift.
     void shifted(MasterClock& master, int count, unsigned polls_in_cycle = 6) {
         Time next = osal.now();
         for (int n = 0; n < count; ++n) {
@@ -34,11 +34,12 @@ struct HonestBus : ClockBus {
         }
     }
     struct Apart {
-        std::int64_t all = 0;      // any two clocks
-        std::int64_t in_sync = 0;  // of the clocks that are reported in sync, from the reference
-        unsigned longest = 0;      // cycles in succession that have not brought the time
+        std::int64_t all = 0;      // greatest difference between any two clocks
+        std::int64_t in_sync = 0;  // greatest difference from the reference of a clock that is reported in sync
+        unsigned longest = 0;      // cycles in succession without the time
     };
-    // 4000 cycles in which the bus is shifted. `lost`: 8000 further cycles, and Apart is of these; so many are lost.
+    // Executes 4000 cycles while the bus is shifted. `lost`: the share of lost frames in 8000 further cycles; then the
+    // result is about these cycles.
     Apart seek(MasterClock& master, Duration cycle, double lost = 0) {
         constexpr int kSeeks = 4000;
         Apart apart;
@@ -65,7 +66,7 @@ struct HonestBus : ClockBus {
         return apart;
     }
     void all_come_back(std::uint16_t slaves) {
-        cycles(1000);  // the supervision has seen what has happened
+        cycles(1000);  // now the supervision has noticed the event
         const auto all_in_sync = [&] {
             for (std::uint16_t s = 1; s <= slaves; ++s)
                 if (!clock(s).in_sync) return false;
@@ -81,7 +82,7 @@ struct HonestBus : ClockBus {
 
 struct Honest : testing::Test, HonestBus {};
 
-// Slave 2 loses its power for an instant, at every moment of configdc().
+// Slave 2 loses its power for a moment, at every step of configdc().
 TEST(HonestConfigdc, ASlaveThatWasResetMeanwhileIsNotInSync) {
     unsigned failed = 0;
     for (unsigned moment = 0; moment < 60; ++moment) {
@@ -125,7 +126,7 @@ TEST_F(Honest, AShorterTimeThanTheSettleTimeIsNotInSync) {
     EXPECT_FALSE(clock(2).in_sync);
 }
 
-// The reset slave answers by its position with a time of its own before its loss is known.
+// Before its loss is known, the reset slave answers by its position with its own time.
 TEST_F(Honest, AnAnswerOfAResetReferenceIsNoSystemTime) {
     for (const int out : {3, 6, 9, 15, 40}) {
         SCOPED_TRACE(out);
@@ -144,8 +145,8 @@ TEST_F(Honest, AnAnswerOfAResetReferenceIsNoSystemTime) {
     }
 }
 
-// Both slaves are reset. While they are brought back, the first one is reset again, so that the second one becomes the
-// reference before it has its delay again. The master writes its offset with each cycle meanwhile.
+// Both slaves are reset. While the library brings them back, the first slave is reset again, so the second slave
+// becomes the reference before it has its delay again. Meanwhile the master writes its offset with each cycle.
 TEST_F(Honest, AReferenceThatWasResetGetsItsDelayWhileTheBusIsShifted) {
     add({});
     add({.drift_ppb = 30'000, .start_ns = 0x1234'5678'9ABCULL});
@@ -171,8 +172,8 @@ TEST_F(Honest, AReferenceThatWasResetGetsItsDelayWhileTheBusIsShifted) {
     }
 }
 
-// The cycle begins half a cycle away from its phase: the reference moves by 600 ns in a millisecond, and the others
-// follow late.
+// The cycle begins half a cycle away from its phase. The reference moves by 600 ns per millisecond, and the other
+// clocks follow with a delay.
 TEST(HonestBusShift, NoClockThatLagsIsInSync) {
     for (const Duration cycle : {1ms, 2ms, 4ms}) {
         HonestBus bus;
@@ -190,7 +191,7 @@ TEST(HonestBusShift, NoClockThatLagsIsInSync) {
     }
 }
 
-// In a cycle that is lost, the reference moves on by the drift that was learned: the next times are as expected.
+// In a lost cycle the reference moves by the learned drift, so the next times are as expected.
 TEST(HonestBusShift, SingleLostFramesMoveNoClock) {
     for (const std::int32_t drift_ppb : {-76'300, -63'700, -54'370, 54'370}) {
         SCOPED_TRACE(drift_ppb);
@@ -207,7 +208,7 @@ TEST(HonestBusShift, SingleLostFramesMoveNoClock) {
     }
 }
 
-// The delays are measured all the time, 16 times one after the other: the clocks are compared meanwhile.
+// The delays are measured without a pause, 16 times one after the other. Meanwhile the clocks are compared.
 TEST_F(Honest, WhileTheDelaysAreMeasuredNoClockThatDriftsIsInSync) {
     add_line(4);
     ClockSettings settings = kFewFrames;
@@ -226,7 +227,7 @@ TEST_F(Honest, WhileTheDelaysAreMeasuredNoClockThatDriftsIsInSync) {
     EXPECT_LE(most, 4000) << "160 ppm for 25 ms";
 }
 
-// A slave that config_init() has not found was put between two others.
+// A slave that config_init() has not found was inserted between two other slaves.
 TEST_F(Honest, ASlaveThatWasNotFoundIsNoticed) {
     add({});
     add({.start_ns = 1'234'567});
@@ -257,7 +258,7 @@ TEST_F(Honest, ALostSlaveLeavesTheOthersInSync) {
     EXPECT_FALSE(clock(3).in_sync);
 }
 
-// A device that is not expected has a clock that the master does not set.
+// An unexpected device has a clock, and the master does not set this clock.
 TEST_F(Honest, AnUnexpectedClockDoesNotCount) {
     add_line(3);
     bring_up(kFewFrames);
@@ -272,7 +273,7 @@ TEST_F(Honest, AnUnexpectedClockDoesNotCount) {
     EXPECT_LE(status.greatest_ns, 500U);
 }
 
-// After a loss of power, the SYNC signals cannot be activated again.
+// After a loss of power the SYNC signals cannot be activated again.
 TEST_F(Honest, SyncSignalsThatDoNotRunAreNotSaidToBeActive) {
     SlaveSetup by_sii{.dc = {.source = SyncSettings::Source::sii}};
     add_line(3);
@@ -293,8 +294,8 @@ TEST_F(Honest, SyncSignalsThatDoNotRunAreNotSaidToBeActive) {
     }
 }
 
-// The setup of slave 2 wants no SYNC signals any more: it is mapped again, started again, or requested to enter PREOP
-// and SAFEOP.
+// The setup of slave 2 does not want SYNC signals any more. The slave is mapped again, started again, or brought to
+// PREOP and SAFEOP.
 TEST_F(Honest, SyncSignalsThatTheSetupDoesNotWantAnyMoreAreSwitchedOff) {
     SlaveSetup wanted{.dc = {.source = SyncSettings::Source::application}};
     add_line(3);
@@ -324,7 +325,7 @@ TEST_F(Honest, SyncSignalsThatTheSetupDoesNotWantAnyMoreAreSwitchedOff) {
     }
 }
 
-// Slave 1 is back, and the reference is lost before slave 1 has its clock again: the system time stays as it was.
+// Slave 1 is back, and the reference is lost before the clock of slave 1 is set. The system time does not change.
 TEST_F(Honest, ASlaveThatDoesNotHaveItsClockYetIsNoReference) {
     add_line(2);
     bring_up(kFewFrames);
@@ -345,7 +346,7 @@ TEST_F(Honest, ASlaveThatDoesNotHaveItsClockYetIsNoReference) {
     }
 }
 
-// With cycles of 10 ms and more, and without room for queued datagrams, a correction does not wait for the cycle: the
+// With cycles of 10 ms and more, and without room for queued datagrams, a correction does not wait for the cycle. The
 // next reading shows it.
 TEST(BusShiftOfLongCycles, ComesIntoSync) {
     struct Case {
@@ -397,7 +398,7 @@ struct BusShiftOf : testing::TestWithParam<std::tuple<Calls, Duration>> {
     }
 };
 
-// Slave 2 has learned the rate at which slave 1 was shifted to its phase, 600 ppm, when it becomes the reference.
+// Slave 2 has learned the rate, 600 ppm, at which slave 1 was shifted to its phase. Then slave 2 becomes the reference.
 TEST_P(BusShiftOf, ARateThatWasAShiftIsNotKept) {
     bus.add_line(4);
     bus.start();

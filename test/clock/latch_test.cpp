@@ -49,7 +49,7 @@ struct Latches : testing::Test, ClockBus {
         const std::uint64_t known = clock_status(*ctx, osal.now()).system_time_ns;
         EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(known - about())), 0, 2000);
     }
-    // An edge now. Returns its system time.
+    // Makes an edge now. Returns its system time.
     std::uint64_t edge(unsigned input, bool rising) {
         segment.advance(osal.now());
         segment.slave(1).latch(input, rising, osal.now());
@@ -96,7 +96,7 @@ TEST_F(Latches, OfAClockOf32BitsHave64) {
     EXPECT_NEAR(static_cast<double>(request.edges[3].time_ns - time), 0, 200);
 }
 
-// The clock of the reference is 0.1 % faster than that of the master. Nothing but the cycles brings its time.
+// The clock of the reference is 0.1 % faster than the clock of the master. Only the cycles bring its time.
 TEST_F(Latches, WithoutASupervisionTheTimeOfTheCyclesIsKnown) { follow_the_cycles(false); }
 TEST_F(Latches, WithoutAWatchTheTimeOfTheCyclesIsKnown) { follow_the_cycles(true); }
 

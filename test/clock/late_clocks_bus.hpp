@@ -1,4 +1,4 @@
-// Slaves that come, or come back, while others run.
+// Slaves that come, or come back, while other slaves are in operation.
 #pragma once
 
 #include "clock/clock_bus.hpp"
@@ -12,7 +12,7 @@ struct LateClocksBus : ClockBus {
     SlaveSetup setup{.dc = {.source = SyncSettings::Source::application}};
     Duration period = 1ms;
 
-    // Slaves at the ports of a junction, the first slave; `late`: the slave may be missing.
+    // Connects slaves at the ports of a junction, which is the first slave. `late`: the slave may be missing.
     void hang(std::uint8_t port, const ClockOf& clock, bool late = false) {
         ExpectedSlave slave;
         slave.number = static_cast<std::uint16_t>(wanted.size() + 1);

@@ -1,4 +1,5 @@
-// Clocks that come while others run: with long cycles, while the chosen reference is lost, and after it was reset.
+// Clocks that come while other clocks are in operation: with long cycles, while the chosen reference is lost, and after
+// the reference was reset.
 #include "clock/late_clocks_bus.hpp"
 
 #include <margay/master_clock.hpp>
@@ -10,7 +11,8 @@ using namespace std::chrono_literals;
 
 struct LateClocks : testing::Test, LateClocksBus {};
 
-// The cycle carries no time while the new reference learns its rate: frames of their own bring it to the others.
+// The cycle carries no time while the new reference learns its rate. Separate frames bring the time to the other
+// clocks.
 TEST(LateReference, LearnsWithLongCyclesWhileTheOthersStayInSync) {
     for (const Duration cycle : {1ms, 4ms, 10ms}) {
         SCOPED_TRACE(cycle / 1ms);
@@ -36,13 +38,13 @@ TEST(LateReference, LearnsWithLongCyclesWhileTheOthersStayInSync) {
         }
         EXPECT_EQ(reference_clock(*bus.ctx), 2);
         EXPECT_TRUE(bus.clock(2).in_sync);
-        // A rate that is right within 2.5 ppm is too far from the limit only for clocks that are compared each 10 ms.
+        // A rate within 2.5 ppm exceeds the limit only if the clocks are compared every 10 ms.
         EXPECT_LE(out, cycle < 10ms ? 0U : 150U) << bus.joined(bus.events());
         EXPECT_LE(most, 300);
     }
 }
 
-// The reference gets the time that the other clocks have kept, not that of the master.
+// The reference gets the time that the other clocks have kept, and not the time of the master.
 TEST_F(LateClocks, AReferenceThatReturnsMakesNoStep) {
     hang(0, {.drift_ppb = 50'000, .start_ns = 0x1234'5678'9ABCULL});
     hang(3, {.drift_ppb = 20'000, .start_ns = 7});
@@ -67,7 +69,7 @@ TEST_F(LateClocks, AReferenceThatReturnsMakesNoStep) {
     }
 }
 
-// A clock of 32 bits wraps each 4.29 s: it would start whole wraps too early.
+// A clock of 32 bits wraps every 4.29 s, so it would start the signal whole wraps too early.
 TEST_F(LateClocks, AStartThatAClockOf32BitsCannotWaitForIsRefused) {
     add({});
     add({.start_ns = 77, .unit = sim::DcUnit::bits32});
@@ -85,7 +87,7 @@ TEST_F(LateClocks, AStartThatAClockOf32BitsCannotWaitForIsRefused) {
     EXPECT_FALSE(clock(2).sync_active);
 }
 
-// The cycle of the bus is known where MasterClock keeps it in step.
+// The library knows the cycle of the bus if MasterClock keeps the cycle in step.
 TEST_F(LateClocks, SyncThatIsNoMultipleOfTheCycleIsNamed) {
     for (int n = 0; n < 4; ++n) add({.start_ns = 77});
     start();
@@ -132,7 +134,7 @@ TEST_F(LateClocks, SyncThatComesLaterOrDiffersLittleIsNamed) {
     EXPECT_EQ(then.size(), 1U) << joined(then);
 }
 
-// The application stops for an odd time between two calls, as from reach() to run_cycle().
+// The application stops for an odd time between two calls, for example from reach() to run_cycle().
 TEST_F(LateClocks, TheCycleKeepsItsPhaseFromCallToCall) {
     add({});
     add({.drift_ppb = 30'000, .start_ns = 0x1234'5678'9ABCULL});
@@ -155,7 +157,8 @@ TEST_F(LateClocks, TheCycleKeepsItsPhaseFromCallToCall) {
     }
 }
 
-// Its SYNC signals would run away. The error says that the reference is lost, and not that the slave is before it.
+// The SYNC signals of this slave would drift away. The error says that the reference is lost, and not that the slave is
+// before the reference.
 TEST_F(LateClocks, ASlaveWithSyncFirstSeenWhileTheChosenReferenceIsLost) {
     hang(0, {.drift_ppb = 50'000});
     hang(3, {.drift_ppb = 20'000, .start_ns = 7}, true);
@@ -182,7 +185,7 @@ TEST_F(LateClocks, ASlaveWithSyncFirstSeenWhileTheChosenReferenceIsLost) {
     EXPECT_TRUE(clock(3).in_sync && clock(3).sync_active);
 }
 
-// Beside a long cycle there is no time for all comparisons.
+// With a long cycle there is no time for all comparisons.
 TEST_F(LateClocks, AClockThatIsWithinTheLimitBesideALongCycleIsInSync) {
     for (const int drift : {0, 5000, 10000}) add({.drift_ppb = drift});
     start();
@@ -203,7 +206,7 @@ TEST_F(LateClocks, AClockThatIsWithinTheLimitBesideALongCycleIsInSync) {
     }
 }
 
-// The cycle before the pause began late: its lateness is no phase.
+// The cycle before the pause began late. Its delay does not count as phase.
 TEST_F(LateClocks, TheCycleKeepsItsPhaseAfterALateCycle) {
     add({});
     add({.drift_ppb = 30'000, .start_ns = 0x1234'5678'9ABCULL});
@@ -252,7 +255,7 @@ TEST_F(LateClocks, AClockFirstSeenWhileTheChosenReferenceIsLost) {
     EXPECT_LE(std::abs(ahead_ns(3, 4)), 300) << told;
 }
 
-// No clock takes over. A slave that was reset meanwhile has a time of its own, until the reference is back.
+// No other clock becomes the reference. A slave that was reset meanwhile has its own time until the reference is back.
 TEST_F(LateClocks, ASlaveThatIsResetWhileTheReferenceIsLost) {
     hang(0, {.drift_ppb = 50'000});
     hang(3, {.drift_ppb = 20'000, .start_ns = 7});
@@ -277,7 +280,8 @@ TEST_F(LateClocks, ASlaveThatIsResetWhileTheReferenceIsLost) {
     EXPECT_LE(std::abs(ahead_ns(3, 2)), 300);
 }
 
-// The first one has 64 bits and the next one 32, or the other way round: the time goes on above 32 bits.
+// The first reference has 64 bits and the next reference 32 bits, or the other way round. The time continues above 32
+// bits.
 TEST_F(LateClocks, AReferenceWithAnotherWidthKeepsThePhase) {
     for (const bool wide_first : {true, false}) {
         SCOPED_TRACE(wide_first);
@@ -330,7 +334,8 @@ TEST_F(LateClocks, AReferenceWithAnotherWidthKeepsThePhase) {
     }
 }
 
-// Nothing is compared with the register of the reference, so it does not wait for 32 frames with its own time.
+// No clock is compared with the register of the reference, so the reference does not wait for 32 frames with its own
+// time.
 TEST(LateReference, IsInSyncWhenItsSlaveIsBack) {
     LateClocksBus bus;
     bus.period = 10ms;
@@ -350,8 +355,8 @@ TEST(LateReference, IsInSyncWhenItsSlaveIsBack) {
     EXPECT_LE(std::abs(bus.ahead_ns(3, 2)), 200);
 }
 
-// A slave that was power-cycled is back in its window within a second: its SYNC signals start with the first try,
-// though their registers are written in the time of several cycles.
+// A slave that was power-cycled is back within its limit in less than a second. Its SYNC signals start at the first
+// attempt, although the library needs several cycles to write their registers.
 TEST(LateReference, WithLongCyclesIsBackWithinASecond) {
     for (const int off : {5, 50, 200}) {
         SCOPED_TRACE(off);
@@ -373,8 +378,8 @@ TEST(LateReference, WithLongCyclesIsBackWithinASecond) {
     }
 }
 
-// The reference of before returns while the bus is shifted at the rate of its drift: it learns this rate before it is
-// the reference again.
+// The earlier reference returns while the bus is shifted at the rate of its drift. It learns this rate before it is the
+// reference again.
 TEST(LateReference, OfAShiftedBusIsBackWithinASecond) {
     LateClocksBus bus;
     bus.hang(0, {.unit = sim::DcUnit::receive_times});

@@ -37,8 +37,8 @@ TEST(SendTimesTest, FindsTheNewestFrameByItsHead) {
     EXPECT_EQ(times.find(head), 1U);
 }
 
-// A NIC whose clock runs 60 ppm faster than that of the host; two slaves that drift. The time between the wake-up and
-// the wire is not known to the host.
+// A NIC whose clock is 60 ppm faster than the clock of the host, and two slaves that drift. The host does not know the
+// time between the wake-up and the wire.
 struct LinkLayerClockTest : testing::Test, ClockBus {
     std::mt19937 random{3};
     Time due{};
@@ -94,7 +94,8 @@ TEST_F(LinkLayerClockTest, TheBusFollowsTheClockOfTheNic) {
     EXPECT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state());
     forget();
     run_cycles(clock, 5000, -200'000);
-    // The reference sees a frame 140 ns of port after the NIC has sent it, and the way is not compensated.
+    // The reference receives a frame 140 ns after the NIC has sent it, because of the port. This delay is not
+    // compensated.
     EXPECT_LE(most, 700) << "30 µs of jitter that the host does not know move nothing";
     EXPECT_LE(greatest_error_ns(2), 200) << "140 ns between both references in each cycle";
     EXPECT_NEAR(clock.cycle().drift_ppb(), 60'000, 10'000) << "the cycle is faster, as the NIC is";
@@ -104,7 +105,7 @@ TEST_F(LinkLayerClockTest, TheBusFollowsTheClockOfTheNic) {
     EXPECT_NEAR(sent, -15'000, 8'000) << "in the mean of 0 to 30 µs";
 }
 
-// The same jitter without time stamps: the master takes it for an error of the clock.
+// The same jitter without time stamps: the master treats the jitter as an error of the clock.
 TEST_F(LinkLayerClockTest, WithoutItTheJitterOfTheHostMovesTheBus) {
     bring_up();
     MasterClock clock({.mode = MasterClock::Mode::bus_shift, .phase = {.cycle = 1ms, .outlier_ns = 50'000}});

@@ -4,7 +4,7 @@
 namespace margay {
 namespace {
 
-// A junction with slaves 2 to 5 at the one port and slaves 6 and 7 at the other: slave 2 has the reference clock. The
+// A junction with slaves 2 to 5 at one port and slaves 6 and 7 at the other port. Slave 2 has the reference clock. The
 // cycles are up to 10 µs late.
 struct LostBranch : LateClocksBus {
     static constexpr std::array<std::uint16_t, 2> kOthers{6, 7};
@@ -29,7 +29,7 @@ struct LostBranch : LateClocksBus {
         bring_up(settings, {});
         ASSERT_EQ(reference_clock(*ctx), 2);
     }
-    // The branch is away for 1.5 s, and back since then.
+    // The branch is away for 1.5 s. Then it has been back for `since`.
     void bring_branch_back(Duration cycle, Duration since) {
         period = cycle;
         bring_up_branches();
@@ -52,7 +52,8 @@ struct LostBranch : LateClocksBus {
     }
 };
 
-// The last frame of a lost reference misleads the next one: by the jitter of the cycle, and by the way to the branch.
+// The last frame of a lost reference brings the next reference a wrong time: by the jitter of the cycle, and by the way
+// to the branch.
 TEST(LostBranch, TheOtherBranchStaysInSync) {
     for (const Duration cycle : {1ms, 4ms, 10ms}) {
         SCOPED_TRACE(cycle / 1ms);
@@ -76,7 +77,7 @@ TEST(LostBranch, TheOtherBranchStaysInSync) {
     }
 }
 
-// The clocks are compared after the last frame of the lost reference, and before the supervision sees the loss.
+// The clocks are compared after the last frame of the lost reference, before the supervision notices the loss.
 TEST(LostBranch, IsNoReasonForAnotherClockToBeOutOfSync) {
     for (unsigned moment = 0; moment < 30; ++moment) {
         SCOPED_TRACE(moment);
@@ -91,8 +92,8 @@ TEST(LostBranch, IsNoReasonForAnotherClockToBeOutOfSync) {
     }
 }
 
-// For some cycles the branch with the reference does not answer: the cycle carries the time of another clock, and the
-// reference gets what the master sends, before the supervision has seen anything.
+// For some cycles the branch with the reference does not answer. The cycle carries the time of another clock, and the
+// reference gets the time that the master sends, before the supervision has noticed anything.
 TEST(LostBranch, AnInstantMovesNoClock) {
     for (const int gone : {1, 2, 3, 5, 8}) {
         SCOPED_TRACE(gone);
@@ -138,7 +139,7 @@ TEST(LostBranch, IsBackWithinASecond) {
     }
 }
 
-// After each measurement of delays the supervision goes on at once, also when clocks are compared once a second only.
+// After each measurement of delays the supervision continues at once, also if clocks are compared only once a second.
 TEST(LostBranch, ASlaveIsReportedLostWhileDelaysAreMeasured) {
     for (const Duration since : {1900ms, 2050ms, 2200ms, 2500ms, 4100ms}) {
         SCOPED_TRACE(testing::Message() << since / 1ms << " ms");
@@ -155,7 +156,7 @@ TEST(LostBranch, ASlaveIsReportedLostWhileDelaysAreMeasured) {
     }
 }
 
-// The slave learns the rate for seconds with long cycles; the supervision goes on meanwhile.
+// With long cycles the slave learns the rate for seconds. Meanwhile the supervision continues.
 TEST(LostBranch, ASlaveThatIsCutOffWhileTheBranchReturnsIsReportedLost) {
     for (const Duration cycle : {1ms, 4ms, 10ms}) {
         for (const Duration since : {0ms, 300ms, 500ms, 1000ms, 2000ms}) {
@@ -165,7 +166,7 @@ TEST(LostBranch, ASlaveThatIsCutOffWhileTheBranchReturnsIsReportedLost) {
             bus.segment.set_cable({6, 0}, false);
             bus.run_late(100ms);
             EXPECT_EQ(bus.ctx->slave(7).al.state, AlState::none);
-            // The return goes on, or begins anew.
+            // The return continues, or starts again.
             bus.run_late(7s);
             EXPECT_EQ(reference_clock(*bus.ctx), 2) << bus.joined(bus.events());
             for (std::uint16_t n = 2; n <= 6; ++n) EXPECT_TRUE(bus.in_op(n) && bus.clock(n).in_sync) << n;
@@ -173,7 +174,7 @@ TEST(LostBranch, ASlaveThatIsCutOffWhileTheBranchReturnsIsReportedLost) {
     }
 }
 
-// The same for the slave that learns, and for the reference that it learns from.
+// The same for the slave that learns, and for the reference from which it learns.
 TEST(LostBranch, TheSlaveThatLearnsAndItsReferenceAreReportedLost) {
     for (const Duration cycle : {1ms, 4ms, 10ms}) {
         for (const bool learner : {true, false}) {
@@ -195,8 +196,9 @@ TEST(LostBranch, TheSlaveThatLearnsAndItsReferenceAreReportedLost) {
     }
 }
 
-// Its reference is lost before the slave of the branch is in step with it. No cycle carries the time of this slave
-// meanwhile, which would lead the reference away: the slave would learn a wrong rate, for up to 13 s.
+// The reference is lost before the slave of the branch is in step with it. Meanwhile no cycle carries the time of this
+// slave, because this time would change the rate of the reference. Then the slave would learn a wrong rate, for up to
+// 13 s.
 TEST(LostBranch, TheReferenceThatIsLostAtOnceKeepsItsRate) {
     for (const Duration since : {0ms, 20ms, 60ms, 100ms}) {
         SCOPED_TRACE(testing::Message() << since / 1ms << " ms after it was back");

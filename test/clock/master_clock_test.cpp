@@ -1,4 +1,4 @@
-// The master's clock against the reference clock: master shift, bus shift, and the time of the master as reference.
+// The clock of the master and the reference clock: master shift, bus shift, and the time of the master as reference.
 #include "clock/clock_bus.hpp"
 #include "osal/cyclic_schedule.hpp"
 
@@ -43,7 +43,8 @@ struct MasterClockTest : testing::Test, ClockBus {
         ASSERT_TRUE(config_map(*ctx, image).ok());
         due = osal.now() + 10ms;
     }
-    // When the frame that is sent at `due` passes the reference clock, against the whole milliseconds of its time.
+    // The time at which the frame that is sent at `due` passes the reference clock, relative to the whole milliseconds
+    // of this clock.
     double phase_at_due() {
         const std::uint64_t shown = segment.slave(0).clock().copy(osal.now());
         const auto then = shown - static_cast<std::uint64_t>((osal.now() - due).count());
@@ -158,7 +159,7 @@ TEST(TheTimeOfTheMaster, ComesInSyncWithLongCycles) {
     }
 }
 
-// The order of an own loop that sends before it looks at the clock: the time is that of the cycle that it leaves with.
+// The loop of an application that sends before it reads the clock: the time belongs to the cycle that carries it.
 TEST(TheTimeOfTheMaster, IsRightWhileACycleIsUnderWay) {
     ClockBus bus;
     bus.add({.drift_ppb = 40'000});
@@ -180,7 +181,7 @@ TEST(TheTimeOfTheMaster, IsRightWhileACycleIsUnderWay) {
     EXPECT_LE(std::abs(ahead), 500'000 + 20'000) << "less than half of a cycle, for the phase of the set value";
 }
 
-// Cycles that are under way when a correction is sent do not show it.
+// Cycles that are on the wire when a correction is sent do not contain the correction yet.
 TEST(BusShiftOfOverlappedCycles, ComesIntoSync) {
     for (const int sets : {2, 3, 4}) {
         SCOPED_TRACE(sets);
@@ -210,7 +211,7 @@ TEST(BusShiftOfOverlappedCycles, ComesIntoSync) {
     }
 }
 
-// Nothing is corrected: the phase moves through the whole cycle, and the drift is what the clocks differ by.
+// Without corrections the phase moves through the whole cycle, and the drift is the difference of the two clocks.
 TEST_F(MasterClockTest, OffShowsTheNaturalDrift) {
     for (const int drift : {80'000, -50'000}) {
         ClockBus other;
@@ -251,7 +252,7 @@ TEST_F(MasterClockTest, ADriftThatIsTooHighIsSaid) {
     EXPECT_EQ(to_text(clock.state()), "the drift between both clocks is too high");
 }
 
-// The phase of the cycle that run_cycle() keeps by itself, from reach() on.
+// The phase of the cycle that run_cycle() keeps itself, from reach() on.
 TEST_F(MasterClockTest, RunCycleFollowsTheReferenceClock) {
     bring_up(80'000);
     MasterClock clock({.set_value = -200us, .phase = {.cycle = 1ms, .settle = 50ms}});
@@ -273,7 +274,7 @@ TEST_F(MasterClockTest, RunCycleFollowsTheReferenceClock) {
     EXPECT_EQ(told(all, "cycle out of sync"), 0) << joined(all);
 }
 
-// The reference clock has 32 bits and wraps every 4.29 s, which is no multiple of the cycle.
+// The reference clock has 32 bits and wraps every 4.29 s, which is not a multiple of the cycle.
 TEST_F(MasterClockTest, ATimeThatWrapsMakesNoStep) {
     for (const auto mode : {MasterClock::Mode::master_shift, MasterClock::Mode::bus_shift}) {
         ClockBus other;
@@ -353,7 +354,7 @@ TEST_F(MasterClockTest, WrongSettingsAreSaid) {
     EXPECT_EQ(right.state(), PhaseState::idle);
 }
 
-// No frame comes back for 2 s: the phase is not known any more.
+// No frame comes back for 2 s, so the phase is unknown.
 TEST_F(MasterClockTest, WithoutATimeTheStateIsNotInSync) {
     bring_up(50'000);
     for (const auto mode : {MasterClock::Mode::master_shift, MasterClock::Mode::bus_shift}) {

@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A cycle that drifts by itself, whose phase the controller corrects.
+// A cycle with a drift. The controller corrects its phase.
 struct SteeredCycle {
     PhaseController controller;
     PhaseSettings settings;
@@ -63,7 +63,7 @@ TEST(PhaseControl, LearnsPhaseAndDriftFromAFewCycles) {
     EXPECT_LT(std::abs(plant.phase_ns), 2);
 }
 
-// The manual's target: at 10 µs of jitter the phase stays within 1 µs (root of the mean of the squares).
+// The target of the manual: with 10 µs of jitter the phase stays within 1 µs (root mean square).
 TEST(PhaseControl, AveragesTheJitterOfTheReadings) {
     SteeredCycle plant;
     plant.drift_ns = -40;
@@ -89,7 +89,8 @@ double rms_of(SteeredCycle& plant, int cycles) {
     return std::sqrt(squares / cycles);
 }
 
-// Whatever the jitter is, it moves the phase by about as much as the settings want, until the gain is at its bounds.
+// The jitter moves the phase by about the amount that the settings want, whatever the jitter is, until the gain is at
+// its bounds.
 TEST(PhaseControl, TheGainFollowsTheMeasuredJitter) {
     std::uint16_t last = 1000;
     for (const double jitter : {300.0, 1'000.0, 3'000.0, 10'000.0}) {
@@ -113,7 +114,8 @@ TEST(PhaseControl, TheGainFollowsTheMeasuredJitter) {
     EXPECT_LE(last, 3);
 }
 
-// Little jitter gives a high gain, which follows a drift that changes much faster than the gain of the settings.
+// A small jitter gives a high gain. This gain follows a drift that changes much faster than the gain of the settings
+// could follow.
 TEST(PhaseControl, LittleJitterFollowsAChangingDriftFaster) {
     std::array<double, 2> rms{};
     for (const bool automatic : {false, true}) {
@@ -134,7 +136,7 @@ TEST(PhaseControl, LittleJitterFollowsAChangingDriftFaster) {
     EXPECT_GT(rms[0], 10 * rms[1]);
 }
 
-// A gap in the readings, and outliers, are no jitter.
+// A gap in the readings and outliers do not count as jitter.
 TEST(PhaseControl, GapsAndOutliersAreNoJitter) {
     SteeredCycle plant;
     plant.drift_ns = 100;
@@ -176,7 +178,8 @@ TEST(PhaseControl, OfACorrectionThatComesOneCycleLate) {
     EXPECT_NEAR(plant.controller.drift_ppb(), 80'000, 2'000);
 }
 
-// The drift that was learned is that of a clock before, and holds the phase back by more than the greatest step.
+// The controller has learned the drift of an earlier clock. This drift moves the phase back by more than the greatest
+// step.
 TEST(PhaseControl, ADriftOfAnotherClockIsForgotten) {
     for (const int sign : {-1, 1}) {
         SteeredCycle plant;
@@ -203,7 +206,7 @@ TEST(PhaseControl, OneWrongReadingCorrectsNothing) {
     EXPECT_EQ(plant.controller.error_ns(), 50'000 + std::llround(before)) << "but it is told";
 }
 
-// A real step, for example a new reference: after eight readings the controller believes it.
+// A real step, for example a new reference: after eight readings the controller accepts the step.
 TEST(PhaseControl, AStepIsBelievedAfterSomeCycles) {
     SteeredCycle plant;
     plant.start();
@@ -215,7 +218,7 @@ TEST(PhaseControl, AStepIsBelievedAfterSomeCycles) {
     EXPECT_LT(std::abs(plant.phase_ns), 10);
 }
 
-// The default gate is below this jitter: the controller starts again and again, and its state tells why.
+// The default gate is below this jitter. The controller starts again repeatedly, and its state contains the reason.
 TEST(PhaseControl, AJitterAboveTheGateIsSaid) {
     SteeredCycle plant;
     plant.jitter_ns = 40'000;

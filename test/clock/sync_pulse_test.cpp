@@ -1,5 +1,5 @@
-// The length of SYNC pulses (ESC register 0x0982, from the SII), and SYNC0 that does not fit the cycle where no
-// MasterClock knows this.
+// The length of SYNC pulses (ESC register 0x0982, from the SII), and a SYNC0 that does not fit the cycle without a
+// MasterClock.
 #include "clock/clock_bus.hpp"
 
 namespace margay {
@@ -8,7 +8,7 @@ namespace {
 using namespace std::chrono_literals;
 
 struct SyncPulse : testing::Test, ClockBus {
-    // With this length of its pulses in the SII, in 10 ns.
+    // Adds a slave with this length of its pulses in the SII, in 10 ns.
     void add_with(std::uint16_t length, const ClockOf& of = {}) {
         using L = wire::sii::ConfigurationLayout;
         auto made = clocked(of);
@@ -77,7 +77,7 @@ TEST_F(SyncPulse, TheSlaveStaysInPreopWithTheWords) {
     EXPECT_EQ(ctx->slave(2).al.state, AlState::safeop);
 }
 
-// Neither MasterClock nor run_cycle(): the supervision measures the cycle.
+// Neither MasterClock nor run_cycle() is used. The supervision measures the cycle.
 TEST_F(SyncPulse, SyncThatDoesNotFitACycleOfTheApplicationIsNamedOnce) {
     for (int n = 0; n < 5; ++n) add({.drift_ppb = 90'000, .start_ns = 77});
     start();
@@ -116,7 +116,8 @@ TEST_F(SyncPulse, SyncThatDoesNotFitACycleOfTheApplicationIsNamedOnce) {
     EXPECT_EQ(then.size(), 1U) << joined(then);
 }
 
-// The mean cycle of some seconds is not that of the application: it has stopped for a moment, or leaves out cycles.
+// The mean cycle of some seconds differs from the cycle of the application, because the application has stopped for a
+// moment or leaves out cycles.
 TEST_F(SyncPulse, AnApplicationThatStopsForAMomentIsNotBlamed) {
     for (int n = 0; n < 3; ++n) add({.drift_ppb = 9000, .start_ns = 77});
     start();
@@ -144,7 +145,7 @@ TEST_F(SyncPulse, AnApplicationThatStopsForAMomentIsNotBlamed) {
     EXPECT_EQ(told(std::vector{run_with(60ms, 4500)}, "slave 3: "), 1) << "and a wrong cycle is named";
 }
 
-// More than 65 535 cycles lie between two judgements.
+// There are more than 65 535 cycles between two comparisons.
 TEST_F(SyncPulse, FastOverlappingCyclesAreCounted) {
     for (int n = 0; n < 2; ++n) add({.start_ns = 77});
     limits.process_frames = 8;
@@ -172,7 +173,7 @@ TEST_F(SyncPulse, FastOverlappingCyclesAreCounted) {
     EXPECT_EQ(told(all, "the cycle of 20"), 1) << joined(all);
 }
 
-// SYNC signals that run go on when others are refused.
+// Active SYNC signals continue when other signals are refused.
 TEST_F(SyncPulse, ARefusedCycleChangesNothing) {
     add_with(100);
     start();
@@ -187,7 +188,7 @@ TEST_F(SyncPulse, ARefusedCycleChangesNothing) {
     EXPECT_FALSE(clock(1).sync_active);
 }
 
-// Without an answer, nothing is known of the register: the library does not report it as missing.
+// Without an answer the library does not know whether the register exists, so it does not report it as missing.
 TEST_F(SyncPulse, ASlaveThatDoesNotAnswerKeepsItsLength) {
     add({});
     add_with(1000);

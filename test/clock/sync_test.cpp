@@ -1,5 +1,5 @@
-// SYNC signals: activated on a grid, before SAFEOP, and again when a slave comes back; clocks watched, and a reference
-// that is lost.
+// SYNC signals: activated on a grid, before SAFEOP, and again when a slave comes back. The watch of the clocks, and a
+// reference that is lost.
 #include "clock/clock_bus.hpp"
 
 namespace margay {
@@ -102,8 +102,8 @@ TEST_F(Sync, MistakesAreNamed) {
     EXPECT_EQ(ctx->slave(1).al.state, AlState::safeop);
 }
 
-// The features register of slave 2 promises a clock that is switched off. The slave is named, and the others run with
-// SYNC0.
+// The features register of slave 2 announces a clock that is switched off. The slave is reported, and the other slaves
+// work with SYNC0.
 TEST_F(Sync, OfAClockThatIsSwitchedOffIsRefusedAndTheRestRuns) {
     add({});
     add({.unit = DcUnit::none, .features = 0x01CC});
@@ -118,12 +118,12 @@ TEST_F(Sync, OfAClockThatIsSwitchedOffIsRefusedAndTheRestRuns) {
     cycles(200);  // SYNC0 starts in the future
     const std::uint64_t before = pulses(3);
     const Time begin = osal.now();
-    cycles(500);  // each takes a millisecond at least: slave 2 is tried again and again
+    cycles(500);  // each cycle takes at least a millisecond: the library tries slave 2 repeatedly
     EXPECT_NEAR(static_cast<double>(pulses(3) - before), static_cast<double>((osal.now() - begin) / 1ms), 2);
     EXPECT_LE(std::abs(ahead_ns(3)), 100);
 }
 
-// No clock at all: the words say so, and the segment runs without.
+// There is no clock. The text contains this, and the segment works without clocks.
 TEST_F(Sync, WithoutAnyClockTheSegmentRuns) {
     add({.unit = DcUnit::none});
     add({.unit = DcUnit::receive_times});
@@ -148,8 +148,8 @@ TEST_F(Sync, ACycleOfZeroIsOnePulse) {
     EXPECT_EQ(clock(2).sync_start_ns % 1'000'000, 40'000U) << "on the grid of ClockSettings::cycle";
 }
 
-// Slave 3 loses its power and comes back with a clock that begins anew: delay, offset and SYNC in the old phase. The
-// other clocks stay in sync, and their SYNC0 goes on.
+// Slave 3 loses its power and comes back with a clock that starts at another time. It gets its delay, its offset and
+// SYNC in the old phase. The other clocks stay in sync, and their SYNC0 continues.
 TEST_F(Sync, ASlaveThatComesBackHasItsOldPhase) {
     bring_up(4);
     run();
@@ -199,8 +199,8 @@ TEST_F(Sync, AClockThatLeavesTheLimitIsReported) {
     EXPECT_TRUE(clock(3).in_sync);
 }
 
-// Two slaves without a clock that runs, then a fork: slave 3 with the reference clock at the one branch, slaves 4 and 5
-// at the other.
+// Two slaves without an active clock, then a fork: slave 3 with the reference clock at one branch, slaves 4 and 5 at
+// the other branch.
 struct Fork : Sync {
     void bring_up_fork(const ClockSettings& settings = kFewFrames) {
         segment.add(clocked({.unit = DcUnit::none}).assemble());
@@ -230,9 +230,10 @@ struct Fork : Sync {
     }
 };
 
-// The slave with the reference clock loses its power. The next clock takes over with the next cycle and keeps its rate,
-// and when the lost slave is back, it is the reference again. Without the lost slave the frame is at slave 4 earlier by
-// its way to slave 3 and back (1.6 µs): one comparison is wrong by that, and the filter of the chip takes a sixteenth.
+// The slave with the reference clock loses its power. The next clock becomes the reference with the next cycle and
+// keeps its rate. When the lost slave is back, it is the reference again. Without the lost slave the frame arrives at
+// slave 4 earlier by its way to slave 3 and back (1.6 µs). One comparison is wrong by this time, and the filter of the
+// chip uses a sixteenth of it.
 TEST_F(Fork, TheNextClockTakesOverWithoutAStep) {
     bring_up_fork();
     const Time lost = osal.now();
@@ -267,7 +268,8 @@ TEST_F(Fork, TheNextClockTakesOverWithoutAStep) {
     EXPECT_EQ(phase_ns(3), 0U);
 }
 
-// By choice no other clock takes over: the clocks go on at the rates that they have learned.
+// The application has chosen that no other clock becomes the reference. The clocks continue at the rates that they have
+// learned.
 TEST_F(Fork, ALostReferenceMayStayLost) {
     ClockSettings settings = kFewFrames;
     settings.replace_lost_reference = false;
@@ -282,7 +284,8 @@ TEST_F(Fork, ALostReferenceMayStayLost) {
     EXPECT_LE(std::abs(ahead_ns(4, 5)), 20'000) << "0.5 s without a comparison";
 }
 
-// config_map() while the reference is lost: the others are mapped, and the cycle does not carry zeros to their clocks.
+// config_map() while the reference is lost: the other slaves are mapped, and the cycle does not carry zeros to their
+// clocks.
 TEST_F(Fork, ALostReferenceStopsNoMapping) {
     bring_up_fork();
     supervision.cancel();
@@ -315,7 +318,7 @@ TEST_F(Fork, AReferenceWithoutAClockIsRefused) {
     for (std::uint16_t n = 3; n <= 5; ++n) EXPECT_FALSE(ctx->slave(n).takes_part) << n;
 }
 
-// The way of the frames has changed while the segment runs: the delays are measured again.
+// The way of the frames has changed during operation. The delays are measured again.
 TEST_F(Sync, DelaysAreMeasuredAgain) {
     add_line(3);
     start();
@@ -361,7 +364,7 @@ TEST_F(Sync, TheApplicationMayChooseTheStartTime) {
     EXPECT_TRUE(dcsync0(*ctx, 1, true, 1ms).ok());
 }
 
-// Another start on this grid would have another phase.
+// A new start on this grid would have another phase.
 TEST_F(Sync, ACycleThatDoesNotFitTheGridIsRefused) {
     add_line(1);
     start();
@@ -375,8 +378,8 @@ TEST_F(Sync, ACycleThatDoesNotFitTheGridIsRefused) {
     EXPECT_TRUE(dcsync0(*ctx, 1, true, 4ms).ok());
 }
 
-// The offset of one clock changes by 50 µs, as by another program: it is reported, comes back into sync, and the other
-// clocks and their SYNC0 do not take part.
+// The offset of one clock changes by 50 µs, as if another program had written it. The clock is reported and comes back
+// into sync. The other clocks and their SYNC0 are not affected.
 TEST_F(Sync, AClockThatJumpsIsReportedAndComesBack) {
     bring_up(3);
     run();
@@ -397,8 +400,9 @@ TEST_F(Sync, AClockThatJumpsIsReportedAndComesBack) {
     EXPECT_NEAR(static_cast<double>(pulses(2) - before), static_cast<double>((osal.now() - begin) / 1ms), 2);
 }
 
-// The first slave of a line, with the reference clock, loses its power: no other clock can take over, because all are
-// behind it. Its clock begins anew when it is back, and the other clocks have not: the system time goes on.
+// The first slave of a line, with the reference clock, loses its power. No other clock can become the reference,
+// because all of them are behind this slave. When the slave is back, its clock has started again, and the other clocks
+// have not. The system time continues.
 TEST_F(Sync, TheReferenceOfALineComesBackWithTheOldTime) {
     bring_up(3);
     run();
@@ -434,7 +438,7 @@ TEST_F(Sync, TheOnlyClockComesBackWithTheOldTime) {
     EXPECT_EQ(phase_ns(1), 0U);
 }
 
-// Clocks of 32 bits wrap every 4.29 s, the reference too: no clock leaves the limit, and SYNC0 goes on.
+// Clocks of 32 bits wrap every 4.29 s, also the reference. No clock exceeds the limit, and SYNC0 continues.
 TEST_F(Sync, TimesThatWrap) {
     add({.unit = DcUnit::bits32});
     add({.drift_ppb = 20'000, .start_ns = 0xFFFF'FF00'0000'0000});
@@ -487,8 +491,8 @@ TEST_F(Sync, AsTheSiiSays) {
               "slave 1: activating SYNC: not supported by the slave (its SII has no DC operation mode 2)");
 }
 
-// A SYNC1 before its SYNC0 comes behind the SYNC0 before that. One that is earlier by a cycle is refused. A slave
-// without SYNC1 does not mind.
+// A SYNC1 with a negative shift comes after the previous SYNC0. A SYNC1 that is earlier by a whole cycle is refused. A
+// slave without SYNC1 is not affected.
 TEST_F(Sync, ASync1BeforeItsSync0) {
     constexpr std::array<wire::sii::DcOpMode, 5> kModes{
         wire::sii::DcOpMode{.sync1_shift_time_ns = -40'000, .sync1_cycle_factor = 1, .assign_activate = 0x0700},

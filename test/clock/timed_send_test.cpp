@@ -1,4 +1,4 @@
-// Frames of the cycle that leave at a time, and the times of the NIC for them.
+// Frames of the cycle that are sent at a given time, and the time stamps of the NIC for these frames.
 #include "clock/clock_bus.hpp"
 
 #include <margay/cycle_stamps.hpp>
@@ -19,7 +19,7 @@ class LateOsal final : public Osal {
   public:
     explicit LateOsal(VirtualOsal& clock) : clock_(clock) {}
     Duration jitter{0};
-    std::uintptr_t thread = 1;  // that calls
+    std::uintptr_t thread = 1;  // the thread that calls
 
     [[nodiscard]] Time now() noexcept override { return clock_.now(); }
     void wait(Time until, WaitHandles nics) noexcept override {
@@ -38,7 +38,7 @@ class LateOsal final : public Osal {
 struct TimedSendTest : testing::Test, ClockBus {
     static constexpr Duration kLead = 80us;
     LateOsal late{osal};
-    double most_late_ns = 0;  // how much later than due the frames have left
+    double most_late_ns = 0;  // the greatest time by which frames were sent too late
     double least_late_ns = 1e9;
 
     void bring_up(const SimulatedNic::Options& options = {.time_stamps = true, .timed_frames = 8}) {
@@ -89,7 +89,7 @@ TEST_F(TimedSendTest, FramesLeaveExactlyAtTheirTimeWhateverTheWakeUp) {
     EXPECT_EQ(nic->missed(), 0U);
 }
 
-// The phase of the frames in the time of the slaves, against which SYNC0 is.
+// The phase of the frames in the time of the slaves, relative to SYNC0.
 TEST_F(TimedSendTest, ThePhaseAgainstSync0DoesNotDependOnTheWakeUp) {
     for (const bool timed : {false, true}) {
         SCOPED_TRACE(timed);
@@ -166,7 +166,7 @@ TEST_F(TimedSendTest, ALoopOfOnesOwn) {
         (void)poll(*ctx, osal.now());
     }
     EXPECT_EQ(nic->missed(), 0U);
-    // The timeout counts from the time of the frames.
+    // The timeout begins at the send time of the frames.
     late.jitter = 0us;
     segment.set_noise({.lost = 1.0, .seed = 5});
     at = osal.now() + 200us;
@@ -185,7 +185,7 @@ TEST_F(TimedSendTest, AnotherThreadSendsNothing) {
     EXPECT_EQ(nic->next_arrival(), kNever);
 }
 
-// Acyclic datagrams leave with the cycle, or at once by poll(); both come back in time.
+// Acyclic datagrams are sent with the cycle, or at once by poll(). In both cases they come back in time.
 TEST_F(TimedSendTest, RequestsBesideTheCycleDoNotTimeOut) {
     bring_up();
     const CycleSettings settings{.period = 4ms, .send_at = nic.get(), .send_lead = 3ms};

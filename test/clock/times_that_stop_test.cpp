@@ -1,5 +1,5 @@
-// "In sync" and the time that the cycles carry, when frames are lost, when no time arrives, and when the supervision
-// ends.
+// The fact "in sync" and the time that the cycles carry: when frames are lost, when no time arrives, and when the
+// supervision ends.
 #include "clock/clock_bus.hpp"
 
 namespace margay {
@@ -20,7 +20,7 @@ struct TimesThatStop : testing::Test, ClockBus {
         cycles(3000);
         ASSERT_TRUE(clock_status(*ctx, osal.now()).in_sync);
     }
-    // run_cycle(), which also receives the cycles that the NIC has refused to send. Returns in how many of its cycles
+    // run_cycle() also receives the cycles that the NIC has refused to send. Returns the number of its cycles in which
     // the clocks were not in sync.
     unsigned run_for(Duration time, Duration period) {
         unsigned out = 0;
@@ -38,7 +38,7 @@ struct TimesThatStop : testing::Test, ClockBus {
             cycles(1);
         }
     }
-    // Slave 1 hangs at no cable, and the master is connected to slave 2.
+    // Slave 1 is not connected, and the master is connected to slave 2.
     void bridge_first() {
         segment.disconnect({0, 0});
         segment.disconnect({0, 1});
@@ -51,7 +51,8 @@ struct TimesThatStop : testing::Test, ClockBus {
         ASSERT_TRUE(segment.connect({0, 1}, {1, 0}, kCable));
         segment.reconsider();
     }
-    // The first clock becomes the reference again: for some rounds, the cycles carry no time. Ends in these rounds.
+    // The first clock becomes the reference again. For some rounds the cycles carry no time. Returns during these
+    // rounds.
     void begin_return() {
         begin(5);
         bridge_first();
@@ -69,7 +70,7 @@ struct TimesThatStop : testing::Test, ClockBus {
     }
 };
 
-// A frame that only reads the reference is lost too: the readings before and after it tell no next time.
+// A frame that only reads the reference is lost, too. The readings before and after it do not give the next time.
 TEST_F(TimesThatStop, OnlyTwoAnswersInSuccessionTellATime) {
     begin(5);
     lose(1);
@@ -83,8 +84,8 @@ TEST_F(TimesThatStop, OnlyTwoAnswersInSuccessionTellATime) {
     }
 }
 
-// Behind a lost frame, two answers of the reference tell the next time. By chance, the reference shows exactly the time
-// that the next frame is sent with: it is 64 ns more than expected, so that this is rare.
+// After a lost frame, two answers of the reference give the next time. By chance the reference shows exactly the time
+// that the next frame carries. The time is 64 ns more than expected, so that this is rare.
 TEST_F(TimesThatStop, ATimeThatIsShownByChanceStopsNoTime) {
     begin(5);
     unsigned longest = 0;
@@ -103,8 +104,8 @@ TEST_F(TimesThatStop, ATimeThatIsShownByChanceStopsNoTime) {
     EXPECT_EQ(longest, 0U);
 }
 
-// The first frame after the pause has the time of the last cycle before it, and all clocks follow it: the library does
-// not report them in sync while they recover.
+// The first frame after the pause carries the time of the last cycle before it, and all clocks follow this time. The
+// library does not report them in sync while they recover.
 TEST_F(TimesThatStop, AReferenceThatIsLostInAPause) {
     constexpr unsigned kUntilItIsKnown = 60;
     for (const auto pause : {20ms, 80ms, 2000ms}) {
@@ -124,8 +125,8 @@ TEST_F(TimesThatStop, AReferenceThatIsLostInAPause) {
     }
 }
 
-// Group 1 was exchanged some times and is not exchanged any more. The first clock is back and learns the rate by frames
-// that the cycles of group 0 take along; some of them are lost.
+// Group 1 was exchanged for a while and is not exchanged any more. The first clock is back and learns the rate from
+// datagrams in the frames of group 0. Some of these frames are lost.
 TEST_F(TimesThatStop, AGroupThatIsNotExchangedAnyMore) {
     add_line(5);
     start();
@@ -170,8 +171,8 @@ TEST_F(TimesThatStop, InSyncEndsInSilence) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
-// After a silence the cycles carry no time until the reference is known to be the same. An oscillator that changes its
-// rate by 15 ppm meanwhile is 450 ns ahead after 30 ms.
+// After a silence the cycles carry no time until the library knows that the reference is the same. An oscillator whose
+// rate changes by 15 ppm meanwhile is 450 ns ahead after 30 ms.
 TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackSoonWhereTheWatchIsSlow) {
     begin(4, 1s);
     segment.set_cable({0, 0}, false);
@@ -188,7 +189,7 @@ TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackSoonWhereTheWatchIsSlow) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
-// The registers of the reference tell that it is the same clock.
+// The registers of the reference show that it is the same clock.
 TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackAtOnce) {
     begin(4);
     for (const unsigned silent : {15U, 50U, 300U, 900U}) {
@@ -216,7 +217,7 @@ TEST_F(TimesThatStop, AfterASilenceInWhichTheNicSendsNothingTheClocksStayInSync)
     EXPECT_EQ(run_for(2s, 1ms), 0U) << "cycles out of sync";
 }
 
-// Two answers in succession tell the next time. With these cycles, the watch makes several rounds between them.
+// Two answers in succession give the next time. With these cycles, the watch makes several rounds between them.
 TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackWhereCyclesAreLong) {
     begin(4);
     for (const auto period : {12ms, 20ms, 50ms}) {
@@ -231,7 +232,7 @@ TEST_F(TimesThatStop, AfterASilenceTheTimeIsBackWhereCyclesAreLong) {
     }
 }
 
-// Group::dc_time is of the cycle that was received last, and the next one is under way.
+// Group::dc_time belongs to the cycle that was received last, while the next cycle is on the wire.
 TEST_F(TimesThatStop, TheSystemTimeIsRightWhileACycleIsUnderWay) {
     begin(4);
     const auto exchange = [this] {
@@ -250,7 +251,7 @@ TEST_F(TimesThatStop, TheSystemTimeIsRightWhileACycleIsUnderWay) {
     exchange();
 }
 
-// The order of the programs that users of IgH write: a frame is on the wire whenever the library can act.
+// The order of calls in programs for IgH: a frame is on the wire whenever the library can work.
 TEST_F(TimesThatStop, ALoopThatSendsBeforeItPollsGetsItsTimeBack) {
     begin(5);
     const auto exchange = [this](unsigned count) {
@@ -279,7 +280,7 @@ TEST_F(TimesThatStop, ALoopThatSendsBeforeItPollsGetsItsTimeBack) {
     for (std::uint16_t s = 2; s <= 5; ++s) EXPECT_LE(std::abs(ahead_ns(s)), 100) << s;
 }
 
-// The frames that have brought the time came before the silence, and the supervision begins in it.
+// The frames with the time came before the silence, and the supervision begins during the silence.
 TEST_F(TimesThatStop, TimesThatCameBeforeASilenceAreOld) {
     begin(4);
     supervision.cancel();
@@ -291,7 +292,8 @@ TEST_F(TimesThatStop, TimesThatCameBeforeASilenceAreOld) {
     for (std::uint16_t s = 2; s <= 4; ++s) EXPECT_FALSE(clock(s).in_sync) << s;
 }
 
-// After a silence, only times that have come count: the register shows what was before the silence.
+// After a silence only times that have arrived since are used. The register still contains the value from before the
+// silence.
 TEST_F(TimesThatStop, AfterASilenceNoClockIsInSyncBeforeItIsCompared) {
     begin(4);
     segment.set_cable({0, 0}, false);
@@ -305,7 +307,8 @@ TEST_F(TimesThatStop, AfterASilenceNoClockIsInSyncBeforeItIsCompared) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
-// The rounds of the watch that come sooner in a silence do not count as intervals: the clocks go on at their rates.
+// Rounds of the watch that come earlier because of a silence do not count as intervals. The clocks continue at their
+// rates.
 TEST_F(TimesThatStop, AShortSilenceEndsNoSyncWhereTheWatchIsSlow) {
     begin(4, 100ms);
     segment.set_cable({0, 0}, false);
@@ -320,7 +323,8 @@ TEST_F(TimesThatStop, AShortSilenceEndsNoSyncWhereTheWatchIsSlow) {
     }
 }
 
-// A frame carries the time after two answers in succession: where every second or third frame is lost, none does.
+// A frame carries the time after two answers in succession. If every second or third frame is lost, no frame carries
+// the time.
 TEST_F(TimesThatStop, InSyncEndsWhereOnlyFramesWithoutTimeComeBack) {
     for (const unsigned period : {2U, 3U}) {
         SCOPED_TRACE(period);
@@ -353,7 +357,7 @@ TEST_F(TimesThatStop, InSyncEndsWithoutCycles) {
     EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync);
 }
 
-// Slave 1 is brought to the reference in small steps; no time is carried meanwhile.
+// Slave 1 is moved to the time of the reference in small steps. Meanwhile no time is carried.
 TEST_F(TimesThatStop, TheTimeIsCarriedWhenTheSupervisionEnds) {
     begin_return();
     supervision.cancel();
@@ -363,7 +367,7 @@ TEST_F(TimesThatStop, TheTimeIsCarriedWhenTheSupervisionEnds) {
     for (std::uint16_t s = 3; s <= 5; ++s) EXPECT_LE(std::abs(ahead_ns(s, 2)), 100) << s;
 }
 
-// Also where the application ends the supervision while a frame is on the wire.
+// The same when the application ends the supervision while a frame is on the wire.
 TEST_F(TimesThatStop, TheTimeIsCarriedBehindAFrameOnTheWire) {
     begin_return();
     (void)send_processdata(*ctx, osal.now());
@@ -372,7 +376,8 @@ TEST_F(TimesThatStop, TheTimeIsCarriedBehindAFrameOnTheWire) {
     EXPECT_NE(ctx->group(0).dc_time.slaves, 0);
 }
 
-// Nobody reads the differences: the clock of a slave that was away is compared when it is back, and is not in sync.
+// Nothing reads the differences. A clock of a slave that was away is compared when the slave is back, and is not in
+// sync.
 TEST_F(TimesThatStop, WithoutAWatchASlaveThatWasAwayIsNotInSync) {
     begin(3, 0ms);
     segment.set_cable({2, 0}, false);

@@ -1,4 +1,4 @@
-// Cables and NICs that are not as they should be: each is an error or an event in words.
+// Cables and NICs that are connected wrongly or do not work. Each case gives an error or an event with a text.
 #include "redundancy/ring_bus.hpp"
 #include "wire/datagram.hpp"
 
@@ -56,7 +56,7 @@ TEST(RingBadInput, TheSecondNicIsDownAtTheStart) {
     EXPECT_EQ(bus.status().cables[1].slaves, 3U);
 }
 
-// Each cable in turn is broken from the start: the slaves are found, numbered and brought to OP from both ends.
+// Each cable in turn is broken from the start. The slaves are found, numbered and brought to OP from both ends.
 TEST(RingBadInput, BrokenAtTheStart) {
     for (std::size_t n = 0; n < 15; ++n) {
         SCOPED_TRACE("ring cable " + std::to_string(n));
@@ -68,7 +68,7 @@ TEST(RingBadInput, BrokenAtTheStart) {
         EXPECT_FALSE(bus.ctx->errors().take().has_value());
         for (std::size_t s = 1; s <= 20; ++s) {
             EXPECT_EQ(bus.ctx->slave(s).ring_position, s);
-            // The first slave behind the break hangs at the second NIC, all others at their neighbour.
+            // The first slave behind the break is connected to the second NIC, all other slaves to their neighbour.
             const bool at_master = s == 1 || (n < 14 && s == bus.ring_cables[n].slave + 1);
             EXPECT_EQ(bus.ctx->slave(s).parent == 0, at_master) << s;
         }
@@ -80,8 +80,8 @@ TEST(RingBadInput, BrokenAtTheStart) {
     }
 }
 
-// An earlier master has used the same station addresses, the ring is broken, and the replies of one NIC never arrive:
-// its slaves do nothing that is meant for the slaves of the other NIC.
+// An earlier master has used the same station addresses, the ring is broken, and the replies of one NIC never arrive.
+// The slaves of this NIC do not execute commands for the slaves of the other NIC.
 TEST(RingBadInput, ADeafNicAtTheStart) {
     for (const unsigned which : {0U, 1U})
         for (const std::uint32_t broken : {1U, 3U, 5U}) {
@@ -158,7 +158,7 @@ TEST(RingBadInput, AnotherSegmentBehindTheSecondNic) {
     EXPECT_EQ(bus.status().fault, CablingFault::second_segment);
 }
 
-// Notes the commands of the frames that it sends.
+// Records the commands of the frames that it sends.
 class CommandSpy final : public Nic {
   public:
     explicit CommandSpy(Nic& nic) : nic_(nic) {}
@@ -180,8 +180,8 @@ class CommandSpy final : public Nic {
     Nic& nic_;
 };
 
-// The cable of the second NIC is put into another segment while the machine runs: the slaves of that segment get no
-// commands any more, the own slaves go on, and when the cable is right again, the redundancy is back.
+// The cable of the second NIC is plugged into another segment during operation. The slaves of that segment do not get
+// any further commands, and the own slaves continue. When the cable is right again, the redundancy is back.
 TEST(RingBadInput, TheSecondNicKeepsSilentAtAnotherSegment) {
     RingBus bus;
     bus.build_line(4);
@@ -205,7 +205,7 @@ TEST(RingBadInput, TheSecondNicKeepsSilentAtAnotherSegment) {
     EXPECT_EQ(spy.commands, 0U) << "nothing that a slave would execute";
     EXPECT_GE(spy.frames, 5U) << "it is still looked whether the cable is right again";
     EXPECT_LE(spy.frames, 640U / 10U);
-    // Back at the end of the ring, which is broken meanwhile.
+    // The cable is back at the end of the ring, which has been broken meanwhile.
     bus.segment.disconnect({foreign, 0});
     bus.cable(bus.ring_cables[2], false);
     ASSERT_TRUE(bus.segment.connect_master({3, 1}, 1));
@@ -217,7 +217,7 @@ TEST(RingBadInput, TheSecondNicKeepsSilentAtAnotherSegment) {
     EXPECT_LE(bus.stale_cycles(50), 1U);
     EXPECT_EQ(bus.status().ring, RingState::whole);
     EXPECT_NE(bus.joined(bus.events()).find("redundancy restored"), std::string::npos);
-    // And from the other segment directly to the whole ring.
+    // The cable is moved directly from the other segment to the whole ring.
     bus.segment.disconnect({3, 1});
     ASSERT_TRUE(bus.segment.connect_master({foreign, 0}, 1));
     (void)bus.stale_cycles(50);
@@ -231,7 +231,7 @@ TEST(RingBadInput, TheSecondNicKeepsSilentAtAnotherSegment) {
     EXPECT_NE(bus.joined(bus.events()).find("redundancy restored"), std::string::npos);
 }
 
-// Two NICs that hear the same frames, like two sockets of one interface.
+// Two NICs that receive the same frames, like two sockets of one interface.
 class SharedWire final : public Nic {
   public:
     explicit SharedWire(Nic& wire) : wire_(wire) {}
@@ -274,7 +274,7 @@ TEST(RingBadInput, BothNicsOnTheSamePort) {
     EXPECT_NE(bus.words(found.error()).find("same frames"), std::string::npos) << bus.words(found.error());
 }
 
-// The first NIC is connected to the end of the ring: everything works, the numbers count from the first slave.
+// The first NIC is connected to the end of the ring. Everything works, and the numbers begin at the first slave.
 TEST(RingBadInput, SwappedCables) {
     RingBus bus;
     bus.build_line(6);

@@ -1,5 +1,5 @@
-// "In sync" in a ring with two NICs, against the simulation's true time: slaves that were away, and a reference that
-// comes back. Their clocks have gone on alone, or begin anew.
+// "In sync" in a ring with two NICs, compared with the true time of the simulation: slaves that were away, and a
+// reference that comes back. Meanwhile their clocks have run alone, or have started again.
 #include "redundancy/clock_ring.hpp"
 
 namespace margay {
@@ -17,7 +17,7 @@ struct AwayBus : ClockRingBus {
             if (!slave_clock(*ctx, s).in_sync) return false;
         return clock_status(*ctx, osal.now()).in_sync;
     }
-    // The last two slaves hang at no NIC for a while; then the cable of the second NIC is mended.
+    // The last two slaves are not connected to a NIC for a while. Then the cable of the second NIC is repaired.
     template <class Meanwhile>
     void come_back_behind_a_break(unsigned slaves, Duration away, Meanwhile meanwhile) {
         prepare(slaves);
@@ -55,8 +55,8 @@ struct AwayBus : ClockRingBus {
 };
 struct ClockAway : testing::Test, AwayBus {};
 
-// Their oscillators get warmer: 20 ppm for half a minute are 0.6 ms. Slave 5 is started again and loses its rate: the
-// master corrects its clock every 10 ms, which is too seldom for the limit.
+// The oscillators become warmer: 20 ppm for half a minute are 0.6 ms. Slave 5 is started again and loses its rate. The
+// master corrects its clock every 10 ms, which is not often enough for the limit.
 TEST_F(ClockAway, OscillatorsThatHaveChanged) {
     come_back_behind_a_break(6, 30s, [this] {
         for (const unsigned n : {4U, 5U}) warm(n, -20'000);
@@ -66,7 +66,7 @@ TEST_F(ClockAway, OscillatorsThatHaveChanged) {
     come_together(6);
 }
 
-// Less than what the slaves are started again for.
+// The change is too small to start the slaves again.
 TEST_F(ClockAway, OscillatorsThatHaveChangedALittle) {
     come_back_behind_a_break(6, 30s, [this] {
         for (const unsigned n : {4U, 5U}) warm(n, 1'000);
@@ -86,8 +86,8 @@ TEST_F(ClockAway, ALossOfPower) {
     come_together(6);
 }
 
-// The oscillators of slaves 5 and 6 differ by 10 ppm from that of slave 1: the corrections keep their clocks in the
-// window.
+// The oscillators of slaves 5 and 6 differ by 10 ppm from the oscillator of slave 1. The corrections keep their clocks
+// within the limit.
 TEST_F(ClockAway, ALossOfPowerOfGoodOscillators) {
     for (unsigned n = 0; n < 6; ++n) (void)add_to_ring(clocked(n < 4 ? 0 : 10'000, n * 0x3000'0001ULL));
     close_ring();
@@ -99,7 +99,7 @@ TEST_F(ClockAway, ALossOfPowerOfGoodOscillators) {
     come_together(6);
 }
 
-// The copies for both references differ by the way through all slaves, which is no difference of clocks.
+// The copies for the two references differ by the way through all slaves. This is not a difference of clocks.
 TEST_F(ClockAway, BehindABreakOfALongRing) {
     come_back_behind_a_break(24, 3s, [] {});
     EXPECT_TRUE(all_in_sync()) << joined(events());
@@ -129,8 +129,8 @@ struct LateBus : AwayBus {
     }
 };
 
-// Slaves with power hang at no NIC for a second, the one with the reference clock among them: another clock is the
-// reference, and the first one again when it is back. No clock leaves its window.
+// Slaves with power, among them the slave with the reference clock, are not connected to a NIC for a second. Another
+// clock becomes the reference, and the first clock is the reference again when it is back. No clock exceeds its limit.
 TEST(ClockAwayRing, TheFirstClockIsTheReferenceAgain) {
     for (const std::array<std::size_t, 2> cut : {std::array<std::size_t, 2>{0, 1}, {0, 4}, {0, 2}}) {
         SCOPED_TRACE(cut[1]);
@@ -151,8 +151,8 @@ TEST(ClockAwayRing, TheFirstClockIsTheReferenceAgain) {
     }
 }
 
-// The first slave has compared its clock with what the master sends since its power is back: it runs at its limit until
-// its clock is set.
+// Since its power is back, the first slave has compared its clock with the time that the master sends. The clock runs
+// at its limit until it is set.
 TEST(ClockAwayRing, TheFirstClockIsTheReferenceAgainAfterALossOfPower) {
     LateBus bus;
     bus.prepare(5);
@@ -164,7 +164,7 @@ TEST(ClockAwayRing, TheFirstClockIsTheReferenceAgainAfterALossOfPower) {
     EXPECT_TRUE(bus.all_in_sync()) << AwayBus::joined(bus.events());
 }
 
-// The cables are mended one after the other: for a while the slaves that are back, and the reference, are in two parts.
+// The cables are repaired one after the other. For a while the returned slaves and the reference are in two parts.
 TEST(ClockAwayRing, TheFirstClockComesBackBeforeABreak) {
     LateBus bus;
     bus.prepare(5);
@@ -182,8 +182,8 @@ TEST(ClockAwayRing, TheFirstClockComesBackBeforeABreak) {
     EXPECT_LE(bus.cycles(300), 100);
 }
 
-// The first slave is taken out by one cable after the other. The copies of the second NIC have the only time: without a
-// second reference that belongs to the new reference, all clocks would take what the master has sent.
+// The first slave is disconnected, one cable after the other. Only the copies of the second NIC carry the time. Without
+// a second reference that belongs to the new reference, all clocks would follow the time that the master has sent.
 TEST(ClockAwayRing, TheFirstSlaveIsTakenOutByTwoCables) {
     for (const unsigned wait : {1U, 5U, 50U, 500U}) {
         SCOPED_TRACE(wait);
@@ -209,7 +209,7 @@ TEST(ClockAwayRing, TheFirstSlaveIsTakenOutByTwoCables) {
     }
 }
 
-// Its station address is 0 when it is back: no slave answers as the reference, and no frame was lost.
+// When the slave is back, its station address is 0. No slave answers as the reference, and no frame was lost.
 TEST(ClockAwayRing, AShortLossOfPowerOfTheReference) {
     for (const unsigned away : {1U, 2U, 3U, 5U}) {
         SCOPED_TRACE(away);
@@ -228,8 +228,8 @@ TEST(ClockAwayRing, AShortLossOfPowerOfTheReference) {
     }
 }
 
-// Only the second NIC reaches slaves. A clock that appears before the reference does not move it, whenever it is back
-// in its state, and has become the reference when it is.
+// Only the second NIC reaches slaves. A clock that appears before the reference does not change the time of the
+// reference, and has become the reference when its slave is back in its state.
 TEST(ClockAwayFirst, ReturnsBehindABreakBeforeTheReference) {
     for (std::uint16_t first = 1; first <= 4; ++first) {
         for (const bool power : {true, false}) {
@@ -256,8 +256,8 @@ TEST(ClockAwayFirst, ReturnsBehindABreakBeforeTheReference) {
     }
 }
 
-// With clocks beside the ring, the ways of both copies are not measured: the first clock, which returns at the other
-// side of a break, cannot be set by the reference, and becomes the reference when the ring is whole.
+// With clocks beside the ring, the library does not measure the ways of both copies. The first clock returns at the
+// other side of a break, so the reference cannot set it. It becomes the reference when the ring is whole.
 TEST(ClockAwayFirst, WaitsForTheWholeRingBesideClocks) {
     for (const bool power : {false, true}) {
         SCOPED_TRACE(power);
@@ -288,8 +288,8 @@ TEST(ClockAwayFirst, WaitsForTheWholeRingBesideClocks) {
     }
 }
 
-// Slave 1 is back alone, then slaves 2 to 5, of which slave 3 is not known to be there yet: slave 6 is still behind the
-// break, and slave 1 does not become the reference with a way that is not measured.
+// Slave 1 is back alone, then slaves 2 to 5. The library does not know yet that slave 3 is present, so slave 6 still
+// counts as behind the break. Slave 1 does not become the reference, because its way is not measured.
 TEST(ClockAwayFirst, WaitsWhileASlaveAnswersThatIsNotKnown) {
     AwayBus bus;
     for (unsigned n = 0; n < 6; ++n) (void)bus.add_to_ring(ClockRingBus::nth(n));
@@ -314,8 +314,8 @@ TEST(ClockAwayFirst, WaitsWhileASlaveAnswersThatIsNotKnown) {
     }
 }
 
-// The difference register has a mean, which is late: a clock that passes the reference shows a small difference at the
-// moment when it is far beyond it, and is not in sync.
+// The difference register contains a mean, which is delayed. A clock that passes the reference shows a small difference
+// although it is already far away, and is not in sync.
 TEST(ClockAwayRing, AClockThatPassesTheReferenceIsNotInSync) {
     for (const unsigned away : {200U, 300U, 400U}) {
         for (const std::int32_t warmer : {-10'000, 10'000}) {
@@ -333,8 +333,8 @@ TEST(ClockAwayRing, AClockThatPassesTheReferenceIsNotInSync) {
     }
 }
 
-// Slave 1 is not in step with the reference, slave 5, when slave 5 is lost: the slaves behind
-// the break, which were in step with slave 5, are not in sync with slave 1.
+// Slave 1 is not connected to a NIC for a while, and its oscillator becomes warmer. When it is the reference again, the
+// other clocks exceed the limit until they follow it.
 TEST(ClockAwayFirst, IsNotInStepWhenTheReferenceIsLost) {
     AwayBus bus;
     for (unsigned n = 0; n < 8; ++n) (void)bus.add_to_ring(ClockRingBus::nth(n));

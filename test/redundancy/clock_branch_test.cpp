@@ -6,9 +6,9 @@ namespace margay {
 namespace {
 
 struct ClockBranch : testing::Test, ClockRingBus {
-    // The limit of ClockSettings, what the register rounds, and what a clock runs until it is read.
+    // The limit of ClockSettings, the rounding of the register, and the drift of a clock until it is read.
     static constexpr std::int64_t kMost_ns = 400;
-    // Until the library knows of an event.
+    // The number of cycles until the library knows an event.
     static constexpr unsigned kUntilItIsKnown = 60;
 
     std::vector<std::uint32_t> ring;
@@ -19,7 +19,8 @@ struct ClockBranch : testing::Test, ClockRingBus {
     void add_ring(unsigned slaves) {
         for (unsigned n = 0; n < slaves; ++n) ring.push_back(add_to_ring(nth(n)));
     }
-    // Behind a slave of the ring (the first is 1). Port 2 comes after the way to the next ring slave, port 3 before it.
+    // Adds slaves behind a slave of the ring (the first slave is 1). Port 2 comes after the way to the next ring slave,
+    // port 3 before it.
     void add_branch(unsigned behind, std::uint8_t port, unsigned slaves = 1) {
         std::uint32_t at_slave = add_behind(ring[behind - 1U], port, nth(50 + behind));
         for (unsigned n = 1; n < slaves; ++n) at_slave = add_behind(at_slave, 1, nth(60 + n));
@@ -38,7 +39,8 @@ struct ClockBranch : testing::Test, ClockRingBus {
         bring_up();
         go(3000);
     }
-    // The application wakes up late. No clock is wrong for longer than until an event is known.
+    // Executes cycles while the application wakes up late. No clock is wrong for longer than the library needs to know
+    // an event.
     void go(unsigned count) {
         for (unsigned n = 0; n < count; ++n) {
             random = random * 1'664'525 + 1'013'904'223;
@@ -76,8 +78,8 @@ struct ClockBranch : testing::Test, ClockRingBus {
     }
 };
 
-// The clock beside the ring has followed what the master has sent for a moment, and is taught when the ring is whole.
-// Comparisons from before the break belong to no constant.
+// The clock beside the ring has followed the time of the master for a moment, and gets a lesson when the ring is whole.
+// Comparisons from before the break are not used for a constant.
 TEST_F(ClockBranch, ABreakOfAMoment) {
     add_ring(6);
     add_branch(2, 2);
@@ -90,7 +92,7 @@ TEST_F(ClockBranch, ABreakOfAMoment) {
     }
 }
 
-// Slaves 3 and 4 are lost when the delays for the broken ring were written, and are back in the whole ring.
+// Slaves 3 and 4 are lost while the delays for the broken ring are written, and come back in the whole ring.
 TEST_F(ClockBranch, ASlaveThatWasAwayHasTheDelayOfTheWholeRing) {
     add_ring(4);
     add_branch(4, 2, 2);
@@ -104,8 +106,8 @@ TEST_F(ClockBranch, ASlaveThatWasAwayHasTheDelayOfTheWholeRing) {
     expect_all_in_step();
 }
 
-// Slave 7 at a branch of slave 6 comes back while slave 8, beside the ring, is taught the time by the frames of the
-// head: the delays of the lesson do not belong to its way any more.
+// Slave 7 at a branch of slave 6 comes back during a lesson for slave 8, which is beside the ring. The delays of the
+// lesson do not belong to its way any more.
 TEST_F(ClockBranch, ASlaveThatComesBackDuringALesson) {
     add_ring(6);
     add_branch(3, 2, 2);
@@ -120,7 +122,7 @@ TEST_F(ClockBranch, ASlaveThatComesBackDuringALesson) {
     expect_all_in_step();
 }
 
-// The frames to slaves 2 and 3 pass the branch of slave 1, until it is lost: their delays are measured anew.
+// The frames to slaves 2 and 3 pass the branch of slave 1 until it is lost. Then their delays are measured again.
 TEST_F(ClockBranch, ABranchThatIsLost) {
     add_ring(3);
     add_branch(1, 3, 2);
@@ -136,8 +138,8 @@ TEST_F(ClockBranch, ABranchThatIsLost) {
     expect_all_in_step();
 }
 
-// Behind a break, the frames pass both branches before the ring slaves. The branch of slave 5 has gone when the ring
-// breaks: the way from the second reference, at the branch of slave 8, is shorter.
+// Behind a break, the frames pass both branches before the ring slaves. The branch of slave 5 is lost when the ring
+// breaks. Then the way from the second reference, at the branch of slave 8, is shorter.
 TEST_F(ClockBranch, ABranchThatIsLostBesideABreak) {
     add_ring(8);
     add_branch(5, 2, 2);
@@ -152,7 +154,7 @@ TEST_F(ClockBranch, ABranchThatIsLostBesideABreak) {
     expect_all_in_step();
 }
 
-// The delays are measured anew while slave 5 is the reference and slaves 1 and 2, which were away, are before it.
+// The delays are measured again while slave 5 is the reference and slaves 1 and 2, which were away, are before it.
 TEST_F(ClockBranch, DelaysOfClocksBeforeTheReference) {
     add_ring(6);
     late_us = 20;
@@ -166,7 +168,7 @@ TEST_F(ClockBranch, DelaysOfClocksBeforeTheReference) {
     expect_all_in_step();
 }
 
-// The ring is opened for each measurement. The second reference keeps its rate, and no cycle misses the branch.
+// Each measurement opens the ring. The second reference keeps its rate, and the branch takes part in every cycle.
 TEST_F(ClockBranch, DelaysThatAreMeasuredAgainAndAgain) {
     add_ring(5);
     add_branch(3, 2, 2);
@@ -178,7 +180,7 @@ TEST_F(ClockBranch, DelaysThatAreMeasuredAgainAndAgain) {
     expect_all_in_step();
 }
 
-// The clocks beside the ring are taught by the frames of the head, for which the ring is opened and closed.
+// The frames of the head bring the time to the clocks beside the ring. For this the ring is opened and closed.
 TEST_F(ClockBranch, NoCycleIsStaleWhenClocksAreTaught) {
     add_ring(6);
     add_branch(2, 2, 2);
@@ -207,8 +209,8 @@ TEST_F(ClockBranch, FaultsBeforeTheClocksAreCompared) {
     expect_all_in_step();
 }
 
-// Each break and each repair has taken what the clock was away at that moment for a difference of the ways: these
-// errors added up, and the clock was in sync. It runs at another rate now, and is corrected every 10 ms.
+// Each break and each repair has counted the error of the clock at that moment as a difference of the ways. These
+// errors added up, and the clock was reported in sync. Now the clock has another rate and is corrected every 10 ms.
 TEST_F(ClockBranch, ErrorsOfBreaksAndRepairsDoNotAddUp) {
     add_ring(6);
     add_branch(4, 2);

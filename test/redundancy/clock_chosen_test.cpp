@@ -4,7 +4,7 @@
 namespace margay {
 namespace {
 
-// A ring of six; the reference is slave 3, with slaves 4 and 5 at a branch of it where there is one.
+// A ring of six slaves. The reference is slave 3, with slaves 4 and 5 at its branch if there is a branch.
 struct ChosenInRing : testing::Test, ClockRingBus {
     void bring_up_chosen(std::uint16_t reference) {
         start();
@@ -30,7 +30,7 @@ struct ChosenInRing : testing::Test, ClockRingBus {
         for (unsigned n = 0; n < count; ++n) {
             (void)cycle();
             most = std::max(most, apart_from(reference));
-            // Those before it take what the master expects, and no zeros.
+            // The clocks before the reference follow the time that the master expects, and never get zeros.
             for (std::uint16_t s = 1; s < reference; ++s) before_ = std::max(before_, std::abs(ahead_ns(s, reference)));
         }
         return most;

@@ -1,5 +1,5 @@
-// The clock at a branch beside the ring is taught the time while the ring is open for a moment ("lesson"). Meanwhile
-// other slaves come back, and another clock becomes the reference.
+// The clock at a branch beside the ring gets the time while the ring is open for a moment ("lesson"). Meanwhile other
+// slaves come back, and another clock becomes the reference.
 #include "redundancy/clock_ring.hpp"
 
 namespace margay {
@@ -51,7 +51,8 @@ struct LessonBus : ClockRingBus {
     std::uint16_t beside;  // the slave
 };
 
-// Between a new scan and configdc() there is no reference clock: a supervision looked for it before the first slave.
+// Between a new scan and configdc() there is no reference clock. In an earlier version the supervision looked for the
+// reference before the first slave.
 TEST(ClockLesson, ANewScanForgetsTheClocksBesideTheRing) {
     LessonBus bus(4);
     bus.supervision.cancel();
@@ -71,8 +72,8 @@ TEST(ClockLesson, ANewScanForgetsTheClocksBesideTheRing) {
     for (const Slave& slave : bus.ctx->slaves()) EXPECT_FALSE(slave_clock(*bus.ctx, slave.number).in_sync);
 }
 
-// Slave 1 is back as the reference during a lesson for slave `beside`. Differences from between two lessons have given
-// a constant that was wrong by 340 ns, and the clock was in sync.
+// Slave 1 is back as the reference during a lesson for slave `beside`. In an earlier version, differences from between
+// two lessons gave a constant that was wrong by 340 ns, and the clock was reported in sync.
 TEST(ClockLesson, TheSecondReferenceIsChosenMeanwhile) {
     for (const unsigned later : {0U, 5U, 15U}) {
         SCOPED_TRACE(later);
@@ -86,8 +87,8 @@ TEST(ClockLesson, TheSecondReferenceIsChosenMeanwhile) {
     }
 }
 
-// No lesson brings slave 1 a time while its clock is set: it has learned a rate that was wrong by up to 760 ppm, and
-// has taught it all others.
+// No lesson brings slave 1 a time while its clock is set. In an earlier version it learned a rate that was wrong by up
+// to 760 ppm, and all other clocks followed it.
 TEST(ClockLesson, TheFirstClockIsSetMeanwhile) {
     for (const unsigned slaves : {3U, 5U}) {
         SCOPED_TRACE(slaves);
@@ -101,9 +102,9 @@ TEST(ClockLesson, TheFirstClockIsSetMeanwhile) {
     }
 }
 
-// Another program writes a wrong time to the clock when the master has just begun to keep it in step: it runs as fast
-// or slow as the chip can, 763 ppm, and the corrections are at most 600 ppm. Without the lesson the clock would never
-// come back.
+// Another program writes a wrong time to the clock when the master has just begun to keep it in step. The clock runs as
+// fast or slow as the chip can, 763 ppm, and the corrections are at most 600 ppm. Without the lesson the clock would
+// never be in sync again.
 TEST(ClockLesson, AClockThatRunsAwayIsTaughtAgain) {
     for (const std::int64_t wrong_ns : {-50'000'000, 50'000'000}) {
         SCOPED_TRACE(wrong_ns);
@@ -124,9 +125,9 @@ TEST(ClockLesson, AClockThatRunsAwayIsTaughtAgain) {
     }
 }
 
-// Only the second NIC reaches slaves, and the clock at the branch is the first that its frames reach. When it is back
-// without its time, its time reaches no other clock: slave 3 ran ahead by 74 ms. It does not become the reference:
-// slaves 2 and 3 made a step of 670 ns when the ring was whole.
+// Only the second NIC reaches slaves, and its frames first reach the clock at the branch. When this clock is back
+// without its time, its time reaches no other clock. In an earlier version slave 3 was 74 ms ahead. The clock does not
+// become the reference. In an earlier version slaves 2 and 3 made a step of 670 ns when the ring was whole.
 TEST(ClockLesson, AClockBesideTheRingLeadsNoOtherClock) {
     for (const unsigned for_cycles : {600U, 1500U}) {
         SCOPED_TRACE(for_cycles);
@@ -146,8 +147,8 @@ TEST(ClockLesson, AClockBesideTheRingLeadsNoOtherClock) {
     }
 }
 
-// A ring cable breaks while the ring is open: the lesson ends, so that the slaves before the break have process data
-// again at once. The other slaves have it when the chip opens the port that was closed for a second.
+// A ring cable breaks while the ring is open. The lesson ends, so the slaves before the break have process data again
+// at once. The other slaves have process data again when the chip opens the port, which was closed for a second.
 TEST(ClockLesson, ABreakEndsTheLesson) {
     for (const unsigned later : {0U, 200U}) {
         SCOPED_TRACE(later);
@@ -170,7 +171,7 @@ TEST(ClockLesson, ABreakEndsTheLesson) {
     }
 }
 
-// A slave is lost during a lesson, which is broken off: the others have process data again at once. The next lesson
+// A slave is lost during a lesson, which ends early. The other slaves have process data again at once. The next lesson
 // does not wait for 2.5 s.
 TEST(ClockLesson, ASlaveThatIsLostEndsTheLesson) {
     LessonBus bus(5, true);
@@ -193,8 +194,8 @@ TEST(ClockLesson, ASlaveThatIsLostEndsTheLesson) {
     bus.expect_in_step();
 }
 
-// A lesson is broken off, and the port that it has closed is closed when the next opening begins: it was closed for
-// ever afterwards.
+// A lesson ends early, and the port that it has closed is still closed when the next opening begins. In an earlier
+// version the port then stayed closed for ever.
 TEST(ClockLesson, TheNextOpeningFindsThePortClosed) {
     for (const unsigned cycles : {0U, 1U, 3U}) {
         SCOPED_TRACE(cycles);

@@ -1,12 +1,12 @@
-// A change of the ring brings some clocks a wrong time: from the first cycle on they are not in sync. And what the
-// library then measures belongs to the ring as it is.
+// A change of the ring brings some clocks a wrong time. From the first cycle on these clocks are not reported in sync.
+// The following measurements belong to the changed ring.
 #include "redundancy/clock_ring.hpp"
 
 namespace margay {
 namespace {
 
 struct Misled : testing::Test, ClockRingBus {
-    // 8 ring slaves. Beside the ring: slave 9 at slave 7, slaves 10 and 11 at slave 3.
+    // The ring has 8 slaves. Beside the ring: slave 9 at slave 7, slaves 10 and 11 at slave 3.
     void build_beside() {
         std::vector<std::uint32_t> ring;
         for (unsigned n = 0; n < 8; ++n) ring.push_back(add_to_ring(nth(n)));
@@ -29,8 +29,8 @@ struct Misled : testing::Test, ClockRingBus {
     }
 };
 
-// Behind the break at cable 7 the clocks have no second reference yet when the ring breaks nearer to the head, too. The
-// slaves between come back before their places in the ring are read again.
+// The clocks behind the break at cable 7 have no second reference yet when the ring also breaks nearer to the head. The
+// slaves between the breaks come back before their places in the ring are read again.
 TEST_F(Misled, TheBreakMovesBeforeTheClocksAreCompared) {
     for (unsigned n = 0; n < 9; ++n) {
         const std::uint32_t here = add_to_ring(nth(n));
@@ -50,23 +50,23 @@ TEST_F(Misled, TheBreakMovesBeforeTheClocksAreCompared) {
     }
 }
 
-// The frame that was on the wire at each break and each repair has brought some of them a time by the old way.
+// The frame that was on the wire at each break and each repair has brought some of the clocks a time by the old way.
 TEST_F(Misled, ClocksBesideTheRing) {
     build_beside();
     for (std::size_t n = 0; n < ring_cables.size(); ++n) {
         SCOPED_TRACE(n);
         cable(ring_cables[n], false);
         EXPECT_EQ(wrong_cycles(1500), 0U);
-        // The reference is behind the first break. Before the last two, no slave answers to the copy with the time of
-        // the second reference: what is behind them has taken what the master has sent.
+        // The reference is behind the first break. Before the last two breaks, no slave answers the copy with the time
+        // of the second reference, so the clocks behind these breaks have followed the time of the master.
         const bool is_known = n > 0 && n < 7;
         for (std::uint16_t s = 1; s <= 8 && is_known; ++s) EXPECT_TRUE(slave_clock(*ctx, s).in_sync) << s;
         comes_together(n);
     }
 }
 
-// The same second reference in the ring that is broken at cable 6 and in the whole ring, with the same number of slaves
-// behind it and another delay: differences of both have given one constant.
+// The second reference is the same in the ring that is broken at cable 6 and in the whole ring, with the same number of
+// slaves behind it and another delay. In an earlier version the differences of both rings gave one constant.
 TEST_F(Misled, TheRingChangesBeforeTheConstantIsKnown) {
     struct Break {
         std::size_t cable_number;

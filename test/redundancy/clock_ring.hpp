@@ -22,7 +22,7 @@ struct ClockRingBus : RingBus {
     static sim::Device nth(unsigned n) {
         return clocked(static_cast<std::int32_t>((n * 7919 % 201) * 1000) - 100'000, n * 0x3000'0001ULL);
     }
-    // A ring of `slaves`; behind the third one, if there is one, a branch of two.
+    // A ring of `slaves` slaves, with a branch of two slaves behind the third slave if it exists.
     void build(unsigned slaves, bool branch = true) {
         for (unsigned n = 0; n < slaves; ++n) {
             const std::uint32_t here = add_to_ring(nth(n));
@@ -46,7 +46,7 @@ struct ClockRingBus : RingBus {
         (void)events();
         ASSERT_EQ(status().ring, RingState::whole);
     }
-    // How far the clock of a slave is ahead of another one.
+    // Returns how far the clock of a slave is ahead of another clock.
     std::int64_t ahead_ns(std::uint16_t slave, std::uint16_t of = 1) {
         const Time now = osal.now();
         return static_cast<std::int64_t>(segment.slave(at[slave - 1U]).clock().copy(now) -
@@ -73,9 +73,10 @@ struct ClockRingBus : RingBus {
         }
         return most;
     }
-    // The limit of ClockSettings, what the register rounds, and what a clock runs until it is read.
+    // The limit of ClockSettings, the rounding of the register, and the drift of a clock until it is read.
     static constexpr std::int64_t kMost_ns = 400;
-    // Cycles in which a clock was reported as in sync with the reference clock, and was not.
+    // Returns the number of cycles in which a clock was reported as in sync with the reference clock, but was not in
+    // sync.
     unsigned wrong_cycles(unsigned count) {
         unsigned wrong = 0;
         for (unsigned n = 0; n < count; ++n) {

@@ -6,7 +6,7 @@ namespace {
 
 struct ClockRing : testing::Test, ClockRingBus {};
 
-// A ring has the same delays as the line that remains without the cable to the second NIC.
+// The delays in a ring are the delays of the line that remains without the cable to the second NIC.
 TEST_F(ClockRing, DelaysAreThoseOfALine) {
     build(6);
     start();
@@ -77,7 +77,7 @@ TEST_F(ClockRing, TheMasterSteersTheSecondReference) {
     EXPECT_LE(std::abs(status().second_ahead_ns), 1000);
 }
 
-// The slave with the second reference loses its power, then the slave with the reference.
+// The slave with the second reference loses its power, then the slave with the reference loses its power.
 TEST_F(ClockRing, AnotherClockTakesOverInEitherPart) {
     build(6, false);
     bring_up();
@@ -120,8 +120,9 @@ TEST_F(ClockRing, WithLostFrames) {
     EXPECT_LE(cycles(300), 100);
 }
 
-// The second NIC is out and in while a cable is broken, so a search has read the ports of the broken ring. When the
-// ring is whole, the delays are measured by the ways of the whole ring, also if frames are lost meanwhile.
+// The cable of the second NIC is unplugged and plugged in again while a ring cable is broken, so a search has read the
+// ports of the broken ring. When the ring is whole, the delays are measured by the ways of the whole ring, also if
+// frames are lost meanwhile.
 TEST(ClockRingSearch, BehindABreakDoesNotChangeTheDelays) {
     for (const std::uint64_t seed : {1U, 2U, 3U, 4U, 5U, 6U}) {
         SCOPED_TRACE(seed);
@@ -151,7 +152,7 @@ TEST(ClockRingSearch, BehindABreakDoesNotChangeTheDelays) {
     }
 }
 
-// The NICs are interchanged: the ring begins at the second one.
+// The NICs are swapped: the ring begins at the second NIC.
 TEST_F(ClockRing, WithInterchangedCables) {
     for (unsigned n = 0; n < 5; ++n) (void)add_to_ring(nth(n));
     close_ring();
@@ -175,8 +176,8 @@ TEST_F(ClockRing, WithInterchangedCables) {
     EXPECT_LE(cycles(1000), 100);
 }
 
-// Each cable in turn is broken from the start: both parts are in sync by themselves and with each other, and when the
-// ring is whole, all clocks follow one reference, with the delays of a ring that was whole from the start.
+// Each cable in turn is broken from the start. The clocks of both parts are in sync with each other. When the ring is
+// whole, all clocks follow one reference, with the delays of a ring that was whole from the start.
 TEST(ClockRingStart, WhileTheRingIsBroken) {
     std::vector<std::uint32_t> whole;
     {
@@ -202,7 +203,7 @@ TEST(ClockRingStart, WhileTheRingIsBroken) {
         EXPECT_LE(bus.cycles(1000), 1000) << "between the parts";
         const bool parted = broken != 0 && broken != 6;
         const std::uint16_t second = bus.status().second_reference;
-        // The first slave behind the break; the branch of slave 3 is numbered 4 and 5.
+        // The first slave behind the break. The branch of slave 3 has the numbers 4 and 5.
         const std::uint16_t behind = static_cast<std::uint16_t>(broken < 3 ? broken + 1 : broken + 3);
         EXPECT_EQ(second, broken == 6 ? 0 : behind);
         for (std::uint16_t n = 1; n <= 8; ++n) {
@@ -226,7 +227,7 @@ TEST(ClockRingStart, WhileTheRingIsBroken) {
         const auto passed = static_cast<double>((bus.osal.now() - begin) / 1ms);
         EXPECT_NEAR(static_cast<double>(bus.pulses(1) - edges), passed, 2) << "no SYNC0 is missed or doubled";
         EXPECT_NEAR(static_cast<double>(bus.pulses(8) - last_edges), passed, 2);
-        // And the other way round: the ring breaks elsewhere.
+        // Then the ring breaks at another cable.
         bus.cable(bus.ring_cables[2], false);
         EXPECT_LE(bus.cycles(1500), 1000);
     }
@@ -292,8 +293,8 @@ TEST(ClockRingStart, WithASlaveWithoutAClock) {
     EXPECT_LE(bus.cycles(500), 100);
 }
 
-// Slaves 6 and 7 are at ports that the frames of the first NIC do not reach while the ring is whole: they are behind
-// slaves 2 and 4 of the ring.
+// While the ring is whole, the frames of the first NIC do not reach slaves 6 and 7. They are at branches of slaves 2
+// and 4 of the ring.
 struct BesideTheRing : ClockRing {
     void build_beside() {
         std::vector<std::uint32_t> ring;
@@ -347,8 +348,8 @@ TEST_F(BesideTheRing, KeepsInStepThroughBreaks) {
         << joined(all);
 }
 
-// Slaves 6 and 7 are at branches behind slaves 2 and 4. A clock of a branch is not the reference meanwhile, and a
-// constant is not measured while the branches are not in step.
+// Slaves 6 and 7 are at branches of slaves 2 and 4. Meanwhile a clock of a branch is not the reference, and a constant
+// is not measured while the branches are not in step.
 TEST_F(BesideTheRing, AreInStepAfterALossOfPowerOfTheReference) {
     for (unsigned n = 0; n < 5; ++n) {
         const std::uint32_t here = add_to_ring(nth(n));
@@ -371,7 +372,8 @@ TEST_F(BesideTheRing, AreInStepAfterALossOfPowerOfTheReference) {
     for (std::uint16_t n = 1; n <= 7; ++n) EXPECT_TRUE(slave_clock(*ctx, n).in_sync) << n;
 }
 
-// The only clock beside the ring is 2 ms away: one lesson is too short for it. It is not led back to where it was.
+// The only clock beside the ring is 2 ms away, so one lesson is too short for it. It must not be moved back to its old
+// time.
 TEST(BesideTheRingFar, ComesBackInStep) {
     for (const unsigned later : {0U, 60U, 240U}) {
         SCOPED_TRACE(later);
@@ -395,7 +397,7 @@ TEST(BesideTheRingFar, ComesBackInStep) {
     }
 }
 
-// The other clocks would take what the master has sent.
+// If this clock were the reference, the other clocks would follow the time that the master has sent.
 TEST_F(BesideTheRing, CannotHaveTheReference) {
     build_beside();
     start();
@@ -404,7 +406,7 @@ TEST_F(BesideTheRing, CannotHaveTheReference) {
     EXPECT_EQ(refused.error().slave, 7) << words(refused.error());
 }
 
-// The event says where the ring is open, and Slave::ring at which end a slave hangs.
+// The event names the place where the ring is open, and Slave::ring the end to which a slave is connected.
 TEST_F(BesideTheRing, TheBreakIsNamed) {
     build_beside();
     bring_up();
@@ -416,7 +418,7 @@ TEST_F(BesideTheRing, TheBreakIsNamed) {
     for (const unsigned slave : {3U, 4U, 5U, 6U}) EXPECT_EQ(ctx->slave(slave).ring, RingEnd::second_nic) << slave;
 }
 
-// The slave with the second reference loses its power and comes back: the next one beside the ring takes its place.
+// The slave with the second reference loses its power and comes back. The next clock beside the ring replaces it.
 TEST_F(BesideTheRing, AnotherClockTakesOver) {
     build_beside();
     bring_up();
@@ -446,7 +448,7 @@ TEST_F(BesideTheRing, WithLostFrames) {
     EXPECT_LE(cycles(300), 100);
 }
 
-// The second NIC is not connected at the start: the segment is a line, until the ring is closed.
+// The second NIC is not connected at the start. The segment is a line until the ring is closed.
 TEST_F(BesideTheRing, TheRingIsClosedLater) {
     build_beside();
     plug();
@@ -466,7 +468,7 @@ TEST_F(BesideTheRing, TheRingIsClosedLater) {
     EXPECT_LE(cycles(2000), 1000) << joined(events());
 }
 
-// The ring is broken between slaves at the start, and closed later. A branch in either part is numbered before the
+// The ring is broken between slaves at the start, and is closed later. A branch in each part is numbered before the
 // slaves behind the break.
 TEST(BesideTheRingStart, WhileTheRingIsBroken) {
     for (const std::size_t broken : {1U, 2U, 3U, 4U}) {

@@ -1,5 +1,5 @@
-// Breaks and losses of power at certain cycles, after which clocks come back before the reference. "In sync" is
-// compared with the true time in each cycle.
+// Breaks and losses of power at given cycles, after which clocks come back before the reference. Each cycle compares
+// "in sync" with the true time.
 #include "redundancy/clock_ring.hpp"
 
 #include <chrono>
@@ -11,7 +11,7 @@ namespace margay {
 namespace {
 
 struct Branch {
-    std::uint32_t at;   // the place of the slave before it in the segment
+    std::uint32_t at;   // place in the segment of the slave before this slave
     std::uint8_t port;  // of this slave
 };
 enum class Part : std::uint8_t { ring_cable, branch_cable, power };
@@ -46,7 +46,7 @@ struct TimetableBus : ClockRingBus {
         made.sii[0x1C] = static_cast<std::byte>(n + 1);  // the serial number
         return made;
     }
-    // Cycles in a row in which a clock that is there was reported as in sync, and was not.
+    // Cycles in succession in which a present clock was reported as in sync, but was not in sync.
     unsigned most_wrong = 0;
     void judged_cycle() {
         (void)cycle();
@@ -81,8 +81,8 @@ struct TimetableBus : ClockRingBus {
     unsigned wrong_ = 0;
 };
 
-// The first clock has followed what the master has sent, so it becomes the reference with the rate of its oscillator.
-// The clocks that follow it are not in sync until they have learned this rate.
+// The first clock has followed the time of the master, so it becomes the reference with the rate of its oscillator. The
+// clocks that follow it are not in sync until they have learned this rate.
 TEST(ClockTimetable, TheReferenceHasAnotherRate) {
     TimetableBus bus(8, {{1, 3}, {8, 1}, {1, 2}, {3, 2}, {11, 1}, {4, 3}, {13, 1}, {4, 2}, {15, 1}, {7, 3}, {17, 1}},
                      std::chrono::microseconds(0), std::chrono::microseconds(7));
@@ -100,7 +100,7 @@ TEST(ClockTimetable, TheReferenceHasAnotherRate) {
                 {0, Part::branch_cable, 2, true}});
 }
 
-// While the delays are measured, a slave answers that is not found yet: the frames pass its branch too.
+// While the delays are measured, a slave answers that was not found yet. The frames pass its branch, too.
 TEST(ClockTimetable, ABranchIsBackBeforeItIsFound) {
     TimetableBus bus(7, {{1, 2}, {3, 2}, {8, 1}}, std::chrono::microseconds(2), std::chrono::microseconds(0));
     bus.follow({{0, Part::power, 0, false},

@@ -1,4 +1,4 @@
-// Each command in a broken ring: the merged reply is the reply of the unbroken line, wherever the ring is broken.
+// Each command in a broken ring: the merged reply equals the reply of the unbroken line, wherever the ring is broken.
 #include "link/redundancy.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
@@ -42,7 +42,7 @@ std::vector<std::byte> octets(std::initializer_list<unsigned> values) {
     return all;
 }
 
-// A NIC that sends, and whose replies never arrive while it is deaf: one direction of its cable is dead.
+// A NIC that sends. While it is deaf, its replies never arrive, because one direction of its cable is broken.
 class DeafNic final : public Nic {
   public:
     explicit DeafNic(Nic& nic) : nic_(nic) {}
@@ -64,8 +64,8 @@ class DeafNic final : public Nic {
     Nic& nic_;
 };
 
-// Slaves with station addresses 0x1001 … and the value 0x10 + n in 0x0F80, mapped one octet each from 0x10000 on for
-// reading, and the same octets for writing to 0x0F90.
+// Slaves with station addresses 0x1001 … and the value 0x10 + n in 0x0F80. One octet of each slave is mapped from
+// 0x10000 on for reading, and the same octets are mapped for writing to 0x0F90.
 struct Rig {
     VirtualOsal osal;
     sim::Segment segment;
@@ -106,7 +106,7 @@ struct Rig {
         }
         if (broken < kSlaves) segment.set_cable({broken, 0}, false);
         if (broken == kSlaves) segment.set_cable({kSlaves - 1, 1}, false);
-        (void)exchange({{Command::BRD, {0, 0}, octets({0})}});  // how many slaves are at each end
+        (void)exchange({{Command::BRD, {0, 0}, octets({0})}});  // counts the slaves at each end
     }
     void write(RingPosition at, std::uint16_t address, std::vector<std::byte> data) {
         const auto got = exchange({{Command::APWR, {at, address}, std::move(data)}});
@@ -190,8 +190,8 @@ TEST(RingCommands, Broadcast) {
                          {Command::BRD, {0, 0x0F90}, octets({0, 0})}});
 }
 
-// BRW passes on what the slaves before have read: behind the break the slaves are written what was sent. The result and
-// the working counter are those of the line.
+// BRW forwards the values that the slaves before have read. Behind the break the slaves get the sent values. The result
+// and the working counter are the same as in the line.
 TEST(RingCommands, BroadcastReadWrite) {
     Rig line(kSlaves + 1, false);
     const std::vector<Sent> brw{{Command::BRW, {0, 0x0F80}, octets({0x40})}};
@@ -209,7 +209,7 @@ TEST(RingCommands, Logical) {
     expect_as_in_a_line({{Command::LRW, at(0x10002), octets({0xFF, 0})}});
 }
 
-// The reference is read wherever it is; the slaves at the other end are written what was sent.
+// The reference is read at any place. The slaves at the other end get the sent values.
 TEST(RingCommands, FrmwAndArmw) {
     for (unsigned reference = 0; reference < kSlaves; ++reference)
         for (unsigned broken = 0; broken <= kSlaves + 1; ++broken) {
@@ -227,8 +227,8 @@ TEST(RingCommands, FrmwAndArmw) {
         }
 }
 
-// The ring breaks after the count of slaves: a frame with positions is not answered wrongly, but not at all, and its
-// repetition is right.
+// The ring breaks after the slaves were counted. A frame with positions gets no answer instead of a wrong answer, and
+// its repetition succeeds.
 TEST(RingCommands, PositionsAfterANewBreakAreRepeated) {
     Rig rig(kSlaves + 1);
     rig.segment.set_cable({3, 0}, false);
@@ -240,8 +240,8 @@ TEST(RingCommands, PositionsAfterANewBreakAreRepeated) {
     EXPECT_EQ(again[0], (Got{octets({0x14}), 1}));
 }
 
-// The cable heals and another one breaks, and no frame has seen it: what is written by position reaches the slave that
-// was meant, or is an error. Then a slave that was not meant may have got it, and no working counter hides it.
+// The cable heals and another cable breaks, and no frame has noticed this. A write by position reaches the right slave,
+// or is an error. After an error another slave may have received the write, and no working counter hides this.
 TEST(RingCommands, PositionsWhileTheBreakMoves) {
     for (unsigned to = 1; to < kSlaves; ++to)
         for (std::uint16_t at = 0; at < kSlaves; ++at) {
@@ -272,7 +272,8 @@ TEST(RingCommands, PositionsWhileTheBreakMoves) {
         }
 }
 
-// After the ring was whole, a new break is not counted yet: no slave gets what is meant for another one.
+// After the ring was whole, the slaves behind a new break are not counted yet. No slave gets a datagram for another
+// slave.
 TEST(RingCommands, PositionsAtANewBreakHarmNoSlave) {
     for (unsigned to = 1; to < kSlaves; ++to)
         for (std::uint16_t at = 0; at < kSlaves; ++at) {
@@ -296,8 +297,9 @@ TEST(RingCommands, PositionsAtANewBreakHarmNoSlave) {
         }
 }
 
-// The NIC at the beginning sends, and its replies do not arrive: positions count from the break then. Its slaves are
-// written by no position, because nobody would see it. When its replies arrive again, positions count from it.
+// The NIC at the beginning sends, but its replies do not arrive. Then positions count from the break. No position
+// addresses the slaves of this NIC, because no reply would arrive. When its replies arrive again, positions count from
+// this NIC.
 TEST(RingCommands, PositionsBesideADeafNic) {
     constexpr std::uint16_t kBreak = 3;
     for (const bool swapped : {false, true})
@@ -342,7 +344,7 @@ TEST(RingCommands, PositionsBesideADeafNic) {
         }
 }
 
-// A NIC that is busy costs no frame that the other NIC brings to all slaves.
+// A busy NIC does not cause the loss of a frame that the other NIC brings to all slaves.
 TEST(RingCommands, ABusyNicAtTheEndOfTheRing) {
     for (const bool swapped : {false, true}) {
         SCOPED_TRACE(swapped);
@@ -361,7 +363,7 @@ TEST(RingCommands, ABusyNicAtTheEndOfTheRing) {
         }
         EXPECT_EQ(rig.exchange(sent).size(), 1U);
         EXPECT_EQ(rig.ring->status().ring, RingState::whole);
-        // The copy of the head is needed: the caller sends the frame again.
+        // The copy of the head is necessary, so the caller sends the frame again.
         rig.nics[0]->busy = true;
         std::array<std::byte, wire::kMaxFrameBytes> frame{};
         wire::FrameBuilder builder(frame, rig.ring->source_mac());
@@ -371,7 +373,8 @@ TEST(RingCommands, ABusyNicAtTheEndOfTheRing) {
     }
 }
 
-// Several frames at once, with other round trips at both ends: each reply is merged from its own two copies.
+// Several frames at the same time, with different round trips at both ends. Each reply is merged from its own two
+// copies.
 TEST(RingCommands, ManyFramesInFlight) {
     Rig rig(2);
     std::array<std::byte, wire::kMaxFrameBytes> frame{};
@@ -393,7 +396,7 @@ TEST(RingCommands, ManyFramesInFlight) {
     EXPECT_EQ(rig.ring->status().cables[0].late + rig.ring->status().cables[1].late, 0U);
 }
 
-// Copies that come after the link has given up their frame are dropped and counted.
+// Copies that arrive after the link has given up their frame are dropped and counted.
 TEST(RingCommands, LateReplies) {
     Rig rig(2);
     std::array<std::byte, wire::kMaxFrameBytes> frame{};

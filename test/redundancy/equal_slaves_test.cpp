@@ -1,4 +1,4 @@
-// Equal slaves in a ring with two NICs that boot at different times: none of them is driven as another one.
+// Equal slaves in a ring with two NICs that boot at different times. No slave is driven as another slave.
 #include "redundancy/ring_bus.hpp"
 
 #include <bit>
@@ -25,8 +25,8 @@ struct EqualRing : testing::Test {
         bus->run();
         wrong = 0;
     }
-    // A ring of three slaves, and a fourth one behind port 3 or 2 of one of them. Frames of the whole ring pass it
-    // right behind that slave, or as the last one.
+    // A ring of three slaves, and a fourth slave behind port 3 or 2 of one of them. Frames of the whole ring pass the
+    // fourth slave directly behind that slave, or as the last slave.
     void build_with_branch(unsigned parent, std::uint8_t port, Serials serials) {
         bus = std::make_unique<RingBus>();
         const auto device = [&] {
@@ -77,7 +77,7 @@ struct EqualRing : testing::Test {
     }
 };
 
-// Every set of slaves loses its power, and every part of it boots later than the rest.
+// Every set of slaves loses its power, and every subset of it boots later than the rest.
 TEST_F(EqualRing, WhoeverBootsLaterEverybodyIsItself) {
     constexpr unsigned kInRing = 3;
     for (unsigned off = 1; off < 1U << kInRing; ++off)
@@ -89,8 +89,8 @@ TEST_F(EqualRing, WhoeverBootsLaterEverybodyIsItself) {
         }
 }
 
-// Frames pass a branch behind port 2 after the rest of the whole ring, and before the break of a broken one: the order
-// of the slaves does not say which slave it is, its place does.
+// Frames pass a branch behind port 2 after the rest of a whole ring, and before the break of a broken ring. The order
+// of the slaves does not identify the slave, but its place does.
 TEST_F(EqualRing, ASlaveOfABranchIsItselfInABrokenRingToo) {
     for (const Serials serials : {Serials::none, Serials::own, Serials::equal})
         for (const auto& [parent, port] : {std::pair{0U, 2}, {1U, 2}, {0U, 3}}) {
@@ -118,7 +118,8 @@ TEST_F(EqualRing, InALongerRingAndWithSerialNumbersToo) {
         }
 }
 
-// One after the other loses its power and comes back, then two at a time: what is remembered of a broken ring is right.
+// The slaves lose their power one after the other and come back, then two slaves at a time. The information about a
+// broken ring stays right.
 TEST_F(EqualRing, ManyTimesInOneRing) {
     build(6, false);
     for (const auto& [off, late] : {std::pair{63U, 4U}, {6U, 2U}, {48U, 16U}, {63U, 30U}, {12U, 4U}, {63U, 1U}}) {
@@ -127,8 +128,8 @@ TEST_F(EqualRing, ManyTimesInOneRing) {
     }
 }
 
-// The last slave is repaired elsewhere and bridged. When all have lost their power, the slave at the second NIC may be
-// that one.
+// The last slave is removed for a repair and bridged. When all slaves have lost their power, the slave at the second
+// NIC may be this slave.
 TEST_F(EqualRing, ABridgedLastSlaveIsNotGuessed) {
     build(5, false);
     bus->segment.disconnect({4, 0});
@@ -153,8 +154,8 @@ TEST_F(EqualRing, ABridgedLastSlaveIsNotGuessed) {
     for (const std::size_t n : {1U, 2U, 3U, 4U}) EXPECT_EQ(bus->ctx->slave(n).al.state, AlState::op) << n;
 }
 
-// Slave 1 is back and closes the ring while a search asks the slave at the branch who it is: the places of the search
-// stay those of the broken ring.
+// Slave 1 is back and closes the ring while a search reads the identity of the slave at the branch. The places of the
+// search stay the places of the broken ring.
 TEST_F(EqualRing, TheRingIsClosedDuringASearch) {
     for (unsigned apart = 0; apart <= 24; ++apart) {
         SCOPED_TRACE(std::to_string(apart) + " cycles apart");
@@ -172,7 +173,7 @@ TEST_F(EqualRing, TheRingIsClosedDuringASearch) {
     }
 }
 
-// Within a millisecond one slave comes and another one goes: as many slaves answer as before.
+// Within a millisecond one slave comes and another slave leaves, so the number of answering slaves does not change.
 TEST_F(EqualRing, ABreakThatMovesIsNoticed) {
     build(6, false);
     power(4, false);

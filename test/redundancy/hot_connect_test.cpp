@@ -1,4 +1,4 @@
-// Hot connect groups that appear in the part of a broken ring that hangs at the second NIC.
+// Hot connect groups that appear in the part of a broken ring that is connected to the second NIC.
 #include "redundancy/ring_bus.hpp"
 
 namespace margay {
@@ -12,7 +12,7 @@ SlaveConfiguration hot_io() {
     return config;
 }
 
-// Six slaves in the ring, and a group of two, whose cable is not plugged. The head has the alias 0x0010.
+// Six slaves in the ring, and a group of two slaves whose cable is not plugged in. The head has the alias 0x0010.
 struct HotConnectInRing : testing::Test, RingBus {
     SlaveConfiguration config = hot_io();
     std::vector<ExpectedSlave> expected;
@@ -71,8 +71,8 @@ struct HotConnectInRing : testing::Test, RingBus {
     }
 };
 
-// At a port before the way to the next slave (3), and at one behind it (2); at each slave of the part, which begins
-// with slave 3.
+// The group is connected at a port before the way to the next slave (3), and at a port behind it (2), at each slave of
+// the part that begins with slave 3.
 TEST_F(HotConnectInRing, AppearsBehindABreak) {
     bring_up();
     for (const std::uint8_t port : {std::uint8_t{3}, std::uint8_t{2}})

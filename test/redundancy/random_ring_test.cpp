@@ -1,5 +1,5 @@
-// Rings from seeds: branches at either side of the way, NICs of different speed, clocks or none; cables break and heal,
-// slaves lose their power. A failure names its seed.
+// Rings from seeds: branches at both sides of the way, NICs of different speed, with clocks or without. Cables break
+// and heal, and slaves lose their power. A failure names its seed.
 #include "redundancy/clock_ring.hpp"
 
 #include <algorithm>
@@ -15,7 +15,7 @@ struct RandomRing : ClockRingBus {
     std::uint64_t state;
     bool with_clocks = false;
     bool swapped = false;  // the first NIC is at the end of the ring
-    unsigned stale = 0;    // slaves that answered in the last cycle, and have no new inputs
+    unsigned stale = 0;    // slaves that answered in the last cycle and have no new inputs
     std::uint64_t cycle_count = 0;
     std::uint64_t changed_at = 0;
     Event last_break{};
@@ -70,7 +70,7 @@ struct RandomRing : ClockRingBus {
         ASSERT_NO_FATAL_FAILURE(until_good(4000));
         ASSERT_NO_FATAL_FAILURE(go(with_clocks ? 2000 : 100));
     }
-    // By the place in the segment.
+    // The result has the order of the places in the segment.
     std::vector<bool> reached() {
         std::vector<bool> all(segment.size());
         for (unsigned nic = 0; nic < 2; ++nic)
@@ -92,7 +92,7 @@ struct RandomRing : ClockRingBus {
             if (event->kind == EventKind::ring_closed) told_broken = false;
         }
     }
-    // Every slave that has fresh inputs has its own ones of this cycle; no device has outputs of another slave.
+    // Every slave with fresh inputs has its own inputs of this cycle. No device has outputs of another slave.
     void step() {
         ++cycle_count;
         const std::uint64_t changed = changed_at;
@@ -126,7 +126,7 @@ struct RandomRing : ClockRingBus {
             ASSERT_NO_FATAL_FAILURE(step()) << "cycle " << cycle_count;
         }
     }
-    // All slaves that answer are in OP, with new inputs.
+    // All slaves that answer are in OP and have new inputs.
     bool is_good() {
         const auto there = reached();
         for (std::uint32_t n = 0; n < segment.size(); ++n)
@@ -153,7 +153,7 @@ struct RandomRing : ClockRingBus {
         return std::ranges::all_of(intact, [](bool one) { return one; }) &&
                std::ranges::all_of(ring, [&](std::uint32_t n) { return segment.powered(n); });
     }
-    // What the library tells of the ring, at rest.
+    // Checks the facts of the library about the ring, at rest.
     void expect_told_right() {
         std::string places = "cycle " + std::to_string(cycle_count) + ", ring cables ";
         for (const bool one : intact) places += one ? '-' : '/';
@@ -185,7 +185,7 @@ struct RandomRing : ClockRingBus {
                     EXPECT_EQ(static_cast<unsigned>(ctx->slave(numbers[n]).ring), own) << "slave " << numbers[n];
                 }
     }
-    // A cable of a ring that is right, between two cycles: no cycle is stale.
+    // Changes a cable of a good ring between two cycles. No cycle is stale.
     void change_one(std::size_t n, bool on) {
         set_cable(n, on);
         for (unsigned cycles = 0; cycles < 40; ++cycles) {
@@ -227,7 +227,8 @@ struct RandomRing : ClockRingBus {
         for (std::size_t n = 0; n < branch_cables.size(); ++n) cable(branch_cables[n], true);
         changed_at = cycle_count + 1;
     }
-    // Seed 2 has a second reference that is 480 ns away: its constant was measured before it had learned the rate.
+    // With seed 2 the second reference is 480 ns away, because its constant was measured before it had learned the
+    // rate.
     static constexpr std::int64_t kMostApart_ns = 1000;
     void expect_clocks_in_step() {
         for (std::uint16_t n = 1; n <= at.size(); ++n) {

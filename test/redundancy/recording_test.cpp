@@ -1,4 +1,4 @@
-// Recordings of a ring with two NICs: a replay shows the same program the same segment, breaks included.
+// Recordings of a ring with two NICs. A replay shows the same segment to the same program, including the breaks.
 #include "oshw/filters/drop_nic.hpp"
 #include "oshw/pcap/packet_reader.hpp"
 #include "oshw/pcap/replay.hpp"
@@ -13,7 +13,7 @@ namespace {
 
 constexpr unsigned kCycles = 400;
 
-// What a program sees of a ring: the inputs of each cycle, the state of the ring, all events.
+// The observations of a program in a ring: the inputs of each cycle, the state of the ring, and all events.
 std::vector<std::string> run_program(Nic& nic, Nic& second, VirtualOsal& osal,
                                      const std::function<void(unsigned)>& before_cycle) {
     std::vector<std::string> seen;
@@ -129,7 +129,7 @@ TEST_F(RingRecording, TwoRunsWriteTheSameOctets) {
     EXPECT_TRUE(read_file(folder.file("a")) == read_file(folder.file("b")));
 }
 
-// The format is read by a program that knows nothing of this one: interfaces, directions and comments of each packet.
+// Another program reads the format: interfaces, directions and comments of each packet.
 TEST_F(RingRecording, TsharkReadsInterfacesAndDirections) {
     if (std::system("command -v tshark >/dev/null 2>&1") != 0) GTEST_SKIP() << "tshark is not installed";
     RingBus bus;
@@ -193,7 +193,7 @@ TEST_F(RingRecording, AFullDiskIsNoSuccess) {
     EXPECT_TRUE(recorder.close().ok());
 }
 
-// A damaged file never takes the reader beyond its end.
+// With a damaged file the reader never reads beyond the end.
 std::uint64_t packets_of(const std::string& path) {
     PacketReader reader;
     if (!reader.open(path)) return 0;

@@ -1,11 +1,11 @@
-// What is restored after a break: by itself, or when the application asks for it.
+// The state after a break is restored by the library, or when the application requests it.
 #include "redundancy/ring_bus.hpp"
 
 namespace margay {
 namespace {
 
 struct RingRestoring : testing::Test, RingBus {
-    // Slaves 4 and 5 are between two breaks until their watchdogs have expired.
+    // Slaves 4 and 5 stay between two breaks until their watchdogs have expired.
     void lose_two() {
         build_line(8);
         start();
@@ -67,7 +67,7 @@ TEST_F(RingRestoring, SwitchingOnRestoresWhatWaits) {
     EXPECT_TRUE(until_all_in_op()) << joined(events());
 }
 
-// A break between slaves of a whole ring needs no start of a slave.
+// After a break between slaves of a whole ring, no slave has to be started.
 TEST_F(RingRestoring, ASimpleBreakNeedsNone) {
     lose_two();
     set_automatic_restoring(*ctx, false);
@@ -94,7 +94,7 @@ TEST(RingRestoringOfOneNic, HasNoEffect) {
     EXPECT_TRUE(config_init(ctx).ok());
 }
 
-// The places that were read when the ring became whole were those of three slaves.
+// The places that were read when the ring became whole belonged to three slaves.
 TEST_F(RingRestoring, WhileASlaveComesBackTheOthersKeepTheirPlaces) {
     build_line(4);
     start();

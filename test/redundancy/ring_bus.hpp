@@ -30,8 +30,8 @@ class HookedNic final : public Nic {
     HookedNic(Nic& nic, Osal& osal) : nic_(nic), osal_(osal) {}
     std::function<void()> before_send;
     bool tells_link = true;  // false: accepts every frame, and the link state is unknown
-    Duration sees_after{};   // it notices a lost link so much later, and accepts all frames until then
-    bool deaf = false;       // it sends, and its replies never arrive: one direction of its cable is dead
+    Duration sees_after{};   // notices a lost link so much later, and accepts all frames until then
+    bool deaf = false;       // sends, and its replies never arrive: one direction of its cable is broken
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (before_send) before_send();
@@ -75,8 +75,8 @@ struct RingBus {
     SuperviseRequest supervision;
     std::vector<sim::PortRef> ring_cables;  // from the first NIC to the second one; one end of each
     std::vector<sim::PortRef> branch_cables;
-    std::vector<std::uint16_t> numbers;  // of the slave, by its place in the segment; empty: in that order
-    Duration later[2]{};                 // by how much later each NIC shows its frames
+    std::vector<std::uint16_t> numbers;  // slave numbers by place in the segment; empty: the same order
+    Duration later[2]{};                 // delay of the received frames of each NIC
     std::uint64_t frames = 0;            // sent by both NICs
     std::function<void(std::uint64_t)> on_frame;
     std::uint8_t counter = 0;
@@ -87,7 +87,7 @@ struct RingBus {
         return device;
     }
     std::uint32_t add(sim::Device device) { return segment.add(std::move(device).assemble()); }
-    // A slave of the ring, behind the last one. The first one is connected to the first NIC.
+    // Adds a slave to the ring, behind the last slave. The first slave is connected to the first NIC.
     std::uint32_t add_to_ring(sim::Device device = io_device()) {
         const std::uint32_t n = add(std::move(device));
         EXPECT_TRUE(ring_cables.empty() ? segment.connect_master({n, 0}) : segment.connect({last_, 1}, {n, 0}));
@@ -104,7 +104,7 @@ struct RingBus {
         EXPECT_TRUE(segment.connect_master({last_, 1}, 1));
         ring_cables.push_back({last_, 1});
     }
-    // 20 slaves: 14 in the ring, and behind two of them branches of three.
+    // 20 slaves: 14 in the ring, and a branch of three behind two of them.
     void build_tree() {
         for (unsigned n = 0; n < 14; ++n) {
             const std::uint32_t at = add_to_ring();
@@ -148,7 +148,7 @@ struct RingBus {
         ASSERT_TRUE(found.ok()) << words(found.error());
         ASSERT_EQ(*found, segment.size());
     }
-    // Maps, and lets the supervision bring all slaves to OP.
+    // Maps the group. Then the supervision brings all slaves to OP.
     void run() {
         const auto mapped = config_map(*ctx, image);
         ASSERT_TRUE(mapped.ok()) << words(mapped.error());
@@ -166,7 +166,7 @@ struct RingBus {
     [[nodiscard]] std::uint16_t number_at(std::size_t place) const {
         return numbers.empty() ? static_cast<std::uint16_t>(place + 1) : numbers[place];
     }
-    // Every device with power shows a new value, and every slave gets new outputs: the counter, and whose they are.
+    // Every device with power provides a new value, and every slave gets new outputs: the counter and the slave number.
     void show_values() {
         ++counter;
         for (std::size_t place = 0; place < ctx->slaves().size(); ++place) {
@@ -192,8 +192,8 @@ struct RingBus {
         const auto sent = send_processdata(*ctx);
         wkc = sent ? receive_processdata(*ctx, 500us) : Result<std::uint32_t>(sent.error());
     }
-    // A cycle in which every device shows a new value. Returns the number of slaves whose inputs are not new, or whose
-    // device has not got the new outputs; absent slaves count.
+    // A cycle in which every device provides a new value. Returns the number of slaves whose inputs are not new, or
+    // whose device has not received the new outputs. Absent slaves count.
     unsigned cycle() {
         show_values();
         exchange();

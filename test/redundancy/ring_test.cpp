@@ -73,7 +73,7 @@ TEST(Ring, NoCycleIsStaleWhenACableBreaksOrHeals) {
     EXPECT_EQ(bus.status().heals, bus.ring_cables.size());
 }
 
-// The cable breaks between the two copies of the frame, and heals in the same way: one cycle at most is stale.
+// The cable breaks between the two copies of the frame, and heals in the same way. At most one cycle is stale.
 TEST(Ring, AtMostOneCycleIsStaleWhenItBreaksBetweenTheCopies) {
     RingBus bus;
     bus.build_tree();
@@ -92,7 +92,7 @@ TEST(Ring, AtMostOneCycleIsStaleWhenItBreaksBetweenTheCopies) {
         }
 }
 
-// The slaves between two breaks are lost, the slaves at both ends go on, and the lost slaves come back.
+// The slaves between two breaks are lost, the slaves at both ends continue, and the lost slaves come back.
 TEST(Ring, SlavesBetweenTwoBreaksAreLostAndComeBack) {
     RingBus bus;
     bus.build_line(8);
@@ -156,7 +156,7 @@ TEST(Ring, ABranchThatBreaksIsLostAndComesBack) {
     }
 }
 
-// A branch at port 2 is behind the way to the next ring slave: in a whole ring only the frames of the second NIC reach
+// A branch at port 2 is behind the way to the next ring slave. In a whole ring only the frames of the second NIC reach
 // it.
 TEST(Ring, BranchesThatOnlyTheSecondNicReaches) {
     RingBus bus;
@@ -242,8 +242,8 @@ TEST(Ring, EitherNicMayBeUnplugged) {
     EXPECT_EQ(told.size(), 8U) << bus.joined(told);
 }
 
-// A NIC that accepts frames without a link, and does not tell that it has none: until two of its copies are lost, the
-// cycle waits for them. The copies of the other NIC have passed all slaves.
+// A NIC accepts frames without a link, and does not report the lost link. The cycle waits for its copies until two of
+// them are lost. The copies of the other NIC have passed all slaves.
 TEST(Ring, ANicThatDoesNotTellThatItIsUnplugged) {
     RingBus bus;
     bus.build_line(6);
@@ -262,7 +262,7 @@ TEST(Ring, ANicThatDoesNotTellThatItIsUnplugged) {
     }
 }
 
-// The same with queued datagrams in the frames of the cycle, with inputs that are held, and with the time of a clock.
+// The same with queued datagrams in the frames of the cycle, with held inputs, and with the time of a clock.
 TEST(Ring, ANicWithoutALinkBesideRequests) {
     for (const bool hold : {false, true}) {
         SCOPED_TRACE(hold);
@@ -299,7 +299,7 @@ TEST(Ring, ANicWithoutALinkBesideRequests) {
     }
 }
 
-// In a broken ring, one part has no process data. When its copy is lost, the AL status of its slaves has not come.
+// In a broken ring, one part has no process data. When its copy is lost, the AL status of its slaves is missing.
 TEST(Ring, TheAlStatusOfOnePartIsNotThatOfAllSlaves) {
     RingBus bus;
     for (unsigned n = 0; n < 3; ++n) (void)bus.add_to_ring();
@@ -323,8 +323,8 @@ TEST(Ring, TheAlStatusOfOnePartIsNotThatOfAllSlaves) {
     }
 }
 
-// The slaves of one part are missing. In the cycle in which they answer again, the others do not: the working counter
-// is the accepted one.
+// The slaves of one part are missing. In the cycle in which they answer again, the other slaves do not answer. The
+// working counter has the accepted value.
 TEST(Ring, BothPartsHaveTheSameWorkingCounter) {
     RingBus bus;
     bus.build_line(6);
@@ -358,7 +358,7 @@ TEST(Ring, FramesThatGetLostOnTop) {
         bus.cable(bus.ring_cables[n], true);
         stale += bus.stale_cycles(40);
     }
-    // Of 1200 cycles: 5 % of the frames, of which a broken ring needs both.
+    // In 1200 cycles, 5 % of the frames are lost. A broken ring needs both frames.
     EXPECT_LT(stale, 1200U / 8);
     EXPECT_GT(stale, 1200U / 40);
     bus.segment.set_noise({});
@@ -367,7 +367,7 @@ TEST(Ring, FramesThatGetLostOnTop) {
     for (const Slave& slave : bus.ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::op);
 }
 
-// Overlapped cycles: every cycle is right and brings the inputs that were shown when it was sent.
+// Overlapped cycles: every cycle succeeds, and its inputs are the values at the time of its sending.
 TEST(Ring, OverlappedCycles) {
     RingBus bus;
     bus.build_line(8);
@@ -418,7 +418,7 @@ TEST(Ring, OverlappedCycles) {
     }
 }
 
-// A slave that the second break cuts off is lost: it is not the slave before the break.
+// The second break disconnects a slave, which is lost. This slave is not the slave before the break.
 TEST(RingBroken, ASecondBreakIsBesideASlaveThatIsThere) {
     RingBus bus;
     bus.build_line(8);
@@ -435,8 +435,8 @@ TEST(RingBroken, ASecondBreakIsBesideASlaveThatIsThere) {
     EXPECT_EQ(breaks, std::vector<std::string>{"redundancy broken between slave 7 port 1 and the second NIC"});
 }
 
-// Frames pass branches behind port 2 in another order in a broken ring than in the whole one: the event and the end at
-// which each slave hangs do not depend on that.
+// Frames pass branches behind port 2 in another order in a broken ring than in a whole ring. The event, and the end to
+// which each slave is connected, do not depend on this order.
 struct RingOfBranches : testing::Test {
     RingBus bus;
 
@@ -501,8 +501,8 @@ TEST_F(RingOfBranches, ALostSlaveIsBetweenTheSlavesOfTheBreak) {
     EXPECT_EQ(at_second(), "5");
 }
 
-// While the only branch that the second NIC reaches is away, no slave processes its copies. The first copy that does so
-// again may come back before that of the first NIC, or behind it.
+// While the only branch that the second NIC reaches is away, no slave processes the copies of this NIC. The first
+// processed copy may come back before the copy of the first NIC, or after it.
 TEST(RingWhole, ABranchOfTheSecondNicComesBackWhicheverCopyIsFirst) {
     for (const unsigned late : {0U, 1U}) {
         SCOPED_TRACE(late);

@@ -1,6 +1,6 @@
-// The first NIC is connected to the end of the ring, and the second one to its beginning. Where a slave has a branch
-// behind its port to the next slave, both copies of each frame reach slaves of the whole ring, and only the ports of
-// the slaves tell which NIC is at the beginning.
+// The first NIC is connected to the end of the ring, and the second NIC to its beginning. If a slave has a branch
+// behind its port to the next slave, both copies of each frame reach slaves of the whole ring. Then only the ports of
+// the slaves show which NIC is at the beginning.
 #include "redundancy/ring_bus.hpp"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 namespace margay {
 namespace {
 
-// A NIC whose cable can be plugged elsewhere.
+// A NIC whose cable can be moved to another slave.
 class PluggedNic final : public Nic {
   public:
     explicit PluggedNic(Nic& nic) : at(&nic), own_(nic.source_mac()) {}
@@ -26,7 +26,7 @@ class PluggedNic final : public Nic {
     MacAddress own_;
 };
 
-// A ring of four slaves, with a branch of `deep` slaves at port 2 of one slave, whose port 1 leads on.
+// A ring of four slaves. One slave has a branch of `deep` slaves at port 2, and its port 1 leads to the next slave.
 struct SwappedRing : RingBus {
     std::vector<std::string> told;
 
@@ -129,8 +129,8 @@ TEST(SwappedCables, EachCableOfARingWithABranchBreaksAndHeals) {
     }
 }
 
-// One cable is not there when the scan begins: one NIC reaches all slaves, from the beginning or from the end. From the
-// end the frames pass the branches first, which get the first numbers, swapped or not.
+// One cable is missing when the scan begins. One NIC reaches all slaves, from the beginning or from the end. From the
+// end the frames pass the branches first, so the branches get the first numbers, swapped or not.
 TEST(SwappedCables, AreFoundByOneNicAlone) {
     for (std::uint32_t parent = 0; parent < 4; ++parent) {
         for (const unsigned way : {0U, 1U, 2U, 3U}) {
@@ -159,7 +159,7 @@ TEST(SwappedCables, AreFoundByOneNicAlone) {
     }
 }
 
-// Somebody exchanges the cables while the machine is in OP.
+// The cables are exchanged while the machine is in OP.
 TEST(SwappedCables, ExchangedInOperation) {
     for (std::uint32_t parent = 0; parent < 4; ++parent) {
         for (unsigned first = 0; first < 4; ++first) {

@@ -1,5 +1,5 @@
-// A ring with two NICs whose overlapped cycles are sent by one thread, while the owner receives, and old copies of
-// frames come back late.
+// A ring with two NICs. One thread sends overlapped cycles while the owner receives, and old copies of frames come back
+// late.
 #include "oshw/filter_nic.hpp"
 #include "redundancy/clock_ring.hpp"
 
@@ -14,7 +14,7 @@
 namespace margay {
 namespace {
 
-// Both NICs and the clock, which two threads can use.
+// Both NICs and the clock, for use by two threads.
 struct SharedWorld {
     std::recursive_mutex mutex;
     VirtualOsal& osal;
@@ -39,7 +39,7 @@ class SharedClock final : public Osal {
     SharedWorld& world_;
 };
 
-// Each frame that comes back is received once more, after `lag` others.
+// Each frame that comes back is received a second time, after `lag` other frames.
 class LateNic final : public Nic {
   public:
     LateNic(Nic& nic, SharedWorld& world, std::size_t lag) : nic_(nic), world_(world), lag_(lag) {}
@@ -81,7 +81,7 @@ class LateNic final : public Nic {
     std::deque<std::vector<std::byte>> late_;
 };
 
-// The sending thread opens a pair of frames again while a late copy of the frame before is looked at.
+// The sending thread opens a pair of frames again while the other thread examines a late copy of the previous frame.
 TEST(RingThreads, LateCopiesWhileAnotherThreadSends) {
     constexpr std::uint32_t kSharedCycles = 1000;
     RingBus bus;
@@ -122,15 +122,15 @@ TEST(RingThreads, LateCopiesWhileAnotherThreadSends) {
     EXPECT_EQ(status.ring, RingState::whole);
     EXPECT_EQ(status.breaks, 0U);
     EXPECT_GT(first.repeated + second.repeated, kSharedCycles);
-    // Copies that rest in the whole ring are late only while the other copy is awaited.
+    // Resting copies in a whole ring are late only while the other copy is awaited.
     const std::uint32_t late = status.cables[0].late + status.cables[1].late - late_before;
     EXPECT_GE(late, second.repeated);
     EXPECT_LE(late, first.repeated + second.repeated);
     EXPECT_EQ(ctx.statistics().lost, 0U);
 }
 
-// The receiving thread gets the first copy of a frame while the sending thread sends the second one. The NICs are
-// interchanged, and the copies have other positions and other times.
+// The receiving thread gets the first copy of a frame while the sending thread sends the second copy. The NICs are
+// swapped, and the copies have other positions and other times.
 TEST(RingThreads, TheFirstCopyIsBackBeforeTheSecondIsSent) {
     for (const bool broken : {false, true}) {
         SCOPED_TRACE(broken);
@@ -171,7 +171,7 @@ TEST(RingThreads, TheFirstCopyIsBackBeforeTheSecondIsSent) {
     }
 }
 
-// Refuses a frame where it is told so. What it sends is compared with what it was given, after `meanwhile`.
+// Refuses a frame on request. Compares the frame that it sends with the frame that it was given, after `meanwhile`.
 class SlowNic final : public FilterNic {
   public:
     using FilterNic::FilterNic;
@@ -190,8 +190,8 @@ class SlowNic final : public FilterNic {
     }
 };
 
-// The first NIC was busy, so it sends its copy after the second one, whose copy is back by then. The reply is written
-// into the frame of the cycle while the first NIC has not sent it.
+// The first NIC was busy, so it sends its copy after the second NIC, whose copy is already back. The reply is written
+// into the frame of the cycle before the first NIC has sent this frame.
 TEST(RingThreads, TheReplyIsNotSentByTheOtherNic) {
     RingBus bus;
     bus.build_line(3);

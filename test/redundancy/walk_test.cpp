@@ -1,4 +1,4 @@
-// A cable breaks, or heals, at any frame of a scan, of the way to OP, and of a mail transfer.
+// A cable breaks or heals at any frame of a scan, of the way to OP, and of a mail transfer.
 #include "redundancy/ring_bus.hpp"
 
 namespace margay {
@@ -12,7 +12,7 @@ struct Walk : testing::Test {
         bus->build_tree();
         bus->plug();
     }
-    // Scans again while the ring changes: a scan that fails names the reason and is repeated.
+    // Scans again while the ring changes. A failed scan names the reason and is repeated.
     unsigned scans_until_right() {
         for (unsigned tries = 1; tries <= 3; ++tries) {
             const auto found = config_init(*bus->ctx);
@@ -79,8 +79,8 @@ TEST_F(Walk, TheRingChangesAtAnyFrameOfTheWayToOp) {
         }
 }
 
-// Mail to slaves at both ends while every cable of the ring breaks and heals, also with frames that get lost: what is
-// read is what was written.
+// Mail to slaves at both ends while every cable of the ring breaks and heals, also with lost frames. Each read returns
+// the value that was written.
 TEST_F(Walk, MailWhileEveryCableBreaksAndHeals) {
     for (const double lost : {0.0, 0.05}) {
         bus = std::make_unique<RingBus>();
