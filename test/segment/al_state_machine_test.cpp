@@ -51,7 +51,7 @@ struct OneSlave {
         const Reply reply = co_await write;
         co_return error_of_reply(station, reply, Step::assign_address, 0);
     }
-    // The slave's processor may still have to read it when the sequence begins.
+    // The processor of the slave may not have read this request yet when the sequence begins.
     Task<Result<>> request(AlState state) {
         co_return co_await write<std::uint16_t>(station, wire::reg::kAlControl, static_cast<std::uint16_t>(state),
                                                 Step::request_state);
@@ -79,7 +79,7 @@ struct OneSlave {
 struct AlChange {
     const char* device;
     const char* quirk;
-    AlState first;  // requested before, without waiting; NONE: nothing
+    AlState first;  // requested before without waiting; NONE: no request
     Duration after;
     AlState state;
     std::uint16_t address;
@@ -112,10 +112,10 @@ TEST(AlStateMachine, DoesTheSameAsTheCoroutines) {
     using enum AlState;
     const AlChange cases[] = {
         {"digital_out_8", nullptr, none, 0ms, preop, 0x1001, 3s, Errc::none},
-        {"digital_out_8", nullptr, none, 0ms, preop, 0x2002, 3s, Errc::working_counter},  // nobody
-        {"drive", nullptr, none, 0ms, preop, 0x1001, 3s, Errc::al_status},                // it has no mailbox yet
+        {"digital_out_8", nullptr, none, 0ms, preop, 0x2002, 3s, Errc::working_counter},  // no slave has this address
+        {"drive", nullptr, none, 0ms, preop, 0x1001, 3s, Errc::al_status},                // no mailbox is set up yet
         {"drive", nullptr, preop, 0ms, init, 0x1001, 3s, Errc::none},                     // acknowledges this error
-        {"drive", "slow_firmware", preop, 20ms, init, 0x1001, 3s, Errc::none},            // which stands for a while
+        {"drive", "slow_firmware", preop, 20ms, init, 0x1001, 3s, Errc::none},            // the error stays for a while
         {"drive", "slow_firmware", none, 0ms, preop, 0x1001, 1ms, Errc::timeout},
         {"drive", "slow_firmware", none, 0ms, preop, 0x1001, 3s, Errc::al_status},
         {"drive", "slow_firmware", preop, 0ms, init, 0x1001, 3s, Errc::al_status},  // does not take it at first

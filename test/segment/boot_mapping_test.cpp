@@ -12,7 +12,7 @@ Task<> count_call(HookedSlave, void*) {
     co_return Nothing{};
 }
 
-// Slave 1 is exchanged in group 0, slave 2 gets other firmware and is exchanged in group 1.
+// Slave 1 is exchanged in group 0. Slave 2 gets other firmware and is exchanged in group 1.
 struct AfterBoot : testing::Test {
     MailboxBus bus;
     std::array<std::byte, 64> image{};
@@ -32,7 +32,7 @@ struct AfterBoot : testing::Test {
         const auto written = FOEwrite(*bus.ctx, 2, "firmware", 0, Bytes(firmware));
         ASSERT_TRUE(written.ok()) << bus.words(written.error());
     }
-    // One call maps the slave, and the log of errors has nothing that is over.
+    // Checks that one call maps the slave, and that the log contains no error that is over.
     void expect_mapped() {
         while (bus.ctx->errors().take()) continue;
         const auto mapped = config_map(*bus.ctx, updated, 1);
@@ -48,8 +48,8 @@ struct AfterBoot : testing::Test {
     void expect_revision(std::uint16_t minor) { EXPECT_EQ(bus.ctx->slave(2).identity.revision, 0x0002'0000U + minor); }
 };
 
-// Firmware 2.0 writes its revision when it has reached PREOP, 2.5 a part of it before. `pause`: between PREOP, or INIT,
-// and config_map().
+// Firmware 2.0 writes its revision when it has reached PREOP, and firmware 2.5 writes a part of it before. `pause`: the
+// time between PREOP or INIT and config_map().
 struct Update {
     std::uint16_t minor;
     Duration pause;
@@ -99,7 +99,7 @@ std::vector<Update> updates() {
 }
 INSTANTIATE_TEST_SUITE_P(Pauses, OneMapping, testing::ValuesIn(updates()));
 
-// Where the revision is there before the mapping, the group is mapped once.
+// If the revision is present before the mapping, the group is mapped once.
 TEST_F(AfterBoot, ARevisionThatIsThereAlreadyNeedsNoSecondMapping) {
     start();
     ASSERT_EQ(bring(bus, AlState::boot, 2).code, Errc::none);
@@ -116,7 +116,7 @@ TEST_F(AfterBoot, ARevisionThatIsThereAlreadyNeedsNoSecondMapping) {
     expect_op();
 }
 
-// The function that gives the memory is asked again in each mapping.
+// Each mapping calls the function that provides the memory again.
 TEST_F(AfterBoot, TheSecondMappingAsksForItsMemoryAgain) {
     struct Memory {
         std::array<std::array<std::byte, 64>, 2> images{};
@@ -146,7 +146,7 @@ TEST_F(AfterBoot, TheSecondMappingAsksForItsMemoryAgain) {
 
 // ------------------------------------------------------------------ the way down beside the cycle
 
-// The write that clears the FMMUs rides in the frame of group 0; the frame of group 1 follows it at once.
+// The write that clears the FMMUs is in the frame of group 0. The frame of group 1 follows at once.
 struct Lowered : testing::TestWithParam<AlState> {
     MailboxBus bus;
     std::array<std::byte, 64> image{};

@@ -29,7 +29,7 @@ TEST(BootPlaces, AreThoseOfTheApplicationUntilTheNextScan) {
     EXPECT_EQ(bring(bus, AlState::boot).code, Errc::none);
     const auto firmware = sim::Bootloader::make_image(2, 3, 5000);
     EXPECT_TRUE(FOEwrite(*bus.ctx, 1, "firmware", sim::Bootloader::kPassword, firmware).ok());
-    // PREOP still has the mailboxes of the SII, and other mailboxes count from the next INIT on.
+    // PREOP still uses the mailboxes of the SII. Other mailboxes are used from the next INIT on.
     bus.idle(500ms);
     ASSERT_EQ(bring(bus, AlState::preop).code, Errc::none);
     const auto has_mailbox = [&bus] {

@@ -14,7 +14,7 @@ using sim::Bootloader;
 constexpr std::uint32_t kPassword = Bootloader::kPassword;
 namespace reg = wire::reg;
 
-// Shows each datagram that the master sends.
+// Passes each datagram that the master sends to a function.
 class Watcher final : public FilterNic {
   public:
     using FilterNic::FilterNic;
@@ -27,8 +27,8 @@ class Watcher final : public FilterNic {
     }
 };
 
-// The registers of SyncManagers 0 and 1 as the master has written them. Start or length of an enabled SyncManager must
-// never be written with another value: a chip that obeys its data sheet ignores it.
+// The registers of SyncManagers 0 and 1 as the master has written them. The master must never write another start or
+// length to an enabled SyncManager, because an ESC ignores such a write according to its data sheet.
 struct SyncManagerWrites {
     std::array<std::byte, 2 * reg::kSyncManagerStride> now{};
     unsigned moved = 0;
@@ -117,7 +117,7 @@ TEST_F(Boot, FromOpGoesDownFirstAndLeavesTheExchange) {
     for (const std::byte octet : fmmu) EXPECT_EQ(octet, std::byte{0});
     const auto firmware = Bootloader::make_image(2, 3, 5000);
     EXPECT_TRUE(FOEwrite(*bus.ctx, 1, "firmware", kPassword, firmware).ok());
-    // The whole start-up brings it back.
+    // Only the complete start-up brings the slave back.
     ASSERT_EQ(bring(bus, AlState::init).code, Errc::none);
     bus.idle(500ms);
     // New firmware may have other PDOs.
@@ -129,7 +129,7 @@ TEST_F(Boot, FromOpGoesDownFirstAndLeavesTheExchange) {
     EXPECT_TRUE(op.ok()) << bus.words(op.error());
 }
 
-// The bootloader has another program: a mapping neither asks it for process data nor takes it out of BOOT.
+// The bootloader is another program. A mapping neither reads its process data nor brings it out of BOOT.
 TEST_F(Boot, AMappingLeavesASlaveInBootAlone) {
     start({"bootloader", "digital_io_16"});
     ASSERT_EQ(bring(bus, AlState::boot).code, Errc::none);
@@ -165,7 +165,7 @@ TEST_F(Boot, ByWritestateAndStatecheck) {
     EXPECT_TRUE(version(text).ok());
 }
 
-// A program that asks again while the slave is on its way.
+// A program repeats its request while the slave is on its way.
 TEST_F(Boot, AWritestateThatIsRepeatedOnTheWayBeginsNothingAgain) {
     auto slow = sim::make_device("bootloader").value();
     ASSERT_TRUE(sim::add_quirk(slow, "slow_firmware"));  // 5 ms to react
@@ -232,7 +232,7 @@ TEST_F(Boot, TheSupervisionBringsItThereAndBack) {
     run(300ms);
     EXPECT_EQ(state(), AlState::boot);
     EXPECT_TRUE(all_right(*bus.ctx)) << bus.words(what_is_wrong(*bus.ctx));
-    // Beside the cycle of the other slave.
+    // The request is executed during the cycle of the other slave.
     const auto old_revision = bus.ctx->slave(1).identity.revision;
     const auto firmware = Bootloader::make_image(3, 1, 8000);
     FoeWrite write;
@@ -339,7 +339,7 @@ TEST_F(Boot, AfterALossOfPowerItIsBroughtThereAgain) {
     EXPECT_TRUE(FOEwrite(*bus.ctx, 2, "firmware", kPassword, Bytes(firmware)).ok());
 }
 
-// A device whose SII alone says what it exchanges, with mailboxes for BOOT; `bits` of outputs and of inputs.
+// A device whose SII alone describes its process data, with mailboxes for BOOT. It has `bits` of outputs and of inputs.
 std::vector<std::byte> sii_with_boot(std::uint8_t bits) {
     namespace sii = wire::sii;
     const auto bytes = static_cast<std::uint16_t>(bits / 8);
@@ -395,7 +395,7 @@ TEST_F(BootWithoutCoe, WithTheSamePdosItGoesBackToOp) {
     EXPECT_EQ(bus.ctx->slave(1).config.source, ConfigurationSource::sii);
 }
 
-// The developer of the firmware has changed its PDOs and left its revision as it was.
+// The developer of the firmware has changed its PDOs and has not changed its revision.
 TEST_F(BootWithoutCoe, WithPdosOfAnotherSizeItStaysInPreop) {
     const auto newer = sii_with_boot(24);
     std::ranges::copy(newer, bus.segment.slave(0).sii().image().begin());
@@ -434,8 +434,8 @@ TEST(BootRegisters, SyncManagersAreSwitchedOffBeforeTheyAreMoved) {
     EXPECT_EQ(writes.moved_while_on, 0U);
 }
 
-// Each frame of the way to BOOT, of a file there, and of the way back is lost on its way out, lost on its way back, or
-// sent twice.
+// Each frame of the way to BOOT, of a file transfer in BOOT, and of the way back is lost on its way out, lost on its
+// way back, or sent twice.
 TEST(BootLostFrames, EveryFrameOfTheWayThereAndBack) {
     with_each_frame_spoilt("bootloader_open", 400, [](MailboxBus& bus) {
         const Error there = bring(bus, AlState::boot);

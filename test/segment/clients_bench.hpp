@@ -1,4 +1,4 @@
-// Clients of an application, each in a thread of its own, beside the cycle of the test's thread in virtual time.
+// Clients of an application, each in its own thread, beside the cycle in the thread of the test, in virtual time.
 #pragma once
 
 #include "segment/bench.hpp"
@@ -15,7 +15,7 @@ class ClientsTest : public SegmentTest {
   protected:
     int cycles = 0;  // of the last run()
 
-    // Runs the cycle in this thread until all `clients` have ended. Returns the cycles that were not right.
+    // Executes the cycle in this thread until all `clients` have ended. Returns the number of cycles with an error.
     int run(const std::vector<std::function<void()>>& clients) {
         std::atomic<std::size_t> left = clients.size();
         std::vector<std::thread> threads;
@@ -33,7 +33,7 @@ class ClientsTest : public SegmentTest {
         for (auto& thread : threads) thread.join();
         return wrong;
     }
-    // One cycle of 1 ms. Returns whether it was right.
+    // Executes one cycle of 1 ms. Returns whether it was without an error.
     virtual bool cycle() {
         using namespace std::chrono_literals;
         const bool right = send_processdata(ctx) && receive_processdata(ctx, 500us);

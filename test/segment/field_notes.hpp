@@ -34,8 +34,8 @@ class FieldNotes : public SegmentTest {
         ASSERT_TRUE(ctx.group(0).mapped) << words(bytes.error());
         expect_kept(bytes.error(), AlState::safeop);
     }
-    // Without an error all slaves are in the requested state. An error names a slave, and this slave has an error of
-    // its own that describes the cause.
+    // Checks that all slaves are in the requested state if there is no error. An error names a slave, and this slave
+    // has its own error that describes the cause.
     void expect_kept(const Error& error, AlState state) {
         if (error.code != Errc::none) {
             ASSERT_NE(error.slave, 0) << words(error);
@@ -60,7 +60,7 @@ class FieldNotes : public SegmentTest {
     void cycles(int count) {
         for (int n = 0; n < count; ++n) (void)cycle();
     }
-    // Requests a state of all slaves, with cycles until they reach it. Returns the state that was reached.
+    // Requests a state of all slaves, with cycles until they reach it. Returns the reached state.
     AlStatus to(AlState state, int most = 2000) {
         EXPECT_TRUE(writestate(ctx, 0, state));
         AlStatus now;
@@ -77,7 +77,7 @@ class FieldNotes : public SegmentTest {
         cycles(5);
         return to(AlState::op);
     }
-    // Whether the odd device exchanges data: it returns its first two output words as inputs in the next cycle.
+    // Returns whether the odd device exchanges data: in the next cycle it returns its first two output words as inputs.
     bool exchanges(std::size_t n) {
         auto out = ctx.slave(n).image.outputs.bytes;
         const auto in = ctx.slave(n).image.inputs.bytes;

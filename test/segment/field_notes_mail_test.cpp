@@ -9,7 +9,7 @@ using namespace std::chrono_literals;
 
 class FieldNotesMail : public FieldNotes {
   protected:
-    // Whether the 1024 octets of 0x2000 are read as the device has them.
+    // Returns whether the 1024 octets of 0x2000 are read correctly.
     bool reads_block(std::size_t n) {
         std::vector<std::byte> block(1024);
         const auto read = SDOread(ctx, static_cast<std::uint16_t>(n), 0x2000, 0, false, block, 2s);
@@ -158,8 +158,8 @@ TEST_F(FieldNotesMail, ACapOnMappingEntriesIsNamed) {
     EXPECT_EQ(*SDOread<std::uint32_t>(ctx, 1, 0x1600, 8), 0x70000810U);
 }
 
-// In INIT the mailbox is not enabled. A master that knows the state refuses requests at once. Before it has read the
-// state, the working counter tells it.
+// In INIT the mailbox is not enabled. A master that knows the state refuses requests at once. If it has not read the
+// state, the working counter shows that the mailbox is not enabled.
 TEST_F(FieldNotesMail, AMailboxThatIsNotEnabledIsToldSo) {
     plug_odd({});
     start();
@@ -214,7 +214,7 @@ TEST_F(FieldNotesMail, GapsOfAMappingTakeTheirBits) {
     EXPECT_EQ(ctx.slave(1).image.inputs.bytes[2], std::byte{0x22}) << "the second word, behind the gap";
 }
 
-// The features of the ESC say that it has no LRW, or the application says it.
+// The features of the ESC, or the application, declare that the ESC has no LRW.
 TEST_F(FieldNotesMail, AnEscWithoutLrwIsExchangedByLrdAndLwr) {
     plug_odd({});
     plug_odd({"no_lrw"});
@@ -224,8 +224,8 @@ TEST_F(FieldNotesMail, AnEscWithoutLrwIsExchangedByLrdAndLwr) {
     EXPECT_EQ(*cycle(), 4U);
     EXPECT_TRUE(exchanges(1));
     EXPECT_TRUE(exchanges(2));
-    // An ESC without LRW that does not say so: the working counter of LRW is too low. With the flag in the features it
-    // is right.
+    // An ESC without LRW whose features do not show this: the working counter of LRW is too low. With the flag in the
+    // features it is right.
     segment.slave(1).registers().set<std::uint16_t>(wire::reg::kFeatures.address, 0x00FC);
     ASSERT_TRUE(config_init(ctx));
     map();

@@ -18,7 +18,7 @@ TEST_F(FieldNotes, OpNeedsProcessDataFromSafeopOn) {
     plug_odd({});
     start();
     map();
-    // Without cycles, the slave waits for outputs and reports it.
+    // Without cycles, the slave waits for outputs and reports this.
     ASSERT_TRUE(writestate(ctx, 1, AlState::op));
     const auto refused = statecheck(ctx, 1, AlState::op, 2s);
     ASSERT_TRUE(refused);
@@ -50,21 +50,21 @@ TEST_F(FieldNotes, StatecheckOfOneRefreshesAll) {
     EXPECT_EQ(readstate(ctx)->state, AlState::none);
 }
 
-// An ESC takes no request as long as the processor has not read the request before, and answers with a working counter
-// of 0 meanwhile. The slave is not gone.
+// An ESC accepts no request until the processor has read the previous request. Meanwhile it answers with a working
+// counter of 0. The slave is not lost.
 TEST_F(FieldNotes, AProcessorThatReadsAlControlLateIsWaitedFor) {
     plug_odd({"slow_firmware"});
     start();
     ASSERT_TRUE(writestate(ctx, 1, AlState::init));
     ASSERT_EQ(statecheck(ctx, 1, AlState::init, 1s)->state, AlState::init);
-    // INIT is there at once and PREOP is requested while the request for INIT has not been read.
+    // INIT is reached at once. PREOP is requested before the processor has read the request for INIT.
     const auto again = reconfigure_slave(ctx, 1);
     EXPECT_TRUE(again.ok()) << words(again.error());
     EXPECT_EQ(ctx.slave(1).al, (AlStatus{AlState::preop, false, 0}));
     ASSERT_TRUE(writestate(ctx, 1, AlState::init));
     const auto at_once = writestate(ctx, 1, AlState::preop);
     EXPECT_TRUE(at_once.ok()) << words(at_once.error());
-    // A processor that reads nothing any more is reported in bounded time.
+    // A processor that does not read any more is reported in bounded time.
     segment.slave(0).halt_firmware(osal.now());
     osal.advance(20ms);
     (void)writestate(ctx, 1, AlState::init);

@@ -30,7 +30,7 @@ class ModularIo : public FieldNotes {
         for (std::size_t slot = 0; slot < kSlots; ++slot)
             chip->process_data()->inputs()[slot] = static_cast<std::byte>(modules[slot]);
     }
-    // INIT and PREOP again, as a master does that has changed the modules.
+    // Brings the slave to INIT and PREOP again, as a master does that has changed the modules.
     void again() {
         ASSERT_TRUE(writestate(ctx, 1, AlState::init));
         ASSERT_EQ(statecheck(ctx, 1, AlState::init, 1s)->state, AlState::init);

@@ -36,7 +36,8 @@ class SmallContext : public SegmentTest {
     }
 };
 
-// A processor with pointers of 32 bits needs less, but more than half: see Limits::arena_bytes in test/embedded/sizes.
+// A processor with pointers of 32 bits needs less memory, but more than half: see Limits::arena_bytes in
+// test/embedded/sizes.
 TEST_F(SmallContext, TheDeepestSequenceOfABringUpFitsTheArenaOfTheSmallPrograms) {
     plug_line({"coupler", "digital_in_8", "digital_out_8", "odd_device", "odd_device", "digital_in_8", "analog_in_4"});
     switch_on();
@@ -52,7 +53,8 @@ TEST_F(SmallContext, TheDeepestSequenceOfABringUpFitsTheArenaOfTheSmallPrograms)
     EXPECT_GT(least, 2048U) << "the search has found nothing";
 }
 
-// The sequences of all slaves at once do not fit these arenas: some wait for others, and none waits for ever.
+// These arenas are too small for the sequences of all slaves at the same time. Some sequences wait for others, and no
+// sequence waits for ever.
 TEST_F(SmallContext, ASmallerArenaIsSlowerButSucceeds) {
     plug_line({"coupler", "digital_in_8", "digital_out_8", "odd_device", "analog_in_4", "analog_in_4", "odd_device",
                "drive", "odd_device", "analog_in_4", "analog_in_4", "odd_device", "drive", "drive", "odd_device",
@@ -78,7 +80,7 @@ TEST_F(SmallContext, ASmallerArenaIsSlowerButSucceeds) {
     EXPECT_NE(words(error).find("Limits::arena_bytes"), std::string::npos) << words(error);
 }
 
-// What is missing is the arena, not a buffer of the call, and it says so at each size.
+// At each size the error says that the arena is too small, and not a buffer of the call.
 TEST_F(SmallContext, AnArenaThatIsTooSmallIsNamed) {
     plug_line({"coupler", "digital_in_8", "digital_out_8", "odd_device", "analog_in_4"});
     switch_on();

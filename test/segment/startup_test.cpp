@@ -1,5 +1,5 @@
-// Start-up commands and hooks at all state transitions, up and down, the first time and each later time. Errors have
-// texts that name what failed.
+// Start-up commands and hooks at all state transitions, up and down, the first time and each later time. The error
+// texts name what failed.
 #include "facts.hpp"
 #include "segment/field_notes.hpp"
 
@@ -193,7 +193,7 @@ TEST_F(Startup, ARegisterIsLookedAtUntilItIsRightOrTheTimeIsOver) {
     EXPECT_NE(wrong_with(never), "");
     EXPECT_GE(osal.now() - before, 20ms);
     EXPECT_LE(osal.now() - before, 60ms);
-    // The register becomes right later: a hook of the other slave's transition writes it.
+    // Later the register has the right value, because a hook of the other slave's transition writes it.
     ctx.slave(2).hooks.user = &segment;
     ctx.slave(2).hooks.transition = [](HookedSlave, Transition, Moment moment, void* user) -> Result<> {
         auto& all = *static_cast<sim::Segment*>(user);

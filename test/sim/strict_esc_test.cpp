@@ -1,6 +1,6 @@
-// What an ESC does not do for a program, and what it does beyond the basics: masked events, SYNC signals that are not
-// mapped, one-octet SyncManagers, bit-wise writes, ownership of latch inputs, enhanced SYNC activation, recovery of
-// closed ports, times of buffer events. ET1100 data sheets I and II.
+// Restrictions of an ESC that a program must respect, and functions beyond the basics: masked events, SYNC signals that
+// are not mapped, one-octet SyncManagers, bit-wise writes, ownership of latch inputs, enhanced SYNC activation,
+// recovery of closed ports, times of buffer events. ET1100 data sheets I and II.
 #include "rig.hpp"
 
 #include "wire/fmmu.hpp"
@@ -62,7 +62,7 @@ TEST_F(StrictEsc, MaskedEventsDoNotWakeTheProgram) {
     EXPECT_GT(firmware().steps, before) << "the line is active as soon as the mask says so";
 }
 
-// The line is a level: a program that leaves an unmasked event alone is called again and again.
+// The line is a level: a program that does not clear an unmasked event is called again and again.
 TEST_F(StrictEsc, AnEventThatIsNotServedKeepsTheLineActive) {
     build();
     EXPECT_EQ(rig.put<std::uint16_t>(0, 0x0120, 2), 1);
@@ -117,8 +117,8 @@ TEST_F(StrictEsc, ASyncManagerOfOneOctetOnlyTriggersTheWatchdog) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0440), 1);
 }
 
-// Buffers are in the process RAM, and the digital outputs may have a SyncManager: one over other registers has no
-// effect.
+// Buffers are in the process RAM, and the digital outputs may have a SyncManager. A SyncManager over other registers
+// has no effect.
 TEST_F(StrictEsc, ASyncManagerOverRegistersHasNoEffect) {
     build();
     const auto move = [&](std::uint16_t start, std::uint16_t length, unsigned control) {
@@ -186,7 +186,7 @@ TEST_F(StrictEsc, LatchEventsGoToTheSideThatControlsTheInput) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0210) & 1, 0);
 }
 
-// II, "Activation (0x0981)" bits 3 to 7, where the features register has bit 8.
+// II, "Activation (0x0981)" bits 3 to 7, if bit 8 of the features register is set.
 TEST_F(StrictEsc, TheStartTimeActivatesTheUnit) {
     build();
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0981, 0x0A), 1);

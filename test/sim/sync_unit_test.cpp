@@ -128,7 +128,7 @@ TEST_F(SyncUnitTest, Sync1WithCycleTimeZeroComesWithSync0) {
     EXPECT_EQ(pulses(1), 5u);
 }
 
-// 0x0998 is the system time of the next SYNC1, also while no SYNC1 is on its way.
+// 0x0998 is the system time of the next SYNC1, also while no SYNC1 is pending.
 TEST_F(SyncUnitTest, TheTimeOfTheNextSync1IsShown) {
     const auto begin = copy() + 1'000'000;
     const auto next = [&] { return rig.get<std::uint64_t>(0, 0x0998); };

@@ -76,7 +76,7 @@ TEST_F(Topology, WhatCannotBePluggedIsRefused) {
     EXPECT_FALSE(rig.segment.connect({1, 1}, {2, 3})) << "that chip has no port 3";
 }
 
-// Slaves that are connected in a circle without the master: a frame that circulates is stopped.
+// Slaves that are connected in a circle without the master. A circulating frame is stopped.
 TEST_F(Topology, ACircleOfSlavesEndsFrames) {
     add_line(3);
     connect({2, 1}, {0, 2});

@@ -199,7 +199,7 @@ TEST_F(EoeAssemblyTest, AMissingFragmentDropsTheFrame) {
     EXPECT_EQ(add(1, 1, part), Took::out_of_order);  // without a beginning
     EXPECT_EQ(add(0, 4, part), Took::more);
     EXPECT_EQ(add(2, 2, part), Took::out_of_order);  // number
-    EXPECT_EQ(add(1, 1, part), Took::out_of_order);  // the frame is gone
+    EXPECT_EQ(add(1, 1, part), Took::out_of_order);  // the frame was dropped
     EXPECT_EQ(add(0, 4, part), Took::more);
     EXPECT_EQ(add(1, 2, part), Took::out_of_order);  // offset
     EXPECT_EQ(add(0, 4, part), Took::more);
@@ -214,11 +214,11 @@ TEST_F(EoeAssemblyTest, SizesThatLieDropTheFrame) {
     EXPECT_EQ(add(0, 2, part, true), Took::malformed);             // less than announced
     EXPECT_EQ(add(0, 1, eoe_counted(33), true), Took::malformed);  // more than announced
     EXPECT_EQ(add(0, 4, eoe_counted(31)), Took::malformed);        // no whole block
-    EXPECT_EQ(add(0, 4, {}), Took::malformed);                     // nothing, and more to come
+    EXPECT_EQ(add(0, 4, {}), Took::malformed);                     // no octets, and more fragments follow
     EXPECT_EQ(add(0, 1, eoe_counted(13), true), Took::malformed);  // shorter than an Ethernet header
     EXPECT_EQ(add(0, 9, part), Took::too_long);                    // longer than the memory
     EXPECT_EQ(add(0, 8, eoe_counted(288)), Took::too_long);
-    // Never-ending: what comes after the announced size.
+    // Fragments after the announced size are refused.
     EXPECT_EQ(add(0, 2, part), Took::more);
     EXPECT_EQ(add(1, 1, part), Took::more);
     EXPECT_EQ(add(2, 2, part), Took::malformed);

@@ -241,7 +241,7 @@ TEST(SiiStrings, AsUtf8) {
     EXPECT_EQ(utf8(bytes({0xC0, 0x80})), "\u00C0?");                // an overlong zero
     EXPECT_EQ(utf8(bytes({0xED, 0xA0, 0x80})), "\u00ED\u00A0?");    // a surrogate
     EXPECT_EQ(utf8(bytes({0xF4, 0x90, 0x80, 0x80})), "\u00F4???");  // above U+10FFFF
-    EXPECT_EQ(utf8(bytes({'a', 0x1B, '[', 0x7F, '\n'})), "a?[??");  // nothing that moves the cursor of a terminal
+    EXPECT_EQ(utf8(bytes({'a', 0x1B, '[', 0x7F, '\n'})), "a?[??");  // no characters that move the cursor of a terminal
     EXPECT_EQ(utf8(bytes({0xC2, 0x9B, 'a'})), "?a");                // a control character in UTF-8
     EXPECT_EQ(utf8(bytes({'a', ' ', ' ', 0, 0})), "a");
     EXPECT_EQ(utf8({}), "");

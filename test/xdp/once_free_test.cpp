@@ -14,7 +14,7 @@ struct Virtual {
     void wait(std::chrono::milliseconds time) const { *passed += time; }
 };
 
-// The milliseconds until the end, where an attempt takes `attempt` and the resource is free from `free` on.
+// Returns the milliseconds until the end, if an attempt takes `attempt` and the resource is free from `free` on.
 std::chrono::milliseconds waited(std::chrono::milliseconds attempt, std::chrono::milliseconds free, int& error) {
     std::chrono::milliseconds passed{};
     error = once_free(Virtual{&passed}, [&] {

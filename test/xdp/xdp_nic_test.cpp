@@ -29,7 +29,7 @@ using process::Cable;
 using Mode = XdpNic::Mode;
 using Frame = std::vector<std::byte>;
 
-// `type`: the EtherType, with what stands before it for a frame in a VLAN.
+// `type`: the EtherType, with the VLAN tag before it for a frame in a VLAN.
 Frame frame_of(std::initializer_list<unsigned> type, unsigned mark, std::size_t bytes = 60) {
     Frame frame(12, std::byte{0xFF});
     frame[6] = std::byte{0x02};
@@ -222,12 +222,13 @@ TEST_F(Xdp, AnotherProgramIsAttachedAlready) {
     XdpNic second;
     EXPECT_EQ(open(second).error().actual, static_cast<std::uint32_t>(EBUSY));
     EXPECT_NE(second.problem().find("another XDP program is attached"), std::string_view::npos) << second.problem();
-    // The first one still works.
+    // The first socket still works.
     ASSERT_EQ(far.send(frame_of({0x88, 0xA4}, 5)), SendStatus::sent);
     EXPECT_EQ(next(nic), frame_of({0x88, 0xA4}, 5));
 }
 
-// The kernel frees the queue of a closed XDP socket later: a program that starts when another one has ended waits.
+// The kernel frees the queue of a closed XDP socket with a delay. A program that starts when another program has ended
+// waits for this.
 TEST_F(Xdp, OpeningWaitsForAnInterfaceThatIsAboutToBeFree) {
     ASSERT_TRUE(open(nic).ok()) << nic.problem();
     XdpNic second;
@@ -261,7 +262,7 @@ TEST_F(Xdp, WithoutPrivileges) {
     EXPECT_EQ(status, 0);
 }
 
-// What could not be sent while the interface was down is not processed by slaves when it is up again.
+// Slaves do not process, when the interface is up again, a frame that could not be sent while it was down.
 TEST_F(Xdp, AFrameThatCouldNotBeSentIsNotProcessedLater) {
     ASSERT_TRUE(open(nic, {.mode = Mode::generic}).ok()) << nic.problem();
     ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link set ") + Cable::kMaster + " down"));
